@@ -11,9 +11,8 @@ import numpy as np
 
 from ..compiler.flat import FlatModel
 from ..inference import Identifiability
-from ..inference.losses import loss_named
 from ..inference.nonlinear import descend
-from ..inference.weighting import prior_rows
+from ..inference.weighting import loss_named, prior_rows
 from ..lang.builder import Builder
 from ..lang.model import Model
 from ..lang.source import ModelError

@@ -9,10 +9,10 @@ from itertools import pairwise
 import numpy as np
 
 from ..inference import Identifiability, identifiability
+from ..inference.covariance import carried, freedom_left, moved_together, spectrum
 from ..inference.descent import Descent
-from ..inference.losses import Loss
-from ..inference.make_estimate import carried, freedom_left, moved_together, spectrum
-from ..inference.normal_equations import triangle
+from ..inference.nonlinear import triangle
+from ..inference.weighting import Loss
 from ..results.estimate import Estimate
 from .block_rows import JointRows, parts
 from .problem import CalibrationProblem, noise_covariance

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..inference import FALSE_ALARM, HeldOut, freedom_of, held_out_ratio
+from ..inference.covariance import spectrum
 from ..inference.held_out import MATTERS
-from ..inference.make_estimate import spectrum
 from ..inference.weighting import prior_rows
 from ..lang.source import ModelError
 from ..results.refusal import ArgumentError

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..inference import Identifiability, identifiability
-from ..inference.make_estimate import spectrum
+from ..inference.covariance import spectrum
 from ..inference.weighting import prior_rows
 from ..lang.source import ModelError
 from .implicit import require_noise_enough

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inference.make_estimate import RANK
-from ..measurements.inspection.outliers import Outliers, outliers as outlying
+from ..inference.covariance import RANK
+from ..measurements.inspection.residual_tests import Outliers, outliers as outlying
 from ..results.suspicion import FIRST
 
 MAD = 1.4826022185  # standard deviation of a normal variable over its median absolute deviation
@@ -77,7 +77,7 @@ def outliers(
     residuals: np.ndarray, basis: np.ndarray | None = None, noise: tuple[np.ndarray, np.ndarray] | None = None
 ) -> list[Outlier]:
     """Of residuals (N, m) per pose and link, the farthest first: those that normal ones of so many hardly show, each
-    against its own deviation, see gtmodel.measurements.inspection.outliers. Links have a noise each.
+    against its own deviation, see gtmodel.measurements.inspection.residual_tests. Links have a noise each.
 
     basis: (N, m, p), orthonormal columns of the residuals' Jacobian. noise: that Jacobian (N, m, n), without columns
     where outliers do not bend the fit, and the covariance (N, m, m) of a pose's lengths but for a factor. By it the

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from .costs_file import write_costs as write_costs
     from .generation import Generated as Generated, generate as generate
     from .measurement import Costs as Costs, costs as costs
+    from .real import GenerationError as GenerationError
     from .steps.block import BlockFunction as BlockFunction
     from .steps.function import StepFunction as StepFunction
-    from .text import GenerationError as GenerationError
     from .verification.against_python import check as check
-    from .verification.report import CheckReport as CheckReport
+    from .verification.comparison import CheckReport as CheckReport
 
 public(__name__)

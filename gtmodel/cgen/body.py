@@ -12,7 +12,7 @@ from ..compiler.causal import CausalFunction
 from ..results.disk import scratch
 from .interface import Interface, macro
 from .loops import SOLVER, loop_text
-from .text import GenerationError, comment
+from .real import GenerationError, comment
 
 _EXPORTED = re.compile(r"^CASADI_SYMBOL_EXPORT [^\n]*?(\w+)\([^\n]*\{(?:[^\n]*\}\n|.*?^\}\n)\n?", re.M | re.S)
 _CONSTANT = re.compile(r"^static const casadi_int (casadi_s\d+)\[[^\n]*;\n", re.M)

@@ -19,8 +19,8 @@ from .costs_file import write_costs
 from .folder import held
 from .generation import Generated, generate
 from .measurement import Costs
+from .real import GenerationError
 from .steps.function import StepFunction
-from .text import GenerationError
 from .verification import against_python
 
 _PREFIX = "gtmodel-codegen-"

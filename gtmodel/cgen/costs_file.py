@@ -12,7 +12,7 @@ from ..results.read_bounds import json_of
 from .code_result import COSTS
 from .manifest import read
 from .measurement import Costs
-from .text import GenerationError
+from .real import GenerationError
 
 _FORMAT = "gtmodel-c-costs-1"
 

@@ -12,7 +12,7 @@ from ..results.folder import FolderError, Held, holding, others, unfinished
 from .code_result import COSTS
 from .costs_file import ours
 from .manifest import FILE, changed_files, lacks, read
-from .text import GenerationError
+from .real import GenerationError
 
 
 @contextmanager

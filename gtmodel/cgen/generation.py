@@ -19,11 +19,8 @@ from .header import header
 from .interface import Interface
 from .manifest import FILE, manifest, parameters_hash, sha256
 from .readme import makefile, readme
-from .real import FLOAT, real_of
-from .single import FILTER, file_name, single
-from .steps.faces import faces_of
-from .steps.function import StepFace, StepFunction
-from .text import GenerationError
+from .real import FILTER, FLOAT, GenerationError, file_name, real_of, single
+from .steps.function import StepFace, StepFunction, faces_of
 from .vectors import selftest
 from .wrapper import wrapper
 

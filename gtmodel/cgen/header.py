@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from ..compiler.blocks import Root
 from ..compiler.causal import CausalFunction
 from .interface import Interface, Member
-from .steps.function import StepFace
-from .steps.source import declarations
-from .text import comment
+from .real import comment
+from .steps.function import StepFace, declarations
 from .wrapper import prototype, prototype_along
 
 _CONVENTIONS = (

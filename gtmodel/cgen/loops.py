@@ -9,7 +9,7 @@ from itertools import pairwise
 import casadi as ca
 
 from .lanes import Lanes
-from .text import decimal
+from .real import decimal
 
 _UNARY = {
     ca.OP_NEG: "-{0}", ca.OP_SQ: "{0} * {0}", ca.OP_TWICE: "{0} + {0}", ca.OP_INV: "1.0 / {0}", ca.OP_SQRT: "sqrt({0})",

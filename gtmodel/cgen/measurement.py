@@ -17,11 +17,8 @@ from ..results.status import Status
 from .interface import Interface
 from .manifest import read
 from .points import draw, evaluate
-from .real import DOUBLE, real_of
-from .single import single
-from .steps.faces import faces_of
-from .steps.function import StepFace, StepFunction
-from .text import hexadecimal
+from .real import DOUBLE, hexadecimal, real_of, single
+from .steps.function import StepFace, StepFunction, faces_of
 from .wrapper import elements
 
 CALLS = 100  # counted; one more goes before them, so that nothing is loaded on the way

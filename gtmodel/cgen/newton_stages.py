@@ -19,10 +19,9 @@ from ..lang.scope import derivative_name
 from ..results.status import Status
 from .lanes import Lanes, lanes_of, lines_of
 from .loops import can_be_written
-from .newton_steps import eliminate, newton, pivot_order
+from .newton_steps import eliminate, newton, pivot_order, run
 from .open_body import open_body
 from .real import DOUBLE, Real
-from .virtual_machine import run
 
 # instructions of a body that is worth a look, and how many times shorter the text must become: what a loop stores and
 # loads again is paid by the elimination that it goes with

@@ -11,8 +11,8 @@ from ..results.status import Status
 from .body import casadi_functions
 from .interface import Interface, places
 from .newton_stages import evaluate_stages, samples_of
+from .newton_steps import run
 from .real import DOUBLE
-from .virtual_machine import run
 
 # each row leaves a consistent point by its own fraction of the inputs' typical sizes, drawn evenly in the
 # logarithm: most rows stay where solutions exist, a fair share leaves the range

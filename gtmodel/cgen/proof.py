@@ -14,7 +14,7 @@ from ..compiler.toolchain import SECONDS
 from ..results.disk import scratch
 from .interface import Interface, interfaces
 from .manifest import read
-from .text import GenerationError, decimal
+from .real import GenerationError, decimal
 from .wrapper import elements
 
 OPTIONS = ("-eva", "-eva-precision", "5", "-warn-special-float", "non-finite")

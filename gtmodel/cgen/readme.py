@@ -11,10 +11,8 @@ from .._files import codegen_dir
 from ..results.status import Status
 from .interface import Interface
 from .points import draw, evaluate
-from .real import DOUBLE
-from .single import single
+from .real import DOUBLE, decimal, single
 from .steps.function import StepFace
-from .text import decimal
 from .wrapper import elements
 
 _README = """\

@@ -1,4 +1,5 @@
-"""gt_<name>_selftest.c: inputs, statuses and outputs as Python computed them, with all their bits."""
+"""gt_<name>_selftest.c: inputs, statuses and outputs as Python computed them, of whole functions, of the parts of
+their bodies and of runs of step functions."""
 
 from __future__ import annotations
 
@@ -6,14 +7,165 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..compiler.rows import map_columns
 from ..results.status import Status
+from .body import casadi_functions
 from .interface import Interface, Member, places
-from .part_vectors import ROWS, part_comparisons, table
+from .newton_steps import run
 from .points import awkward, draw, evaluate
-from .steps.function import StepFace
-from .steps.selftest import step_test
-from .text import comment, hexadecimal
-from .wrapper import elements
+from .real import DOUBLE, comment, hexadecimal
+from .steps.function import StepFace, StepMember, dtype_of
+from .wrapper import elements, scratch
+
+ROWS = 3  # inputs with a solution of each function
+
+
+def part_vectors(face: Interface, inputs: np.ndarray, outputs: np.ndarray) -> list[tuple[list[np.ndarray], np.ndarray]]:
+    """Arguments and results (rows, m) of each body at inputs that have a solution; Newton's bodies at the solution."""
+    evaluated = map_columns if face.real is DOUBLE else run
+    known = [inputs[:, at].T for at, _ in places(face.inputs)]
+    first, vectors = face.output_size, []
+    functions = iter(casadi_functions(face))
+    for stage in face.newton:
+        z = outputs[:, first : first + stage.size].T
+        prepared = evaluated(next(functions), known)
+        seen = evaluated(next(functions), [z, prepared[0]])
+        vectors += [_rows(known, prepared), _rows([z, prepared[0]], seen)]
+        first += stage.size
+        known = [*known, z]
+    results = evaluated(next(functions), known) if face.loops is None else face.loops.body.evaluate(known)
+    vectors.append(_rows(known, results))
+    return vectors
+
+
+def _rows(arguments: list[np.ndarray], results: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+    return [a.T for a in arguments], np.vstack(results).T
+
+
+def part_comparisons(face: Interface, inputs: np.ndarray, outputs: np.ndarray) -> tuple[str, list[str]]:
+    """Text of a static function for each body, with its tables, and the functions' names."""
+    text, names = "", []
+    sizes_of = [[g.numel_out(k) for k in range(g.n_out())] for g in casadi_functions(face)]
+    sizes_of += [face.loops.body.outputs] if face.loops is not None else []
+    vectors = part_vectors(face, inputs, outputs)
+    for symbol, (arguments, results), sizes in zip(face.bodies, vectors, sizes_of, strict=True):
+        name = f"{face.key}{symbol.removeprefix(face.symbol)}"
+        names.append(f"{name}_differences")
+        text += _part_comparison(symbol, name, arguments, results, sizes)
+    return text, names
+
+
+def _part_comparison(symbol: str, name: str, arguments: list[np.ndarray], results: np.ndarray, sizes: list[int]) -> str:
+    rows, width = results.shape
+    given = np.column_stack([*arguments, *([] if any(a.shape[1] for a in arguments) else [np.zeros(rows)])])
+    places = np.cumsum([0, *[a.shape[1] for a in arguments]])[:-1].tolist()
+    lines = [
+        table(f"{name}_given[{rows}][{given.shape[1]}]", [list(map(hexadecimal, r)) for r in given.tolist()]),
+        table(f"{name}_found[{rows}][{width}]", [list(map(hexadecimal, r)) for r in results.tolist()]),
+        f"static int {name}_differences(double *worst)\n{{\n",
+        *scratch(symbol),
+        f"    double y[{width}];\n    int failures = 0;\n    int row;\n\n",
+        f"    for (row = 0; row < {rows}; row++) {{\n",
+        *[f"        arg[{k}] = &{name}_given[row][{place}];\n" for k, place in enumerate(places)],
+        *[f"        res[{k}] = &y[{place}];\n" for k, place in enumerate(np.cumsum([0, *sizes])[:-1]) if sizes[k]],
+        *[f"        res[{k}] = y;\n" for k, size in enumerate(sizes) if not size],
+        f"        (void){symbol}(arg, res, iw, w, 0);\n",
+        f"        failures += (gt_all_equal(y, {name}_found[row], {width}, worst) != 0) ? 0 : 1;\n    }}\n",
+        "    return failures;\n}\n\n",
+    ]
+    return "".join(lines)
+
+
+def table(declarator: str, rows: list[list[str]]) -> str:
+    """A constant array of rows of numbers."""
+    lines = ",\n".join("    {" + ", ".join(row) + "}" for row in rows)
+    return f"static const double {declarator} = {{\n{lines}\n}};\n\n"
+
+
+STEPS = 24  # steps of a run
+SEED = 0
+
+
+def selftest_run(face: StepFace, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Outputs (rows,), zero where none were written yet, statuses (rows,) and the last state, from the declared start.
+
+    Raises ValueError where the declared start is refused.
+    """
+    f = face.function
+    start, state = face.started()
+    twin = f.twin(face.real)
+    status = twin.init(state, start)
+    if status != Status.OK:
+        raise ValueError(f"the declared start is refused: {status.message}")
+    rows = np.zeros(len(inputs), dtype_of(f.outputs, face.real))
+    codes = np.zeros(len(inputs), int)
+    out = np.zeros((), dtype_of(f.outputs, face.real))
+    for k in range(len(inputs)):
+        codes[k] = twin.step(state, inputs[k : k + 1].reshape(()), out)
+        rows[k] = out
+    return rows, codes, state
+
+
+def step_test(face: StepFace) -> tuple[str, str]:
+    """Text of the comparison of a step function, and the name of what returns its failures."""
+    f, key, symbol = face.function, face.key, face.symbol
+    inputs = f.examples(STEPS, SEED, face.real)
+    outputs, codes, _ = selftest_run(face, inputs)
+    given, flags = _numbers(inputs, f.inputs)
+    wanted, counts = _numbers(outputs, f.outputs)
+    text = table(f"{key}_step_inputs[{STEPS}][{len(given[0])}]", [list(map(hexadecimal, r)) for r in given])
+    text += table(f"{key}_step_outputs[{STEPS}][{len(wanted[0])}]", [list(map(hexadecimal, r)) for r in wanted])
+    if flags[0]:
+        text += _integers(f"{key}_step_flags[{STEPS}][{len(flags[0])}]", flags)
+    if counts[0]:
+        text += _integers(f"{key}_step_counts[{STEPS}][{len(counts[0])}]", counts)
+    names = ", ".join(Status(int(s)).c_name for s in codes)
+    text += f"static const gt_status {key}_step_status[{STEPS}] = {{{names}}};\n\n"
+    lines = [
+        f"static int {key}_step_failures(double *worst)\n{{\n",
+        f"    {symbol}_start start;\n    {symbol}_state state;\n    {symbol}_in in;\n    {symbol}_out out;\n",
+        "    int failures;\n    int row;\n\n",
+        f"    {symbol}_defaults(&start);\n",
+        f"    failures = ({symbol}_init(&state, &start) == GT_OK) ? 0 : 1;\n",
+        *["        in.unused = 0.0;\n" for _ in range(not f.inputs)],
+        *[f"    {e} = {'0' if m.integer else '0.0'};\n" for m in f.outputs for e in m.elements("out.")],
+        f"    for (row = 0; row < {STEPS}; row++) {{\n        int good = 1;\n\n",
+        *_places(f.inputs, "in.", key, "inputs", "flags", fill=True),
+        f"        good &= ({symbol}_step(&state, &in, &out) == {key}_step_status[row]) ? 1 : 0;\n",
+        *_places(f.outputs, "out.", key, "outputs", "counts", fill=False),
+        "        failures += (good != 0) ? 0 : 1;\n    }\n    return failures;\n}\n\n",
+    ]
+    return text + "".join(lines), f"{key}_step_failures"
+
+
+def _numbers(rows: np.ndarray, members: Sequence[StepMember]) -> tuple[list, list]:
+    """Rows of all numbers and of all integers."""
+    reals = [[float(x) for m in members if not m.integer for x in np.ravel(row[m.identifier])] or [0.0] for row in rows]
+    return reals, [[int(x) for m in members if m.integer for x in np.ravel(row[m.identifier])] for row in rows]
+
+
+def _integers(declarator: str, rows: list[list[int]]) -> str:
+    lines = ",\n".join("    {" + ", ".join(map(str, row)) + "}" for row in rows)
+    return f"static const int {declarator} = {{\n{lines}\n}};\n\n"
+
+
+def _places(members: Sequence[StepMember], struct: str, key: str, reals: str, integers: str, fill: bool) -> list[str]:
+    lines, at, of_integers = [], 0, 0
+    for m in members:
+        if m.integer:
+            for e in m.elements(struct):
+                stored = f"{key}_step_{integers}[row][{of_integers}]"
+                lines.append(f"        {e} = {stored};\n" if fill else f"        good &= ({e} == {stored}) ? 1 : 0;\n")
+                of_integers += 1
+            continue
+        stored = f"&{key}_step_{reals}[row][{at}]"
+        if fill:
+            lines.append(f"        gt_copy({m.address(struct)}, {stored}, {m.count});\n")
+        else:
+            lines.append(f"        good &= gt_all_equal({m.address(struct)}, {stored}, {m.count}, worst);\n")
+        at += m.count
+    return lines
+
 
 CANDIDATES = 400
 GOOD, BAD = 12, 3  # vectors of each function with GT_OK, and with each other status that turns up

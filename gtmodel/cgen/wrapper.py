@@ -9,9 +9,8 @@ from ..compiler.emission import express
 from ..results.status import Status
 from .interface import Interface, Member, macro, places
 from .newton_stages import NewtonStage
-from .steps.function import StepFace
-from .steps.source import definitions
-from .text import GenerationError, comment, decimal
+from .real import GenerationError, comment, decimal
+from .steps.function import StepFace, definitions
 
 _EACH_FINITE = """\
 /* 1 if all numbers at n places of so many numbers are finite. It is asked where a sum of them is not. */

@@ -27,21 +27,32 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
-    from .arm_poses import ArmPoses as ArmPoses, arm_poses as arm_poses
     from .cartesian import (
+        ArmPoses as ArmPoses,
+        arm_poses as arm_poses,
         cartesian_stiffness as cartesian_stiffness,
         softest_and_stiffest as softest_and_stiffest,
         translational_compliance as translational_compliance,
     )
-    from .compensated import with_compensator as with_compensator
-    from .complementary import Compensator as Compensator, complementary_stiffness as complementary_stiffness
-    from .compliance_result import ComplianceStudy as ComplianceStudy
     from .compliance_study import study as study
-    from .joint_stiffness import StiffnessFit as StiffnessFit, complete_pose as complete_pose, decoupled as decoupled
-    from .link_masses import LinkMasses as LinkMasses
-    from .link_poses import LinkGeometry as LinkGeometry, LinkPoses as LinkPoses
-    from .link_springs import GROUPS as GROUPS, LinkSprings as LinkSprings, tube as tube
-    from .link_structure import LinkStructure as LinkStructure
+    from .joint_stiffness import (
+        Compensator as Compensator,
+        LoadTestSelection as LoadTestSelection,
+        StiffnessFit as StiffnessFit,
+        complementary_stiffness as complementary_stiffness,
+        complete_pose as complete_pose,
+        decoupled as decoupled,
+        select as select,
+        with_compensator as with_compensator,
+    )
+    from .link_structure import (
+        GROUPS as GROUPS,
+        LinkGeometry as LinkGeometry,
+        LinkPoses as LinkPoses,
+        LinkSprings as LinkSprings,
+        LinkStructure as LinkStructure,
+        tube as tube,
+    )
     from .load_tests import (
         GravityCompensator as GravityCompensator,
         LoadTestColumn as LoadTestColumn,
@@ -55,17 +66,18 @@ if TYPE_CHECKING:
         read_load_tests as read_load_tests,
         stiffness_study as stiffness_study,
     )
+    from .load_tests.reading import synthetic_tests as synthetic_tests
     from .options import (
         ArmSprings as ArmSprings,
         CartSprings as CartSprings,
         ComplianceMap as ComplianceMap,
+        ComplianceStudy as ComplianceStudy,
         FrameSprings as FrameSprings,
         Load as Load,
         RodSprings as RodSprings,
         Springs as Springs,
     )
-    from .selection import LoadTestSelection as LoadTestSelection, select as select
+    from .sprung_links import LinkMasses as LinkMasses
     from .static_tests import StaticTests as StaticTests, at_tool as at_tool
-    from .synthetic import synthetic_tests as synthetic_tests
 
 public(__name__)

@@ -1,9 +1,98 @@
-"""What joint compliances mean at the tool."""
+"""A serial arm on springs in its joints: its poses and Jacobians, what joint compliances mean at the tool, and the
+plane in which it stands."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
+
+from ..geometry.rotations import within_pi
+from ..kinematics.section import SectionPlane
+from ..kinematics.wrist_partition import WristPartition
+from ..lang import Model
+from ..results import ArgumentError, Status
+from .options import ArmSprings, Load
+from .sprung_links import ComplianceAtPoses
+from .static_tests import StaticTests, at_tool
+
+
+@dataclass(frozen=True, eq=False)
+class ArmPoses:
+    """n poses of an arm with k joints, world coordinates.
+
+    q (n, k) [rad]; tool centre point T (n, 3) [m] and its geometric Jacobian J (n, 6, k), linear rows [m] before
+    angular ones; wrist centre W (n, 3) [m] with J_wrist (n, 3, k); origins of the joints (n, k, 3) [m]; rotation R (n,
+    3, 3) of the flange.
+    """
+
+    q: np.ndarray
+    T: np.ndarray
+    J: np.ndarray
+    W: np.ndarray
+    J_wrist: np.ndarray
+    origins: np.ndarray
+    R: np.ndarray
+
+    def tests(
+        self,
+        wrenches: ArrayLike,
+        *,
+        sigma: ArrayLike,
+        wrist_sigma: float | None = None,
+        K_c: np.ndarray | None = None,
+    ) -> StaticTests:
+        """Tests at these poses under wrenches (n, 6) [N, N.m] at T, with displacements of zero: planned, not measured.
+
+        sigma (6,): standard deviations of the displacement [m, rad]; wrist_sigma [m] where the wrist centre has a
+        target of its own. Raises ValueError for wrong shapes.
+        """
+        n = len(self.q)
+        wrenches = np.asarray(wrenches, float)
+        return StaticTests(
+            self.J,
+            self.J_wrist,
+            wrenches,
+            np.zeros((n, 6)),
+            np.tile(np.diag(np.broadcast_to(np.asarray(sigma, float), (6,)) ** 2), (n, 1, 1)),
+            self.W - self.T,
+            None if wrist_sigma is None else np.zeros((n, 3)),
+            None if wrist_sigma is None else np.tile(wrist_sigma**2 * np.eye(3), (n, 1, 1)),
+            K_c,
+        )
+
+
+def arm_poses(model: Any, q: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0)) -> ArmPoses:
+    """Tool centre point, Jacobians and wrist centre of a serial arm at joint angles q (n, k) [rad]: `ArmPoses`.
+
+    model: an arm with angles q, variables T, R, v, w, W, v_W and parts link, as `robots.SphericalWristArm`.
+    tool (3,) [m]: tool centre point in flange coordinates. Raises ValueError for a pose at which the model cannot be
+    evaluated.
+
+    >>> poses = gt.compliance.arm_poses(gt.robots.kr500(), np.deg2rad([[0, -90, 90, 0, -60, 0]]), tool=[0.1, 0, 0.4])
+    >>> poses.T.round(3), poses.J.shape
+    (array([[1.957, 0.   , 2.838]]), (1, 6, 6))
+    """
+    q = np.atleast_2d(np.asarray(q, float))
+    n, k = q.shape
+    names = [f"link[{i}].joint.a.r" for i in range(k)]
+    unit = np.tile(np.eye(k), (n, 1))
+    # one function: its rows are the unit rates at each pose
+    solution = model.causal(known="q", targets=["T", "R", "W", *names, "v", "w", "v_W"])(np.repeat(q, k, axis=0), unit)
+    *placed, v, w, v_W, moving = solution
+    T, R, W, *origins = (np.asarray(x)[::k] for x in placed)
+    status = moving.reshape(n, k).max(axis=1)
+    if np.any(status != Status.OK):
+        bad = int(np.argmax(status != Status.OK))
+        raise ValueError(f"pose {bad} cannot be evaluated: {Status(int(status[bad])).message}")
+    columns = [np.swapaxes(x.reshape(n, k, 3), 1, 2) for x in (v, w, v_W)]
+    arm = R @ np.asarray(tool, float)
+    J = at_tool(np.concatenate(columns[:2], axis=1), arm)
+    return ArmPoses(q, T + arm, J, W, columns[2], np.stack(origins, axis=1), R)
+
 
 # beyond this condition number of J its inverse keeps fewer than four digits
 SINGULAR = 1e-4 / np.finfo(float).eps
@@ -69,3 +158,74 @@ def softest_and_stiffest(C: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         stiffness = np.where(values > 0, 1 / values, np.inf)
     stiffness[~finite], vectors[~finite] = np.nan, np.nan
     return stiffness[:, ::-1], np.swapaxes(vectors, 1, 2)[:, ::-1]
+
+
+Array = np.ndarray
+OUTSIDE = "beyond the joints' limits"
+
+
+class SprungArm:
+    """A serial arm with a wrist in one point. Raises ArgumentError."""
+
+    def __init__(self, model: Model, arm: ArmSprings, load: Load, pose: Sequence[float] | None) -> None:
+        self.model, self.load = model, load
+        if len(arm.joint) != 6:
+            raise ArgumentError(f"has {len(arm.joint)} numbers; expected 6, one per joint", "springs.joint")
+        self.compliance = 1 / np.asarray(arm.joint)
+        self.tool = np.asarray(arm.tool)
+        q = np.array([arm.pose])
+        try:
+            self.partition = WristPartition.of(model.origins, model.axes)  # pyright: ignore[reportAttributeAccessIssue]
+            held = arm_poses(model, q, arm.tool)
+        except (AttributeError, ValueError) as error:
+            raise ArgumentError(f"expected a serial arm such as kr500; {error}", "robot") from error
+        self.R = held.R[0]
+        self.limits = getattr(model, "joint_limits", None)
+        self.home = held.T[0] if pose is None else np.asarray(pose, float)
+        branches = self.partition.inverse(held.T - self.R @ self.tool, self.R[None]).q[0]
+        self.branch = int(np.nanargmin(np.abs(within_pi(branches - q[0])).sum(axis=1)))
+        across = np.array([np.cos(-q[0, 0]), np.sin(-q[0, 0]), 0.0])
+        normal = np.cross(across, [0.0, 0.0, 1.0])
+        self.section = SectionPlane((self.home @ normal) * normal, across, np.array([0.0, 0.0, 1.0]), normal)
+        self.marks = np.zeros((0, 2))
+
+    @property
+    def window(self) -> tuple[Array, Array]:
+        far = sum(self.partition.reach[1:]) + abs(self.partition.base[0]) + self.partition.flange
+        far += float(np.linalg.norm(self.tool))
+        return np.array([0.0, self.partition.base[1] - far]), np.array([far, self.partition.base[1] + far])
+
+    @property
+    def assumptions(self) -> list[str]:
+        endless = ["no joint limits are known of this robot: poses beyond them count as reachable"]
+        return [
+            "joints are compliant about their axes alone, motors hold still; links and bearings are rigid",
+            "the tool keeps the orientation of arm.pose_deg, the arm its branch",
+            *(endless if self.limits is None else []),
+        ]
+
+    def __call__(self, T: Array) -> ComplianceAtPoses:
+        T = np.atleast_2d(np.asarray(T, float))
+        n = len(T)
+        branches = self.partition.inverse(T - self.R @ self.tool, np.tile(self.R, (n, 1, 1)))
+        q, status = branches.q[:, self.branch], branches.status[:, self.branch]
+        reason = ["" if code == Status.OK else Status(int(code)).message for code in status]
+        if self.limits is not None:
+            low, high = self.limits.T
+            turned = q + 2 * np.pi * np.ceil((low - q - 1e-9) / (2 * np.pi))
+            out = np.any(turned > high + 1e-9, axis=1)
+            reason = [r or (OUTSIDE if o else "") for r, o in zip(reason, out, strict=True)]
+        good = np.array([not r for r in reason])
+        C, moved, work = np.full((n, 6, 6), np.nan), np.full((n, 6), np.nan), np.full((n, 6), np.nan)
+        load = np.array([*self.load.force, *self.load.moment])
+        if good.any():
+            poses: ArmPoses = arm_poses(self.model, q[good], self.tool)
+            C[good] = (poses.J * self.compliance) @ np.swapaxes(poses.J, 1, 2)
+            torque = np.einsum("nij,i->nj", poses.J, load)
+            turned = self.compliance * torque
+            moved[good] = np.einsum("nij,nj->ni", poses.J, turned)
+            work[good] = torque * turned / 2
+        shares = None
+        if np.any(load):
+            shares = {f"joint_{k + 1}": w for k, w in enumerate((work / work.sum(axis=1, keepdims=True)).T)}
+        return ComplianceAtPoses(C, moved, reason, shares=shares)

@@ -15,10 +15,8 @@ from ..results import ArgumentError, SolveStatus, Work, at_most
 from ..results.options import Long, Within
 from ..results.table import csv_text
 from ..results.work import Progress, never, silent, study_function
-from .cartesian import softest_and_stiffest
-from .compliance_result import MAPPED, Array, ComplianceStudy, word
-from .options import ArmSprings, ComplianceMap, Load, Springs
-from .sprung_arm import SprungArm
+from .cartesian import SprungArm, softest_and_stiffest
+from .options import MAPPED, ArmSprings, Array, ComplianceMap, ComplianceStudy, Load, Springs, word
 from .sprung_links import ComplianceAtPoses, Sprung, SprungLinks
 
 CHUNK = 2000  # poses between two looks at the clock

@@ -1,4 +1,5 @@
-"""Joint stiffness from static load tests, linear in the compliances c = 1/K (Cvitanic 2021, eqs. (2)-(7))."""
+"""Joint stiffness from static load tests, linear in the compliances c = 1/K (Cvitanic 2021), with what a moving load
+and a gravity compensator add, and which tests to make."""
 
 from __future__ import annotations
 
@@ -6,10 +7,87 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ..inference import Identifiability, Verdict, identifiability, linear_fit, noise_size
+from ..calibrate import exchange
+from ..calibrate.pose_information import PoseInformation, made
+from ..inference import Identifiability, Observability, Verdict, identifiability, linear_fit, noise_size, nonlinear_fit
 from ..results.estimate import Estimate
 from .static_tests import StaticTests
+
+
+def complementary_stiffness(J: ArrayLike, wrench: ArrayLike) -> np.ndarray:
+    """K_c (n, k, k) [N.m/rad] of eq. (2) (Cvitanic 2021): d(J'F)_i / dq_j at a wrench (n, 6) constant in the world.
+
+    J (n, 6, k): geometric Jacobian of an arm of revolute joints at the point where the wrench acts. K_c is not
+    symmetric where a moment acts: a constant moment has no potential. Raises ValueError for other shapes.
+
+    >>> J = gt.compliance.arm_poses(gt.robots.kr500(), [[0.3, -0.9, 2.0, 0.2, -1.1, -0.1]]).J
+    >>> K_c = gt.compliance.complementary_stiffness(J, [[0, 0, -4000.0, 0, 0, 0]])
+    >>> K_c.shape, np.allclose(K_c[0], K_c[0].T)  # a force alone: symmetric
+    ((1, 6, 6), True)
+    """
+    J, F = np.asarray(J, float), np.asarray(wrench, float)
+    if J.ndim != 3 or J.shape[1] != 6 or F.shape != (len(J), 6):
+        raise ValueError(f"J and wrench have the shapes {J.shape} and {F.shape}; expected (n, 6, k) and (n, 6)")
+    v, w = np.moveaxis(J[:, :3], 1, 2), np.moveaxis(J[:, 3:], 1, 2)  # (n, k, 3)
+    k = J.shape[2]
+    K = np.empty((len(J), k, k))
+    for i in range(k):
+        for j in range(k):
+            # a joint before i turns axis and arm of i, one after it moves the tool alone
+            linear = np.cross(w[:, min(i, j)], v[:, max(i, j)])
+            angular = np.cross(w[:, j], w[:, i]) if j < i else np.zeros_like(linear)
+            K[:, i, j] = np.sum(linear * F[:, :3] + angular * F[:, 3:], axis=1)
+    return K
+
+
+@dataclass(frozen=True)
+class Compensator:
+    """A gas or coil spring between the base and the lever of joint 2, both hinges in the plane of the arm.
+
+    `base` [m] and `lever` [m]: distances of its hinges from the axis of joint 2; `angle` [rad]: q2 at which the lever
+    points away from the base hinge and the spring is longest. Its force along itself is rate [N/m] times
+    (length - rest) [m], and draws the hinges together where positive.
+
+    >>> spring = gt.compliance.Compensator(base=0.3, lever=0.25, rate=8e5, rest=0.2)
+    >>> spring.length([0.0, np.pi / 2]).round(3)  # m
+    array([0.55 , 0.391])
+    """
+
+    base: float
+    lever: float
+    rate: float
+    rest: float
+    angle: float = 0.0
+
+    def length(self, q2: ArrayLike) -> np.ndarray:
+        """Length of the spring [m] at q2 [rad]."""
+        turn = np.asarray(q2, float) - self.angle
+        return np.sqrt(self.base**2 + self.lever**2 + 2 * self.base * self.lever * np.cos(turn))
+
+    def torque(self, q2: ArrayLike) -> np.ndarray:
+        """Torque on joint 2 [N.m], along positive q2: minus the derivative of the spring's energy."""
+        turn, s = np.asarray(q2, float) - self.angle, self.length(q2)
+        return self.rate * (s - self.rest) * self.base * self.lever * np.sin(turn) / s
+
+    def stiffness(self, q2: ArrayLike) -> np.ndarray:
+        """d torque / d q2 [N.m/rad]: what the spring adds to K_c at joint 2.
+
+        The torque itself is there with and without the load and drops out of the difference.
+        """
+        turn, s = np.asarray(q2, float) - self.angle, self.length(q2)
+        arm = self.base * self.lever
+        by_turn = -arm * np.sin(turn) / s  # d length / d q2
+        pull = self.rate * (s - self.rest) / s
+        return self.rate * self.rest / s**2 * by_turn * arm * np.sin(turn) + pull * arm * np.cos(turn)
+
+    def added(self, K_c: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """K_c (n, k, k) with the spring's part at joints q (n, k)."""
+        stiffness = np.array(K_c, float)
+        stiffness[:, 1, 1] += self.stiffness(np.asarray(q, float)[:, 1])
+        return stiffness
+
 
 ARM = 3  # joints before the wrist centre
 # K_c is half a per cent of K_q for half a ton: each round gains two digits
@@ -236,3 +314,106 @@ def _whitened_transpose(A: np.ndarray, blocks: np.ndarray) -> np.ndarray:
     """A' S^-1 (k, rows) for S of independent blocks."""
     n, b, _ = blocks.shape
     return np.linalg.solve(blocks, A.reshape(n, b, -1)).reshape(A.shape).T
+
+
+Array = np.ndarray
+RATE = "rate"
+JOINT = 1  # the spring is on joint 2
+
+
+def with_compensator(tests: StaticTests, spring: Compensator, q: Array) -> StiffnessFit:
+    """Complete poses with the rate of the spring on joint 2 among the unknowns, in `estimate` as "rate" [N/m].
+
+    `spring` gives the other dimensions, and the rate where the iteration starts. q (n, k) [rad]: joints of each test.
+    The spring's torque is there with and without the load; only its change as joint 2 moves is seen. That is K_c = rate
+    * d(torque per rate)/dq2 beside K_q (Cvitanic 2021, eq. (2)), some per cent of it, so expect a wide interval. Raises
+    ValueError for what the tests do not determine.
+
+    >>> from gtmodel.compliance import Compensator, arm_poses, complementary_stiffness, synthetic_tests
+    >>> q = np.deg2rad(gt.robots.kr500_tables()["static_stiffness"]["poses_deg"])
+    >>> wrench = np.tile([[2000.0, 0, 0, 0, 0, 0], [0, 500.0, -4000, 0, 0, 0]], (5, 1))
+    >>> poses = arm_poses(gt.robots.kr500(), q, [0.1, 0.05, 0.4])
+    >>> K_c = complementary_stiffness(poses.J, wrench)
+    >>> spring = Compensator(base=0.3, lever=0.25, rate=8e5, rest=0.2)
+    >>> loaded = poses.tests(wrench, sigma=[2e-5] * 3 + [1e-4] * 3, K_c=spring.added(K_c, q))
+    >>> tests = synthetic_tests(loaded, [1e-6] * 6, None).with_(K_c=K_c)
+    >>> start = Compensator(base=0.3, lever=0.25, rate=5e5, rest=0.2)
+    >>> gt.compliance.with_compensator(tests, start, q).estimate.values[6].round(3) == 8e5  # N/m
+    np.True_
+    """
+    n, _, k = tests.J.shape
+    y = tests.displacement.reshape(-1)
+    K_c = np.zeros((n, k, k)) if tests.K_c is None else tests.K_c
+    slope = spring.stiffness(np.asarray(q, float)[:, JOINT]) / spring.rate  # K_c of the spring per rate
+    tau = tests.torque
+
+    def residuals(x: Array) -> tuple[Array, Array]:
+        c, rate = x[:k], x[k]
+        K = K_c.copy()
+        K[:, JOINT, JOINT] += rate * slope
+        left = np.linalg.inv(np.eye(k) - c[:, None] * K)
+        dq = np.einsum("nij,nj->ni", left, c * tau)
+        loaded = tau + np.einsum("nij,nj->ni", K, dq)
+        by_c = left * loaded[:, None, :]
+        by_rate = left[:, :, JOINT] * (c[JOINT] * slope * dq[:, JOINT])[:, None]
+        J = np.concatenate([tests.J @ by_c, (tests.J @ by_rate[:, :, None])], axis=2)
+        return np.einsum("nik,nk->ni", tests.J, dq).reshape(-1) - y, J.reshape(6 * n, k + 1)
+
+    first = complete_pose(replace(tests, K_c=spring.added(K_c, np.asarray(q, float))))
+    start = np.concatenate([first.compliance, [spring.rate]])
+    fit = nonlinear_fit(
+        residuals, start, [*names_of(range(k)), RATE], scale=np.abs(start), covariance=tests.covariance,
+        units=[UNIT] * k + ["N/m"],
+    )  # fmt: skip
+    if fit.estimate is None:
+        raise ValueError(f"joint stiffness with the compensator's rate: {fit.message}")
+    return stiffness_fit("complete pose, compensator", fit.estimate, residuals(fit.x)[1], tests.covariance, n)
+
+
+@dataclass(frozen=True, eq=False)
+class LoadTestSelection:
+    """Chosen tests, ascending, with the observability indices of their Jacobian and those of all candidates."""
+
+    chosen: tuple[int, ...]
+    indices: Observability
+    of_all: Observability
+
+
+def information(tests: StaticTests, expected: ArrayLike) -> PoseInformation:
+    """What each test contributes to the compliances, in units of those `expected` (k,) [rad/(N.m)].
+
+    Its rows are those of the complete pose, whitened by their noise, for everything in `calibrate` that chooses poses.
+    The displacements are not looked at.
+    """
+    sizes = np.asarray(expected, float)
+    rows = np.linalg.solve(np.linalg.cholesky(tests.covariance), tests.J * tests.torque[:, None, :]) * sizes
+    return made([f"compliance[{j}]" for j in range(len(sizes))], sizes, rows, np.zeros((0, len(sizes))))
+
+
+def select(tests: StaticTests, count: int, expected: ArrayLike, *, seed: int = 0) -> LoadTestSelection:
+    """`count` of the candidate tests, by exchange for the largest determinant of their information.
+
+    expected (k,) [rad/(N.m)]: compliances of about the right size. Each candidate counts once: repeat it among the
+    candidates to allow repetition. The same seed gives the same tests. Raises ValueError for a count beyond the
+    candidates, or candidates that leave a compliance undetermined.
+
+    >>> q = np.deg2rad(gt.robots.kr500_tables()["static_stiffness"]["poses_deg"])
+    >>> wrench = np.tile([[2000.0, 0, 0, 0, 0, 0], [0, 500.0, -4000, 0, 0, 0]], (5, 1))
+    >>> poses = gt.compliance.arm_poses(gt.robots.kr500(), q, tool=[0.1, 0.05, 0.4])
+    >>> planned = poses.tests(wrench, sigma=[2e-5] * 3 + [1e-4] * 3)
+    >>> chosen = gt.compliance.select(planned, 5, expected=[1e-6] * 6)
+    >>> len(chosen.chosen), chosen.indices.rank
+    (5, 6)
+    """
+    n, _, k = tests.J.shape
+    if not 1 <= count <= n:
+        raise ValueError(f"found a count of {count}; expected 1 to {n}, the number of candidates")
+    gained = information(tests, expected)
+    if gained.rank < k:
+        raise ValueError(
+            f"the tests determine {gained.rank} of {k} compliances; take more poses or loads in other directions"
+        )
+    chosen = exchange(gained, count, "D", repeats=1, seed=seed).indices
+    return LoadTestSelection(
+        tuple(int(i) for i in chosen), gained.identifiability(chosen).indices, gained.identifiability().indices
+    )

@@ -254,7 +254,7 @@ def law_causal(law: Law, count: int, unit: str = "m", force: str = "N") -> Causa
 def _machine_code(function: ca.Function) -> ca.Function:
     """The same function from its C. Raises ModelError without a compiler."""
     from gtmodel.compiler.toolchain import CompilerMissing
-    from gtmodel.optimize.compiled import compiled
+    from gtmodel.optimize.point_kernels import compiled
 
     chain = find()
     if isinstance(chain, str):

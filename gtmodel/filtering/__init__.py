@@ -37,17 +37,21 @@ from .._lazy import public
 if TYPE_CHECKING:
     from .allan import AllanFit as AllanFit, allan_deviation as allan_deviation, allan_fit as allan_fit
     from .at_rest import AtRest as AtRest, from_rest as from_rest
-    from .attitude.arrival import sampled_instants as sampled_instants
-    from .attitude.attitude_result import AttitudeStudy as AttitudeStudy
     from .attitude.attitude_study import attitude_study as attitude_study
-    from .attitude.carried_body import GyroCarriedBody as GyroCarriedBody, attitude_filter as attitude_filter
+    from .attitude.between_references import GyroCarriedBody as GyroCarriedBody, attitude_filter as attitude_filter
     from .attitude.gyro_calibration import GyroCalibration as GyroCalibration, calibrate_gyro as calibrate_gyro
-    from .attitude.gyro_path import RateCorrection as RateCorrection
-    from .attitude.options import AttitudeJudging as AttitudeJudging, SyntheticAttitude as SyntheticAttitude
-    from .attitude.recording import AttitudeRecording as AttitudeRecording, synthetic_attitude as synthetic_attitude
-    from .attitude.reference_noise import ReferenceNoise as ReferenceNoise
-    from .belief import Belief as Belief, InitialState as InitialState, Innovation as Innovation
-    from .bodies import TranslatingBody as TranslatingBody, TurningBody as TurningBody
+    from .attitude.gyro_path import RateCorrection as RateCorrection, ReferenceNoise as ReferenceNoise
+    from .attitude.options import (
+        AttitudeJudging as AttitudeJudging,
+        AttitudeStudy as AttitudeStudy,
+        SyntheticAttitude as SyntheticAttitude,
+    )
+    from .attitude.recording import (
+        AttitudeRecording as AttitudeRecording,
+        sampled_instants as sampled_instants,
+        synthetic_attitude as synthetic_attitude,
+    )
+    from .belief import Belief as Belief, InitialState as InitialState, Innovation as Innovation, Readings as Readings
     from .buffer import Buffer as Buffer
     from .consistency import (
         Consistency as Consistency,
@@ -57,36 +61,35 @@ if TYPE_CHECKING:
         judged as judged,
     )
     from .controller.controller_filter import ControllerFilter as ControllerFilter
-    from .discrete_process import DiscreteProcess as DiscreteProcess
-    from .error_state import ErrorState as ErrorState, kalman as kalman
-    from .family.additive import AdditiveQuaternion as AdditiveQuaternion
+    from .discrete_process import DiscreteProcess as DiscreteProcess, LinearProcess as LinearProcess
+    from .error_state import ErrorState as ErrorState, Filter as Filter, kalman as kalman
     from .family.by_name import make as make
     from .family.complementary import complementary as complementary
     from .family.interacting import Interacting as Interacting
+    from .family.kalman import (
+        AdditiveQuaternion as AdditiveQuaternion,
+        SteadyState as SteadyState,
+        Unscented as Unscented,
+    )
     from .family.particle import ParticleFilter as ParticleFilter
-    from .family.steady_state import SteadyState as SteadyState
-    from .family.unscented import Unscented as Unscented
     from .faults import FaultSearch as FaultSearch, Suspect as Suspect, find_faults as find_faults
-    from .filter import Filter as Filter
     from .filtered import Filtered as Filtered
     from .fusion.options import (
         FusionFilter as FusionFilter,
         FusionSensors as FusionSensors,
+        FusionStudy as FusionStudy,
         FusionSweep as FusionSweep,
     )
-    from .fusion.result import FusionStudy as FusionStudy
+    from .fusion.scene import TranslatingBody as TranslatingBody, TurningBody as TurningBody
     from .fusion.study import fusion_study as fusion_study
-    from .linear_process import LinearProcess as LinearProcess
     from .manifold import Manifold as Manifold, StatePart as StatePart
     from .moving_horizon import HorizonEstimate as HorizonEstimate, MovingHorizon as MovingHorizon
     from .paths import BodyMotion as BodyMotion, TrackedPath as TrackedPath
     from .process import ProcessModel as ProcessModel
-    from .readings import Readings as Readings
-    from .scheduled import ScheduledNoise as ScheduledNoise, likely_modes as likely_modes
     from .sensors import Sensor as Sensor
     from .smoother import Smoothed as Smoothed, fixed_lag as fixed_lag, smooth as smooth
     from .synthetic import Drawn as Drawn, draw as draw, synthetic_readings as synthetic_readings
     from .system import System as System
-    from .tuning import Tuned as Tuned, tune as tune
+    from .tuning import ScheduledNoise as ScheduledNoise, Tuned as Tuned, likely_modes as likely_modes, tune as tune
 
 public(__name__)

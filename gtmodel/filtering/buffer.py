@@ -8,10 +8,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from ..results.refusal import ArgumentError
-from .belief import Belief, InitialState, Innovation
-from .filter import Filter, without_value
+from .belief import SAME_INSTANT, Belief, InitialState, Innovation
+from .error_state import Filter, without_value
 from .filtered import Filtered, RunRecord
-from .readings import SAME_INSTANT
 
 Pushed = Literal["applied", "went back", "too old", "not finite"]
 

@@ -1,17 +1,146 @@
-"""The error-state Kalman filter: Kalman's own where all is linear, extended and iterated where it is not."""
+"""What all filters have in common, they start, advance, are corrected and run over a log, and the error-state Kalman
+filter."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ..results.refusal import ArgumentError
-from .belief import Belief, Innovation
-from .filter import Filter
+from ..results.trajectory import Trajectory
+from .belief import Belief, InitialState, Innovation, Moment, Readings, instants, readings_of, size_of_runs
+from .filtered import Filtered, Replay, RunRecord
 from .spread import Spread, spread_of
 from .system import System
 from .transition import Advance
+
+BETWEEN = 256  # instants between two reports of progress
+
+
+class Filter(ABC):
+    """Base of the filters: `advance` and `correct` move a `Belief`, `run` goes over a log.
+
+    A belief may hold several runs at once, as rows: Monte Carlo goes through the same code as a single run.
+    """
+
+    repeatable = False  # whether an error-state filter of the same system says how likely a log is under other noise
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+
+    @abstractmethod
+    def advance(self, belief: Any, time: float, u0: np.ndarray, u1: np.ndarray) -> tuple[Any, Any]:
+        """The belief at a later time, the known inputs running straight from u0 to u1, and the step that led there."""
+
+    def advanced(
+        self, belief: Any, time: float, u0: np.ndarray, u1: np.ndarray, bends: Sequence[tuple[float, np.ndarray]]
+    ) -> tuple[Any, Any]:
+        """As `advance`, with known inputs that bend at these times between; the step is one from begin to end."""
+        step: Any = None
+        for k, (t, u) in enumerate([*bends, (time, u1)]):
+            belief, own = self.advance(belief, t, u0, u)
+            step, u0 = own if k == 0 or own is None else step.then(own), u
+        return belief, step
+
+    @abstractmethod
+    def correct(self, belief: Any, names: tuple[str, ...], z: np.ndarray, u: np.ndarray) -> tuple[Any, Innovation]:
+        """The belief after readings z (m, numbers) of these sensors at its time."""
+
+    def begin(self, start: InitialState, time: float, runs: int = 1) -> Any:
+        """The belief at the start."""
+        return start.belief(self.system, time, runs)
+
+    def summary(self, belief: Any) -> Belief:
+        """Mean and covariance of what the filter holds."""
+        return belief
+
+    def details(self, belief: Any) -> Mapping[str, np.ndarray]:
+        """What a filter says of a belief beside mean and covariance: fields of `Filtered`, each of m rows."""
+        return {}
+
+    def run(
+        self,
+        log: Mapping[str, Any],
+        start: InitialState,
+        *,
+        inputs: Trajectory | None = None,
+        truth: Mapping[str, Any] | None = None,
+        keep: bool | None = None,
+        progress: Callable[[float], bool] | None = None,
+    ) -> Filtered:
+        """Filter a log from its first reading to its last.
+
+        Args:
+            log: sensor -> `Readings`, or a trajectory with a signal of that name. Stamps may be uneven, sensors of
+                different rates; each reading is used at the time that it tells of, its stamp less the sensor's delay.
+            start: mean and deviation at the first instant.
+            inputs: the known inputs of the process over the whole time, straight between the rows of the trajectory.
+            truth: state -> true values at the instants, (K, size) or (m, K, size), where they are known: for `nees`.
+            keep: whether covariances of all instants are kept, which smoothing needs; only of a single run if left out.
+            progress: called with the fraction done now and then; returning True ends the run with what there is.
+
+        Returns a `Filtered`. Numbers that stop being finite end the run, with the status that says so.
+        """
+        system = self.system
+        readings = readings_of(system, log)
+        plan = instants(system, readings)
+        runs = size_of_runs([*readings.values()])
+        if system.dynamics.inputs and inputs is None:
+            names = ", ".join(system.dynamics.inputs)
+            raise ArgumentError(f"the process has known inputs; give a trajectory of {names}", "inputs")
+        if not isinstance(start, InitialState):
+            raise ArgumentError(f"expected an InitialState; found {type(start).__name__}", "start")
+        belief = self.begin(start, plan[0].time, runs)
+        first = self.summary(belief).time
+        if first > plan[0].time:
+            sentence = f"the filter starts at {first:g} s, after the first reading of {plan[0].time:g} s"
+            raise ArgumentError(sentence, "start.time")
+        record = RunRecord(system, len(plan), runs, runs == 1 if keep is None else keep, truth)
+        if self.repeatable:
+            record.replay = Replay(log, start, inputs)
+        u, last = system.inputs_at(inputs, first), first
+        for k, instant in enumerate(plan):
+            if progress is not None and k % BETWEEN == 0 and progress(k / len(plan)):
+                return record.ended("stopped")
+            u_next = system.inputs_at(inputs, instant.time)
+            bends = system.bends(inputs, last, instant.time)
+            belief, step = self.advanced(belief, instant.time, u, u_next, bends)
+            before, u, last = self.summary(belief), u_next, instant.time
+            names, z = values_of(readings, instant, runs)
+            belief, innovation = self.correct(belief, names, z, u)
+            after = self.summary(belief)
+            if not np.isfinite(after.x).all():
+                return record.ended("not finite")
+            if (silent := without_value(system, z, innovation)) is not None:
+                return record.ended("not finite", silent)
+            record.add(instant.time, step, before, after, innovation, self.details(belief))
+        return record.ended()
+
+
+def without_value(system: System, z: np.ndarray, innovation: Innovation) -> str | None:
+    """A sensor that has read something of which the model has no value there, so that it could not be used."""
+    if innovation.used.all():
+        return None
+    group = system.group(innovation.names)
+    for n, (name, (part, at, along)) in enumerate(zip(innovation.names, group.space.places(), strict=True)):
+        there = np.isfinite(z[:, at])
+        if part.kind != "vector":
+            there = np.all(there, axis=1, keepdims=True) & np.any(z[:, at] != 0, axis=1, keepdims=True)
+        if np.any(there & ~innovation.used[:, along] & ~innovation.gated[:, n, None]):
+            return name
+    return None
+
+
+def values_of(readings: Mapping[str, Readings], instant: Moment, runs: int) -> tuple[tuple[str, ...], np.ndarray]:
+    """The sensors of an instant, in the order of the log, and what they read, side by side (m, numbers)."""
+    names = tuple(name for name in readings if name in instant.rows)
+    rows = [readings[name].values[..., instant.rows[name], :] for name in names]
+    if runs == 1 and all(r.ndim == 1 for r in rows):
+        return names, np.concatenate(rows)[None]
+    return names, np.concatenate([np.broadcast_to(r, (runs, r.shape[-1])) for r in rows], axis=1)
 
 
 class ErrorState(Filter):

@@ -12,12 +12,10 @@ from ..inference.chance import chi_squared_chance
 from ..results.refusal import ArgumentError
 from ..results.suspicion import Suspicion
 from ..results.trajectory import Trajectory
-from .belief import InitialState
-from .error_state import ErrorState
-from .filter import values_of
+from .belief import InitialState, Readings, instants, readings_of
+from .error_state import ErrorState, values_of
 from .filtered import Filtered
 from .process import AnyProcess
-from .readings import Readings, instants, readings_of
 from .sensors import ESTIMATE, Sensor
 from .system import SAME_INSTANT, System
 

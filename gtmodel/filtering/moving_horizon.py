@@ -20,10 +20,9 @@ from ..optimize.solve import SolverOptions, solve
 from ..results.refusal import ArgumentError
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
-from .belief import Belief, InitialState
+from .belief import SAME_INSTANT, Belief, InitialState, Moment, Readings, instants, readings_of, size_of_runs
 from .error_state import ErrorState
 from .manifold import Manifold
-from .readings import SAME_INSTANT, Moment, Readings, instants, readings_of, size_of_runs
 from .system import System
 
 TOLERANCE = 1e-12  # of the solver: the problem is one of least squares, whose last step is exact

@@ -8,8 +8,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from ..results.refusal import ArgumentError
-from .correlated import covariance_matrix, independent
 from .manifold import PartKind
+from .process import covariance_matrix, independent
 
 Free = Literal["estimate"]
 ESTIMATE: Free = "estimate"

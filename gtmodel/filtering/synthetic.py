@@ -9,9 +9,8 @@ import numpy as np
 
 from ..results.refusal import ArgumentError
 from ..results.trajectory import Trajectory
-from .belief import InitialState
+from .belief import InitialState, Readings
 from .manifold import Manifold
-from .readings import Readings
 from .system import System
 
 

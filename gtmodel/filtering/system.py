@@ -12,10 +12,8 @@ import numpy as np
 
 from ..inference.chance import chi_squared_bound, chi_squared_chance, chi_squared_share
 from ..results.refusal import ArgumentError
-from .correlated import same_mixing
-from .manifold import Manifold, StatePart
-from .process import AnyProcess
-from .rowwise import RowsFunction
+from .manifold import Manifold, RowsFunction, StatePart
+from .process import AnyProcess, same_mixing
 from .sensors import ESTIMATE, Sensor
 from .transition import CurvedTransition, GivenTransition, LinearTransition, runge_kutta
 

@@ -10,9 +10,8 @@ import numpy as np
 
 from ..linear.state_space import ramped
 from ..results.refusal import ArgumentError
-from .manifold import Manifold
+from .manifold import Manifold, RowsFunction
 from .process import ProcessEquations
-from .rowwise import RowsFunction
 
 TAYLOR = 6  # terms of exp(A s) in the covariance of noise; (0.3)^6 / 6! is 1e-6 of it
 # nodes and weights of Gauss on [0, 1]: exact for the integrals of s^5, so for three integrators behind white noise

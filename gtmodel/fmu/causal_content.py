@@ -1,25 +1,153 @@
-"""A causal function as the content of a unit: its table, and C that joins table and function."""
+"""A causal function as the content of a unit, its table and C, with states that have rates, and the step of the
+integrator inside of co-simulation."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
 
 from ..cgen.generation import contents
 from ..cgen.interface import Interface, interfaces
-from ..compiler.causal import CausalFunction, c_name
+from ..cgen.newton_stages import samples_of
+from ..compiler.causal import CausalFunction, CausalSignal, c_name, compile_causal
+from ..compiler.consistency.home import home_of
+from ..lang.scope import derivative_name
+from ..lang.source import ModelError
 from ..results.refusal import ArgumentError
+from ..results.status import Status
 from .content import FmuContent
-from .parameters import with_parameters
-from .table import FmuTable, FmuVariable, fmi_name, texts_of, unused
-from .tangents import depends, tangents
-from .with_states import WithStates, starts, with_states
+from .table import FmuTable, FmuVariable, base_and_order, fmi_name, texts_of, unused
+from .tangents import depends, tangents, with_parameters
+
+Pair = tuple[int, int]
+MOST_TURNS = 6  # in which the states of a target, of its states' rates and so on are complete
+SMALLEST = 1e-9
+EXACT, ROUGH = 15, 6  # digits of a start that stands in the description
+
+
+@dataclass(frozen=True)
+class WithStates:
+    """A function that computes the rates of its states too.
+
+    function: its outputs are the targets of the given one, then what lacked. asked: how many targets were asked for.
+    states: its inputs that are states; known: the others, but parameters. parameters: of the model, its last inputs.
+    """
+
+    function: CausalFunction
+    asked: int
+    states: Sequence[CausalSignal]
+    known: Sequence[CausalSignal]
+    parameters: Sequence[CausalSignal] = ()
+
+
+def with_states(f: CausalFunction) -> WithStates:
+    """The function with the rates of all its states among its outputs.
+
+    Raises ArgumentError for a model with events, whose instants a unit does not look for.
+    """
+    if f.flat.events is not None:
+        raise ArgumentError(
+            f"{f.flat.title} has events or sampled blocks, which are not exported; export a sampled block as "
+            "gt.cgen.BlockFunction, and smooth what switches",
+            "function",
+        )
+    known = {i for _, _, indices in f.groups for i in indices}
+    names = [f.flat.variables[i].name for i in f.preferred]
+    asked, full = len(f.outputs), f
+    for _ in range(MOST_TURNS):
+        states = [s for s in full.inputs if s.pairs[0][0] not in known]
+        there = {p for s in (*states, *full.outputs) for p in s.pairs}
+        wanted = [s.name for s in full.outputs]
+        for s in states:
+            if not all((i, k + 1) in there for i, k in s.pairs):
+                base, order = base_and_order(s.name)
+                wanted.append(derivative_name(base, order + 1))
+        if len(wanted) == len(full.outputs):
+            return WithStates(full, asked, states, [s for s in full.inputs if s not in states])
+        # a rate may need further states, which the targets alone do not
+        full = compile_causal(f.flat, [name for name, _, _ in f.groups], wanted, names, f.branches, f.name)
+    raise ArgumentError("the rates of its states need ever further states; prefer other ones", "function")
+
+
+def starts(made: WithStates, given: Mapping[str, Sequence[float] | float]) -> dict[Pair, float]:
+    """A start value of each input: what is given by name, else the home pose at rest, and of known variables what keeps
+    it there, such as the forces that hold a robot.
+
+    Raises ArgumentError for a name that is no input, another number of values, and a start without an answer.
+    """
+    f = made.function
+    posed = home_of(f.flat)
+    near = {p: x for s in f.inputs for p, x in zip(s.pairs, map(float, samples_of(f, s.pairs)[0]), strict=True)}
+    declared = {p: start for p in near if (start := f.flat.variables[p[0]].start) is not None}
+    home = {p: posed.get(p[0], declared.get(p, x)) for p, x in near.items()}
+    own = {s.name: s for s in f.inputs}
+    wanted: dict[Pair, float] = {}
+    for name, value in given.items():
+        if name not in own:
+            raise ArgumentError(f"there is no input '{name}'; there are {', '.join(own)}", "start")
+        try:
+            numbers = np.ravel(np.asarray(value, float))
+        except (TypeError, ValueError):
+            numbers = np.array([])
+        if len(numbers) != own[name].size or not np.all(np.isfinite(numbers)):
+            raise ArgumentError(f"'{name}' takes {own[name].size} finite numbers; found {value}", "start")
+        wanted |= dict(zip(own[name].pairs, map(float, numbers), strict=True))
+    status = Status.OK
+    # six digits may be too few, as for a quaternion; and what is declared may be no start of this causality
+    for base, digits in ((home, ROUGH), (home, EXACT), (near, EXACT)):
+        values = {p: _short(x, digits) if p[1] == 0 else 0.0 for p, x in base.items()} | wanted
+        if made.states:
+            values |= _holding(made, values, set(wanted))
+        status = _status(f, values)
+        if status is Status.OK:
+            return values
+    raise ArgumentError(f"there is no answer at the start: {status.message}; give another start", "start")
+
+
+def _short(x: float, digits: int = ROUGH) -> float:
+    """In few digits: the noise of another linear algebra library must not reach the description."""
+    return 0.0 if abs(x) < SMALLEST else float(f"{x:.{digits}g}")
+
+
+def _status(f: CausalFunction, values: Mapping[Pair, float]) -> Status:
+    arguments = [np.array([values[p] for p in s.pairs]) for s in f.inputs]
+    shaped = [a.reshape(s.shape) if s.shape else float(a[0]) for a, s in zip(arguments, f.inputs, strict=True)]
+    *_, status = f(*shaped, *([0.0] if f.plan.uses_time else []))
+    return Status(int(status))
+
+
+def _holding(made: WithStates, values: Mapping[Pair, float], given: set[Pair]) -> dict[Pair, float]:
+    """Values of known variables with which the states of the start stay there; none where that has no answer."""
+    f = made.function
+    wanted = [s for s in made.known if s.pairs[0][1] == 0 and not set(s.pairs) & given]
+    if not wanted:
+        return {}
+    positions = [s for s in made.states if s.pairs[0][1] == 0]
+    others = [s.name for s in made.known if s.pairs[0][1] == 0 and s not in wanted]
+    try:
+        back = compile_causal(f.flat, [*[s.name for s in positions], *others], [s.name for s in wanted])
+    except ModelError:
+        return {}
+    if any(p[1] == 0 and p not in values for s in back.inputs for p in s.pairs):
+        return {}
+    arguments = [np.array([values.get(p, 0.0) for p in s.pairs]) for s in back.inputs]
+    shaped = [a.reshape(s.shape) if s.shape else float(a[0]) for a, s in zip(arguments, back.inputs, strict=True)]
+    *results, status = back(*shaped, *([0.0] if back.plan.uses_time else []))
+    if Status(int(status)) is not Status.OK:
+        return {}
+    numbers = {}
+    for s, result in zip(wanted, results, strict=True):
+        numbers |= dict(zip(s.pairs, map(_short, np.ravel(result)), strict=True))
+    return numbers
+
 
 KEY = "model"  # of the function in C: gt_<name>_model
 # of what `contents` makes: what tests it
 LEFT_OUT = ("gt_{}_selftest.c", "gt_{}_main.c", "gt_compare.h", "Makefile", "README.md")
-Pair = tuple[int, int]
 
 
 def causal_content(
@@ -298,3 +426,101 @@ def _copies(address: str, references: Sequence[int], into: bool) -> list[str]:
         there, here = f"&v[{r}]", f"{base}[{k}]" if not address.startswith("&") else base
         lines.append(f"    gt_copy({here}, {there}, 1);\n" if into else f"    gt_copy({there}, {here}, 1);\n")
     return lines
+
+
+LONGEST = 1e-3  # tried first [s]
+HALVINGS = 6
+AIM = 1e-8  # error of a step that is chosen
+ORDER = 16.0  # what a halving divides the error by, of order 4
+MOST_STEPS = 200_000
+AWAY = 0.1
+
+
+def step_and_error(
+    made: WithStates, start: dict[Pair, float], step: float | None, tolerance: float, stop: float, guarded: bool = False
+) -> tuple[float, float]:
+    """The step [s] and its error: the largest difference of a state from a run in half the steps, over the size of the
+    state or one, from the start to `stop`, or as far as there are answers, with inputs held a tenth of their size off
+    the start, so that it moves.
+
+    step: refused where its error is above `tolerance`; None: the longest of 1 ms, 0.5 ms, ... whose error is at most
+    1e-8; where friction is too sharp for that, the longest whose error is at most `tolerance`. guarded: no part of it
+    may be rougher than `tolerance`, see `_ends`, since the unit then judges each of its parts.
+    Raises ArgumentError also for a start from which there is no way to `stop`.
+    """
+    if step is not None and stop / step > MOST_STEPS:
+        raise ArgumentError(f"{stop:g} s in steps of {step:g} s are more than {MOST_STEPS} steps", "step")
+    start = {**start, **{p: start[p] + AWAY * max(1.0, abs(start[p])) for s in made.known for p in s.pairs if not p[1]}}
+    tried = [step] if step is not None else [LONGEST / 2**k for k in range(HALVINGS)]
+    coarse, rough = _ends(made, start, tried[0], stop)
+    error, last, good = math.inf, math.inf, None
+    aim = tolerance if step is not None else min(AIM, tolerance)
+    for n, h in enumerate(tried):
+        fine, rough_half = _ends(made, start, h / 2, stop)
+        shared = fine[::2][: len(coarse)]
+        error = float(np.max(np.abs(shared - coarse[: len(shared)]) / np.maximum(1.0, np.abs(shared)), initial=0.0))
+        smooth = not guarded or rough <= tolerance
+        if error <= aim and smooth:
+            return h, error
+        if error <= tolerance and smooth and good is None:
+            good = h, error
+        if good is not None and error / ORDER ** (len(tried) - n - 1) > aim:
+            break
+        coarse, last, rough = fine, rough, rough_half
+    if good is not None:
+        return good
+    if error <= tolerance:
+        raise ArgumentError(
+            f"one part of an inner step of {tried[-1]:g} s is off by {last:.1e}, more than {tolerance:g}; take a "
+            "smaller step, a larger tolerance, or smoother friction",
+            "step",
+        )
+    raise ArgumentError(
+        f"an inner step of {tried[-1]:g} s is off by {error:.1e} within {stop:g} s, more than {tolerance:g}; "
+        "take a smaller step, a larger tolerance, or smoother friction",
+        "step",
+    )
+
+
+def _ends(made: WithStates, start: dict[Pair, float], h: float, stop: float) -> tuple[np.ndarray, float]:
+    """States (steps + 1, n) at the ends of equal steps, as far as there is an answer, and the largest difference of a
+    state, over its size or one, from one step of order 3, which takes the rates at its end in place of the fourth."""
+    f, order = made.function, [p for s in made.states for p in s.pairs]
+    place = {p: n for n, p in enumerate(order)}
+    targets = {p: (n, k) for n, s in enumerate(f.outputs) for k, p in enumerate(s.pairs)}
+    rates = [(place[i, m + 1], None) if (i, m + 1) in place else (0, targets[i, m + 1]) for i, m in order]
+
+    def rate(x: np.ndarray, t: float) -> np.ndarray | None:
+        values = {**start, **dict(zip(order, x, strict=True))}
+        results = _results(f, values, t)
+        if results is None:
+            return None
+        return np.array([x[n] if at is None else results[at[0]][at[1]] for n, at in rates])
+
+    x = np.array([start[p] for p in order])
+    rows = [x]
+    n = max(1, math.ceil(stop / h - 1e-9))
+    h = stop / n
+    rough, k4 = 0.0, None
+    for k in range(n):
+        t = k * h
+        k1 = rate(x, t)
+        if k1 is not None and k4 is not None:
+            rough = max(rough, float(np.max(np.abs(h / 6 * (k4 - k1)) / np.maximum(1.0, np.abs(x)), initial=0.0)))
+        k2 = None if k1 is None else rate(x + h / 2 * k1, t + h / 2)
+        k3 = None if k2 is None else rate(x + h / 2 * k2, t + h / 2)
+        k4 = None if k3 is None else rate(x + h * k3, t + h)
+        if k1 is None or k2 is None or k3 is None or k4 is None:
+            break
+        x = x + h / 6 * (k1 + k4 + 2 * (k2 + k3))
+        rows.append(x)
+    if len(rows) < min(n, 4):
+        raise ArgumentError("from the start there is no answer after the first steps; give another start", "start")
+    return np.array(rows), rough
+
+
+def _results(f: CausalFunction, values: dict[Pair, float], t: float) -> list[np.ndarray] | None:
+    columns = [np.array([values[p] for p in s.pairs]) for s in f.inputs]
+    shaped = [c.reshape(s.shape) if s.shape else float(c[0]) for c, s in zip(columns, f.inputs, strict=True)]
+    *results, status = f(*shaped, *([t] if f.plan.uses_time else []))
+    return [np.ravel(r) for r in results] if Status(int(status)) is Status.OK else None

@@ -17,14 +17,13 @@ import numpy as np
 from ..cgen.interface import interfaces
 from ..cgen.points import draw, evaluate
 from ..cgen.real import DOUBLE
-from ..cgen.steps.function import StepFunction
-from ..cgen.steps.records import dtype_of, record
+from ..cgen.steps.function import StepFunction, dtype_of, record
 from ..compiler.causal import CausalFunction
 from ..results.check import Check, at_least, at_most
 from ..results.disk import scratch
 from ..results.status import Status
-from .archive import unpack
 from .caller import UnitCaller
+from .content import unpack
 from .export import Fmu
 from .table import FmuVariable, fmi_name, texts_of
 

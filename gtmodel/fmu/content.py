@@ -1,14 +1,166 @@
-"""What goes into a unit beside its description: C of the model, and how values of the table reach it."""
+"""What goes into a unit: C of the model and values of the table, and the archive, a zip with the same bytes for the
+same content."""
 
 from __future__ import annotations
 
+import io
+import math
 import re
 import sys
+import zipfile
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
 
-from ..cgen.text import comment, decimal
-from .table import FmuTable
+from ..cgen.real import comment, decimal
+from ..lang.units import BASE_SYMBOLS, UnitError, parse_unit
+from ..results.read_bounds import XmlFault, swollen, walk_xml
+from .table import FmuTable, FmuVariable
+
+Attributes = Mapping[str, str | int | float | bool | None]
+HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
+LOGS = {"logStatusDiscard": "there is no answer at these values", "logStatusError": "a call that is refused"}
+_RADIANS = re.compile(r"(/\(?[^/]*?)?\brad(-?\d*)\b")
+LICENSE = "MIT AND BSD-2-Clause"
+
+
+def element(name: str, attributes: Attributes, inside: Sequence[str] = ()) -> str:
+    """An element with its children, indented by two; attributes that are None are left out.
+
+    >>> from gtmodel.fmu.content import element
+    >>> element("Unit", {"name": "m", "offset": None}, [element("BaseUnit", {"m": 1})])
+    '<Unit name="m">\\n  <BaseUnit m="1"/>\\n</Unit>\\n'
+    """
+    text = "".join(f' {key}="{_value(v)}"' for key, v in attributes.items() if v is not None)
+    if not inside:
+        return f"<{name}{text}/>\n"
+    body = "".join(f"  {line}\n" for part in inside for line in part.splitlines())
+    return f"<{name}{text}>\n{body}</{name}>\n"
+
+
+def _value(value: str | int | float | bool) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return escaped(repr(value) if isinstance(value, float) else str(value))
+
+
+def escaped(text: str) -> str:
+    """A text inside of an attribute or of a page."""
+    for sign, word in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ('"', "&quot;")):
+        text = text.replace(sign, word)
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+
+
+def listed(numbers: Sequence[int]) -> str:
+    """Value references or indices, separated by blanks."""
+    return " ".join(map(str, numbers))
+
+
+def limits(v: FmuVariable) -> dict[str, float | None]:
+    """Attributes of the least and the greatest value."""
+    return {name: x if math.isfinite(x) else None for name, x in (("min", v.least), ("max", v.most))}
+
+
+def unit_elements(table: FmuTable) -> list[str]:
+    """One Unit for each in use, with its exponents where these are whole; all numbers are in SI."""
+    return [
+        element("Unit", {"name": unit}, [element("BaseUnit", base)] if (base := base_unit(unit)) is not None else [])
+        for unit in sorted({v.unit for v in table.numbers})
+    ]
+
+
+def base_unit(unit: str) -> dict[str, int] | None:
+    """Exponents of the base units of FMI that are not zero; None for a unit that has no such.
+
+    >>> from gtmodel.fmu.content import base_unit
+    >>> base_unit("N.m/rad"), base_unit("m.rad-1")
+    ({'kg': 1, 'm': 2, 's': -2, 'rad': -1}, {'m': 1, 'rad': -1})
+    """
+    try:
+        parsed = parse_unit(unit)
+    except UnitError:
+        return None
+    exponents: dict[str, Any] = dict(zip(BASE_SYMBOLS, parsed.dimension.exponents, strict=True))
+    for below, power in _RADIANS.findall(unit):
+        exponents["rad"] = exponents.get("rad", 0) + (-1 if below else 1) * int(power or 1)
+    if not parsed.is_si or any(Fraction(e).denominator != 1 for e in exponents.values()):
+        return None
+    return {symbol: int(e) for symbol, e in exponents.items() if e}
+
+
+def log_categories() -> str:
+    """What the unit says, and when."""
+    inside = [element("Category", {"name": name, "description": about}) for name, about in LOGS.items()]
+    return element("LogCategories", {}, inside)
+
+
+DESCRIPTION = "modelDescription.xml"
+FIRST = (1980, 1, 1, 0, 0, 0)  # the earliest time that a zip can hold
+PLAIN, PROGRAM = 0o100644, 0o100755
+LEVEL = 9
+MOST_DESCRIPTION = 1 << 26  # bytes: of 200,000 variables
+# what reading a zip raises: damaged, encrypted, compressed by a method that Python lacks
+_DAMAGED = (OSError, zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, zlib.error)
+
+
+def archive(files: Mapping[str, bytes]) -> bytes:
+    """The zip of these files by their paths: sorted, with one time, fixed rights and one compression.
+
+    >>> from gtmodel.fmu.content import archive
+    >>> archive({"b": b"2", "a": b"1"}) == archive({"a": b"1", "b": b"2"})
+    True
+    """
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED, compresslevel=LEVEL) as z:
+        for name in sorted(files):
+            entry = zipfile.ZipInfo(name, FIRST)
+            entry.create_system = 3  # Unix, on every machine
+            entry.external_attr = (PROGRAM if name.startswith("binaries/") else PLAIN) << 16
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            z.writestr(entry, files[name], compresslevel=LEVEL)
+    return made.getvalue()
+
+
+class ArchiveFault(ValueError):
+    """Why an archive is not unpacked, as a sentence that goes on after its name."""
+
+
+def unpack(path: Path, folder: Path) -> None:
+    """Unpacks the archive of a unit into a folder.
+
+    Raises ArchiveFault, before anything is written, for what is no archive, for one that holds far more than its own
+    size, and for a description that is too large, too deep or declares entities.
+    """
+    try:
+        with zipfile.ZipFile(path) as packed:
+            if said := swollen(path, sum(entry.file_size for entry in packed.infolist())):
+                raise ArchiveFault(f"{said}; pack it without what it does not need")
+            if (size := packed.getinfo(DESCRIPTION).file_size) > MOST_DESCRIPTION:
+                most = f"expected at most {MOST_DESCRIPTION / 1e6:.3g} MB"
+                raise ArchiveFault(f"has a description of {size / 1e6:.4g} MB; {most}")
+            walk_xml(packed.read(DESCRIPTION))
+            packed.extractall(folder)
+    except XmlFault as fault:
+        raise ArchiveFault(f"has a description, {DESCRIPTION}, that {fault.sentence} (line {fault.line})") from fault
+    except KeyError:
+        raise ArchiveFault(f"holds no {DESCRIPTION}: it is no unit") from None
+    except _DAMAGED as error:
+        what = "unpacked" if path.is_file() else "read"
+        why = getattr(error, "strerror", None) or next(iter(str(error).splitlines()), type(error).__name__)
+        raise ArchiveFault(f"cannot be {what}: {why}") from error
+
+
+def is_ours(path: Path) -> bool:
+    """Whether gtmodel made this archive."""
+    try:
+        with zipfile.ZipFile(path) as packed, packed.open(DESCRIPTION) as description:
+            return b'generationTool="gtmodel ' in description.read(MOST_DESCRIPTION)
+    except (*_DAMAGED, KeyError):
+        return False
+
 
 KINDS = {
     "time": "GT_FMU_TIME", "input": "GT_FMU_INPUT", "fixed": "GT_FMU_FIXED", "tunable": "GT_FMU_TUNABLE",

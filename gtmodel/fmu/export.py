@@ -1,35 +1,88 @@
-"""From a function to the archive of a functional mock-up unit."""
+"""From a function to the archive of a functional mock-up unit, with the shared library made by the C compiler of
+this machine."""
 
 from __future__ import annotations
 
 import hashlib
 import math
+import platform
 import re
+import subprocess
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 from .._files import codegen_dir
-from ..cgen.box import box_of, check_names
-from ..cgen.interface import check_identifier
+from ..cgen.interface import box_of, check_identifier, check_names
+from ..cgen.real import GenerationError
 from ..cgen.steps.function import StepFunction
-from ..cgen.text import GenerationError
 from ..compiler.causal import CausalFunction, c_name, compile_causal
+from ..compiler.toolchain import SECONDS, STANDARD, find
 from ..lang.model import Model
-from ..results.disk import write_whole
+from ..results.disk import scratch, write_whole
 from ..results.refusal import ArgumentError
-from .archive import archive, is_ours
-from .causal_content import causal_content
-from .content import FmuContent, model_files, without_parameters
-from .description2 import description2
-from .description3 import build_description3, description3
-from .inner_step import step_and_error
-from .library import binary_places, library
+from .causal_content import causal_content, starts, step_and_error, with_states
+from .content import FmuContent, archive, is_ours, model_files, without_parameters
+from .description import build_description3, description2, description3
 from .page import page
 from .step_content import step_content
 from .table import FmuTable
-from .with_states import starts, with_states
+
+# one folder, relative names, no time, no build number: the same bytes wherever it is made. Only what the standard
+# names is seen from outside, so that two units in one program share nothing. Nothing runs at loading: no start files.
+FLAGS = (
+    *STANDARD, "-Os", "-fPIC", "-fvisibility=hidden", "-ffunction-sections", "-fdata-sections", "-fno-ident",
+    "-fno-asynchronous-unwind-tables", "-g0",
+)  # fmt: skip
+LINK = (
+    "-shared", "-s", "-nostartfiles", "-Wl,--build-id=none", "-Wl,--gc-sections", "-Wl,--no-undefined",
+    "-Wl,-z,noexecstack", "-Wl,-z,noseparate-code", "-Wl,--hash-style=gnu", "-lm",
+)  # fmt: skip
+WINDOWS = "x86_64-w64-mingw32-gcc"
+
+
+def binary_places() -> tuple[str, str]:
+    """Folder of the library for this machine in archives of FMI 3.0 and 2.0. Raises GenerationError for a machine for
+    which no name is known."""
+    machine, system = platform.machine().lower(), platform.system()
+    names = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
+    if system != "Linux" or machine not in names:
+        raise GenerationError(f"libraries are made on Linux for x86_64 and aarch64 only; this is {system} on {machine}")
+    return f"{names[machine]}-linux", "linux64" if names[machine] == "x86_64" else "aarch64-linux"
+
+
+def library(files: Mapping[str, str]) -> bytes:
+    """The library of these sources, by name. Raises GenerationError without a compiler, and where one fails."""
+    tools = find()
+    if isinstance(tools, str):
+        raise GenerationError(tools)
+    return _compiled(tools.cc, files, LINK)
+
+
+def windows_library(compiler: str, files: Mapping[str, str]) -> bytes:
+    """The same for Windows by a cross compiler such as x86_64-w64-mingw32-gcc. Raises GenerationError as `library`."""
+    return _compiled(compiler, files, ("-shared", "-s", "-Wl,--no-insert-timestamp", "-static-libgcc", "-lm"))
+
+
+def _compiled(compiler: str, files: Mapping[str, str], link: tuple[str, ...]) -> bytes:
+    with scratch("gtmodel-fmu-") as folder:
+        for name, text in files.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        sources = sorted(name for name in files if name.endswith(".c"))
+        command = [compiler, *FLAGS, *sources, "-o", "library.bin", *link]
+        try:
+            done = subprocess.run(
+                command, cwd=folder, capture_output=True, text=True, errors="replace", timeout=SECONDS
+            )
+        except (OSError, subprocess.TimeoutExpired) as error:
+            raise GenerationError(f"the compiler cannot be run: {error}") from error
+        if done.returncode != 0:
+            lines = done.stderr.splitlines()
+            said = next((line for line in lines if "error" in line or "undefined" in line), done.stderr.strip())
+            raise GenerationError(f"the compiler refuses the unit: {said}")
+        return (folder / "library.bin").read_bytes()
+
 
 Version = Literal[2, 3]
 TOLERANCE = 1e-6  # of the integrator inside, over the size of a state or one

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from .._version import __version__
 from ..compiler.causal import CausalFunction
 from ..results.status import Status
+from .content import escaped
 from .table import FmuTable, FmuVariable
-from .xml_text import escaped
 
 _STATUS = {
     Status.OK: ("OK", "OK"),

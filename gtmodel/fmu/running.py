@@ -16,8 +16,8 @@ from ..loop.plant import PlantStopped
 from ..results.agreement import Within, agree, numbers_of
 from ..results.disk import path_of, scratch
 from ..results.refusal import ArgumentError
-from .archive import ArchiveFault, unpack
 from .caller import LONGEST_S, TIMEOUT_S
+from .content import ArchiveFault, unpack
 from .export import Fmu
 from .process import UnitEnded, UnitProcess, one_line
 from .signals import UnitSignals

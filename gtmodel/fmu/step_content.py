@@ -9,9 +9,7 @@ import numpy as np
 
 from ..cgen.generation import contents
 from ..cgen.real import DOUBLE
-from ..cgen.steps.faces import faces_of
-from ..cgen.steps.function import StepFunction
-from ..cgen.steps.records import StepMember
+from ..cgen.steps.function import StepFunction, StepMember, faces_of
 from .causal_content import KEY, needed
 from .content import FmuContent
 from .table import FmuTable, FmuVariable, fmi_name, longer, unused

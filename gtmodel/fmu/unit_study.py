@@ -14,8 +14,8 @@ from ..results import Check, Quantity, Row, SolveStatus, Study, Work
 from ..results.folder import FolderError, holding
 from ..results.refusal import ArgumentError
 from ..results.work import Progress, never, silent, study_function
-from .archive import is_ours
 from .checking import check as checked
+from .content import is_ours
 from .export import Fmu, Version, export
 
 FAILED = ".failed"  # in the name of an archive that failed a check

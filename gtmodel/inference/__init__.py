@@ -29,22 +29,23 @@ from .._lazy import public
 
 if TYPE_CHECKING:
     from . import bundle as bundle
-    from .between import BetweenRecordings as BetweenRecordings, between_recordings as between_recordings
     from .covariance import (
         automatic_lag as automatic_lag,
         block_bootstrap as block_bootstrap,
         correlation_time as correlation_time,
         decimated as decimated,
         fixed_b as fixed_b,
+        negligible as negligible,
         newey_west as newey_west,
+        nominal_sizes as nominal_sizes,
         white as white,
     )
-    from .coverage import Coverage as Coverage, binomial_band as binomial_band, coverage as coverage
-    from .dependencies import Dependencies as Dependencies, dependencies as dependencies
     from .held_out import (
         FALSE_ALARM as FALSE_ALARM,
+        BetweenRecordings as BetweenRecordings,
         HeldOut as HeldOut,
         OverNoise as OverNoise,
+        between_recordings as between_recordings,
         chance_ratio as chance_ratio,
         chi_squared_over_noise as chi_squared_over_noise,
         freedom_of as freedom_of,
@@ -52,15 +53,23 @@ if TYPE_CHECKING:
         over_noise as over_noise,
     )
     from .identifiability import (
+        Dependencies as Dependencies,
         Direction as Direction,
         Identifiability as Identifiability,
+        Observability as Observability,
+        dependencies as dependencies,
         identifiability as identifiability,
+        observability as observability,
     )
     from .least_squares import linear_fit as linear_fit, linear_fits as linear_fits
-    from .make_estimate import negligible as negligible, nominal_sizes as nominal_sizes
-    from .monte_carlo import MonteCarlo as MonteCarlo, monte_carlo as monte_carlo
+    from .monte_carlo import (
+        Coverage as Coverage,
+        MonteCarlo as MonteCarlo,
+        binomial_band as binomial_band,
+        coverage as coverage,
+        monte_carlo as monte_carlo,
+    )
     from .nonlinear import NonlinearFit as NonlinearFit, nonlinear_fit as nonlinear_fit
-    from .observability import Observability as Observability, observability as observability
     from .residuals import (
         CrossValidation as CrossValidation,
         Verdict as Verdict,

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
-from .make_estimate import RANK, freedom_left, moved_together, scales, spectrum
+from .covariance import RANK, freedom_left, moved_together, scales, spectrum
 from .weighting import Prior, prior_rows, weighting
 
 # with priors and an unknown noise, the two weigh each other: rounds until the noise stands still to this part

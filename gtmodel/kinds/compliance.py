@@ -8,8 +8,7 @@ from pydantic import Field
 
 from gtmodel import compliance
 from gtmodel.compliance import Springs, options
-from gtmodel.compliance.compliance_result import WORDS
-from gtmodel.compliance.options import ArmSprings
+from gtmodel.compliance.options import WORDS, ArmSprings
 from gtmodel.problem_files.base import Call, Context, InputError
 from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.keys import RobotProblem

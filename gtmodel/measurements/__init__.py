@@ -62,11 +62,9 @@ if TYPE_CHECKING:
     from ..results.interpolation import smooth as smooth
     from .alignment.align import Alignment as Alignment, align as align
     from .alignment.delay_study import DelayStudy as DelayStudy, delay_study as delay_study
-    from .alignment.options import Search as Search, SyntheticDelay as SyntheticDelay
-    from .alignment.synthetic import made_pair as made_pair
-    from .common_grid.options import AlignBy as AlignBy, EvenGrid as EvenGrid
+    from .alignment.options import Search as Search, SyntheticDelay as SyntheticDelay, made_pair as made_pair
+    from .common_grid.options import AlignBy as AlignBy, EvenGrid as EvenGrid, ResamplingStudy as ResamplingStudy
     from .common_grid.resampling_study import resampling_study as resampling_study
-    from .common_grid.result import ResamplingStudy as ResamplingStudy
     from .filters import (
         Moving as Moving,
         ZeroPhase as ZeroPhase,
@@ -80,7 +78,7 @@ if TYPE_CHECKING:
         second_derivative as second_derivative,
         smooth_motion as smooth_motion,
     )
-    from .inspection.copies import Stretch as Stretch, copied_stretch as copied_stretch, copies as copies
+    from .inspection.data_tests import Stretch as Stretch, copied_stretch as copied_stretch, copies as copies
     from .inspection.inspection_study import InspectionStudy as InspectionStudy, inspect as inspect
     from .log import (
         Column as Column,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .arrays import Values, array, each, entries, identity, joined, product, scalar, stacked, summed
-from .multibody import terms as multibody
+from .multibody import assembly as multibody
 from .scalars import EnumerationLiteral, Operation, is_literal, number_of, operation
 from .syntax import FunctionCall, Literal, ModelicaError, Place, Reference, SyntaxNode
 

@@ -10,18 +10,15 @@ import numpy as np
 
 from . import functions
 from .arrays import RecordValue, each, entries, same_shape
-from .connections import Connections
-from .constraints import constraints_settled, sides
-from .expandable import drop_unused, give_variables
-from .expressions import Evaluator
-from .flat import Flattened, ScalarEquation, ScalarIf
+from .connections import Connections, drop_unused, give_variables
+from .constraints import Flattened, ScalarEquation, ScalarIf, constraints_settled, sides
+from .expressions import MOST_OPERATIONS, TOO_LONG, Evaluator
 from .instances import Declared, Instance, NameScope
 from .members import field as field_of
 from .modifications import Modifier
 from .multibody.assembly import declared_places
 from .multibody.library import is_own
 from .multibody.parts import is_frame
-from .resolved import LONGEST, TOO_LONG
 from .scalars import (
     Flat,
     Operation,
@@ -35,10 +32,8 @@ from .scalars import (
     symbols,
 )
 from .scopes import Space
-from .settled.causality import settle_inputs
-from .settled.events import settle_events
-from .settled.macros import settle_macros
-from .settled.static import settle_static
+from .settled.events import settle_events, settle_macros
+from .settled.static import settle_inputs, settle_static
 from .settled.whens import apart, refuse_two_clauses, watched, when_of
 from .syntax import (
     Binary,
@@ -347,7 +342,7 @@ class _Flattening:
     def _bounded(self) -> None:
         """Refuses what is longer than whoever writes or reads it has patience for."""
         for e in (*self.out.equations, *self.out.initial, *self.out.constraints):
-            if any(sum(1 for _ in operations(x)) > LONGEST for x in sides(e)):
+            if any(sum(1 for _ in operations(x)) > MOST_OPERATIONS for x in sides(e)):
                 raise ModelicaError(TOO_LONG, e.at)
 
     def _header(self) -> None:

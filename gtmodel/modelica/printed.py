@@ -7,9 +7,9 @@ from collections.abc import Callable
 from typing import Any
 
 from .classes import exact
-from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen, expressions
+from .constraints import Flattened, ScalarEquation, ScalarIf, ScalarWhen, expressions
+from .expressions import MOST_OPERATIONS, Resolver, is_declared
 from .python import Writer
-from .resolved import LONGEST, Resolver, is_declared
 from .scalars import EnumerationLiteral, Flat, Operation, Symbol, extent, is_literal, number_of, operations
 from .syntax import ModelicaError, Place, Source
 
@@ -134,7 +134,7 @@ class _Printer:
     def _whole(self, x: Any, at: Place) -> Any:
         """An expression with nothing that it shares, as flat text holds it."""
         result = self.resolved(x, at)
-        if extent(result, self._extents) > LONGEST:
+        if extent(result, self._extents) > MOST_OPERATIONS:
             raise ModelicaError("written out, this expression is too long for flat text; --python prints it", at)
         return result
 

@@ -10,9 +10,9 @@ from typing import Any
 
 from ..lang.units import UnitError, si_unit
 from .classes import Written
-from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen, WhenBranch
-from .multibody.writing import PartWriter
-from .resolved import LONGEST, TOO_LONG, Resolver, is_declared
+from .constraints import Flattened, ScalarEquation, ScalarIf, ScalarWhen, WhenBranch
+from .expressions import MOST_OPERATIONS, TOO_LONG, Resolver, is_declared
+from .multibody.parts import PartWriter
 from .scalars import (
     EnumerationLiteral,
     Flat,
@@ -375,7 +375,7 @@ class Writer:
 
     @staticmethod
     def _bounded(x: Any, at: Place, extents: dict[int, tuple[Any, int]]) -> None:
-        if extent(x, extents) > LONGEST:
+        if extent(x, extents) > MOST_OPERATIONS:
             raise ModelicaError(TOO_LONG, at)
 
     def _expression(self, x: Any) -> ast.expr:

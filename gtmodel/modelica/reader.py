@@ -11,7 +11,7 @@ from typing import Any
 
 from .._near import near
 from ..results.disk import path_of
-from . import kept
+from . import trees
 from .syntax import ClassText, ModelicaError, Place, Source
 
 GRAMMAR = Path(__file__).with_name("grammar.lark")
@@ -41,7 +41,7 @@ def _parser() -> Any:
         "parser": "lalr", "lexer": "basic", "propagate_positions": True, "maybe_placeholders": False,
     }  # fmt: skip
     key = hashlib.sha256(f"{lark.__version__} {grammar}".encode()).hexdigest()[:16]
-    where = kept.folder()  # tables are pickled: only from a folder that nobody else can write
+    where = trees.folder()  # tables are pickled: only from a folder that nobody else can write
     return lark.Lark(grammar, cache=str(where / f"{key}.tables") if where is not None else False, **options)
 
 
@@ -86,10 +86,10 @@ def read(path: str | os.PathLike[str]) -> list[ClassText]:
 def known(text: str, path: str) -> list[ClassText]:
     """As `parse`, from the cache if a file with this very text was parsed before."""
     source = Source(path, text.removeprefix("\ufeff"))
-    classes = kept.tree(source)
+    classes = trees.tree(source)
     if classes is None:
         classes = parse(text, path)
-        kept.keep(source, classes)
+        trees.keep(source, classes)
     return classes
 
 

@@ -11,9 +11,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, cast
 
-from . import kept, reader
+from . import reader, trees
 from .classes import identifier
-from .flat import Flattened
+from .constraints import Flattened
 from .flatten import flattened
 from .modifications import NOTHING
 from .scopes import Space
@@ -58,12 +58,12 @@ def flat_file(
     if space.text.restriction == "optimization":
         raise ModelicaError(f"rumoca knows no optimization, as {name}; leave flattener out", space.text.at)
     text = _marked(_asked(path, name, [str(p) for p in library], said))
-    folder = kept.folder() or Path(tempfile.mkdtemp(prefix="gtmodel-"))
+    folder = trees.folder() or Path(tempfile.mkdtemp(prefix="gtmodel-"))
     file = folder / f"{identifier(name)}-{hashlib.sha256(text.encode()).hexdigest()[:16]}.mo"
     with tempfile.NamedTemporaryFile("w", dir=folder, suffix=".new", delete=False, encoding="utf-8") as new:
         new.write(f"// {name}, flattened by rumoca {version()}\n{text}")
     os.replace(new.name, file)
-    kept.bound(folder)
+    trees.bound(folder)
     return file
 
 

@@ -12,7 +12,7 @@ from .._near import near
 from ..lang.model import Model
 from ..results.disk import path_of
 from .classes import identifier, text_of
-from .flat import Flattened
+from .constraints import Flattened
 from .flatten import flattened
 from .instances import NameScope
 from .modifications import Given, Modifier

@@ -10,8 +10,8 @@ from typing import Annotated, Any
 import numpy as np
 
 from ..lang import Model
-from ..optimize.judgement.overshoot import control_curves
-from ..optimize.judgement.reached_optima import SAME_COST
+from ..optimize.judgement.resimulate import control_curves
+from ..optimize.multistart import SAME_COST
 from ..results import ArgumentError, SolveStatus, Trajectory, Work, at_most
 from ..results.check import failed_of
 from ..results.options import Long

@@ -12,8 +12,8 @@ import numpy as np
 from .._lazy import hint
 from ..lang import Optimization
 from ..optimize import Mesh, Solution, SolverOptions, solve as collocate
-from ..optimize.judgement.reached_optima import ReachedOptima
 from ..optimize.judgement.resimulate import Resimulation, resimulate
+from ..optimize.multistart import ReachedOptima
 from ..results import SolveStatus, Trajectory, Work
 from .constraints import NO_GUARD, MotionConstraints
 from .options import MotionProblem

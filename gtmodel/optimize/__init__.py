@@ -9,12 +9,11 @@ from .._lazy import public
 
 if TYPE_CHECKING:
     from ..compiler.toolchain import CompilerMissing as CompilerMissing
-    from .control import Blocks as Blocks
     from .estimate import Estimate as Estimate, estimate as estimate
     from .events.phases_of_events import EventPhases as EventPhases, phases_of_events as phases_of_events
     from .judgement.refine import Refinement as Refinement, refine as refine
     from .judgement.resimulate import Resimulation as Resimulation, resimulate as resimulate
-    from .mesh import Mesh as Mesh
+    from .mesh import Blocks as Blocks, Mesh as Mesh
     from .multistart import MultiStart as MultiStart, Optimum as Optimum, multi_start as multi_start
     from .optimization_result import OptimizationStudy as OptimizationStudy
     from .phases import Phases as Phases, PhasesSolution as PhasesSolution, solve_phases as solve_phases

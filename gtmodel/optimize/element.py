@@ -8,11 +8,9 @@ import casadi as ca
 import numpy as np
 
 from ..lang.source import ModelError
-from .control import coefficients, control_basis
 from .formulation.dynamic import DynamicProblem
-from .formulation.relations import ConstraintRow
-from .mesh import Mesh
-from .tables import basis, basis_slope
+from .formulation.horizon import ConstraintRow
+from .mesh import Mesh, basis, basis_slope, coefficients, control_basis
 
 
 @dataclass(eq=False)

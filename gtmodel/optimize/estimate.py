@@ -11,9 +11,9 @@ import scipy
 from ..lang.scope import Misfit
 from ..lang.source import ModelError
 from ..results.estimate import Estimate
+from .formulation.scaling import objective_scale
 from .linking import Joined, is_of
 from .nlp import Nlp, instants, placed
-from .objective_scaling import objective_scale
 from .phases import PhasesSolution
 from .solution import Solution
 

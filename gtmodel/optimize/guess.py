@@ -11,9 +11,9 @@ from ..compiler.evaluate import build as functions_of
 from ..lang.source import ModelError
 from ..lang.units import parse_unit
 from ..results.trajectory import Trajectory
-from .control import control_basis
-from .formulation.attributes import names_of, start_of
 from .formulation.dynamic import DynamicProblem
+from .formulation.horizon import names_of, start_of
+from .mesh import control_basis
 from .nlp import Nlp
 from .solution import Solution
 

@@ -1,8 +1,13 @@
-"""Handing an NLP over to IPOPT: options, a second try with the other barrier strategy, and how it ended."""
+"""Handing an NLP over to IPOPT: options, a second try with the other barrier strategy, and warnings of CasADi that a
+solution says better."""
 
 from __future__ import annotations
 
+import sys
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stderr
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,11 +15,38 @@ import casadi as ca
 import numpy as np
 
 from ..results.status import SolveStatus
-from .casadi_warnings import without_warnings
 from .watch import FEASIBLE, NEARER, RUNAWAY, Iterate, IterationWatch, Multipliers, Program, Progress
 
 if TYPE_CHECKING:
     from .solve import SolverOptions
+
+BEGIN, END = "CasADi - ", "]\n"  # CasADi writes a warning piece by piece: date, text, [file:line]
+
+
+class _Sieve:
+    """A stream without the warnings that one thread writes; all else passes."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream, self._thread, self._within = stream, threading.get_ident(), False
+
+    def write(self, text: str) -> int:
+        if threading.get_ident() == self._thread:
+            self._within = self._within or text.startswith(BEGIN)
+            if self._within:
+                self._within = not text.endswith(END)
+                return len(text)
+        return self._stream.write(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+@contextmanager
+def without_warnings() -> Iterator[None]:
+    """Leaves out what CasADi warns of meanwhile; what others write to stderr passes."""
+    with redirect_stderr(_Sieve(sys.stderr)):  # type: ignore[type-var]
+        yield
+
 
 HESSIANS = {"exact": "exact", "lbfgs": "limited-memory"}
 STRATEGIES = ("adaptive", "monotone")  # IPOPT's mu_strategy; where one fails the other may need a tenth of iterations

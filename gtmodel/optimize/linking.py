@@ -17,8 +17,8 @@ from ..lang.scope import Scope
 from ..lang.source import ModelError
 from ..lang.units import parse_unit
 from .element import value_at
-from .formulation.relations import ConstraintRow, relation_rows
-from .formulation.row_scaling import scale_of
+from .formulation.horizon import ConstraintRow, relation_rows
+from .formulation.scaling import scale_of
 from .nlp import Nlp, functions_of, scatter
 from .watch import Program
 

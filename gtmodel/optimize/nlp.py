@@ -14,12 +14,11 @@ import numpy as np
 
 from ..compiler.matrices import SparseMatrix, nonzeros, stacked
 from ..lang.source import ModelError
-from .compiled import compiled
 from .element import Element, Layout, make_element, value_at
 from .formulation.delays import DelayRows, delay_rows
 from .formulation.dynamic import DynamicProblem
 from .mesh import Mesh
-from .point_kernels import Derivatives, Pattern, derivatives, linear_rows, point_kernels
+from .point_kernels import Derivatives, Pattern, compiled, derivatives, linear_rows, point_kernels
 from .watch import Program
 
 

@@ -13,21 +13,18 @@ from ..lang.optimization import Optimization
 from ..lang.source import ModelError, SourceLocation
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
-from .assembly import astray
-from .equalities import check_equalities
-from .finite import not_finite
+from .formulation.horizon import ConstraintRow
 from .formulation.problem import build
-from .formulation.relations import ConstraintRow
+from .formulation.scaling import objective_scale
 from .guess import initial_guess
 from .ipopt import SolverRun, run_ipopt
+from .judgement.checks import Remark, astray, check_equalities, not_finite
 from .judgement.diagnosis import failure, named_row, solved_word, violated, worst_of
 from .judgement.discretisation import judged
-from .judgement.places import Remark
-from .judgement.reached_optima import ReachedOptima
 from .linking import Joined, Link, join
 from .mesh import Mesh, given_mesh
+from .multistart import ReachedOptima
 from .nlp import Nlp, make_nlp
-from .objective_scaling import objective_scale
 from .solution import Solution, read_solution
 from .solve import NotSolved, SolverOptions
 from .watch import Multipliers, Progress

@@ -1,14 +1,12 @@
-"""One collocation point differentiated, and elements put together from points by constant matrices.
-
-What a point says depends on the unknowns of its element through few numbers w = A y: states, their slopes, inputs.
-A is constant, so that derivatives by y are those by w times constants: A'HA. One of three points is a third of their
-element to differentiate and to compile, and w is shorter than y.
-"""
+"""One collocation point differentiated, elements put together from points by constant matrices, and their functions
+as machine code."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -18,11 +16,44 @@ from ..compiler.matrices import SparseMatrix, nonzeros, stacked, stacked_rows
 from ..compiler.tape.elimination import Entries, gradient, hessian, jacobian
 from ..compiler.tape.function import TapeFunction
 from ..compiler.tape.operations import Tape, read_in
-from .control import control_basis
+from ..compiler.toolchain import FLAGS, SHOWN, CompilerMissing, build, find, place, whole
 from .element import Element, Layout, pointwise
 from .formulation.dynamic import DynamicProblem
-from .mesh import Mesh
-from .tables import basis
+from .mesh import Mesh, basis, control_basis
+
+
+def compiled(functions: Sequence[ca.Function]) -> tuple[list[ca.Function], float]:
+    """The same functions from one shared library, and the seconds that compiling took: 0.0 if it was there.
+
+    The library's name is a hash of the source, the flags, the compiler's path and the machine; beside it lies the hash
+    of its own bytes: one that is cut, or exchanged, or does not load, is built anew. Libraries are loaded from folders
+    that none but their owner can write. Externals have no derivatives. Raises CompilerMissing.
+    """
+    chain = find()
+    if isinstance(chain, str):
+        raise CompilerMissing(f"compile=True needs a compiler, and {chain}; compile=False gives the same optimum")
+    generator = ca.CodeGenerator("element.c", {"with_header": False})
+    for f in functions:
+        generator.add(f)
+    source = generator.dump()
+    library = place(chain, source, FLAGS)
+    begin = time.perf_counter()
+    if whole(library):
+        try:
+            return _loaded(functions, library), 0.0
+        except RuntimeError:
+            pass  # whole as it was written, but for another system or another CasADi
+    build(chain, source, library, FLAGS)
+    try:
+        return _loaded(functions, library), time.perf_counter() - begin
+    except RuntimeError as error:
+        said = " ".join(str(error).split())[:SHOWN]
+        raise CompilerMissing(f"the element functions compiled by {chain.cc} do not load: {said}") from None
+
+
+def _loaded(functions: Sequence[ca.Function], library: Path) -> list[ca.Function]:
+    return [ca.external(f.name(), str(library)) for f in functions]
+
 
 # operations of a point from which CasADi's own differentiation, and its search for what occurs twice, take seconds
 LARGE = 3000
@@ -295,9 +326,9 @@ def _scattered(
     of each) where they stand in the element."""
     to, at, values = [], [], []
     i, j = own
-    for c, (place, A) in enumerate(zip(rows, take, strict=True)):
+    for c, (own_rows, A) in enumerate(zip(rows, take, strict=True)):
         number, columns, weights = A.of_rows(j)
-        to.append(place[i[number]] + columns * height)
+        to.append(own_rows[i[number]] + columns * height)
         at.append(c * len(i) + number)
         values.append(weights)
     return _gathered(to, at, values, height, len(i) * len(take))

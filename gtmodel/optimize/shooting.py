@@ -13,10 +13,10 @@ import casadi as ca
 import numpy as np
 
 from ..lang.source import ModelError
+from .formulation.scaling import objective_scale
 from .ipopt import SolverRun, run_ipopt
 from .judgement.resimulate import make_integrator
 from .nlp import Nlp
-from .objective_scaling import objective_scale
 from .watch import Iterate, Multipliers, Program, Progress
 
 if TYPE_CHECKING:

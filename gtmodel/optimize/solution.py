@@ -15,14 +15,12 @@ from ..lang.source import SourceLocation
 from ..results.check import Check
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
-from .control import control_basis
 from .formulation.dynamic import DynamicProblem
 from .formulation.quadratures import summed
 from .formulation.system import RateSystem, on_rows
 from .ipopt import SolverRun
-from .mesh import ROUND_OFF, Mesh
+from .mesh import ROUND_OFF, Mesh, basis, basis_slope, control_basis
 from .nlp import Nlp, placed
-from .tables import basis, basis_slope
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -15,19 +15,16 @@ from ..lang.slips import named
 from ..lang.source import ModelError
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
-from .assembly import astray
-from .equalities import check_equalities
-from .fatrop import Staged
 from .formulation.problem import FORMULATIONS, build
-from .formulation.row_scaling import of_trajectory
+from .formulation.scaling import objective_scale, of_trajectory
 from .guess import initial_guess
 from .ipopt import BARRIERS, HESSIANS, SolverRun, run_ipopt
+from .judgement.checks import astray, check_equalities
 from .judgement.diagnosis import ended
 from .judgement.discretisation import BOUND, judged
-from .merged import merged
 from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
-from .objective_scaling import objective_scale
+from .nlp_forms import Staged, merged
 from .shooting import run_shooting
 from .solution import Solution, read_solution
 from .watch import Multipliers, Progress

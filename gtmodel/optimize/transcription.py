@@ -15,11 +15,11 @@ from ..lang.declare import Parameter
 from ..lang.optimization import Optimization
 from ..lang.source import ModelError
 from ..results.trajectory import Trajectory
-from .equalities import check_equalities
 from .formulation.dynamic import DynamicProblem
 from .formulation.horizon import require_order
 from .formulation.problem import build
 from .guess import initial_guess
+from .judgement.checks import check_equalities
 from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
 from .solution import Solution

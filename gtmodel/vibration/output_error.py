@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from gtmodel.inference import nonlinear_fit, whiteness
-from gtmodel.inference.make_estimate import carried, moved_together
+from gtmodel.inference.covariance import carried, moved_together
 from gtmodel.inference.nonlinear import by_differences, central
 from gtmodel.results import Estimate
 

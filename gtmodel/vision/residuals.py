@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from ..inference.chance import f_test
-from ..measurements.inspection.outliers import Outliers, outliers
+from ..measurements.inspection.residual_tests import Outliers, outliers
 from ..results.refusal import ArgumentError
 
 LEAST = 30  # observations: fewer say nothing

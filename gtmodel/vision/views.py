@@ -275,7 +275,7 @@ def _linearised(p: np.ndarray, uv: np.ndarray, lenses: np.ndarray, cameras: np.n
 
 @cache
 def _derivatives() -> ca.Function:
-    from ..inference.bundle.unknown_group import UnknownGroup  # here: a picture of pixels needs no fit
+    from ..inference.bundle.residual_block import UnknownGroup  # here: a picture of pixels needs no fit
 
     lens, camera, point, data = (ca.SX.sym("x", k) for k in (len(LENS), 7, 3, 2))
     move = ca.SX.sym("move", MOVES)

@@ -9,8 +9,7 @@ import pytest
 from gtmodel.calibrate import Choice, block_rows, calibrate, prepare
 from gtmodel.calibrate.problem import noise_covariance
 from gtmodel.inference import Prior
-from gtmodel.inference.losses import loss_named
-from gtmodel.inference.weighting import prior_rows
+from gtmodel.inference.weighting import loss_named, prior_rows
 from tests.calibrate.synthetic import measured, true_robot
 
 NOISE = {"q": 13e-6, "T": 50e-6}

@@ -10,8 +10,7 @@ import numpy as np
 
 from gtmodel import Status
 from gtmodel.cgen.interface import Interface
-from gtmodel.cgen.verification.box_points import box_points
-from gtmodel.cgen.verification.comparison import call
+from gtmodel.cgen.verification.comparison import box_points, call
 
 INSIDE = 0.01  # of a box's width, left out at both its ends
 POINTS = 400  # random ones of the box that hostile rows start from

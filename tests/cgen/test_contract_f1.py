@@ -14,8 +14,7 @@ import gtmodel as gt
 from gtmodel import Status, cgen
 from gtmodel.cgen.interface import Interface, interfaces
 from gtmodel.cgen.points import HELD, evaluate
-from gtmodel.cgen.verification.box_points import box_points
-from gtmodel.cgen.verification.comparison import call
+from gtmodel.cgen.verification.comparison import box_points, call
 from tests.cgen.calls import denormals, shared_library, spoilt_draws
 from tests.cgen.conftest import Functions
 from tests.oracle.f1_by_hand import F1ByHand, from_quaternion

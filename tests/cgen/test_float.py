@@ -12,12 +12,11 @@ import pytest
 
 from gtmodel import Status, cgen
 from gtmodel.cgen.interface import interfaces
+from gtmodel.cgen.newton_steps import run as run_in_float
 from gtmodel.cgen.points import draw, evaluate
 from gtmodel.cgen.proof import prove
-from gtmodel.cgen.real import DOUBLE, FLOAT
-from gtmodel.cgen.single import single
+from gtmodel.cgen.real import DOUBLE, FLOAT, single
 from gtmodel.cgen.verification.comparison import call
-from gtmodel.cgen.virtual_machine import run as run_in_float
 from tests.bench.callgrind import FLAGS
 from tests.cgen.calls import shared_library
 from tests.cgen.conftest import Functions, c_files, copy, run, succeed

@@ -9,11 +9,9 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import Status, cgen
-from gtmodel.cgen.real import DOUBLE
-from gtmodel.cgen.steps.comparison import LoadedStep
-from gtmodel.cgen.steps.faces import step_faces
-from gtmodel.cgen.steps.records import record
-from gtmodel.cgen.text import GenerationError
+from gtmodel.cgen.real import DOUBLE, GenerationError
+from gtmodel.cgen.steps.function import record, step_faces
+from gtmodel.cgen.verification.comparison import LoadedStep
 from tests.cgen.calls import shared_library
 
 

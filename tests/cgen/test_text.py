@@ -15,7 +15,7 @@ import gtmodel as gt
 from gtmodel import cgen
 from gtmodel._files import codegen_dir
 from gtmodel.cgen.interface import interfaces, unit_suffix
-from gtmodel.cgen.text import comment, decimal, hexadecimal
+from gtmodel.cgen.real import comment, decimal, hexadecimal
 from gtmodel.results import c_enum, c_sentences
 from tests.cgen.conftest import Functions, SliderCrank
 

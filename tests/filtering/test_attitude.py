@@ -12,11 +12,10 @@ from scipy.spatial.transform import Rotation
 
 import gtmodel as gt
 from gtmodel.filtering import AttitudeJudging, AttitudeRecording, ReferenceNoise, SyntheticAttitude, smooth
-from gtmodel.filtering.attitude import carried_body, conventions as reading, gyro_parts
-from gtmodel.filtering.attitude.arrival import sampled_instants
+from gtmodel.filtering.attitude import between_references, conventions as reading, gyro_calibration
 from gtmodel.filtering.attitude.between_references import Bridge, HiddenStretch, gaps_of
 from gtmodel.filtering.attitude.gyro_path import RateCorrection, gyro_path
-from gtmodel.filtering.attitude.recording import synthetic_attitude
+from gtmodel.filtering.attitude.recording import sampled_instants, synthetic_attitude
 from gtmodel.results.refusal import ArgumentError
 from tests.support.recordings import recording
 
@@ -86,7 +85,7 @@ def test_the_measured_arm() -> None:
 def test_the_twin(twin: Any, made: Any) -> None:
     check_limits(twin, (4, 9))
     assert "synthetic, seed 3" in twin.synthetic and twin.rows[-1].label == "SYNTHETIC"
-    for name, true in zip(gyro_parts.NAMES, gyro_parts.parts(made.correction.numbers), strict=True):
+    for name, true in zip(gyro_calibration.PART_NAMES, gyro_calibration.parts(made.correction.numbers), strict=True):
         low, high = twin.interval(name, 0.999)
         assert low < true < high, name
     assert 2e-3 < min(twin.timing) and max(twin.timing) < 4e-3  # 10 ms / sqrt(12) is 2.9 ms
@@ -208,7 +207,7 @@ def test_parts_of_the_matrix() -> None:
     stretch = np.array([[1.02, 0.01, -0.02], [0.01, 0.98, 0.03], [-0.02, 0.03, 1.01]])
     x = RateCorrection(turn.as_matrix() @ stretch, np.array([1.0, 2.0, 3.0]), 0.5).numbers
     expected = [0.1, -0.3, 0.2, 1.02, 0.98, 1.01, 0.03, -0.02, 0.01, 1.0, 2.0, 3.0, 0.5]
-    np.testing.assert_allclose(gyro_parts.parts(x), expected, atol=1e-14)
+    np.testing.assert_allclose(gyro_calibration.parts(x), expected, atol=1e-14)
 
 
 def test_without_noise_the_truth_comes_back() -> None:
@@ -263,7 +262,7 @@ def test_the_correction_at_both_ends_is_the_smoother_of_the_filter() -> None:
     reference = Rotation.random(rng=rng) * path.turn * Rotation.from_rotvec(np.outer(at, [0.03, -0.02, 0.04]))
     bridge = Bridge.over(HiddenStretch(0, np.arange(1, 6), 6), at, reference, path, noise, np.zeros((13, 13)))
     used = np.array([True, *[False] * 5, True])
-    run = carried_body.attitude_filter(time, rate, at, reference, noise, used)
+    run = between_references.attitude_filter(time, rate, at, reference, noise, used)
     rows = np.searchsorted(run.time, at[1:6])
     size = (bridge.corrected[:-1] * bridge.carried[:-1].inv()).magnitude()
     causal = Rotation.from_quat(run["Q"][rows], scalar_first=True)

@@ -11,9 +11,8 @@ import pytest
 import gtmodel as gt
 from gtmodel import Status, cgen
 from gtmodel.cgen.real import DOUBLE, FLOAT, Real
-from gtmodel.cgen.steps.comparison import LoadedStep
-from gtmodel.cgen.steps.faces import step_faces
-from gtmodel.cgen.steps.records import copied, dtype_of, record
+from gtmodel.cgen.steps.function import copied, dtype_of, record, step_faces
+from gtmodel.cgen.verification.comparison import LoadedStep
 from gtmodel.filtering import ControllerFilter, InitialState, ProcessModel, Readings, Sensor, System
 from gtmodel.results.refusal import ArgumentError
 from tests.bench.callgrind import missing

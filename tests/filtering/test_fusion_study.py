@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
+from gtmodel.filtering.fusion.options import printed_errors
 from gtmodel.filtering.fusion.scene import scene_of, slope_velocity
 from gtmodel.filtering.fusion.study import _crossing
-from gtmodel.filtering.fusion.thesis import printed_errors
 from gtmodel.results.refusal import ArgumentError
 from gtmodel.results.work import Interrupted
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
+from gtmodel.fmu.content import base_unit
 from gtmodel.fmu.table import fmi_name, unused
-from gtmodel.fmu.xml_text import base_unit
 from gtmodel.lang.source import of_frame
 from tests.fmu.makers import functions
 from tests.fmu.raw import DISCARD, ERROR, OK, Raw, unpacked

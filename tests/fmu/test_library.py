@@ -16,7 +16,7 @@ import pytest
 
 from gtmodel._files import codegen_dir
 from gtmodel.compiler.toolchain import WARNINGS, find
-from gtmodel.fmu.library import FLAGS, LINK, WINDOWS, windows_library
+from gtmodel.fmu.export import FLAGS, LINK, WINDOWS, windows_library
 from tests.fmu.makers import MAKERS
 from tests.fmu.raw import OK, Raw
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from gtmodel.fmu import inner_step
+from gtmodel.fmu import causal_content
 from tests.fmu.makers import STOP, unit as unit_of
 from tests.fmu.raw import OK, Raw, unpacked
 from tests.fmu.test_derivatives import python
@@ -135,7 +135,7 @@ def test_energy_of_the_robot(made):
 def test_a_step_is_chosen_by_its_error_and_by_the_tolerance_where_that_is_out_of_reach(monkeypatch):
     chosen = unit_of("filtered", 3).table
     assert chosen.step < 1e-3 and chosen.error <= NEAR
-    monkeypatch.setattr(inner_step, "AIM", 1e-15)
+    monkeypatch.setattr(causal_content, "AIM", 1e-15)
     rough = unit_of("filtered", 3).table
     assert rough.step > chosen.step and NEAR < rough.error <= 1e-6
 

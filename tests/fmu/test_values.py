@@ -11,7 +11,7 @@ import gtmodel as gt
 from gtmodel.cgen.interface import interfaces
 from gtmodel.cgen.points import draw, evaluate
 from gtmodel.cgen.real import DOUBLE
-from gtmodel.cgen.steps.records import dtype_of
+from gtmodel.cgen.steps.function import dtype_of
 from gtmodel.cgen.verification.comparison import call
 from gtmodel.compiler.toolchain import find
 from gtmodel.fmu.table import fmi_name

@@ -14,9 +14,8 @@ from scipy.spatial.transform import Rotation
 from gtmodel.geometry.quaternions import logarithm
 from gtmodel.geometry.rotations import inverse_right_jacobian
 from gtmodel.inference.bundle import GaugeMotion, ResidualBlock, UnknownGroup, bundle_fit
-from gtmodel.inference.bundle.elimination import along, normal_equations, reduced
+from gtmodel.inference.bundle.elimination import along, normal_equations, reduced, step_solver
 from gtmodel.inference.bundle.residual_block import BlockEvaluation
-from gtmodel.inference.bundle.shared_step import step_solver
 from gtmodel.inference.bundle.structure import structure
 from gtmodel.results.refusal import ArgumentError
 from gtmodel.results.status import SolveStatus

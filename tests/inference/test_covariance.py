@@ -12,7 +12,7 @@ from gtmodel.inference import (
     newey_west,
     white,
 )  # fmt: skip
-from gtmodel.inference.make_estimate import carried
+from gtmodel.inference.covariance import carried
 from gtmodel.results import ArgumentError
 
 

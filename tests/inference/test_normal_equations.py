@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from gtmodel.inference import nonlinear_fit
-from gtmodel.inference.losses import loss_named
-from gtmodel.inference.nonlinear import descend
-from gtmodel.inference.normal_equations import CONDITION, directions, sums, triangle
+from gtmodel.inference.nonlinear import CONDITION, descend, directions, sums, triangle
+from gtmodel.inference.weighting import loss_named
 
 LINEAR = loss_named("linear")
 

@@ -13,7 +13,7 @@ import scipy
 from scipy.io import savemat
 
 from gtmodel.measurements import Column, LogError, inspect, read_log
-from gtmodel.measurements.streams.mat_elements import refuse_damaged
+from gtmodel.measurements.streams.matlab import refuse_damaged
 from gtmodel.results import ArgumentError
 
 T = 0.004 * np.arange(40)

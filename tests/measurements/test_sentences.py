@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate.measured.column_checks import other_unit
-from gtmodel.measurements.csv_table import CsvTable
+from gtmodel.measurements.signal_table import CsvTable
 from gtmodel.results import Check, Study
 from gtmodel.results.refusal import ArgumentError
 from gtmodel.results.status import SolveStatus

@@ -211,7 +211,7 @@ def test_a_library_that_is_not_there_is_named_with_the_way_to_get_it(
     def missing(name: str) -> Any:
         raise ImportError(name)
 
-    monkeypatch.setattr("gtmodel.measurements.streams.extra.import_module", missing)
+    monkeypatch.setattr("gtmodel.measurements.streams.form.import_module", missing)
     for name, content in (
         ("log.parquet", b"PAR1"), ("log.bag", b"#ROSBAG V2.0\n"), ("log.mat", b"MATLAB 7.3".ljust(512) + b"\x89HDF"),
     ):  # fmt: skip

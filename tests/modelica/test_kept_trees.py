@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import gtmodel as gt
-from gtmodel.modelica import kept, reader
+from gtmodel.modelica import reader, trees as kept
 from gtmodel.modelica.trees import packed
 from tests.modelica import texts
 

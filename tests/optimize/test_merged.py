@@ -12,8 +12,8 @@ from gtmodel.optimize import Mesh, SolverOptions
 from gtmodel.optimize.formulation.problem import build
 from gtmodel.optimize.guess import initial_guess
 from gtmodel.optimize.ipopt import run_ipopt
-from gtmodel.optimize.merged import Merged, merged
 from gtmodel.optimize.nlp import Nlp, make_nlp
+from gtmodel.optimize.nlp_forms import Merged, merged
 from gtmodel.optimize.watch import Multipliers
 from tests.optimize import features
 from tests.optimize.problems import VanDerPol

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from gtmodel.optimize.path_terms import collected
+from gtmodel.optimize.path import collected
 from tests.bench.bench_path import symbolic
 from tests.bench.rivals.l1_by_hand import Motion
 

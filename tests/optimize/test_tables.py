@@ -8,7 +8,7 @@ from numpy.polynomial import Polynomial
 from scipy.special import roots_jacobi
 
 from gtmodel.optimize import Blocks, Mesh
-from gtmodel.optimize.tables import SCHEMES, basis, basis_slope, points, table
+from gtmodel.optimize.mesh import SCHEMES, basis, basis_slope, points, table
 
 # Values of order one after some ten operations in double precision (2.2e-16).
 ROUND_OFF = 1e-14

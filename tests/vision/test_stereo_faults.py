@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.measurements.inspection.outliers import outliers
+from gtmodel.measurements.inspection.residual_tests import outliers
 from tests.vision.stereo_runs import BOARD, FAULTS, alarmed, blurred, corners, found, spoilt, study
 
 

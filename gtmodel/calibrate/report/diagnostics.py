@@ -19,10 +19,9 @@ from ...inference import (
     noise_size,
 )
 from ...inference.chance import f_test
+from ...inference.covariance import RANK
 from ...inference.held_out import MATTERS
-from ...inference.make_estimate import RANK
-from ...inference.nonlinear import descend
-from ...inference.normal_equations import triangle
+from ...inference.nonlinear import descend, triangle
 from ...inference.residuals import SMALL_P
 from ...inference.weighting import prior_rows
 from ...lang import ModelError

@@ -9,7 +9,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from ...inference import BetweenRecordings, HeldOut, Identifiability, OverNoise, Verdict, over_noise
-from ...inference.make_estimate import RANK
+from ...inference.covariance import RANK
 from ...lang import ModelError
 from ...lang.units import parse_unit
 from ...measurements.inspection.data_tests import Data, tested

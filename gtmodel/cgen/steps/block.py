@@ -13,12 +13,9 @@ from ...compiler.analysis.events import BlockSignal, FlatBlock, block_numbers
 from ...compiler.flat_cache import flat_of
 from ...lang.model import Model
 from ...results.status import Status
-from ..real import DOUBLE, Real
-from ..text import GenerationError
-from ..virtual_machine import run
-from .function import StepFunction, StepTwin
-from .records import StepMember, dtype_of
-from .source import step_prototype
+from ..newton_steps import run
+from ..real import DOUBLE, GenerationError, Real
+from .function import StepFunction, StepMember, StepTwin, dtype_of, step_prototype
 
 POINTS = 20  # at which the traced step is compared with the one on numbers
 SAME = 1e-12

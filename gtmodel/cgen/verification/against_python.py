@@ -16,13 +16,9 @@ from ...results.disk import scratch
 from ..generation import contents
 from ..interface import Interface
 from ..manifest import changed_entries, changed_files, interface_entry, lacks, parameters_hash, read, sha256
-from ..real import real_of
-from ..steps.comparison import compare_steps
-from ..steps.faces import faces_of
-from ..steps.function import StepFace, StepFunction
-from ..text import GenerationError
-from .comparison import compare
-from .report import CheckReport, check_report
+from ..real import GenerationError, real_of
+from ..steps.function import StepFace, StepFunction, faces_of
+from .comparison import CheckReport, check_report, compare, compare_steps
 
 
 def check(

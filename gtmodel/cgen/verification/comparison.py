@@ -1,17 +1,85 @@
-"""One function of a loaded library against Python: statuses, values bit for bit, guards."""
+"""One function of a loaded library against Python, step functions too: statuses, values bit for bit, guards, at
+points in the box of validity."""
 
 from __future__ import annotations
 
 import ctypes
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from ...results import Check, at_least, at_most
+from ...results.check import failed_of, verdict
 from ...results.status import Status
 from ..interface import Interface, interfaces, places
-from ..points import awkward, draw, evaluate
+from ..newton_stages import samples_of
+from ..points import awkward, draw, evaluate, satisfying
 from ..real import DOUBLE, FLOAT_TOLERANCE
-from .box_points import box_points
+from ..steps.function import StepFace, copied, dtype_of, record
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """All checks of one folder by name. `message` is one sentence; `rows` and `rows_ok` count compared points by
+    function."""
+
+    checks: Mapping[str, Check]
+    message: str
+    rows: Mapping[str, int]
+    rows_ok: Mapping[str, int]
+
+    @property
+    def passed(self) -> bool:
+        """True when every check passed."""
+        return not failed_of(self.checks)
+
+
+def check_report(checks: Mapping[str, Check], rows: Mapping[str, int], rows_ok: Mapping[str, int]) -> CheckReport:
+    """A report with the sentence that its checks imply."""
+    failed = failed_of(checks)
+    equal = (
+        f"the C code equals Python bit for bit at {sum(rows_ok.values())} points, "
+        f"and in the status at {sum(rows.values())}"
+    )
+    return CheckReport(checks, verdict(failed, len(checks)) if failed else equal, rows, rows_ok)
+
+
+CORNERS = 64  # all of up to six inputs; of more, so many drawn at random
+STEPS = 25  # from home to a point of the box, for a function that follows its last solution
+
+
+def box_points(face: Interface, rows: int, seed: int) -> np.ndarray:
+    """Inputs in the box (corners + rows, inputs), moved onto the conditions on known values and on their
+    rates; behind them the state that a function with Newton blocks has when it was led there from home in small steps.
+
+    Where it cannot be led, the state is the last one that was reached. Empty without a box.
+    """
+    if face.box is None:
+        return np.zeros((0, face.input_size + face.state_size), face.real.dtype)
+    low, high = np.array(face.box).reshape(-1, 2).T
+    rng = np.random.default_rng(seed)
+    n = len(low)
+    if 2**n <= CORNERS:
+        corners = np.array(list(itertools.product((0.0, 1.0), repeat=n)))
+    else:
+        corners = rng.integers(2, size=(CORNERS, n)).astype(float)
+    inputs = low + (high - low) * np.concatenate([corners.reshape(-1, n), rng.random((rows, n))])
+    pairs = [p for s in face.function.inputs for p in s.pairs]
+    inputs = satisfying(face.function, pairs, inputs, low, high)
+    if not face.newton:
+        return face.real.array(inputs)
+    home = samples_of(face.function, pairs)[0]
+    state = np.tile([x for stage in face.newton for x in stage.home], (len(inputs), 1))
+    here = np.zeros((len(inputs), n))
+    for step in np.linspace(0.0, 1.0, STEPS + 1)[1:]:
+        here = face.real.array(satisfying(face.function, pairs, home + step * (inputs - home)))
+        values, _ = evaluate(face, np.column_stack([here, face.real.array(state)]))
+        reached = values[:, face.output_size :]
+        state = np.where(np.isfinite(reached), reached, state)
+    return np.column_stack([here, face.real.array(state)])
+
 
 BOX_POINTS = 200  # random ones, beside the corners
 NEAR = 0.1  # typical sizes from a consistent point
@@ -130,3 +198,58 @@ def _statuses(wanted: np.ndarray, status: np.ndarray) -> str:
         return ", ".join(f"{int(np.sum(status == s))} {s.c_name}" for s in Status if np.any(status == s))
     row = int(np.argmax(wanted != status))
     return f"Python says {Status(int(wanted[row])).c_name} where C returns {int(status[row])}"
+
+
+class LoadedStep:
+    """A step function of a library, on records."""
+
+    def __init__(self, library: ctypes.CDLL, face: StepFace) -> None:
+        self.face = face
+        self._defaults, self._init, self._step = (library[f"{face.symbol}_{n}"] for n in ("defaults", "init", "step"))
+        for f, count in ((self._defaults, 1), (self._init, 2), (self._step, 3)):
+            f.argtypes, f.restype = [ctypes.c_void_p] * count, ctypes.c_int
+        self._defaults.restype = None
+
+    def defaults(self) -> np.ndarray:
+        """The declared start."""
+        start = record(self.face.function.start, self.face.real)
+        self._defaults(start.ctypes.data)
+        return start
+
+    def init(self, state: np.ndarray, start: np.ndarray) -> Status:
+        """As `StepTwin.init`."""
+        return Status(self._init(state.ctypes.data, start.ctypes.data))
+
+    def step(self, state: np.ndarray, inputs: np.ndarray, outputs: np.ndarray) -> Status:
+        """As `StepTwin.step`."""
+        return Status(self._step(state.ctypes.data, inputs.ctypes.data, outputs.ctypes.data))
+
+
+def compare_steps(library: ctypes.CDLL, face: StepFace, points: int, seed: int) -> tuple[dict[str, Check], int, int]:
+    """A run of so many steps in both. Checks by name, how many steps, and how many of them ended well."""
+    f, key, real = face.function, face.key, face.real
+    twin, loaded = f.twin(real), LoadedStep(library, face)
+    start, mine = face.started()
+    theirs = copied(mine)
+    other = loaded.defaults()
+    begun = (twin.init(mine, start), loaded.init(theirs, other))
+    inputs = f.examples(points, seed, real)
+    out = np.zeros((2, 1), dtype_of(f.outputs, real))
+    different = statuses = written = good = 0
+    for row in inputs.reshape(-1, 1):
+        before = theirs.tobytes(), out[1].tobytes()
+        given = row.reshape(())
+        codes = twin.step(mine, given, out[0].reshape(())), loaded.step(theirs, given, out[1].reshape(()))
+        statuses += codes[0] != codes[1]
+        different += mine.tobytes() != theirs.tobytes() or out[0].tobytes() != out[1].tobytes()
+        written += codes[1] != Status.OK and before != (theirs.tobytes(), out[1].tobytes())
+        good += codes[1] == Status.OK
+    same = start.tobytes() == other.tobytes() and begun[0] == begun[1]
+    checks = {
+        f"{key}_starts_different": at_most(int(not same), 0, "the declared start"),
+        f"{key}_steps_different": at_most(different, 0, f"of {points} steps, state and outputs byte for byte"),
+        f"{key}_statuses_different": at_most(statuses, 0, f"of {points} steps"),
+        f"{key}_steps_ok": at_least(good, 1, f"of {points} steps"),
+        f"{key}_not_held": at_most(written, 0, "steps that wrote without GT_OK"),
+    }
+    return checks, points, good

@@ -17,9 +17,7 @@ from ...results.estimate import half_width
 from ...results.suspicion import suspicion_checks
 from ...results.work import Progress, never, silent, study_function
 from ..cartesian import softest_and_stiffest, translational_compliance
-from ..compensated import RATE, with_compensator
-from ..joint_stiffness import StiffnessFit, complete_pose, decoupled, stiffness_names
-from ..selection import select
+from ..joint_stiffness import RATE, StiffnessFit, complete_pose, decoupled, select, stiffness_names, with_compensator
 from ..static_tests import StaticTests
 from .options import Setup
 from .reading import MeasuredTests, static_tests

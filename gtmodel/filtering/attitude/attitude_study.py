@@ -17,11 +17,8 @@ from ...results.estimate import Estimate
 from ...results.suspicion import suspicion_checks
 from ...results.work import Interrupted, Progress, never, silent, study_function
 from ..smoother import smooth
-from . import gyro_parts
-from .arrival import sampled_instants
-from .attitude_result import METHODS, AttitudeStudy
-from .between_references import GapErrors, gap_errors, gaps_of
-from .carried_body import attitude_filter
+from . import gyro_calibration
+from .between_references import GapErrors, attitude_filter, gap_errors, gaps_of
 from .conventions import (
     ACCELERATION_UNITS,
     ORDERS,
@@ -29,17 +26,20 @@ from .conventions import (
     RESTING,
     Convention,
     Resting,
+    as_declared,
+    clocks_that_meet,
     conventions,
+    differing_parts,
+    far_from_truth,
+    not_mirrored,
     resting,
     rotations,
     started,
 )  # fmt: skip
 from .gyro_calibration import FEWEST, GyroCalibration, calibrated_on
-from .gyro_path import gyro_path, picked
-from .options import AttitudeJudging, SyntheticAttitude
-from .recording import AttitudeRecording, synthetic_attitude
-from .reference_noise import BLOCK
-from .suspicious import as_declared, clocks_that_meet, differing_parts, far_from_truth, not_mirrored
+from .gyro_path import BLOCK, gyro_path, picked
+from .options import METHODS, AttitudeJudging, AttitudeStudy, SyntheticAttitude
+from .recording import AttitudeRecording, sampled_instants, synthetic_attitude
 
 SURE = 10.0  # by how much the log-likelihood of the convention must exceed that of others that mean something else
 SAME = 1.0  # conventions closer than that fit alike
@@ -146,10 +146,12 @@ def _studied(
     for calibration in calibrations:
         if calibration.likeliest is None:
             return AttitudeStudy(status=calibration.status, message=calibration.message, title=title, **so_far)
-    estimates = [c.by(gyro_parts.NAMES, gyro_parts.UNITS, gyro_parts.parts) for c in calibrations]
-    intervals = [[e.interval(name) for name in gyro_parts.NAMES] for e in estimates]
+    estimates = [
+        c.by(gyro_calibration.PART_NAMES, gyro_calibration.PART_UNITS, gyro_calibration.parts) for c in calibrations
+    ]
+    intervals = [[e.interval(name) for name in gyro_calibration.PART_NAMES] for e in estimates]
     so_far |= {
-        "names": gyro_parts.NAMES, "numbers": estimates[0].values.tolist(), "estimate": estimates[0],
+        "names": gyro_calibration.PART_NAMES, "numbers": estimates[0].values.tolist(), "estimate": estimates[0],
         "first_interval": intervals[0], "second_interval": intervals[1],
     }  # fmt: skip
     work.step("gaps", 0.75)
@@ -338,7 +340,7 @@ def _study(
     checks = dict(checks)
     doubts = [differing_parts(*estimates)]
     if truth is not None:
-        doubts.append(far_from_truth(estimates[0], gyro_parts.parts(truth.numbers)))
+        doubts.append(far_from_truth(estimates[0], gyro_calibration.parts(truth.numbers)))
     alarms, sentences = suspicion_checks(doubts)
     checks |= alarms
     checks["corrected_over_spline"] = at_most(

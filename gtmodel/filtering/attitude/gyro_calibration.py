@@ -1,4 +1,5 @@
-"""A gyro calibrated against references of orientation that are few and badly timed: matrix, bias and clock offset."""
+"""A gyro calibrated against references of orientation that are few and badly timed: matrix with its parts, bias,
+delay."""
 
 from __future__ import annotations
 
@@ -7,17 +8,33 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from scipy.spatial.transform import Rotation
 
 from ...geometry.rotations import cross_matrix
-from ...inference.make_estimate import carried
+from ...inference.covariance import carried
 from ...inference.nonlinear import central, nonlinear_fit
 from ...inference.residuals import Verdict, whiteness
 from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError
 from ...results.status import SolveStatus
-from .gyro_path import GyroPath, RateCorrection, gyro_path
-from .reference_noise import START, ReferenceNoise, factors, likeliest_noise, whitened
+from .gyro_path import START, GyroPath, RateCorrection, ReferenceNoise, factors, gyro_path, likeliest_noise, whitened
+
+_VECTORS = tuple(f"{what}[{k}]" for what in ("mount", "scale", "misalignment", "bias") for k in range(3))
+PART_NAMES = (*_VECTORS, "offset")
+PART_UNITS = ("rad",) * 3 + ("1",) * 3 + ("rad",) * 3 + ("rad/s",) * 3 + ("s",)
+
+
+def parts(numbers: np.ndarray) -> np.ndarray:
+    """Mount (3,), scale (3,), misalignment (3,), bias (3,) and offset from the thirteen numbers of a correction.
+
+    matrix = turn * stretch, the polar decomposition: `mount` is the rotation vector of the turn from the sensor to the
+    body; the stretch is symmetric, scales on its diagonal, misalignments yz, zx, xy of the sensor's axes beside it.
+    """
+    turn, stretch = scipy.linalg.polar(np.reshape(numbers[:9], (3, 3)))
+    beside = stretch[[1, 2, 0], [2, 0, 1]]
+    return np.concatenate([Rotation.from_matrix(turn).as_rotvec(), np.diag(stretch), beside, numbers[9:]])
+
 
 NAMES = (*(f"matrix[{i}][{j}]" for i in range(3) for j in range(3)), *(f"bias[{i}]" for i in range(3)), "offset")
 UNITS = ("1",) * 9 + ("rad/s",) * 3 + ("s",)

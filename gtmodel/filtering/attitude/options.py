@@ -1,11 +1,17 @@
-"""How a recording of a gyro and references of orientation is judged, and a synthetic one."""
+"""How a recording of a gyro and references of orientation is judged, a synthetic one, and what the attitude study
+says."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
+
 from ...results.options import Options, Unit, Within
+from ...results.quantity import Quantity, Row
+from ...results.study import Study, to_inherit
 
 
 @dataclass(frozen=True)
@@ -49,3 +55,102 @@ class SyntheticAttitude(Options):
     noise: Annotated[float, Unit("rad/s"), Within(least=0), "of one reading of the gyro"] = 7e-4
     lost: Annotated[int, Within(least=0), "rows that are missing"] = 5
     seed: Annotated[int, Within(least=0), "of the motion and of all noise"] = 0
+
+
+METHODS: Mapping[str, str] = {
+    "carried": "gyro from the left reference",
+    "corrected": "gyro, corrected at both ends",
+    "slerp": "slerp between the two",
+    "spline": "cubic rotation spline through all other references",
+    "slow_spline": "cubic rotation spline through references one gap apart",
+}
+SHOWN = 6  # conventions in the table
+_DEG = 180 / np.pi
+_SHOWN = {
+    "mount": (_DEG, "deg"), "scale": (1.0, ""), "misalignment": (_DEG, "deg"), "bias": (_DEG, "deg/s"),
+    "offset": (1e3, "ms"),
+}  # fmt: skip
+
+
+@to_inherit
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class AttitudeStudy(Study):
+    """Calibration of a gyro on the first part of a recording, and errors of the attitude in gaps on the rest.
+
+    `interval` asks for "mount[0]", "scale[0]", "misalignment[0]" (axes yz, zx, xy), "bias[0]" and "offset" of the first
+    part. error[i][j] is that of gap i by method j.
+    """
+
+    convention: Annotated[str, Quantity("", "units and direction that were found", "read as")] = ""
+    conventions: Annotated[Sequence[str], "all that were tried, the most likely first"] = ()
+    log_likelihood: Annotated[Sequence[float], "of each of them"] = ()
+    clock: Annotated[str, Quantity("", "which instants of the gyro are more likely, and by how much", "clock")] = ""
+    gravity: Annotated[str, Quantity("", "what the accelerometer reads at rest", "accelerometer")] = ""
+    names: Annotated[Sequence[str], "of the calibrated numbers, in the order of all that follows"] = ()
+    numbers: Annotated[Sequence[float], "calibrated on the first part, in SI"] = ()
+    first_interval: Annotated[Sequence[Sequence[float]], "95 % intervals of the first part, in SI"] = ()
+    second_interval: Annotated[Sequence[Sequence[float]], "95 % intervals of the second part, in SI"] = ()
+    timing: Annotated[Sequence[float], Quantity("s", "deviation of the stamps of the references, both parts")] = ()
+    relative: Annotated[Sequence[float], "deviation of the gyro's error as a part of its turns, both parts"] = ()
+    persistence: Annotated[Sequence[float], Quantity("s", "for which that error lasts, both parts")] = ()
+    gaps: Annotated[Sequence[float], Quantity("s", "lengths of time without a reference")] = ()
+    starts: Annotated[Sequence[int], "gaps of each length that were judged"] = ()
+    methods: Annotated[Sequence[str], "of bridging a gap"] = ()
+    error: Annotated[
+        Sequence[Sequence[float]], Quantity("rad", "mean at hidden references of the second part", written="deg")
+    ] = ()  # fmt: skip
+    exchanged: Annotated[
+        Sequence[Sequence[float]],
+        Quantity("rad", "the same, calibrated on the second part and judged on the first", written="deg"),
+    ] = ()  # fmt: skip
+    below_slerp: Annotated[Sequence[Sequence[float]], "by which factor carried and corrected err less than slerp"] = ()
+    below_spline: Annotated[Sequence[float], "by which factor corrected errs less than the rotation spline"] = ()
+    covered: Annotated[
+        Sequence[Sequence[float]], "share of the errors, carried and corrected, inside their 95 % ellipsoid"
+    ] = ()  # fmt: skip
+    filtered: Annotated[
+        Sequence[float], Quantity("rad", "mean error of a causal error-state filter, a reference a gap", written="deg")
+    ] = ()  # fmt: skip
+    smoothed: Annotated[
+        Sequence[float], Quantity("rad", "mean error of its fixed-interval smoother", written="deg")
+    ] = ()  # fmt: skip
+    nis: Annotated[Sequence[float], "normalised innovation squared of the filter, mean per number: 1 is expected"] = ()
+    left_out: Annotated[Sequence[float], Quantity("s", "stamps of references that are no orientation or a spike")] = ()
+    synthetic: Annotated[str | None, "seed and noise of a synthetic recording; null for measured ones"] = None
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        rows = [Row("read as", self.convention)]
+        for name, logs in list(zip(self.conventions, self.log_likelihood, strict=True))[:SHOWN]:
+            rows.append(Row(f"log-likelihood: {name}", f"{logs:.1f}"))
+        rows += [Row("clock of the gyro", self.clock), Row("accelerometer", self.gravity)]
+        for k, name in enumerate(self.names):
+            factor, unit = _SHOWN[name.split("[")[0]]
+            value, (a, b), (c, d) = (
+                factor * self.numbers[k],
+                [factor * v for v in self.first_interval[k]],
+                [factor * v for v in self.second_interval[k]],
+            )
+            rows.append(Row(name, f"{value:.4g}  ({a:.4g} .. {b:.4g}; second part {c:.4g} .. {d:.4g})", unit))
+        for part, *sizes in zip(("first", "second"), self.timing, self.relative, self.persistence, strict=False):
+            timing, relative, lasts = sizes
+            sizes = f"stamps {1e3 * timing:.3g} ms, gyro {100 * relative:.2g} % for {lasts:.2g} s"
+            rows.append(Row(f"disagreement, {part} part", sizes))
+        for i, gap in enumerate(self.gaps):
+            rows += [
+                Row(
+                    f"gap of {gap:g} s: {METHODS[method]}",
+                    f"{np.degrees(self.error[i][j]):.3f}  (parts exchanged {np.degrees(self.exchanged[i][j]):.3f})",
+                    "deg",
+                )
+                for j, method in enumerate(self.methods)
+            ]
+            run = f"{np.degrees(self.filtered[i]):.3f}, {np.degrees(self.smoothed[i]):.3f}  (NIS {self.nis[i]:.2f})"
+            rows.append(Row(f"gap of {gap:g} s: error-state filter, its smoother", run, "deg"))
+            carried, corrected = self.below_slerp[i]
+            times = f"carried {carried:.1f} times, corrected {corrected:.1f}; corrected {self.below_spline[i]:.1f}"
+            rows.append(Row(f"gap of {gap:g} s: below slerp, below spline", times))
+            inside = " and ".join(f"{100 * c:.0f} %" for c in self.covered[i])
+            rows.append(Row(f"gap of {gap:g} s: inside the 95 % ellipsoid, carried and corrected", inside))
+        return rows + ([Row("SYNTHETIC", self.synthetic)] if self.synthetic else [])

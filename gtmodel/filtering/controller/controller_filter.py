@@ -8,10 +8,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...cgen.real import DOUBLE, Real
-from ...cgen.single import FILTER
-from ...cgen.steps.function import StepFunction, StepTwin
-from ...cgen.steps.records import StepMember, dtype_of
+from ...cgen.real import DOUBLE, FILTER, Real
+from ...cgen.steps.function import StepFunction, StepMember, StepTwin, dtype_of
 from ...results.refusal import ArgumentError
 from ...results.status import Status
 from ..belief import InitialState

@@ -9,14 +9,15 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...cgen.text import GenerationError
+from ...cgen.real import GenerationError
 from ..manifold import Manifold, StatePart
 from ..system import System
 from ..transition import GAUSS, TAYLOR, CurvedTransition, LinearTransition
-from .expressions import ExpressionMaker, KernelExpressions
 from .sparse import (
     EntryMatrix,
     EntryProduct,
+    ExpressionMaker,
+    KernelExpressions,
     Place,
     closed,
     constant,

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ...cgen.interface import macro
-from ...cgen.real import Real
-from ...cgen.steps.source import step_prototype
-from ...cgen.text import comment, decimal
+from ...cgen.real import Real, comment, decimal
+from ...cgen.steps.function import step_prototype
 from ..transition import TAYLOR
 from .plan import FilterPlan, Kernel, SensorPlan, TransitionPlan
 from .sparse import EntryMatrix, EntryProduct

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from ...cgen.newton_steps import run
 from ...cgen.real import DOUBLE, Real
-from ...cgen.virtual_machine import run
 from ...results.status import Status
 from ..transition import TAYLOR
 from .plan import FilterPlan, Kernel, SensorPlan, TransitionPlan

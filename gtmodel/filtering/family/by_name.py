@@ -8,14 +8,11 @@ from inspect import signature
 from typing import Any
 
 from ...results.refusal import ArgumentError
-from ..error_state import ErrorState, kalman
-from ..filter import Filter
+from ..error_state import ErrorState, Filter, kalman
 from ..system import System
-from .additive import AdditiveQuaternion
 from .interacting import Interacting
+from .kalman import AdditiveQuaternion, SteadyState, Unscented
 from .particle import ParticleFilter
-from .steady_state import SteadyState
-from .unscented import Unscented
 
 FILTERS: dict[str, Callable[..., Filter]] = {
     "kf": kalman,

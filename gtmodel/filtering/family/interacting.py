@@ -9,8 +9,7 @@ import numpy as np
 
 from ...results.refusal import ArgumentError
 from ..belief import Belief, InitialState, Innovation
-from ..error_state import ErrorState
-from ..filter import Filter
+from ..error_state import ErrorState, Filter
 from ..spread import moments, spread_of
 from ..system import System, agree_in_shape
 from ..transition import Advance

@@ -9,8 +9,7 @@ import numpy as np
 
 from ...results.refusal import ArgumentError
 from ..belief import Belief, InitialState, Innovation
-from ..error_state import joseph
-from ..filter import Filter
+from ..error_state import Filter, joseph
 from ..spread import UsedNumbers, moments, roots, spread_of
 from ..system import System
 from .interacting import log_sum

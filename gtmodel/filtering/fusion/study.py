@@ -16,19 +16,25 @@ from ...results.suspicion import suspicion_checks
 from ...results.trajectory import Trajectory
 from ...results.work import Interrupted, Progress, never, silent, study_function
 from ..consistency import Consistency, consistency
-from ..error_state import ErrorState
-from ..filter import Filter
+from ..error_state import ErrorState, Filter
 from ..filtered import Filtered
 from ..manifold import Manifold
 from ..paths import TrackedPath
-from ..scheduled import ScheduledNoise, likely_modes
 from ..smoother import Smoothed, smooth
 from ..system import System
-from .agreement import SETTLED, agree_on_sweep, agree_together
-from .options import FusionFilter, FusionSensors, FusionSweep
-from .result import FusionStudy
+from ..tuning import ScheduledNoise, likely_modes
+from .options import (
+    SETTLED,
+    TABLE_10,
+    FusionFilter,
+    FusionSensors,
+    FusionStudy,
+    FusionSweep,
+    agree_on_sweep,
+    agree_together,
+    printed_errors,
+)
 from .scene import OUTLYING, Scene, process_of, scene_of, sensors_of, slope_velocity, tracker_system
-from .thesis import TABLE_10, printed_errors
 
 AROUND = 0.2  # s about the bend, of the picture of the angular acceleration
 ITERATIONS = 3  # of the iterated filter
@@ -209,7 +215,7 @@ def filter_of(systems: Sequence[System], design: FusionFilter) -> Filter:
 
         return Interacting(systems, stay=design.stay)
     if design.kind == "unscented":
-        from ..family.unscented import Unscented
+        from ..family.kalman import Unscented
 
         return Unscented(systems[0])
     if design.kind == "particle":

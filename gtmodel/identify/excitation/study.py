@@ -14,7 +14,7 @@ from ...inference import FALSE_ALARM, Coverage, binomial_band, coverage, linear_
 from ...lang import Model
 from ...motion.options import Limits
 from ...motion.path_parametrization import link_ends
-from ...optimize.judgement.reached_optima import ReachedOptima
+from ...optimize.multistart import ReachedOptima
 from ...results import ArgumentError, SolveStatus, Trajectory, Work, at_most, naming
 from ...results.trajectory_files import TRAJECTORY
 from ...results.work import Progress, never, silent, study_function

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...inference import FALSE_ALARM, linear_fit
-from ...inference.make_estimate import carried
+from ...inference.covariance import carried
 from ...measurements.inspection.data_tests import Data, tested
 from ...results import ArgumentError, Estimate
 from ...results.suspicion import Inspection, Suspicion

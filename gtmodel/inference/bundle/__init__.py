@@ -15,8 +15,7 @@ from ..._lazy import public
 
 if TYPE_CHECKING:
     from .fit import BundleFit as BundleFit, bundle_fit as bundle_fit
-    from .residual_block import ResidualBlock as ResidualBlock
+    from .residual_block import ResidualBlock as ResidualBlock, UnknownGroup as UnknownGroup
     from .undetermined import GaugeMotion as GaugeMotion
-    from .unknown_group import UnknownGroup as UnknownGroup
 
 public(__name__)

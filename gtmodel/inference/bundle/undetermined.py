@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ..make_estimate import listed
-from .elimination import BlockDirections, ReducedEquations
+from ..covariance import listed
+from .elimination import SILENT, BlockDirections, ReducedEquations
 from .residual_block import Linearised
-from .shared_step import SILENT
 from .structure import Structure
 
 SHOWN, PART = 6, 0.05  # names that a sentence lists, and what they have of the largest entry

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...geometry.quaternions import quaternion_of, zyz_quaternion
 from ...lang import Model, ModelError
-from ...measurements.csv_table import CsvTable
+from ...measurements.signal_table import CsvTable
 from ...results import ArgumentError, Check, SolveStatus, Work, at_most, naming
 from ...results.disk import path_of
 from ...results.status import ModesStatus

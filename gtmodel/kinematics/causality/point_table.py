@@ -13,7 +13,7 @@ import numpy as np
 from ...compiler.causal import CausalFunction, CausalSignal
 from ...compiler.rows import map_columns
 from ...lang.units import UnitError, convert, parse_unit
-from ...measurements.csv_table import CsvTable
+from ...measurements.signal_table import CsvTable
 from ...results import ArgumentError
 
 UNIT_LENGTH = 1e-3  # a quaternion farther from length 1 is a slip of the pen, not rounding

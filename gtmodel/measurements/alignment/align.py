@@ -17,8 +17,7 @@ from ...results.trajectory import Trajectory
 from ...results.trajectory_checks import Array
 from ...results.work import Progress, silent
 from ..log import LogError
-from .coarse import OVERLAP, Series, coarse_offset
-from .common_curve import PROBES, CurveFit, Freed, Warp, fit_curve, shown
+from .common_curve import OVERLAP, PROBES, CurveFit, Freed, Series, Warp, coarse_offset, fit_curve, shown
 
 FEWEST = 20  # rows of each recording
 COARSEST = 16  # knots of the first curve

@@ -16,8 +16,7 @@ from ...results.study import to_inherit
 from ...results.trajectory import Trajectory
 from ...results.work import Progress, never, silent, study_function
 from .align import Alignment, align
-from .options import Search, SyntheticDelay
-from .synthetic import made_pair
+from .options import Search, SyntheticDelay, made_pair
 
 RELATED = 0.99  # of the late signal's variance, explained: below, the two hardly show the same motion
 TRUTH = 3.3  # standard deviations: chance goes beyond in one of a thousand synthetic recordings

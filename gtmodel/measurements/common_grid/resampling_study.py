@@ -22,8 +22,7 @@ from ..inspection.data_tests import Data, tested
 from ..log import LEFT_OUT
 from ..resampling import Resampled, resample
 from ..sampling import SamplingReport, sampling_of
-from .options import AlignBy, EvenGrid
-from .result import ResamplingStudy
+from .options import AlignBy, EvenGrid, ResamplingStudy
 
 SESSION = "session"  # the signal that numbers stretches between gaps
 FEWEST = 3  # rows on the grid

@@ -22,9 +22,19 @@ from ..streams.form import LogError, LogForm, shown
 from ..streams.matlab import MatFile
 from ..streams.opening import content_of
 from ..streams.stream import MOST_SHOWN, Stream
-from .clocks import Clock, ClockPair, clock_of, pairs
-from .columns import ColumnFacts, ColumnScan, Envelope
-from .guesses import UnitGuess, is_time, unit_guess, unit_of_name
+from .columns import (
+    Clock,
+    ClockPair,
+    ColumnFacts,
+    ColumnScan,
+    Envelope,
+    UnitGuess,
+    clock_of,
+    is_time,
+    pairs,
+    unit_guess,
+    unit_of_name,
+)
 
 SHORTEST = 16  # rows of a stream, where another one is longer: what is shorter are parameters
 MOST_CLOCKS = 4

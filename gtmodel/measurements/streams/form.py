@@ -1,9 +1,12 @@
-"""How a log file is written, where it does not say so itself; and the refusal of one that cannot be read."""
+"""How a log file is written, where it does not say so itself, and the libraries of the extra "logs" that some files
+need."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Annotated, Literal
 
 from ...results.options import Options, Within
@@ -88,3 +91,15 @@ def shown(path: PathLike) -> str:
     """A path as a message names it: as given where that is short, else the file's name."""
     text = str(path)
     return text if len(text) <= LONGEST_PATH and not Path(path).is_absolute() else Path(path).name[-LONGEST_PATH:]
+
+
+def needed(module: str, what: str) -> ModuleType:
+    """A module of the extra. Raises LogError where it is not installed.
+
+    what: the file that needs it, as "x.parquet is a Parquet file".
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        package = module.partition(".")[0]
+        raise LogError(f"{what}, and {package} is not installed; pip install 'gtmodel[logs]'") from error

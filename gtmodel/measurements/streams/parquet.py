@@ -9,10 +9,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from .attributes import Attributes, attributes_of
-from .extra import needed
-from .form import LogError, LogForm, refuse_swollen, shown
-from .heads import Heads
+from .form import LogError, LogForm, needed, refuse_swollen, shown
+from .heads import Attributes, Heads, attributes_of
 from .stream import RowBlock, Stream
 
 

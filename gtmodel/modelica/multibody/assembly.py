@@ -1,4 +1,5 @@
-"""Frames joined to one another: what is connected, where a loop closes, and which bodies move freely."""
+"""Frames joined to one another, what is connected, where a loop closes, which bodies move, and quantities of parts
+in expressions of the text."""
 
 from __future__ import annotations
 
@@ -9,13 +10,51 @@ from typing import Any
 import numpy as np
 
 from ...geometry.quaternions import quaternion_of
-from ..flat import Flattened, ScalarEquation
+from ..arrays import Values, array, scalar
+from ..constraints import Flattened, ScalarEquation
 from ..instances import Declared, Instance
-from ..scalars import Operation, operation
-from ..syntax import ModelicaError, Place
+from ..scalars import Operation, Scalar, operation
+from ..syntax import FunctionCall, Literal, ModelicaError, Place
 from .library import NAME, is_own, part_name
 from .parts import ROUND_OFF, MappedComponent, MechanicsPart, component, in_turn, is_frame, kind, numbers, values
-from .terms import PART, quantity, turned, vector
+
+PART = "part"  # the operation: name of the part, path inside it, indices
+
+
+def quantity(part: str, path: str, indices: tuple[int, ...], at: Place | None) -> Scalar:
+    """One scalar of a part, such as ("joint.part", "a.r", (0,))."""
+    return Operation(PART, (part, path, ",".join(map(str, indices))), at)
+
+
+def called(node: FunctionCall, scope: Any) -> Values:
+    """__mechanics("part.shaft.phi"), with its length where it is a vector: for the texts of MultiBody alone."""
+    instance = scope.instance
+    if instance is None or not part_name(scope.space.text):
+        raise ModelicaError(f"there is no function '{node.reference}'", node.at)
+    path, *length = [a.value for a in node.arguments if isinstance(a, Literal)]
+    part, _, inside = str(path).partition(".")
+    name = instance.full(part)
+    if not length:
+        return scalar(quantity(name, inside, (), node.at))
+    return array([quantity(name, inside, (i,), node.at) for i in range(int(length[0]))], (int(length[0]),))
+
+
+def vector(part: str, path: str, at: Place | None) -> Values:
+    """A vector of a part, in coordinates of the world."""
+    return array([quantity(part, path, (i,), at) for i in range(3)], (3,))
+
+
+def turned(part: str, port: str, path: str, at: Place | None) -> Values:
+    """A vector of a part's frame in coordinates of the frame: R' v."""
+    result = np.empty(3, object)
+    for j in range(3):
+        terms = [
+            operation("*", (quantity(part, f"{port}.R", (i, j), at), quantity(part, path, (i,), at)), at)
+            for i in range(3)
+        ]
+        result[j] = operation("+", (operation("+", (terms[0], terms[1]), at), terms[2]), at)
+    return result
+
 
 PARALLEL = 1e-9  # of unit vectors: what round-off leaves of a direction
 _CLOSING = ("Spherical", "PlanarLoopClosure")

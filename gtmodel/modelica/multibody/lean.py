@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-from ..flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen
+from ..constraints import Flattened, ScalarEquation, ScalarIf, ScalarWhen
 from ..scalars import Flat, Symbol, symbols
 
 

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-from ..flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen, WhenBranch
+from ..constraints import Flattened, ScalarEquation, ScalarIf, ScalarWhen, WhenBranch
 from ..scalars import Flat, Operation, Symbol, nodes, operation, operations, symbols
 from ..syntax import ModelicaError, Place
-from .causality import augmented
+from .static import augmented
 
 
 def settle_instants(out: Flattened, memories: set[int]) -> None:

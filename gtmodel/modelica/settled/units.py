@@ -15,7 +15,7 @@ from ...lang.optimization import Optimization
 from ...lang.source import ModelError
 from ...lang.units import UnitError
 from ..classes import class_of, exact
-from ..flat import Flattened
+from ..constraints import Flattened
 from ..python import Writer
 
 # declarations whose attributes do not fit their units, one after the other

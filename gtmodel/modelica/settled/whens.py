@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import functions
 from ..arrays import Values, array, entries
-from ..flat import ScalarEquation, ScalarWhen, WhenBranch
+from ..constraints import ScalarEquation, ScalarWhen, WhenBranch
 from ..instances import NameScope
 from ..scalars import EnumerationLiteral, Operation, Symbol, is_literal, operation
 from ..syntax import (

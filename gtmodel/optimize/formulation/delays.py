@@ -14,9 +14,8 @@ from ...lang.bind import join
 from ...lang.model import Connector, Model
 from ...lang.optimization import Delayed
 from ...lang.source import ModelError
-from ..control import control_basis
 from ..element import Layout
-from ..mesh import Mesh
+from ..mesh import Mesh, control_basis
 from .dynamic import DynamicProblem
 
 ROUND_OFF = 1e-9  # of fractions of the horizon

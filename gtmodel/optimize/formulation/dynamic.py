@@ -12,9 +12,7 @@ from ...compiler.flat import FlatModel
 from ...compiler.plan import CausalPlan
 from ...lang.optimization import Delayed
 from ...lang.scope import Misfit
-from .attributes import Pair
-from .horizon import PointValue
-from .relations import ConstraintRow
+from .horizon import ConstraintRow, Pair, PointValue
 
 if TYPE_CHECKING:
     from .builder import ProblemBuilder

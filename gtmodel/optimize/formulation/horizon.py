@@ -1,18 +1,138 @@
-"""The horizon: its ends as expressions of the free constants, its shortest length, and instants on it."""
+"""The horizon, its ends as expressions of the free constants, instants, constraints as rows low <= expression <=
+high, and what was declared about a symbol."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from ...compiler.alias import AliasResult
 from ...compiler.flat import FlatModel
-from ...lang.expression import Expr
-from ...lang.scope import Instant
-from ...lang.source import ModelError
-from .relations import ConstraintRow
+from ...lang.connect import flatten_items
+from ...lang.expression import Expr, Relation
+from ...lang.scope import Instant, derivative_name
+from ...lang.slips import each_of, line_of
+from ...lang.source import ModelError, SourceLocation
+
+Pair = tuple[int, int]
+HIGHEST = 2  # derivatives under whose names a guess may hold a state
+
+
+def names_of(flat: FlatModel, alias: AliasResult, pair: Pair) -> list[tuple[str, int]]:
+    """All (name, sign) with name == sign * symbol; the symbol's own name first."""
+    own = flat.symbol_name(*pair)
+    return [(own, 1)] + [(n, sign) for n, sign in _by_symbol(flat, alias).get(pair, []) if n != own]
+
+
+def _by_symbol(flat: FlatModel, alias: AliasResult) -> dict[Pair, list[tuple[str, int]]]:
+    """Names and signs of all variables and their derivatives, by what they stand for; made once and kept with alias."""
+    known = alias.names
+    if known is None or known[0] is not flat or known[1] != len(alias.removed):
+        names: dict[Pair, list[tuple[str, int]]] = {}
+        for v in flat.variables:
+            for k in range(HIGHEST + 1):
+                sign, kept, order = alias.resolve(v.index, k)
+                names.setdefault((kept, order), []).append((derivative_name(v.name, k), sign))
+        known = alias.names = flat, len(alias.removed), names
+    return known[2]
+
+
+def nominal_of(flat: FlatModel, alias: AliasResult, pair: Pair) -> float:
+    """Its own nominal or that of a variable that equals it; a derivative without one takes its variable's."""
+    own = flat.variables[pair[0]].nominal
+    declared = [v.nominal for v in flat.variables if v.nominal != 1.0 and alias.resolve(v.index, 0)[1:] == pair]
+    if pair[1] == 0 and own != 1.0:
+        return own
+    return declared[0] if declared else own
+
+
+def start_of(flat: FlatModel, alias: AliasResult, pair: Pair) -> float:
+    """Its start value or that of a variable that equals it; 0 where none is declared."""
+    own = flat.variables[pair[0]].start
+    if pair[1] == 0 and own is not None:
+        return own
+    for v in flat.variables:
+        sign, kept, order = alias.resolve(v.index, 0)
+        if (kept, order) == pair and v.start is not None:
+            return sign * v.start
+    return 0.0
+
+
+@dataclass(eq=False)
+class ConstraintRow:
+    """One scalar constraint with its name and the line that wrote it; the solver sees it divided by `scale`.
+
+    ends: whether it holds at the start and at the end of the horizon too, of one that holds along the path.
+    """
+
+    expression: ca.SX
+    low: float
+    high: float
+    label: str
+    where: SourceLocation | None
+    scale: float = 1.0
+    ends: tuple[bool, bool] = (True, True)
+
+
+def relations(source: Iterable[Any] | None, flat: FlatModel) -> list[ConstraintRow]:
+    """Rows of everything that constraints() yields. Raises ModelError for what is no relation."""
+    written = line_of(getattr(type(flat.root), "constraints", None))
+    if source is None:
+        raise ModelError(
+            f"constraints() of {flat.title} returned nothing; expected 'yield' in front of each relation", written
+        )
+    if not isinstance(source, Iterable):
+        raise ModelError(
+            f"constraints() of {flat.title} returned one {type(source).__name__}; expected 'yield' in front of each "
+            "relation",
+            written,
+        )
+    return relation_rows(source, f"{flat.title}.constraints()", written=written)
+
+
+def relation_rows(
+    source: Iterable[Any], title: str, word: str = "constraint", *, written: SourceLocation | None = None
+) -> list[ConstraintRow]:
+    """Rows of relations. Raises ModelError for what is no relation."""
+    rows: list[ConstraintRow] = []
+    for count, item in enumerate(flatten_items(list(each_of(source, title))), 1):
+        if not isinstance(item, Relation):
+            raise ModelError(
+                f"{title} yielded {type(item).__name__}, which is no relation; expected '==', '<=', '>=' or gt.between",
+                written,
+            )
+        low, high = {"==": (0.0, 0.0), "<=": (-np.inf, 0.0), ">=": (0.0, np.inf)}[item.op]
+        residual = item.residual
+        for k in range(residual.numel()):
+            if not ca.symvar(residual[k]):
+                raise ModelError(f"a {word} holds no variable: {residual[k]} {item.op} 0", item.where)
+            suffix = f"[{k}]" if residual.numel() > 1 else ""
+            rows.append(ConstraintRow(residual[k], low, high, f"{word} {count}{suffix} ({item.where})", item.where))
+    return rows
+
+
+def as_bound(
+    e: ca.SX, row: ConstraintRow, flat: FlatModel, parameters: ca.SX
+) -> tuple[tuple[int, int], float, float] | None:
+    """(chain symbol, low, high) of a row a*s + b with numeric a and b, else None."""
+    if flat.parameters:
+        e = ca.substitute([e], [flat.p], [parameters])[0]
+    symbols = ca.symvar(e)
+    if len(symbols) != 1:
+        return None
+    pair = flat.scope.owner(symbols[0])
+    slope = ca.gradient(e, symbols[0])
+    if pair is None or not slope.is_constant() or float(slope) == 0.0:
+        return None
+    a = float(slope)
+    b = float(ca.substitute([e], [symbols[0]], [ca.SX(0)])[0])
+    ends = sorted([(row.low - b) / a, (row.high - b) / a])
+    return pair, ends[0], ends[1]
+
 
 ROUND_OFF = 1e-12  # of times on a horizon of length 1
 # of the guessed length: what a horizon that nobody bounds does not fall below, lest it divide by zero. A solution that

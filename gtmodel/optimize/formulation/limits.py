@@ -9,11 +9,9 @@ import casadi as ca
 import numpy as np
 
 from ...lang.source import ModelError, SourceLocation
-from .attributes import Pair
 from .builder import ProblemBuilder
 from .dynamic import Bounds
-from .horizon import Horizon, PointValue
-from .relations import ConstraintRow, as_bound
+from .horizon import ConstraintRow, Horizon, Pair, PointValue, as_bound
 
 # what a value that is fixed at the start may miss, in the size of the row: IPOPT's own measure of a solution
 START_SLACK = 1e-6

@@ -14,10 +14,9 @@ import numpy as np
 from ...compiler.flat import FlatModel, FlatVariable
 from ...lang.scope import Instant
 from ...lang.source import ModelError
-from ..mesh import Mesh
-from ..tables import basis
+from ..mesh import Mesh, basis
 from .dynamic import DynamicProblem, Quadrature
-from .relations import ConstraintRow
+from .horizon import ConstraintRow
 
 SAME_TIME = 100  # how deep two expressions of one time are compared
 LEFT = 1e-12  # of the horizon: at an edge the element on the left tells

@@ -6,11 +6,10 @@ import numpy as np
 
 from ...lang.source import SourceLocation
 from ...results.status import SolveStatus
-from ..finite import not_finite
 from ..ipopt import SolverRun
 from ..nlp import Nlp
 from ..solution import horizon
-from .places import Remark, class_place, joined, objective_place, row_place, variable_place
+from .checks import Remark, class_place, joined, not_finite, objective_place, row_place, variable_place
 
 WORST = 3
 SMALL = 1e-6  # violations below this are none

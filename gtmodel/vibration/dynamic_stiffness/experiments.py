@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...lang.units import UnitError, convert, parse_unit
-from ...measurements.csv_table import CsvTable
+from ...measurements.signal_table import CsvTable
 from ...results import ArgumentError
 from ...results.disk import path_of
 from .options import ModalFitting

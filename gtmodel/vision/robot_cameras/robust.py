@@ -13,8 +13,7 @@ import numpy as np
 
 from ...inference import chi_squared_over_noise
 from ...inference.bundle import BundleFit
-from ...measurements.inspection.outliers import outliers
-from ...measurements.inspection.residual_tests import coloured
+from ...measurements.inspection.residual_tests import coloured, outliers
 from ...results.status import SolveStatus
 from ...results.suspicion import Suspicion
 from ..residuals import ROUNDING, SETTLED, GrossErrors, gross_errors, noise_of, picture_means, scaled, shifted_pictures

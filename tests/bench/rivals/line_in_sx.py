@@ -8,7 +8,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from gtmodel.optimize.tables import table
+from gtmodel.optimize.mesh import table
 
 from .l1_by_hand import FORCE, GOAL, SHORTEST, START, Motion, data, inverse_dynamics
 from .plain_casadi import POINTS

@@ -1,7 +1,8 @@
-"""How large unknowns and rows are: nominals, bounds far smaller than these, and derivatives of rows per nominal."""
+"""How large unknowns, rows and the objective are: nominals, bounds far smaller than these, derivatives."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -9,9 +10,11 @@ import numpy as np
 
 from ...compiler.blocks import median
 from ...compiler.plan import CausalPlan
+from ...lang.scope import Misfit
 from ...lang.source import ModelError
 from ...results.trajectory import Trajectory
-from .attributes import Pair
+from ..watch import Program
+from .horizon import Pair
 
 # rows smaller than this are scaled up, for IPOPT's slack of 1e-8 must not swallow them; larger ones it scales itself.
 # Unknowns whose bounds are smaller than this beside their nominal have the size of their bounds, for the same reason
@@ -112,3 +115,40 @@ class Jacobians:
                 each = np.abs(np.asarray(jacobian(at, self.P).full())) * np.concatenate([size, p_size])
                 largest = np.maximum(largest, np.max(np.where(np.isfinite(each), each, 0.0), axis=1, initial=0.0))
         return np.where(largest > 0, largest, 1.0)
+
+
+LARGE = 100.0
+MOST = 1e20  # more says that the objective is none
+SEED, TRIALS = 0, 2
+
+
+def objective_scale(program: Program, x0: np.ndarray, misfits: Iterable[Misfit]) -> float:
+    """What the objective is to be multiplied by: 1, or more where all its derivatives are small about a nominal
+    away from the guess, or where it holds measured values of unknown noise and these scatter little."""
+    slope = program.functions["grad_f"]
+
+    def largest(x: np.ndarray) -> float:
+        gradient = np.abs(np.asarray(slope(x, [])[1]).reshape(-1))[program.lbx < program.ubx]
+        return float(np.max(gradient, initial=0.0)) if np.all(np.isfinite(gradient)) else np.inf
+
+    rng = np.random.default_rng(SEED)
+    away = [np.clip(x0 + rng.choice([-1.0, 1.0], len(x0)), program.lbx, program.ubx) for _ in range(TRIALS)]
+    here = largest(x0)
+    size = max(here, *map(largest, away))
+    scatter = _scatter(misfits)
+    if 0 < scatter < size:
+        size = max(scatter, here / LARGE)
+    return 1.0 if not 0 < size < SMALL else min(1.0 / size, MOST)
+
+
+def _scatter(misfits: Iterable[Misfit]) -> float:
+    """Sum of squares of measured values about their mean, where their noise is unknown; 0 where it is known."""
+    total = 0.0
+    for m in misfits:
+        if m.known:
+            return 0.0
+        symbols = ca.symvar(m.residual)
+        data = np.asarray(ca.Function("data", symbols, [m.residual])(*[0.0] * len(symbols))).reshape(-1)
+        spread = float(np.sum((data - data.mean()) ** 2)) or float(data @ data)
+        total += spread if np.isfinite(spread) else 0.0
+    return total
