@@ -4,6 +4,7 @@ must equal bit for bit."""
 from __future__ import annotations
 
 import ctypes
+import ctypes.util
 from collections.abc import Callable, Sequence
 from functools import cache
 

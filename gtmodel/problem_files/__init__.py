@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
+    from . import python_models as python_models, robots as robots
     from .base import (
         Check as Check,
         Context as Context,

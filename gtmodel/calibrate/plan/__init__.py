@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
+    from . import device as device, steps as steps
     from .options import (
         Criteria as Criteria,
         Evaluation as Evaluation,
