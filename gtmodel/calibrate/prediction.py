@@ -8,8 +8,9 @@ import numpy as np
 
 from ..inference.covariance import RANK
 from ..measurements.inspection.residual_tests import Outliers, outliers as outlying
-from ..results.suspicion import FIRST
+from ..results.suspicion import RUN_LEVEL
 
+OF_POSES = 5  # tests: held-out poses, size of the noise, colour, recordings against each other, outliers
 MAD = 1.4826022185  # standard deviation of a normal variable over its median absolute deviation
 
 
@@ -85,7 +86,7 @@ def outliers(
     are none.
     """
     N, m = residuals.shape
-    level = FIRST / (1 if noise is None else 2)
+    level = RUN_LEVEL / OF_POSES / (1 if noise is None else 2)
     judged = outlying(residuals.reshape(-1), None if basis is None else basis.reshape(N * m, -1), np.tile(range(m), N))
     far = {divmod(k, m): float(judged.times[k]) for k in judged.beyond(level).tolist()}
     if noise is not None:
