@@ -43,7 +43,8 @@ RESTING = 2e-3  # rad between two references: at rest
 SETTLE = 0.15  # s of a rest that are left out: the arm swings out
 WIDE_STEP = 0.02  # s, of offsets beyond those that were asked for: turns last some tenths
 MOST_OFFSETS = 5000  # of these
-LIKELIHOOD_DIGITS = 3  # beyond them a likelihood says where the search for the clock ended, and the convention that was tried first stays first
+# beyond them a likelihood says where the search for the clock ended; the convention that was tried first stays first
+LIKELIHOOD_DIGITS = 3
 REFINED = 2  # of the most likely conventions: their clock offset is refined; two differ by axes only
 
 
