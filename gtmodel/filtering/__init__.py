@@ -17,6 +17,8 @@ consistency, Consistency, chi_squared_band    innovations against exact bands, w
 judged, JudgedErrors    errors of many runs against the filter's own covariance
 find_faults, FaultSearch    which offset, scale, delay, parameter or noise explains a log best
 tune, Tuned      densities and deviations by the likelihood of the innovations
+filter_study     any of these over a log, or synthetic readings: estimates, pictures and a verdict; MeasuredQuantity,
+                 FilterStart, DrawnReadings are what it takes
 fusion_study     what an inertial unit adds to a laser tracker along a known path
 InitialState, Readings, Filtered    where it begins, what was read, what came of it
 Buffer           a filter on a live stream: late readings, in any order
@@ -73,6 +75,7 @@ if TYPE_CHECKING:
     )
     from .family.particle import ParticleFilter as ParticleFilter
     from .faults import FaultSearch as FaultSearch, Suspect as Suspect, find_faults as find_faults
+    from .filter_study import filter_study as filter_study
     from .filtered import Filtered as Filtered
     from .fusion.options import (
         FusionFilter as FusionFilter,
@@ -84,6 +87,12 @@ if TYPE_CHECKING:
     from .fusion.study import fusion_study as fusion_study
     from .manifold import Manifold as Manifold, StatePart as StatePart
     from .moving_horizon import HorizonEstimate as HorizonEstimate, MovingHorizon as MovingHorizon
+    from .options import (
+        DrawnReadings as DrawnReadings,
+        FilterStart as FilterStart,
+        FilterStudy as FilterStudy,
+        MeasuredQuantity as MeasuredQuantity,
+    )
     from .paths import BodyMotion as BodyMotion, TrackedPath as TrackedPath
     from .process import ProcessModel as ProcessModel
     from .sensors import Sensor as Sensor

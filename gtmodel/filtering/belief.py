@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..results.refusal import ArgumentError
+from ..results.refusal import ArgumentError, naming
 from ..results.trajectory import Trajectory
 from .system import SAME_INSTANT as SAME_INSTANT, System
 
@@ -155,7 +155,8 @@ class InitialState:
         x = space.point({**system.start_constants(), **self.mean}, "start.mean")
         P = np.zeros((space.dimension, space.dimension))
         for name in self.deviation:
-            space.part(name)
+            with naming("start.deviation"):
+                space.part(name)
         for part in space.parts:
             _, _, along = space.part(part.name)
             if part.name not in self.deviation:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from .._lazy import hint
 from ..results.options import Options, Unit, Within
-from ..results.refusal import ArgumentError
+from ..results.refusal import ArgumentError, naming
 from .caller import LONGEST_S, TIMEOUT_S
 
 if TYPE_CHECKING:
@@ -95,11 +95,9 @@ class PlantUnit(Options):
         """The unit at its start."""
         from .plant import FmuPlant
 
-        try:
+        with naming({"path": "file"}):
             return FmuPlant(
                 self.file, self.position, command=self.command, command_speed=self.command_speed, force=self.force,
                 speed=self.speed, arm=self.arm, servo=self.servo, start=self.start, cycle_s=cycle_s, units=self.units,
                 steps=self.steps, timeout=self.timeout,
             )  # fmt: skip
-        except ArgumentError as error:
-            raise ArgumentError(error.message, "file" if error.argument == "path" else error.argument) from error

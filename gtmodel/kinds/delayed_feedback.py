@@ -18,6 +18,7 @@ from gtmodel.problem_files.base import Call, Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, made_from, options_of
 from gtmodel.problem_files.keys import RobotProblem
 from gtmodel.results import ArgumentError
+from gtmodel.results.refusal import naming
 
 RESULT = ["gtmodel.control.DelayedFeedbackStudy", "gtmodel.control.delayed.FeedbackMapStudy"]
 
@@ -115,10 +116,8 @@ def call(problem: Schema, context: Context) -> Call:
     if problem.path is not None:
         more |= {"noise": 1e-6 * problem.path.noise_um, "seed": problem.path.seed}
     if problem.cut is not None:
-        try:
+        with naming("cut."):
             parts = options_of(problem.cut, "cutter", "engagement")
-        except ArgumentError as error:
-            raise ArgumentError(error.message, f"cut.{error.argument}") from error
         more["cut"] = milling.CorrectedCut(options_of(problem, "cut")["cut"], parts["cutter"], parts["engagement"])
     if problem.servo is not None:
         return Call(

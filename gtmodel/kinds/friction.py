@@ -13,8 +13,9 @@ from gtmodel.measurements import Corrections, Session
 from gtmodel.problem_files.base import Call, Context, InputError
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.keys import LogSampling, MeasuredSignalSection, RobotProblem
-from gtmodel.results import ArgumentError, listed
+from gtmodel.results import listed
 from gtmodel.results.options import declared
+from gtmodel.results.refusal import naming
 
 RESULT = "gtmodel.identify.FrictionStudy"
 
@@ -109,10 +110,8 @@ def _logs(problem: Schema, context: Context) -> list[tuple[Session, ...]]:
     logs = []
     for n, pose in enumerate(problem.pose):
         raw = log.read(pose.files, signals, context, f"pose[{n}].files")
-        try:
+        with naming("log", refusal=InputError):
             logs.append(Corrections(signals, raw).apply())
-        except ArgumentError as error:
-            raise InputError(error.message, "log") from error
     return logs
 
 

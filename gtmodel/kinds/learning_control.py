@@ -14,7 +14,8 @@ from gtmodel.lang import ModelError
 from gtmodel.problem_files.base import Call, Context, FileSection, InputError, Problem
 from gtmodel.problem_files.from_options import Made, made_from, options_of
 from gtmodel.problem_files.keys import RecordedSignalSection, RecordingFiles
-from gtmodel.results import ArgumentError, Trajectory
+from gtmodel.results import Trajectory
+from gtmodel.results.refusal import naming
 
 if TYPE_CHECKING:
     from gtmodel.control.learning import ModelledRobot
@@ -237,7 +238,7 @@ def robot_of(problem: Schema, context: Context) -> LearningRobot | learning.Mode
         raise InputError(
             f"expected one of files, model and b with a; found {' and '.join(ways) or 'none of them'}", "plant"
         )
-    try:
+    with naming({"a": "plant.a", "": "plant"}, refusal=InputError):
         if ways == ["files"]:
             return section.of_a_log(context)
         if ways == ["model"]:
@@ -245,5 +246,3 @@ def robot_of(problem: Schema, context: Context) -> LearningRobot | learning.Mode
         return learning.lag_robot(
             section.b, section.a, section.delay_samples or 0, section.sample_time_s or options.SAMPLE_TIME
         )
-    except ArgumentError as error:
-        raise InputError(error.message, f"plant.{error.argument}" if error.argument == "a" else "plant") from error

@@ -7,7 +7,7 @@ from pydantic import Field
 from gtmodel import vision
 from gtmodel.problem_files.base import Call, Context, FileSection, InputError, Problem, Source
 from gtmodel.problem_files.from_options import Made, options_of
-from gtmodel.results import ArgumentError
+from gtmodel.results.refusal import naming
 from gtmodel.vision import CornerTable, read_corners, stereo
 from gtmodel.vision.stereo import options
 
@@ -53,10 +53,8 @@ def explain(problem: Schema, context: Context) -> str:
 def _table(problem: Schema, context: Context) -> CornerTable:
     keys = problem.corners
     path = context.file(keys.file, "corners.file", source=keys.source)
-    try:
+    with naming("corners.file", refusal=InputError):
         table = read_corners(path)
-    except ArgumentError as error:
-        raise InputError(error.message, "corners.file") from error
     unknown = [name for name in keys.leave_out if name not in table.pictures]
     if unknown:
         raise InputError(

@@ -14,7 +14,8 @@ import numpy as np
 
 from ..compiler.causal import CausalFunction, compile_causal
 from ..lang import Model
-from ..results import ArgumentError, Status, Trajectory, Work
+from ..results import Status, Trajectory, Work
+from ..results.refusal import naming
 from ..robots import actuator_closed_loop
 from .exchange import CYCLE_MS
 from .laws import ReferenceTable
@@ -217,10 +218,8 @@ def _until(done: LoopRun, tcp: np.ndarray, status: np.ndarray) -> tuple[np.ndarr
 
 def begun(plant: PlantSource) -> Plant:
     """A plant at its start, for the cycle of the loop. Raises ArgumentError about `plant`."""
-    try:
+    with naming("plant."):
         return plant(CYCLE_MS / 1000.0)
-    except ArgumentError as error:
-        raise ArgumentError(error.message, f"plant.{error.argument}" if error.argument else "plant") from error
 
 
 def _plant(bench: Bench) -> Plant:

@@ -123,7 +123,7 @@ def _first(wanted: Mapping[str, tuple[str | Sequence[str], str | Sequence[str]]]
 
 
 def _columns(stream: Stream, signal: str, column: str | Sequence[str], unit: str | Sequence[str]) -> Columns:
-    with naming(f"signals.{signal}.column", ArgumentError):
+    with naming(f"signals.{signal}.column"):
         members = stream.heads.members(column)
     units = [unit] * len(members) if isinstance(unit, str) else list(unit)
     with naming(f"signals.{signal}.unit", ArgumentError, UnitError):

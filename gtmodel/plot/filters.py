@@ -125,6 +125,38 @@ def baselines_figure(
 
 
 @styled
+def estimates_figure(
+    time: np.ndarray,
+    estimates: Mapping[str, np.ndarray],
+    deviations: Mapping[str, np.ndarray],
+    smoothed: Mapping[str, np.ndarray],
+    units: Mapping[str, str],
+    *,
+    errors: bool = False,
+    title: str = "",
+) -> Figure:
+    """Estimates (n, k) of each state, a panel for each, with bands of two deviations (n, d) where d = k; or their
+    `errors`, with bands about zero."""
+    figure, panels = with_panels(WIDTH, 1.2 + 2.1 * len(estimates), len(estimates), title=title, sharex=True)
+    for panel, (name, values) in zip(panels, estimates.items(), strict=True):
+        off = 2 * deviations[name]
+        for k in range(values.shape[1]):
+            label = name if values.shape[1] == 1 else f"{name}[{k}]"
+            if off.shape == values.shape:
+                middle = 0.0 if errors else values[:, k]
+                panel.fill_between(time, middle - off[:, k], middle + off[:, k], color=colour(k), alpha=0.2)
+            panel.plot(time, values[:, k], color=colour(k), linewidth=0.9, label=label)
+            if name in smoothed:
+                panel.plot(time, smoothed[name][:, k], "--", color=BLACK, linewidth=0.9, label=f"{label} smoothed")
+        shown = f"error of {name}" if errors else name
+        panel.set_ylabel(shown if units[name] in ("1", "?") else f"{shown} [{units[name]}]")
+        panel.margins(x=0.0)
+    panels[-1].set_xlabel("time [s]; bands of two deviations")
+    key_below(figure, columns=4)
+    return figure
+
+
+@styled
 def innovations_figure(
     time: np.ndarray,
     white: Mapping[str, np.ndarray],

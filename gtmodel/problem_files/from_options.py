@@ -20,7 +20,7 @@ from pydantic.json_schema import GenerateJsonSchema
 from gtmodel.results.agreement import UNEQUAL
 from gtmodel.results.options import Long, Options, Unit, Within, declared, hints, written_name
 from gtmodel.results.quantity import converted, split, unit_of
-from gtmodel.results.refusal import ArgumentError
+from gtmodel.results.refusal import naming
 
 from .base import FileSection
 
@@ -253,10 +253,8 @@ def _given(table: Made, key: str) -> Any:
 def _objects(value: Any, name: str) -> Any:
     """Tables as the options that they say, also in lists and by name; what they refuse is said with their place."""
     if isinstance(value, Made):
-        try:
+        with naming(f"{name}."):
             return value.options()
-        except ArgumentError as error:
-            raise ArgumentError(error.message, f"{name}.{error.argument}" if error.argument else name) from error
     if isinstance(value, dict):
         return {key: _objects(one, f"{name}.{key}") for key, one in value.items()}
     if isinstance(value, list):

@@ -18,6 +18,7 @@ from gtmodel.measurements.signals import read_signals
 from gtmodel.motion.options import Arc, Line, Polyline, Shape, Spline, Taught
 from gtmodel.results import ArgumentError, Trajectory, TrajectoryError
 from gtmodel.results.quantity import unit_of
+from gtmodel.results.refusal import naming
 
 from .base import Context, FileSection, InputError, Problem, Source
 from .from_options import Made, made_from
@@ -119,12 +120,10 @@ class PathSection(FileSection):
         if not self.file:
             raise InputError("is missing", "path.file")
         file = context.file(self.file, "path.file", "path", source=self.source)
-        try:
+        with naming("path.file", refusal=InputError):
             from gtmodel.motion.paths import read_points  # here: the keys alone need no splines
 
             return read_points(file)
-        except ArgumentError as error:
-            raise InputError(error.message, "path.file") from error
 
 
 Free = Literal["estimate"]

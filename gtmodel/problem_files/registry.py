@@ -55,6 +55,7 @@ _KINDS = {
     "milling": "where to mill: the angle about the spindle by static and dynamic deflection, chatter, compensation",
     "resampling": "signals of several clocks on one even grid: uneven rows, gaps, offset and drift of the clocks",
     "delay": "how late signals come behind others that show the same motion, with intervals",
+    "filtering": "any model as the process of a filter, with sensors over a log: estimates and whether to believe them",
     "sensor_fusion": "laser tracker and inertial unit filtered into one motion, and whether to believe the filter",
     "lead_through": "a tool guided by hand with two force sensors: force held, limits, energy at the handle, a peg",
     "wrench_calibration": "bias, mass and centre of what a force sensor carries, from poses, with intervals",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 
@@ -28,18 +28,37 @@ class ArgumentError(ValueError):
 
 
 @contextmanager
-def naming(argument: str, *kinds: type[Exception]) -> Iterator[None]:
+def naming(
+    argument: str | Mapping[str, str], *kinds: type[Exception], before: str = "", after: str = "",
+    refusal: Callable[[str, str], Exception] = ArgumentError,
+) -> Iterator[None]:  # fmt: skip
     """A block in which errors of these kinds are refused as this argument, in the same sentence.
 
-    kinds: exception classes; all others pass. Raises ArgumentError in place of them.
+    argument: its name. One that ends in a dot, "plants.x.", goes before the name that is refused inside; a dictionary
+    has names by those inside, under "" that of all others.
+    kinds: exception classes, ArgumentError if left out; all others pass. before, after: of the sentence.
+    refusal: what is raised in place of them, of sentence and argument.
+
+    Raises ArgumentError, or the refusal.
 
     >>> with gt.results.naming("guess", KeyError, ValueError):
     ...     float("fast")
     Traceback (most recent call last):
         ...
     gtmodel.results.refusal.ArgumentError: guess: could not convert string to float: 'fast'
+    >>> with gt.results.naming("plants.x."):
+    ...     raise gt.results.ArgumentError("must be above 0", "mass")
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: plants.x.mass: must be above 0
     """
+    caught = kinds or (ArgumentError,)
     try:
         yield
-    except kinds as error:
-        raise ArgumentError(error.message if isinstance(error, ArgumentError) else str(error), argument) from error
+    except caught as error:
+        said, inside = (error.message, error.argument) if isinstance(error, ArgumentError) else (str(error), "")
+        if isinstance(argument, str):
+            name = argument if argument[-1:] != "." else f"{argument}{inside}".removesuffix(".")
+        else:
+            name = argument.get(inside, argument.get("", inside))
+        raise refusal(f"{before}{said}{after}", name) from error

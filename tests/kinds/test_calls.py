@@ -25,8 +25,9 @@ SOLVED = [path for path in PROBLEMS if tomllib.loads(path.read_text(encoding="ut
 NO_ROBOT = (
     "delay", "resampling", "sensor_fusion", "stereo", "vibration", "dynamic_stiffness", "axis_trajectory",
     "trajectory_table", "codegen", "learning_control", "delayed_feedback", "lead_through", "wrench_calibration",
+    "filtering",
 )  # fmt: skip
-"""Kinds of records, of linear plants, of one machine axis after another, and of several robots."""
+"""Kinds of records, of linear plants, of compiled systems, of one machine axis after another, and of several robots."""
 
 
 def _parts(value: Any, path: str = "", seen: set[int] | None = None) -> Iterator[tuple[str, Any]]:

@@ -177,7 +177,7 @@ def _represented(values: dict[str, np.ndarray], tables: Sequence[SignalTable], m
         at = f"measured.signals.{name}"
         if ESTIMATE in (s.scale, s.offset, s.delay):
             raise ArgumentError("an orientation has no scale, offset or delay to estimate", at)
-        with naming(f"{at}.representation", ArgumentError):
+        with naming(f"{at}.representation"):
             if name.partition("@")[0] == measured.position and s.representation == MATRIX:
                 values[name] = positions(values[name])
                 continue
@@ -197,7 +197,7 @@ def _measurements(tables: Sequence[SignalTable], measured: Measured, sources: Se
         _refuse_long(values[measured.orientation], measured.orientation)
     noise = {}
     for n, s in measured.signals.items():
-        with naming(f"measured.signals.{n}.deviation", ArgumentError):
+        with naming(f"measured.signals.{n}.deviation"):
             if (stated := s.noise_in_si) is not None:
                 noise[n] = np.asarray(stated) if isinstance(stated, list) else stated
     device, target, sag = measured.device_start, measured.target_start, measured.sag

@@ -12,6 +12,7 @@ import numpy as np
 from ...linear.roots import bisected
 from ...results import ArgumentError, SolveStatus, Work
 from ...results.options import Within
+from ...results.refusal import naming
 from ...results.table import csv_text
 from ...results.work import Progress, never, silent, study_function
 from .limit import GainLimit, WorstCase, gain_limit, recommended_gain, worst_case
@@ -125,10 +126,8 @@ def delayed_feedback(
     turned = _off_axis(plants, made, timing, off_axis, notes) if off_axis else {}
     if cut is not None and tool is not None:
         work.step("chatter")
-        try:
+        with naming("cut."):
             turned |= cut.depths(tool, limits[cut.of.axis].gain)
-        except ArgumentError as fault:
-            raise ArgumentError(fault.message, f"cut.{fault.argument}") from fault
     if worst:
         notes += [_worst_words(n, w) for n, w in worst.items() if np.isfinite(w.gain)]
         notes += [_kept_words(n, w, margins) for n, w in kept.items() if np.isfinite(w.gain)]
@@ -185,17 +184,13 @@ def _made(name: str, plant: Given, timing: FeedbackTiming) -> CorrectedPlant:
         if timing.accumulate:
             raise ArgumentError("says what a correction does by itself; leave it out", "timing.accumulate")
         return plant
-    try:
+    with naming(f"plants.{name}."):
         return plant.plant(timing)
-    except ArgumentError as fault:
-        raise ArgumentError(fault.message, f"plants.{name}.{fault.argument}") from fault
 
 
 def _limit(name: str, loop: DelayedLoop) -> GainLimit:
-    try:
+    with naming(f"plants.{name}"):
         return gain_limit(loop)
-    except ArgumentError as fault:
-        raise ArgumentError(fault.message, f"plants.{name}") from fault
 
 
 def _returns(name: str, limit: GainLimit) -> str:

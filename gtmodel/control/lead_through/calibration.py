@@ -303,7 +303,7 @@ def calibrate_wrench(
     at = np.arange(float(len(R))) if time is None else _rising(time, len(R))
     if drift and time is None:
         raise ArgumentError("is needed to estimate a drift", "time")
-    with naming("turns", ArgumentError):
+    with naming("turns"):
         of_force = _fitted("force", "mass", f, g, at, sigma_force, drift)
         of_moment = _fitted("moment", axes("first_moment"), m, g, at, sigma_moment, drift)
     outcomes = [*suspicions_of(of_force, R, at, down), *suspicions_of(of_moment, R, at, down)]

@@ -13,6 +13,7 @@ from gtmodel import lang as gt
 from ..._lazy import hint
 from ...linear.state_space import continuous_poles, frequency_and_damping
 from ...results import ArgumentError
+from ...results.refusal import naming
 from .axis import AxisPlant, delayed
 from .identified import COLUMNS, EXPLAINED, LEAST, TAPS, identified_axis, identified_tool, pulses
 from .options import AXES
@@ -228,10 +229,8 @@ def identified_robot(
     axes = []
     for k in range(u.shape[1]):
         mine = {name: values[:, k] for name, values in rows.items()}
-        try:
+        with naming({}, before=f"axis {AXES[k]}: "):
             axes.append(identified_axis(u[:, k], mine, sample_time, order, delay))
-        except ArgumentError as error:
-            raise ArgumentError(f"axis {AXES[k]}: {error.message}", error.argument) from error
     return ModelledRobot(axes)
 
 

@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from ...results.refusal import ArgumentError
+from ...results.refusal import ArgumentError, naming
 from ..belief import Belief, InitialState, Innovation
 from ..error_state import Filter, joseph
 from ..spread import UsedNumbers, moments, roots, spread_of
@@ -237,10 +237,8 @@ class ParticleFilter(Filter):
 
 def _along(system: System, name: str) -> range:
     """Which components of an error are those of a state."""
-    try:
+    with naming("marginalised"):
         along = system.space.part(name)[2]
-    except ArgumentError as fault:
-        raise ArgumentError(fault.message, "marginalised") from None
     return range(along.start, along.stop)
 
 

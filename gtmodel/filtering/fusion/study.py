@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ...inference.chance import chi_squared_ends
 from ...measurements.inspection.data_tests import Data, tested
 from ...results import SolveStatus, Work
 from ...results.suspicion import suspicion_checks
@@ -17,6 +16,7 @@ from ...results.trajectory import Trajectory
 from ...results.work import Interrupted, Progress, never, silent, study_function
 from ..consistency import Consistency, consistency
 from ..error_state import ErrorState, Filter
+from ..filter_study import innovations_picture
 from ..filtered import Filtered
 from ..manifold import Manifold
 from ..paths import TrackedPath
@@ -411,7 +411,7 @@ def _figures(
     figures: dict[str, Callable[[], Any]] = {
         "baselines": partial(_baselines_figure, scene, one, title),
         "velocity": partial(_velocity_figure, scene, one, title),
-        "innovations": partial(_innovations_figure, one, title),
+        "innovations": partial(innovations_picture, one.judged, title),
     }
     if scene.path.axes == 5:
         figures["angular_acceleration"] = partial(_alpha_figure, scene, one, title)
@@ -441,14 +441,6 @@ def _velocity_errors(scene: Scene, one: _One) -> dict[str, np.ndarray]:
     if one.smoothed is not None:
         estimates["smoothed"] = one.smoothed["v"]
     return {name: v[:n] - scene.motion.v[:n] for name, v in estimates.items() if len(v) >= n}
-
-
-def _innovations_figure(one: _One, title: str) -> Any:
-    from ...plot.filters import innovations_figure
-
-    run = one.judged
-    white = {name: values[:, 0] for name, values in run.innovations.items()}
-    return innovations_figure(run.time, white, run.nis[:, 0], run.count[:, 0], chi_squared_ends, title=title)
 
 
 def _alpha_figure(scene: Scene, one: _One, title: str) -> Any:

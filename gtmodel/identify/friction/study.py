@@ -94,10 +94,8 @@ def friction_study(
         if work.interrupted():
             return FrictionStudy(status=SolveStatus.INTERRUPTED, message="stopped before the fit", title=title)
         used = _runs_of(logs, pattern, constant_velocity or ConstantVelocity())
-    try:
+    with naming({"pattern": "poses", "": "runs"}):
         fit = identify_friction(used, pattern, symmetric=directions == "symmetric", gravity=gravity, accept=accept)
-    except ArgumentError as error:
-        raise ArgumentError(error.message, "poses" if error.argument == "pattern" else "runs") from error
     e = fit.estimate
     coefficients: dict[str, Any] = {name: getattr(fit, name) for name in LABELS}
     return FrictionStudy(
@@ -177,7 +175,7 @@ def _runs_of(logs: Sequence[Sequence[Session]], pattern: Array, limits: Constant
             width = force.reshape(len(force), -1).shape[1]
             if width != carts:
                 raise ArgumentError(f"has {width} columns; the robot has {carts} carts", "runs.force")
-            with naming(f"runs[{pose}]", ArgumentError):
+            with naming(f"runs[{pose}]"):
                 parts.append(constant_velocity_runs(
                     session, pose=pose, cutoff_Hz=limits.cutoff, acceleration=limits.steady_acceleration,
                     slow=limits.slowest, shortest=limits.shortest_run,

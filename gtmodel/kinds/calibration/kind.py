@@ -17,6 +17,7 @@ from gtmodel.lang import Model
 from gtmodel.problem_files import python_models, robots
 from gtmodel.problem_files.base import Call, Context, InputError
 from gtmodel.results import ArgumentError
+from gtmodel.results.refusal import naming
 
 from . import page
 from .keys import JointStiffness, MeasuredSection, Schema
@@ -101,10 +102,8 @@ def _carts(problem: Schema, context: Context) -> CartPoints | None:
     if keys is None:
         return None
     file = context.file(keys.file, "cart_points.file", source=keys.source)
-    try:
+    with naming("cart_points.file", refusal=InputError):
         at, points = calibrate.read_cart_points(file, keys.arms, keys.unit)
-    except ArgumentError as error:
-        raise InputError(error.message, "cart_points.file") from error
     return CartPoints(at, points, **keys.given())
 
 

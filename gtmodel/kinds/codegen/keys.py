@@ -15,7 +15,7 @@ from gtmodel.loop.lead_through.options import Guiding
 from gtmodel.problem_files.base import Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.keys import RobotProblem
-from gtmodel.results import ArgumentError
+from gtmodel.results.refusal import naming
 
 RESULT = "gtmodel.cgen.CodeStudy"
 
@@ -120,10 +120,8 @@ class PlantUnitSection(Made):
 
     def unit(self, path: Path | str) -> PlantUnit:
         """The plant, of an archive. Raises ArgumentError at its key."""
-        try:
+        with naming("plant."):
             return PlantUnit(file=path, **self.given())
-        except ArgumentError as error:
-            raise ArgumentError(error.message, f"plant.{error.argument}") from error
 
     def of_folder(self, context: Context, out: Path) -> dict[str, str]:
         """What the manifest of a generated folder says instead: where the archive is from there.

@@ -15,6 +15,7 @@ from gtmodel.lang import Model, ModelError
 from gtmodel.problem_files.base import Call, Context, InputError
 from gtmodel.problem_files.noted import doubts, refuse_distrusted
 from gtmodel.results import ArgumentError
+from gtmodel.results.refusal import naming
 
 from .keys import FilterSection, Schema, keys_of_units
 
@@ -128,15 +129,13 @@ def _filter(section: FilterSection, model: Model) -> ControllerFilter:
     )
     sensors: list[Sensor] = []
     for s in section.sensors:
-        try:
+        with naming(f"{s.name}."):
             sensors.append(
                 Sensor(
                     s.name, s.signal, deviation=s.deviation, density=s.density, period=s.period_s, kind=s.kind,
                     delay=s.delay_s, gate=s.gate,
                 )
             )  # fmt: skip
-        except ArgumentError as error:
-            raise ArgumentError(error.message, f"{s.name}.{error.argument}") from error
     stale = {s.name: s.stale_cycles for s in section.sensors if s.stale_cycles is not None}
     closed = {s.name: s.closed_cycles for s in section.sensors if s.closed_cycles is not None}
     start = InitialState(section.start.mean, section.start.deviation)

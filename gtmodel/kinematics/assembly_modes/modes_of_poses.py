@@ -95,7 +95,7 @@ def read_poses(path: str | Path) -> list[CommandedPose]:
     [1.5707963267948966, 0.0, 0.0]
     """
     path = path_of(path)
-    with naming("poses", ArgumentError):
+    with naming("poses"):
         table = CsvTable(path)
     head = table.names
     wanted = [
@@ -112,7 +112,7 @@ def read_poses(path: str | Path) -> list[CommandedPose]:
     twice = [columns for name, columns, _ in wanted if sum(name == other for other, _, _ in wanted) > 1]
     if twice:
         raise ArgumentError(f"{path.name} has {' and '.join(c[0] for c in twice)}; give either", "poses")
-    with naming("poses", ArgumentError):
+    with naming("poses"):
         numbers = {c: table.numbers(c).tolist() for c in known}
     return [
         CommandedPose(**{name: [f * numbers[c][k] for c in columns] for name, columns, f in wanted})

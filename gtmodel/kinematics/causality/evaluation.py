@@ -15,6 +15,7 @@ from ...geometry.rotations import matrices
 from ...lang import Model, ModelError
 from ...results import ArgumentError, SolveStatus, Status, Work
 from ...results.agreement import AnyNumber
+from ...results.refusal import naming
 from ...results.work import Progress, never, silent, study_function
 from ..orientation import OrientationMap, grid
 from . import point_table
@@ -182,10 +183,8 @@ def _inputs(
     if isinstance(points, PointGrid):
         return [_box(points, model, known, function, branches)]
     if isinstance(points, (str, Path)):
-        try:
+        with naming("points"):
             return point_table.read(Path(points), function.inputs)
-        except ArgumentError as error:
-            raise ArgumentError(error.message, "points") from error
     if not isinstance(points, Mapping):
         if len(function.inputs) > 1:
             names = ", ".join(s.name for s in function.inputs)

@@ -12,6 +12,7 @@ import numpy as np
 from ...results import ArgumentError, Check, Quantity, Row, SolveStatus, Study, Work, at_least, at_most
 from ...results.disk import MadeFiles
 from ...results.estimate import Estimate
+from ...results.refusal import naming
 from ...results.study import to_inherit
 from ...results.trajectory import Trajectory
 from ...results.work import Progress, never, silent, study_function
@@ -95,13 +96,11 @@ def delay_study(
         work.step(f"delay of {name}", n / len(pairs))
         if len(first.names) != 1 or len(late.names) != 1:
             raise ArgumentError(f"'{name}' has several signals in a recording; select one", f"recordings.{name}")
-        try:
+        with naming(f"recordings.{name}", before=f"{name}: "):
             fits[name] = align(
                 first, late, {first.names[0]: late.names[0]}, drift=search.drift, scale=search.scale,
                 shift=search.shift, within=(-search.longest, search.longest),
             )  # fmt: skip
-        except ArgumentError as error:
-            raise ArgumentError(f"{name}: {error.message}", f"recordings.{name}") from error
     note = next((t.synthetic for pair in pairs.values() for t in pair if t.synthetic), None)
     return _study(fits, search, truth, title, note)
 

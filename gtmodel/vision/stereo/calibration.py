@@ -12,7 +12,7 @@ from ...geometry.pinhole import LENS, project
 from ...geometry.quaternions import angle_between
 from ...geometry.rotations import composed, inverse_poses, matrices_of, poses_of
 from ...inference.bundle import BundleFit, ResidualBlock, UnknownGroup, bundle_fit
-from ...results.refusal import ArgumentError
+from ...results.refusal import ArgumentError, naming
 from ..corner_table import CornerTable
 from ..residuals import SETTLED, SPREAD, GrossErrors, gross_errors
 from ..starts import board_pose, focal_length, homography
@@ -87,10 +87,8 @@ def _focal(table: CornerTable, camera: int, middle: tuple[float, float]) -> floa
         own = (table.camera == camera) & (table.picture == p)
         if own.sum() >= LEAST:
             H.append(homography(table.X[own, :2], table.uv[own]))
-    try:
+    with naming("start.focal_pixel", before=f"{table.cameras[camera]}: "):
         return focal_length(H, middle)
-    except ArgumentError as error:
-        raise ArgumentError(f"{table.cameras[camera]}: {error.message}", "start.focal_pixel") from None
 
 
 def _views(table: CornerTable, lenses: np.ndarray) -> dict[tuple[int, int], np.ndarray]:

@@ -14,6 +14,7 @@ from ...geometry.rotations import composed, matrices_of
 from ...inference.bundle import BundleFit
 from ...measurements.inspection.data_tests import Data, tested
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most
+from ...results.refusal import naming
 from ...results.suspicion import FIRST, suspicion_checks
 from ...results.table import csv_text
 from ...results.work import Progress, never, silent, study_function
@@ -90,10 +91,8 @@ def stereo_study(
         kept = np.flatnonzero(~removed.corners)
         table, begin = _left(table, kept, begin)
     work.step("fit", 0.6)
-    try:
+    with naming("corners", after=f"; {TILT}"):
         end = calibrated(table, begin, fit, stop=work.interrupted)
-    except ArgumentError as error:
-        raise ArgumentError(f"{error.message}; {TILT}", "corners") from error
     if not end.status.ok or end.estimate is None:
         if removed is None and end.status is not SolveStatus.INTERRUPTED:
             work.step("gross errors", 0.8)

@@ -1,0 +1,140 @@
+"""What the study of a filter is asked for, sensors, a start, synthetic readings, and what it answers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from .._lazy import hint
+from ..results import Quantity, Row, Study
+from ..results.options import Options, Unit, Within
+
+if TYPE_CHECKING:
+    from .sensors import Sensor
+else:
+    Sensor = hint("gtmodel.filtering.sensors", "Sensor")
+
+FilterName = Literal["kf", "ekf", "iekf", "ukf", "particle", "steady"]
+Numbers = float | tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class MeasuredQuantity(Options):
+    """A sensor of a filter: which variable of the model it measures, and with what noise, in the SI unit of that.
+
+    >>> gt.filtering.MeasuredQuantity(signal="angle", deviation=0.01).sensor("encoder").quantity
+    'angle'
+    """
+
+    signal: Annotated[str, "variable of the model that is measured; the sensor's name if left out"] = ""
+    deviation: Annotated[
+        Numbers | None, Within(above=0.0), "of the noise of one reading, a number or one per component"
+    ] = None
+    density: Annotated[
+        Numbers | None,
+        Within(above=0.0),
+        "in place of it: deviation times the root of the period, as data sheets print",
+    ] = None
+    period: Annotated[float | None, Unit("s"), Within(above=0.0), "between two readings; needed with a density"] = None
+    kind: Annotated[
+        Literal["vector", "quaternion", "direction"], "quaternions are scalar first, directions of any length"
+    ] = "vector"
+    delay: Annotated[float, Unit("s"), "how late a reading comes"] = 0.0
+    gate: Annotated[
+        float | None,
+        Within(above=0.0, below=1.0),
+        "readings beyond this quantile of chi-squared are left out, as 0.999",
+    ] = None
+    outliers: Annotated[Literal["huber"] | None, "readings count less the further off, by Huber's weights"] = None
+
+    def sensor(self, name: str) -> Sensor:
+        """The sensor of that name. Raises ArgumentError for noise that is stated twice, or not at all."""
+        from .sensors import Sensor
+
+        return Sensor(
+            name, self.signal, self.deviation, self.density, self.period, self.kind, self.delay,
+            gate=self.gate, outliers=self.outliers,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class FilterStart(Options):
+    """Where a filter begins: what is known of each state, in SI.
+
+    >>> gt.filtering.FilterStart(deviation={"angle": 0.1, "rate": 1.0}).mean
+    {}
+    """
+
+    mean: Annotated[Mapping[str, Numbers], "state -> value; zero for those that are not named"] = field(
+        default_factory=dict
+    )
+    deviation: Annotated[Mapping[str, Numbers], "state -> standard deviation of its error; every state has one"] = (
+        field(default_factory=dict)
+    )
+
+
+@dataclass(frozen=True)
+class DrawnReadings(Options):
+    """Readings of a motion that the process draws from its own noise, in place of a log.
+
+    >>> gt.filtering.DrawnReadings(duration=2.0).seed
+    1
+    """
+
+    duration: Annotated[float, Unit("s"), Within(above=0.0), "of the motion"]
+    step: Annotated[
+        float, Unit("s"), Within(above=0.0), "between its instants, at which sensors without a period read"
+    ] = 0.01
+    seed: Annotated[int, Within(least=0), "of start, motion and noise"] = 1
+
+
+@dataclass(frozen=True, eq=False)
+class FilterStudy(Study):
+    """What a filter says of a log: estimates with deviations, and whether they may be believed.
+
+    The trajectory has each state, its "NAME.deviation", and where it was smoothed "NAME.smoothed".
+    """
+
+    filter: Annotated[str, "its name", "filter"] = ""
+    readings: Annotated[Mapping[str, int], "of each sensor"] = field(default_factory=dict)
+    left_out: Annotated[Mapping[str, int], "readings that a gate left out, by sensor"] = field(default_factory=dict)
+    nis: Annotated[float | None, "mean normalised innovation squared of an instant"] = None
+    nis_band: Annotated[Sequence[float], "of a right filter's, 99.9 %"] = ()
+    nis_numbers: Annotated[float | None, "its mean, of a right filter"] = None
+    verdict: Annotated[str, "whether the innovations are what the filter expects"] = ""
+    final: Annotated[Mapping[str, Sequence[float]], "each state at the end, SI"] = field(default_factory=dict)
+    final_deviation: Annotated[Mapping[str, Sequence[float]], "of these"] = field(default_factory=dict)
+    rms_error: Annotated[
+        Mapping[str, Sequence[float]], Quantity("", "of each state, where the truth is known: synthetic readings")
+    ] = field(default_factory=dict)
+    rms_deviation: Annotated[
+        Mapping[str, Sequence[float]], "what the filter says of these errors"
+    ] = field(default_factory=dict)  # fmt: skip
+    smoothed_rms_error: Annotated[Mapping[str, Sequence[float]], "of the smoothed states"] = field(default_factory=dict)
+    synthetic: Annotated[str, "where the readings are from"] = ""
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def rows(self) -> list[Row]:
+        """Readings, estimates and the verdict."""
+        rows = [Row(f"readings of {name}", self._counted(name, n)) for name, n in self.readings.items()]
+        for name, values in self.final.items():
+            pairs = zip(values, self.final_deviation[name], strict=True)
+            said = ", ".join(f"{value:.6g} +- {deviation:.2g}" for value, deviation in pairs)
+            rows.append(Row(f"{name} at the end", said, self.units.get(name, "")))
+        for name, errors in self.rms_error.items():
+            pairs = zip(errors, self.rms_deviation[name], strict=True)
+            said = ", ".join(f"{error:.3g} (expected {deviation:.3g})" for error, deviation in pairs)
+            if name in self.smoothed_rms_error:
+                said += f"; smoothed {', '.join(f'{e:.3g}' for e in self.smoothed_rms_error[name])}"
+            rows.append(Row(f"rms error of {name}", said, self.units.get(name, "")))
+        if self.nis_band:
+            low, high = self.nis_band
+            said = f"{self.nis:.4g} of {self.nis_numbers:.3g}, right within {low:.4g} to {high:.4g}"
+            rows += [Row("innovations squared (NIS)", said), Row("  verdict", self.verdict)]
+        return rows + ([Row("SYNTHETIC", self.synthetic)] if self.synthetic else [])
+
+    def _counted(self, name: str, n: int) -> str:
+        out = self.left_out.get(name, 0)
+        return f"{n}, {out} left out by the gate" if out else str(n)

@@ -1,0 +1,151 @@
+"""The kind "filtering": a person's own model, sensors, noise and log from a file, against filters made by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy
+
+import gtmodel as gt
+from gtmodel.results import ArgumentError
+from tests.support.commands import CLONE, Commands
+
+F = gt.filtering
+SHIPPED = CLONE / "problems" / "filter_pendulum.toml"
+CART = """
+import gtmodel as gt
+class Cart(gt.Model):
+    x, v = gt.variable(unit="m"), gt.variable(unit="m/s")
+    a, force = gt.input(unit="m/s2"), gt.input(unit="m/s2")
+    def equations(self):
+        yield gt.der(self.x) == self.v
+        yield gt.der(self.v) == self.a + self.force
+"""
+PROBLEM = """
+kind = "filtering"
+model = "cart.py:Cart"
+states = ["x", "v"]
+filter = "kf"
+noise = {a = 0.5}
+sensors = {tape = {signal = "x", deviation = 0.02}}
+start = {mean = {x = 0.3}, deviation = {x = 0.5, v = 1.0}}
+[log]
+files = ["log.csv"]
+readings = {tape = {column = "tape", unit = "mm"}}
+inputs = {force = {column = "force", unit = "m/s2"}}
+"""
+STEP, ROWS = 0.05, 200
+
+
+@pytest.fixture
+def gtmodel(capsys: pytest.CaptureFixture[str]) -> Commands:
+    return Commands(capsys)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    rng = np.random.default_rng(5)  # synthetic: seed 5
+    time = STEP * np.arange(ROWS)
+    force = np.sin(time)
+    x = 0.4 - np.sin(time) + 0.1 * np.cumsum(rng.standard_normal(ROWS)) * STEP
+    rows = np.column_stack([time, 1e3 * (x + 0.02 * rng.standard_normal(ROWS)), force])
+    (tmp_path / "cart.py").write_text(CART)
+    (tmp_path / "p.toml").write_text(PROBLEM)
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header="time,tape,force", comments="", fmt="%.17g")
+    return tmp_path
+
+
+def by_hand(log: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Kalman's equations for a cart under white acceleration and a force that runs straight between rows."""
+    A = np.array([[1.0, STEP], [0.0, 1.0]])
+    Q = 0.5 * np.array([[STEP**3 / 3, STEP**2 / 2], [STEP**2 / 2, STEP]])
+    x, P, means, deviations = np.array([0.3, 0.0]), np.diag([0.25, 1.0]), [], []
+    for k, (_, tape, force) in enumerate(log):
+        if k:
+            before = log[k - 1, 2]
+            x = A @ x + [STEP**2 * (2 * before + force) / 6, STEP * (before + force) / 2]
+            P = A @ P @ A.T + Q
+        K = P[:, 0] / (P[0, 0] + 0.02**2)
+        x, P = x + K * (tape / 1e3 - x[0]), P - np.outer(K, P[0])
+        means.append(x)
+        deviations.append(np.sqrt(np.diag(P)))
+    return np.array(means), np.array(deviations)
+
+
+def test_a_persons_own_model_and_log_are_filtered_as_by_hand(folder: Path, gtmodel: Commands) -> None:
+    done = gtmodel("solve", folder / "p.toml", "--json", "--plot", "--out", folder / "out")
+    assert done.code == 0, done.err
+    means, deviations = by_hand(np.loadtxt(folder / "log.csv", delimiter=",", skiprows=1))
+    made = gt.load(folder / "p.toml")().trajectory
+    for k, name in enumerate(("x", "v")):
+        assert made[name] == pytest.approx(means[:, k], rel=1e-9, abs=1e-9)
+        assert made[f"{name}.deviation"] == pytest.approx(deviations[:, k], rel=1e-9)
+    assert done.json["values"]["readings"] == {"tape": ROWS} and not made.synthetic
+    assert {p.name for p in (folder / "out").glob("*.png")} == {"estimates.png", "innovations.png"}
+
+
+def test_the_model_of_the_shipped_problem_has_twelve_lines_and_its_errors_are_what_the_filter_says() -> None:
+    lines = (CLONE / "problems" / "models" / "pendulum.py").read_text()
+    assert len(lines.splitlines()) <= 12
+    study = gt.load(SHIPPED)()
+    assert study.status.ok and study.synthetic and study.trajectory.synthetic
+    low, high = study.nis_band
+    assert low < study.nis < high
+    for name, (error,) in study.rms_error.items():
+        # 20 s hold some tens of independent errors
+        assert error == pytest.approx(study.rms_deviation[name][0], rel=0.25)
+        assert study.smoothed_rms_error[name][0] < error
+    assert set(study.figures) == {"estimates", "errors", "innovations"}
+
+
+def test_the_file_is_the_call_of_the_library() -> None:
+    call = gt.load(SHIPPED)
+    system, start, asked, name = call.arguments
+    own = F.filter_study(system, start, asked, name, smoothing=True)
+    assert own.trajectory["angle"].tolist() == gt.load(SHIPPED)().trajectory["angle"].tolist()
+
+
+def test_wrong_noise_is_said_with_its_name() -> None:
+    parts = [F.StatePart("x", unit="m")]
+    process = F.DiscreteProcess(parts, 0.1, lambda s: {"x": s.x}, [1e-4])
+    right = F.System(process, [F.Sensor("tape", "x", deviation=0.01)])
+    start = F.FilterStart(deviation={"x": 1.0})
+    drawn = F.draw(right, F.InitialState({}, {"x": 1.0}), 0.1 * np.arange(1000), seed=3)
+    study = F.filter_study(right.with_(deviations={"tape": 0.1}), start, drawn.log)
+    assert study.status.ok and study.nis < study.nis_band[0] and "tape" in study.verdict
+    # 1,000 instants: the band is that of chi-squared over its degrees of freedom
+    assert study.nis_band == pytest.approx(scipy.stats.chi2.ppf([0.0005, 0.9995], 1000) / 1000, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [
+        ("a = 0.5", "b = 0.5", "Cart has no variable 'b'"),
+        ('signal = "x"', 'signal = "y"', "Cart has no variable 'y'"),
+        ("deviation = 0.02", "gate = 0.99", "sensors.tape.deviation"),
+        ("{x = 0.5, v = 1.0}", "{x = 0.5}", "start.deviation"),
+        ("{x = 0.5, v = 1.0}", "{x = 0.5, w = 1.0}", "start.deviation"),
+        ('filter = "kf"', 'filter = "wiener"', "filter"),
+        ('inputs = {force = {column = "force", unit = "m/s2"}}', "", "Cart: 2 equations for 3 unknowns"),
+        ('files = ["log.csv"]', "files = []", "log.files"),
+        ('column = "tape"', 'column = "tap"', "log"),
+        ("[log]", "[synthetic]\nduration_s = 1.0\n[log]", "log"),
+        ("cart.py:Cart", "cart.py:Card", "model"),
+    ],
+)
+def test_what_is_wrong_is_refused_at_its_key(folder: Path, gtmodel: Commands, old: str, new: str, key: str) -> None:
+    text = (folder / "p.toml").read_text()
+    assert old in text
+    (folder / "p.toml").write_text(text.replace(old, new))
+    done = gtmodel("solve", folder / "p.toml", "--out", folder / "out")
+    assert done.code == 2 and f"p.toml: {key}" in done.err, done.err
+
+
+def test_a_start_that_names_no_state_is_refused_where_it_stands() -> None:
+    parts = [F.StatePart("x", unit="m")]
+    system = F.System(F.DiscreteProcess(parts, 0.1, lambda s: {"x": s.x}, [1e-4]), [F.Sensor("x", deviation=0.01)])
+    with pytest.raises(ArgumentError) as refused:
+        F.filter_study(system, F.FilterStart(deviation={"y": 1.0}), F.DrawnReadings(duration=1.0, step=0.1))
+    assert refused.value.argument == "start.deviation"
