@@ -31,7 +31,7 @@ SHAKEN := tests/robots/test_six_link.py::test_declared_branches_reach_the_invers
 help:
 	@echo "make demo         solve the time-optimal motion of the L1 prototype, then generate and check its C code"
 	@echo "make test         lint, types and all tests: what CI runs; about 18 minutes on two cores"
-	@echo "make proof        long statistics and formal checks"
+	@echo "make proof        long statistics, formal checks, and the notebooks and pages that make test leaves out"
 	@echo "make bench        benchmarks and rivals"
 	@echo "make docs         build the site, build/site/html/index.html, with all commands and notebooks run"
 	@echo "make conformance  solve the problems with known optima and write docs/conformance.md"

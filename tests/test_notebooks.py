@@ -17,6 +17,8 @@ from jupyter_core.utils import run_sync
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError
 
+from tests.support.parts import a_third
+
 CLONE = Path(__file__).resolve().parents[1]
 FOLDER = CLONE / "notebooks"
 SCRIPTS = sorted(FOLDER.glob("[0-9][0-9]_*.py"))
@@ -117,7 +119,7 @@ def test_notebook_asks_a_question_and_asserts_an_answer(script: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("script", SCRIPTS, ids=by_name)
+@pytest.mark.parametrize("script", a_third(SCRIPTS, by_name))
 def test_notebook_runs_from_top_to_bottom(script: Path, kernel: AsyncKernelManager, tmp_path: Path) -> None:
     source = stored(script)
     ran = execute(source, kernel, tmp_path)  # raises at the first error, with the cell and its traceback

@@ -14,7 +14,7 @@ from gtmodel import lang as gt
 from gtmodel.results import Trajectory
 from gtmodel.results.trajectory import TIME_SLACK
 from gtmodel.simulation import Simulation, simulate
-from gtmodel.simulation.result import Progress as SimulationProgress
+from gtmodel.simulation.options import Progress as SimulationProgress
 
 from ..compiler.analysis.switching import in_mode
 from ..compiler.causal import compile_causal, flat_of

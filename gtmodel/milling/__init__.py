@@ -92,7 +92,7 @@ if TYPE_CHECKING:
         angle_sweep as angle_sweep,
         tool_rotations as tool_rotations,
     )
-    from .smooth import smooth_force_function as smooth_force_function
+    from .smooth_forces import smooth_force_function as smooth_force_function
     from .stability import (
         certain_depth as certain_depth,
         proven_depth as proven_depth,

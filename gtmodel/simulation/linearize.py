@@ -16,9 +16,9 @@ from ..compiler.flat import FlatModel
 from ..lang.model import Model
 from ..lang.source import ModelError
 from ..linear.state_space import frequency_and_damping
-from .arguments import by_name, names, numbers
-from .discontinuities import refuse_discontinuities
+from .advance import refuse_discontinuities
 from .inputs import SimulationInputs
+from .options import by_name, names, numbers
 from .systems import Systems
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ from ..compiler.flat import FlatModel
 from ..compiler.flat_cache import values_by_place, with_values
 from ..lang.model import Model
 from ..lang.source import ModelError
-from .arguments import by_name, names, number
 from .inputs import SimulationInputs, read_inputs
+from .options import by_name, names, number
 from .record import Recorded, Recorder
 from .systems import IntegratorSettings, SimulatedSystem, Systems
 

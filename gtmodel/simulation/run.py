@@ -15,15 +15,13 @@ from ..lang.model import Model
 from ..lang.slips import named
 from ..lang.source import ModelError
 from ..results.status import SolveStatus
-from .advance import Ended, Integration
-from .arguments import by_name, longest_step, names, output_step, span
-from .discontinuities import refuse_discontinuous_inputs
+from .advance import Ended, Integration, refuse_discontinuous_inputs
 from .hybrid.integration import HybridIntegration
 from .hybrid.modes import SimulatedModes, discrete_starts
+from .judgement import FINER, FINEST, resolution, small, small_states, unresolved
+from .options import NotSimulated, Progress, Simulation, by_name, longest_step, names, output_step, span
 from .prepare import OUTPUT_STEPS, output_rows, prepare, read_model, refuse_settings, watched_grid
 from .record import balance, unbalanced
-from .result import NotSimulated, Progress, Simulation
-from .small import FINER, FINEST, resolution, small, small_states, unresolved
 from .systems import IntegratorSettings
 
 

@@ -14,9 +14,8 @@ from ..results.options import Within
 from ..results.table import csv_text
 from ..results.trajectory_files import csv_bytes
 from ..results.work import Progress, never, silent, study_function
-from .arguments import LARGEST_TIME, MOST_ROWS, MOST_STEPS
 from .hybrid.clock import Event
-from .result import ENERGIES, Simulation, SimulationStudy, described
+from .options import ENERGIES, LARGEST_TIME, MOST_ROWS, MOST_STEPS, Simulation, SimulationStudy, described
 from .run import simulate
 
 TIGHTER = "use a smaller tolerance"

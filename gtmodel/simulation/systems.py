@@ -21,8 +21,7 @@ from ..lang.source import ModelError
 from .choice import Choice, StateSelection, choice_of
 from .inputs import SimulationInputs
 from .record import Recorded
-from .reduced import OriginalEquations, Reduced, Roots
-from .step import Stepper
+from .reduced import OriginalEquations, Reduced, Roots, Stepper
 
 CORRECTIONS = 12
 # each correction must shrink to a quarter of the last, as in compiler.newton: then no other solution is entered

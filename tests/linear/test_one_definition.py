@@ -21,7 +21,7 @@ NAMED = {"linear/roots.py:bisected", "cgen/proof.py:_bisected"}  # the second cu
 # matrix exponentials without an input, and Van Loan's of noise, are no hold
 EXPONENTIALS = {
     "linear/state_space.py:held", "filtering/transition.py:_covariance", "loop/plant.py:__init__",
-    "milling/floquet.py:_step",
+    "milling/stability.py:_step",
 }  # fmt: skip
 # the second needs the rates of an integrator, which Brent's method does not take
 HALVED = {"linear/roots.py:bisected", "simulation/hybrid/comparisons.py:first_root"}

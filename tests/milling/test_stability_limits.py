@@ -16,9 +16,8 @@ from gtmodel.milling import (
     spectral_radius,
     stability_lobes,
 )
-from gtmodel.milling.floquet import multipliers
 from gtmodel.milling.forces import directional_matrix, plane
-from gtmodel.milling.stability import proven_depth
+from gtmodel.milling.stability import multipliers, proven_depth
 
 K = CuttingCoefficients(20e3, 600e6, 15e3, 200e6, 2e3, 100e6)
 OVER = 1.01  # of a depth, the bound

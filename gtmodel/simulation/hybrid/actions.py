@@ -20,7 +20,7 @@ from ...lang.slips import floats, line_of, persons_code
 from ...lang.source import ModelError
 from ...results.status import SolveStatus
 from ...results.trajectory import Trajectory
-from ..ending import Ended
+from ..judgement import Ended
 from ..systems import SimulatedSystem
 from .clock import exact
 

@@ -15,8 +15,7 @@ from ...compiler.analysis.events import FlatEvents
 from ...compiler.rows import PointFunction
 from ..advance import Integration
 from ..prepare import watched_grid
-from ..reduced import Reduced, Watched
-from ..step import FINEST, MOST_ROWS, RESTARTED, Stepper
+from ..reduced import FINEST, MOST_ROWS, RESTARTED, Reduced, Stepper, Watched
 from ..systems import SimulatedSystem
 
 if TYPE_CHECKING:

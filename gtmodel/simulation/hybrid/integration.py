@@ -15,10 +15,10 @@ from ...compiler.flat import FlatModel
 from ...lang.source import ModelError
 from ...results.check import Check
 from ...results.status import SolveStatus
-from ..discontinuities import after_discontinuity
-from ..ending import Ended
+from ..advance import after_discontinuity
+from ..judgement import Ended
+from ..options import Progress
 from ..reduced import Audit
-from ..result import Progress
 from ..systems import SimulatedSystem, Systems
 from .actions import Actions, Changes, RunningBlock
 from .clock import Accumulation, Due, Event, SampleClock, exact

@@ -20,8 +20,8 @@ from ...compiler.flat_cache import with_values
 from ...lang.slips import floats
 from ...lang.source import ModelError
 from ...results.status import SolveStatus
-from ..ending import Ended
 from ..inputs import SimulationInputs
+from ..judgement import Ended
 from ..prepare import Ready, prepare_in
 from ..record import Recorded, RecordedQuantity, Recorder
 from ..reduced import Watched

@@ -13,7 +13,7 @@ from ...compiler.analysis.events import Logic, holds
 from ...compiler.flat import FlatModel
 from ...lang.source import ModelError
 from ...results.status import SolveStatus
-from ..ending import Ended
+from ..judgement import Ended
 from ..systems import SimulatedSystem
 from .actions import Changes
 from .clock import Event
