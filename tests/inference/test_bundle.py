@@ -237,6 +237,17 @@ def test_a_free_bundle_has_seven_null_directions_and_known_ones_have_names(small
         bundle_fit(small.groups(), small.blocks(), motions=shifts())
 
 
+def test_more_columns_than_all_eigenvectors_are_computed_of_give_the_same(small: Scene, monkeypatch) -> None:
+    few = bundle_fit(small.groups(), small.blocks(sigma=0.5), motions=shifts(), hold_undetermined=True)
+    monkeypatch.setattr("gtmodel.inference.bundle.elimination.SMALL", 10)
+    many = bundle_fit(small.groups(), small.blocks(sigma=0.5), motions=shifts(), hold_undetermined=True)
+    assert few.undetermined == many.undetermined == FREE and few.notes == many.notes
+    deviations = [np.sqrt(np.diag(fit.shared_covariance)) for fit in (few, many)]
+    # steps are damped by 1e-9 and S by as much, of eigenvalues from 1e-7 on
+    assert deviations[1] == pytest.approx(deviations[0], rel=0.01)
+    assert many.cost == pytest.approx(few.cost, rel=1e-9)
+
+
 def length_block(a: int, b: int, length: float, sigma: float) -> ResidualBlock:
     p, q, d = ca.SX.sym("p", 3), ca.SX.sym("q", 3), ca.SX.sym("d")
     f = ca.Function("length", [p, q, d], [ca.norm_2(q - p) - d])

@@ -313,7 +313,9 @@ def solver(r: ReducedEquations, directions: BlockDirections, sizes: np.ndarray) 
         return _plain(used, size, np.copy)
     basis = directions.x[used] * size[:, None]
     if isinstance(unit, np.ndarray):
-        factor = scipy.linalg.cho_factor(unit + basis @ basis.T, lower=True, check_finite=False)
+        spared = LEAST if len(used) > SMALL else 0.0  # there may be more faint directions than were looked for
+        whole = unit + basis @ basis.T + spared * np.eye(len(used))
+        factor = scipy.linalg.cho_factor(whole, lower=True, check_finite=False)
         return SharedSolver(used, size, lambda b: scipy.linalg.cho_solve(factor, b), basis, sizes)
     factor = scipy.sparse.linalg.splu(
         (unit + LEAST * scipy.sparse.eye(len(used))).tocsc(),
