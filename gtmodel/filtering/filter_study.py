@@ -10,6 +10,7 @@ import numpy as np
 
 from ..measurements.inspection.data_tests import Data, tested
 from ..results import ArgumentError, SolveStatus, Work
+from ..results.refusal import naming
 from ..results.suspicion import suspicion_checks
 from ..results.trajectory import Trajectory
 from ..results.work import Interrupted, Progress, never, silent, study_function
@@ -62,6 +63,8 @@ def filter_study(
     innovations agree with the filter: 1.004 within 0.8594 to 1.154, white and without a mean
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    if smoothing and filter == "particle":
+        raise ArgumentError("particles cannot be smoothed; leave it out, or take another filter", "smoothing")
     initial = InitialState(dict(start.mean), dict(start.deviation))
     synthetic, truth = "", None
     if isinstance(log, DrawnReadings):
@@ -98,7 +101,8 @@ def _drawn(
     if system.dynamics.inputs and inputs is None:
         raise ArgumentError(f"the process has known inputs, {', '.join(system.dynamics.inputs)}; give them", "inputs")
     time = asked.step * np.arange(int(np.floor(asked.duration / asked.step + 1e-9)) + 1)
-    drawn = draw(system, initial, time, seed=asked.seed, inputs=inputs)
+    with naming({"time": "log.step"}):
+        drawn = draw(system, initial, time, seed=asked.seed, inputs=inputs)
     moments = np.array([moment.time for moment in instants(system, drawn.log)])
     at = np.clip(np.rint(moments / asked.step).astype(int), 0, len(time) - 1)
     return drawn.log, {name: values[:, at] for name, values in drawn.truth.items()}

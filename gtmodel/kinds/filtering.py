@@ -43,7 +43,11 @@ class Schema(Problem):
 
 
 NAME = "filtering"
-ARGUMENTS = {"log": "log.readings", "system": "filter", "start": "start"}
+
+
+def arguments(problem: Schema) -> dict[str, str]:
+    """Where the study's arguments stand."""
+    return {"log": "synthetic" if problem.log is None else "log.readings", "system": "filter"}
 
 
 def call(problem: Schema, context: Context) -> Call:
@@ -82,7 +86,8 @@ def _system(problem: Schema, context: Context) -> filtering.System:
     for name, measured in options_of(problem, "sensors")["sensors"].items():
         with naming(f"sensors.{name}."):
             sensors.append(measured.sensor(name))
-    return filtering.System(process, sensors)
+    with naming({"kind": "sensors"}):
+        return filtering.System(process, sensors)
 
 
 def _read(problem: Schema, context: Context) -> tuple[Any, Trajectory | None]:

@@ -149,3 +149,24 @@ def test_a_start_that_names_no_state_is_refused_where_it_stands() -> None:
     with pytest.raises(ArgumentError) as refused:
         F.filter_study(system, F.FilterStart(deviation={"y": 1.0}), F.DrawnReadings(duration=1.0, step=0.1))
     assert refused.value.argument == "start.deviation"
+
+
+@pytest.mark.parametrize(
+    ("setting", "key"),
+    [
+        ('filter="particle"', "smoothing"), ('filter="kf"', "filter"),
+        ("synthetic.duration_s=0.001", "synthetic.duration_s"),
+        ("sensors.angle.period_s=0.033", "synthetic.step_s"), ('sensors.gyro.kind="quaternion"', "sensors"),
+        ("noise.push=-1.0", "noise.push"), ("start.deviation.rate=-1.0", "start.deviation.rate"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_filtered_names_its_key(gtmodel: Commands, tmp_path: Path, setting: str, key: str) -> None:
+    done = gtmodel("solve", SHIPPED, "--out", tmp_path / "out", "--set", setting)
+    assert done.code == 2 and f"filter_pendulum.toml: {key}: " in done.err, done.err
+
+
+@pytest.mark.parametrize("name", ["iekf", "ukf"])
+def test_other_filters_of_nearly_linear_motion_say_the_same(name: str) -> None:
+    study, usual = gt.load(SHIPPED, f'filter="{name}"', "smoothing=false")(), gt.load(SHIPPED)()
+    assert study.trajectory["angle"] == pytest.approx(usual.trajectory["angle"], abs=1e-3)  # a third of its deviation
+    assert study.smoothed_rms_error == {} and set(study.rms_error) == {"angle", "rate"}
