@@ -104,8 +104,8 @@ def test_pages_name_commands_and_files_that_are_there(name: str) -> None:
     text = (CLONE / name).read_text(encoding="utf-8")
     make = set(re.findall(r"`make ([a-z]+)", text))
     assert make <= targets(), make - targets()
-    for path in re.findall(r"`((?:tests|problems|docs|gtmodel)/[\w./]*)`", text):
-        assert "NAME" in path or (CLONE / path).exists(), path
+    for path in re.findall(r"`([a-z]\w*/[\w./]*)`", text):
+        assert "NAME" in path or any((root / path).exists() for root in (CLONE, CLONE / "gtmodel")), path
     for test in re.findall(r"`(test_\w+\.py)`", text):
         assert (CLONE / "tests" / test).is_file(), test
 
