@@ -1,4 +1,4 @@
-"""Lines of code by package: without docstrings, comments and blank lines.
+"""Lines of code by package, without docstrings, comments and blank lines; modules, and functions of many arguments.
 
 python tests/bench/code_lines.py [TREE]
 """
@@ -13,6 +13,7 @@ from collections import Counter
 from pathlib import Path
 
 SILENT = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
+MANY = 8  # arguments, that of the object itself apart
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
@@ -25,14 +26,23 @@ def code_lines(text: str) -> int:
     return len({k for t in tokens if t.type not in SILENT for k in range(t.start[0], t.end[0] + 1)} - words)
 
 
+def many_arguments(text: str) -> int:
+    """How many functions of a Python file take `MANY` arguments or more."""
+    functions = [n.args for n in ast.walk(ast.parse(text)) if isinstance(n, DOCUMENTED[2:])]
+    taken = [[*a.posonlyargs, *a.args, *a.kwonlyargs, *filter(None, (a.vararg, a.kwarg))] for a in functions]
+    return sum(len(names) - (names[0].arg in ("self", "cls")) >= MANY for names in taken if names)
+
+
 def main(tree: Path) -> None:
     found: Counter[str] = Counter()
-    for path in sorted((tree / "gtmodel").rglob("*.py")):
+    texts = {path: path.read_text() for path in sorted((tree / "gtmodel").rglob("*.py"))}
+    for path, text in texts.items():
         parts = path.relative_to(tree / "gtmodel").parts
-        found[parts[0] if len(parts) > 1 else "."] += code_lines(path.read_text())
+        found[parts[0] if len(parts) > 1 else "."] += code_lines(text)
     for name, count in sorted(found.items()):
         print(f"{name:16s}{count:7d}")
     print(f"{'total':16s}{found.total():7d}")
+    print(f"{len(texts)} modules; {sum(map(many_arguments, texts.values()))} functions of {MANY} and more arguments")
 
 
 if __name__ == "__main__":
