@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Unpack
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ..results import ArgumentError, SolveStatus, Work
 from ..results.disk import MadeFiles
 from ..results.options import Within
 from ..results.suspicion import Inspection
-from ..results.work import Progress, never, silent, study_function
+from ..results.work import WorkOptions, study_function
 from . import sensitivity
 from .held_out import folds_of
 from .measured.misreadings import Witness, a_priori, misread_after, misread_by_lengths, recognise_sessions, witness_of
@@ -43,10 +43,7 @@ def study(
     folds: Annotated[int, Within(least=2)] = 10,
     carts: CartPoints | None = None,
     origin: Origin | None = None,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> CalibrationStudy:
     """Calibrate a robot on measured poses: check that they were read right, fit, predict the held-out ones, judge.
 
@@ -83,7 +80,7 @@ def study(
     >>> [(r["name"], list(r["errors"])) for r in s.recordings]
     [('measurements', ['T[2]'])]
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     fit, origin = fit or Fit(), origin or Origin(type(robot).__name__)
     robot, on_points = on_cart_points(by_dh_numbers(fit, robot), carts)
     plain, robot = robot, with_measured_orientation(robot, poses)
@@ -97,7 +94,7 @@ def study(
         with _among(data, k):
             placed.append(recognise_sessions(d, w, inspection))
     data = [d.with_device(p) if p and d.pose.device_start is None else d for d, p in zip(data, placed, strict=True)]
-    title = title or f"calibration of {origin.name}"
+    title = work.title or f"calibration of {origin.name}"
     if any(d.synthetic for d in data) and "synthetic" not in title.lower():
         title += " (synthetic)"
     if work.interrupted():

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Unpack
 
 from ..compiler.causal import CausalFunction
 from ..results import Check, SolveStatus, Work
 from ..results.disk import marked, scratch
 from ..results.folder import Held, others
-from ..results.work import Progress, never, silent, study_function
+from ..results.work import WorkOptions, study_function
 from . import measurement
 from .code_result import COSTS, CodeStudy, Verification
 from .costs_file import write_costs
@@ -43,10 +43,7 @@ def study(
     also: Mapping[str, Check] | None = None,
     write_failed: bool = False,
     by: str = "write_failed=True",
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> CodeStudy:
     """C code of causal functions: generated, compiled and compared with Python, its costs counted, then written.
 
@@ -70,12 +67,12 @@ def study(
     >>> s.functions["gt_l1_fk"]["outputs"]
     ['T [m]']
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     checks = also or {}
     with nullcontext(folder) if isinstance(folder, Held) else held(Path(folder)) as mine:
         if work.interrupted():
             message = "stopped before the code was generated"
-            return CodeStudy(status=SolveStatus.INTERRUPTED, message=message, title=title)
+            return CodeStudy(status=SolveStatus.INTERRUPTED, message=message, title=work.title)
 
         def make(out: Path | Held, failed: str = "") -> CodeStudy:
             """The code in a folder, marked where a check failed, and what it is."""
@@ -83,12 +80,12 @@ def study(
                 functions, out, name=name, provenance=provenance, problem=problem, along=along, real=real, box=box,
                 mark=partial(_marked, failed, by) if failed else None,
             )  # fmt: skip
-            return _study_of(made, functions, real, title)
+            return _study_of(made, functions, real, work.title)
 
         work.progress("generating")
         cost = None
         if check is None:
-            outcome = CodeStudy(status=SolveStatus.SOLVED, title=title, real=real)
+            outcome = CodeStudy(status=SolveStatus.SOLVED, title=work.title, real=real)
         else:
             with scratch(_PREFIX) as place:
                 code = place / "code"

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ..lang import Model
 from ..results import ArgumentError, SolveStatus, Work, at_most
 from ..results.options import Long, Within
 from ..results.table import csv_text
-from ..results.work import Progress, never, silent, study_function
+from ..results.work import WorkOptions, study_function
 from .cartesian import SprungArm, softest_and_stiffest
 from .options import MAPPED, ArmSprings, Array, ComplianceMap, ComplianceStudy, Load, Springs, word
 from .sprung_links import ComplianceAtPoses, Sprung, SprungLinks
@@ -34,10 +34,7 @@ def study(
     pose: Annotated[Sequence[float] | None, Long(3)] = None,
     map: ComplianceMap | None = None,
     frequencies: Annotated[int, Within(least=1)] = 3,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> ComplianceStudy:
     """Stiffness, deflection and natural frequencies of a robot at one pose and over a section of its workspace.
 
@@ -61,7 +58,7 @@ def study(
     >>> (1e6 * s.deflection).round(1)  # um
     array([  1.7, -10.1, -11.5])
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     work.progress("equations", 0.05)
     load, map = load or Load(), map or ComplianceMap()
     sprung = on_springs(robot, springs, load, pose, map, frequencies)
@@ -75,11 +72,11 @@ def study(
         work.progress("map", begin / len(T))
         if work.interrupted():
             return ComplianceStudy(
-                status=SolveStatus.INTERRUPTED, title=title, **_pose_values(sprung, computed), map={}, reasons={}
+                status=SolveStatus.INTERRUPTED, title=work.title, **_pose_values(sprung, computed), map={}, reasons={}
             )
         parts.append(_columns(sprung(T[begin : begin + CHUNK]), load))
     columns = {name: np.concatenate([p[name] for p in parts]) for name in parts[0]}
-    return _study_of(title, sprung, computed, load, grid, T, columns)
+    return _study_of(work.title, sprung, computed, load, grid, T, columns)
 
 
 def on_springs(

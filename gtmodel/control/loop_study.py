@@ -3,10 +3,10 @@ reference with their tracking errors."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from ..results import ArgumentError, SolveStatus, Status, Work, at_most
 from ..results.options import Within
 from ..results.refusal import naming
 from ..results.table import csv_text
-from ..results.work import Progress, never, silent, study_function
+from ..results.work import WorkOptions, study_function
 from .feedforward import Law
 from .loop_options import LoopSampling, LoopSimulationStudy, Move, TrackingLimits
 from .sampled_loop import actuators, law_function, sampled_loop, tracking_loop
@@ -164,10 +164,7 @@ def loop_simulation(
     known: str = "q",
     targets: str = "tau",
     tolerance: Annotated[float, Within(least=1e-14, most=0.1)] = 1e-9,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> LoopSimulationStudy:
     """Simulate a robot in continuous time under a law that computes at samples, along a reference.
 
@@ -190,7 +187,7 @@ def loop_simulation(
     >>> s.status.ok, s.samples, bool(max(s.rms_error) < 1e-3)
     (True, 51, True)
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     if not callable(getattr(law, "forces", None)):
         raise ArgumentError(f"a law has a method forces(); {type(law).__name__} has none", "law")
     with naming("robot", ModelError):
@@ -217,7 +214,7 @@ def loop_simulation(
         period=sampling.period, delay=sampling.delay, first=first, resolution=sampling.resolution,
         velocity=sampling.velocity, compiled=sampling.compiled,
     )  # fmt: skip
-    return _study_of(tracked, sampling, limits, title)
+    return _study_of(tracked, sampling, limits, work.title)
 
 
 def _reference(

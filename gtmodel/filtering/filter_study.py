@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from ..results import ArgumentError, SolveStatus, Work
 from ..results.refusal import naming
 from ..results.suspicion import suspicion_checks
 from ..results.trajectory import Trajectory
-from ..results.work import Interrupted, Progress, never, silent, study_function
+from ..results.work import Interrupted, WorkOptions, study_function
 from .belief import InitialState, Readings, instants, readings_of
 from .consistency import consistency
 from .family.by_name import make
@@ -35,10 +35,7 @@ def filter_study(
     *,
     inputs: Trajectory | None = None,
     smoothing: bool = False,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> FilterStudy:
     """What a filter says of a log: states with deviations, and whether its innovations allow to believe it.
 
@@ -62,7 +59,7 @@ def filter_study(
     >>> print(study.verdict)
     innovations agree with the filter: 1.004 within 0.8594 to 1.154, white and without a mean
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     if smoothing and filter == "particle":
         raise ArgumentError("particles cannot be smoothed; leave it out, or take another filter", "smoothing")
     initial = InitialState(dict(start.mean), dict(start.deviation))
@@ -76,11 +73,11 @@ def filter_study(
     run = make(filter, system).run(
         readings, initial, inputs=inputs, truth=truth, keep=smoothing, progress=work.fractions("filter")
     )
-    answer = partial(_answer, readings, filter, synthetic, title)
+    answer = partial(_answer, readings, filter, synthetic, work.title)
     if not len(run.time):
         if run.status is SolveStatus.INTERRUPTED:
             raise Interrupted("stopped before the first readings were filtered")
-        return FilterStudy(status=run.status, message=run.message, title=title, filter=filter, synthetic=synthetic)
+        return FilterStudy(status=run.status, message=run.message, title=work.title, filter=filter, synthetic=synthetic)
     work.keep(partial(answer, run, None))
     smoothed = None
     if smoothing and run.status.ok and not work.interrupted():

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Unpack
 
 from ..cgen.code_result import Verification
 from ..cgen.steps.function import StepFunction
@@ -13,7 +13,7 @@ from ..compiler.causal import CausalFunction
 from ..results import Check, Quantity, Row, SolveStatus, Study, Work
 from ..results.folder import FolderError, holding
 from ..results.refusal import ArgumentError
-from ..results.work import Progress, never, silent, study_function
+from ..results.work import WorkOptions, study_function
 from .checking import check as checked
 from .content import is_ours
 from .export import Fmu, Version, export
@@ -66,10 +66,7 @@ def study(
     also: Mapping[str, Check] | None = None,
     write_failed: bool = False,
     by: str = "write_failed=True",
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> FmuStudy:
     """Functions as functional mock-up units NAME_FUNCTION_fmi3.fmu in a folder: exported, checked, then written.
 
@@ -91,7 +88,7 @@ def study(
     >>> s.written
     ['l1_fk_fmi3.fmu']
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     for key in set(options or {}) - set(functions):
         raise ArgumentError(f"there is no function '{key}'; there are {', '.join(functions)}", "options")
     units: dict[str, Fmu] = {}
@@ -100,7 +97,9 @@ def study(
     for n, (key, function) in enumerate(functions.items()):
         for version in versions:
             if work.interrupted():
-                return FmuStudy(status=SolveStatus.INTERRUPTED, message="stopped before all was exported", title=title)
+                return FmuStudy(
+                    status=SolveStatus.INTERRUPTED, message="stopped before all was exported", title=work.title
+                )
             work.progress(f"exporting {key}", n / len(functions))
             more = dict((options or {}).get(key, {}))
             try:
@@ -116,7 +115,8 @@ def study(
                 checks |= report.checks
                 notes += [note for note in report.notes if note not in notes]
     made = FmuStudy(
-        status=SolveStatus.SOLVED, message=f"exported {len(units)} units", title=title, folder=str(folder), notes=notes,
+        status=SolveStatus.SOLVED, message=f"exported {len(units)} units", title=work.title, folder=str(folder),
+        notes=notes,
         units={file: _about(u) for file, u in units.items()}, checks=checks,
     )  # fmt: skip
     if not made.status.ok and not write_failed:

@@ -3,10 +3,10 @@ table, pictures and the file of the parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import tomli_w
@@ -14,7 +14,7 @@ import tomli_w
 from ..lang import Model, ModelError
 from ..measurements import Session, Signal
 from ..results import ArgumentError, SolveStatus, Trajectory, TrajectoryError, Work, naming
-from ..results.work import Progress, never, silent, study_function
+from ..results.work import WorkOptions, study_function
 from .bodies import bodies_of
 from .checks import judged
 from .closed_loop import ClosedLoopRun, follow, within_bound
@@ -192,10 +192,7 @@ def study(
     processing: Processing | None = None,
     published: Mapping[str, float] | None = None,
     closed_loop: ClosedLoop | None = None,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> IdentificationStudy:
     """Identify masses and friction, or any parameters in which the efforts are linear, from a measured motion.
 
@@ -229,12 +226,12 @@ def study(
     >>> s.status.ok, {name: round(value, 1) for name, value in s.parameters.items()}
     (True, {'m': 2.0, 'd': 4.9, 'c': 3.0})
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
-    asked = asked_for(robot, free, fitting, processing, published, title, work)
+    work = Work(**work_options)
+    asked = asked_for(robot, free, fitting, processing, published, work.title, work)
     data = measured(asked, sessions_of(log, "log"), sessions_of(held_out, "held_out"), signals)
     _check_inputs(closed_loop, data)
     if work.interrupted():
-        return _stopped(title)
+        return _stopped(work.title)
     identification, validation = _fitted(asked, data, "log")
     runs: list[ClosedLoopRun] = []
     if closed_loop is not None:
@@ -256,10 +253,7 @@ def synthetic_study(
     fitting: Fitting | None = None,
     processing: Processing | None = None,
     published: Mapping[str, float] | None = None,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> IdentificationStudy:
     """What `study` gives back from a synthetic log: values against the truth, and with `runs` their coverage.
 
@@ -288,11 +282,11 @@ def synthetic_study(
     >>> s.truth, round(s.parameters["m"], 1)
     ({'m': 2.0, 'd': 5.0, 'c': 3.0}, 2.0)
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
-    asked = asked_for(robot, free, fitting, processing, published, title, work)
+    work = Work(**work_options)
+    asked = asked_for(robot, free, fitting, processing, published, work.title, work)
     data = synthetic_recordings(asked, plant or robot, synthetic, motion)
     if work.interrupted():
-        return _stopped(title)
+        return _stopped(work.title)
     identification, validation = _fitted(asked, data, "synthetic")
     return assembled_study(
         asked, data, identification, validation, repeated=_repeated(asked, data, synthetic),

@@ -4,11 +4,10 @@ back more slowly, and the configuration of an RSI controller."""
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, Unpack
 
 import numpy as np
 import scipy
@@ -19,7 +18,7 @@ from ..results import ArgumentError, Check, SolveStatus, Status, Trajectory, Wor
 from ..results.disk import scratch
 from ..results.options import Within
 from ..results.refusal import naming
-from ..results.work import Progress, never, silent, study_function
+from ..results.work import WorkOptions, study_function
 from .build import build, built_before
 from .exchange import AXES, CYCLE_MS
 from .laws import ReferenceTable
@@ -136,10 +135,7 @@ def study(
     deceleration: Annotated[float | None, Within(above=0.0)] = None,
     following: Annotated[float, Within(above=0.0)] = FOLLOWING_M,
     built: str | Path | None = None,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> LoopStudy:
     """Build the loop with a generated folder and run it on loopback against a simulated controller, its law off and on.
 
@@ -182,7 +178,7 @@ def study(
     >>> s.cycles, s.checks["on_running_at_the_end"].passed
     (50, True)
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     known = None if plant is None else _known(plant, law)
     with naming("robot", ValueError):
         forward = compile_causal(robot, known="q", targets="T")
@@ -215,7 +211,7 @@ def study(
                     following,
                     work,
                 )
-                outcome = guided(led, title)
+                outcome = guided(led, work.title)
             else:
                 assert reference is not None
                 motion = reference if isinstance(reference, Trajectory) else reference()
@@ -229,9 +225,9 @@ def study(
                 if known is not None:
                     _begins_there(known, bench)
                     bench = replace(bench, servo=known.servo or bench.servo)
-                outcome = _compared(bench, _title_of(known, law), title)
+                outcome = _compared(bench, _title_of(known, law), work.title)
         except LoopError as error:
-            outcome = LoopStudy(status=SolveStatus.FAILED, message=str(error), title=title)
+            outcome = LoopStudy(status=SolveStatus.FAILED, message=str(error), title=work.title)
         if outcome.status is SolveStatus.INTERRUPTED:
             return outcome
         if known is not None:

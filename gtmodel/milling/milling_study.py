@@ -3,16 +3,16 @@ axis, and the twelve tests of Cvitanic 2021."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, Unpack
 
 import numpy as np
 
 from ..lang import Model
 from ..results import ArgumentError, Check, Row, SolveStatus, Work, at_least, at_most
 from ..results.options import Long, Within
-from ..results.work import Progress, never, silent, study_function
+from ..results.work import WorkOptions, study_function
 from .angle_search import AngleSearch, search as search_angles
 from .chatter import Lobes, critical_depth, mode_coupling, stability_lobes
 from .compensation import FILE, compensated
@@ -167,10 +167,7 @@ def study(
     lobes: Annotated[tuple[float, float] | None, Within(above=0.0)] = None,
     compensation: PathOffset | None = None,
     tests: Mapping[str, Any] | None = None,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> MillingStudy:
     """Where to mill: reachable angles about the spindle, their static and dynamic index, the best of them, and what to
     do.
@@ -206,11 +203,11 @@ def study(
     >>> round(1e3 * s.static_index, 2)  # [mm]
     2.13
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     work.step("kinematics", 0.1)
     task = task_of(
         robot, cutter, cut, place=place, speed=speed, feed=feed, joint_stiffness=joint_stiffness, dynamics=dynamics,
-        tool=tool or MillingTool(), search=search or MillingSearch(), limits=limits, source=source, title=title,
+        tool=tool or MillingTool(), search=search or MillingSearch(), limits=limits, source=source, title=work.title,
     )  # fmt: skip
     if dynamics is None and (lobes or compensation):
         raise ArgumentError("needs dynamics; give some, or leave it out", "lobes" if lobes else "compensation")

@@ -3,9 +3,9 @@ motions beside published numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from ..optimize.multistart import SAME_COST
 from ..results import ArgumentError, SolveStatus, Trajectory, Work, at_most
 from ..results.check import failed_of
 from ..results.options import Long
-from ..results.work import Progress, never, silent, study_function
+from ..results.work import WorkOptions, study_function
 from .constraints import clearances
 from .finer_mesh import how, refinement_note
 from .motion_result import (
@@ -49,10 +49,7 @@ def study(
     solver: Solver | None = None,
     export: Export | None = None,
     earlier: Trajectory | None = None,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> MotionStudy:
     """The optimal motion of a robot between two poses, its force re-simulated and bounded at every instant.
 
@@ -76,13 +73,14 @@ def study(
     >>> round(s.exported_final_time, 2)  # [s]
     0.31
     """
+    work = Work(**work_options)
     problem = MotionProblem(
         robot=robot, start=start if isinstance(start, End) else End(list(start)),
         goal=goal if isinstance(goal, End) else End(list(goal)), limits=limits, path=path, cost=cost or Cost(),
         mesh=mesh or MotionMesh(), starts=starts or Starts(), solver=solver or Solver(), export=export or Export(),
-        title=title,
+        title=work.title,
     )  # fmt: skip
-    return solved(problem, Work(progress=progress, max_seconds=max_seconds, stop=stop), earlier)
+    return solved(problem, work, earlier)
 
 
 def solved(
@@ -206,11 +204,7 @@ MEASURED = ("final_time_s", "energy", "saturation", "optima", "exported_final_ti
 @study_function
 def table_study(
     rows: Sequence[TableRow],
-    *,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> MotionTable:
     """Several optimal motions one after the other; ends at the first that is not solved.
 
@@ -231,7 +225,7 @@ def table_study(
     """
     if len(rows) < 2:
         raise ArgumentError(f"expected two rows or more; found {len(rows)}", "rows")
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     for n, row in enumerate(rows):
         try:
             plan_of(row.problem)
@@ -244,7 +238,7 @@ def table_study(
         done.append(solved(row.problem, work, number=n + 1))
         if not done[-1].status.converged:
             break
-    return _table_of(rows, done, title)
+    return _table_of(rows, done, work.title)
 
 
 def _table_of(rows: Sequence[TableRow], done: list[MotionStudy], title: str) -> MotionTable:

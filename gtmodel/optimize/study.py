@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, Unpack
 
 from ..compiler.toolchain import CompilerMissing
 from ..lang import ModelError, Optimization
 from ..results import ArgumentError, Trajectory, Work
-from ..results.work import Progress, never, silent, study_function
+from ..results.work import WorkOptions, study_function
 from .ipopt import TRIED_AGAIN
 from .judgement.resimulate import resimulate
 from .mesh import Mesh
@@ -27,10 +27,7 @@ def optimization_study(
     guess: Trajectory | None = None,
     second_guess: Callable[[], Trajectory | None] | None = None,
     solver: SolverOptions | None = None,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> OptimizationStudy:
     """Solve an optimal control problem, and re-simulate the optimum's input where it converged.
 
@@ -55,7 +52,7 @@ def optimization_study(
     >>> round(s.objective, 4)  # tanh(1)
     0.7616
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     solver = solver or SolverOptions()
 
     def reported(iteration: int, objective: float, violation: float) -> bool:
@@ -84,7 +81,7 @@ def optimization_study(
     return OptimizationStudy(
         status=solution.status,
         message=message,
-        title=title,
+        title=work.title,
         notes=notes,
         objective=solution.objective,
         iterations=solution.iterations,
@@ -94,7 +91,7 @@ def optimization_study(
         final_time=solution.final_time,
         where=None if solution.where is None else str(solution.where),
         free=dict(solution.free),
-        figures={"states": partial(_figure, solution, title or solution.problem.flat.title)},
+        figures={"states": partial(_figure, solution, work.title or solution.problem.flat.title)},
         **tried,
     )
 

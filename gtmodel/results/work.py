@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache, wraps
-from typing import Annotated, Any, ParamSpec, Protocol, TypeVar, get_type_hints
+from typing import Annotated, Any, ParamSpec, Protocol, TypedDict, TypeVar, get_type_hints
 
 from .agreement import Within, agree
 from .status import SolveStatus
@@ -50,14 +50,16 @@ def never() -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Work:
-    """Progress and end of one run; made of the arguments `progress`, `max_seconds` and `stop` that every study takes.
+    """Title, progress and end of one run; made of the arguments that every study takes.
 
+    title: of tables and pictures; the study's own if empty.
     progress: called as progress(stage, fraction, numbers): what is being done, the fraction done from 0 to 1 or None,
         and numbers by name or None.
     max_seconds: time limit [s] from the making of this object on; None for none.
     stop: asked once per step of the work; True ends it with what there is.
     """
 
+    title: str = ""
     progress: Progress = silent
     max_seconds: Annotated[float | None, Within(above=0.0)] = None
     stop: Callable[[], bool] = never
@@ -101,6 +103,15 @@ class Work:
         if self.max_seconds is None:
             return None
         return max(0.0, self.max_seconds - (time.monotonic() - self.began))
+
+
+class WorkOptions(TypedDict, total=False):
+    """The arguments that every study takes, by keyword, with the meaning and the defaults that `Work` gives them."""
+
+    title: str
+    progress: Progress
+    max_seconds: float | None
+    stop: Callable[[], bool]
 
 
 @dataclass(kw_only=True)
@@ -188,26 +199,27 @@ def ended(kind: type[R], message: str, title: str = "") -> R:
 def study_function(function: Callable[P, R]) -> Callable[P, R]:
     """A study whose arguments are checked against their annotations: kinds, words, `Long`, `Within`.
 
-    `progress`, `max_seconds` and `stop` are what `Work` says. The annotations are read at the first call. What does not
-    agree is an ArgumentError with the argument's name. A study that is ended at a `Work.step`, or within one that asks
-    too late, is what was kept by `Work.keep`, or that status alone.
+    It takes those of `Work` as `**work_options: Unpack[WorkOptions]`; `inspect.signature` and `get_type_hints` show
+    them one by one. The other annotations are read at the first call. An argument that does not agree is an
+    ArgumentError with its name. A study that is ended at a `Work.step`, or within one that asks too late, is what was
+    kept by `Work.keep`, or that status alone.
     """
+    of_work, own = _of_work(), inspect.signature(function)
+    named = [p for p in own.parameters.values() if p.kind is not p.VAR_KEYWORD]
+    signature = own.replace(parameters=named + of_work)
 
     @cache
-    def declared() -> tuple[inspect.Signature, dict[str, Any]]:
-        hints = get_type_hints(function, include_extras=True)
-        of_work = get_type_hints(Work, include_extras=True)
-        return inspect.signature(function), {name: of_work.get(name, hint) for name, hint in hints.items()}
+    def hints() -> dict[str, Any]:
+        return get_type_hints(checked, include_extras=True)
 
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
-        signature, hints = declared()
         try:
             given = signature.bind(*args, **kwargs).arguments
-        except TypeError:
-            return function(*args, **kwargs)  # Python's own words on names that are missing or not there
+        except TypeError as error:
+            raise TypeError(f"{function.__name__}() {error}") from None
         for name, value in given.items():
-            agree(value, hints[name], name)
+            agree(value, hints()[name], name)
         kept: list[Callable[[], R]] = []
         opened = KEPT.set(kept)
         try:
@@ -215,8 +227,18 @@ def study_function(function: Callable[P, R]) -> Callable[P, R]:
         except Interrupted as stopped:
             if kept:
                 return kept[-1]()
-            return ended(hints["return"], str(stopped), given.get("title", ""))
+            return ended(hints()["return"], str(stopped), given.get("title", ""))
         finally:
             KEPT.reset(opened)
 
+    checked.__signature__ = signature  # type: ignore[attr-defined]
+    annotations = {p.name: p.annotation for p in of_work}
+    checked.__annotations__ = {n: h for n, h in function.__annotations__.items() if n != "work_options"} | annotations
     return checked
+
+
+@cache
+def _of_work() -> list[inspect.Parameter]:
+    """The parameters that every study takes."""
+    hints, parameters = get_type_hints(Work, include_extras=True), inspect.signature(Work).parameters
+    return [parameters[name].replace(annotation=hints[name]) for name in WorkOptions.__annotations__]

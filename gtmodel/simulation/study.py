@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Unpack
 
 from ..compiler.causal import flat_of
 from ..lang.model import Model
@@ -13,7 +13,7 @@ from ..results import ArgumentError, SolveStatus, Trajectory, Work, at_most
 from ..results.options import Within
 from ..results.table import csv_text
 from ..results.trajectory_files import csv_bytes
-from ..results.work import Progress, never, silent, study_function
+from ..results.work import WorkOptions, study_function
 from .hybrid.clock import Event
 from .options import ENERGIES, LARGEST_TIME, MOST_ROWS, MOST_STEPS, Simulation, SimulationStudy, described
 from .run import simulate
@@ -37,10 +37,7 @@ def simulation_study(
     prefer: Sequence[str] = (),
     tolerance: Annotated[float, Within(least=1e-14, most=0.1)] = 1e-9,
     method: Literal["bdf", "adams"] = "bdf",
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> SimulationStudy:
     """Simulate a model from 0 to `final_time` [s], with checks, table and pictures.
 
@@ -58,7 +55,7 @@ def simulation_study(
     >>> s.energy_error < 1e-4
     True
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     refuse_unknown(model, start=start or {}, inputs=inputs or {}, outputs=outputs, prefer=prefer)
     _refuse_steps(final_time, step, max_step)
 
@@ -75,7 +72,7 @@ def simulation_study(
         if error.argument:
             raise ArgumentError(str(error), error.argument) from error
         raise
-    return _study_of(simulation, title)
+    return _study_of(simulation, work.title)
 
 
 def refuse_unknown(model: Model, **lists: Mapping[str, Any] | Sequence[str]) -> None:

@@ -3,10 +3,10 @@ symmetric positive definite M, D and K, and the study of printed matrices, which
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import scipy
@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from ..inference.nonlinear import by_differences, nonlinear_fit
 from ..linear.state_space import frequency_and_damping, second_order
-from ..results import ArgumentError, Check, Row, SolveStatus, at_most
-from ..results.work import Progress, never, silent, study_function
+from ..results import ArgumentError, Check, Row, SolveStatus, Work, at_most
+from ..results.work import WorkOptions, study_function
 from .options import Matrices
 from .vibration_result import VibrationStudy, numbers, pairs_of, rows_of
 
@@ -294,14 +294,7 @@ class MatricesStudy(VibrationStudy):
 
 
 @study_function
-def matrices_study(
-    matrices: Matrices,
-    *,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
-) -> MatricesStudy:
+def matrices_study(matrices: Matrices, **work_options: Unpack[WorkOptions]) -> MatricesStudy:
     """Modes of M x'' + D x' + K x = f as printed, which signs make them stable, the nearest passive structure.
 
     matrices: M [kg], D [kg/s] and K [N/m], and modes [Hz] printed beside them, to be reproduced. Nothing here takes
@@ -312,6 +305,7 @@ def matrices_study(
     >>> round(float(s.frequency[0]), 3), s.stable
     (1.592, True)
     """
+    work = Work(**work_options)
     M, D, K = (np.array(getattr(matrices, name), float) for name in "MDK")
     try:
         printed = modes(M, D, K)
@@ -326,9 +320,9 @@ def matrices_study(
     return MatricesStudy(
         status=SolveStatus.SOLVED,
         message="stable as printed" if printed.stable else "unstable as printed; see the signs",
-        title=title,
+        title=work.title,
         checks=_checks(matrices, printed),
-        figures={"poles": partial(_figure, others, definite, chosen, title or "poles")},
+        figures={"poles": partial(_figure, others, definite, chosen, work.title or "poles")},
         notes=notes,
         frequency=printed.frequency_Hz,
         damping=printed.damping,

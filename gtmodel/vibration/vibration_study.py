@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Unpack
 
 import numpy as np
 import tomli_w
 
 from ..linear.state_space import frequency_and_damping
 from ..results import ArgumentError, Check, Row, SolveStatus, Work, at_most
-from ..results.work import Progress, never, silent, study_function
+from ..results.work import WorkOptions, study_function
 from .impulse import ImpulseStudy, impulse_study
 from .modes import Modes, modes
 from .options import Hit, Impulse, Physical, StepResponse, Steps, Subspace, SyntheticStructure
@@ -279,10 +279,7 @@ def study(
     physical: Physical | None = None,
     input_unit: Literal["N", "m"] = "N",
     truth: SyntheticStructure | Steps | Hit | None = None,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> VibrationStudy:
     """Fit the model asked for to recordings of positions [m].
 
@@ -303,7 +300,7 @@ def study(
     >>> round(study(records, Impulse(modes=1), truth=hit).frequency[0], 1)
     7.4
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     given = [records] if isinstance(records, Record) else list(records)
     if physical is not None and not isinstance(model, Subspace):
         raise ArgumentError("goes with a Subspace model", "physical")
@@ -313,16 +310,16 @@ def study(
         raise ArgumentError(f"found {len(given)} recordings; this model takes one", "records")
     if work.interrupted():
         return _STUDIES[type(model)](
-            status=SolveStatus.INTERRUPTED, message="stopped before the fit", title=title
+            status=SolveStatus.INTERRUPTED, message="stopped before the fit", title=work.title
         )  # fmt: skip
     work.progress("fitting", 0.3)
     try:
         if isinstance(model, Subspace):
-            return subspace_study(given[0], model, physical, truth, input_unit, title, work.interrupted)  # type: ignore[arg-type]
+            return subspace_study(given[0], model, physical, truth, input_unit, work.title, work.interrupted)  # type: ignore[arg-type]
         if isinstance(model, StepResponse):
-            return step_study(given, model, truth, title, work.interrupted)  # type: ignore[arg-type]
-        return impulse_study(given[0], model, truth, title, work.interrupted)  # type: ignore[arg-type]
+            return step_study(given, model, truth, work.title, work.interrupted)  # type: ignore[arg-type]
+        return impulse_study(given[0], model, truth, work.title, work.interrupted)  # type: ignore[arg-type]
     except FitStopped as stopped:
-        return _STUDIES[type(model)](status=SolveStatus.INTERRUPTED, message=str(stopped), title=title)
+        return _STUDIES[type(model)](status=SolveStatus.INTERRUPTED, message=str(stopped), title=work.title)
     except ArgumentError as error:
         raise ArgumentError(error.message, error.argument or "model") from error

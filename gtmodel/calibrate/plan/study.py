@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from ...results import Check, SolveStatus, Work, at_most
 from ...results.check import failed_of
 from ...results.options import Long, Within
 from ...results.table import csv_text
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from ..options import Choice
 from ..positioning import Point
 from .device import measuring
@@ -261,10 +261,7 @@ def plan_study(
     evaluation: Evaluation | None = None,
     simulation: PlanSimulation | None = None,
     criteria: Criteria | None = None,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> PlanStudy:
     """Which poses to measure for a calibration, and what it will then be worth (Dressler 2012, Fig. 5.21).
 
@@ -296,13 +293,13 @@ def plan_study(
     >>> (s.poses, s.rank, s.parameters)
     (12, 21, 21)
     """
+    work = Work(**work_options)
     given: dict[str, Any] = {
         "choice": choice, "home": home, "limits": limits, "bodies": bodies, "obstacles": obstacles, "beams": beams,
         "safety": safety, "actuator_noise": actuator_noise, "axis_noise": axis_noise, "poses": poses, "curve": curve,
-        "evaluation": evaluation, "simulation": simulation, "criteria": criteria, "title": title,
+        "evaluation": evaluation, "simulation": simulation, "criteria": criteria, "title": work.title,
     }  # fmt: skip
     task = Task(robot, device, room, **{name: value for name, value in given.items() if value is not None})
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     plan = PlanState(task, turns_of(task), measuring(task))
 
     def asked(stage: str, fraction: float) -> bool:
@@ -318,9 +315,9 @@ def plan_study(
         _until_approved(plan, asked)
     except Stopped:
         if plan.candidates is None:
-            return PlanStudy(status=SolveStatus.INTERRUPTED, title=title)
+            return PlanStudy(status=SolveStatus.INTERRUPTED, title=work.title)
         return PlanStudy(
-            status=SolveStatus.INTERRUPTED, title=title, **_known(plan), verdict="stopped before the end",
+            status=SolveStatus.INTERRUPTED, title=work.title, **_known(plan), verdict="stopped before the end",
             figures=pictures(plan),
         )  # fmt: skip
     return _study_of(plan)

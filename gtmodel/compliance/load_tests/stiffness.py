@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from ...measurements.inspection.data_tests import Data, tested
 from ...results import ArgumentError, Check, Quantity, Row, SolveStatus, Study, Work, at_least, at_most, listed
 from ...results.estimate import half_width
 from ...results.suspicion import suspicion_checks
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from ..cartesian import softest_and_stiffest, translational_compliance
 from ..joint_stiffness import RATE, StiffnessFit, complete_pose, decoupled, select, stiffness_names, with_compensator
 from ..static_tests import StaticTests
@@ -92,11 +92,7 @@ def stiffness_study(
     robot: Model,
     tests: MeasuredTests,
     setup: Setup | None = None,
-    *,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> StiffnessStudy:
     """Joint stiffness of a serial arm from static load tests: dX = J diag(J'F) c with c = 1/K (Cvitanic 2021, (2)-(6)).
 
@@ -117,11 +113,11 @@ def stiffness_study(
     >>> stiffness_study(gt.robots.kr500(), tests, setup).status
     <SolveStatus.SOLVED: 'solved'>
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     setup = setup or Setup()
     work.progress("kinematics", 0.1)
     poses, static, spring = static_tests(robot, tests, setup)
-    title = title or f"joint stiffness of {type(robot).__name__}"
+    title = work.title or f"joint stiffness of {type(robot).__name__}"
     if tests.synthetic and "synthetic" not in title.lower():
         title += " (synthetic)"
     if work.interrupted():

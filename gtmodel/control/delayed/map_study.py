@@ -3,9 +3,9 @@ processes of m, c and k, as a study."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 import scipy
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ..._lazy import hint
 from ...results import ArgumentError, SolveStatus, Work
 from ...results.table import csv_text
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from .command_step import command_response, fit_command_step
 from .limit import gain_limit, recommended_gain
 from .loop import DelayedLoop
@@ -243,10 +243,7 @@ def feedback_map(
     gain_steps: Mapping[str, float],
     options: GainMap = MAP,
     margins: GainMargins = MARGINS,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> FeedbackMapStudy:
     """Gain limits of late corrections over joints 2 and 3 of an arm (Cvitanic 2021, sections 5.3.4, 5.4).
 
@@ -269,7 +266,7 @@ def feedback_map(
     >>> study.status.ok, bool(0.05 < study.quantile["x"][0] < study.true_limit["x"][0])
     (True, True)
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     directions, inside = tuple(gain_steps), None
     truth = measured if isinstance(measured, SyntheticCommands) else None
     if timing.accumulate:
@@ -311,7 +308,7 @@ def feedback_map(
     def picture() -> Any:
         from ...plot.delayed import map_figure
 
-        return map_figure(axes[0], axes[1], maps, measured.joints, table, title=title)
+        return map_figure(axes[0], axes[1], maps, measured.joints, table, title=work.title)
 
     def so_far() -> FeedbackMapStudy:
         files = {"map.csv": _map_table(grid, maps)} if maps else {}
@@ -319,7 +316,7 @@ def feedback_map(
             files["table.csv"] = _table(table, median, quantile, recommended, true)
         return FeedbackMapStudy(
             status=SolveStatus.INTERRUPTED,
-            title=title,
+            title=work.title,
             notes=notes,
             figures={"map": picture} if maps else {},
             files=files,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ...results import ArgumentError, SolveStatus, Work
 from ...results.options import Within
 from ...results.refusal import naming
 from ...results.table import csv_text
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from .limit import GainLimit, WorstCase, gain_limit, recommended_gain, worst_case
 from .loop import DelayedLoop
 from .margins import loop_margins, margin_limit
@@ -56,10 +56,7 @@ def delayed_feedback(
     seed: Annotated[int, Within(least=0)] = 0,
     cut: CutWhileCorrecting | None = None,
     gain_step: Annotated[float, Within(above=0.0)] = 0.01,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> DelayedFeedbackStudy:
     """Gain limits, margins and recommended gains of corrections from an external sensor that come late (Cvitanic 2021,
     chapter 5).
@@ -85,7 +82,7 @@ def delayed_feedback(
     >>> round(study.worst_limit["y"], 4), round(study.margin_limit["y"], 4)
     (0.0085, 0.0042)
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     if not plants:
         raise ArgumentError("expected one or more plants", "plants")
     made = {name: _made(name, p, timing) for name, p in plants.items()}
@@ -95,7 +92,7 @@ def delayed_feedback(
     loops = {name: DelayedLoop(p, timing.cycle, timing.delay) for name, p in made.items()}
     limits, worst, kept = dict[str, GainLimit](), dict[str, WorstCase](), dict[str, WorstCase]()
     steps = {n: p.gain_step if isinstance(p, FeedbackAxis) else gain_step for n, p in plants.items()}
-    work.keep(partial(_so_far, title, limits, worst, kept, steps))
+    work.keep(partial(_so_far, work.title, limits, worst, kept, steps))
     for name, p in plants.items():
         work.step(f"limit along {name}")
         limits[name] = _limit(name, loops[name])
@@ -135,9 +132,9 @@ def delayed_feedback(
     return DelayedFeedbackStudy(
         status=SolveStatus.SOLVED,
         message="; ".join(_words(n, limits[n], recommended.get(n), kept.get(n)) for n in plants),
-        title=title,
+        title=work.title,
         notes=notes,
-        figures=_figures(loops, limits, worst, recommended, runs, made, off_axis, timing, turned, title),
+        figures=_figures(loops, limits, worst, recommended, runs, made, off_axis, timing, turned, work.title),
         files={"limits.csv": _table(limits, recommended, worst)},
         runs=runs,
         limit={n: x.gain for n, x in limits.items()},

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 import scipy
@@ -14,7 +14,7 @@ from ..._lazy import hint
 from ...geometry.rotations import rotation_by
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most
 from ...results.table import csv_text
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from ..delayed import gain_limit
 from .calibration import WrenchCalibration, calibrate_wrench
 from .gains import GuidePhase, Hand, OscillationWatch, SurfaceGains, TurningGains, TurningLaw
@@ -80,10 +80,7 @@ def study(
     hands: HandRange | None = HANDS,
     setup: GuideSetup = SETUP,
     cones: ConeComparison | None = None,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> LeadThroughStudy:
     """Guiding a tool by hand with two force sensors, against a synthetic contact (Dressler 2012, chapter 8).
 
@@ -106,7 +103,7 @@ def study(
     >>> s.status.ok, round(s.limit, 1), s.contact_losses
     (True, 112.1, 0)
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     peg = isinstance(contact, SyntheticHole)
     if peg != gains.any_direction:
         said = "a hole wants it" if peg else "a surface has a normal; leave it out"
@@ -135,7 +132,7 @@ def study(
     run: ToolRun | None = None
     book: PassivityBook | None = None
     good, files = False, dict[str, str | bytes]()
-    shown = _synthetic(title or "lead-through")
+    shown = _synthetic(work.title or "lead-through")
 
     def answer(status: SolveStatus = SolveStatus.INTERRUPTED) -> LeadThroughStudy:
         said = SO_FAR if status is SolveStatus.INTERRUPTED or run is None else _message(answers, peg, good, run)

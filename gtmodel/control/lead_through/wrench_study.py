@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 import scipy
@@ -15,7 +15,7 @@ from ...inference import coverage, linear_fit
 from ...results import ArgumentError, Check, Estimate, SolveStatus, Trajectory, Work
 from ...results.options import Within
 from ...results.suspicion import suspicion_checks
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from .calibration import WrenchCalibration, calibrate_wrench, ends_of_range
 from .options import SyntheticReadings, WrenchAlarm, WrenchStudy
 from .wrench import WrenchStatus, axes, rows_of, sigma_of, turns_of
@@ -119,10 +119,7 @@ def wrench_study(
     moment_noise: Annotated[float | None, Within(above=0.0)] = None,
     drift: bool = False,
     accept: Sequence[WrenchAlarm] = (),
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> WrenchStudy:
     """Bias, mass and centre of what a force sensor carries, and the lever arm to where forces act, with intervals.
 
@@ -144,8 +141,8 @@ def wrench_study(
     >>> s.status.ok, bool(abs(s.mass - 0.9) < 0.02), s.usable
     (True, True, 'OK')
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
-    notes: list[str] = []
+    work = Work(**work_options)
+    title, notes = work.title, list[str]()
     if isinstance(readings, SyntheticReadings):
         for value, name in ((pushes, "pushes"), (drift, "drift"), (accept, "accept")):
             if value:
@@ -153,7 +150,7 @@ def wrench_study(
         given, sensor = readings, readings.sensor
         noise = max(sensor.force_noise, 1e-9), max(sensor.moment_noise, 1e-9)
         known, arm = _synthetic(given, np.random.default_rng(given.seed), noise)
-        title = _marked(title or "wrench calibration")
+        title = _marked(work.title or "wrench calibration")
         notes.append(f"synthetic: seed {given.seed}, noise {sensor.force_noise:g} N and {sensor.moment_noise:g} N m")
     else:
         noise = force_noise, moment_noise

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Unpack
 
 import numpy as np
 
 from ...results import Check, SolveStatus, Trajectory, Within, Work, at_most
 from ...results.disk import MadeFiles
 from ...results.suspicion import Suspicion, suspicion_checks
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from .course import Floor
 from .design import AxisLearning, design_axis
 from .identified import accelerometer
@@ -42,10 +42,7 @@ def next_input(
     repeats: Sequence[Trajectory] = (),
     ramp: Annotated[int, Within(least=0)] = RAMP,
     acceleration_noise: Annotated[float, Within(least=0.0)] = 0.07,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> NextInputStudy:
     """The next input of a learning law, from one measured run.
 
@@ -72,7 +69,7 @@ def next_input(
     >>> s.learned, s.trajectory["next_input"].shape
     (False, (825, 1))
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     names, size = robot.axes, len(run)
     check_run(run, robot.sample_time, ramp)
     reference = columns(run, "reference", len(names), size, "run")
@@ -125,7 +122,7 @@ def next_input(
     ]  # fmt: skip
     return _answer(
         run, names, design, axes, errors, floors, bool(repeats), learned, after, unexplained, notes + sentences,
-        title, judged,
+        work.title, judged,
     )  # fmt: skip
 
 

@@ -3,17 +3,17 @@ what it all says in words."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 
 from ...results import ArgumentError, Check, Quantity, Row, SolveStatus, Study, Trajectory, Work, at_most
 from ...results.disk import MadeFiles
 from ...results.refusal import naming
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from .axis import tool_model
 from .course import Floor, RepeatedMotion, SyntheticExperiment, above_cutoff
 from .design import AxisLearning, design_axis
@@ -137,7 +137,8 @@ class MismatchStudy(Study):
 @study_function
 def mismatch(
     run: Mapping[str, Any], frequency: float, damping: float, *, off: Sequence[float] = OFF, noise: float = 0.07,
-    cutoff: float = SLOW_CUTOFF, ramp: int = RAMP, sample_time: float = SAMPLE_TIME, title: str = "",
+    cutoff: float = SLOW_CUTOFF, ramp: int = RAMP, sample_time: float = SAMPLE_TIME,
+    **work_options: Unpack[WorkOptions],
 ) -> MismatchStudy:  # fmt: skip
     """How much an estimate of the tool errs, against how far the frequency of its model is off.
 
@@ -145,6 +146,7 @@ def mismatch(
         run: "motor" [m], "acceleration" [m/s2] and the true "tool" [m], each (N,), from rest; such as a synthetic one.
         frequency, damping: of the tool [Hz] and [1]. off: shares of the frequency. noise: of the accelerometer [m/s2].
         cutoff: of the complementary filter [Hz]. ramp: samples at either end that do not count.
+        title, progress, max_seconds, stop: see `gtmodel.results.Work`.
 
     At each the filter's process noise is what makes its innovations most likely, without a look at the tool. Raises
     ArgumentError where signals are missing or of other lengths, and for numbers out of range.
@@ -157,6 +159,7 @@ def mismatch(
     >>> s.kalman[0] < s.kalman[1] < s.complementary < s.kinematics
     True
     """
+    work = Work(**work_options)
     missing = [name for name in ("motor", "acceleration", "tool") if name not in run]
     if missing:
         raise ArgumentError(f"has no {', '.join(missing)}; the errors are those of all three", "run")
@@ -173,7 +176,8 @@ def mismatch(
         return float(np.sqrt(np.mean((estimate(signals) - signals["tool"])[corrected] ** 2)))
 
     kalman, normalised = [], []
-    for share in off:
+    for n, share in enumerate(off):
+        work.step("noise of each model", n / len(off))
         model = tool_model(frequency * (1 + share), damping, sample_time)
         filter = most_likely_filter(model, signals["motor"], signals["acceleration"], noise)
         kalman.append(error(kalman_estimate(size, filter)))
@@ -181,7 +185,7 @@ def mismatch(
     alone = error(kinematic(size))
     both = error(complementary_estimate(size, cutoff, sample_time))
     best = int(np.argmin(kalman))
-    shown = title or "error of the estimate against mismatch of the model"
+    shown = work.title or "error of the estimate against mismatch of the model"
     return MismatchStudy(
         status=SolveStatus.SOLVED, title=shown,
         message=f"the Kalman filter errs by {micrometres(kalman[best])} where its model is off by "
@@ -211,10 +215,7 @@ def study(
     noise: LearningNoise | None = None,
     *,
     experiment: Any = None,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> LearningStudy:
     """Iterative learning control on a robot that repeats a motion: Dressler 2012, chapter 7.
 
@@ -231,7 +232,7 @@ def study(
     >>> s.status.ok, bool(max(s.bound) < 1), bool(max(s.tool_share) < 0.05)
     (True, True, True)
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     noise = noise or LearningNoise()
     with naming("path"):
         runs = experiment or SyntheticExperiment(robot, path, noise)
@@ -243,7 +244,7 @@ def study(
         work.step("identical runs", n / noise.repeats)
         repeats.append(runs.run(np.zeros_like(reference)))
     axes: list[AxisLearning] = []
-    work.keep(partial(_designed, design, runs.names, axes, title))
+    work.keep(partial(_designed, design, runs.names, axes, work.title))
     for k, name in enumerate(runs.names):
         work.step(f"law of {name}")
         first = [{signal: values[:, k] for signal, values in run.items()} for run in repeats]
@@ -270,7 +271,7 @@ def study(
             tools.append(_rms((reference - truth)[corrected]))
         u = np.column_stack([a.next_input(u[:, k], e[:, k]) for k, a in enumerate(axes)])
     return _answer(
-        runs, design, axes, floors, firsts, inputs, np.array(errors), np.array(tools), repeats[0], run, hats, title
+        runs, design, axes, floors, firsts, inputs, np.array(errors), np.array(tools), repeats[0], run, hats, work.title
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -15,7 +15,7 @@ from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_mos
 from ...results.disk import MadeFiles
 from ...results.estimate import Estimate
 from ...results.suspicion import suspicion_checks
-from ...results.work import Interrupted, Progress, never, silent, study_function
+from ...results.work import Interrupted, WorkOptions, study_function
 from ..smoother import smooth
 from . import gyro_calibration
 from .between_references import GapErrors, attitude_filter, gap_errors, gaps_of
@@ -54,11 +54,7 @@ MOST_FILTERED = 20_000  # samples of the gyro over which filter and smoother run
 def attitude_study(
     recording: AttitudeRecording | SyntheticAttitude,
     judging: AttitudeJudging | None = None,
-    *,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> AttitudeStudy:
     """How well a gyro bridges the time between references of orientation, calibrated on one part, judged on the rest.
 
@@ -80,13 +76,13 @@ def attitude_study(
     >>> bool(carried > 3), bool(corrected > 6)
     (True, True)
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     so_far: dict[str, Any] = {}
     try:
-        return _studied(recording, judging or AttitudeJudging(), title or "attitude", work, so_far)
+        return _studied(recording, judging or AttitudeJudging(), work.title or "attitude", work, so_far)
     except Interrupted as stopped:
         return AttitudeStudy(
-            status=SolveStatus.INTERRUPTED, message=str(stopped), title=title or "attitude", **so_far
+            status=SolveStatus.INTERRUPTED, message=str(stopped), title=work.title or "attitude", **so_far
         )  # fmt: skip
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from ...measurements.inspection.data_tests import Data, tested
 from ...results import SolveStatus, Work
 from ...results.suspicion import suspicion_checks
 from ...results.trajectory import Trajectory
-from ...results.work import Interrupted, Progress, never, silent, study_function
+from ...results.work import Interrupted, WorkOptions, study_function
 from ..consistency import Consistency, consistency
 from ..error_state import ErrorState, Filter
 from ..filter_study import innovations_picture
@@ -50,10 +50,7 @@ def fusion_study(
     sweep: FusionSweep | None = None,
     *,
     seed: int = 1,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> FusionStudy:
     """What an inertial unit adds to a laser tracker, along a path whose motion is known: Cvitanic 2021, chapter 4.
 
@@ -76,7 +73,7 @@ def fusion_study(
     >>> study.status.value, study.axes, len(study.trajectory)
     ('solved', 3, 201)
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     path, sensors = path or TrackedPath(), sensors or FusionSensors()
     design = filter or FusionFilter()
     agree_together(path, sensors, design)
@@ -85,14 +82,14 @@ def fusion_study(
     work.step("readings", 0.02)
     scene = scene_of(path, sensors, seed)
     work.step("filters", 0.1)
-    answer = partial(_answer, scene, path, sensors, sweep, seed, title)
+    answer = partial(_answer, scene, path, sensors, sweep, seed, work.title)
     one = _filtered(scene, design, work, keep=lambda one: work.keep(partial(answer, one)))
     if not len(one.run.time):
         raise Interrupted("stopped before the first readings were filtered")
     work.keep(partial(answer, one))
     swept = {} if sweep is None else _swept(path, sensors, design, sweep, seed, work)
     if not one.run.status.ok and not one.stopped:
-        return FusionStudy(status=one.run.status, message=one.run.message, title=title, axes=path.axes)
+        return FusionStudy(status=one.run.status, message=one.run.message, title=work.title, axes=path.axes)
     c, preferred = one.consistency, None
     if c is not None and c.nis not in c.band and path.axes == 3:
         work.progress("likelihood of other densities", 0.9)

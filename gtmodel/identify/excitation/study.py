@@ -3,10 +3,10 @@ checks, trajectory and pictures."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from ...motion.path_parametrization import link_ends
 from ...optimize.multistart import ReachedOptima
 from ...results import ArgumentError, SolveStatus, Trajectory, Work, at_most, naming
 from ...results.trajectory_files import TRAJECTORY
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from .basis import FourierSeries
 from .information import condition, predicted_deviations, singular_values
 from .options import ExcitationSearch, ExcitationStudy, Family, IdentificationExperiment, MonteCarloFits, RandomMotions
@@ -175,10 +175,7 @@ def excitation_study(
     random: RandomMotions | None = None,
     monte_carlo: MonteCarloFits | None = None,
     start: Array | None = None,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> ExcitationStudy:
     """The motion for an identification: draw random ones, optimise from the best of them, and compare.
 
@@ -208,8 +205,8 @@ def excitation_study(
     >>> bool(s.improvement > 1)  # condition number of the best random motion over the optimised one
     True
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
-    search, title = search or ExcitationSearch(), title or "excitation"
+    work = Work(**work_options)
+    search, title = search or ExcitationSearch(), work.title or "excitation"
     plan = plan_of(robot, motion, limits, experiment or IdentificationExperiment(), search.criterion)
     started = [] if start is None else [_started(plan, np.asarray(start, dtype=float))]
     draws = _draws(plan, random or RandomMotions(), work)

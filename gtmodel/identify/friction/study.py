@@ -3,10 +3,10 @@ published lines."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, Unpack
 
 import numpy as np
 import tomli_w
@@ -16,7 +16,7 @@ from ...lang import Model
 from ...measurements import Session
 from ...results import ArgumentError, Check, Row, SolveStatus, Work, at_least, at_most, naming
 from ...results.estimate import half_width
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from .constant_velocity import Runs, concatenate, constant_velocity_log, constant_velocity_runs
 from .gravity import Gravity, MassByNorm, gravity_pattern, mass_by_norm
 from .levels import FrictionFit, identify_friction
@@ -49,10 +49,7 @@ def friction_study(
     directions: Literal["separate", "symmetric"] = "separate",
     gravity: Gravity = "most_symmetric",
     accept: Sequence[FrictionAlarm] = (),
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> FrictionStudy:
     """Friction of the actuators and the mass they hold, from logs of runs at constant velocity.
 
@@ -80,7 +77,7 @@ def friction_study(
     >>> s.runs, round(s.mass), s.viscous_plus.round(-1)
     (6, 22, array([190., 190., 190.]))
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     work.progress("equations", 0.1)
     pattern = gravity_pattern(robot, poses)
     names = [pose.name or f"pose {n}" for n, pose in enumerate(poses, 1)]
@@ -92,7 +89,7 @@ def friction_study(
         logs = _made(runs, pattern, names) if isinstance(runs, SyntheticRuns) else runs
         note = next((s.trajectory.synthetic for log in logs for s in log if s.trajectory.synthetic), None)
         if work.interrupted():
-            return FrictionStudy(status=SolveStatus.INTERRUPTED, message="stopped before the fit", title=title)
+            return FrictionStudy(status=SolveStatus.INTERRUPTED, message="stopped before the fit", title=work.title)
         used = _runs_of(logs, pattern, constant_velocity or ConstantVelocity())
     with naming({"pattern": "poses", "": "runs"}):
         fit = identify_friction(used, pattern, symmetric=directions == "symmetric", gravity=gravity, accept=accept)
@@ -101,7 +98,7 @@ def friction_study(
     return FrictionStudy(
         status=SolveStatus.SOLVED,
         message=f"{len(used.pose)} runs, {len(fit.pattern)} pose{'s' if len(fit.pattern) > 1 else ''}",
-        title=title,
+        title=work.title,
         checks={
             name: check
             for name, check in _checks(fit, used, truth, gravity == "poses" or directions == "symmetric").items()
@@ -119,7 +116,7 @@ def friction_study(
         notes=fit.notes,
         estimate=e,
         synthetic=note,
-        figures={"friction": partial(_figure, fit, used, names, title or "friction", note)},
+        figures={"friction": partial(_figure, fit, used, names, work.title or "friction", note)},
         files={"parameters.toml": _parameters(fit.mass, coefficients, note)},
         machine_files=("parameters.toml",),
     )
@@ -261,11 +258,7 @@ def published_friction_study(
     robot: Model,
     published: FrictionCoefficients,
     pose: HeldPose,
-    *,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> PublishedFriction:
     """The mass of most symmetric friction from printed lines, which hold for one pose.
 
@@ -285,7 +278,8 @@ def published_friction_study(
     >>> round(s.mass, 1), s.asymmetry > s.objective
     (22.7, True)
     """
-    Work(progress=progress, max_seconds=max_seconds, stop=stop).progress("reading", 0.2)
+    work = Work(**work_options)
+    work.progress("reading", 0.2)
     pattern = gravity_pattern(robot, [pose])
     g = pattern[0]
     check_widths(published, g.size, "published")
@@ -298,7 +292,7 @@ def published_friction_study(
     return PublishedFriction(
         status=SolveStatus.SOLVED,
         message=f"most symmetric at {norms.two:.4g} kg, published {published.mass:g} kg",
-        title=title,
+        title=work.title,
         objective=size[1],
         mass=norms.two,
         mass_by_norm=by_norm(norms),
@@ -310,7 +304,7 @@ def published_friction_study(
         chosen=published.mass,
         asymmetry=size[0],
         figures={
-            "friction": partial(_levels_figure, lines, published.mass, g, norms.two, title or "published friction")
+            "friction": partial(_levels_figure, lines, published.mass, g, norms.two, work.title or "published friction")
         },
     )
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from ...lang import Model
 from ...results import ArgumentError, SolveStatus, Status, Work
 from ...results.table import csv_text
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from ..mechanism import home_figure, mechanism_of
 from .case import ErrorRegion, JudgedCase, errors_of, judged, with_method
 from .corners import Array, ErrorMap, Method, map_errors
@@ -31,10 +31,7 @@ def accuracy_study(
     section: ErrorSection | None = None,
     method: Method = "support",
     monte_carlo: MonteCarloDraws | None = None,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> AccuracyStudy:
     """The greatest positioning error of a robot with three links, over a rectangle of a section across its guideways.
 
@@ -58,7 +55,7 @@ def accuracy_study(
     >>> s.cases[0]["nearest_guideway"]
     2
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     draws = monte_carlo or MonteCarloDraws()
     region = region_of(robot, cases, section or ErrorSection())
     resolved = with_method(list(cases), method)
@@ -67,15 +64,15 @@ def accuracy_study(
     for case, error in zip(resolved, errors, strict=True):
         mapped = map_errors(error, region.base_points, region.T, progress=work.fractions(case.name))
         if not mapped.complete or work.interrupted():
-            return _study(region, title, cases_judged, SolveStatus.INTERRUPTED, SolveStatus.INTERRUPTED.message)
+            return _study(region, work.title, cases_judged, SolveStatus.INTERRUPTED, SolveStatus.INTERRUPTED.message)
         good = region.window & (mapped.status == Status.OK)
         if not good.any():
             reasons = _reasons(mapped.status[region.window])
             most = max(reasons, key=lambda reason: reasons[reason])
             message = f"no point of the rectangle has an error; most often: {most}"
-            return _study(region, title, cases_judged, SolveStatus.INFEASIBLE, message)
+            return _study(region, work.title, cases_judged, SolveStatus.INFEASIBLE, message)
         cases_judged.append(judged(region, case, _word(case.name), error, mapped, good, draws))
-    return _study_of(region, title, cases_judged)
+    return _study_of(region, work.title, cases_judged)
 
 
 def region_of(model: Model, cases: Sequence[LinkErrors], section: ErrorSection) -> ErrorRegion:

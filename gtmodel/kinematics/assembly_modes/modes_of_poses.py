@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from ...measurements.signal_table import CsvTable
 from ...results import ArgumentError, Check, SolveStatus, Work, at_most, naming
 from ...results.disk import path_of
 from ...results.status import ModesStatus
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from ..causality.point_table import UNIT_LENGTH
 from .modes import AssemblyModes
 from .options import COLUMNS, CommandedPose, ModesStudy
@@ -186,11 +186,7 @@ CERTIFIED = (*LEAST, *GREATEST, "retries", "worst_residual")
 def modes_study(
     robot: Model | Hands,
     poses: CommandedPose | Sequence[CommandedPose] | None = None,
-    *,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> ModesStudy:
     """All assembly modes of six links, with a certificate that none is missing, and the commanded one among them.
 
@@ -208,7 +204,7 @@ def modes_study(
     >>> s.finite, s.real, s.commanded
     (40, 6, 6)
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     work.step("equations")
     hands = legs_of(robot, poses)
     work.step("tracking")
@@ -222,7 +218,7 @@ def modes_study(
     refused = judged.refused()
     if len(hands) == 1 and refused:
         raise ArgumentError(refused[0], "legs" if isinstance(robot, Hands) else _named(poses) if poses else "robot")
-    return _study_of(judged, title)
+    return _study_of(judged, work.title)
 
 
 def legs_of(robot: Model | Hands, poses: CommandedPose | Sequence[CommandedPose] | None) -> Hands:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from ...lang import Model, ModelError
 from ...results import ArgumentError, SolveStatus, Status, Work
 from ...results.agreement import AnyNumber
 from ...results.refusal import naming
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from ..orientation import OrientationMap, grid
 from . import point_table
 from .options import INCONSISTENT, NOT_COMPUTED, CausalityStudy, Orientation, PointGrid, words_of
@@ -81,10 +81,7 @@ def causality_study(
     *,
     branches: Mapping[str, int] | None = None,
     orientation: Orientation | None = None,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> CausalityStudy:
     """Evaluate a causality on many points; a point without a solution has a status and does not stop the others.
 
@@ -107,7 +104,7 @@ def causality_study(
     >>> s.targets["q"].shape
     (2, 3)
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     known, targets = ([x] if isinstance(x, str) else list(x) for x in (known, targets))
     function = causality_of(model, known, targets, branches, orientation)
     inputs = _inputs(points, model, known, function, branches)
@@ -125,10 +122,10 @@ def causality_study(
     pairs = [(s, values) for s, values in zip(function.outputs, outputs, strict=True) if s.name in targets]
     given = list(zip(function.inputs, inputs, strict=True))
     return whole.with_(
-        title=title,
+        title=work.title,
         normalised=normalised,
         files={"points.csv": csv_of([*given, *pairs], whole, orientation)},
-        figures=figures_of(pairs, whole, box, title),
+        figures=figures_of(pairs, whole, box, work.title),
     )
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from ...lang import Model
 from ...results import ArgumentError, Check, SolveStatus, Work, at_most
 from ...results.options import Long, Within
 from ...results.table import csv_text
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from ..mechanism import home_figure
 from ..section import CrossSection
 from .limits import BallJointCones
@@ -44,10 +44,7 @@ def workspace_study(
     beams: Sequence[Beam] = (),
     compare_cones: Annotated[Sequence[float], Within(above=0.0)] = (),
     points: Annotated[Sequence[Sequence[float]], Long(3)] = (),
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> WorkspaceStudy:
     """Which tool centre points a robot reaches: the cross-section under limits, its boundary, the volume, reasons.
 
@@ -71,7 +68,7 @@ def workspace_study(
     >>> s.area < s.kinematic_area
     True
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     limits, section, bodies = limits or WorkspaceLimits(), section or CrossSection(), bodies or Bodies()
     task = task_of(robot, limits, home, section, bodies, obstacles, beams)
     if volume is not None:
@@ -89,10 +86,10 @@ def workspace_study(
         solid = None if volume is None else maps.volume(volume, _to_begin_with(volume, task, obstacles, beams))
     except _Stopped:
         return WorkspaceStudy(
-            status=SolveStatus.INTERRUPTED, title=title, cones=_cones(cones),
+            status=SolveStatus.INTERRUPTED, title=work.title, cones=_cones(cones),
             **({} if bare is None else _sizes(bare, "kinematic_")),
         )  # fmt: skip
-    return _study_of(title, task, limits, points, main, bare, cones, coarse, volume, solid)
+    return _study_of(work.title, task, limits, points, main, bare, cones, coarse, volume, solid)
 
 
 def _refuse_range(volume: Sections) -> None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from ...results.estimate import Estimate
 from ...results.refusal import naming
 from ...results.study import to_inherit
 from ...results.trajectory import Trajectory
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from .align import Alignment, align
 from .options import Search, SyntheticDelay, made_pair
 
@@ -62,11 +62,7 @@ class DelayStudy(Study):
 def delay_study(
     recordings: Mapping[str, tuple[Trajectory, Trajectory]] | SyntheticDelay,
     search: Search | None = None,
-    *,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> DelayStudy:
     """How late one signal comes behind another that shows the same motion, with intervals and a test of the residuals.
 
@@ -85,7 +81,7 @@ def delay_study(
     >>> low < 0.003 < high, round(1e3 * s.delay[0], 1)  # ms
     (True, 3.0)
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     search = search or Search()
     truth = recordings if isinstance(recordings, SyntheticDelay) else None
     pairs = {"synthetic": made_pair(recordings)} if isinstance(recordings, SyntheticDelay) else dict(recordings)
@@ -102,7 +98,7 @@ def delay_study(
                 shift=search.shift, within=(-search.longest, search.longest),
             )  # fmt: skip
     note = next((t.synthetic for pair in pairs.values() for t in pair if t.synthetic), None)
-    return _study(fits, search, truth, title, note)
+    return _study(fits, search, truth, work.title, note)
 
 
 def _study(

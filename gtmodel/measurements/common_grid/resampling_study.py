@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from ...results.interpolation import said
 from ...results.suspicion import suspicion_checks
 from ...results.trajectory import Trajectory
 from ...results.trajectory_checks import Array
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from ..alignment.align import Alignment, align
 from ..alignment.delay_study import RELATED
 from ..inspection.data_tests import Data, tested
@@ -36,10 +36,7 @@ def resampling_study(
     align_by: Sequence[AlignBy] = (),
     *,
     delays: Mapping[str, float] | None = None,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> ResamplingStudy:
     """The signals of one recording on one even grid, with the error of the method and where the clocks stand.
 
@@ -65,7 +62,7 @@ def resampling_study(
     >>> round(study.offset["tracker"], 3), study.trajectory.names  # s
     (-0.5, ('q', 'tracker'))
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     grid = grid or EvenGrid()
     clocks = {"log": recording} if isinstance(recording, Trajectory) else dict(recording)
     parts = _parts(clocks, dict(delays or {}))
@@ -80,8 +77,8 @@ def resampling_study(
     first = max(float(part.rows.time[0]) for part in parts)
     start = first if grid.start is None else grid.start
     even = [_even(part, step, start, grid) for part in parts]
-    made = _joined(even, step, start, grid, title)
-    return _study(clocks, reference, parts, fits, even, made, step, grid, title)
+    made = _joined(even, step, start, grid, work.title)
+    return _study(clocks, reference, parts, fits, even, made, step, grid, work.title)
 
 
 @dataclass(frozen=True)

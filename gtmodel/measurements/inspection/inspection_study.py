@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from ...results.status import SolveStatus
 from ...results.study import Study, to_inherit
 from ...results.trajectory_checks import Array
 from ...results.trajectory_files import PathLike
-from ...results.work import Progress, Work, never, silent, study_function
+from ...results.work import Work, WorkOptions, study_function
 from ..sampling import SamplingReport
 from ..streams.form import LogError, LogForm, shown
 from ..streams.matlab import MatFile
@@ -84,11 +84,7 @@ class InspectionStudy(Study):
 def inspect(
     path: PathLike,
     form: LogForm = LogForm(),  # noqa: B008
-    *,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> InspectionStudy:
     r"""What a log holds, before it is used: streams, columns, units guessed and why, rates, jitter, gaps, clocks.
 
@@ -112,7 +108,7 @@ def inspect(
     >>> round(stream.clock.sampling.rate, 6), stream.clock.sampling.gaps[0].missing
     (250.0, 1)
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     content = content_of(path, form)
     notes: list[str] = []
     all_streams = [content] if isinstance(content, Stream) else list(content.streams())
@@ -124,7 +120,7 @@ def inspect(
         has = f"it has {names}" if names else "it is one table, so name none"
         raise LogError(f"{shown(path)}: there is no stream '{form.stream[:40]}'; {has}")
     made, ended = list[InspectedStream](), False
-    title = title or shown(Path(path).name)
+    title = work.title or shown(Path(path).name)
     work.keep(partial(_answer, title, made, notes, True))
     for stream in streams:
         notes += [_on(stream, remark) for remark in stream.remarks]

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, Unpack
 
 import numpy as np
 import scipy
@@ -20,7 +20,7 @@ from ...results import Check, SolveStatus, Status, Trajectory, Work, at_most
 from ...results.check import failed_of
 from ...results.quantity import converted
 from ...results.trajectory_files import TRAJECTORY
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from ..constraints import MARGIN_TOLERANCE, clearances
 from ..finer_mesh import finer_mesh, how, refined, refinement_note
 from ..motion_result import SATURATED, at_points
@@ -320,10 +320,7 @@ def axis_study(
     mesh: AxisMesh | None = None,
     solver: AxisSolver | None = None,
     earlier: Trajectory | None = None,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> AxisStudy:
     """Time- or energy-optimal motion of the F1 from rest to rest, free between positions of its axes or along a path.
 
@@ -348,11 +345,11 @@ def axis_study(
     >>> s.tcp.shape
     (2, 3)
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     problem = AxisProblem(
         robot=robot, start=start, goal=goal, limits=limits, path=path, tool=tool or ToolCourse(),
         degrees_of_freedom=degrees_of_freedom, cost=cost or AxisCost(), mesh=mesh or AxisMesh(),
-        solver=solver or AxisSolver(), earlier=earlier, title=title,
+        solver=solver or AxisSolver(), earlier=earlier, title=work.title,
     )  # fmt: skip
     work.step("equations")
     plan = plan_of(problem)

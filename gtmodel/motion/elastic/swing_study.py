@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from ...results import SolveStatus, Work
 from ...results.check import failed_of
 from ...results.options import Long, Within
 from ...results.trajectory_files import TRAJECTORY
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from ..finer_mesh import finer_mesh, refined, refinement_note
 from .options import ElasticCost, ElasticMesh, ElasticSolver, ElasticStudy, ElasticTool
 from .plans import MENDED, ElasticTask, Plans, PlansFailure, PlateMotion, plans_on, swing, too_coarse
@@ -32,10 +32,7 @@ def elastic_study(
     cost: ElasticCost | None = None,
     mesh: ElasticMesh | None = None,
     solver: ElasticSolver | None = None,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> ElasticStudy:
     """The motion from rest to rest that is best with the tool taken as rigid, that motion shaped by ZV and ZVD, the
     motion planned with the tool on its spring, and how the tool swings after each.
@@ -60,7 +57,7 @@ def elastic_study(
     >>> s.motions["ZV"]["residual_mm"] < 1e-3 * s.motions["rigid"]["residual_mm"]
     True
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     mesh = mesh or ElasticMesh()
     task = ElasticTask(
         robot=robot, start=start, goal=goal, tool=tool, force=force, cost=cost or ElasticCost(),
@@ -69,7 +66,7 @@ def elastic_study(
     work.step("the rigid plan")
     given = plans_on(mesh, task, None, work)
     if isinstance(given, PlansFailure):
-        return ElasticStudy(status=given.status, message=given.message, title=title, iterations=given.iterations)
+        return ElasticStudy(status=given.status, message=given.message, title=work.title, iterations=given.iterations)
     iterations = given.iterations
 
     def again(before: Plans, mesh: ElasticMesh) -> Plans | str:
@@ -80,7 +77,7 @@ def elastic_study(
 
     plans, trouble = refined(given, lambda p: finer_mesh(p.mesh, p.checks, MENDED), again, work.interrupted)
     mended = refinement_note(mesh.elements, plans.mesh.elements, failed_of(given.checks))
-    return _study_of(plans, iterations, mended.strip(), trouble, title)
+    return _study_of(plans, iterations, mended.strip(), trouble, work.title)
 
 
 def _study_of(outcome: Plans, iterations: int, mended: str, trouble: str, title: str) -> ElasticStudy:

@@ -5,16 +5,16 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Unpack
 
 import numpy as np
 
 from ...inference import binomial_band
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least
 from ...results.options import Within
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from ..vibration_result import entitled
 from .experiments import Experiment
 from .modal_fit import ModalFit, fit_modes
@@ -129,10 +129,7 @@ def dynamic_stiffness_study(
     process: Process | None = None,
     map: FrequencyMap | None = None,
     repeatability: Annotated[float, Within(above=0.0)] = 0.15,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> DynamicStiffnessStudy:
     """Mass, damping and stiffness of an arm in x, y and z over its poses, from frequency responses.
 
@@ -152,7 +149,7 @@ def dynamic_stiffness_study(
     >>> s.field.at(made.poses[0])[0].shape
     (3,)
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     made = experiments if isinstance(experiments, SyntheticExperiments) else None
     given = list(made.experiments if made else experiments)  # type: ignore[arg-type]
     fit, process, map = fit or ModalFitting(), process or Process(), map or FrequencyMap()
@@ -167,7 +164,7 @@ def dynamic_stiffness_study(
             return DynamicStiffnessStudy(
                 status=SolveStatus.INTERRUPTED,
                 message=f"stopped after {n} of {len(given)} experiments",
-                title=title,
+                title=work.title,
                 **_by_experiment(given[:n], fits, all_notes, repeatability),
             )
         work.progress("fitting modes", 0.1 + 0.5 * n / len(given))
@@ -184,11 +181,11 @@ def dynamic_stiffness_study(
     left = [g.leave_one_out() for g in processes]
     left_z = np.concatenate([np.abs(e / s) * g.inflation for (e, s), g in zip(left, processes, strict=True)])
     softest = field.value("fn", np.array([e.pose for e in given])).min(axis=1)
-    name = title or "dynamic stiffness"
+    name = work.title or "dynamic stiffness"
     return DynamicStiffnessStudy(
         status=SolveStatus.SOLVED,
         message=f"{sum(f is not None for f in fits)} of {len(fits)} experiments, nine processes",
-        title=title,
+        title=work.title,
         checks=_checks(fits, widened, made, given),
         figures={
             "frequency_response": partial(responses, given, fits, name, field.synthetic),

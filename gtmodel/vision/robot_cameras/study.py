@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from ...results.disk import MadeFiles
 from ...results.options import Within
 from ...results.refusal import ArgumentError
 from ...results.suspicion import RUN_LEVEL, suspicion_checks
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from ..detection.marks import corners_csv
 from ..residuals import LEAST, ROUNDING, PictureTest, gross_errors, picture_test, shifted_pictures
 from .joint import JointFit, held_out_pixels, joint_fit
@@ -115,10 +115,7 @@ def study(
     held_out: Annotated[int, Within(least=2)] = 2,
     two_steps: bool = False,
     accuracy: Annotated[float | None, Within(above=0.0)] = None,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> RobotCamerasStudy:
     """Calibrate a robot together with its cameras, and judge both on poses that the fit did not see.
 
@@ -142,13 +139,13 @@ def study(
     >>> s.status.ok, s.held_out["mean"] < 0.5e-3
     (True, True)
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     setting = setting or RobotCameras()
     if isinstance(pictures, SyntheticRobotCameras):
         work.progress("making synthetic pictures", 0.1)
         made = made_pictures(pictures, robot)
         pictures, cameras = made.pictures, list(cameras) or made.cameras
-    title = title or "robot and cameras"
+    title = work.title or "robot and cameras"
     if pictures.synthetic and "synthetic" not in title.lower():
         title += " (synthetic)"
     rows = np.arange(len(pictures.poses))
@@ -231,10 +228,7 @@ def places_study(
     setting: RobotCameras | None = None,
     *,
     accuracy: Annotated[float | None, Within(above=0.0)] = None,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> RobotCamerasStudy:
     """Where to put two cameras: the error over the volume that a calibration from each place will leave.
 
@@ -253,7 +247,7 @@ def places_study(
     >>> V.places_study(gt.robots.gantry_tau("l1_tape"), scene, places).places[0]["baseline_m"]
     1.5
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     work.progress("comparing places", 0.3)
     compared = camera_places(robot, scene, places or CameraPlaces(), setting)
     best = compared[0]
@@ -269,7 +263,7 @@ def places_study(
         for r in compared
     ]  # fmt: skip
     message = f"best: {best.baseline:g} m apart at {best.distance:g} m, {1e3 * best.predicted.rms:.3g} mm rms predicted"
-    title = title or "places of two cameras"
+    title = work.title or "places of two cameras"
     return RobotCamerasStudy(
         status=SolveStatus.SOLVED, message=message, title=title, checks=checks, places=rows,
         figures={"workspace": partial(_ellipsoids, best.predicted.positions, best.predicted.covariance, title),

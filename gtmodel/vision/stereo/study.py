@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_mos
 from ...results.refusal import naming
 from ...results.suspicion import FIRST, suspicion_checks
 from ...results.table import csv_text
-from ...results.work import Progress, never, silent, study_function
+from ...results.work import WorkOptions, study_function
 from ..corner_table import Board, CornerTable
 from ..residuals import LEAST, GrossErrors, PictureTest, gross_errors, picture_test
 from ..views import MOVES, intersect
@@ -42,11 +41,7 @@ def stereo_study(
     board: BoardPictures,
     fit: CameraFit | None = None,
     start: StereoStart | None = None,
-    *,
-    title: str = "",
-    progress: Progress = silent,
-    max_seconds: float | None = None,
-    stop: Callable[[], bool] = never,
+    **work_options: Unpack[WorkOptions],
 ) -> StereoStudy:
     """Lenses of one or more cameras and the places of all but the first, from pictures of a board: one fit of all
     corners, with standard deviations, gross errors by name and a test of the residuals over the picture.
@@ -68,7 +63,7 @@ def stereo_study(
     >>> s.status.ok, low < 540.0 < high
     (True, True)
     """
-    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work = Work(**work_options)
     fit, start = fit or CameraFit(), start or StereoStart()
     metres = _metres(board)
     _on_the_board(corners, board)
@@ -83,7 +78,7 @@ def stereo_study(
         again, removed = without_gross_errors(table, begin, fit, work.interrupted)
         if fit.gross_errors == "named":
             if removed.pictures and not work.interrupted():
-                return _wrong(corners, removed, title)
+                return _wrong(corners, removed, work.title)
             removed = None
         else:
             begin = again
@@ -97,7 +92,7 @@ def stereo_study(
         if removed is None and end.status is not SolveStatus.INTERRUPTED:
             work.step("gross errors", 0.8)
             removed = without_gross_errors(table, begin, fit, work.interrupted)[1]
-        return _failed(end, corners, tilt, removed, title)
+        return _failed(end, corners, tilt, removed, work.title)
     named = removed or gross_errors(table, end.residuals["corners"], fit.gross)
     if removed is None and uneven(table, end.residuals["corners"]):  # a wrong picture spoils a fit of all corners
         named = without_gross_errors(table, begin, fit, work.interrupted)[1]
@@ -108,12 +103,12 @@ def stereo_study(
     drawn = [(name, table.uv[table.camera == c], end.residuals["corners"][table.camera == c], tests.get(name))
              for c, name in enumerate(table.cameras)]  # fmt: skip
     return StereoStudy(
-        status=end.status, message=end.message, title=title, iterations=end.iterations, objective=end.cost,
+        status=end.status, message=end.message, title=work.title, iterations=end.iterations, objective=end.cost,
         estimate=end.estimate, checks=checks, notes=notes, **values,
         removed=removed is not None, **_named(corners, named),
         quadratic_p={n: t.quadratic for n, t in tests.items()}, radius_p={n: t.radius for n, t in tests.items()},
         map_rms={n: t.size for n, t in tests.items()},
-        figures={"residuals": partial(_figure, drawn, (board.width_pixel, board.height_pixel), title)},
+        figures={"residuals": partial(_figure, drawn, (board.width_pixel, board.height_pixel), work.title)},
         files={"cameras.csv": _cameras_file(values, metres), "residuals.csv": _residuals_file(corners, kept, end)},
         machine_files=("cameras.csv",),
     )  # fmt: skip
