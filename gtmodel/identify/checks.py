@@ -9,7 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtmodel.inference import correlation_time
-from gtmodel.measurements.inspection.readings import Compared, OtherReading, compared, exchanges, in_order, reversals
+from gtmodel.measurements.inspection.misread_columns import (
+    Compared,
+    OtherReading,
+    compared,
+    exchanges,
+    in_order,
+    reversals,
+)
 from gtmodel.results.suspicion import Suspicion
 
 from ..inference import FALSE_ALARM, binomial_band, negligible

@@ -16,7 +16,7 @@ from ..lang.expression import Expr
 from ..lang.scope import Scope
 from ..lang.source import ModelError
 from ..lang.units import parse_unit
-from .element import value_at
+from .collocation import value_at
 from .formulation.horizon import ConstraintRow, relation_rows
 from .formulation.scaling import scale_of
 from .nlp import Nlp, functions_of, scatter

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..compiler.matrices import SparseMatrix, nonzeros, stacked
 from ..lang.source import ModelError
-from .element import Element, Layout, make_element, value_at
+from .collocation import Element, Layout, make_element, value_at
 from .formulation.delays import DelayRows, delay_rows
 from .formulation.dynamic import DynamicProblem
 from .mesh import Mesh

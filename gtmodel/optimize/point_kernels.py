@@ -17,7 +17,7 @@ from ..compiler.tape.elimination import Entries, gradient, hessian, jacobian
 from ..compiler.tape.function import TapeFunction
 from ..compiler.tape.operations import Tape, read_in
 from ..compiler.toolchain import FLAGS, SHOWN, CompilerMissing, build, find, place, whole
-from .element import Element, Layout, pointwise
+from .collocation import Element, Layout, pointwise
 from .formulation.dynamic import DynamicProblem
 from .mesh import Mesh, basis, control_basis
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -19,20 +20,24 @@ from ..results.disk import path_of
 
 
 class InputError(ValueError):
-    """What a person gave is wrong: one plain sentence, with the file and its key where they are known."""
+    """What a person gave is wrong: one plain sentence, with the file, its key and line if they are known."""
 
-    def __init__(self, sentence: str, key: str = "", file: str = "") -> None:
-        super().__init__(sentence, key, file)
+    def __init__(self, sentence: str, key: str = "", file: str = "", line: int | None = None) -> None:
+        super().__init__(sentence, key, file, line)
         self.message = sentence
         self.key = key
         self.file = file
+        self.line = line
 
     def __str__(self) -> str:
-        return ": ".join(part for part in (self.file, self.key, self.message) if part)
+        text = ": ".join(part for part in (self.file, self.key, self.message) if part)
+        return text if self.line is None else f"{text} (line {self.line})"
 
-    def within(self, file: str, key: str = "") -> InputError:
-        """The same fault seen from outside: in this file, at this key, unless it says so itself."""
-        return InputError(self.message, self.key or key, self.file or file)
+    def within(self, file: str, key: str = "", content: bytes | None = None) -> InputError:
+        """The same fault seen from outside: in this file with this content, at this key, unless it says so itself."""
+        key = self.key or key
+        line = self.line if self.file or self.line or content is None else line_of(content, key)
+        return InputError(self.message, key, self.file or file, line)
 
 
 _NUMBER = r"=\s*[-+]?"
@@ -135,6 +140,52 @@ def parse(content: bytes) -> dict[str, Any]:
         written = [*content.decode("utf-8-sig").splitlines(), ""][line - 1].strip()
         line_text = f"; found {shown_line(written)}" if written else ""
         raise InputError(f"line {line}: not TOML: {slip(written, reason)}{line_text}") from error
+
+
+def parts_of(key: str) -> list[str | int]:
+    """`goal.tcp_m[1]`, or `goal.tcp_m.1` as `--set` writes it, as ["goal", "tcp_m", 1]."""
+    return [int(part) if part.isdecimal() else part.strip() for part in re.findall(r"[^.\[\]]+", key)]
+
+
+def line_of(content: bytes, key: str) -> int | None:
+    """The line of a TOML text on which the value of a dotted key begins, or the innermost table or list around it that
+    is there; None without one.
+
+    >>> from gtmodel.problem_files.files import line_of
+    >>> line_of(b'kind = "modes"\\n[[rows]]\\na = 1\\n[[rows]]\\na = [\\n  2,\\n]', "rows[1].a[0]")
+    5
+    """
+    lines = content.decode("utf-8-sig", errors="replace").splitlines()
+    place, table = parts_of(key), list[str | int]()
+    count: dict[tuple[str | int, ...], int] = {}  # the last index of each list of tables
+    begin, deepest, line = 0, 0, None
+    for end in range(1, len(lines) + 1):
+        try:
+            data: Any = toml_of("\n".join(lines[begin:end]))
+        except ValueError:
+            continue  # inside a statement
+        first, begin = begin, end
+        if data and lines[first].lstrip().startswith("["):
+            table = []
+            while data:
+                ((name, data),) = data.items()
+                table.append(name)
+                if isinstance(data, list):
+                    count[tuple(table)] = count.get(tuple(table), -1) + 1
+                    data = data[0]
+                if tuple(table) in count:
+                    table.append(count[tuple(table)])
+        depth = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(table, place, strict=False)))
+        if depth == len(table):
+            for part in place[depth:]:
+                if not (
+                    part in data if isinstance(data, dict) else isinstance(data, list) and part in range(len(data))
+                ):
+                    break
+                data, depth = data[part], depth + 1
+        if depth > deepest:
+            deepest, line = depth, first + 1
+    return line
 
 
 HEADS = {

@@ -20,7 +20,7 @@ from gtmodel.results.quantity import split
 from gtmodel.results.read_bounds import TooDeepError, not_deep, toml_of
 
 from .base import InputError, Kind, Problem
-from .files import find, parse, read
+from .files import find, parse, parts_of, read
 from .from_options import Key, keys_of, tables_of
 from .registry import get
 
@@ -294,6 +294,10 @@ class Loaded:
         """File name; the same wherever the folder stands."""
         return self.path.name
 
+    def placed(self, error: InputError) -> InputError:
+        """The same fault with its line in the file."""
+        return error.within("", content=_unchanged(self.content, self.settings, error.key))
+
 
 def load(path: str | Path, settings: Iterable[str] = ()) -> Loaded:
     """Read and check a problem file, or one shipped with gtmodel where there is no such file.
@@ -303,15 +307,23 @@ def load(path: str | Path, settings: Iterable[str] = ()) -> Loaded:
     settings = tuple(settings)
     written = of_text(str(path)) if is_reference(str(path)) else None
     file, shipped = (written[0], False) if written else find(path)
+    content = None
     try:
         content = read(file)
         data = not_deep(apply(written[1] if written else parse(content), settings))
         kind, problem = check(data)
     except InputError as error:
-        raise error.within(str(path)) from None
+        raise error.within(str(path), content=_unchanged(content, settings, error.key)) from None
     except TooDeepError as error:
         raise InputError(str(error), file=str(path)) from None
     return Loaded(file, content, settings, kind, problem, shipped)
+
+
+def _unchanged(content: bytes | None, settings: Iterable[str], key: str) -> bytes | None:
+    """The content of the file; None if `--set` gave the value of this key, which then has no line."""
+    parts = parts_of(key)
+    given = (parts_of(setting.partition("=")[0]) for setting in settings)
+    return None if any(parts[: len(path)] == path for path in given) else content
 
 
 def check(data: Mapping[str, Any]) -> tuple[Kind, Problem]:

@@ -174,7 +174,7 @@ def _from_file(
         family, robot = checked(data)
         own = robot.modifiers()
     except InputError as error:
-        inside = error.within(reference)
+        inside = error.within(reference, content=read(context.file(reference, key, "robot", "robot file")))
         raise (InputError(str(inside), key) if key else inside) from error
     return family, {**own, **modifiers}
 

@@ -144,14 +144,17 @@ def call_of(path: str | Path, settings: Iterable[str] = ()) -> Call:
 
 @contextmanager
 def keyed(loaded: Loaded) -> Iterator[None]:
-    """What a library refuses, as an InputError at the key of the file."""
+    """What a library refuses, as an InputError at the key and line of the file."""
     try:
         yield
+    except InputError as error:
+        raise loaded.placed(error) from error.__cause__
     except ArgumentError as error:
         renamed = getattr(loaded.kind, "ARGUMENTS", {})
         if of_problem := getattr(loaded.kind, "arguments", None):
             renamed = of_problem(loaded.problem)
-        raise InputError(error.message, key_of(loaded.kind.Schema, error.argument, renamed)) from error
+        key = key_of(loaded.kind.Schema, error.argument, renamed)
+        raise loaded.placed(InputError(error.message, key)) from error
 
 
 def solve(

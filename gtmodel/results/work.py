@@ -204,8 +204,9 @@ def study_function(function: Callable[P, R]) -> Callable[P, R]:
     ArgumentError with its name. A study that is ended at a `Work.step`, or within one that asks too late, is what was
     kept by `Work.keep`, or that status alone.
     """
-    of_work, own = _of_work(), inspect.signature(function)
+    own = inspect.signature(function)
     named = [p for p in own.parameters.values() if p.kind is not p.VAR_KEYWORD]
+    of_work = _of_work() if len(named) < len(own.parameters) else []
     signature = own.replace(parameters=named + of_work)
 
     @cache

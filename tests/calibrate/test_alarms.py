@@ -8,7 +8,7 @@ import pytest
 import gtmodel as gt
 from gtmodel.calibrate import Fit, Measurements, study
 from gtmodel.calibrate.measured.column_checks import NEARER
-from gtmodel.measurements.inspection.readings import OtherReading, compared
+from gtmodel.measurements.inspection.misread_columns import OtherReading, compared
 from gtmodel.results import ArgumentError, SolveStatus
 from gtmodel.results.suspicion import FIRST
 from tests.calibrate.shipped import measured, solved, written

@@ -128,7 +128,7 @@ def test_faults_of_a_robot_file_name_both_files(context: Context, line: str, sen
     (context.folder / "copy.toml").write_text(ROBOT + line)
     with pytest.raises(InputError) as caught:
         resolve("copy.toml", context)
-    assert str(caught.value) == f"robot: {sentence}"
+    assert str(caught.value) == f"robot: {sentence} (line 6)"
 
 
 def test_catalogue_options_do_not_apply_to_a_model_in_python(context: Context) -> None:

@@ -37,7 +37,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def solve(context: Context | None = None, **changes: object):
     kind, problem = check({**SWING, **changes})
-    with run.keyed(SimpleNamespace(kind=kind)):  # type: ignore[arg-type]
+    with run.keyed(SimpleNamespace(kind=kind, placed=lambda error: error)):  # type: ignore[arg-type]
         return kind.call(problem, context or Context())()  # type: ignore[attr-defined]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gtmodel.measurements.inspection.readings import LEAST, MOST, gain_off
+from gtmodel.measurements.inspection.misread_columns import LEAST, MOST, gain_off
 from gtmodel.results.suspicion import RUN_LEVEL
 
 RUNS, N = 200, 1500

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from gtmodel.inference import binomial_band, chi_squared_over_noise, held_out_ratio
-from gtmodel.measurements.inspection.readings import OtherReading, compared
+from gtmodel.measurements.inspection.misread_columns import OtherReading, compared
 from gtmodel.measurements.inspection.residual_tests import (
     coloured,
     drifts,

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Unpack
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ from gtmodel.results import (
 from gtmodel.results.disk import made
 from gtmodel.results.quantity import converted, described, named, split
 from gtmodel.results.table import csv_text
-from gtmodel.results.work import Progress, never, silent, study_function
+from gtmodel.results.work import WorkOptions, study_function
 
 UNITS = ["", "1", "m", "N", "N/m", "N.m", "N.m/rad", "m/s2", "Hz", "kg.m2", "%", "rad", "deg", "MN.m/rad", "kg/s"]
 
@@ -335,10 +335,8 @@ def test_work_ends_by_time_and_by_request():
 
 def test_a_study_that_is_ended_is_what_it_kept():
     @study_function
-    def steps(
-        count: int, *, progress: Progress = silent, max_seconds: float | None = None, stop: Callable[[], bool] = never
-    ) -> Study:
-        work, done = Work(progress=progress, max_seconds=max_seconds, stop=stop), []
+    def steps(count: int, **work_options: Unpack[WorkOptions]) -> Study:
+        work, done = Work(**work_options), []
         if count:
             work.keep(lambda: Study(status=SolveStatus.INTERRUPTED, notes=done))
         for k in range(count):
@@ -388,3 +386,19 @@ def test_what_a_machine_follows_is_not_written_of_a_failed_study(tmp_path):
     assert "motion.mod" not in {p.name for p in b.write(tmp_path / "a")}
     b.write(tmp_path / "b", write_failed=True)
     assert "NOT TO BE USED" in (tmp_path / "b" / "motion.mod").read_text().splitlines()[0]
+
+
+def test_a_study_takes_what_work_takes_and_shows_it():
+    @study_function
+    def one(count: int, **work_options: Unpack[WorkOptions]) -> Study:
+        return Study(status=SolveStatus.SOLVED, title=Work(**work_options).title)
+
+    assert list(inspect.signature(one).parameters) == ["count", "title", "progress", "max_seconds", "stop"]
+    assert one(1, title="of one").title == "of one" and one(1).title == ""
+    with pytest.raises(ArgumentError) as refused:
+        one(1, max_seconds=-1.0)
+    assert refused.value.argument == "max_seconds"
+    with pytest.raises(TypeError, match=r"one\(\) got an unexpected keyword argument 'titel'"):
+        one(1, titel="of one")  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match=r"one\(\) missing a required argument: 'count'"):
+        one()  # type: ignore[call-arg]

@@ -17,7 +17,7 @@ from ...inference import over_noise
 from ...lang import Model
 from ...lang.source import ModelError
 from ...lang.units import parse_unit
-from ...measurements.inspection.readings import (
+from ...measurements.inspection.misread_columns import (
     OtherReading,
     axes,
     compared,

@@ -16,7 +16,7 @@ from ...inference import chi_squared_over_noise, freedom_of, held_out_ratio, lin
 from ...inference.residuals import SMALL_P, shown_p
 from ...measurements.inspection import residual_tests
 from ...measurements.inspection.data_tests import Data, tested
-from ...measurements.inspection.readings import NEARER, OtherReading, compared
+from ...measurements.inspection.misread_columns import NEARER, OtherReading, compared
 from ...results import ArgumentError, Estimate, naming
 from ...results.suspicion import Suspicion, alarms, suspicion_checks
 from .options import WrenchAlarm

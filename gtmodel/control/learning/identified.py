@@ -9,7 +9,7 @@ import numpy as np
 
 from ..._lazy import hint
 from ...measurements.filters import second_derivative
-from ...measurements.inspection.readings import LEAST as LEAST_GAIN, MOST as MOST_GAIN, gain_off
+from ...measurements.inspection.misread_columns import LEAST as LEAST_GAIN, MOST as MOST_GAIN, gain_off
 from ...results import ArgumentError
 from ...results.suspicion import Suspicion, alarms
 from .axis import AxisPlant, delayed

@@ -14,7 +14,7 @@ from ...lang.bind import join
 from ...lang.model import Connector, Model
 from ...lang.optimization import Delayed
 from ...lang.source import ModelError
-from ..element import Layout
+from ..collocation import Layout
 from ..mesh import Mesh, control_basis
 from .dynamic import DynamicProblem
 

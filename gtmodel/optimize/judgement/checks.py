@@ -14,7 +14,7 @@ from ...compiler.rewriting import of_expression
 from ...compiler.structure import overdetermined_and_underdetermined
 from ...lang.slips import line_of
 from ...lang.source import ModelError, SourceLocation
-from ..element import Element
+from ..collocation import Element
 from ..formulation.dynamic import DynamicProblem
 from ..formulation.system import on_rows
 from ..nlp import Nlp, instants, placed

@@ -11,7 +11,7 @@ from numpy.polynomial import legendre
 
 from ...lang.optimization import Delayed, Optimization
 from ...lang.source import ModelError
-from ..element import of_states
+from ..collocation import of_states
 from ..formulation.system import RateSystem, on_rows
 from ..mesh import Mesh, given_mesh
 from ..nlp import placed

@@ -14,7 +14,7 @@ from numpy.polynomial import polynomial
 from ...results.interpolation import CubicHermite
 from ...results.status import SolveStatus
 from ...results.trajectory import Trajectory
-from ..element import pointwise
+from ..collocation import pointwise
 from ..formulation.dynamic import DynamicProblem
 from ..formulation.system import RateSystem, on_rows
 from ..mesh import Mesh, coefficients, control_basis

@@ -16,7 +16,7 @@ from ...geometry.quaternions import quaternion_matrix, quaternion_of, turn_matri
 from ...inference.bundle import BundleFit, GaugeMotion, ResidualBlock, UnknownGroup, bundle_fit
 from ...inference.held_out import MATTERS
 from ...lang.model import Model
-from ...measurements.inspection.readings import compared, mirrored
+from ...measurements.inspection.misread_columns import compared, mirrored
 from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError
 from ...robots.links import family_of

@@ -30,7 +30,7 @@ def gain_off(
     where the gain lies beyond that bound; Student's t of these sums bears noise that is coloured within a stretch.
     p is NaN where too little moves to be tested. The evidence reads "`what` is -1 times `of`".
 
-    >>> from gtmodel.measurements.inspection.readings import gain_off
+    >>> from gtmodel.measurements.inspection.misread_columns import gain_off
     >>> a = np.sin(0.1 * np.arange(1000))
     >>> felt = a + 0.1 * np.random.default_rng(1).normal(size=1000)
     >>> [bool(gain_off(sign * felt, a, a, "the reading", "the model's", "turn it").p < 1e-9) for sign in (1, -1)]
