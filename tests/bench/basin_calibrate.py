@@ -1,4 +1,4 @@
-"""From how far away calibrations converge: 100 random starts for each size, as docs/calibration.md prints them.
+"""From how far away calibrations converge: 100 random starts for each size, as docs/kinds/calibration.md prints them.
 
 python -m tests.bench.basin_calibrate
 """

@@ -172,8 +172,8 @@ class Confidence:
     guideway error is the same wherever the cart comes by again, and shows in no other order. Where links run on
     straight guideways such an effect is counted as a smooth error of each link's end (see with_smooth_errors()), if
     what it leaves is white. Coverages of 95 % intervals on synthetic L1 robots, by seeds fixed beforehand, are in
-    docs/calibration.md, "Intervals": with guideway errors these held; sandwich covariances did not, neither there nor
-    for drift over poses in the order of a grid.
+    docs/kinds/calibration.md, "When intervals are given": with guideway errors these held; sandwich covariances did
+    not, neither there nor for drift over poses in the order of a grid.
     """
 
     def __init__(
