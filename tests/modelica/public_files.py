@@ -62,7 +62,7 @@ KNOWN: dict[tuple[str, str], float] = {
     ("MarinePopulation.mop", "MarinePopulation_opt"): 20361731.0,
 }
 # what is said of an optimum that is another than the known one
-LOCAL = {"MarinePopulation_opt": "the file's guesses lead to a local optimum with negative rates; a better one is known"}
+LOCAL = {"MarinePopulation_opt": "the file's guesses lead to a local optimum (negative rates); a better one is known"}
 # what the text leaves to the Python scripts beside it, or to a tool: start values, that are fixed or not zero
 REMEDIES: dict[str, dict[str, bool | float]] = {
     "Binary_Dist_Opt1": {"cost.fixed": True},
