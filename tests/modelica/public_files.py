@@ -62,7 +62,7 @@ KNOWN: dict[tuple[str, str], float] = {
     ("MarinePopulation.mop", "MarinePopulation_opt"): 20361731.0,
 }
 # what is said of an optimum that is another than the known one
-LOCAL = {"MarinePopulation_opt": "a local optimum with negative rates, where the file's guesses lead; another is known"}
+LOCAL = {"MarinePopulation_opt": "the file's guesses lead to a local optimum (negative rates); a better one is known"}
 # what the text leaves to the Python scripts beside it, or to a tool: start values, that are fixed or not zero
 REMEDIES: dict[str, dict[str, bool | float]] = {
     "Binary_Dist_Opt1": {"cost.fixed": True},
@@ -283,7 +283,7 @@ def count(rows: list[dict[str, Any]]) -> str:
         own = Counter(r["status"] for r in rows if r["tier"] in tiers and r["class"])
         listed = ", ".join(f"{n} {status}" for status, n in own.most_common())
         more = sum(1 for r in rows if r["tier"] in tiers and str(r.get("finer", "")).startswith("solved"))
-        also = f"; {more} more with more elements or start values of their scripts" if more else ""
+        also = f"; {more} more solved with more elements or the start values of their scripts" if more else ""
         parts.append(f"Tier {label}: {own.total()} classes, {listed}{also}.")
     return " ".join(parts)
 
