@@ -171,6 +171,13 @@ _SCALED = {
     "MPa": _ScaledSymbol("Pa", Fraction(10**6), "pressures"),
     "GPa": _ScaledSymbol("Pa", Fraction(10**9), "pressures"),
     "bar": _ScaledSymbol("Pa", Fraction(10**5), "pressures"),
+    "kHz": _ScaledSymbol("Hz", Fraction(10**3), "frequencies"),
+    "kW": _ScaledSymbol("W", Fraction(10**3), "powers"),
+    "mA": _ScaledSymbol("A", Fraction(1, 10**3), "currents"),
+    "mV": _ScaledSymbol("V", Fraction(1, 10**3), "voltages"),
+    "mH": _ScaledSymbol("H", Fraction(1, 10**3), "inductances"),
+    "uF": _ScaledSymbol("F", Fraction(1, 10**6), "capacitances"),
+    "kOhm": _ScaledSymbol("Ohm", Fraction(10**3), "resistances"),
 }
 _RADIAN_SYMBOLS = {"rad", "deg", "urad", "rpm"}
 
@@ -358,8 +365,9 @@ def parse_unit(text: str) -> ParsedUnit:
     """Read a unit text, SI or scaled.
 
     Symbols: kg m s A K mol cd rad, N Pa J W V Ohm S F H Hz C Wb T, and with a scale um mm km us ms min g deg
-    rpm kN MN kPa MPa GPa bar. Products by ".", "*" or a space, quotients by "/", powers "m2", "m^2", "s-1",
-    "m^(1/2)", parentheses. "" and "1" are dimensionless. A product after "/" is refused as ambiguous.
+    rpm kN MN kPa MPa GPa bar kHz kW mA mV mH uF kOhm. Products by ".", "*" or a space, quotients by "/", powers
+    "m2", "m^2", "s-1", "m^(1/2)", parentheses. "" and "1" are dimensionless. A product after "/" is refused
+    as ambiguous.
 
     Raises UnitError when the text is no string, a symbol is unknown (with close matches), or it cannot be
     read; the message says where.

@@ -233,13 +233,13 @@ GRAMMAR = "expected symbols joined by '.', '*', a space or '/', with powers such
     ("text", "sentence"),
     [
         ("kgg.m", "unit 'kgg.m' holds the unknown symbol 'kgg'; close matches are 'kg', 'g', 'kg.g'"),
-        ("ohm", "unit 'ohm' holds the unknown symbol 'ohm'; close matches are 'Ohm', 'm'"),
+        ("ohm", "unit 'ohm' holds the unknown symbol 'ohm'; close matches are 'Ohm', 'kOhm', 'm'"),
         ("Nm", "unit 'Nm' holds the unknown symbol 'Nm'; close matches are 'm', 'N', 'um', 'N.m'"),
         (
             "parsec",
             "unit 'parsec' holds the unknown symbol 'parsec'; known are kg, m, s, A, K, mol, cd, rad, N, "
             "Pa, J, W, C, V, Ohm, S, F, Wb, H, T, Hz, um, mm, km, ns, us, ms, min, g, deg, urad, rpm, kN, MN, kPa, "
-            "MPa, GPa, bar",
+            "MPa, GPa, bar, kHz, kW, mA, mV, mH, uF, kOhm",
         ),
         (
             "J/kg.K",
@@ -272,6 +272,19 @@ def test_error_sentences(text: str, sentence: str) -> None:
     with pytest.raises(UnitError) as caught:
         parse_unit(text)
     assert str(caught.value) == sentence
+
+
+@pytest.mark.parametrize(
+    ("text", "si", "scale"),
+    [
+        ("kOhm", "Ohm", 1e3), ("mA", "A", 1e-3), ("mV", "V", 1e-3), ("mH", "H", 1e-3), ("uF", "F", 1e-6),
+        ("kHz", "Hz", 1e3), ("kW", "W", 1e3), ("mV/mA", "Ohm", 1.0), ("A/V", "S", 1.0), ("Wb/A", "H", 1.0),
+        ("mH/kOhm", "us", None),
+    ],
+)  # fmt: skip
+def test_electrical_units_as_logs_write_them(text: str, si: str, scale: float | None) -> None:
+    unit, same = parse_unit(text), parse_unit(si)
+    assert unit.dimension == same.dimension and math.isclose(unit.scale, scale or same.scale, rel_tol=1e-15)
 
 
 @quick
