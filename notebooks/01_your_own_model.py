@@ -207,8 +207,8 @@ print(refusal)
 assert "too many" in refusal
 
 # %% [markdown]
-# Data without a solution give NaN and a status that states the reason, never a wrong number. The rod does not reach $x
-# = 1.2$ m. At $x = L$ the state $x$ does not determine the motion.
+# Data without a solution give NaN and a status that states the reason, never a wrong number. The rod does not
+# reach $x = 1.2$ m. At $x = L$ the state $x$ does not determine the motion.
 
 # %%
 _, _, _, status = accelerations(np.array([0.6, 1.0, 1.2]), np.zeros(3), np.zeros(3))

@@ -15,7 +15,7 @@
 # %% [markdown]
 # # Workspace and accuracy of the Gantry-Tau
 #
-# **Where does the robot reach, and how exactly does it stand there?**
+# **Where does the robot reach, and how accurate is it there?**
 #
 # This notebook maps the reach of the L1 prototype (Dressler 2012, Fig. 2.4) and the accuracy of the D1 prototype
 # (section 4.3), with the functions behind the problem kinds `workspace` and `accuracy`.

@@ -15,8 +15,8 @@
 # %% [markdown]
 # # A technician calibrates a robot
 #
-# **Can someone who is no expert go from a tape measure to a robot that stands within a tenth of a millimetre, and know
-# beforehand that it will work?**
+# **Can a person who is no expert go from a tape measure to a robot that is accurate to a tenth of a millimetre, and
+# know beforehand that it will work?**
 #
 # Dressler (2012, section 5.6, Fig. 5.21) describes the workflow for a robot that has just been rebuilt: workspace,
 # obstacles and safety, field of view of the device, poses, simulated calibration, criteria, robot program,

@@ -15,8 +15,8 @@
 # %% [markdown]
 # # From a model to a controller's 4 ms
 #
-# **A model in Python is far from a controller that wants an answer every 4 ms. Does the same model still say the same
-# once it is C in a loop, and what happens when the network drops and delays datagrams?**
+# **A model in Python is far from a controller that needs an answer every 4 ms. Does the model give the same numbers as
+# C code in a loop, and what happens when the network drops and delays datagrams?**
 #
 # The robot is the L1 prototype of Dressler (2012). Its equations become a folder of C99, which a loop program calls.
 # The program speaks ABB EGM to a simulated controller. All of it was tested against simulators only, never against a

@@ -15,7 +15,7 @@
 # %% [markdown]
 # # From a log to a verdict
 #
-# **What may be said of a robot, given the files that came from it?**
+# **What can be concluded about a robot from its log files?**
 #
 # The recording is of a real hexapod in front of a motion capture system (Jugglebot project, MIT licence): 108 poses,
 # six leg readings in motor revolutions, a position and a quaternion. This notebook starts without any knowledge of the

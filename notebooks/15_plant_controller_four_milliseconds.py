@@ -15,7 +15,7 @@
 # %% [markdown]
 # # Plant, controller, four milliseconds
 #
-# **How late may the forces of a controller come?**
+# **How much may the forces of a controller be delayed?**
 #
 # The L1 prototype runs under computed torque. The law reads the carts every 4 ms, and its forces act some time later
 # because of bus, computation and drive. At which delay does the loop become unstable? The linear sampled-data model of

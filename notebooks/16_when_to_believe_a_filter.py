@@ -15,7 +15,7 @@
 # %% [markdown]
 # # When to believe a filter
 #
-# **A filter gives deviations with its estimates. When do they mean something?**
+# **A filter reports standard deviations with its estimates. When can they be trusted?**
 #
 # A laser tracker measures the position of a tool, an inertial unit its acceleration. All readings here are synthetic,
 # so the truth is known; the tests from section 2 on do not need it.

@@ -15,8 +15,8 @@
 # %% [markdown]
 # # Guiding by hand
 #
-# **A person leads a tool over a plate of which nobody knows how stiff it is. How is a force of 2 N held, without
-# oscillation, and without hurting the hand?**
+# **A person guides a tool over a plate of unknown stiffness. How is a force of 2 N held, without oscillation, and
+# without hurting the hand?**
 #
 # The robot has two force sensors, one at the handle and one at the tool. All contacts, sensors and hands here are
 # synthetic, with stated seeds.
