@@ -130,8 +130,8 @@ map_figure(
 #
 # The KR 500-3 is compliant in its joints. Loads hang on its flange, a tracker measures the displacement, and $dX = J\,
 # \mathrm{diag}(J^T F)\, c$ is linear in the compliances $c = 1/K$ (Cvitanic 2021, eqs. (2) to (7)). The measured
-# displacements are not public. These are **synthetic**, computed from the published stiffness (seed 9, noise 20 µm and
-# 0.1 mrad).
+# displacements are not public. The displacements used here are **synthetic**, computed from the published stiffness
+# (seed 9, noise 20 µm and 0.1 mrad).
 
 # %%
 arm = gt.robots.kr500()

@@ -61,7 +61,7 @@ figure
 #
 # The thesis does not print c_z, so its damping ratio is the mean of the other two. It does not print the feed direction
 # either, so both candidates are computed. Each simulation covers two seconds at 20 kHz by exact discretisation; the
-# mean deflection is taken over the second one.
+# mean deflection is taken over the last second.
 
 # %%
 oscillators = milling.missing_z(tests["m_kg"], tests["c_N_s_m"], 1e6 * np.array(tests["k_MN_m"]))
