@@ -17,12 +17,12 @@
 #
 # **Can I write my own mechanism once, and ask it anything?**
 #
-# You write the equations as physics gives them, in any order, and you solve nothing by hand. Then you name what is
-# known and what you want. gtmodel finds out which equations to differentiate, in which order to solve them, and which
-# of several solutions you mean.
+# You write the equations of motion as physics states them, in any order, without solving any of them by hand. Then you
+# name the known variables and the targets. gtmodel decides which equations to differentiate, in which order to solve
+# them, and which root to take.
 #
-# Three mechanisms: a pendulum, a four-bar, and a parallel robot. Each part ends in an `assert` that answers the
-# question in another way: a formula that was not used before.
+# There are three mechanisms: a pendulum, a four-bar linkage, and a parallel robot. Each part ends in an `assert` that
+# compares the answer with an independent formula.
 
 # %%
 # %matplotlib inline
@@ -37,12 +37,13 @@ from gtmodel import der
 # %% [markdown]
 # ## 1 A pendulum in the simplest coordinates
 #
-# A mass $m$ hangs on a massless rod of length $L$. A motor at the pivot gives the torque `tau`. In the coordinates $x$
-# (right) and $y$ (up) Newton's law is trivial, and the rod is one line: its length is constant. The pull of the rod
-# per length, `lam`, is an unknown like the others.
+# A mass $m$ hangs on a massless rod of length $L$. A motor at the pivot applies the torque `tau`. In the coordinates
+# $x$ (right) and $y$ (up), Newton's law is trivial, and the rod adds one constraint: its length is constant. The
+# tension of the rod per unit length, `lam`, is one more unknown.
 #
-# Such a system is hard for a usual integrator. The length equation holds neither `lam` nor an acceleration; it has to
-# be differentiated twice before they appear. That is called index 3. Most tools ask you to do it by hand.
+# Standard integrators cannot handle this system directly. The length constraint contains neither `lam` nor an
+# acceleration; it must be differentiated twice before they appear (a DAE of index 3). Most tools expect you to do this
+# by hand.
 
 
 # %%
@@ -54,7 +55,7 @@ class Pendulum(gt.Model):
     g = gt.parameter(9.81, unit="m/s2")
     x = gt.variable(unit="m", start=0.6)
     y = gt.variable(unit="m", start=-0.8)
-    lam = gt.variable(unit="N/m", description="pull of the rod per length")
+    lam = gt.variable(unit="N/m", description="tension of the rod per unit length")
     tau = gt.input(unit="N.m", description="motor torque, counter-clockwise positive")
 
     def equations(self):
@@ -69,8 +70,8 @@ pendulum = Pendulum()
 # %% [markdown]
 # ### A mistake that is worth making
 #
-# Why is $g$ a parameter with a unit? Because a bare number in a product has none. Somebody who writes `9.81` says that
-# $m \cdot 9.81$ is a mass. The check of dimensions finds it before anything is computed, and names the line.
+# Why is $g$ a parameter with a unit? A bare number has no unit: with `9.81` in its place, $m \cdot 9.81$ would be a
+# mass. The dimension check finds the error before anything is computed, and names the line.
 
 
 # %%
@@ -87,27 +88,27 @@ print(refusal)
 assert "left is N, right is kg" in refusal
 
 # %% [markdown]
-# ### What is known, what is wanted
+# ### Known variables and targets
 #
-# Known: the torque. Wanted: the accelerations and the pull of the rod. `causal` gives a function. Its inputs are the
-# states, which it chooses itself, then the known variables.
+# The torque is known. The targets are the accelerations and the tension of the rod. `causal` returns a function. Its
+# inputs are the states, which gtmodel chooses, followed by the known variables.
 
 # %%
 accelerations = pendulum.causal(known="tau", targets=["der(x,2)", "der(y,2)", "lam"])
 accelerations
 
 # %% [markdown]
-# `explain()` prints the certificate: the states, the blocks in the order in which they are solved, the sign of each
-# root, the numbers that must not vanish, and the line of each equation. A prime means differentiated. `equation 3''`
-# is the length equation, differentiated twice.
+# `explain()` prints the certificate: the states, the blocks in the order of solution, the sign that selects each root,
+# the expressions that must not vanish, and the source line of each equation. A prime marks a differentiated equation:
+# `equation 3''` is the length constraint, differentiated twice.
 
 # %%
 print(accelerations.explain())
 
 # %% [markdown]
-# The function takes one state or many rows at once. After the values comes a status. We compare it with the formula
-# that everybody knows, in the angle $\varphi$ from the lower rest position:
-# $mL^2\ddot\varphi = \tau - mgL\sin\varphi$.
+# The function accepts one state or many rows at once. It returns the values, followed by a status. We compare the
+# values with the textbook formula in the angle $\varphi$ from the lower rest position: $mL^2\ddot\varphi = \tau -
+# mgL\sin\varphi$.
 
 # %%
 rng = np.random.default_rng(1)
@@ -126,8 +127,8 @@ np.testing.assert_allclose(lam, m * (omega**2 + g / L * cosine), atol=1e-11)
 # %% [markdown]
 # ### Let it swing
 #
-# The function is an ordinary right-hand side. We release the pendulum at 60 degrees and give it to scipy for 10 s.
-# The second function returns the height and its rate: `y` follows from `x`, so it is asked, not integrated.
+# The function is an ordinary right-hand side. We release the pendulum at 60 degrees and integrate it with SciPy for 10
+# s. A second function returns the height and its rate. `y` follows from `x`, so it is evaluated, not integrated.
 
 # %%
 release = np.pi / 3
@@ -158,16 +159,16 @@ path, error = figure.subplots(1, 2)
 path.plot(swing.t, np.degrees(np.arctan2(x, -y)), color="black")
 path.set(title="swing", xlabel="time [s]", ylabel="angle [deg]")
 error.plot(swing.t, drift, color="#d55e00")
-error.set(title="what the integrator adds or loses", xlabel="time [s]", ylabel="energy error [J]")
+error.set(title="energy error of the integrator", xlabel="time [s]", ylabel="energy error [J]")
 for axes in (path, error):
     axes.grid(alpha=0.3)
 figure
 
 # %% [markdown]
-# What is left is the integrator's error. The rod cannot stretch: $y$ follows from $x$ at every instant.
+# The remaining error is that of the integrator. The rod cannot stretch, because $y$ follows from $x$ at every instant.
 #
-# Energy is one test, but it does not see a clock that runs wrong. The period of a large swing is known too, as a
-# complete elliptic integral: $4\sqrt{L/g}\,K(\sin^2(\varphi_0/2))$.
+# An energy test cannot detect a wrong time scale. The period of a large swing is also known, as a complete elliptic
+# integral: $4\sqrt{L/g}\,K(\sin^2(\varphi_0/2))$.
 
 # %%
 period = np.diff(swing.t_events[0])
@@ -180,8 +181,8 @@ np.testing.assert_allclose(period, exact, rtol=1e-8)
 # %% [markdown]
 # ### Turn it round
 #
-# Now the motion $x(t)$ is known and the torque is wanted. Nothing is rewritten; only the question changes. A known
-# variable comes with its derivatives, as far as anything reads them.
+# Now the motion $x(t)$ is known and the torque is the target. The model stays as it is; only the question changes. A
+# known variable brings its derivatives as inputs, up to the order that the equations need.
 
 # %%
 torque_for = pendulum.causal(known="x", targets=["tau", "y", "lam"])
@@ -194,8 +195,8 @@ np.testing.assert_allclose(wanted, torque, atol=1e-11)
 np.testing.assert_allclose(y, -L * cosine, atol=1e-13)
 
 # %% [markdown]
-# A question that has no answer is refused, with the equations that are too many. Motion and torque cannot both be
-# prescribed.
+# A question without a solution is refused, and the message names the surplus equations. Motion and torque cannot both
+# be prescribed.
 
 # %%
 try:
@@ -206,8 +207,8 @@ print(refusal)
 assert "too many" in refusal
 
 # %% [markdown]
-# And data that have no answer give NaN and a status that says why, never a wrong number. The rod does not reach
-# $x = 1.2$ m. At $x = L$ the state $x$ says nothing about the motion.
+# Data without a solution give NaN and a status that states the reason, never a wrong number. The rod does not
+# reach $x = 1.2$ m. At $x = L$ the state $x$ does not determine the motion.
 
 # %%
 _, _, _, status = accelerations(np.array([0.6, 1.0, 1.2]), np.zeros(3), np.zeros(3))
@@ -219,14 +220,14 @@ assert list(status) == [gt.Status.OK, gt.Status.SINGULAR, gt.Status.OUT_OF_RANGE
 # %% [markdown]
 # ## 2 A four-bar: which of the two?
 #
-# Crank $AB$, coupler $BC$, rocker $DC$. Two circles meet in two points, so the joint $C$ has two places for each crank
-# angle. You name the difference by geometry: `branch` takes an expression whose sign tells them apart. Here it is the
-# side of the diagonal $BD$ on which $C$ lies.
+# The linkage has a crank $AB$, a coupler $BC$ and a rocker $DC$. Two circles intersect in two points, so the joint $C$
+# has two possible positions for each crank angle. `branch` takes an expression whose sign tells them apart. Here the
+# expression says on which side of the diagonal $BD$ the joint $C$ lies.
 
 
 # %%
 class FourBar(gt.Model):
-    """Planar four-bar A B C D; A is the origin, D = (d, 0). Branch `open`: C is to the left of the line B to D."""
+    """Planar four-bar A B C D; A is the origin, D = (d, 0). Branch `open`: C is to the left of the line from B to D."""
 
     a = gt.parameter(0.3, unit="m", positive=True, description="crank AB")
     b = gt.parameter(0.7, unit="m", positive=True, description="coupler BC")
@@ -266,7 +267,7 @@ axes.legend()
 figure
 
 # %% [markdown]
-# The other way is school geometry: the law of cosines in the triangle $BCD$.
+# The cross-check is elementary geometry: the law of cosines in the triangle $BCD$.
 
 # %%
 a, b, c, d = (float(value) for value in (fourbar.a, fourbar.b, fourbar.c, fourbar.d))
@@ -281,12 +282,12 @@ for side, (B, C, status) in modes.items():
 # %% [markdown]
 # ## 3 A parallel robot
 #
-# The Gantry-Tau: three carts on parallel guideways, and a rod from each to one plate. It is written in the same
-# language (`gtmodel/robots/three_link.py`), as carts, rods, friction and motors that are connected. `q` are the cart
-# positions, `T` is the tool centre point (TCP), and `tau` are the motor forces. The numbers are those of the L1
-# prototype (Dressler 2012).
+# The Gantry-Tau has three carts on parallel guideways, and one rod from each cart to a common plate. The model is
+# written in the same language (`gtmodel/robots/three_link.py`) from carts, rods, friction and motors that are
+# connected. `q` are the cart positions, `T` is the tool centre point (TCP), and `tau` are the motor forces. The
+# dimensions are those of the L1 prototype (Dressler 2012).
 #
-# Five functions follow. Each is one line that names what is known.
+# The next cell derives five functions. Each takes one line that names the known variable and the targets.
 
 # %%
 robot = gt.robots.gantry_tau("l1_tape")
@@ -300,15 +301,15 @@ for function in (forward, inverse, velocity, inverse_dynamics, forward_dynamics)
     print(function)
 
 # %% [markdown]
-# `prefer="T"` says that the TCP shall be the state of the forward dynamics; with `prefer="q"` it would be the carts.
-# The forward kinematics is a closed form, found by the compiler: three spheres that meet in a point.
+# `prefer="T"` makes the TCP the state of the forward dynamics; `prefer="q"` would choose the carts. The compiler finds
+# the forward kinematics in closed form, as the intersection of three spheres.
 
 # %%
 print(forward.explain())
 
 # %% [markdown]
-# Are they right? Two hundred poses, with velocities and accelerations. The inverse of the inverse must be the
-# identity, in kinematics and in dynamics.
+# Are these functions correct? We test 200 poses with velocities and accelerations. Forward and inverse must cancel, in
+# kinematics and in dynamics.
 
 # %%
 n = 200
@@ -327,9 +328,9 @@ assert np.all(status == gt.Status.OK) and np.all(status_back == gt.Status.OK)
 np.testing.assert_allclose(found, Tdd, atol=1e-9)
 
 # %% [markdown]
-# A Jacobian comes with every function. That of the forward kinematics gives the TCP velocity for cart velocities. By
-# hand one finds its inverse, because rod $i$ does not change its length: with the rod vector $d_i$ and the direction
-# $v_i$ of the guideway, row $i$ of $J^{-1}$ is $d_i^T / (d_i \cdot v_i)$.
+# Every function also has a Jacobian. The Jacobian of the forward kinematics maps cart velocities to the TCP velocity.
+# Its inverse can be derived by hand, because rod $i$ has constant length: with the rod vector $d_i$ and the guideway
+# direction $v_i$, row $i$ of $J^{-1}$ is $d_i^T / (d_i \cdot v_i)$.
 
 # %%
 J, status = forward.jacobian(q)
@@ -344,9 +345,9 @@ np.testing.assert_allclose(velocity(q, qd)[0], Td, atol=1e-12)
 # %% [markdown]
 # ### Where can it go?
 #
-# Ask the inverse kinematics for a grid of points. Out of reach is not an exception: those rows are NaN with the status
-# `OUT_OF_RANGE`. The same grid at rest gives the motor forces that hold the plate. The guideways run along $x$, so
-# this slice is the same at every $x$.
+# We evaluate the inverse kinematics on a grid of points. Points out of reach raise no exception: their rows are NaN,
+# with the status `OUT_OF_RANGE`. The inverse dynamics at rest, on the same grid, gives the motor forces that hold the
+# plate. The guideways run along $x$, so this slice is the same at every $x$.
 
 # %%
 y_axis, z_axis = np.linspace(-2.0, 0.8, 141), np.linspace(-0.6, 2.0, 131)
@@ -368,7 +369,7 @@ figure.colorbar(shown, label="largest motor force at rest [N]")
 bow = np.linspace(0, 2 * np.pi, 361)
 for i in range(3):
     _, y0, z0 = robot.A[i]
-    reach = "as far as a link reaches" if i == 0 else None
+    reach = "reach of a link" if i == 0 else None
     circle = y0 + robot.L[i] * np.cos(bow), z0 + robot.L[i] * np.sin(bow)
     axes.plot(*circle, "--", color="0.5", linewidth=0.8, label=reach)
     axes.plot(y0, z0, "ks")
@@ -379,8 +380,8 @@ axes.legend(loc="lower left")
 figure
 
 # %% [markdown]
-# Here geometry answers without any solver: a rod reaches a point if the point is no farther from the guideway than
-# the rod is long. The slice is where three discs overlap.
+# Geometry gives the same answer without a solver: a rod reaches a point if the distance of the point from the guideway
+# is at most the length of the rod. The slice is the intersection of three discs.
 
 # %%
 from_guideway = np.hypot(grid[:, None, 1] - robot.A[:, 1], grid[:, None, 2] - robot.A[:, 2])
@@ -392,8 +393,8 @@ np.testing.assert_array_equal(np.isfinite(holding).ravel(), in_all_discs)
 # %% [markdown]
 # ### Swap a part
 #
-# The thesis puts the mass of each link cluster at the middle of its rod. A real rod is spread out, and it also resists
-# being turned, with $m_a L^2/12$. A part is swapped when the robot is made. Nothing else changes.
+# The thesis lumps the mass of each link cluster at the middle of its rod. The mass of a real rod is distributed, so the
+# rod also has a moment of inertia, $m_a L^2/12$. The rod class is an argument of the robot; nothing else changes.
 
 # %%
 m_a = [2.0, 1.5, 3.0]  # kg
@@ -406,9 +407,10 @@ tau_spread, *_ = spread.causal(**question)(T, Td, Tdd)
 print("largest difference of the motor forces [N]:", np.max(np.abs(tau_spread - tau_lumped), axis=0).round(2))
 
 # %% [markdown]
-# The other way is virtual work. Turning a uniform rod costs the force $\frac{m_a}{12}(\ddot r_a - \ddot r_b)$ at its
-# cart end $a$, and the opposite one at its plate end $b$. When cart $j$ moves by $\delta q_j$, the cart end of rod $i$
-# moves by $v_i\,\delta_{ij}\,\delta q_j$, the plate end by column $j$ of $J$. The sum over the rods is the difference.
+# The cross-check is virtual work. Rotating a uniform rod takes the force $\frac{m_a}{12}(\ddot r_a - \ddot r_b)$ at its
+# cart end $a$, and the opposite force at its plate end $b$. When cart $j$ moves by $\delta q_j$, the cart end of rod
+# $i$ moves by $v_i\,\delta_{ij}\,\delta q_j$, and the plate end by column $j$ of $J$ times $\delta q_j$. The sum over
+# the rods is the difference of the motor forces.
 
 # %%
 expected = np.zeros_like(tau_lumped)
@@ -423,8 +425,8 @@ np.testing.assert_allclose(tau_spread - tau_lumped, expected, atol=1e-10)
 # %% [markdown]
 # ## Answer
 #
-# Yes. The pendulum was written once and gave accelerations, a simulation and the motor torque. The four-bar gave both
-# ways to assemble it, the robot its kinematics, Jacobian and dynamics in both directions. Each was confirmed in a way
-# that did not use gtmodel. What has no answer was said in a sentence.
+# Yes. One pendulum model gave accelerations, a simulation and the motor torque. The four-bar gave both of its assembly
+# modes. The robot gave its kinematics, its Jacobian and its dynamics in both directions. Independent formulas confirmed
+# each answer, and questions without an answer were refused with a reason.
 #
 # Next: `02_playing_with_the_optimal_motion` lets the robot move as fast as it can.

@@ -17,9 +17,9 @@
 #
 # **What does time-optimal cost, and can I believe it?**
 #
-# An optimiser always returns a curve. This notebook asks what the curve is worth. It starts with a problem whose answer
-# is known, solves the robot's problem in two ways, and tries the result out in an integrator that knows nothing of the
-# optimiser. Then it turns the knobs: mesh, energy, payload.
+# An optimiser always returns a curve. How far can it be trusted? This notebook starts with a problem whose solution is
+# known, solves the robot's problem in two ways, and re-simulates the result with an integrator that is independent of
+# the optimiser. Then it varies the mesh, the weight of the energy, and the payload.
 
 # %%
 # %matplotlib inline
@@ -32,9 +32,9 @@ from gtmodel import der
 # %% [markdown]
 # ## 1 A problem with a known answer
 #
-# A mass of 1 kg shall move by 1 m, from rest to rest, with a force of at most 1 N. Full force for 1 s, full brake for
-# 1 s: the shortest time is 2 s. An `Optimization` is a model with an objective and constraints. `.at(...)` makes a
-# constraint at one instant; any other holds all the way.
+# A mass of 1 kg is to move by 1 m, from rest to rest, with a force of at most 1 N. The optimum is full force for 1 s
+# and full braking for 1 s, so the shortest time is 2 s. An `Optimization` is a model with an objective and constraints.
+# `.at(...)` makes a constraint at one instant; every other constraint applies over the whole motion.
 
 
 # %%
@@ -70,14 +70,15 @@ assert abs(even.final_time - 2.0) < 1e-6
 assert abs(odd.final_time - 2.0) < 1e-3
 
 # %% [markdown]
-# With 20 elements the switch at half time falls between two elements, and the answer is exact. With 25 it falls inside
-# one. There the force is a polynomial of the time, held within its bound at three points only; it cannot jump, and
-# between the points it leaves the bound. Keep this in mind. The robot has three motors, so no mesh meets all switches.
+# With 20 elements the switch at half time falls on the boundary of two elements, and the answer is exact. With 25 it
+# falls inside an element. There the force is a polynomial in time that is bounded at three points only: it cannot jump,
+# and between the points it exceeds its bound. Keep this in mind: the robot has three motors, so no mesh meets all
+# switches.
 #
 # ## 2 The robot's problem
 #
-# `problems/l1_min_time.toml` moves the tool centre point (TCP) of the L1 prototype by 0.97 m, with 700 N per motor.
-# The command `gtmodel solve problems/l1_min_time.toml --plot` does the same as this cell, and so does a call without a
+# `problems/l1_min_time.toml` moves the tool centre point (TCP) of the L1 prototype by 0.97 m, with 700 N per motor. The
+# command `gtmodel solve problems/l1_min_time.toml --plot` does the same as the next cell. So does a call without a
 # file, `gt.motion.study(robot, start, goal, limits=gt.motion.Limits(force=700.0))`.
 
 # %%
@@ -85,8 +86,8 @@ outcome = gt.load("problems/l1_min_time.toml")()
 print(outcome)
 
 # %% [markdown]
-# The path is not straight. The motors are at their limit nearly all the time, as they must be: whoever is in a hurry
-# and has force left is not fast yet.
+# The path is not straight. The motors are at their limit nearly all the time, as expected of a time-optimal motion: a
+# motor with force in reserve could still save time.
 
 # %%
 outcome.figure("motion")
@@ -94,10 +95,10 @@ outcome.figure("motion")
 # %% [markdown]
 # ## 3 The same motion, written by hand
 #
-# Is that number a property of the robot or of the file format? Here is the problem once more, as a class that you can
-# change. The robot is a part of it, with the printed parameters of the catalogue. The cost is
-# $t_f + w\int\sum_i (F_i/F_0)^2\,dt$; with $w = 0$ it is the time. The guess is poor on purpose: a straight line
-# without velocity or force.
+# Does that time belong to the robot or to the file format? Here is the same problem as a class that you can change. The
+# robot is one of its parts, with the published parameters of the catalogue. The cost is $t_f + w\int\sum_i
+# (F_i/F_0)^2\,dt$; with $w = 0$ it is the final time. The initial guess is poor on purpose: a straight line without
+# velocity or force.
 
 # %%
 l1 = gt.robots.gantry_tau("l1_tape")
@@ -133,8 +134,8 @@ fastest = gt.solve(motion, gt.Mesh(50, points=3), guess=line)
 print(f"by hand {fastest.final_time:.6f} s, from the file {outcome.final_time:.6f} s")
 
 # %% [markdown]
-# Two values are known for this mesh: two neighbouring local optima, 0.1 ms apart. Which one comes out depends on the
-# guess.
+# Two values are known for this mesh, from two neighbouring local optima that are 0.1 ms apart. The initial guess
+# decides which one the solver finds.
 
 # %%
 KNOWN_TIMES = (0.892486, 0.892387)  # s
@@ -144,8 +145,8 @@ for final_time in (fastest.final_time, outcome.final_time):
 # %% [markdown]
 # ## 4 What happens between the points
 #
-# Now the polynomial force of the optimum between its collocation points. The dots obey the limit. The curve does not:
-# an element has no point at its beginning, and there the polynomial runs on as it likes.
+# The plot shows the polynomial force of the optimum between its collocation points. The dots respect the limit, the
+# curve does not: an element has no collocation point at its beginning, so the polynomial is not bounded there.
 
 # %%
 fine = fastest.sample(np.linspace(0.0, 1.0, 6001))
@@ -160,43 +161,43 @@ axes.plot(nodes.time[1:], nodes["robot.tau"][1:, worst_motor], "o", color="#d55e
 for sign in (-1, 1):
     axes.axhline(sign * 700, color="0.4", linestyle=":", label="limit" if sign > 0 else None)
 axes.set(xlim=(middle - 4 * step, middle + 4 * step), xlabel="time [s]", ylabel="force [N]")
-axes.set_title(f"force of motor {worst_motor + 1} at its worst switch")
+axes.set_title(f"force of motor {worst_motor + 1} at the switch with the largest overshoot")
 axes.legend(loc="center left")
 axes.grid(alpha=0.3)
 figure
 
 # %% [markdown]
-# A drive would cut that peak off, and the robot would miss its goal. Therefore what gtmodel exports is solved again
-# with a force that is constant on each element. Such a force keeps its limit at every instant. The price is a
-# thousandth of the time.
+# A drive would saturate at that peak, and the robot would miss its goal. gtmodel therefore solves the motion that it
+# exports once more, with a force that is constant on each element. Such a force keeps its limit at every instant. It
+# costs a thousandth of the time.
 
 # %%
-honest = gt.solve(motion, gt.Mesh(50, points=3, control="constant"), guess=line)
+exported = gt.solve(motion, gt.Mesh(50, points=3, control="constant"), guess=line)
 peaks = {
     "by hand, polynomial": np.max(np.abs(fine["robot.tau"])),
     "from the file, polynomial": outcome.peak_force_between_nodes,
     "from the file, constant (exported)": outcome.exported_peak_force,
-    "by hand, constant": np.max(np.abs(gt.resimulate(honest).trajectory["robot.tau"])),
+    "by hand, constant": np.max(np.abs(gt.resimulate(exported).trajectory["robot.tau"])),
 }
 for name, peak in peaks.items():
     print(f"{name:38}{peak:8.1f} N")
-print(f"price of the constant force: {1e3 * (honest.final_time - fastest.final_time):.2f} ms")
+print(f"price of the constant force: {1e3 * (exported.final_time - fastest.final_time):.2f} ms")
 
 assert min(peaks["by hand, polynomial"], peaks["from the file, polynomial"]) > 1.1 * 700
 assert max(peaks["by hand, constant"], peaks["from the file, constant (exported)"]) <= 700 * (1 + 1e-9)
-assert 0 < honest.final_time - fastest.final_time < 0.005 * fastest.final_time
+assert 0 < exported.final_time - fastest.final_time < 0.005 * fastest.final_time
 
 # %% [markdown]
 # ## 5 Does the robot arrive?
 #
-# Take only the force, put it into an error-controlled integrator, start at rest, and see where the TCP ends. On 50
-# elements it misses by some millimetres. That is the honest error of the plan, and no residual of the optimiser shows
-# it. So double the mesh. Each finer mesh starts from the solution of the coarser one.
+# We feed only the force into an integrator with error control, start at rest, and look where the TCP ends. With 50
+# elements it misses the goal by some millimetres. This is the true error of the plan, and no residual of the optimiser
+# shows it. So we double the mesh, and start each finer mesh from the solution on the coarser one.
 
 # %%
 meshes = [25, 50, 100, 200]
 misses = {}
-for control, on_50 in (("polynomial", fastest), ("constant", honest)):
+for control, on_50 in (("polynomial", fastest), ("constant", exported)):
     on_25 = gt.solve(motion, gt.Mesh(25, points=3, control=control), guess=line)
     solutions = [on_25, on_50]
     for elements in meshes[2:]:
@@ -213,14 +214,15 @@ for (control, miss), colour in zip(misses.items(), ("#0072b2", "#d55e00"), stric
     axes.loglog(meshes, miss, "o-", color=colour, label=f"{control} force")
 axes.set_xticks(meshes, [str(elements) for elements in meshes])
 axes.minorticks_off()
-axes.set(title="distance to the goal, force re-simulated", xlabel="elements", ylabel="distance [m]")
+axes.set(title="distance to the goal after re-simulation", xlabel="elements", ylabel="distance [m]")
 axes.grid(alpha=0.3)
 axes.legend()
 figure
 
 # %% [markdown]
-# The time hardly moves; the error falls at every doubling. A force that jumps sits in one element, and the jump can be
-# placed only as well as that element allows. Below 0.1 mm the plan is better than these robots can be positioned.
+# The final time hardly changes, but the error falls at every doubling. Each force jump lies inside one element, so the
+# element size limits how accurately it can be placed. Below 0.1 mm the plan is more accurate than the positioning of
+# these robots.
 
 # %%
 for miss in misses.values():
@@ -230,7 +232,8 @@ for miss in misses.values():
 # %% [markdown]
 # ## 6 What does haste cost?
 #
-# A little weight on the energy. The fastest motion takes twice the energy of one that is a seventh slower.
+# A small weight on the energy makes a large difference: the fastest motion takes twice the energy of a motion that is a
+# seventh slower.
 
 # %%
 weights = [0.0, 0.001, 0.01]
@@ -263,9 +266,9 @@ for each in (axes, force):
 figure
 
 # %% [markdown]
-# Three checks. The costs are known. The printed cost must be time plus weighted energy, by our own quadrature. And
-# each motion must be the cheapest of the three *at its own weight*: if another one were cheaper, the optimiser would
-# have missed it.
+# There are three checks. The costs must have their known values. The printed cost must equal the time plus the weighted
+# energy, integrated by a quadrature of our own. And each motion must be the cheapest of the three *at its own weight*:
+# if another one were cheaper, the optimiser would have missed it.
 
 # %%
 KNOWN_COSTS = [KNOWN_TIMES, (0.978454,), (1.509980, 1.511666)]
@@ -278,8 +281,8 @@ for w, cost in zip(weights, costs, strict=True):
 # %% [markdown]
 # ### A warning
 #
-# Why two known values at $w = 0.01$? The problem is not convex, and the optimiser finds *a* local optimum. Start it
-# from the fastest motion instead of the straight line and look which one comes out.
+# Why are there two known values at $w = 0.01$? The problem is not convex, so the optimiser finds *a* local optimum. The
+# next cell starts from the fastest motion instead of the straight line.
 
 # %%
 again = gt.solve(thrifty[-1], gt.Mesh(50, points=3), guess=fastest)
@@ -287,22 +290,23 @@ print(f"from the line {costs[2]:.6f}, from the fastest motion {again.objective:.
 assert min(abs(again.objective - value) for value in KNOWN_COSTS[2]) < 1e-5
 
 # %% [markdown]
-# The costs differ by a thousandth, the motions by more. For a plan that matters, try several guesses and keep the best.
+# The two costs differ by a thousandth, the two motions by more. For a plan that matters, try several guesses and keep
+# the best.
 #
 # ## 7 A load in the hand
 #
-# Parameters of a part are given by name when the problem is made. Four kilograms more on the plate:
+# Parameters of a part are set by name when the problem is created. Here the plate is 4 kg heavier:
 
 # %%
 load_kg = 4.0
 loaded = gt.solve(Motion(robot=dict(m_p=l1.m_p + load_kg)), gt.Mesh(50, points=3, control="constant"), guess=line)
-longer = loaded.final_time / honest.final_time
-print(f"{honest.final_time:.4f} s without, {loaded.final_time:.4f} s with the load: {100 * (longer - 1):.1f} % longer")
+longer = loaded.final_time / exported.final_time
+print(f"{exported.final_time:.4f} s without, {loaded.final_time:.4f} s with load: {100 * (longer - 1):.1f} % longer")
 
 # %% [markdown]
-# Four kilograms are 44 % of the plate, but the carts are heavy, and the motion takes 3.5 % longer. Can that be? A
-# yardstick: if *every* mass grew like the plate's, Newton's law, without weight and friction, would ask for a time
-# longer by the square root. Only the plate grew, so it must be less, and more than nothing.
+# Four kilograms are 44 % of the plate, but the carts are heavy, and the motion takes only 3.5 % longer. Is that
+# plausible? If *every* mass grew in the same ratio, and without weight and friction, Newton's law would increase the
+# time by the square root of that ratio. Only the plate grew, so the increase must lie between zero and this bound.
 
 # %%
 assert 1 < longer < np.sqrt(1 + load_kg / l1.m_p)
@@ -310,13 +314,14 @@ assert 1 < longer < np.sqrt(1 + load_kg / l1.m_p)
 # %% [markdown]
 # ## 8 Your own: a pendulum that must swing first
 #
-# Nothing above is about robots. A pendulum of 1 kg and 1 m hangs down and shall stand on its head as soon as possible.
-# Its motor has 3 N m; gravity takes up to 9.8 N m. It must swing. The guess says so: to and fro, and then up.
+# Nothing above is specific to robots. A pendulum of 1 kg and 1 m hangs down and is to reach the upright position in the
+# shortest time. Its motor gives 3 N m, but gravity takes up to 9.8 N m, so the pendulum must swing first. The initial
+# guess contains such a motion: back and forth, then up.
 
 
 # %%
 class SwingUp(gt.Optimization):
-    """A pendulum from hanging to standing; phi is the angle from below."""
+    """A pendulum from hanging to upright; phi is the angle from the lower rest position."""
 
     final_time = gt.free(guess=3.0, min=0.5, max=20.0, unit="s")
     L = gt.parameter(1.0, unit="m", positive=True)
@@ -349,7 +354,7 @@ tried = gt.resimulate(swing).trajectory
 figure = Figure(figsize=(10, 3.2), layout="constrained")
 angle, torque = figure.subplots(1, 2)
 angle.plot(tried.time, np.degrees(tried["phi"]), color="black")
-angle.set(title=f"stands after {swing.final_time:.3f} s", xlabel="time [s]", ylabel="angle [deg]")
+angle.set(title=f"upright after {swing.final_time:.3f} s", xlabel="time [s]", ylabel="angle [deg]")
 torque.step(tried.time, tried["tau"], where="pre", color="#d55e00")
 torque.set(title="motor torque", xlabel="time [s]", ylabel="torque [N m]")
 for axes in (angle, torque):
@@ -357,19 +362,20 @@ for axes in (angle, torque):
 figure
 
 # %% [markdown]
-# The other way: it stands still at the end, so the work of the motor is all in the height, $2mgL$. The torque is
-# constant on each element, so its work is a plain sum.
+# The cross-check is an energy balance: the pendulum is at rest at both ends, so the work of the motor equals the gain
+# in potential energy, $2mgL$. The torque is constant on each element, so the work is a plain sum.
 
 # %%
 work = np.sum(tried["tau"][1:] * np.diff(tried["phi"]))
-print(f"work of the motor {work:.5f} J, height {2 * 9.81:.5f} J; largest torque {np.max(np.abs(tried['tau'])):.6f} N m")
+print(f"motor work {work:.5f} J, gain {2 * 9.81:.5f} J; largest torque {np.max(np.abs(tried['tau'])):.6f} N m")
 assert abs(work - 2 * 9.81) < 1e-3
 assert np.max(np.abs(tried["tau"])) <= 3.0 * (1 + 1e-9)
 
 # %% [markdown]
 # ## Answer
 #
-# The fastest motion takes 0.89 s. About a tenth of a second more halves the energy. You can believe the time: two
-# formulations agree, and it hardly moves with the mesh. Believe the *input* only after it was re-simulated: between
-# its points a polynomial force may exceed the limit, and on a coarse mesh the robot misses by millimetres. Both are
-# measured and printed at every solve, and both can be bought down. And an optimum is local: ask twice.
+# The fastest motion takes 0.89 s. About a tenth of a second more halves the energy. The time can be trusted: two
+# formulations agree, and it hardly changes with the mesh. Trust the *input* only after a re-simulation: between its
+# points a polynomial force may exceed the limit, and on a coarse mesh the robot misses the goal by millimetres.
+# `gt.motion.study` reports both errors, and a finer mesh or a constant force reduces them. An optimum is local, so
+# solve from more than one guess.

@@ -17,11 +17,11 @@
 #
 # **How much can one set of equations answer?**
 #
-# A robot's equations say what belongs together: cart positions, plate, velocities, forces. They do not say what is
-# given and what is asked. Textbooks solve them once for each question, by hand: forward kinematics, inverse
-# kinematics, Jacobian, inverse dynamics, forward dynamics. Here the equations of the L1 prototype are written once,
-# and every question is one line. After each answer stands how it was found (`explain`), and an `assert` that checks
-# it in another way.
+# The equations of a robot relate cart positions, plate position, velocities and forces. They do not say which of these
+# are known and which are wanted. Textbooks solve them by hand, once for each question: forward kinematics, inverse
+# kinematics, Jacobian, inverse dynamics, forward dynamics. Here the equations of the L1 prototype are written once, and
+# each question takes one line. After each answer, `explain` shows how it was derived, and an `assert` checks it in an
+# independent way.
 
 # %%
 # %matplotlib inline
@@ -30,8 +30,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import gtmodel as gt
-from gtmodel.problem_files import run
-from gtmodel.problem_files.load import load
 
 robot = gt.robots.gantry_tau("l1_tape")
 rng = np.random.default_rng(3)
@@ -55,15 +53,16 @@ def all_solved(status):
 # %% [markdown]
 # ## 1 Kinematics: which way round?
 #
-# Known carts, wanted plate: three spheres meet. The compiler finds the closed form itself, and the robot's own
-# geometry says which of the two points is meant: `plate_ahead`.
+# The carts are known and the plate is wanted: three spheres intersect. The compiler finds the closed form, and the
+# branch `plate_ahead`, which the robot declares, selects one of the two points of intersection.
 
 # %%
 forward = robot.causal(known="q", targets="T")
 print(excerpt(forward))
 
 # %% [markdown]
-# Known plate, wanted carts: each rod by itself is a quadratic. Same equations, nothing rewritten.
+# The plate is known and the carts are wanted: each rod gives one quadratic equation. The equations are the same;
+# nothing is rewritten.
 
 # %%
 inverse = robot.causal(known="T", targets="q")
@@ -77,9 +76,10 @@ links = T[:, None, :] - robot.A - q[:, :, None] * robot.v
 np.testing.assert_allclose(np.linalg.norm(links, axis=2), np.broadcast_to(robot.L, (n, 3)), rtol=1e-13)
 
 # %% [markdown]
-# Nobody has to know all carts. Two carts and the height of the plate are three numbers as well. That is a question
-# that no textbook answers. The compiler finds closed forms all the same: at a given height two spheres are two
-# circles, and the third rod is a quadratic again. Where no closed form is left it would take Newton's method.
+# The known variables need not be all carts or all plate coordinates. Two carts and the height of the plate are three
+# numbers as well. No textbook treats this question, but the compiler still finds closed forms: at a given height two
+# spheres become two circles, and the third rod gives a quadratic again. Where no closed form exists, the compiler uses
+# Newton's method.
 
 # %%
 mixed = robot.causal(known=["q[0]", "q[1]", "T[2]"], targets=["T[0]", "T[1]", "q[2]"])
@@ -91,8 +91,8 @@ np.testing.assert_allclose(np.column_stack([x, y, third]), np.column_stack([T[:,
 # %% [markdown]
 # ## 2 Velocities
 #
-# A derivative is asked for like anything else. The compiler differentiates the closure equations (the primes) and
-# solves them: that is the Jacobian, without its matrix. By hand, a rod of constant length says
+# A derivative is a target like any other. The compiler differentiates the closure equations (marked by primes) and
+# solves them, which amounts to applying the Jacobian without forming its matrix. By hand, constant rod length means
 # $d_i\cdot(\dot T - \dot q_i v_i) = 0$.
 
 # %%
@@ -107,17 +107,17 @@ np.testing.assert_allclose(found, Td, atol=1e-11)
 # %% [markdown]
 # ## 3 Dynamics: which way round?
 #
-# Known motion, wanted motor forces. The head of the certificate says *index 3*: the closure equations have to be
-# differentiated twice before accelerations appear. With the motion known there is nothing left to integrate: no
-# degree of freedom.
+# The motion is known and the motor forces are wanted. The head of the certificate says *index 3*: the closure equations
+# must be differentiated twice before accelerations appear. Because the motion is known, nothing remains to be
+# integrated: the system has no degrees of freedom.
 
 # %%
 inverse_dynamics = robot.causal(known="T", targets="tau")
 print(excerpt(inverse_dynamics))
 
 # %% [markdown]
-# Known forces, wanted accelerations. Now six numbers may be chosen freely, three positions and three velocities: the
-# states. `prefer` says whether those of the plate or those of the carts.
+# The forces are known and the accelerations are wanted. Now six numbers are free, three positions and three velocities:
+# the states. `prefer` selects those of the plate or those of the carts.
 
 # %%
 forward_dynamics = {name: robot.causal(known="tau", targets="der(T,2)", prefer=name) for name in ("T", "q")}
@@ -134,9 +134,9 @@ for name, states in (("T", (T, Td)), ("q", (q, qd))):
 # %% [markdown]
 # ## 4 In between: a path and one force
 #
-# For a time-optimal motion *along a path* the thesis (section 3.5) needs a model that is neither inverse nor forward:
-# the plate is led along a line, and one motor pushes. Here: height and side are prescribed, motor 1 is given, and the
-# robot may find out the rest. Two states are left, place and speed along the path.
+# For a time-optimal motion *along a path*, the thesis (section 3.5) needs a model that is neither inverse nor forward:
+# the plate follows a line, and one motor drives it. Here the height and the lateral position of the plate are
+# prescribed and the force of motor 1 is known. Two states remain, position and velocity along the path.
 
 # %%
 path = robot.causal(known=["tau[0]", "T[1]", "T[2]"], targets=["der(T[0],2)", "tau[1]", "tau[2]"], prefer="T[0]")
@@ -153,29 +153,28 @@ np.testing.assert_allclose(np.column_stack([second, third]), tau[:, 1:], rtol=1e
 # %% [markdown]
 # ## 5 Let go
 #
-# A causality with states is a simulation. `problems/l1_drop.toml` lets the robot drop from rest with its motors off.
-# Friction holds it back; it is smoothed around standstill, so that an integrator can step over it.
+# A causality with states can be simulated. `problems/l1_drop.toml` lets the robot drop from rest with its motors off.
+# Friction slows it down; the friction is smoothed around zero velocity so that an integrator can handle the reversal.
 
 # %%
-problem = load("problems/l1_drop.toml")
-outcome = run.solve(problem, run.context_of(problem)).outcome
+outcome = gt.load("problems/l1_drop.toml")()
 print(outcome.message)
 for name, check in outcome.checks.items():
     print(f"{name}: {check.value:.1e} (at most {check.bound:.0e})")
 
 # %%
-outcome.figures["signals"]()
+outcome.figure("signals")
 
 # %% [markdown]
-# What is lost in height must be found in the friction. The components declare their energies; the error of the
-# balance is that of the integrator.
+# The potential energy that is lost must appear as kinetic energy and friction losses. The components declare their
+# energies, so the error of the energy balance is the error of the integrator.
 
 # %%
-outcome.figures["energy"]()
+outcome.figure("energy")
 
 # %% [markdown]
-# Two more ways to the same motion. Backwards: the inverse dynamics of its accelerations must say that the motors are
-# off. And by differences: the recorded velocities must be the slopes of the recorded positions.
+# Two more checks of the same motion. The inverse dynamics of its accelerations must give zero motor forces. And the
+# differences of the recorded positions must match the recorded velocities.
 
 # %%
 drop = gt.simulate(
@@ -188,8 +187,9 @@ assert all(check.passed for check in outcome.checks.values())
 np.testing.assert_allclose(np.gradient(drop["T"], drop.time, axis=0)[1:-1], drop["der(T)"][1:-1], atol=1e-4)
 
 # %% [markdown]
-# The same engine takes any of the causalities above. On the path of section 4 with a constant force of motor 1 the
-# plate swings through a valley of its own making; the other two motors do whatever the line asks of them.
+# The simulator accepts any of the causalities above. Here the lateral position and the height of the plate are
+# prescribed over time, and motor 1 applies a constant force, 60 N above the holding force. The plate moves freely along
+# $x$, and the other two motors apply the forces that the prescribed coordinates require.
 
 # %%
 force = float(inverse_dynamics([0.5, -0.9, 0.3], np.zeros(3), np.zeros(3))[0][0])
@@ -212,7 +212,7 @@ place, effort = figure.subplots(1, 2)
 place.plot(motion["T"][:, 0], motion["T"][:, 2], color="black")
 place.set(title="path of the plate", xlabel="x [m]", ylabel="z [m]")
 for i, colour in enumerate(("#0072b2", "#d55e00", "#009e73")):
-    effort.plot(motion.time, motion["tau"][:, i], color=colour, label=f"motor {i + 1}{' (given)' if i == 0 else ''}")
+    effort.plot(motion.time, motion["tau"][:, i], color=colour, label=f"motor {i + 1}{' (known)' if i == 0 else ''}")
 effort.set(title="motor forces", xlabel="time [s]", ylabel="force [N]")
 effort.legend(fontsize="small")
 for axes in (place, effort):
@@ -222,10 +222,10 @@ figure
 # %% [markdown]
 # ## 6 Near one pose: a linear model
 #
-# A controller wants $\dot x = Ax + Bu$. At a pose that the motors hold, `linearize` gives a `control.StateSpace` with
-# the names of the model. The robot has no springs: three of its modes are almost zero, it stays nearly where it is
-# put (as the weight shifts it creeps, and with constant forces one way is away). The other three tell how fast
-# friction stops it.
+# A controller design needs $\dot x = Ax + Bu$. At a pose where the motors hold the robot, `linearize` returns a
+# `control.StateSpace` that uses the names of the model. The robot has no springs, so three of its modes are almost
+# zero: it stays nearly where it is. (Its weight distribution changes with the pose, so it creeps, and under constant
+# forces one direction is unstable.) The other three modes show how fast friction stops it.
 
 # %%
 pose = {"T": [0.5, -0.9, 0.3], "der(T)": 0.0}
@@ -235,7 +235,7 @@ for mode in gt.natural_modes(linear):
     print(f"eigenvalue {mode.eigenvalue.real:9.3f} {mode.eigenvalue.imag:+.3f}i 1/s, moves {', '.join(mode.states)}")
 
 # %% [markdown]
-# Does it tell the truth? A push of a few newtons on the linear model, and on the real one.
+# Is the linear model accurate? We apply a step of a few newtons to the linear model and to the nonlinear one.
 
 # %%
 push = np.array([8.0, -4.0, 6.0])
@@ -243,7 +243,7 @@ times = np.linspace(0.0, 0.3, 31)
 expected = control.forced_response(linear, times, np.outer(push, np.ones(31))).outputs.T
 pushed = gt.simulate(robot, 0.3, inputs={"tau": hold + push}, start=pose, step=0.01).trajectory["T"] - pose["T"]
 moved, off = np.max(np.abs(pushed)), np.max(np.abs(pushed - expected))
-print(f"moved by {1e3 * moved:.3f} mm; the linear model is {1e3 * off:.4f} mm off")
+print(f"moved by {1e3 * moved:.3f} mm; error of the linear model {1e3 * off:.4f} mm")
 assert off < 0.02 * moved
 
 # %%
@@ -254,8 +254,8 @@ assert len(flat.equations) == 129
 # %% [markdown]
 # ## Answer
 #
-# One set of 129 equations, written once as carts, rods, motors and a plate, answered kinematics both ways and in
-# between, velocities, dynamics both ways and in between, a drop, a guided motion, and a linear model. What changes is
-# only what is called known. The certificate tells what that costs: which equations are differentiated, which blocks
-# have a closed form, how many states are left. And since all answers come from the same equations, each can be checked
-# by another one.
+# One set of 129 equations, written as carts, rods, motors and a plate, gave the kinematics in both directions and
+# mixed, the velocities, the dynamics in both directions and mixed, a drop, a guided motion, and a linear model. Only
+# the choice of known variables changes. The certificate shows the cost: which equations are differentiated, which
+# blocks have a closed form, and how many states remain. All answers come from the same equations, so each can be
+# checked against another.

@@ -17,8 +17,8 @@
 #
 # **Can I build a closed-chain robot from parts, and trust what comes out?**
 #
-# A hexapod: a plate on six legs that change their length. Robot libraries that work on trees of joints decline it. Here
-# it is a list of parts and connections. The dimensions are examples of ours, not those of a real machine.
+# The robot is a hexapod: a plate on six legs of variable length. Libraries that model robots as trees of joints do not
+# accept it. Here it is a list of parts and connections. The dimensions are examples, not those of a real machine.
 
 # %%
 # %matplotlib inline
@@ -27,14 +27,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 import gtmodel as gt
-from gtmodel.mechanics import Anchor, RigidPlate, Strut
-from gtmodel.mechanics.bodies import AnyQuaternion
+from gtmodel.mechanics import Anchor, AnyQuaternion, RigidPlate, Strut
 
 # %% [markdown]
 # ## 1 The parts
 #
-# Six anchors on the ground, six struts, one rigid plate with six joints. `connect` makes positions equal and forces
-# balance. No kinematics is written by hand.
+# The model has six anchors on the ground, six struts, and one rigid plate with six joints. `connect` makes positions
+# equal and forces balance. No kinematics is written by hand.
 
 # %%
 around = np.radians([-10, 10, 110, 130, 230, 250])
@@ -68,8 +67,8 @@ class Hexapod(gt.Model):
 # %% [markdown]
 # ## 2 From a pose to leg lengths and forces
 #
-# The pose is known, so everything is closed form: no iteration anywhere. (A known quaternion carries its own unit
-# norm, hence `AnyQuaternion`.)
+# The pose is known, so everything has a closed form, without iteration. (A known quaternion needs no equation for its
+# norm, so the plate takes `AnyQuaternion`, which has none.)
 
 # %%
 inverse = Hexapod(plate=dict(attitude=AnyQuaternion)).causal(["r", "e"], ["L", "force", "plate.frame.R"])
@@ -82,10 +81,11 @@ pose["e"] /= np.linalg.norm(pose["e"])
 arguments = [pose[s.name] if s.name in pose else np.zeros(s.shape) for s in inverse.inputs]  # at rest
 L, force, R, status = inverse(*arguments)
 print("lengths [m]", L.round(4))
-print("pushes [N]", force.round(2))
+print("leg forces [N]", force.round(2))
 
 # %% [markdown]
-# In another way: leg vectors by plain geometry, and the six pushes must carry the weight and its moment.
+# The cross-check computes the leg vectors by plain geometry, and tests that the six leg forces carry the weight and its
+# moment.
 
 # %%
 legs = pose["r"] + JOINTS @ R.T - FEET
@@ -99,8 +99,8 @@ assert np.allclose(wrench, np.concatenate([weight, np.cross(R @ CENTRE, weight)]
 # %% [markdown]
 # ## 3 From leg lengths to the pose
 #
-# Forty complex poses belong to one set of lengths, so there is no closed form. The compiler leaves one Newton block and
-# follows the solution from the home pose; a status tells when it cannot.
+# A set of leg lengths has forty complex solutions for the pose, so there is no closed form. The compiler leaves one
+# Newton block, which follows the solution from the home pose. The status shows when it fails.
 
 # %%
 forward = Hexapod().causal("L", ["r", "e"])
@@ -137,5 +137,5 @@ assert np.allclose(np.linalg.norm(corners - FEET, axis=1), L, rtol=1e-12)
 # %% [markdown]
 # ## Answer
 #
-# Yes. Parts and connections are enough: lengths and forces from a pose, and the pose from the lengths, agree with plain
-# geometry and statics, and a status says where there is no answer.
+# Yes. Parts and connections are enough. Leg lengths and forces from the pose, and the pose from the leg lengths, agree
+# with plain geometry and statics, and a status marks data without a solution.

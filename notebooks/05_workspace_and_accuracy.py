@@ -15,16 +15,13 @@
 # %% [markdown]
 # # Workspace and accuracy of the Gantry-Tau
 #
-# **Where does the robot reach, and how exactly does it stand there?**
+# **Where does the robot reach, and how accurate is it there?**
 #
-# The reach of the L1 prototype (Dressler 2012, Fig. 2.4) and the accuracy of the D1 prototype (section 4.3), by the
-# engines that the problem kinds `workspace` and `accuracy` use.
+# This notebook maps the reach of the L1 prototype (Dressler 2012, Fig. 2.4) and the accuracy of the D1 prototype
+# (section 4.3), with the functions behind the problem kinds `workspace` and `accuracy`.
 
 # %%
 # %matplotlib inline
-import tomllib
-from importlib.resources import files
-
 import numpy as np
 
 import gtmodel as gt
@@ -39,8 +36,8 @@ ENDS = [f"arm[{i}].rod.{end}.r" for i in range(3) for end in "ab"]
 # %% [markdown]
 # ## 1 Reach
 #
-# The compiler gives the inverse kinematics with both ends of every link. A section across the guideways is mapped on a
-# grid; crossings of the boundary are bisected, so that a coarse grid is enough.
+# The compiler gives the inverse kinematics, with both ends of every link. A section across the guideways is mapped on a
+# grid. Crossings of the boundary are refined by bisection, so a coarse grid is enough.
 
 # %%
 l1 = gt.robots.gantry_tau("l1_tape")
@@ -57,8 +54,8 @@ print(cones.assumes)
 section_figure(layers, section.pierced(l1.A, l1.v), title="L1 prototype", names=section.names)
 
 # %% [markdown]
-# Ball joints take half of it away. How much depends on how they are mounted, which is not published: the cones here
-# stand about the links' directions at the home pose.
+# Ball joints of 30 degrees take away half of the section. The exact loss depends on how they are mounted, which is
+# not published. Here the axis of each cone is the direction of its link at the home pose.
 
 # %%
 areas = {label: round(region.area, 2) for label, region in layers.items()}
@@ -81,12 +78,11 @@ for T in ([1.4, -0.5, 0.8], [1.4, -1.5, 0.4], [1.4, 0.9, 0.2]):
 # %% [markdown]
 # ## 2 Accuracy
 #
-# The carts of the D1 prototype were measured: each cart joint stands within an ellipsoid about its modelled place,
-# with one half-axis along the guideway (Dressler 2012, Table 4.2, case 2). How far off may the tool be?
+# The carts of the D1 prototype were measured. Each cart joint lies within an ellipsoid about its modelled position,
+# with one half-axis along the guideway (Dressler 2012, Table 4.2, case 2). How large can the position error of the tool
+# be?
 
 # %%
-text = files("gtmodel.robots").joinpath("data", "gantry_tau.toml").read_text(encoding="utf-8")
-errors = tomllib.loads(text)["actuator_errors"]
 d1 = gt.robots.gantry_tau("d1_nominal")
 inverse = InverseKinematics(d1.causal("T", ["q", *ENDS]))
 
@@ -96,9 +92,8 @@ def base_points(T):
     return poses.a, poses.status
 
 
-ellipsoids = Ellipsoids.about_guideways(
-    d1.v, 1e-6 * np.array(errors["case_2_along_um"]), 1e-6 * np.array(errors["case_2_across_um"])
-)
+along, across = [11e-6, 58e-6, 19e-6], [28e-6, 38e-6, 47e-6]  # m, Table 4.2, case 2
+ellipsoids = Ellipsoids.about_guideways(d1.v, along, across)
 case = ErrorCase(np.array(d1.L), ellipsoids=ellipsoids)
 
 section = across_guideways(d1.A, d1.v, through=d1.home)
@@ -116,20 +111,21 @@ assert 75 < micrometres.min() < micrometres.max() < 180
 assert np.argmin(nearest) == 1 and nearest[1] < 0.1  # beside guideway 2
 
 # %% [markdown]
-# In another way: synthetic errors, drawn with a seed from the surfaces of the ellipsoids and put through exact
-# kinematics. The eight corners of the first-order body must bound the cloud, and not by much.
+# The cross-check is a simulation: synthetic errors are drawn from the surfaces of the ellipsoids, with a fixed seed,
+# and passed through the exact kinematics. The eight corners of the first-order error body must bound the cloud tightly.
 
 # %%
 a, _ = base_points(worst[None])
 cloud = base_point_cloud(a[0], worst, np.array(d1.L), ellipsoids, samples=20_000, seed=1)
 corners, _ = case.corners(a, worst[None])
 ratio = np.linalg.norm(cloud, axis=1).max() / largest(corners)[0]
-print(f"synthetic draws, seed 1: the worst of them is {ratio:.3f} of the greatest corner")
+print(f"synthetic draws, seed 1: the largest error is {ratio:.3f} of the largest corner")
 assert 0.93 < ratio < 1.001
 
 # %% [markdown]
 # ## Answer
 #
-# The L1 reaches 3.3 m² of a section where its inverse kinematics exists, and about half of it with ball joints of
-# 30 degrees. The D1 stands within 0.1 to 0.17 mm between its guideways, worst beside guideway 2, where link 2 passes
-# the large error along that guideway on: a multiple of each cart's own error, as the thesis says.
+# The inverse kinematics of the L1 exists in 3.3 m² of the section; ball joints of 30 degrees leave about half of it.
+# The bound on the position error of the D1 varies from 0.1 to 0.17 mm between its guideways. It is largest next to
+# guideway 2, where link 2 amplifies the large error along that guideway. As the thesis says, the error of the tool is a
+# multiple of the error of each cart.

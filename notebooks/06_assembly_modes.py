@@ -17,9 +17,9 @@
 #
 # **In how many ways can the same links be assembled, and could the robot silently be in another one?**
 #
-# The carts stand still, the six link lengths are known. Forward kinematics asks for the pose of the plate. The
-# equations have 40 solutions over the complex numbers, and each real one is a pose in which the same robot could be put
-# together. An iteration finds one of them and reports success. Which one, and what else was there?
+# The carts are at rest and the six link lengths are known. Forward kinematics asks for the pose of the plate. The
+# equations have 40 solutions over the complex numbers, and each real solution is a pose in which the same robot could
+# be assembled. An iteration finds one of them and reports success. Which one, and what are the others?
 
 # %%
 # %matplotlib inline
@@ -29,19 +29,17 @@ from scipy.spatial.transform import Rotation
 
 import gtmodel as gt
 from gtmodel.kinematics.assembly_modes import assembly_modes, assembly_modes_batch
-from gtmodel.problem_files import run
-from gtmodel.problem_files.load import load
 
 # %% [markdown]
 # ## 1 All of them
 #
-# The F1 in the middle of its workspace; `gtmodel solve problems/f1_modes.toml --plot` does the same at the command
-# line. The search follows 40 paths from a stored platform with known solutions. The certificate counts what arrived:
-# each solution with a test that there is exactly one within a radius, and no two the same.
+# The robot is the F1 in the middle of its workspace; `gtmodel solve problems/f1_modes.toml --plot` does the same on the
+# command line. The search follows 40 paths from a stored platform whose solutions are known. The certificate counts the
+# solutions at the ends of the paths: for each one a test proves that exactly one solution lies within a radius, and no
+# two coincide.
 
 # %%
-loaded = load("f1_modes.toml")
-outcome = run.solve(loaded, run.context_of(loaded)).outcome
+outcome = gt.load("f1_modes")()
 print(outcome.message)
 for label, value, unit in outcome.rows[:8]:
     shown = value if isinstance(value, str) else f"{value:.4g}"
@@ -49,17 +47,18 @@ for label, value, unit in outcome.rows[:8]:
 print({name: check.passed for name, check in outcome.checks.items()})
 
 # %% [markdown]
-# Eight are real: four with the plate above the carts, four below. The marked one is commanded.
+# Eight solutions are real: four with the plate above the carts, four below. The marked one is the commanded pose.
 
 # %%
-outcome.figures["modes"]()
+outcome.figure("modes")
 
 # %% [markdown]
 # ## 2 Newton's answer against the certificate
 #
-# 40 synthetic poses within 0.3 m and 25 degrees of home (seed 1). The inverse kinematics gives the axes, the forward
-# kinematics goes back. It follows the solution from the home pose on the way to the given axes, in steps that it may
-# not jump. Is its answer the pose we came from, and is that pose in the list?
+# We draw 40 synthetic poses within 0.3 m and 25 degrees of home (seed 1). The inverse kinematics gives the axes, and
+# the forward kinematics takes the axes back to a pose. The forward kinematics follows the solution from the home pose
+# to the given axes, in steps small enough not to jump to another mode. Does it return to the original pose, and is that
+# pose in the list?
 
 # %%
 robot = gt.robots.f1_gantry_tau()
@@ -79,23 +78,25 @@ assert not status.any() and not back.any()
 
 
 def at(q):
-    """Joints at the carts, (n, 6, 3)."""
+    """Cart joints, (n, 6, 3) [m]."""
     return np.stack(joints(q)[:-1], axis=1)
 
 
 found = assembly_modes_batch(at(q), B, L)
 mine = [modes.nearest(R_newton[i], T_newton[i])[0] for i, modes in enumerate(found)]
 worst = max(modes.nearest(R_newton[i], T_newton[i])[1] for i, modes in enumerate(found))
-print(f"whole sets: {sum(modes.ok for modes in found)} of {n}; real modes: {sorted({len(modes.T) for modes in found})}")
-print(f"forward kinematics from the pose commanded: {np.abs(T_newton - T).max():.1e} m")
-print(f"and from the nearest mode of the certificate: {worst:.1e} m")
+complete = sum(modes.ok for modes in found)
+print(f"complete certificates: {complete} of {n}; real modes: {sorted({len(modes.T) for modes in found})}")
+print(f"distance of the forward kinematics from the commanded pose: {np.abs(T_newton - T).max():.1e} m")
+print(f"distance from the nearest mode of the certificate: {worst:.1e} m")
 assert all(modes.ok for modes in found) and worst < 1e-9 and np.abs(T_newton - T).max() < 1e-9
 
 # %% [markdown]
 # ## 3 A Newton iteration that does not know where it comes from
 #
-# Plain Newton, as it stands in many programs: start somewhere near, iterate until the lengths fit. The start is the
-# commanded pose, moved by up to 0.4 m along each axis and turned by up to 90 degrees (synthetic, seed 2).
+# This is the plain Newton iteration of many programs: start somewhere near, and iterate until the lengths match. The
+# start is the commanded pose, displaced by up to 0.4 m along each axis and rotated by up to 90 degrees (synthetic, seed
+# 2).
 
 # %%
 i = 0
@@ -103,7 +104,7 @@ A = at(q)[i]
 
 
 def plain_newton(T, R):
-    """Iterates on position and rotation until all six lengths fit; returns T, R and the largest error [m]."""
+    """Fifty iterations on position and rotation; returns T, R and the largest length error [m]."""
     for _ in range(50):
         arm = B @ R.T
         d = T + arm - A
@@ -115,7 +116,7 @@ def plain_newton(T, R):
 
 random = np.random.default_rng(2)
 ends = np.zeros(len(found[i].T), dtype=int)
-nowhere = 0
+failed = 0
 for _ in range(100):
     away = Rotation.from_rotvec(np.radians(90) / np.sqrt(3) * random.uniform(-1, 1, 3)).as_matrix()
     T_end, R_end, error = plain_newton(T[i] + random.uniform(-0.4, 0.4, 3), away @ R_newton[i])
@@ -123,19 +124,20 @@ for _ in range(100):
     if error < 1e-12 and distance < 1e-9:
         ends[k] += 1
     else:
-        nowhere += 1
-print(f"commanded mode: {mine[i] + 1}; ended in modes 1 to {len(ends)}: {ends}; nowhere: {nowhere}")
+        failed += 1
+print(f"commanded mode: {mine[i] + 1}; converged to modes 1 to {len(ends)}: {ends}; not converged: {failed}")
 wrong = ends.sum() - ends[mine[i]]
-print(f"{wrong} of 100 starts end in another mode with all lengths right to 1e-12 m")
+print(f"{wrong} of 100 starts converge to another mode, with all lengths right to 1e-12 m")
 
 # %% [markdown]
-# The lengths cannot tell: they are right in every mode. Each end is in the certificate's list.
+# The lengths cannot reveal the mode, because they are right in every mode. The converged poses are all in the list of
+# the certificate.
 
 # %% [markdown]
 # ## 4 How near is the next one?
 #
-# A robot does not jump by decimetres. It can change its mode where two of them meet: there the equations are singular,
-# and the plate is free to leave either way. Axis 4 alone is turned from 0 on; the carts stand still.
+# A robot does not jump by decimetres. It can change its mode where two modes meet: there the equations are singular,
+# and the plate can leave in either mode. Here only axis 4 turns, starting from 0, while the other axes are at rest.
 
 # %%
 angle = np.linspace(0.0, 0.85, 86)
@@ -160,7 +162,7 @@ left.set(xlabel="axis 4 [deg]", ylabel="distance of T [mm]", title="nearest othe
 middle.plot(np.degrees(angle), turned, color="#0072b2")
 middle.set(xlabel="axis 4 [deg]", ylabel="angle between the plates [deg]", title="nearest other mode")
 right.step(np.degrees(angle), count, where="post", color="black", label="real modes")
-right.plot(np.degrees(angle[~reached]), count[~reached], "x", color="#d55e00", label="forward kinematics: no answer")
+right.plot(np.degrees(angle[~reached]), count[~reached], "x", color="#d55e00", label="forward kinematics: no solution")
 right.set(xlabel="axis 4 [deg]", ylabel="number of real modes", title="real modes", ylim=(0, 10))
 right.legend(fontsize="small", loc="lower left")
 for axes in (left, middle, right):
@@ -171,22 +173,22 @@ figure
 # %%
 last = int(np.flatnonzero(reached)[-1])
 print(
-    f"last answer at {np.degrees(angle[last]):.1f} deg: other mode {gap[last]:.0f} mm and {turned[last]:.0f} deg away"
+    f"last solution at {np.degrees(angle[last]):.1f} deg: other mode {gap[last]:.0f} mm and {turned[last]:.0f} deg away"
 )
-print(f"real modes there {count[last]}, one step on {count[last + 1]}")
+print(f"real modes there {count[last]}, one step later {count[last + 1]}")
 
 # %%
 alone = assembly_modes(at(q)[i], B, L)
 assert len(alone.T) == 8 and alone.certificate.finite == 40
-assert wrong > 0, "plain Newton ends in other modes, with every length right"
-assert not reached[-1] and np.all(np.diff(reached.astype(int)) <= 0), "past the meeting point nothing is guessed"
+assert wrong > 0, "plain Newton converges to other modes, with every length right"
+assert not reached[-1] and np.all(np.diff(reached.astype(int)) <= 0), "past the meeting point nothing is returned"
 assert count[last + 1] == count[last] - 2, "the two modes that met are gone"
 
 # %% [markdown]
 # ## Answer
 #
-# In the middle of the workspace the F1 can be assembled in 8 ways, and the certificate says that there is no ninth.
-# Yes, it could silently be in another: the lengths fit in every mode, and a Newton iteration from a careless start ends
-# in a wrong one without a sign. `forward` follows the pose from home instead: in all 40 synthetic poses it gave the
-# commanded mode. Where its mode meets another it stops with a status, and the distance to the nearest mode tells
-# beforehand that this point comes closer.
+# In the middle of the workspace the F1 can be assembled in 8 ways, and the certificate shows that there is no ninth.
+# Yes, it could silently be in another mode: the lengths match in every mode, and a Newton iteration from a poor start
+# can converge to a wrong one without a warning. `forward` follows the pose from home instead, and gave the commanded
+# mode for all 40 synthetic poses. Where its mode meets another, it stops with a status. The distance to the nearest
+# mode shows in advance that such a point is near.

@@ -17,9 +17,9 @@
 #
 # **I have Modelica models with an Optimica `optimization` class. What do I write here, and is it the same problem?**
 #
-# Modelica has the model, Optimica the problem on top of it. Here both are Python classes. This notebook puts the two
-# side by side: a bound and an integral, a free final time, a path constraint, constants from measurements. Every answer
-# is compared with a number that is known otherwise.
+# Modelica describes the model, Optimica the optimisation problem on top of it. Here both are Python classes. This
+# notebook puts the two languages side by side: a bound and an integral, a free final time, a path constraint, constants
+# from measurements. Every answer is compared with a number from an independent source.
 #
 # | Optimica | gtmodel |
 # |---|---|
@@ -69,7 +69,7 @@ from gtmodel import der
 # end Quiet;
 # ```
 #
-# An equation is a `yield` of two sides. `extends` is inheritance, and a modification declares the name once more.
+# An equation is a `yield` of two sides. `extends` becomes inheritance, and a modification declares the name again.
 
 
 # %%
@@ -86,7 +86,7 @@ class Oscillator(gt.Model):
 
 
 class Quiet(Oscillator, gt.Optimization):
-    """Bring it to rest with little input."""
+    """Bring the oscillator to rest with little input."""
 
     u = gt.input(max=0.75)
     final_time = 20.0
@@ -99,14 +99,14 @@ quiet = gt.solve(Quiet(), gt.Mesh(50, points=3))
 print(f"{quiet.status.value} after {quiet.iterations} iterations, cost {quiet.objective:.9f}")
 
 # %% [markdown]
-# 50 elements with 3 Radau points are the mesh of many Optimica examples. On the same mesh the problem has the same
-# digits, whoever solves it; more such rows stand in `docs/conformance.md`.
+# Many Optimica examples use a mesh of 50 elements with 3 Radau points. On the same mesh every solver must reach the
+# same digits; `docs/conformance.md` has more such comparisons.
 
 # %%
 assert abs(quiet.objective - 3.176195803) < 1e-6 * 3.176195803
 
 # %% [markdown]
-# The usual trick of a `cost` state with `objective = cost(finalTime)` works as well and gives the same.
+# The usual device of a `cost` state with `objective = cost(finalTime)` works too, and gives the same optimum.
 
 
 # %%
@@ -141,7 +141,7 @@ assert abs(mayer.objective - quiet.objective) < 1e-7 * quiet.objective
 
 # %%
 class Fast(Oscillator, gt.Optimization):
-    """To the origin in least time."""
+    """Reach the origin in minimum time."""
 
     u = gt.input(min=-1.0, max=1.0)
     final_time = gt.free(guess=2.0, min=0.2)
@@ -155,12 +155,13 @@ class Fast(Oscillator, gt.Optimization):
 
 
 fast = gt.solve(Fast(), gt.Mesh(50, points=3))
-print(f"least time {fast.final_time:.9f} s")
+print(f"minimum time {fast.final_time:.9f} s")
 assert abs(fast.final_time - 2.281159071) < 1e-6 * fast.final_time
 
 # %% [markdown]
-# A result is read by name, like a result file, but it is one object with units: `fast.trajectory["x1"]`. It is also a
-# guess for the next solve (`guess=fast`), as `init_traj` was. The peaks of u at the switch are looked at below.
+# A result is one object with units, whose values are read by name as from a result file: `fast.trajectory["x1"]`. It
+# can also serve as the guess of the next solve (`guess=fast`), as `init_traj` did. Section 3 explains the peaks of u at
+# the switch.
 
 # %%
 figure = Figure(figsize=(10, 3.4), layout="constrained")
@@ -181,7 +182,7 @@ figure
 #   u^4 <= 0.1 + x1^2*x2^2;
 # ```
 #
-# Whatever is not `.at(...)` an instant holds all along.
+# A constraint without `.at(...)` applies over the whole motion.
 
 
 # %%
@@ -199,20 +200,21 @@ print(f"cost {narrow.objective:.9f}")
 assert abs(narrow.objective - 5.273481331) < 1e-6 * narrow.objective
 
 # %% [markdown]
-# What Optimica did not say: the constraint holds at the collocation points. Between them a polynomial control may leave
-# it. `resimulate` puts the control into an integrator with error control and tells by how much.
+# The constraint holds at the collocation points only, a limitation that Optimica shares but does not report. Between
+# the points a polynomial control may violate it. `resimulate` feeds the control into an integrator with error control,
+# and reports the violation.
 
 # %%
 check = gt.resimulate(narrow)
-print(f"between the points: {check.violation:.1e} over '{check.violated}'")
-print(f"cost of the integrated motion: {check.cost_error:+.1e}")
+print(f"violation between the points: {check.violation:.1e} of '{check.violated}'")
+print(f"cost of the integrated motion minus cost of the optimum: {check.cost_error:+.1e}")
 assert check.violation > 1e-4  # more than any residual of the optimiser
 assert abs(check.cost_error) < 2e-3 * narrow.objective
 
 # %% [markdown]
 # ## 4 Constants from measurements
 #
-# In Optimica a `free` parameter and a sum of squares over the measured times, written out one by one:
+# In Optimica this is a `free` parameter and a sum of squares over the measured times, written out one by one:
 #
 # ```modelica
 # optimization Fit(objective = sum((m.x2(t[i]) - y[i])^2 for i in 1:N), startTime = 0, finalTime = 8)
@@ -222,7 +224,7 @@ assert abs(check.cost_error) < 2e-3 * narrow.objective
 # ```
 #
 # The data here are **synthetic**: the oscillator with $\mu = 1.3$ and no input, integrated by SciPy, with normal noise
-# of 0.02 and seed 5.
+# of standard deviation 0.02 (seed 5).
 
 # %%
 TRUE_MU, NOISE = 1.3, 0.02
@@ -235,7 +237,7 @@ measured = truth.y[1] + NOISE * np.random.default_rng(5).standard_normal(len(tim
 
 
 class Damped(gt.Model):
-    """The oscillator with its strength as a constant and no input."""
+    """The oscillator without input; its damping mu is a parameter."""
 
     mu = gt.parameter(1.0, unit="1")
     x1 = gt.variable(start=0.0, fixed=True)
@@ -263,9 +265,9 @@ print(found)
 print(f"99 %: {low:.4f} to {high:.4f}, true {TRUE_MU}")
 
 # %% [markdown]
-# The measured instants need not lie on the mesh. With `sigma` the covariance is that of the noise; the true value must
-# lie in the interval, and the residuals must look like the noise. A cross-check: SciPy's integrator in place of the
-# collocation, and a plain search for the best constant.
+# The measured times need not coincide with the mesh. With `sigma`, the covariance follows from the stated noise. The
+# true value must lie in the confidence interval, and the residuals must look like the noise. The cross-check replaces
+# the collocation by SciPy's integrator, and searches for the best constant directly.
 
 # %%
 figure = Figure(figsize=(6.5, 3.4), layout="constrained")
@@ -273,7 +275,7 @@ axes = figure.subplots()
 fine = fit.sample(np.linspace(0.0, 1.0, 801))
 axes.plot(fine.time, fine["x2"], color="#d55e00", linewidth=2.2, label=f"x2 with mu = {found.values[0]:.3f}")
 axes.plot(times, measured, "o", color="black", markersize=3, label="synthetic measurements")
-axes.set(xlabel="time [s]", ylabel="x2 [1]", title="the fitted oscillator and what was measured")
+axes.set(xlabel="time [s]", ylabel="x2 [1]", title="fitted oscillator and measurements")
 axes.grid(alpha=0.3)
 axes.legend()
 figure
@@ -281,7 +283,7 @@ figure
 
 # %%
 def squares(mu):
-    """Sum of squares of the residuals for a constant, by SciPy."""
+    """Sum of squared residuals for a constant mu, with SciPy's integrator."""
     run = solve_ivp(
         lambda t, x: [mu * (1 - x[1] ** 2) * x[0] - x[1], x[0]],
         (0.0, 8.0), [0.0, 1.0], "DOP853", t_eval=times, rtol=1e-11, atol=1e-11,
@@ -301,9 +303,9 @@ assert 0.6 < np.sqrt(middle / len(times)) / NOISE < 1.4
 # %% [markdown]
 # ## 5 The text itself
 #
-# A `.mop` file need not be written again: `gt.modelica.load` gives the class, and at the command line
-# `gtmodel solve van_der_pol.mop:Quiet` solves it. Here is the oscillator of the shipped file as a component, with names
-# of results as in the text.
+# A `.mop` file need not be rewritten: `gt.modelica.load` returns the class, and on the command line `gtmodel solve
+# van_der_pol.mop:Quiet` solves it. The next cell loads the oscillator of the shipped file as a component; results keep
+# the names of the text.
 
 # %%
 from gtmodel._files import problems_dir
@@ -318,7 +320,7 @@ print(f"cost {read.objective:.9f}, sys.x1 at the end {read.trajectory['sys.x1'][
 assert read.objective == quiet.objective  # bit for bit
 
 # %% [markdown]
-# Who leaves the text behind prints the class in Python (`gtmodel explain van_der_pol.mop:Fast --python`); it is the
+# To leave the text behind, print the class in Python (`gtmodel explain van_der_pol.mop:Fast --python`). It states the
 # same problem.
 
 # %%
@@ -327,11 +329,10 @@ print(gt.modelica.python_of(f"{shipped}:Fast"))
 # %% [markdown]
 # ## 6 What is different
 #
-# - **No compile step to call.** A class is the model; `gt.solve(P())` flattens it, chooses states and
-#   eliminates variables. `gt.SolverOptions(formulation="dae")` keeps all of them, as Optimica did; the optimum is the
-#   same.
-# - **Changing a parameter** is an argument: `Quiet(final_time=10.0)` where it was declared as one, and
-#   `gt.transcribe(...)` solves again and again without building.
+# - **No compile step to call.** The class is the model; `gt.solve(P())` flattens it, chooses states and eliminates
+# variables. `gt.SolverOptions(formulation="dae")` keeps all variables, as Optimica did; the optimum is the same.
+# - **Changing a parameter** takes an argument, `Quiet(final_time=10.0)`, if it was declared as a parameter.
+# `gt.transcribe(...)` solves again and again without rebuilding.
 # - **A model with errors** is refused with the line of the class, not with a column of a matrix.
 
 # %%
@@ -350,17 +351,17 @@ class Forgotten(Quiet):
 
 try:
     gt.solve(Forgotten(), gt.Mesh(50, points=3))
-    said = ""
+    message = ""
 except gt.ModelError as error:
-    said = str(error)
-print(said)
-assert "y" in said and "Forgotten" in said
+    message = str(error)
+print(message)
+assert "y" in message and "Forgotten" in message
 
 # %% [markdown]
 # ## Answer
 #
-# Files run as they are. In Python it is class by class, line by line: `optimization` is a class that inherits from the
-# model and `gt.Optimization`, attributes
-# keep their names, `finalTime(free=true)` is `gt.free`, `x(t)` is `x.at(t)`, and a sum of squares is `gt.misfit`. It is
-# the same problem: on the same mesh the optima agree with the known digits, the constant lies where another integrator
-# finds it. New are the checks after the solve, the covariance, and sentences with line numbers.
+# Files run as they are. In Python the translation goes class by class and line by line: `optimization` becomes a class
+# that inherits from the model and `gt.Optimization`, attributes keep their names, `finalTime(free=true)` becomes
+# `gt.free`, `x(t)` becomes `x.at(t)`, and a sum of squares becomes `gt.misfit`. The problem is the same: on the same
+# mesh the optima agree with the known digits, and an independent integrator finds the same constant. gtmodel adds
+# checks after the solve, covariances, and error messages with line numbers.

@@ -17,8 +17,8 @@
 #
 # **How must a robot move for its masses and friction to be identified, and what are they worth to its controller?**
 #
-# The L1 prototype (Dressler 2012, section 6.2) with masses and friction of Table 6.3, model 2, and link masses of our
-# own: thirteen parameters. Its logs here are synthetic; seeds and noise stand beside them.
+# The robot is the L1 prototype (Dressler 2012, section 6.2) with masses and friction of Table 6.3, model 2, and link
+# masses of our own: thirteen parameters. All logs are synthetic; the code states seeds and noise.
 
 # %%
 # %matplotlib inline
@@ -47,7 +47,7 @@ SAMPLE_S, PERIOD_S, PERIODS, NOISE_N = 0.004, 4.0, 3, 30.0
 
 
 def l1(velocity_scale, **parameters):
-    """The robot; friction turns its sign over `velocity_scale` [m/s]."""
+    """The robot; its friction changes sign over `velocity_scale` [m/s]."""
     links = {"m_a": [0.5, 1.0, 1.5]} | parameters
     return gt.robots.gantry_tau("l1_tape", "model_2", velocity_scale=velocity_scale, **links)
 
@@ -55,9 +55,9 @@ def l1(velocity_scale, **parameters):
 # %% [markdown]
 # ## 1 Excitation
 #
-# The tool centre point moves as a Fourier series of five harmonics that begins and ends at rest. Forces, speed and a
-# box are limits; both they and the regressor are causalities of the same model. A hundred random motions, each as large
-# as the limits let it be, are what an optimum has to beat; it starts from the best of them.
+# The tool centre point follows a Fourier series of five harmonics that begins and ends at rest. Forces, speed and a box
+# are limits. Forces and regressor are causalities of the same model. The optimised motion competes with a hundred
+# random motions, each scaled up to the limits, and the search starts from the best of them.
 
 # %%
 x = [ca.SX.sym(n, 3) for n in ("T", "dT", "ddT")]
@@ -89,7 +89,7 @@ def stacked(c):
 conditions = np.array([condition(stacked(c), task.nominal) for c in draws])
 best = draws[int(np.argmin(conditions))]
 found = optimise_excitation(task, best)
-print(f"{found.status}, {found.iterations} iterations; largest excess over a limit on {FINER} times as many samples: "
+print(f"{found.status}, {found.iterations} iterations; largest violation of a limit on a grid {FINER} times as fine: "
       f"{found.excess.max():.1e}")  # fmt: skip
 print(f"condition number {condition(stacked(found.c), task.nominal):.0f}, best random {conditions.min():.0f}, "
       f"median {np.median(conditions):.0f}")  # fmt: skip
@@ -104,20 +104,20 @@ information_figure(
     {name: predicted_deviations(stacked(c), NOISE_N) / np.sqrt(PERIODS) / task.nominal for name, c in motions.items()},
     amplitudes=np.hypot(cosine, sine),
     frequency=1 / PERIOD_S,
-    title="what the motions tell",
+    title="information in the motions",
 )
 
 # %%
 ends = [f"arm[{i}].rod.{end}.r" for end in "ab" for i in range(3)]
 *joints, _ = l1(0.02).causal("T", ends)(task.motion(found.c, times, 1)[0][0])
 paths = {name: task.motion(c, times, 1)[0] for name, c in motions.items()}
-path_figure(paths, np.array(joints[:3]), np.array(joints[3:]), box=np.array([low, high]), title="where they go")
+path_figure(paths, np.array(joints[:3]), np.array(joints[3:]), box=np.array([low, high]), title="paths")
 
 # %% [markdown]
 # ## 2 Identification
 #
-# Twelve seconds of each motion: positions quantised to a micrometre, 30 N of noise on the forces. One zero-phase filter
-# acts on positions, forces and regressor.
+# Each motion is recorded for twelve seconds, with positions quantised to a micrometre and 30 N of noise on the forces.
+# The same zero-phase filter acts on positions, forces and regressor.
 
 # %%
 inverse = l1(0.02).causal("T", "q")
@@ -143,14 +143,14 @@ for k, name in enumerate(regressor.names):
 # %%
 ratio = models["best random"].estimate.std / models["optimised"].estimate.std
 masses = slice(0, 7)
-print("intervals of the random motion over those of the optimised one:", np.round(ratio, 1))
-# which of the local optima the search ends in depends on the last bits: from the five best draws 1.5 to 3.6
+print("standard deviations, random motion over optimised motion:", np.round(ratio, 1))
+# rounding errors decide which local optimum the search finds; from the five best draws the ratio was 1.5 to 3.6
 assert np.all(ratio[masses] > 1.4) and np.exp(np.mean(np.log(ratio[masses]))) > 2
 
 # %% [markdown]
 # ## 3 Validation
 #
-# A motion that the fit has not seen: another of the random ones.
+# The held-out motion is another of the random ones.
 
 # %%
 identified = models["optimised"]
@@ -162,8 +162,8 @@ efforts_figure(held_out.time, held_out.effort, identified.modelled(held_out), he
 # %% [markdown]
 # ## 4 Feedforward
 #
-# The same plant under a feedback of 40 N/mm, alone, with forces of model 1 of Table 6.3 (no viscous friction, no link
-# masses), and with the forces of the identified model.
+# The same plant runs under a feedback of 40 N/mm in three variants: without feedforward, with forces of model 1 of
+# Table 6.3 (no viscous friction, no link masses), and with forces of the identified model.
 
 # %%
 values = dict(zip(regressor.names, identified.parameters, strict=True))
@@ -192,8 +192,8 @@ signals_figure(gt.Trajectory(t, errors, dict.fromkeys(errors, "m"), title="track
 # %% [markdown]
 # ## Answer
 #
-# It should move, within its limits, so that the sum of the relative variances is least. Against the best of a hundred
-# random motions the condition number halves, and the intervals of the masses shrink to two fifths on average, to two
-# thirds at worst; friction is told by either. The links stay the least known, and yet the forces are right to
-# two per cent on a motion not seen before: feedforward of the identified model leaves a hundredth of the tracking error
-# that model 1 leaves, and less than a three-hundredth of that of feedback alone.
+# The robot should move, within its limits, so that the sum of the relative variances is smallest. Compared with the
+# best of a hundred random motions, the condition number halves, and the confidence intervals of the masses shrink to
+# two fifths on average, to two thirds at worst. Both motions determine the friction. The link masses remain the least
+# certain, but on a held-out motion the modelled forces are right to two per cent. Feedforward with the identified model
+# leaves a hundredth of the tracking error of model 1, and less than a three-hundredth of the error of feedback alone.

@@ -15,13 +15,13 @@
 # %% [markdown]
 # # A technician calibrates a robot
 #
-# **Can someone who is no expert go from a tape measure to a robot that stands within a tenth of a millimetre, and know
-# beforehand that it will work?**
+# **Can a person who is no expert go from a tape measure to a robot that is accurate to a tenth of a millimetre, and
+# know beforehand that it will work?**
 #
-# Dressler (2012, section 5.6, Fig. 5.21) drew the workflow for a robot that has just been rebuilt: workspace, obstacles
-# and safety, what the device sees, poses, a simulated calibration, criteria, a robot program, measurements,
-# calibration, verdict. Each step here is what `gtmodel solve` does on a file. No measurements of the L1 are published:
-# the robot that is measured below is **synthetic** (seed 7).
+# Dressler (2012, section 5.6, Fig. 5.21) describes the workflow for a robot that has just been rebuilt: workspace,
+# obstacles and safety, field of view of the device, poses, simulated calibration, criteria, robot program,
+# measurements, calibration, verdict. Each step here is what `gtmodel solve` does with a file. No measurements of the L1
+# are published, so the robot that is measured below is **synthetic** (seed 7).
 
 # %%
 # %matplotlib inline
@@ -31,23 +31,22 @@ from pathlib import Path
 import numpy as np
 
 import gtmodel as gt
-from gtmodel.problem_files import run
-from gtmodel.problem_files.load import load
 
 folder = Path(tempfile.mkdtemp())
 
 
 def solved(problem, *settings, out):
-    loaded = load(problem, settings)
-    return run.solve(loaded, run.context_of(loaded), out=folder / out).outcome
+    study = gt.load(problem, *settings)()
+    study.write(folder / out)
+    return study
 
 
 # %% [markdown]
 # ## 1 The plan
 #
-# The file `problems/plan_calibration_l1.toml` holds what the technician knows: the robot by tape measure, the room, a
-# table, another robot, where the laser tracker stands, and the accuracy that is wanted. On the command line:
-# `gtmodel solve problems/plan_calibration_l1.toml --plot --out plan`.
+# The file `problems/plan_calibration_l1.toml` contains what the technician knows: the robot by tape measure, the room,
+# a table, a second robot, the position of the laser tracker, and the required accuracy. On the command line: `gtmodel
+# solve problems/plan_calibration_l1.toml --plot --out plan`.
 
 # %%
 wanted_mm = 0.1
@@ -64,45 +63,47 @@ for stage, points in plan.values["stages"].items():
     print(f"{points:5d} points after the stage: {stage}")
 
 # %% [markdown]
-# Half of the wanted accuracy is left to what the tracker's noise does not cover: guideways that are not straight.
+# The plan aims at half of the required accuracy. The other half is reserved for errors that the noise of the tracker
+# does not cover, such as guideways that are not straight.
 #
-# Of what the robot reaches, obstacles, safety and distance from the edge leave less than half.
+# Obstacles, safety distances and the distance from the edge leave less than half of the reachable workspace.
 
 # %%
-plan.figures["2_obstacles_and_safety"]()
+plan.figure("2_obstacles_and_safety")
 
 # %% [markdown]
 # ### Which poses, and how many?
 #
-# What each pose determines is known before it is measured. Poses are exchanged for others until the error that is
-# expected over the whole workspace falls no more; they end up far out.
+# The information in each pose is known before it is measured. The search exchanges poses until the expected error over
+# the whole workspace no longer decreases. The selected poses lie far out.
 
 # %%
-plan.figures["4_poses"]()
+plan.figure("4_poses")
 
 # %% [markdown]
-# More poses are better, but never by choice alone: the curve falls with the root of their number. Selected poses are
-# worth about twice as many of a regular grid.
+# More poses always help, but slowly: the error decreases with the square root of their number. Selected poses are worth
+# about twice as many poses of a regular grid.
 
 # %%
-plan.figures["5_number_of_poses"]()
+plan.figure("5_number_of_poses")
 
 # %% [markdown]
 # ### Will it work?
 #
-# The calibration is done some times on simulated measurements. If prediction and simulation agree, and both are within
-# what is wanted, the plan is approved.
+# The calibration is repeated on simulated measurements. If prediction and simulation agree, and both meet the required
+# accuracy, the plan is approved.
 
 # %%
 predicted = plan.values["predicted_error_m"]
 print(f"predicted {1e6 * predicted:.0f} um, simulated (synthetic) {1e6 * plan.values['simulated_error_m']:.0f} um")
-plan.figures["7_predicted_error"]()
+plan.figure("7_predicted_error")
 
 # %% [markdown]
 # ## 2 The measurements
 #
-# The plan wrote `poses.csv` and the RAPID program `poses.mod`. The robot goes to each pose, in random order, and the
-# tracker says where it stands. Here the robot is synthetic: points and lengths 5 mm off, guideways turned by 0.1 deg.
+# The plan wrote `poses.csv` and the RAPID program `poses.mod`. The robot visits the poses in random order, and the
+# tracker measures its position. The robot here is synthetic: its points and lengths are 5 mm off, and its guideways are
+# turned by 0.1 deg.
 
 # %%
 known = gt.robots.gantry_tau("l1_tape")
@@ -119,7 +120,7 @@ commanded = 1e-3 * np.array([line[2:5] for line in lines[1:]], float)
 q = commanded + 13e-6 * rng.standard_normal(commanded.shape)  # repeatability of the carts
 T, status = synthetic.causal(known="q", targets="T")(q)
 tracker = gt.calibrate.LaserTracker(np.array([1.0, -4.5, 0.8]))
-seen = T + gt.calibrate.devices.sampled(tracker.covariance(T), rng)
+seen = T + (np.linalg.cholesky(tracker.covariance(T)) @ rng.standard_normal((len(T), 3, 1)))[..., 0]
 assert np.all(status == 0)
 
 for kind in ("calibrate", "verify"):
@@ -149,21 +150,22 @@ file = "verify.csv"
 """)
 done = solved(folder / "calibrate.toml", out="calibration")
 before, after = done.values["a_priori_mm"]["mean"], done.values["held_out_mm"]["mean"]
-print(f"on poses that the fit has not seen: {before:.2f} mm before, {after:.3f} mm after")
+print(f"mean error on held-out poses: {before:.2f} mm before, {after:.3f} mm after")
 print("\n".join(done.values["verdict"]))
 
 # %%
-done.figures["pose_errors"]()
+done.figure("pose_errors")
 
 # %% [markdown]
 # ## 4 Was the prediction right?
 #
-# Held-out poses carry the noise of the device too. The synthetic robot allows what no real one does: compare with the
-# truth over the whole workspace, without noise. The file `parameters.toml` is a robot for every other problem.
+# Held-out poses contain the noise of the device too. A synthetic robot allows a comparison that no real robot does:
+# with the truth, over the whole workspace, without noise. The file `parameters.toml` describes the calibrated robot,
+# and every other problem can use it.
 
 # %%
-calibrated = load(folder / "calibrate.toml", [f'robot="{folder / "calibration" / "parameters.toml"}"']).problem
-robot = calibrated.model(run.context_of(load(folder / "calibrate.toml")))
+call = gt.load(folder / "calibrate.toml", f'robot="{folder / "calibration" / "parameters.toml"}"')
+robot = call.arguments[0]  # the first argument of the study: the calibrated robot
 low, high = np.array([0.9, -0.9, 0.3]), np.array([1.9, -0.1, 1.3])
 box = np.stack(np.meshgrid(*np.linspace(low, high, 6).T, indexing="ij"), axis=-1).reshape(-1, 3)
 carts, reached = known.causal(known="T", targets="q")(box)
@@ -178,6 +180,6 @@ assert 0.3 * predicted < error < 2 * predicted
 # %% [markdown]
 # ## Answer
 #
-# Yes: from two files. The plan said beforehand what the calibration would be worth, and the calibrated robot keeps it,
-# on held-out poses and, since this robot is synthetic, against the truth. On a real robot guideways wander by more than
-# the tracker's noise; the error on the held-out poses then stays above the prediction, and the verdict says so.
+# Yes, with two files. The plan predicted the accuracy after the calibration, and the calibrated robot confirms it: on
+# held-out poses and, since this robot is synthetic, against the truth. On a real robot the guideway errors exceed the
+# noise of the tracker. The error on held-out poses then stays above the prediction, and the verdict says so.

@@ -15,11 +15,12 @@
 # %% [markdown]
 # # From a model to a controller's 4 ms
 #
-# **A model in Python is far from a controller that wants an answer every 4 ms. Does the same model still say the same
-# once it is C in a loop, and what happens when the network drops and delays datagrams?**
+# **A model in Python is far from a controller that needs an answer every 4 ms. Does the model give the same numbers as
+# C code in a loop, and what happens when the network drops and delays datagrams?**
 #
-# The L1 prototype of Dressler (2012): equations in, a folder of C99 out, a loop round it that speaks ABB EGM, and a
-# simulated controller on the other end. All of it was tested against simulators only, never against a controller.
+# The robot is the L1 prototype of Dressler (2012). Its equations become a folder of C99, which a loop program calls.
+# The program speaks ABB EGM to a simulated controller. All of it was tested against simulators only, never against a
+# real controller.
 
 # %%
 # %matplotlib inline
@@ -47,7 +48,6 @@ from gtmodel.loop import (
     expected_counters,
     lockstep,
 )
-from gtmodel.loop.process import rows_of
 from gtmodel.plot.signals import tracking_figure
 
 place = Path(tempfile.mkdtemp())
@@ -55,24 +55,25 @@ place = Path(tempfile.mkdtemp())
 # %% [markdown]
 # ## 1 The model becomes C
 #
-# Two causalities of one model, forward kinematics and inverse dynamics. The folder holds its own self-test: numbers
-# that Python computed, which the compiled C has to give bit for bit. On the command line it is
+# Two causalities of one model are generated: forward kinematics and inverse dynamics. The folder contains a self-test
+# with numbers computed in Python, which the compiled C must reproduce bit for bit. The command line does the same:
 # `gtmodel codegen problems/l1_controller.toml -o build/l1 --check`.
 
 # %%
 robot = gt.robots.gantry_tau("l1_tape", inertia="model_2")
 generate({"fk": robot.causal("q", "T"), "inverse_dynamics": robot.causal("T", "tau")}, place / "l1", name="l1")
 subprocess.run("cc -ffp-contract=off *.c -o selftest -lm", shell=True, check=True, cwd=place / "l1")
-said = subprocess.run([place / "l1" / "selftest"], capture_output=True, text=True, check=True).stdout
+output = subprocess.run([place / "l1" / "selftest"], capture_output=True, text=True, check=True).stdout
 (place / "l1" / "selftest").unlink()
-print(said.strip())
+print(output.strip())
 
 # %% [markdown]
 # ## 2 The loop and a robot
 #
-# The loop is 1,700 lines of C that no one generates; `build` puts it beside the folder and compiles both. The robot's
-# drives are the identified closed loops of eq. (6.11): slow, with five samples of delay. The law `trajectory` inverts
-# them. In lock step the robot waits for the loop, so that nothing depends on how busy this machine is.
+# The loop is 1,700 lines of hand-written C; `build` copies it next to the generated folder and compiles both. The
+# drives of the robot are the identified closed loops of eq. (6.11), which are slow and have a delay of five samples.
+# The law `trajectory` inverts them. In lockstep the robot waits for the loop, so the load of this machine has no
+# effect.
 
 # %%
 program = build(place / "l1", place / "loop", 3)
@@ -91,12 +92,12 @@ a, b = ([float(x) for x in drives[name]] for name in "ab")
 
 
 def simulated():
-    """The robot's end: drives at rest where the motion begins."""
+    """The robot's side: drives at rest at the start of the motion."""
     return RobotSide("egm", DrivePlant(q[0], drives["a"], drives["b"], drives["delay"]))
 
 
 def follow(name, feedforward, *channels):
-    """A run of the C loop in lock step: what the robot did, the loop's report and its log."""
+    """Run the C loop in lockstep; return the motion of the robot, the loop's report and its log."""
     options = {"--reference": place / "reference.table", "--log": place / name, "--cycles": len(q), "--hold": 25}
     options |= {"--a": ",".join(map(repr, a)), "--b": ",".join(map(repr, b)), "--delay-ms": 4 * drives["delay"]}
     options |= {"--feedforward": feedforward, "--step": 0.1}
@@ -109,17 +110,17 @@ def follow(name, feedforward, *channels):
 # %%
 runs = {"off": follow("off.log", "off")[0], "on": follow("on.log", "on")[0]}
 worst_mm = {name: 1e3 * np.abs(run.measured_m - q).max() for name, run in runs.items()}
-print({name: f"{worst:.3g} mm" for name, worst in worst_mm.items()})
+print({name: f"{worst:.3g} mm" for name, worst in worst_mm.items()})  # largest lag of a cart
 
 # %% [markdown]
-# Without feedforward the carts are 86 mm late at worst. With it nothing remains but round-off: loop and plant share one
-# model, so that this says that the inversion is right, and promises nothing for a machine.
+# Without feedforward the carts lag by up to 86 mm. With feedforward only round-off remains. Loop and plant share one
+# model, so this result proves that the inversion is right, but promises nothing for a real machine.
 #
 # ## 3 A bad network
 #
-# 5 % of the datagrams are lost in each direction, 20 % come one to three cycles late, some twice, and some are garbage
-# (synthetic, seed 3). The loop holds its last speed until it hears again. What it counted has to be what was done to
-# it: the channel keeps a history, from which sets give the counters a second time.
+# The channel loses 5 % of the datagrams in each direction, delays 20 % by one to three cycles, repeats some, and
+# replaces some by garbage (synthetic, seed 3). Without new data the loop keeps its last speed. Its counters must match
+# the faults that the channel produced: the channel keeps a history, from which the counters are computed a second time.
 
 # %%
 faults = Faults(lost=0.05, delayed=0.2, repeated=0.05, garbage=0.02, longest_delay=3, seed=3)
@@ -128,7 +129,7 @@ runs["bad network"], report, log = follow("bad.log", "on", *channels)
 counted = expected_counters(channels[0].history)
 print({name: (report[name], n) for name, n in counted.items()})
 worst_mm["bad network"] = 1e3 * np.abs(runs["bad network"].measured_m - q).max()
-print(f"{worst_mm['bad network']:.1f} mm at worst")
+print(f"largest lag of a cart: {worst_mm['bad network']:.1f} mm")
 
 # %%
 forward = robot.causal("q", "T")
@@ -138,13 +139,13 @@ def as_trajectory(carts):
     return gt.Trajectory(0.004 * np.arange(len(carts)), {"T": forward(carts)[0], "q": carts}, {"T": "m", "q": "m"})
 
 
-labels = {"the reference alone": "off", "with feedforward": "on", "on a bad network": "bad network"}
+labels = {"without feedforward": "off", "with feedforward": "on", "on a bad network": "bad network"}
 tracking_figure(as_trajectory(q), {label: as_trajectory(runs[key].measured_m) for label, key in labels.items()})
 
 # %% [markdown]
 # ## 4 The same, byte for byte
 #
-# The same loop in Python gets the same datagrams. Its log is compared with that of the C program: 37 numbers per
+# The same loop in Python receives the same datagrams. Its log is compared with the log of the C program: 39 numbers per
 # cycle, among them a hash of every answer that was sent.
 
 # %%
@@ -152,10 +153,10 @@ settings = Settings(dry=False, hold_cycles=25, limits=LoopLimits(step_m=0.1))
 law = TrajectoryLaw(reference, 3, True, 4 * drives["delay"], 4, a, b)
 python_loop = PythonLoop(settings, Exchange("egm", 3), law)
 lockstep(simulated(), python_loop.exchange, len(q), Channel(faults), Channel(faults))
-print(f"{len(rows_of(log))} cycles, {len(log)} bytes, equal: {log == bytes(python_loop.log)}")
+print(f"{len(q)} cycles of {len(log) // len(q) // 8} numbers, equal: {log == bytes(python_loop.log)}")
 
 # %%
-assert "bit for bit" in said
+assert "bit for bit" in output
 assert worst_mm["on"] < 1e-6 < 50 < worst_mm["off"]
 assert all(report[name] == n for name, n in counted.items()) and min(counted["late"], counted["lost"]) > 5
 assert log == bytes(python_loop.log)
@@ -164,7 +165,7 @@ assert 0.1 < worst_mm["bad network"] < 20
 # %% [markdown]
 # ## Answer
 #
-# Yes: the compiled C gives Python's numbers bit for bit, and a loop built on it writes the log of the loop in Python
-# byte for byte, faults included. Losses and delays cost under two millimetres at the carts while they last; all are
-# counted. `gtmodel loop build/l1 --peer egm --seconds 10` runs the same in real time, with ABB EGM or KUKA RSI, and
-# says whether the system granted real time at all. `docs/loop.md` is the contract.
+# Yes. The compiled C reproduces Python's numbers bit for bit, and the C loop writes the same log as the Python loop,
+# byte for byte, even with faults. While losses and delays last, they cost less than two millimetres at the carts, and
+# all of them are counted. `gtmodel loop build/l1 --peer egm --seconds 10` runs the same loop in real time, with ABB EGM
+# or KUKA RSI, and reports whether the system granted real-time scheduling. `docs/loop.md` is the contract.

@@ -17,9 +17,9 @@
 #
 # **Which part should be made stiffer, and can the stiffness of joints be measured?**
 #
-# A Gantry-Tau carries loads by pulling and pushing its links, which is why it is stiff. This notebook puts springs
-# into links, ball joints, drives and frame of the L1, and asks which of them a milling force bends. Then it turns to
-# a serial arm, the KR 500-3, whose joints are compliant, and identifies them from load tests.
+# The links of a Gantry-Tau carry only tension and compression, which makes the robot stiff. This notebook adds springs
+# to links, ball joints, drives and frame of the L1, and asks which of them a milling force deflects most. Then it turns
+# to a serial arm with compliant joints, the KR 500-3, and identifies the joint stiffness from load tests.
 
 # %%
 # %matplotlib inline
@@ -45,10 +45,10 @@ from gtmodel.plot.compliance import map_figure, shares_figure, stiffness_figure
 # %% [markdown]
 # ## 1 Springs of the L1
 #
-# With the unit vectors of the links as rows of $U$, link forces $n$ balance a load by $U^T n = F$, and a link
-# lengthens by $n/k$: $C = U^{-1} \mathrm{diag}(1/k)\, U^{-T}$. Compliant carts move the ends of the links, which
-# adds a second sum of the same form. Of all springs only the ball joints' 115 kN/mm are printed (Dressler 2012,
-# section 2.3); the rest is an example of ours. Arms 1, 2 and 3 have one, two and three links side by side.
+# With the unit vectors of the links as rows of $U$, link forces $n$ balance a load by $U^T n = F$, and a link lengthens
+# by $n/k$, so $C = U^{-1} \mathrm{diag}(1/k)\, U^{-T}$. Compliant carts move the ends of the links, which adds a second
+# term of the same form. The only published spring is that of the ball joints, 115 kN/mm (Dressler 2012, section 2.3);
+# all others are examples of ours. Arms 1, 2 and 3 have one, two and three parallel links.
 
 # %%
 robot = gt.robots.gantry_tau("l1_tape", payload=5.0)
@@ -63,7 +63,7 @@ moved = structure.deflection(force)[0]
 print(f"under {force} N the tool deflects by {np.round(1e6 * moved, 1)} um")
 
 # %% [markdown]
-# Two ways to the work of the load: by the displacement, and by the energy in every spring.
+# The work of the load is computed in two ways: from the displacement, and from the energy in all springs.
 
 # %%
 in_springs = structure.total @ structure.spring_forces(force)[0] ** 2 / 2
@@ -75,10 +75,11 @@ assert np.isclose(force @ moved / 2, in_springs, rtol=1e-12)
 # %%
 shares = {name: float(x[0]) for name, x in structure.shares(force).items()}
 assert max(shares, key=lambda name: shares[name]) == "frame"
-shares_figure(shares, title="what takes the work of the load, L1 at home")
+shares_figure(shares, title="shares of the work of the load, L1 at home")
 
 # %% [markdown]
-# The frame, not the links. Rods of twice the wall help less than a frame of twice the stiffness:
+# The frame takes the largest share, not the links. Doubling the stiffness of the rods helps less than doubling the
+# stiffness of the frame:
 
 # %%
 thicker = LinkStructure(home, LinkSprings(link=rods / 2, **springs))
@@ -91,8 +92,8 @@ assert work["frame"] < work["rods"] < work["as is"]
 # %% [markdown]
 # ## 3 Over the workspace
 #
-# The softest direction is the eigenvector of the greatest eigenvalue of $C$, and its stiffness is the inverse of that
-# eigenvalue: finite numbers in N/µm, other than singular values of a matrix of mixed units.
+# The softest direction is the eigenvector of the largest eigenvalue of $C$, and its stiffness is the inverse of that
+# eigenvalue. This is a physical stiffness in N/µm, unlike the singular values of a matrix with mixed units.
 
 # %%
 v = home.cart_motion[0]
@@ -104,7 +105,7 @@ soft, directions = softest_and_stiffest(over.compliance())
 a, b = grid.coordinates
 in_plane = directions[:, 0] @ np.stack([section.across, section.up], axis=1)
 ends = [x(soft[:, 0]) / 1e6 for x in (np.nanmin, np.nanmax)]
-print(f"softest {ends[0]:.2f} to {ends[1]:.2f} N/um; printed of another prototype: 2 to 4")
+print(f"softest {ends[0]:.2f} to {ends[1]:.2f} N/um; published for another prototype: 2 to 4")
 map_figure(
     a, b, soft[:, 0].reshape(len(a), len(b)) / 1e6, label="stiffness along the softest direction [N/µm]",
     marks=section.pierced(home.a[0], v), directions=in_plane.reshape(len(a), len(b), 2),
@@ -112,8 +113,9 @@ map_figure(
 )  # fmt: skip
 
 # %% [markdown]
-# With the masses of the model the same springs give the natural frequencies. The lowest measured on early Gantry-Taus
-# were 13.5 and 14 Hz, calculated for better ones above 45 Hz (Dressler 2012, sections 2.1 and 2.2).
+# With the masses of the model, the same springs give the natural frequencies. The lowest measured frequencies of early
+# Gantry-Taus were 13.5 and 14 Hz; calculations for better ones gave more than 45 Hz (Dressler 2012, sections 2.1 and
+# 2.2).
 
 # %%
 frequency = LinkMasses.of(robot).frequencies(over, 1)[:, 0]
@@ -126,9 +128,10 @@ map_figure(
 # %% [markdown]
 # ## 4 Joints of a serial arm
 #
-# The KR 500-3 is compliant in its joints. Loads hang on its flange, a tracker measures what moves, and $dX = J\,
-# \mathrm{diag}(J^T F)\, c$ is linear in the compliances $c = 1/K$ (Cvitanic 2021, eqs. (2) to (7)). Its displacements
-# are not public: these are **synthetic**, of the printed stiffness, seed 9, noise 20 µm and 0.1 mrad.
+# The KR 500-3 is compliant in its joints. Loads hang on its flange, a tracker measures the displacement, and $dX = J\,
+# \mathrm{diag}(J^T F)\, c$ is linear in the compliances $c = 1/K$ (Cvitanic 2021, eqs. (2) to (7)). The measured
+# displacements are not public. The displacements used here are **synthetic**, computed from the published stiffness
+# (seed 9, noise 20 µm and 0.1 mrad).
 
 # %%
 arm = gt.robots.kr500()
@@ -150,8 +153,9 @@ stiffness_figure(
 )  # fmt: skip
 
 # %% [markdown]
-# Both methods agree: without model error they must, and the printed differences do not follow from the model. Where
-# bearings tilt as well, which the model lacks, the chi-squared test of the residuals notices.
+# The two methods agree, as they must without a model error. The differences that the thesis reports therefore do not
+# follow from the model. If the bearings also tilt, which the model does not include, the chi-squared test of the
+# residuals detects it.
 
 # %%
 low, high = np.maximum(*[i[:, 0] for i in intervals]), np.minimum(*[i[:, 1] for i in intervals])
@@ -165,7 +169,7 @@ assert fits[0].adequacy.passed and not complete_pose(tilting).adequacy.passed
 # %% [markdown]
 # ## Answer
 #
-# In this example the frame of the L1 takes the largest part of the load's work, so bracing it helps
-# more than thicker rods; the tool deflects most along one direction that turns little over the workspace. The joints
-# of a serial arm can be measured to a per cent from a few loads, and the residuals tell whether joints are all that
-# is compliant.
+# In this example the frame of the L1 takes the largest share of the work of the load, so bracing the frame helps more
+# than thicker rods. The tool deflects most along one direction, which changes little over the workspace. The joint
+# stiffness of a serial arm can be measured to one per cent from a few loads, and the residuals show whether other parts
+# are compliant too.

@@ -17,9 +17,10 @@
 #
 # **Is it enough to know how stiff the robot is, or must one know how it vibrates?**
 #
-# A six-axis robot that mills leaves one angle free: it may turn about the spindle. Cvitanic (2021, chapter 3) chose
-# that angle twice for each cut, once by the stiffness of the joints and once by three oscillators at the tool, and
-# measured what came of it. His numbers are here: cutting coefficients, oscillators of twelve tests, deflections.
+# A six-axis robot that mills has one redundant degree of freedom: it may turn about the spindle. Cvitanic (2021,
+# chapter 3) chose that angle twice for each cut, once from the joint stiffness and once from three oscillators at the
+# tool, and measured the result. This notebook uses the published numbers: cutting coefficients, oscillators of twelve
+# tests, and deflections.
 
 # %%
 # %matplotlib inline
@@ -40,7 +41,8 @@ cut = milling.Cut(c["mode"], c["radial_depth_m"], c["axial_depth_m"], c["feed_pe
 # %% [markdown]
 # ## 1 The force
 #
-# Two teeth, 13 degrees of lag by the helix, a quarter of the diameter in the cut: a tooth pushes for a fifth of a turn.
+# The cutter has two teeth, the helix lags by 13 degrees, and the radial depth is a quarter of the diameter. A tooth is
+# in the cut for a fifth of a revolution.
 
 # %%
 phi = np.linspace(0, 2 * np.pi, 721)
@@ -57,8 +59,9 @@ figure
 # %% [markdown]
 # ## 2 The twelve tests
 #
-# c_z is missing in print: its damping ratio is taken as the mean of the others. The feed direction is missing too: both
-# candidates are computed. Two seconds at 20 kHz by exact discretisation, the mean of the second one.
+# The thesis does not print c_z, so its damping ratio is the mean of the other two. It does not print the feed direction
+# either, so both candidates are computed. Each simulation covers two seconds at 20 kHz by exact discretisation; the
+# mean deflection is taken over the last second.
 
 # %%
 oscillators = milling.missing_z(tests["m_kg"], tests["c_N_s_m"], 1e6 * np.array(tests["k_MN_m"]))
@@ -74,34 +77,36 @@ tests_figure(hz, mean, measured, tests["optimised_with"], title="predicted and m
 for name, value in mean.items():
     ratio, gap = value[0:8:2] / value[1:8:2], np.abs(value[0:8:2] - value[1:8:2])
     print(
-        f"feed {name}: near a mode (64.5, 60 Hz) the static choice moves {ratio[0]:.2f}, {ratio[2]:.2f} times as much;"
+        f"feed {name}: near a mode (64.5, 60 Hz) the static choice deflects {ratio[0]:.2f} and {ratio[2]:.2f} times as"
+        f" much; at 107.5 Hz the choices differ by {gap[1]:.3f} and {gap[3]:.3f} mm"
     )
-    print(f"         at 107.5 Hz the choices differ by {gap[1]:.3f} and {gap[3]:.3f} mm")
     assert min(ratio[[0, 2]]) > 1.5 and max(gap[[1, 3]]) < 0.06
     assert np.all(value[8:10] < 0.55 * measured[8:10]), "tests 9 and 10 are not explained"
 
 # %% [markdown]
 # ## 3 What tests 9 and 10 may be
 #
-# The model of the deflection misses them by a factor of two. Let the force depend on the displacement, as it does: then
-# the linear equations of these two poses, and of no other before them, grow without any help from outside.
+# The deflection model underestimates these two tests by a factor of two. Now let the cutting force depend on the
+# displacement, as it does in reality. Then the linear equations of these two poses become unstable without external
+# excitation, and those of the eight poses before them do not.
 
 # %%
 x = [1, 0, 0]
 radius = [milling.spectral_radius(oscillators[i], cutter, cut, hz[i] / 2, x) for i in range(10)]
-print("growth per tooth, feed +x, tests 1 to 10:", " ".join(f"{r:.2f}" for r in radius))
+print("growth factor per tooth, feed +x, tests 1 to 10:", " ".join(f"{r:.2f}" for r in radius))
 print(milling.mode_coupling(oscillators[8], cutter, cut, x).message)
 assert max(radius[:8]) < 1 < 1.2 < min(radius[8:])
 
 # %% [markdown]
-# The thesis says that mode coupling was ruled out, and prints no feed direction; along +y test 10 does not grow. This
-# is an explanation that fits, not a proof.
+# The thesis says that mode coupling was ruled out, and does not print the feed direction. With the feed along +y, test
+# 10 is stable. Mode coupling is an explanation that fits, not a proof.
 #
 # ## 4 The angle
 #
-# `gtmodel solve problems/milling_pose.toml --plot` does all of it. Here the search alone: angles that the arm reaches,
-# the static index from joint stiffness, the dynamic index where oscillators are known, between those of tests 4, 2 and
-# 1. How the tool sits on the flange is not printed; ours lies across it.
+# `gtmodel solve problems/milling_pose.toml --plot` does the complete study. Here only the search is run, over the
+# angles that the arm reaches. The static index comes from the joint stiffness. The dynamic index is available between
+# the angles of tests 4, 2 and 1, where oscillators are known. The mounting of the tool on the flange is not published;
+# ours is perpendicular to the flange axis.
 
 # %%
 rows = np.array([3, 1, 0])
@@ -129,7 +134,8 @@ assert study.dynamic_index < study.static_choice_index / 3
 # %% [markdown]
 # ## Answer
 #
-# Far from the modes stiffness is enough: at 107.5 Hz both choices deflect the same within 0.06 mm. Near a mode it is
-# not: at 64.5 and 60 Hz the angle chosen by stiffness moves two to three times as much, because a light mode lies a few
-# hertz from the teeth. A rough dynamic model pays twice, for it also tells which speed to take and where chatter waits.
-# Before the millimetres are believed, the modes have to be known to a hertz, and the feed direction.
+# Far from the natural frequencies the stiffness is enough: at 107.5 Hz the deflections of both choices differ by at
+# most 0.06 mm. Near a natural frequency it is not: at 64.5 and 60 Hz the angle chosen by stiffness deflects two to
+# three times as much, because a mode of small mass lies a few hertz from the tooth-passing frequency. Even a rough
+# dynamic model has a second benefit: it shows which spindle speed to use and where chatter is to be expected. But the
+# computed millimetres can be trusted only if the natural frequencies are known to a hertz, and the feed direction too.

@@ -15,11 +15,11 @@
 # %% [markdown]
 # # Plant, controller, four milliseconds
 #
-# **How late may the forces of a controller come?**
+# **How much may the forces of a controller be delayed?**
 #
-# The L1 prototype under computed torque. The law reads the carts every 4 ms, and its forces act some time later: the
-# bus, the computation, the drive. With how much delay does the loop begin to swing? The loop that is linearised from
-# sample to sample predicts it, and a simulation of the whole robot between exact samples has to agree.
+# The L1 prototype runs under computed torque. The law reads the carts every 4 ms, and its forces act some time later
+# because of bus, computation and drive. At which delay does the loop become unstable? The linear sampled-data model of
+# the loop predicts the limit, and a simulation of the nonlinear robot between the samples must agree.
 
 # %%
 # %matplotlib inline
@@ -36,14 +36,14 @@ rest = {"T": [0.5, -0.9, 0.3], "der(T)": 0.0}
 # %% [markdown]
 # ## 1 What the poles say
 #
-# From one sample to the next the plant goes by a matrix exponential, split where the delay is no whole number of
-# periods; forces that still have to act are states too. The loop forgets an error while all poles lie inside the unit
-# circle.
+# From one sample to the next the plant is discretised by a matrix exponential, which is split if the delay is not a
+# whole number of periods. Forces that do not act yet are additional states. The loop is stable if all poles lie inside
+# the unit circle.
 
 
 # %%
 def radius(delay: float) -> float:
-    """Of the circle that holds all poles."""
+    """Spectral radius of the sampled loop."""
     return float(max(abs(gt.control.linearize_sampled(robot, law, PERIOD, delay, start=rest).poles())))
 
 
@@ -55,8 +55,8 @@ print(f"predicted: stable up to {1e3 * latest:.1f} ms")
 # %% [markdown]
 # ## 2 What the simulation says
 #
-# The carts begin 10 µm beside their reference. Nothing is linear here: the robot with its friction in continuous time,
-# the law at its samples.
+# The carts start 10 µm off their reference. Nothing is linearised here: the robot moves with its friction in continuous
+# time, and the law acts at its samples.
 
 # %%
 q, _ = robot.causal(known="T", targets="q")(np.array(rest["T"]))
@@ -67,7 +67,7 @@ begin = {f"plant.{name}" if name == "T" else "der(plant.T)": value for name, val
 
 
 def left(delay: float) -> np.ndarray:
-    """Largest error of a cart in each of four parts of 2 s [m]."""
+    """Largest error of a cart in each quarter of 2 s [m]."""
     run = gt.simulate(
         loop, 2.0, inputs={"reference": q + 1e-5}, start=begin, parameters={"law.delay": delay}, step=PERIOD
     )
@@ -77,14 +77,14 @@ def left(delay: float) -> np.ndarray:
 
 
 before, after = left(0.9 * latest), left(1.1 * latest)
-for name, each in (("a tenth sooner", before), ("a tenth later", after)):
+for name, each in (("delay 10 % below the limit", before), ("delay 10 % above the limit", after)):
     print(f"{name}:", ", ".join(f"{1e6 * x:.2f}" for x in each), "µm")
-assert before[-1] < before[1] and after[-1] > after[1]  # the prediction holds within a tenth
+assert before[-1] < before[1] and after[-1] > after[1]  # the predicted limit is right within 10 %
 
 # %% [markdown]
 # ## 3 What a delay costs long before
 #
-# A motion of 0.4 m in 0.8 s. Eight milliseconds, two cycles, are usual.
+# The robot moves by 0.4 m in 0.8 s. A delay of eight milliseconds, two cycles, is typical.
 
 # %%
 move = gt.control.Move(start=[0.5, -0.9, 0.3], goal=[0.9, -0.85, 0.4], duration=0.8)
@@ -102,7 +102,7 @@ studies[0.008].figure("loop")
 # %% [markdown]
 # ## Answer
 #
-# The loop holds still until the forces come some 45 ms late, eleven cycles, where the poles say so within a
-# tenth. That is with the smooth friction of the model, which damps small motions strongly; the errors of a motion
-# grow much sooner. The same law as C has the same bits: `compiled=True`, or the folder that `gt.cgen` writes of
-# `gt.control.law_causal(law, 3)`.
+# The loop is stable up to a delay of about 45 ms, eleven cycles; the simulation confirms the prediction of the poles
+# within a tenth. This includes the smooth friction of the model, which damps small motions strongly. Tracking errors
+# grow at much smaller delays. The same law runs as C with the same bits: `compiled=True`, or the folder that `gt.cgen`
+# generates from `gt.control.law_causal(law, 3)`.

@@ -15,10 +15,10 @@
 # %% [markdown]
 # # When to believe a filter
 #
-# **A filter gives deviations with its estimates. When do they mean something?**
+# **A filter reports standard deviations with its estimates. When can they be trusted?**
 #
-# A laser tracker reads the position of a tool, an inertial unit its acceleration. All readings here are synthetic, so
-# that the truth is known; the tests that follow do not need it.
+# A laser tracker measures the position of a tool, an inertial unit its acceleration. All readings here are synthetic,
+# so the truth is known; the tests from section 2 on do not need it.
 
 # %%
 # %matplotlib inline
@@ -37,14 +37,14 @@ time = 0.001 * np.arange(1000)
 # %% [markdown]
 # ## 1 A right filter
 #
-# Over a hundred independent runs the errors, squared in the filter's own deviations, have a mean that is known exactly:
-# so many as there are states, within a narrow band.
+# The squared error, normalised by the filter's own covariance, has a known mean over a hundred independent runs: the
+# number of states, within a narrow band.
 
 # %%
 drawn = F.draw(system, start, time, seed=1, runs=100)
 runs = F.ErrorState(system).run(drawn.log, start, truth=drawn.truth)
 errors = F.judged(runs)
-print("errors squared, at ten instants:", errors.nees.round(2))
+print("normalised squared errors at ten instants:", errors.nees.round(2))
 print("band of 99.9 %:", np.round(errors.band, 2))
 print(errors.consistency.message)
 assert errors.consistent
@@ -52,9 +52,9 @@ assert errors.consistent
 # %% [markdown]
 # ## 2 A wrong one, without the truth
 #
-# On a machine there is one run and no truth. What the filter expects of the next reading is still there to be judged:
-# the innovations. A filter that takes the tracker for ten times worse than it is has errors that look fine, and
-# innovations that give it away.
+# A machine gives one run and no truth. What remains to be tested are the innovations, the differences between the
+# readings and the filter's predictions. A filter that assumes ten times the true noise of the tracker has errors that
+# look fine, but its innovations reveal the mistake.
 
 # %%
 one = F.draw(system, start, time, seed=2)
@@ -75,8 +75,8 @@ assert F.consistency(F.ErrorState(tuned.system).run(one.log, start)).consistent
 # %% [markdown]
 # ## 3 A fault with a name
 #
-# Somebody mounted the accelerometer with an offset of 0.02 m/s2. Each suspect is judged by how the innovations would
-# depend on it. An offset of the tracker is no suspect that this log could convict: nothing else says where the tool is.
+# The accelerometer now has an offset of 0.02 m/s2. Each suspect is tested by its effect on the innovations. This log
+# cannot reveal an offset of the tracker, because no other sensor measures the position of the tool.
 
 # %%
 off = dict(one.log)
@@ -90,8 +90,8 @@ assert search.named == ("accelerometer.offset",) and "tracker.offset" in search.
 # %% [markdown]
 # ## 4 Where a right filter stops being right
 #
-# White jerk of one density describes the flanks of this sine, not its bend. The picture shows the instant at which the
-# innovations leave their band; the deviations are not to be believed there.
+# White jerk of one density describes the flanks of this sine, but not its bends. The picture shows when the innovations
+# leave their band; at these instants the standard deviations cannot be trusted.
 
 # %%
 study = F.fusion_study(filter=F.FusionFilter(smooth=True))
@@ -104,13 +104,13 @@ study.figure("baselines")
 # %%
 bend = study.trajectory["at_bend"] > 0
 ratio = study.trajectory["nis"] / study.nis_numbers
-print(f"squares over expected: {ratio[~bend].mean():.2f} on the flanks, {ratio[bend].mean():.1f} at the bend")
+print(f"squared innovations over expected: {ratio[~bend].mean():.2f} on the flanks, {ratio[bend].mean():.1f} at bends")
 assert ratio[bend].mean() > 2 > ratio[~bend].mean()
 
 # %% [markdown]
 # ## Answer
 #
-# Believe the deviations while the innovations agree with them: inside their band, white, and without a mean. That needs
-# no truth, and it names an instant. Where they disagree, the likelihood says which noise fits, and the suspects which
-# fault; what a motion does not show, no filter finds. Agreement on the average is not agreement everywhere: look at the
-# bends.
+# Trust the standard deviations as long as the innovations agree with them: inside their band, white, and with zero
+# mean. This test needs no truth, and it names the instants where it fails. If it fails, the likelihood shows which
+# noise fits, and the list of suspects which fault. A fault that the motion does not excite cannot be found by any
+# filter. Agreement on average is not agreement everywhere: look at the bends.

@@ -17,8 +17,9 @@
 #
 # **A robot repeats a motion, and the same error with it. How much of that can it unlearn, and how fast?**
 #
-# Iterative learning control adds to the reference what the errors of earlier runs teach (Dressler 2012, chapter 7).
-# Both answers can be had before the first iteration. The robot here is synthetic: motor loops with a tool on a spring.
+# Iterative learning control corrects the reference with the errors of earlier runs (Dressler 2012, chapter 7). Both
+# questions can be answered before the first iteration. The robot here is synthetic: motor loops, and a tool on a
+# spring.
 
 # %%
 # %matplotlib inline
@@ -31,8 +32,9 @@ learning = gt.control.learning
 # %% [markdown]
 # ## 1 How fast
 #
-# u(k+1) = Q (u(k) + L e(k)). The input approaches its limit by the largest singular value of Q (I - L T) in each run.
-# For the actuators that the thesis prints these are its numbers, 0.90, 0.91 and 0.93.
+# The law is u(k+1) = Q (u(k) + L e(k)). Each run multiplies the distance of the input from its limit by at most the
+# largest singular value of Q (I - L T). For the actuators of the thesis this gives its published numbers, 0.90, 0.91
+# and 0.93.
 
 # %%
 law = learning.simple_law(825, gain=0.9, shift=5, cutoff=10.0)
@@ -42,7 +44,8 @@ print(np.round(sigma, 3))
 assert np.allclose(sigma, [0.904, 0.907, 0.930], atol=5e-4)
 
 # %% [markdown]
-# The same law on a tool with a light damping at 11.5 Hz, its low pass above that mode, would diverge. It is refused.
+# With a lightly damped tool at 11.5 Hz, and with the low pass of Q above that mode, the same law would diverge. It is
+# refused.
 
 # %%
 tool = learning.flexible_axis(11.5, 0.05).maps(825)["tool"]
@@ -56,8 +59,8 @@ else:
 # %% [markdown]
 # ## 2 How far
 #
-# Two things stay: what Q does not let through, and what differs from run to run. Identical runs show both. The floor
-# said from them, before learning, is what the runs then reach.
+# Two parts of the error remain: the part that Q blocks, and the part that differs from run to run. A few identical runs
+# show both. They predict the floor before learning, and the runs then reach it.
 
 # %%
 robot = learning.LearningRobot()
@@ -70,8 +73,9 @@ motors.figure("errors")
 # %% [markdown]
 # ## 3 What is learned from
 #
-# The motors follow, and the tool on its spring does not: crosses lie far above dots. It must be seen, by an
-# accelerometer through a filter, or measured. Q then stays below 1 / |1 - L T| for a whole set of tools.
+# The motors follow the reference, but the tool on its spring does not: the crosses lie far above the dots. The law must
+# know the position of the tool, from an accelerometer and a filter, or from a measurement. Q then stays below 1 / |1 -
+# L T| for a whole set of tools.
 
 # %%
 studies = {"1": motors}
@@ -81,7 +85,7 @@ for case in ("2A", "2B", "3"):
     )
 for case, study in studies.items():
     print(
-        f"case {case:>2}: tool's error left {100 * study.tool_share[0]:5.1f} % in x, "
+        f"case {case:>2}: remaining tool error {100 * study.tool_share[0]:5.1f} % in x, "
         f"{100 * study.tool_share[1]:4.1f} % in y"
     )
 left = [study.tool_share[1] for study in studies.values()]
@@ -98,9 +102,9 @@ studies["2B"].figure("path")
 # %% [markdown]
 # ## 4 What a wrong model costs
 #
-# The Kalman filter of (7.21) predicts the tool from the motors by a model, and corrects it by the accelerometer. How
-# much it errs is a matter of the model's frequency. A model identified from a log of random motion, with 1 um of noise,
-# is near the right one.
+# The Kalman filter of (7.21) predicts the tool from the motors with a model, and corrects the prediction with the
+# accelerometer. Its error depends on the frequency error of the model. A model that is identified from a log of random
+# motion, with 1 um of noise, performs like the true one.
 
 # %%
 r = learning.SquarePath().samples(0.004)[:, 1]
@@ -124,6 +128,6 @@ assert rms["identified"] < rms["3 % off"]
 # %% [markdown]
 # ## Answer
 #
-# Learned can be what repeats, what is seen, and what Q lets through. How fast is the largest |Q| |1 - L T|, over all
-# the robots that it may be; how far is the floor from a few identical runs. Both are said before learning, and both
-# held. More iterations do not lower the floor; a better look at the tool does.
+# The robot can learn what repeats, what is measured, and what Q passes. The rate is the largest |Q| |1 - L T| over all
+# robots in the assumed set. The floor follows from a few identical runs. Both were predicted before learning, and both
+# predictions were confirmed. More iterations do not lower the floor; a better measurement of the tool does.

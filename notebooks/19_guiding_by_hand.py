@@ -15,11 +15,11 @@
 # %% [markdown]
 # # Guiding by hand
 #
-# **A person leads a tool over a plate of which nobody knows how stiff it is. How is a force of 2 N held, without
-# oscillation, and without hurting the hand?**
+# **A person guides a tool over a plate of unknown stiffness. How is a force of 2 N held, without oscillation, and
+# without hurting the hand?**
 #
-# One force sensor sits at the handle, a second one at the tool. All contacts, sensors and hands here are synthetic,
-# with their seeds.
+# The robot has two force sensors, one at the handle and one at the tool. All contacts, sensors and hands here are
+# synthetic, with stated seeds.
 
 # %%
 # %matplotlib inline
@@ -35,7 +35,8 @@ L = gt.control.lead_through
 # %% [markdown]
 # ## 1 What a sensor reads without contact
 #
-# Bias and weight, from 24 poses at rest. Without this a tool of 0.8 kg looks like a contact of 8 N.
+# Bias and weight are calibrated from 24 poses at rest. Without this calibration, the weight of a tool of 0.8 kg looks
+# like a contact force of 8 N.
 
 # %%
 tool = L.SyntheticSensor(
@@ -48,8 +49,8 @@ assert calibration.mass is not None and abs(calibration.mass - 0.8) < calibratio
 # %% [markdown]
 # ## 2 The limit
 #
-# In contact servo, delay and stiffness close a loop, whose gain is K times the stiffness. Eigenvalues give the loop
-# gain at which it oscillates; runs in time give the same.
+# In contact, servo, delay and stiffness close a loop whose gain is K times the stiffness. The eigenvalues give the loop
+# gain at which the loop oscillates; simulations in the time domain confirm it.
 
 # %%
 servo = L.ServoChain()  # 12 ms of lag, 8 ms of delay
@@ -61,7 +62,7 @@ assert abs(gain / limit.gain - 1) < 0.05 and abs(frequency - limit.frequency) < 
 # %% [markdown]
 # ## 3 Two newtons, from cardboard to plate
 #
-# The stiffest contact that is to be met sets K. On softer ones the loop is slower, never unstable.
+# The stiffest expected contact determines K. On softer contacts the loop is slower, but never unstable.
 
 # %%
 down, along = L.GuidePhase(1.0, force=(0.0, 0.0, -1.0)), L.GuidePhase(6.0, force=(5.0, 0.0, -3.0))
@@ -73,7 +74,7 @@ for k in (500.0, 1500.0, 5000.0):
     )
     study = held[k]
     off = np.rad2deg(study.normal_error)
-    print(f"{k:g} N/m: {study.mean_force:.3f} N, {study.contact_losses} losses, normal {off:.2f} deg off")
+    print(f"{k:g} N/m: {study.mean_force:.3f} N, {study.contact_losses} losses, error of the normal {off:.2f} deg")
     assert study.status.ok
 
 # %%
@@ -83,8 +84,8 @@ figure
 # %% [markdown]
 # ## 4 A plate stiffer than declared
 #
-# Ten times stiffer than the range: the loop gain is four times its limit. The energy of the force above 5 Hz gives it
-# away, and the gain falls until the oscillation ends.
+# The plate is ten times stiffer than the declared range, so the loop gain is four times its limit. The watch detects
+# the oscillation by the energy of the force above 5 Hz, and reduces the gain until the oscillation stops.
 
 # %%
 slow = [L.GuidePhase(2.0, force=(0.0, 0.0, -0.3)), L.GuidePhase(4.0, force=(0.5, 0.0, -3.0))]
@@ -109,8 +110,8 @@ figure
 # %% [markdown]
 # ## 5 The hand
 #
-# A stiff hand closes a loop too. A range of hands is tried by eigenvalues, and the energy at the handle is counted
-# over every window of a run: what the hand gets back must have been stored before.
+# A stiff hand closes a loop too. The eigenvalues are computed over a range of hands. In addition, the energy at the
+# handle is balanced over every window of a run: the hand may only get back energy that was stored before.
 
 # %%
 seen = L.hand_stability(L.SurfaceGains(), servo, L.HandRange(stiffness=(0.0, 800.0)))
@@ -126,8 +127,8 @@ figure
 # %% [markdown]
 # ## 6 A peg
 #
-# A peg 5 degrees off its hole: the torque turns it until there is none. About its own axis nothing holds it; it can
-# be locked.
+# A peg is inserted 5 degrees off the axis of its hole. The contact torque turns it until the torque vanishes. No
+# contact holds the peg about its own axis, so this rotation can be locked.
 
 # %%
 gains = L.SurfaceGains(
@@ -144,10 +145,10 @@ for about in ("free", "lock"):
     pegs[about] = L.study(hole, push, gains, turning, tool=fine, handle=grip, hands=None)
     peg = pegs[about]
     begin, end = np.rad2deg(peg.misalignment)
-    print(f"{about}: {begin:.2f} to {end:.2f} deg off; torque {1e3 * peg.largest_torque:.1f} to "
-          f"{1e3 * peg.last_torque:.2f} mN m; about the peg {np.rad2deg(peg.turned_about):.5f} deg")  # fmt: skip
+    print(f"{about}: misalignment {begin:.2f} to {end:.2f} deg, torque {1e3 * peg.largest_torque:.1f} to "
+          f"{1e3 * peg.last_torque:.2f} mN m, own rotation {np.rad2deg(peg.turned_about):.5f} deg")  # fmt: skip
     assert peg.last_torque < 0.05 * peg.largest_torque
-print("undetermined:", pegs["free"].undetermined)
+print("undetermined direction:", pegs["free"].undetermined)
 
 # %%
 figure = pegs["free"].figure("peg")
@@ -156,7 +157,7 @@ figure
 # %% [markdown]
 # ## Answer
 #
-# The stiffest contact to be met sets the gain, 0.4 of the limit there, and 2 N are held on all softer ones, also where
-# the surface is tilted. On a plate beyond the range the force oscillates for a moment, is seen, and the gain falls.
-# Hands of up to 800 N/m are all stable, the loop would bear 4.9 kN/m; over no window of the run the hand got back more
-# than was stored.
+# The stiffest expected contact sets the gain, at 0.4 of the limit for that contact. The 2 N are then held on all softer
+# contacts, also on a tilted surface. On a plate beyond the declared range the force oscillates for a moment, the watch
+# detects it, and the gain falls. All hands up to 800 N/m are stable; the loop would tolerate 4.9 kN/m. In no window of
+# the run did the hand get back more energy than was stored.

@@ -17,8 +17,9 @@
 #
 # **Two cameras on the wall calibrated a robot to 1.7 mm where a laser tracker reached 0.13 mm. Is it the pixels?**
 #
-# Dressler 2012, section 5.5, took pictures of a tool with five black squares at 282 poses. Neither pictures nor cameras
-# are published: everything here is **synthetic**, with its seed, and the cameras are those of our simulations.
+# Dressler (2012, section 5.5) took pictures of a tool with five black squares at 282 poses. Neither the pictures nor
+# the camera data are published: everything here is **synthetic**, with a stated seed, and the cameras are those of our
+# simulations.
 
 # %%
 # %matplotlib inline
@@ -45,21 +46,22 @@ def error(fit, scale=False):
 # %% [markdown]
 # ## 1 Robot and cameras at once
 #
-# Pixels of all corners and the closure equations of the links are one least-squares problem. Focal lengths, principal
-# points, distortion and places of the cameras are estimated with the robot; each pose is eliminated.
+# The pixels of all corners and the closure equations of the links form one least-squares problem. It estimates focal
+# lengths, principal points, distortion and camera poses together with the robot parameters; the pose of the tool in
+# each picture is eliminated.
 
 # %%
 joint = V.joint_fit(made.robot, fitted, made.cameras)
 low, high = joint.estimate.interval("left.cx")
-print(f"held out {error(joint):.3f} mm; principal point of the left camera {low:.1f} to {high:.1f} pixel")
+print(f"held-out error {error(joint):.3f} mm; left principal point, 95 % interval {low:.1f} to {high:.1f} pixel")
 assert error(joint) < 0.3
 assert low - 3 < 800 < high + 3
 
 # %% [markdown]
 # ## 2 In two steps, with cameras that are held wrong
 #
-# The thesis intersects positions first, with the lens as it was calibrated before. Let both principal points be 3
-# pixels off, in opposite directions.
+# The thesis first computes positions by intersection, with the lens parameters of an earlier calibration. Here both
+# principal points are wrong by 3 pixels, in opposite directions.
 
 # %%
 wrong = [
@@ -68,19 +70,20 @@ wrong = [
 ]
 held = V.RobotCameras(estimate=[], scale="actuators")
 two = V.two_step_fit(made.robot, fitted, wrong, held)
-print(f"held out {error(two):.2f} mm, {error(two, scale=True):.2f} mm once the scale is fitted to the tracker too")
-print("cameras whose residuals show it:", V.picture_map(fitted, two.residuals).fires() or "none")
+print(f"held-out error {error(two):.2f} mm, with the scale fitted to the tracker {error(two, scale=True):.2f} mm")
+print("cameras whose residuals reveal it:", V.picture_map(fitted, two.residuals).fires() or "none")
 assert 1.0 < error(two, scale=True) < 2.5
 assert V.picture_map(fitted, two.residuals).fires() == ()
 
 # %% [markdown]
-# Millimetres, and not a trace in the residuals: every corner is free, and the relative orientation gives way. The joint
-# fit with the same wrong cameras cannot give way so far, and its residuals are a map of the picture.
+# The error is millimetres, without a trace in the residuals: every corner is free, and the relative orientation of the
+# cameras absorbs the mistake. The joint fit with the same wrong cameras has less freedom to absorb it, so its residuals
+# depend on the position in the picture.
 
 # %%
 stiff = V.joint_fit(made.robot, fitted, wrong, held)
 test = V.picture_map(stiff.pictures, stiff.residuals)
-print(f"held out {error(stiff):.2f} mm; shown by {test.fires()}; along the radius alone p = {test.radius.round(3)}")
+print(f"held-out error {error(stiff):.2f} mm; revealed by {test.fires()}; radial test p = {test.radius.round(3)}")
 assert test.fires() == ("left", "right")
 
 # %%
@@ -89,18 +92,18 @@ from gtmodel.plot.cameras import residuals_figure
 p = stiff.pictures
 figure = residuals_figure(
     {name: (p.uv[p.camera == k], stiff.residuals[p.camera == k]) for k, name in enumerate(p.cameras)},
-    title="synthetic: principal points held 3 pixels wrong",
+    title="synthetic: principal points fixed 3 pixels off",
 )
 figure
 
 # %% [markdown]
 # ## 3 What the error will be, before a picture is taken
 #
-# The covariance of the fit says how far positions are off over the volume: ellipsoids of one standard deviation.
+# The covariance of the fit predicts the position error over the volume, as ellipsoids of one standard deviation.
 
 # %%
 predicted = V.predicted_positions(joint, unseen.actuators)
-print(f"predicted {1e3 * predicted.rms:.3f} mm rms, seen {error(joint):.3f} mm in the mean")
+print(f"predicted rms error {1e3 * predicted.rms:.3f} mm, actual mean error {error(joint):.3f} mm")
 assert error(joint) < 3e3 * predicted.rms
 
 # %%
@@ -116,7 +119,7 @@ figure
 places = V.CameraPlaces(baselines=[0.5, 1.5], distances=[2.4, 3.2])
 for place in V.camera_places(made.robot, replace(scene, counts=[4, 3, 3]), places):
     worth = place.why if place.predicted is None else f"{1e3 * place.predicted.rms:.3f} mm rms"
-    print(f"{place.baseline} m apart at {place.distance} m: {worth}")
+    print(f"baseline {place.baseline} m, distance {place.distance} m: {worth}")
 
 # %% [markdown]
 # ## 5 One picture counted from the other end
@@ -130,6 +133,7 @@ assert robust.wrong_pictures == ("pose 18 in left",)
 # %% [markdown]
 # ## Answer
 #
-# Hardly the pixels: a tenth of a pixel leaves a tenth of a millimetre here. A principal point that is held 3 pixels
-# wrong leaves millimetres, and two steps do not show it. That explains the printed 1.7 mm and does not prove it: the
-# pictures are not published. Estimate cameras with the robot, and look at residuals over the picture.
+# Hardly: a tenth of a pixel of noise leaves a tenth of a millimetre here. A principal point that is held at a value 3
+# pixels wrong leaves millimetres, and the fit in two steps does not reveal it. This could explain the published 1.7 mm,
+# but does not prove it, because the pictures are not published. Estimate the cameras together with the robot, and look
+# at the residuals over the picture.

@@ -17,10 +17,10 @@
 #
 # **Does the loop of Fig. 3.2 still work when all that is left of model, controller and robot are three archives?**
 #
-# In Dressler 2012, Fig. 3.2, an inverse model with filters runs beside the controller: the reference goes in, the motor
-# forces come out that move the carts along the filtered reference; feedback only takes what the model does not know.
-# Here each of the three becomes a functional mock-up unit (FMI), as a test bench or another simulator would take it,
-# and a few lines that know nothing of gtmodel's equations run them together.
+# In Dressler 2012, Fig. 3.2, an inverse model with filters runs next to the controller. Its input is the reference; its
+# outputs are the motor forces that move the carts along the filtered reference. Feedback only corrects what the model
+# does not predict. Here each of the three becomes a functional mock-up unit (FMI), as a test bench or another simulator
+# would use it. A few lines of code, independent of gtmodel's equations, run them together.
 
 # %%
 # %matplotlib inline
@@ -33,18 +33,18 @@ from matplotlib.figure import Figure
 import gtmodel as gt
 from gtmodel.robots.inverse_model import InverseModel
 
-H = 1e-3  # of the controller, s
+H = 1e-3  # period of the controller [s]
 place = Path(tempfile.mkdtemp())
 model = gt.robots.gantry_tau("l1_tape", inertia="model_2", velocity_scale=0.1)
-# 1 kg that the model does not know
+# the payload of 1 kg is unknown to the model
 robot = gt.robots.gantry_tau("l1_tape", inertia="model_2", velocity_scale=0.1, payload=1.0)
 
 # %% [markdown]
 # ## 1 Three archives
 #
-# The robot has states T and der(T); the inverse model has three lags for each cart, which make it causal; the
-# controller is a sampled block. Each is compared with the function it was made from, bit for bit, and FMPy's validator
-# reads it.
+# The robot has the states T and der(T). The inverse model has three lags for each cart, which make it causal. The
+# controller is a sampled block. Each unit is compared bit for bit with the function it was generated from, and passes
+# FMPy's validator.
 
 # %%
 HOME = [1.3, -0.5, 0.9]
@@ -75,7 +75,7 @@ class Feedback(gt.SampledBlock):
 
 
 class Desk(gt.Model):
-    """Where the block stands while it is made into a unit: inputs from nowhere."""
+    """Wraps the block for the export: its inputs become inputs of the unit."""
 
     model = gt.input(3, unit="N")
     error = gt.input(3, unit="m")
@@ -98,9 +98,9 @@ for unit in (plant, inverse, law):
 # %% [markdown]
 # ## 2 The loop
 #
-# Reference, inverse model, controller, robot: names of variables are all that the master knows. The reference moves the
-# carts by 5 cm within 0.2 s. The inverse model is stepped ten times as often as the controller: a reference that is
-# held over a whole period would meet its lags always at the same phase, which bends the forces.
+# The master connects reference, inverse model, controller and robot by variable names only. The reference moves the
+# carts by 5 cm within 0.2 s. The inverse model takes ten steps per controller period. A reference held constant over a
+# whole period would always meet the lags at the same phase, which distorts the forces.
 
 
 # %%
@@ -114,7 +114,7 @@ def three(name):
 
 
 def run(feedforward: bool, feedback: bool, seconds: float = 0.5):
-    """Times, filtered reference and carts."""
+    """Simulate the three units; return times, filtered reference and cart positions."""
     i, c, p = (gt.fmu.RunningUnit(u) for u in (inverse, law, plant))
     rows = []
     for n in range(round(seconds / H)):
@@ -141,7 +141,7 @@ runs = {
 }
 worst = {name: 1e3 * np.max(np.abs(rows[:, 1:4] - rows[:, 4:7])) for name, rows in runs.items()}
 for name, error in worst.items():
-    print(f"{name}: at most {error:.2f} mm beside the filtered reference")
+    print(f"{name}: largest distance from the filtered reference {error:.2f} mm")
 assert worst["both"] < 0.2 * worst["feedback alone"] and worst["both"] < 0.5 * worst["model alone"]
 
 # %%
@@ -149,34 +149,34 @@ figure = Figure(figsize=(7.5, 3.4), layout="constrained")
 axes = figure.subplots()
 for name, rows in runs.items():
     axes.semilogy(rows[:, 0], 1e3 * np.max(np.abs(rows[:, 1:4] - rows[:, 4:7]), axis=1) + 1e-4, label=name)
-axes.set(xlabel="time [s]", ylabel="worst cart beside the filtered reference [mm]", title="L1, three units (synthetic)")
+axes.set(xlabel="time [s]", ylabel="largest tracking error of a cart [mm]", title="L1, three units (synthetic)")
 axes.legend()
 figure
 
 # %% [markdown]
 # ## 3 Where it ends
 #
-# A unit never gives a number that is none. Pushed out of its workspace the robot's unit refuses the step.
+# A unit never returns NaN. Pushed out of its workspace, the robot's unit refuses the step.
 
 # %%
 unit = gt.fmu.RunningUnit(plant)
 unit.set(["tau[1]"], [4000.0])
-said = ""
+message = ""
 for _ in range(2000):
     try:
         unit.step(0.004)
     except gt.fmu.UnitStopped as stopped:
-        said = str(stopped)
+        message = str(stopped)
         break
-print(said)
-assert "stopped between" in said
+print(message)
+assert "stopped between" in message
 
 # %% [markdown]
 # ## 4 The robot's unit in the 4 ms loop
 #
-# The same archive can be what the C loop of a controller moves: the program is built with the model's functions and
-# talks EGM over datagrams to a simulated controller, behind which the unit stands. A servo, 40,000 N/m, makes forces of
-# the commanded positions. The law `dynamics` knows the servo and the model, not the 1 kg.
+# The same archive can be the plant behind a controller's C loop. The loop program is built with the functions of the
+# model, and sends EGM datagrams to a simulated controller, whose plant is the unit. A servo of 40,000 N/m converts
+# commanded positions into forces. The law `dynamics` knows the servo and the model, but not the payload of 1 kg.
 
 # %%
 functions = {"fk": model.causal(known="q", targets="T"), "inverse_dynamics": model.causal(known="T", targets="tau")}
@@ -197,7 +197,7 @@ loop = gt.loop.study(
     model, place / "code", motion, peer="egm", seconds=1.6, law="dynamics", in_lockstep=True, plant=moved
 )
 off, on = (run["tcp_rms_mm"] for run in loop.runs)
-print(f"{loop.plant}: rms error {off:.1f} mm by the reference alone, {on:.1f} mm with the model")
+print(f"{loop.plant}: rms error {off:.1f} mm with the reference alone, {on:.1f} mm with the model")
 assert loop.status.ok and on < 0.5 * off
 
 # %%
@@ -206,6 +206,7 @@ loop.figure("tracking")
 # %% [markdown]
 # ## Answer
 #
-# Yes. Three archives of 40 to 60 kB, run by a master that knows names only, do what the block diagram says: model and
-# feedback together stay nearer to the filtered reference than either alone, with a robot that is 1 kg
-# heavier than its model. And the archive of the robot is good enough a robot for the controller's own C program.
+# Yes. Three archives of 40 to 60 kB, run by a master that knows only variable names, do what the block diagram
+# describes. Model and feedback together follow the filtered reference more closely than either alone, although the
+# robot is 1 kg heavier than its model. And the archive of the robot can serve as the plant of the controller's own C
+# program.

@@ -1,7 +1,7 @@
 """A linear delta printer: three vertical towers, a carriage on each, an arm from each carriage to the nozzle.
 
-Geometry and names as Klipper documents them (Delta_Calibrate.md, kinematics/delta.py): what is here says the same as
-|T - c_k|^2 = arm_k^2 with the carriage joints c_k. Nominal numbers of the FLSun V400, rounded to full millimetres.
+Geometry and names follow Klipper (Delta_Calibrate.md, kinematics/delta.py). The closure equations are
+|T - c_k|^2 = arm_k^2 with the carriage joints c_k. Nominal dimensions of the FLSun V400, rounded to full millimetres.
 """
 
 import numpy as np
@@ -13,10 +13,10 @@ from gtmodel.mechanics import PointFrame
 class Tower(gt.Model):
     """A carriage that has travelled q down from its end stop, and the arm to `tip`."""
 
-    radius = gt.parameter(unit="m", positive=True, description="of the circle of the three towers")
-    angle = gt.parameter(unit="rad", description="where the tower stands on it, from x")
+    radius = gt.parameter(unit="m", positive=True, description="radius of the circle of the three towers")
+    angle = gt.parameter(unit="rad", description="angle of the tower on the circle, from x")
     arm = gt.parameter(unit="m", positive=True, description="length between the joints")
-    end = gt.parameter(unit="m", description="height of the nozzle with all carriages at such an end stop")
+    end = gt.parameter(unit="m", description="nozzle height with all carriages at an end stop of this height")
     q = gt.variable(unit="m", description="travel of the carriage, from the end stop down")
     tip = gt.port(PointFrame)
 
@@ -31,12 +31,12 @@ class Tower(gt.Model):
 class Delta(gt.Model):
     """Carriages q [m], nozzle T [m] above the bed: radius, three angles, arms and end stops.
 
-    With the nozzle in the middle an arm is sqrt(arm^2 - radius^2) high: T[2] = end - q there, for equal towers. The
-    angle of the third tower is the frame: it is not to be moved.
+    With the nozzle at the centre, the vertical extent of an arm is sqrt(arm^2 - radius^2), so T[2] = end - q for equal
+    towers. The angle of the third tower defines the frame, so it must stay fixed in a calibration.
     """
 
-    radius = gt.parameter(0.160, unit="m", positive=True, description="of the circle of the towers")
-    angle = gt.parameter(np.radians([210.0, 330.0, 90.0]), unit="rad", description="of the towers, from x")
+    radius = gt.parameter(0.160, unit="m", positive=True, description="radius of the circle of the towers")
+    angle = gt.parameter(np.radians([210.0, 330.0, 90.0]), unit="rad", description="angles of the towers, from x")
     arm = gt.parameter([0.345] * 3, unit="m", positive=True, description="lengths of the arms")
     end = gt.parameter([0.418] * 3, unit="m", description="heights of the nozzle at the end stops")
     q = gt.variable(3, unit="m", description="travels of the carriages, from their end stops down")

@@ -10,13 +10,13 @@ from gtmodel import der
 class Emps(gt.Model):
     """Carriage q [m] driven by tau [N]: tau = M q'' + F_v q' + F_c sign(q') + offset. For identification.
 
-    The numbers are those published with the data, by least squares on the inverse model.
+    The parameter values were published with the data; they come from least squares on the inverse model.
     """
 
-    M = gt.parameter(95.1089, unit="kg", positive=True, description="moved mass, motor's inertia included")
+    M = gt.parameter(95.1089, unit="kg", positive=True, description="moved mass, including the motor inertia")
     F_v = gt.parameter(203.5034, unit="kg/s", description="viscous friction")
     F_c = gt.parameter(20.3935, unit="N", description="Coulomb friction")
-    offset = gt.parameter(-3.1648, unit="N", description="force shown at standstill, and asymmetry of the friction")
+    offset = gt.parameter(-3.1648, unit="N", description="force offset at standstill, and asymmetry of the friction")
     q = gt.variable(unit="m", description="position of the carriage")
     tau = gt.input(unit="N", nominal=100.0, description="force of the drive")
 
@@ -30,9 +30,9 @@ class Emps(gt.Model):
 
 
 class ControlledEmps(Emps):
-    """The drive in its loops, from the reference qg [m]: tau = gain kv (kp (qg - q) - q'). For simulation.
+    """The drive with its control loops and reference qg [m]: tau = gain kv (kp (qg - q) - q'). For simulation.
 
-    The sign is smoothed by tanh(q' / velocity_scale), as simulation needs it.
+    The sign is smoothed by tanh(q' / velocity_scale), which a simulation needs.
     """
 
     gain = gt.parameter(35.15065188248547, unit="N/V", description="force per drive voltage")

@@ -1,6 +1,6 @@
-"""The hexapod of the Jugglebot project (Project-DeepBlue-Juggling/Jugglebot, MIT licence): six legs turned by motors.
+"""The hexapod of the Jugglebot project (Project-DeepBlue-Juggling/Jugglebot, MIT licence): six motor-driven legs.
 
-Nominal dimensions as published with its recordings.
+Nominal dimensions as published with the recordings.
 """
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy as np
 import gtmodel as gt
 from gtmodel.mechanics import Anchor, PointFrame, RigidPlate, Strut
 
-HEIGHT, BASE_RADIUS, PLATFORM_RADIUS = 0.565, 0.410, 0.219075  # m, with all legs run in
+HEIGHT, BASE_RADIUS, PLATFORM_RADIUS = 0.565, 0.410, 0.219075  # m, with all legs retracted
 REVOLUTIONS_PER_METRE = np.array([13.21144, 14.0456, 13.8233, 14.124109, 14.16007, 14.03256])
 
 
@@ -25,7 +25,7 @@ RUN_IN = np.linalg.norm(PLATFORM + np.array([0.0, 0.0, HEIGHT]) - BASE, axis=1)
 
 
 class Leg(gt.Model):
-    """A leg from the base joint A to `tip`; n motor revolutions bring it to the length L0 + c n."""
+    """A leg from the base joint A to `tip`; after n motor revolutions its length is L0 + c n."""
 
     A = gt.parameter(shape=3, unit="m", description="base joint")
     L0 = gt.parameter(unit="m", positive=True, description="length at zero revolutions, as homed")
@@ -44,15 +44,15 @@ class Leg(gt.Model):
 class Hexapod(gt.Model):
     """A platform on six legs: motor revolutions n, position T [m] and quaternion e of the platform, scalar first.
 
-    |T + R(e) B_k - A_k| = L0_k + c_k n_k, leg by leg: 18 + 18 + 6 + 6 parameters. Nominally base and platform lie
-    parallel, their centres above each other, and all legs run in at the height 565 mm.
+    |T + R(e) B_k - A_k| = L0_k + c_k n_k, leg by leg: 18 + 18 + 6 + 6 parameters. Nominally, with all legs retracted,
+    the platform is parallel to the base, centred above it at a height of 565 mm.
     """
 
     A = gt.parameter(BASE, unit="m", description="base joints, one row each")
     B = gt.parameter(PLATFORM, unit="m", description="platform joints from T, platform coordinates")
     L0 = gt.parameter(RUN_IN, unit="m", description="lengths at zero revolutions, as homed")
     c = gt.parameter(1 / REVOLUTIONS_PER_METRE, unit="m", description="lengths per revolution")
-    m = gt.parameter(1.0, unit="kg", positive=True, description="platform mass, an example of ours")
+    m = gt.parameter(1.0, unit="kg", positive=True, description="platform mass, an example value")
     n = gt.variable(6, unit="1", start=2.0, description="motor revolutions")
     T = gt.variable(3, unit="m", start=[0.0, 0.0, 0.73], prefer=1, description="platform centre")
     e = gt.variable(4, unit="1", start=[1.0, 0.0, 0.0, 0.0], prefer=-2, description="platform quaternion, scalar first")

@@ -1,4 +1,4 @@
-"""The inverse model of the L1 prototype with its filters, as Fig. 3.2 of Dressler 2012 runs it beside a controller."""
+"""The inverse model of the L1 prototype with its filters (Dressler 2012, Fig. 3.2)."""
 
 import gtmodel as gt
 from gtmodel.robots.inverse_model import InverseModel

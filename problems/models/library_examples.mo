@@ -1,6 +1,6 @@
-// Models made of components of the Modelica Standard Library, which is read from a folder: MODELICAPATH=/path/to/it
+// Models of components of the Modelica Standard Library, which is read from a folder: MODELICAPATH=/path/to/library
 package LibraryExamples
-  model LowPass "a resistor and a capacitor behind a voltage that is switched on"
+  model LowPass "a resistor and a capacitor, connected to a constant voltage at time 0"
     Modelica.Electrical.Analog.Sources.ConstantVoltage source(V = 10);
     Modelica.Electrical.Analog.Basic.Resistor resistor(R = 100);
     Modelica.Electrical.Analog.Basic.Capacitor capacitor(C = 1e-3, v(start = 0, fixed = true));
@@ -13,7 +13,7 @@ package LibraryExamples
     annotation(experiment(StopTime = 0.5));
   end LowPass;
 
-  model Drive "two inertias, with a spring and a damper between them, behind a torque"
+  model Drive "a torque on two inertias with a spring and a damper between them"
     Modelica.Blocks.Sources.Constant command(k = 10);
     Modelica.Mechanics.Rotational.Sources.Torque motor;
     Modelica.Mechanics.Rotational.Components.Inertia rotor(J = 1, phi(start = 0, fixed = true),
@@ -29,7 +29,7 @@ package LibraryExamples
     annotation(experiment(StopTime = 1));
   end Drive;
 
-  model Oscillator "a mass on a spring and a damper, let go"
+  model Oscillator "a mass on a spring and a damper, released from rest"
     Modelica.Mechanics.Translational.Components.Fixed wall(s0 = 0);
     Modelica.Mechanics.Translational.Components.SpringDamper spring(c = 50, d = 2, s_rel0 = 0);
     Modelica.Mechanics.Translational.Components.Mass mass(m = 2, s(start = 0.1, fixed = true),
@@ -40,7 +40,7 @@ package LibraryExamples
     annotation(experiment(StopTime = 1));
   end Oscillator;
 
-  model ControlLoop "a controller with an integral part, and a plant of second order as a transfer function"
+  model ControlLoop "a PI controller, and a second-order plant as a transfer function"
     Modelica.Blocks.Sources.Constant reference(k = 1);
     Modelica.Blocks.Math.Feedback error;
     Modelica.Blocks.Continuous.PI controller(k = 2, T = 0.5, initType = Modelica.Blocks.Types.Init.InitialState);

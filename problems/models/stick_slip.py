@@ -1,18 +1,18 @@
-"""A mass on a belt, held by a spring: it sticks until the spring pulls harder than static friction, and slips back."""
+"""A mass on a belt, held by a spring: it sticks until the spring force exceeds static friction, then slips back."""
 
 import gtmodel as gt
 
 
 class Belt(gt.Model):
-    """Static friction above the kinetic one; `slides` is -1 where the mass slips back against the belt, 0 where it
-    sticks to it, 1 where it runs ahead."""
+    """Static friction exceeds kinetic friction. `slides` is -1 if the mass is slower than the belt, 0 if it sticks, and
+    1 if it is faster."""
 
     m = gt.parameter(1.0, unit="kg", positive=True)
     k = gt.parameter(100.0, unit="N/m")
     belt = gt.parameter(0.1, unit="m/s", description="speed of the belt")
     static = gt.parameter(5.0, unit="N")
     kinetic = gt.parameter(3.0, unit="N")
-    x = gt.variable(unit="m", start=0.0, description="stretch of the spring")
+    x = gt.variable(unit="m", start=0.0, description="elongation of the spring")
     v = gt.variable(unit="m/s", start=0.1)
     force = gt.variable(unit="N", description="friction force of the belt on the mass")
     slides = gt.discrete(0.0)

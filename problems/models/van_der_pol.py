@@ -1,11 +1,11 @@
-"""The Van der Pol oscillator, first example of JModelica.org: least effort that brings it to rest."""
+"""The Van der Pol oscillator, first example of JModelica.org: brought to rest with minimum effort."""
 
 import gtmodel as gt
 from gtmodel import der
 
 
 class VanDerPol(gt.Optimization):
-    """int x1^2 + x2^2 + u^2 dt over 20 s with u <= 0.75, all without units."""
+    """Minimise int x1^2 + x2^2 + u^2 dt over 20 s with u <= 0.75; all quantities are dimensionless."""
 
     x1 = gt.variable(start=0.0, fixed=True)
     x2 = gt.variable(start=1.0, fixed=True)
