@@ -5,7 +5,8 @@ Engines: Model.causal (any causality), solve (optimal control), simulate, cgen.g
 Libraries, imported when first used: calibrate, cgen, compliance, control, filtering, fmu, identify, inference,
 kinematics, loop, measurements, mechanics, milling, modelica, motion, optimize, plot, results, robots, simulation,
 vibration, vision.
-load("problem.toml") gives the study that a problem file means, as a call on objects.
+load("problem.toml") gives the study that a problem file means, as a call on objects; load_robot("mine.toml") the model
+of a robot file; shipped("data/l1_synthetic.csv") the path of a file that comes with gtmodel.
 """
 
 import os as _os
@@ -77,7 +78,7 @@ if TYPE_CHECKING:
         simulate as simulate,
     )
 
-__all__ = ["load"]
+__all__ = ["load", "load_robot", "shipped"]
 
 
 def load(path: str | Path, *settings: str) -> Any:
@@ -95,6 +96,56 @@ def load(path: str | Path, *settings: str) -> Any:
     from .problem_files.run import call_of
 
     return call_of(path, settings)
+
+
+def load_robot(
+    robot: str | Path, *, inertia: str | None = None, smoothing: str | None = None, velocity_scale: float | None = None,
+    payload: float | None = None, **parameters: Any,
+) -> Any:  # fmt: skip
+    """The model of a robot that is named as in a problem file, such as a robot file of one's own.
+
+    Args:
+        robot: a robot file "mine.toml" or the parameters.toml of a calibration, "arm.urdf" or "arm.urdf:tip",
+            "file.py:Class", or a name of the catalogue. Paths start at the working directory.
+        inertia, smoothing, velocity_scale [m/s], payload [kg]: as in `gt.robots.gantry_tau`.
+        parameters: new values of the model's parameters, by name.
+
+    Raises InputError, with file, key and line. Parts of a URDF that are not used are a UserWarning.
+
+    >>> import gtmodel as gt
+    >>> type(gt.load_robot(gt.shipped("models/six_axis_arm.toml"))).__name__
+    'SerialArm'
+    """
+    from warnings import warn
+
+    from .problem_files.base import Context
+    from .problem_files.robots import resolve
+
+    context = Context(name="robot", notice=lambda sentence: warn(sentence, stacklevel=4))
+    return resolve(
+        str(robot), context, key="", parameters=parameters, inertia=inertia, smoothing=smoothing,
+        velocity_scale=velocity_scale, payload=payload,
+    )  # fmt: skip
+
+
+def shipped(name: str) -> Path:
+    """The path of a file that comes with gtmodel, below its folder `problems`: a problem, a model or data.
+
+    Raises FileNotFoundError if there is no such file.
+
+    >>> import gtmodel as gt
+    >>> gt.shipped("l1_min_time.toml").name
+    'l1_min_time.toml'
+    """
+    from ._files import problems_dir
+
+    path = problems_dir() / name
+    if not path.is_file():
+        from ._near import near
+
+        names = [p.relative_to(problems_dir()).as_posix() for p in problems_dir().rglob("*") if p.is_file()]
+        raise FileNotFoundError(f"gtmodel comes with no file '{name}'{near(name, names)}")
+    return path
 
 
 _public(__name__)

@@ -308,9 +308,7 @@ assert 0.6 < np.sqrt(middle / len(times)) / NOISE < 1.4
 # the names of the text.
 
 # %%
-from gtmodel._files import problems_dir
-
-shipped = problems_dir() / "models" / "van_der_pol.mop"
+shipped = gt.shipped("models/van_der_pol.mop")
 for name, item in gt.modelica.listing(shipped).items():
     print(f"{name:28} line {item['line']:>3}  {item['description']}")
 

@@ -27,7 +27,6 @@
 import numpy as np
 
 import gtmodel as gt
-from gtmodel._files import problems_dir
 
 # %% [markdown]
 # ## 1 Look first
@@ -36,7 +35,7 @@ from gtmodel._files import problems_dir
 # each guess.
 
 # %%
-log = gt.measurements.inspect(problems_dir() / "data" / "hexapod" / "108_calibration_poses.csv")
+log = gt.measurements.inspect(gt.shipped("data/hexapod/108_calibration_poses.csv"))
 print(log.message)
 for note in log.notes:
     print("-", note)

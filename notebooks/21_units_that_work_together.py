@@ -31,7 +31,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import gtmodel as gt
-from gtmodel.robots.inverse_model import InverseModel
 
 H = 1e-3  # period of the controller [s]
 place = Path(tempfile.mkdtemp())
@@ -53,7 +52,7 @@ plant = gt.fmu.export(
     robot.causal(known="tau", targets=["q", "der(q)"], prefer="T"), place / "robot.fmu", start={"T": HOME}, stop=0.2
 )
 inverse = gt.fmu.export(
-    InverseModel(robot=model).causal(known="reference", targets=["tau", "robot.q", "der(robot.q)"]),
+    gt.robots.InverseModel(robot=model).causal(known="reference", targets=["tau", "robot.q", "der(robot.q)"]),
     place / "inverse.fmu",
     start={f"filter[{k}].x": [q0[k]] * 3 for k in range(3)},
     stop=0.2,

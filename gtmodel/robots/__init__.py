@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         f1_rotation as f1_rotation,
     )
     from .f1_geometry import F1FiveDof as F1FiveDof, F1Rotation as F1Rotation
+    from .inverse_model import InverseModel as InverseModel
     from .kuka import (
         SphericalWristArm as SphericalWristArm,
         kr500 as kr500,
