@@ -41,6 +41,7 @@ def answering(context: typer.Context, as_json: bool, asked: str) -> Iterator[Ans
         with terminal.nothing_on_stdout() if as_json else nullcontext(), warnings.catch_warnings():
             if not context.obj:  # what NumPy remarks on the way stands, where it matters, in the status of the result
                 warnings.simplefilter("ignore", RuntimeWarning)
+                warnings.showwarning = lambda message, *_, **__: print(f"{asked}: {message}", file=sys.stderr)
             yield answer
     except (typer.Exit, BrokenPipeError):
         raise

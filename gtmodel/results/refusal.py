@@ -1,9 +1,12 @@
-"""The one refusal of all libraries."""
+"""The one refusal of all libraries, and the warning about an old name that is still read."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+
+NEXT_RELEASE = "0.4"  # it no longer reads the old names of this one
 
 
 class ArgumentError(ValueError):
@@ -25,6 +28,11 @@ class ArgumentError(ValueError):
 
     def __str__(self) -> str:
         return f"{self.argument}: {self.message}" if self.argument else self.message
+
+
+def renamed(old: str, new: str) -> None:
+    """Warn (FutureWarning, which Python shows to everybody) that an old key or argument is read for one release more."""
+    warnings.warn(f"{old} is called {new} now; version {NEXT_RELEASE} will not read the old name", FutureWarning, 4)
 
 
 @contextmanager

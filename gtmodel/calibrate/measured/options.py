@@ -10,7 +10,7 @@ import numpy as np
 
 from ...lang.units import UnitError, parse_unit
 from ...results.options import Long, Options, Unit, Within
-from ...results.refusal import ArgumentError
+from ...results.refusal import ArgumentError, renamed
 
 Free = Literal["estimate"]
 ESTIMATE: Free = "estimate"
@@ -71,6 +71,7 @@ class MeasuredSignal(Options):
             return
         if self.deviation is not None:
             raise ArgumentError("is the old name of deviation and stands beside it; leave one of the two out", "noise")
+        renamed("noise of a signal", "deviation")
         try:
             si = all(parse_unit(u).is_si for u in self._units)
         except UnitError:  # said when the columns are read

@@ -12,6 +12,7 @@ from ...inference import FALSE_ALARM, linear_fit
 from ...inference.covariance import carried
 from ...measurements.inspection.data_tests import Data, tested
 from ...results import ArgumentError, Estimate
+from ...results.refusal import renamed
 from ...results.suspicion import Inspection, Suspicion
 from ...results.trajectory_checks import Array
 from ..checks import columns_compared, leaves
@@ -196,8 +197,10 @@ def identify_friction(
     """
     pattern = np.atleast_2d(np.asarray(pattern, dtype=float))
     poses, carts = pattern.shape
-    old = ["copied_rows"] if "copied_runs" in accept else []  # its name in one release more
-    inspection = Inspection([*accept, *old])
+    if "copied_runs" in accept:
+        renamed("the alarm copied_runs", "copied_rows")
+        accept = [*accept, "copied_rows"]
+    inspection = Inspection(accept)
     check(runs, pattern, inspection)
     lines = tuple(_line(runs, cart, poses, symmetric) for cart in range(carts))
     names = lines[0].names
