@@ -26,7 +26,7 @@ SHAKEN := tests/robots/test_six_link.py::test_declared_branches_reach_the_invers
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test types pytest proof bench docs pictures conformance format schemas constraints clean
+.PHONY: help demo test types pytest proof bench docs dist pictures conformance format schemas constraints clean
 
 help:
 	@echo "make demo         solve the time-optimal motion of the L1 prototype, then generate and check its C code"
@@ -34,6 +34,7 @@ help:
 	@echo "make proof        long statistics, formal checks, and the notebooks and pages that make test leaves out"
 	@echo "make bench        benchmarks and rivals"
 	@echo "make docs         build the site, build/site/html/index.html, with all commands and notebooks run"
+	@echo "make dist         build wheel and source archive, install each into an empty environment and try it"
 	@echo "make conformance  solve the problems with known optima and write docs/conformance.md"
 	@echo "make pictures     draw docs/pictures anew, which README.md shows"
 	@echo "make format       bring the Python files into the form that make test asks for"
@@ -82,6 +83,10 @@ docs: $(VENV)/.docs
 	env -u PYTHONDONTWRITEBYTECODE $(ONE_THREAD) $(RUN) sphinx --quiet --fresh-env --write-all --fail-on-warning --keep-going --jobs $(JOBS) \
 	  -b html -d build/site/doctrees docs build/site/html
 	@echo "The site: build/site/html/index.html"
+
+# Wheel and source archive into dist/; what the release workflow runs.
+dist: | $(BIN)/python
+	tests/try_archives.sh $(BIN)/python
 
 conformance: $(VENV)/.dev
 	$(ONE_THREAD) $(BIN)/python docs/make_conformance.py

@@ -1,6 +1,6 @@
-"""Write conformance.md beside this file from tests/suites/conformance.toml and the solver: `make conformance`.
+"""Write docs/conformance.md from tests/suites/conformance.toml and the solver: `make conformance`.
 
-The data file is what the tests check; the table shows it beside what the solver gives.
+The tests check the data file; the table compares it with the solver's results.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ PAGE = HERE / "conformance.md"
 HEAD = """\
 # Conformance
 
-Does the optimiser find the right answer? Here are optimal control problems whose optimum is known from somewhere
-else: a closed form, a published value, or a value that another tool's own tests assert. Where it comes from another
-tool's test, it was computed again independently, without gtmodel, on the same mesh. Each row gives the known cost,
-the tolerance that a test holds it to, and what gtmodel finds. A simulation with a known answer stands at the end.
+Does the optimiser find the right answer? This page lists optimal control problems whose optimum is known
+independently: from a closed form, a published value, or the tests of another tool. Values from another tool's tests
+were recomputed on the same mesh without gtmodel. Each row gives the known cost, the tolerance of the test, and the cost
+that gtmodel finds. A simulation with a known answer is at the end.
 
-To repeat it: `make conformance` solves all of them and writes this page, in some seconds on any PC; no number here is
-a time, so that the machine does not matter. The rows are kept in `tests/suites/conformance.toml`, the problems in
-`tests/optimize/problems.py`, and `tests/optimize/test_conformance.py` checks them at every `make test`. The
-column *computed* has seven digits: those behind them depend on the processor and on the version of IPOPT.
+`make conformance` solves all problems in some seconds and writes this page. It contains no times, so it does not depend
+on the speed of the machine. The rows come from `tests/suites/conformance.toml`, the problems from
+`tests/optimize/problems.py`; `tests/optimize/test_conformance.py` checks them in every `make test`. The column
+*computed* has seven digits, because further ones depend on the processor and on the version of IPOPT.
 
-*Mesh*: elements x points, Radau unless it says gauss; a control polynomial per element, bounded at its points. *Known*:
-where the mesh is the same, so are the digits, to 1e-6; a value of the continuous problem, or one printed with few
-digits, has the tolerance that the mesh or the print loses. *Differs*: relative, rounded up to a power of ten,
-1e-07 at the least.
+*Mesh*: elements x points, Radau unless marked gauss; the control is a polynomial on each element, bounded at its
+points. *Known* and *within*: on the same mesh the values agree to 1e-6; for a value of the continuous problem, or one
+printed with few digits, the tolerance covers what the mesh or the print loses. *Differs*: relative, rounded up to a
+power of ten, at least 1e-07.
 
 """
-# relative: below it a cost depends on the processor and on the version of IPOPT
+# relative; smaller differences of a cost depend on the processor and on the version of IPOPT
 REPRODUCIBLE = 1e-7
 COLUMNS = ("problem", "class", "mesh", "options", "known", "within", "known from", "computed", "differs")
 
@@ -63,7 +63,7 @@ def _differs(found: float, known: float) -> str:
 
 
 def table(computed: list[float]) -> list[str]:
-    """Lines of the table for the costs that the solver found, in the order of the data file."""
+    """Lines of the table for the costs found by the solver, in the order of the data file."""
     lines = ["| " + " | ".join(COLUMNS) + " |", "|---|---|---|---|---:|---:|---|---:|---:|"]
     for row, value in zip(SUITE, computed, strict=True):
         cells = [*known_cells(row), f"{value:.7g}", _differs(value, row["objective"])]
@@ -80,7 +80,7 @@ def pendulum_distance(tolerance: float) -> float:
 
 
 def simulations() -> list[str]:
-    """Lines of the second table: what is simulated."""
+    """Lines of the second table, the simulations."""
     rows = tomllib.loads(DATA.read_text(encoding="utf-8"))["simulation"]
     lines = ["| simulation | integrator tolerance | against | within [m] |", "|---|---:|---|---:|"]
     lines += [f"| {r['problem']} | {r['tolerance']:g} | {r['source']} | {r['below']:g} |" for r in rows]
@@ -88,7 +88,7 @@ def simulations() -> list[str]:
 
 
 def main() -> int:
-    """Solve all rows and write the page; 1 where a row misses its tolerance, and the page stays as it was."""
+    """Solve all rows and write the page. If a row misses its tolerance, return 1 and leave the page unchanged."""
     computed = [solved(row).objective for row in SUITE]
     for row, value in zip(SUITE, computed, strict=True):
         if abs(value - row["objective"]) > row["relative"] * abs(row["objective"]):

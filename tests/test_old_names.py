@@ -10,7 +10,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel._lazy import _MOVED
-from tests.support.commands import command
+from tests.support.commands import Commands
 
 ROBOT = gt.robots.gantry_tau("l1_tape")
 SIGNALS = """
@@ -50,6 +50,6 @@ def test_an_old_alarm_is_accepted_and_warns() -> None:
 
 
 def test_the_command_line_says_it_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    done = command(capsys)("solve", "friction_l1", "--set", 'accept=["copied_runs"]')
+    done = Commands(capsys)("solve", "friction_l1", "--set", 'accept=["copied_runs"]')
     assert done.code == 0 and "friction_l1: the alarm copied_runs is called copied_rows" in done.err
     assert ".py" not in done.err  # the line of a program, as Python would show it

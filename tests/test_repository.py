@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import tomllib
 from pathlib import Path
@@ -15,6 +16,7 @@ from gtmodel._version import __version__
 CLONE = Path(__file__).resolve().parents[1]
 GITHUB = CLONE / ".github"
 FORMS = sorted(p for p in (GITHUB / "ISSUE_TEMPLATE").glob("*.yml") if p.name != "config.yml")
+WORKFLOWS = [".github/workflows/test.yml", ".github/workflows/release.yml"]
 PAGES = ["CONTRIBUTING.md", "SECURITY.md", "ARCHITECTURE.md", ".github/pull_request_template.md"]
 
 
@@ -84,6 +86,18 @@ def test_the_forge_runs_make_test_on_every_python_that_is_supported() -> None:
     assert jobs["publish"]["needs"] == ["test", "site"]
 
 
+def test_a_release_is_a_draft_of_the_archives_that_were_tried() -> None:
+    """The workflow runs the script that a person runs, and no release is made where it fails or the tag is another."""
+    workflow = read_yaml(".github/workflows/release.yml")
+    dist, release = workflow["jobs"]["dist"], workflow["jobs"]["release"]
+    commands = [s["run"] for s in dist["steps"] if "run" in s]
+    assert commands[-1].startswith("make dist ") and "pyproject.toml" in commands[0]
+    (recipe,) = re.findall(r"^dist:.*\n\t(\S+)", (CLONE / "Makefile").read_text(), re.MULTILINE)
+    assert os.access(CLONE / recipe, os.X_OK)
+    assert release["needs"] == "dist" and "--draft" in release["steps"][-1]["run"]
+    assert workflow["permissions"] == {"contents": "read"} and release["permissions"] == {"contents": "write"}
+
+
 def test_the_site_is_published_from_where_it_is_built() -> None:
     site = read_yaml(".github/workflows/test.yml")["jobs"]["site"]["steps"]
     (upload,) = [step for step in site if "upload-pages-artifact" in step.get("uses", "")]
@@ -110,7 +124,7 @@ def test_pages_name_commands_and_files_that_are_there(name: str) -> None:
         assert (CLONE / "tests" / test).is_file(), test
 
 
-@pytest.mark.parametrize("name", [*PAGES, "CITATION.cff", ".github/workflows/test.yml", ".pre-commit-config.yaml"])
+@pytest.mark.parametrize("name", [*PAGES, "CITATION.cff", *WORKFLOWS, ".pre-commit-config.yaml"])
 def test_no_page_names_a_machine_or_an_address_of_a_person(name: str) -> None:
     text = (CLONE / name).read_text(encoding="utf-8")
     assert not re.search(r"/home/|/root/|/Users/|\w@[\w-]+\.\w", text)

@@ -31,7 +31,7 @@ class ArgumentError(ValueError):
 
 
 def renamed(old: str, new: str) -> None:
-    """Warn (FutureWarning, which Python shows to everybody) that an old key or argument is read for one release more."""
+    """Warn that an old key or argument is read for one more release: a FutureWarning, which Python always shows."""
     warnings.warn(f"{old} is called {new} now; version {NEXT_RELEASE} will not read the old name", FutureWarning, 4)
 
 
