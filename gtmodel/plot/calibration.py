@@ -46,21 +46,25 @@ def pose_errors_figure(
     """Absolute positioning error per pose (Dressler 2012, Fig. 5.1).
 
     Args:
-        errors: name -> (N,) [m], drawn in one panel each, for they differ by powers of ten.
+        errors: name -> (N,) [m], one panel each on one scale, which is logarithmic if means differ by more than ten.
         worst: pose of the first ones to be marked.
         quantity: what they are errors of, along the axis.
     """
-    figure, panels = with_panels(8.0, 0.8 + 2.3 * len(errors), len(errors), title=title, sharex=True)
+    figure, panels = with_panels(8.0, 0.8 + 2.3 * len(errors), len(errors), title=title, sharex=True, sharey=True)
+    means = [float(np.nanmean(e)) for e in errors.values()]
+    logarithmic = max(means) > 10 * min(means) > 0
     for n, (axes, (name, e)) in enumerate(zip(panels, errors.items(), strict=True)):
         axes.plot(np.arange(1, len(e) + 1), 1e3 * e, ".-", color=COLOURS[n % len(COLOURS)], linewidth=0.6, markersize=4)
         axes.axhline(1e3 * float(np.nanmean(e)), color="0.4", linestyle="--", linewidth=0.8)
-        axes.set(ylabel=quantity, ylim=(0, None))
+        axes.set(ylabel=quantity, yscale="log" if logarithmic else "linear")
         said = f"{name}: mean {1e3 * float(np.nanmean(e)):.3g} mm (dashed)"
         if n == 0 and worst is not None:
             axes.plot(worst + 1, 1e3 * e[worst], "o", markersize=8, markerfacecolor="none", markeredgecolor="black")
             said += f", largest {1e3 * float(e[worst]):.3g} mm (circle)"
         axes.set_title(said, loc="left")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    if not logarithmic:
+        panels[0].set_ylim(bottom=0.0)
     panels[-1].set_xlabel("pose, in the order of the data")
     return figure
 
