@@ -23,6 +23,12 @@ class NumberedStatus(enum.IntEnum):
         member.message = sentence
         return member
 
+    def __str__(self) -> str:
+        return self.name
+
+    def __format__(self, spec: str) -> str:
+        return int.__format__(self, spec) if spec else self.name
+
     @property
     def ok(self) -> bool:
         """True for 0."""
@@ -38,6 +44,8 @@ class Status(NumberedStatus):
 
     >>> gt.Status(1)
     <Status.OUT_OF_RANGE: 1>
+    >>> print(gt.Status(1))
+    OUT_OF_RANGE
     >>> gt.Status.OUT_OF_RANGE.message
     'the input lies outside the range where a solution exists'
     >>> gt.Status.OK.ok, gt.Status.OUT_OF_RANGE.ok
