@@ -4,7 +4,7 @@ study, CalibrationStudy   calibrate a robot: check the readings, fit, predict he
 Fit, Known                which parameters are free, and prior knowledge of them
 MeasuredPoses, read_poses, Measured, MeasuredSignal, MeasuredPoint, FrameStart, Sag   measured poses and the columns of
                                    their file
-Refit                     parameters of a held-out recording: refitted on some of its poses, judged on the rest
+Refit                     parameters specific to a held-out recording: refitted on some of its poses, judged on the rest
 Synthetic, made_poses     synthetic measurements of a robot with known errors
 CartPoints, read_cart_points   guideways through measured points
 Origin                    where the robot model comes from, for the file of the calibrated robot

@@ -54,7 +54,7 @@ def study(
             their noise, and each is judged separately.
         fit: free parameters and cost; by default all parameters and length errors.
         held_out: every n-th pose is held out of the fit; 0 for none. Ignored if the poses mark held-out ones.
-        refit: parameters that a held-out recording has for itself: fitted on some of its poses, judged on the others.
+        refit: parameters specific to a held-out recording: fitted on some of its poses, judged on the others.
         method: "every" holds out poses as `held_out` says. For few poses: "leave_one_out" fits all poses and predicts
             each with a fit without it; "folds" does so with this number of `folds`.
         carts: guideways through measured points.

@@ -22,7 +22,7 @@ from ..lang.source import ModelError
 class Closure:
     """Residuals (m,) that vanish on a perfect robot, in `symbols` of the known and latent variables and in flat.p.
 
-    `labels` per row: the component that declares the equation, such as "arm[0].rod", numbered if it declares several.
+    `labels` per row: the component that declares the equation, such as "arm[0].rod", "tool x" or, numbered, "leg 2".
     `touched`: indices in flat.parameters of the parameters in the rows. `unit`: known or latent quaternions whose unit
     length is an equation of the model. `lengths` (m,): residuals a == b^2 written as sqrt(a) - b if b is a parameter
     or a variable that a branch declares positive. For rods and struts this is the distance of their joints less their
@@ -43,8 +43,8 @@ class Closure:
 def closure_equations(model: Model | Builder | FlatModel, known: Sequence[str], latent: Sequence[str] = ()) -> Closure:
     """Return the equations in parameters, `known` and `latent` variables, with all other variables eliminated.
 
-    A variable that occurs alone in an equation with a constant factor is eliminated, step by step; so go variables of
-    frames, joints and plate points. Left out are equations with derivatives (forces), conditions on known values alone,
+    A variable that occurs alone in an equation with a constant factor is eliminated, step by step: for example
+    variables of frames, joints and plate points. Left out are equations with derivatives (forces), conditions on known values alone,
     and the unit length of a latent quaternion. `latent` variables were not measured and have one value per pose.
 
     Raises ModelError for an unknown name, for a derivative, or if nothing closes; the message says what to measure.
@@ -87,7 +87,7 @@ def closure_equations(model: Model | Builder | FlatModel, known: Sequence[str], 
         flat, tuple(known), tuple(latent),
         {n: ca.vertcat(*[flat.scope.symbol(i, 0) for i in indices]) for n, indices in groups.items()},
         ca.vertcat(*[r for _, r, _ in rows]), ca.vertcat(*[length for *_, length in rows]),
-        _labels(flat, [e for e, *_ in rows]), tuple(sorted(touched)), tuple(unit),
+        _labels(flat, [e for e, *_ in rows], positive), tuple(sorted(touched)), tuple(unit),
     )  # fmt: skip
 
 
@@ -137,9 +137,17 @@ def _solved(flat: FlatModel, equation: FlatEquation, index: int) -> ca.SX | None
     return -at_zero / float(factor)
 
 
-def _labels(flat: FlatModel, equations: list[FlatEquation]) -> tuple[str, ...]:
+def _labels(flat: FlatModel, equations: list[FlatEquation], positive: set[int]) -> tuple[str, ...]:
+    """The component of each equation: with x, y, z for the three of a vector, numbered for several others."""
     paths = [e.component or flat.title for e in equations]
-    return tuple(p if paths.count(p) == 1 else f"{p} {paths[: k + 1].count(p)}" for k, p in enumerate(paths))
+    groups = {p: [e for e, q in zip(equations, paths, strict=True) if q == p] for p in paths}
+    ends: dict[str, Sequence[str | int]] = {p: range(1, len(group) + 1) for p, group in groups.items()}
+    for p, group in groups.items():
+        vector = len(group) == 3 and len({e.where for e in group}) == 1
+        if vector and all(_rooted(e.residual, positive) is e.residual for e in group):
+            ends[p] = "xyz"
+    counts = [paths[:k].count(p) for k, p in enumerate(paths)]
+    return tuple(p if len(groups[p]) == 1 else f"{p} {ends[p][k]}" for p, k in zip(paths, counts, strict=True))
 
 
 def _nothing_closes(

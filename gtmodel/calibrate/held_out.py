@@ -1,5 +1,5 @@
 """Are poses outside the fit predicted as well as a sound model would predict them? Held-out poses, cross-validation,
-and recordings with parameters for themselves."""
+and recordings with specific parameters."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class Prediction:
 
     @property
     def worst(self) -> int:
-        """The pose with the greatest error."""
+        """The pose with the largest error."""
         return int(np.nanargmax(self.sizes))
 
     def principal(self) -> tuple[np.ndarray, np.ndarray]:

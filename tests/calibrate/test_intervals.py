@@ -39,7 +39,7 @@ def test_guideway_errors_are_seen_in_the_order_of_their_own_positions() -> None:
     v = shipped("l1").values
     assert not v["intervals_hold"] and all(u["interval_95"] is None and u["std"] > 0 for u in v["unknowns"])
     for arm in range(3):
-        assert any(f"arm[{arm}].rod, poses in the order by q[{arm}]" in s for s in v["notes"])
+        assert any(f"arm[{arm}].rod, poses ordered by q[{arm}]" in s for s in v["notes"])
     rows = [row for row in shipped("l1").rows if "95 %" in row.label]
     assert rows == [] and "no 95 % intervals" in str(shipped("l1").files["parameters.toml"])
 
@@ -57,7 +57,7 @@ def test_an_interval_is_given_by_name_where_it_holds() -> None:
 
 def test_an_interval_that_does_not_hold_is_refused_with_its_reason() -> None:
     done = shipped("l1")
-    with pytest.raises(ArgumentError, match="no 95 % intervals hold: such residuals are no independent noise"):
+    with pytest.raises(ArgumentError, match="95 % intervals are not valid: the residuals are not independent"):
         done.interval("L[0]")
     assert done.estimate is None and done.withheld == done.notes[-1]
     with pytest.raises(ArgumentError, match="nothing was estimated"):

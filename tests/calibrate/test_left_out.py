@@ -82,12 +82,12 @@ class TestStudy:
         )
         assert s.checks["held_out_over_fitted"].value == pytest.approx(left.judged.ratio, rel=1e-6)
         assert s.prediction_proven and s.verdict is not None
-        assert s.verdict[-1].startswith("prediction proven on 10 poses left out in turn: mean 0.0")
+        assert s.verdict[-1].startswith("prediction proven on 10 poses by cross-validation: mean 0.0")
         assert s.files["poses.csv"].count("left out in turn") == 10
 
     def test_folds_and_an_effect_that_is_lacking(self) -> None:
         s, _ = self.solved("folds", 5)
-        assert s.verdict is not None and "10 poses left out in turn in 5 folds" in s.verdict[-1]
+        assert s.verdict is not None and "10 poses by cross-validation in 5 folds" in s.verdict[-1]
         wrong, _ = self.solved("folds", 5, effect=5.0)
         assert wrong.prediction_proven is False
 

@@ -211,10 +211,10 @@ def test_a_pose_that_cannot_be_closed_is_named(delta, recorded):
 
 def test_what_does_not_go_together_gets_a_sentence(delta, recorded):
     heights, bars = recorded
-    with pytest.raises(gt.ModelError, match=r"cost 'length' needs all lengths, and T is latent; take 'forward'"):
+    with pytest.raises(gt.ModelError, match=r"cost 'length' needs all lengths, but T is latent; choose 'forward'"):
         calibrate(delta, heights, MOVED)
     bare = Measurements(heights.values, name="heights")
-    with pytest.raises(gt.ModelError, match=r"weighed by their noise: give that of T\[2\] of heights"):
+    with pytest.raises(gt.ModelError, match=r"weighted by their noise: state that of T\[2\] of heights"):
         calibrate(delta, [bare, bars], MOVED, cost="forward")
     gap = Measurements({**heights.values, "q@3": heights.values["q"]})
     with pytest.raises(gt.ModelError, match="numbered from 1 without gaps; found 1, 3"):

@@ -115,7 +115,7 @@ def test_a_wire_alone_is_not_approved_and_with_known_guideways_it_is(plan: Plann
     done = plan(wire, poses=poses)
     assert done.status is SolveStatus.CHECK_FAILED and not done.approved
     assert (done.rank, done.parameters) == (18, 21)
-    assert "moves with what no pose determines" in done.message and done.predicted_error is None
+    assert "depends on combinations that no pose determines" in done.message and done.predicted_error is None
     assert None in done.parameter_std.values()
     held = plan(wire, choice=Choice(fixed=["A"]), poses=poses, simulation=TWO, criteria=accuracy(1.0))
     assert held.approved and held.rank == held.parameters == 12

@@ -169,7 +169,7 @@ def test_one_distance_leaves_three_turns_open_and_one_coordinate_two_directions(
     free = Choice(fixed=("device_at",))
     info = pose_information(prepare(seen_by_distance(l1(), at), wire, free, latent=("T",)))
     assert info.rows.shape[1] == 1 and info.rank == 18  # a turn about the device changes no distance
-    with pytest.raises(gt.ModelError, match="moves with what no pose determines"):
+    with pytest.raises(gt.ModelError, match="depends on combinations that no pose determines"):
         workspace().errors(info)
     assert all(np.isinf(s) for n, s in info.std().items() if n.startswith("A["))
     gauge = Measurements({"q": q, "height": T[:, 0]}, {"q": 1e-5, "height": 1e-5})
@@ -189,7 +189,7 @@ def test_wrong_calls_get_a_sentence():
     info = grid_information((4, 3, 3))
     with pytest.raises(gt.ModelError, match=r"5 poses with 3 equations each cannot determine 21 .*take at least 7"):
         exchange(info, 5, "D")
-    with pytest.raises(gt.ModelError, match="40 poses are asked for of 36 candidates"):
+    with pytest.raises(gt.ModelError, match="40 poses from 36 candidates"):
         condition_removal(info, 40)
     with pytest.raises(gt.ModelError, match="no criterion 'A'; these are: D, E, I"):
         exchange(info, 10, "A")  # pyright: ignore

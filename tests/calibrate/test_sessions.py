@@ -75,7 +75,7 @@ def test_the_sag_is_estimated_given_or_said_to_be_unknown(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("how", "sentence"),
     [
-        ({"frame": "device", "device_per_session": True}, "name the column that says the recording"),
+        ({"frame": "device", "device_per_session": True}, "name the column with the recording"),
         ({"sag": Sag("weight")}, "weight"),
         ({"sag": Sag(1.0, down=[0.0, 0.0, 0.0])}, "points nowhere"),
     ],

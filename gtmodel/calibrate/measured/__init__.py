@@ -3,7 +3,7 @@
 Measured, MeasuredSignal, MeasuredPoint, FrameStart, Sag   columns of a file; frames and points of device and robot
 read_poses        the poses of a CSV file
 MeasuredPoses     poses with information about their file
-Refit             parameters that a held-out recording has for itself
+Refit             parameters specific to a held-out recording
 CartPoints, read_cart_points   guideways through measured points of the carts
 """
 

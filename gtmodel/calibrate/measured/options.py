@@ -198,7 +198,7 @@ class Measured(Options):
 
 @dataclass(frozen=True)
 class Refit(Options):
-    """Parameters that a held-out recording has for itself: fitted on some of its poses, judged on the others.
+    """Parameters specific to a held-out recording: fitted on some of its poses, judged on the others.
 
     >>> gt.calibrate.Refit(["offset", "device"], every=4).every  # the first of every four poses refits them
     4

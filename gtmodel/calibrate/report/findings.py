@@ -40,7 +40,7 @@ class CalibrationFindings:
     of the calibrated model on these poses; `a_priori`: of the nominal robot on the held-out poses or, without any, the
     fitted ones. Empty if no pose closes. `repeatability`: rms distance [m] of poses at the same actuators from their
     mean, or None. `beside`: findings of other measurements fitted together with these. `refitted`: the calibration
-    with the parameters that the held-out recording has for itself; `kept`: its poses, read with these. `left_out`: the
+    with the parameters specific to the held-out recording; `kept`: its poses, read with these. `left_out`: the
     cross-validation, if any; `held_out` are then its errors, of all poses. `near`: unknowns held near their start
     values because some poses did not close otherwise.
     """
@@ -106,7 +106,7 @@ class CalibrationFindings:
     @cached_property
     def over_noise(self) -> OverNoise | None:
         """Errors of fitted and held-out poses against the stated noise; None if not stated or no degree of freedom is
-        left. If the held-out recording has parameters for itself, of the fitted poses only. With several measurements,
+        left. With parameters specific to the held-out recording, of the fitted poses only. With several measurements,
         of the signals with stated noise, apart from the actuators."""
         c = self.calibration
         if c.estimate is not None and not c.estimate.known_noise:
@@ -130,7 +130,7 @@ class CalibrationFindings:
 
     @property
     def _unseen(self) -> list[CalibrationProblem]:
-        """The problems of the held-out poses; none if these have parameters for themselves."""
+        """The problems of the held-out poses; none if they have specific parameters."""
         parts = () if self.refitted is not None else self.parts
         return [p.calibration.problem.on(p.kept) for p in parts if p.kept is not None]
 
