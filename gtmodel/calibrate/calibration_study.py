@@ -89,11 +89,11 @@ def study(
     in_turn = [] if method == "every" else _in_turn(data, folds if method == "folds" else None)
     work.progress("checking the poses", 0.3)
     witnesses = [witness_of(plain, d) for d in data]
-    placed = []
+    frames = []
     for k, (d, w) in enumerate(zip(data, witnesses, strict=True)):
         with _among(data, k):
-            placed.append(recognise_sessions(d, w, inspection))
-    data = [d.with_device(p) if p and d.pose.device_start is None else d for d, p in zip(data, placed, strict=True)]
+            frames.append(recognise_sessions(d, w, inspection))
+    data = [d.with_device(p) if p and d.pose.device_start is None else d for d, p in zip(data, frames, strict=True)]
     title = work.title or f"calibration of {origin.name}"
     if any(d.synthetic for d in data) and "synthetic" not in title.lower():
         title += " (synthetic)"
@@ -103,7 +103,7 @@ def study(
     ready = prepared(fit, robot, data, carts, on_points)
     if len(data) > 1:
         _look_at_each(data, ready, witnesses, inspection)
-    before = [a_priori(d, w, p) for d, w, p in zip(data, witnesses, placed, strict=True)]
+    before = [a_priori(d, w, p) for d, w, p in zip(data, witnesses, frames, strict=True)]
     findings = findings_of(fit, data, ready, before, work.interrupted, inspection, refit, in_turn)
     c = findings.calibration
     # columns can be checked by the fit if all lengths are known pose by pose, and something was fitted

@@ -44,8 +44,9 @@ def closure_equations(model: Model | Builder | FlatModel, known: Sequence[str], 
     """Return the equations in parameters, `known` and `latent` variables, with all other variables eliminated.
 
     A variable that occurs alone in an equation with a constant factor is eliminated, step by step: for example
-    variables of frames, joints and plate points. Left out are equations with derivatives (forces), conditions on known values alone,
-    and the unit length of a latent quaternion. `latent` variables were not measured and have one value per pose.
+    variables of frames, joints and plate points. Left out are equations with derivatives (forces), conditions on known
+    values alone, and the unit length of a latent quaternion. `latent` variables were not measured and have one value
+    per pose.
 
     Raises ModelError for an unknown name, for a derivative, or if nothing closes; the message says what to measure.
 
@@ -110,9 +111,9 @@ def _propagated(
     done = set(known)
     waiting = [(e, {i for i, _ in flat.scope.symbols_in(e.residual)} - done) for e in equations]
     order: list[tuple[ca.SX, ca.SX]] = []
-    moved = True
-    while moved:
-        moved = False
+    progress = True
+    while progress:
+        progress = False
         remaining: list[tuple[FlatEquation, set[int]]] = []
         for e, unknown in waiting:
             unknown -= done
@@ -122,7 +123,7 @@ def _propagated(
                 continue
             order.append((flat.scope.symbol(next(iter(unknown)), 0), solved))
             done |= unknown
-            moved = True
+            progress = True
         waiting = remaining
     return order, waiting
 
@@ -177,12 +178,12 @@ def _missing(
 
 def _overdetermined(rest: list[tuple[FlatEquation, set[int]]]) -> set[int]:
     """Unknowns in more remaining equations than they need: the measured values are redundant here."""
-    left = [u for _, u in rest if u]
-    unknown = sorted({i for u in left for i in u})
+    remaining = [u for _, u in rest if u]
+    unknown = sorted({i for u in remaining for i in u})
     column = {j: k for k, j in enumerate(unknown)}
-    entries = {(row, column[j]): 0 for row, u in enumerate(left) for j in u}
-    over, _ = overdetermined_and_underdetermined(len(left), len(unknown), entries)
-    return {j for row in over for j in left[row]}
+    entries = {(row, column[j]): 0 for row, u in enumerate(remaining) for j in u}
+    over, _ = overdetermined_and_underdetermined(len(remaining), len(unknown), entries)
+    return {j for row in over for j in remaining[row]}
 
 
 def _declared_positive(flat: FlatModel, alias: AliasResult) -> set[int]:
@@ -226,14 +227,14 @@ def closed_start(equations: ca.SX, d: ca.SX, latent: ca.SX, data: np.ndarray) ->
     spread = np.ptp(data, axis=1)
     places = (data / np.where(spread > 0, spread, 1.0)[:, None]).T
     for rank in range(NEIGHBOURS):
-        lost, closed = np.flatnonzero(~good), np.flatnonzero(good)
-        if not len(lost) or len(closed) <= rank:
+        unclosed, closed = np.flatnonzero(~good), np.flatnonzero(good)
+        if not len(unclosed) or len(closed) <= rank:
             break
-        distances = np.linalg.norm(places[lost, None] - places[None, closed], axis=2)
+        distances = np.linalg.norm(places[unclosed, None] - places[None, closed], axis=2)
         near = closed[np.argsort(distances, axis=1, kind="stable")[:, rank]]
-        again, rest = _levenberg(f, data[:, lost], z[near])
-        better = rest < residual[lost]
-        z[lost[better]], residual[lost[better]] = again[better], rest[better]
+        restarted, rest = _levenberg(f, data[:, unclosed], z[near])
+        better = rest < residual[unclosed]
+        z[unclosed[better]], residual[unclosed[better]] = restarted[better], rest[better]
         good = residual <= LEFT
     return z
 

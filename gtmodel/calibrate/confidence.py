@@ -119,15 +119,15 @@ def _share(problem: CalibrationProblem, f: Fitted, loss: Loss, width: float) -> 
 
 def _members(fits: Sequence[Fitted], part: int) -> list[tuple[int, int]]:
     """Indices of the fits, and of their members, for one of the measurements."""
-    return [(a, k) for a, f in enumerate(fits) for k, own in enumerate(f.rows.parts) if own == part]
+    return [(a, k) for a, f in enumerate(fits) for k, owner in enumerate(f.rows.parts) if owner == part]
 
 
 def _side_by_side(
     problem: CalibrationProblem, fits: Sequence[Fitted], values: Sequence[list[np.ndarray]]
 ) -> list[np.ndarray]:
     """Residuals (N, k) of each of the measurements, with all its blocks side by side."""
-    return [np.hstack([values[a][k] for a, k in _members(fits, p)] or [np.zeros((len(own.measurements), 0))])
-            for p, own in enumerate(problem.parts)]  # fmt: skip
+    return [np.hstack([values[a][k] for a, k in _members(fits, p)] or [np.zeros((len(member.measurements), 0))])
+            for p, member in enumerate(problem.parts)]  # fmt: skip
 
 
 def _by_size(shares: Sequence[_Share], psi: np.ndarray, degrees_of_freedom: float) -> np.ndarray:
@@ -162,7 +162,7 @@ def _by_stated_noise(
     The squares sum to `degrees_of_freedom` on average. Noise e leaves e - J G'e; its expected squares are those of e
     less what the fit took, which differs from the number of unknowns if the cost has other weights than the noise.
     """
-    sums, taken = _Moments(shares), 0.0
+    sums, absorbed = _Moments(shares), 0.0
     grams = [np.zeros((s.T.shape[1],) * 2) for s in shares]  # sums of rows in units of their noise
     whole: list[np.ndarray] = []
     for p, own_problem in enumerate(problem.parts):
@@ -186,13 +186,13 @@ def _by_stated_noise(
                 size = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
                 size = np.where(size > 0, size, 1.0)
                 shared = V / size[..., None]
-                taken += float(np.sum(shared * ((covariance @ V) / size[..., None]))) / shares[a].sharp
+                absorbed += float(np.sum(shared * ((covariance @ V) / size[..., None]))) / shares[a].sharp
                 grams[a] += (flat := shared.reshape(-1, shared.shape[2])).T @ flat
                 sizes.append(size)
         rows = len(members)
         whole.append(np.hstack([np.concatenate(sizes[k::rows]) for k in range(rows)]) if rows else np.zeros((N, 0)))
     C = sums.covariance()
-    expected = sum(size.size for size in whole) - 2 * taken
+    expected = sum(size.size for size in whole) - 2 * absorbed
     expected += sum(float(np.sum(C[w, w] * m)) for w, m in zip(sums.widths, grams, strict=True))
     raw = _side_by_side(problem, fits, [s.r for s in shares])
     scaled = [r / size for r, size in zip(raw, whole, strict=True)]

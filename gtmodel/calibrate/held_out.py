@@ -84,10 +84,10 @@ def pose_covariances(
     """Covariances of all position errors at fitted (3 N, 3 N) and held-out poses (3 M, 3 M), for unit pose noise."""
     J, B, pose = closure_jacobians(c.problem, signal, c.x)
     K, Bk, _ = closure_jacobians(c.problem.on(kept), signal, c.x)
-    own = [n for n in c.problem.reading.places if n != c.problem.actuators]
-    if any(n not in fitted for n in own):
-        raise ModelError(f"the errors of {', '.join(n for n in own if n not in fitted)} are not known")
-    errors = np.hstack([fitted[n] for n in own])
+    signals = [n for n in c.problem.reading.places if n != c.problem.actuators]
+    if any(n not in fitted for n in signals):
+        raise ModelError(f"the errors of {', '.join(n for n in signals if n not in fitted)} are not known")
+    errors = np.hstack([fitted[n] for n in signals])
     errors = errors[np.all(np.isfinite(errors), axis=1)]
     S = errors.T @ errors
     S /= np.trace(S)
@@ -108,15 +108,15 @@ def pose_covariances(
     by_prior = inverse @ prior.T * noise
     C += by_prior @ by_prior.T
     first = c.problem.reading.places[signal]
-    at = [pose.index(k) for k in range(first.start, first.stop)]
-    moves, others = (-np.linalg.solve(b, j * u.sizes)[:, at] for b, j in ((B, J), (Bk, K)))
+    columns = [pose.index(k) for k in range(first.start, first.stop)]
+    moves, others = (-np.linalg.solve(b, j * u.sizes)[:, columns] for b, j in ((B, J), (Bk, K)))
     P, H = moves.reshape(-1, len(u.names)), others.reshape(-1, len(u.names))
-    own = S[np.ix_(at, at)]
-    by_noise = np.concatenate([g @ S[:, at] for g in gain], axis=1)
+    noise = S[np.ix_(columns, columns)]
+    by_noise = np.concatenate([g @ S[:, columns] for g in gain], axis=1)
     # model less measured: the move by the parameters, less the noise
     cross = P @ by_noise
-    fit = np.kron(np.eye(len(J)), own) - cross - cross.T + P @ C @ P.T
-    return fit, np.kron(np.eye(len(K)), own) + H @ C @ H.T
+    fit = np.kron(np.eye(len(J)), noise) - cross - cross.T + P @ C @ P.T
+    return fit, np.kron(np.eye(len(K)), noise) + H @ C @ H.T
 
 
 def _priors(c: Calibration, B: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, float]:
@@ -206,23 +206,23 @@ def leave_out(
     chosen = tuple(folds_of(len(m)) if folds is None else folds)
     fitted = c.positioning_errors()
     errors = {n: np.full_like(e, np.nan) for n, e in fitted.items()}
-    held, ends = np.zeros(2), []
+    moments, ends = np.zeros(2), []
     for fold in chosen:
         if stop():
             raise ArgumentError(f"stopped after {len(ends)} of {len(chosen)} refits", "stop")
         rest = m.part(np.setdiff1d(every, fold))
         try:
-            again = calibrate(c.problem.on(rest), cost=c.cost, loss=loss, width=width, limit=limit, confidence=False)
+            result = calibrate(c.problem.on(rest), cost=c.cost, loss=loss, width=width, limit=limit, confidence=False)
         except (ModelError, ValueError) as error:
             raise ArgumentError(f"without {len(fold)} of {len(m)} poses: {error}", "folds") from error
-        ends.append(again.status.ok)
-        if not again.status.ok:
+        ends.append(result.status.ok)
+        if not result.status.ok:
             continue
         kept = m.part(fold)
-        for name, values in again.positioning_errors(kept).items():
+        for name, values in result.positioning_errors(kept).items():
             errors[name][fold] = values
-        held += _moments(again, kept, fitted, signal)
-    return PosesLeftOut(errors, chosen, _judged(c, fitted, errors, held, signal, correlated, false_alarm, matters))
+        moments += _moments(result, kept, fitted, signal)
+    return PosesLeftOut(errors, chosen, _judged(c, fitted, errors, moments, signal, correlated, false_alarm, matters))
 
 
 def _moments(c: Calibration, kept: Measurements, fitted: dict[str, np.ndarray], signal: str) -> np.ndarray:
@@ -235,7 +235,7 @@ def _moments(c: Calibration, kept: Measurements, fitted: dict[str, np.ndarray], 
 
 
 def _judged(
-    c: Calibration, fitted: dict[str, np.ndarray], errors: dict[str, np.ndarray], held: np.ndarray, signal: str,
+    c: Calibration, fitted: dict[str, np.ndarray], errors: dict[str, np.ndarray], moments: np.ndarray, signal: str,
     correlated: int, false_alarm: float, matters: float,
 ) -> HeldOut:  # fmt: skip
     inside, outside = (e[signal][np.all(np.isfinite(e[signal]), axis=1)] for e in (fitted, errors))
@@ -245,9 +245,9 @@ def _judged(
         fit, _ = pose_covariances(c, c.problem.measurements.part([0]), fitted, signal)
     except (ModelError, np.linalg.LinAlgError):
         fit = np.full((1, 1), np.nan)
-    if np.all(np.isfinite(held)) and np.all(np.isfinite(fit)) and len(outside):
-        growth = (held[0] / outside.size) / (np.trace(fit) / len(fit))
-        independent = freedom_of(float(np.trace(fit)), float(np.sum(fit * fit))), freedom_of(*held.tolist())
+    if np.all(np.isfinite(moments)) and np.all(np.isfinite(fit)) and len(outside):
+        growth = (moments[0] / outside.size) / (np.trace(fit) / len(fit))
+        independent = freedom_of(float(np.trace(fit)), float(np.sum(fit * fit))), freedom_of(*moments.tolist())
     else:  # count parameters instead
         n = len(inside) * max(len(c.problem.labels), 1)
         growth = (n / (n - len(c.x))) ** 2 if n > len(c.x) else np.inf
@@ -282,9 +282,9 @@ def refitted(c: Calibration, m: Measurements, refit: Refit) -> Calibration:
         lacking = [k for k in refit.what if k not in kinds.values()]
         if lacking:
             raise ArgumentError(f"the measurements have no parameter of kind '{lacking[0]}' to refit", "refit.what")
-        still = [name.partition(TURN)[0] for name, kind in kinds.items() if kind not in refit.what]
+        fixed = [name.partition(TURN)[0] for name, kind in kinds.items() if kind not in refit.what]
         problem = prepare(
-            c.flat, poses, Choice(free=[], fixed=still), actuators=c.problem.actuators, values=values,
+            c.flat, poses, Choice(free=[], fixed=fixed), actuators=c.problem.actuators, values=values,
         )  # fmt: skip
         result = calibrate(problem, cost=c.cost)
     except ModelError as error:

@@ -131,16 +131,16 @@ class Adjustment:
                 step = -_times(_inverse(Bz), w + _times(By, new)) if self.latent else np.zeros_like(z)
                 arrived = STILL * max(size, float(np.abs(y).max(initial=0.0))) + floor
                 if guard is None:
-                    moved = max(float(np.abs(new - y).max(initial=0.0)), float(np.abs(step).max(initial=0.0)))
-                    if not good.all() or not np.isfinite(moved):
+                    change = max(float(np.abs(new - y).max(initial=0.0)), float(np.abs(step).max(initial=0.0)))
+                    if not good.all() or not np.isfinite(change):
                         return False
-                    still, back = np.full(len(index), moved <= arrived), ~good
+                    settled, refused = np.full(len(index), change <= arrived), ~good
                 else:
-                    back = guard.refused(r, By, Bz, S)
+                    refused = guard.refused(r, By, Bz, S)
                     each = np.abs(new - y).max(axis=1, initial=0.0)
                     each = np.maximum(each, np.abs(step).max(axis=1, initial=0.0))
-                    still = (each <= arrived) & good & ~back
-                if still.all():
+                    settled = (each <= arrived) & good & ~refused
+                if settled.all():
                     poses = slice(None) if len(index) == len(closed) else index
                     self.y[poses], self.z[poses], closed[poses] = new, z + step, True
                     e[poses] = v
@@ -149,13 +149,13 @@ class Adjustment:
                 if guard is None:
                     y, z = new, z + step
                     continue
-                done = np.flatnonzero(still & ~closed[index])
+                done = np.flatnonzero(settled & ~closed[index])
                 if len(done):  # store these now: others may never close
                     poses = index[done]
                     self.y[poses], self.z[poses], closed[poses] = new[done], (z + step)[done], True
                     e[poses], J[poses] = v[done], (W @ Jx)[done]
-                y, z, dead = guard.next(y, z, new, z + step, back, good)
-                if dead is not None and (still | dead).all():
+                y, z, dead = guard.next(y, z, new, z + step, refused, good)
+                if dead is not None and (settled | dead).all():
                     break
         return False
 
@@ -223,10 +223,10 @@ class _Guard:
         return ~(self.left <= self.bound)
 
     def next(
-        self, y: np.ndarray, z: np.ndarray, new: np.ndarray, new_z: np.ndarray, back: np.ndarray, good: np.ndarray
+        self, y: np.ndarray, z: np.ndarray, new: np.ndarray, new_z: np.ndarray, refused: np.ndarray, good: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """The next y and z, and the poses that no step closes; None if all take a full step."""
-        on = good & ~back
+        on = good & ~refused
         if not self.begun:
             self.begun = True
             length = np.abs(new - y).sum(axis=1) + np.abs(new_z - z).sum(axis=1)
@@ -242,7 +242,7 @@ class _Guard:
         self.aim = np.where(pick, new, self.aim[0]), np.where(pick, new_z, self.aim[1])
         shorter = np.clip(np.sqrt(self.bound / self.left), 0.05, 0.5)
         self.part = np.where(on, 1.0, np.where(np.isfinite(shorter), shorter, 0.1) * self.part)
-        dead = (~back & ~good) | (self.part < SHORTEST)
+        dead = (~refused & ~good) | (self.part < SHORTEST)
         part = np.where(dead, 0.0, self.part)[:, None]
         y, z = (np.where(part == 1, b, a + part * (b - a)) for a, b in zip(self.base, self.aim, strict=True))
         return y, z, dead

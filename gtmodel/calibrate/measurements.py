@@ -59,8 +59,8 @@ class FixedPoint:
     free: bool = False
 
     def __post_init__(self) -> None:
-        at = np.asarray(self.at, float)
-        if at.shape not in ((2,), (3,)) or not np.all(np.isfinite(at)):
+        coordinates = np.asarray(self.at, float)
+        if coordinates.shape not in ((2,), (3,)) or not np.all(np.isfinite(coordinates)):
             raise ModelError(f"a point has 3 coordinates, or 2 in the plane; found {self.at}")
         if self.orientation is not None and self.position is None:
             raise ModelError("a point with an orientation is on the end-effector: give its position variable too")
@@ -148,8 +148,8 @@ class Measurements:
 
     def __post_init__(self) -> None:
         arrays: dict[str, np.ndarray] = {}
-        for name, given in self.values.items():
-            a = np.asarray(given, float)
+        for name, rows in self.values.items():
+            a = np.asarray(rows, float)
             if a.ndim == 0:
                 raise ModelError(f"'{name}' is one number; expected an array with one row per pose")
             arrays[name] = a.reshape(len(a), -1)

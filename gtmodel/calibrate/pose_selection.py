@@ -297,7 +297,7 @@ class _Score:
 
 def _swept(chosen: np.ndarray, rows: np.ndarray, constant: np.ndarray, score: _Score, repeats: int) -> bool:
     """One pass over the chosen poses, changed in place; returns whether any was exchanged."""
-    moved = False
+    exchanged = False
     for k in range(len(chosen)):
         others = rows[np.delete(chosen, k)].reshape(-1, rows.shape[2])
         each = score.each(others.T @ others + constant)
@@ -308,8 +308,8 @@ def _swept(chosen: np.ndarray, rows: np.ndarray, constant: np.ndarray, score: _S
         each[np.bincount(np.delete(chosen, k), minlength=len(rows)) >= repeats] = np.inf
         j = int(np.argmin(each))
         if each[j] < (1 - GAIN) * now:
-            chosen[k], moved = j, True
-    return moved
+            chosen[k], exchanged = j, True
+    return exchanged
 
 
 def _conditions(information: np.ndarray) -> np.ndarray:

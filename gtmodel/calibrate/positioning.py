@@ -112,19 +112,19 @@ def positioning(
     """
     every = problem.unknowns.names
     chosen = list(every) if names is None else [n for n in every if n in set(names)]
-    moved = pose_jacobians(problem, signal, x)[signal]
-    return Positioning(tuple(chosen), moved[:, :, [every.index(n) for n in chosen]])
+    jacobian = pose_jacobians(problem, signal, x)[signal]
+    return Positioning(tuple(chosen), jacobian[:, :, [every.index(n) for n in chosen]])
 
 
 def pose_jacobians(problem: CalibrationProblem, signal: str = "T", x: ArrayLike | None = None) -> dict[str, np.ndarray]:
     """Return the Jacobian of each pose signal in the unknowns (N, k, n), actuators fixed. Raises as positioning()."""
     J, B, pose = closure_jacobians(problem, signal, x)
     try:
-        moved = -np.linalg.solve(B, J)
+        jacobian = -np.linalg.solve(B, J)
     except np.linalg.LinAlgError:
         raise ModelError("an evaluation pose is singular: the closure equations do not determine the pose") from None
     places = {n: s for n, s in problem.reading.places.items() if n != problem.actuators}
-    return {n: moved[:, [pose.index(k) for k in range(s.start, s.stop)]] for n, s in places.items()}
+    return {n: jacobian[:, [pose.index(k) for k in range(s.start, s.stop)]] for n, s in places.items()}
 
 
 def closure_jacobians(

@@ -338,9 +338,9 @@ def _with_sizes(problem: CalibrationProblem) -> Unknowns:
         J = problem.on(m.part(rows)).jacobian()
     except ModelError:
         return u
-    moved = np.sqrt(np.sum(J[:, :, guessed] ** 2, axis=(0, 1)) / len(rows))
+    effects = np.sqrt(np.sum(J[:, :, guessed] ** 2, axis=(0, 1)) / len(rows))
     sizes = u.sizes.copy()
-    for k, by_unit in zip(guessed, moved, strict=True):
+    for k, by_unit in zip(guessed, effects, strict=True):
         if np.isfinite(by_unit) and by_unit > 0 and not 1 / FACTOR <= by_unit <= FACTOR:
             sizes[k] = SIZE / by_unit
     return replace(u, sizes=sizes)

@@ -202,8 +202,8 @@ class _Reader:
             rate = f"der({c.signal})"
             if rate not in self.m.values:
                 raise ModelError(f"a delay of '{c.signal}' needs its rate among the values, named '{rate}'")
-            moved = self.symbol(rate, np.asarray(self.m.values[rate]).T)
-            value = value + self.parameter(f"{name}.delay", np.zeros(1), "s", scalar=True) * moved
+            speed = self.symbol(rate, np.asarray(self.m.values[rate]).T)
+            value = value + self.parameter(f"{name}.delay", np.zeros(1), "s", scalar=True) * speed
         if c.scale:
             value = self.parameter(f"{name}.scale", np.ones(n), "1") * value
         if c.offset:

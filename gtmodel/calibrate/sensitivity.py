@@ -57,9 +57,9 @@ def _cost_changes(problem: CalibrationProblem, x: np.ndarray, step: float) -> np
         before = np.sum(b.evaluate(data, x[b.columns])[0] ** 2, axis=1)
         for k in b.columns:
             for sign in (1.0, -1.0):
-                moved = x.copy()
-                moved[k] += sign * step
-                after = np.sum(b.evaluate(data, moved[b.columns])[0] ** 2, axis=1)
+                shifted = x.copy()
+                shifted[k] += sign * step
+                after = np.sum(b.evaluate(data, shifted[b.columns])[0] ** 2, axis=1)
                 changes[k] += float(np.sum(np.abs(after - before)))
     return changes
 
@@ -112,13 +112,13 @@ def true_poses(
     return {n: moved(np.asarray(m.values[n]), y[:, s]) for n, s in places.items()}
 
 
-def moved(value: np.ndarray, by: np.ndarray) -> np.ndarray:
+def moved(value: np.ndarray, steps: np.ndarray) -> np.ndarray:
     """Rows moved: vectors by vectors, quaternions (N, 4) by rotations (N, 3) [rad] about their own axes."""
-    if by.shape[1] == value.shape[1]:
-        return value + by
+    if steps.shape[1] == value.shape[1]:
+        return value + steps
     u, turn = ca.SX.sym("u", 4), ca.SX.sym("turn", 3)
     f = ca.Function("turned", [u, turn], [turned(u, turn)])
-    return map_columns(f, [(value / np.linalg.norm(value, axis=1, keepdims=True)).T, by.T])[0].T
+    return map_columns(f, [(value / np.linalg.norm(value, axis=1, keepdims=True)).T, steps.T])[0].T
 
 
 def rows_of(array: np.ndarray, name: str, rows: Sequence[int]) -> dict[str, np.ndarray]:

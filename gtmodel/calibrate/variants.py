@@ -150,8 +150,8 @@ def cost_of(fit: Fit, p: CalibrationProblem) -> Cost:
     """The cost of a fit. Errors of measured signals replace length errors if lengths are unknown, if there are several
     measurements, or if an arm's position and orientation both have a stated noise."""
     cost = COST_WORDS[fit.cost]
-    turned = any(n.startswith("orientation_at_1_m") for n in p.labels) and p.weighed
-    if cost not in ("length", "squared") or not (turned or p.beside or any(part.implicit for part in p.parts)):
+    orientation = any(n.startswith("orientation_at_1_m") for n in p.labels) and p.weighed
+    if cost not in ("length", "squared") or not (orientation or p.beside or any(part.implicit for part in p.parts)):
         return cost
     return "orthogonal" if all(part.usual_cost == "orthogonal" for part in p.parts) else "forward"
 
@@ -194,10 +194,10 @@ def on_cart_points(robot: Model, carts: CartPoints | None) -> tuple[Model, list[
     if family_of(robot) not in ("three_link", "six_link"):
         raise ArgumentError("applies to Gantry-Tau robots with three or six links", "carts")
     try:
-        placed = on_measured_points(robot, carts.at, {arm - 1: rows for arm, rows in carts.points.items()}, u / length)
+        result = on_measured_points(robot, carts.at, {arm - 1: rows for arm, rows in carts.points.items()}, u / length)
     except ModelError as error:
         raise ArgumentError(str(error), "carts.points") from error
-    return placed.robot, placed.guideways
+    return result.robot, result.guideways
 
 
 def read_cart_points(path: Path, arms: Sequence[int], unit: str = "mm") -> tuple[np.ndarray, dict[int, np.ndarray]]:

@@ -179,8 +179,8 @@ def _complete(tests: StaticTests, covariance: np.ndarray) -> StiffnessFit:
     for _ in range(ROUNDS):
         A = (tests.J * torque[:, None, :]).reshape(6 * n, k)
         e = linear_fit(A, y, names_of(range(k)), covariance=covariance, units=[UNIT] * k)
-        still = before is not None and np.abs(e.values - before).max() <= STILL * np.abs(e.values).max()
-        if tests.K_c is None or still:
+        converged = before is not None and np.abs(e.values - before).max() <= STILL * np.abs(e.values).max()
+        if tests.K_c is None or converged:
             break
         before, torque = e.values, loaded_torque(tests, e.values)
     return stiffness_fit("complete pose", e, A, covariance, n)  # pyright: ignore[reportPossiblyUnboundVariable]
@@ -213,8 +213,8 @@ def decoupled(tests: StaticTests, *, moment: bool = True) -> StiffnessFit:
     for _ in range(ROUNDS):
         fit = _decoupled(tests, torque, moment)
         c = fit.compliance
-        still = before is not None and np.abs(c - before).max() <= STILL * np.abs(c).max()
-        if tests.K_c is None or still:
+        converged = before is not None and np.abs(c - before).max() <= STILL * np.abs(c).max()
+        if tests.K_c is None or converged:
             break
         before, torque = c, loaded_torque(tests, c)
     return fit  # pyright: ignore[reportPossiblyUnboundVariable]
@@ -236,8 +236,8 @@ def _decoupled(tests: StaticTests, torque: np.ndarray, moment: bool) -> Stiffnes
     S_b = _rows(tests.covariance[:, :3, :3]) - shared - shared.T + A_a @ arm.covariance @ A_a.T
     y_b = tests.displacement[:, :3].reshape(-1) - A_a @ arm.values
     wrist = linear_fit(A_b, y_b, names_of(range(ARM, k)), covariance=S_b, units=[UNIT] * (k - ARM))
-    back = wrist.covariance @ np.linalg.solve(S_b, A_b).T
-    cross = (gain @ _rows(S_tw).T - arm.covariance @ A_a.T) @ back.T
+    wrist_gain = wrist.covariance @ np.linalg.solve(S_b, A_b).T
+    cross = (gain @ _rows(S_tw).T - arm.covariance @ A_a.T) @ wrist_gain.T
     estimate = Estimate(
         (*arm.names, *wrist.names), np.concatenate([arm.values, wrist.values]),
         np.block([[arm.covariance, cross], [cross.T, wrist.covariance]]),

@@ -176,13 +176,13 @@ class LinkGeometry:
         a, b = np.stack(rest[0::2], axis=1), np.stack(rest[1::2], axis=1)
         n, p = q.shape
         good = status == Status.OK
-        moved = np.full((n, len(self.links), 3, p), np.nan)
+        jacobians = np.full((n, len(self.links), 3, p), np.nan)
         if good.any():
             jacobian, code = self._joints.jacobian(q[good])
-            moved[good] = jacobian.reshape(len(jacobian), len(self.links), 3, p)
+            jacobians[good] = jacobian.reshape(len(jacobian), len(self.links), 3, p)
             status = np.array(status)
             status[good] = code
-        return LinkPoses(T, q, a, b, status, R, moved, self._stands_on)
+        return LinkPoses(T, q, a, b, status, R, jacobians, self._stands_on)
 
     def _carts(self, axes: int) -> tuple[int, ...]:
         jacobian, _ = self._joints.jacobian(np.zeros(axes))

@@ -62,9 +62,9 @@ class StaticTests:
         if self.wrist_displacement is not None and self.wrist_covariance is not None:
             return self.wrist_displacement, self.wrist_covariance, np.zeros((len(self.J), 3, 3))
         B = np.concatenate([np.tile(np.eye(3), (len(self.J), 1, 1)), -cross_matrix(self.lever)], axis=2)
-        moved = np.einsum("nij,nj->ni", B, self.displacement)
+        displacement = np.einsum("nij,nj->ni", B, self.displacement)
         with_pose = self.covariance @ np.swapaxes(B, 1, 2)
-        return moved, B @ with_pose, with_pose[:, :3]
+        return displacement, B @ with_pose, with_pose[:, :3]
 
 
 def at_tool(J: ArrayLike, arm: ArrayLike) -> np.ndarray:

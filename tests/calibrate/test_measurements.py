@@ -138,11 +138,11 @@ def test_three_and_six_dimensional_noise_may_differ_from_pose_to_pose():
         ({"q": np.zeros((4, 3)), "T": np.zeros((5, 3))}, {}, "'T' has 5 rows and 'q' 4; give one per pose"),
         ({"q": np.zeros((4, 2)), "T": np.zeros((4, 3))}, {}, "'q' has 2 columns; the model's variable has 3"),
         ({"q": np.full((4, 3), np.nan), "T": np.zeros((4, 3))}, {}, "'q' is not finite at pose 0"),
-        ({"q": 1.0}, {}, "'q' is one number; expected rows"),
-        ({}, {}, "there is nothing measured"),
+        ({"q": 1.0}, {}, "'q' is one number; expected an array"),
+        ({}, {}, "there are no measurements"),
         ({"q": np.zeros((4, 3))}, {"sessions": ["a"]}, "1 sessions for 4 poses"),
         (None, {"corrections": [Correction("p")]}, "a correction names 'p', which is not a signal"),
-        (None, {"corrections": [Correction("q", delay=True)]}, r"needs its rate among the values, as 'der\(q\)'"),
+        (None, {"corrections": [Correction("q", delay=True)]}, r"needs its rate among the values, named 'der\(q\)'"),
         (None, {"poses": [Pose("X")]}, "a pose names 'X', which is not measured; found q, T"),
         (None, {"poses": [Pose("T", target=True)]}, "the target of 'T' needs a measured orientation"),
     ],
@@ -178,7 +178,7 @@ def test_wrong_choices_get_a_sentence(choice, sentence):
 
 def test_wrong_calls_get_a_sentence():
     robot, m = true_robot("three_link"), measured("three_link", 5, {"q": 1e-5}, 0)
-    with pytest.raises(gt.ModelError, match="there is no cost 'lenght'; these are: squared, length"):
+    with pytest.raises(gt.ModelError, match="there is no cost 'lenght'; choose one of: squared, length"):
         calibrate(robot, m, cost="lenght")  # pyright: ignore
     few = calibrate(robot, m)  # 15 equations for 21 unknowns: said, not refused
     assert few.estimate is None and few.identifiability is not None and few.identifiability.rank == 15

@@ -107,7 +107,7 @@ def test_poses_are_added_until_the_accuracy_is_reached(plan: Planner):
     never = plan(criteria=accuracy(1e-3), poses=replace(FEW, most=14))
     assert not never.approved and not never.checks["predicted_error_m"].passed
     assert never.status is SolveStatus.CHECK_FAILED and "predicted_error_m" in never.message
-    assert "not approved with 14 poses: predicted_error_m; take more poses" in never.message
+    assert "not approved with 14 poses: predicted_error_m; " in never.message
 
 
 def test_a_wire_alone_is_not_approved_and_with_known_guideways_it_is(plan: Planner):

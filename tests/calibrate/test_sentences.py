@@ -132,7 +132,7 @@ def test_what_is_undetermined_is_said_with_the_movement_that_was_seen() -> None:
         farthest = int(np.argmax(moved[:2]))
         assert (
             f"{names[farthest]} moved farthest, by {moved[farthest]:.3g} m" in sentence
-            and "of 2 parameters" in sentence
+            and "among 2 such parameters" in sentence
         )
         assert "near" not in sentence
 

@@ -59,7 +59,7 @@ def test_the_hexapods_second_recording_was_moved_and_homed_anew() -> None:
     c = calibrate(robot, m, Choice(fixed=(*LEGS, *still)), actuators="n")
     homed = shift_of(c.problem, c.x, refitted=True)
     assert homed is not None and homed.offsets.shape == (1, 6) and 0.5 < homed.share < 0.8
-    assert homed.message.startswith("six offsets of n (") and "homed anew" in homed.message
+    assert homed.message.startswith("six offsets of n (") and "homed again" in homed.message
 
 
 def test_several_sessions_have_offsets_each() -> None:

@@ -36,7 +36,7 @@ def other_unit(name: str, rows: np.ndarray, size: float, unit: str) -> Suspicion
     thousand = LEAST * size <= spread * (1e-3 if large else 1e3) <= GREATEST * size
     hint = f"the column is probably in {meant}" if thousand and meant else "check its unit"
     times = f"{spread / size:.3g} times the robot's size of {size:.3g} m"
-    return Suspicion("unit", f"'{name}' spans {spread:.4g} m if in {unit} as declared, {times}", remedy=hint)
+    return Suspicion("unit", f"'{name}' spans {spread:.4g} m with the declared unit {unit}, {times}", remedy=hint)
 
 
 def _spread(rows: np.ndarray) -> float:
@@ -49,7 +49,7 @@ def too_many_turns(name: str, rows: np.ndarray, unit: str) -> Suspicion | None:
     if spread <= 4 * np.pi:
         return None
     turns = f"{spread / 2 / np.pi:.0f} turns: the column is probably in degrees"
-    return Suspicion("unit", f"'{name}' spans {spread:.4g} rad if in {unit} as declared, {turns}")
+    return Suspicion("unit", f"'{name}' spans {spread:.4g} rad with the declared unit {unit}, {turns}")
 
 
 def other_scale(name: str, measured: np.ndarray, predicted: np.ndarray) -> Suspicion | None:
@@ -65,16 +65,16 @@ def stuck_columns(names: Sequence[str], rows: np.ndarray, misfit: float, size: f
     """Check for columns (N, k) that never change while others do: dead channels, unless the model agrees.
 
     `misfit`: rms distance [m] of model and measured poses (infinite: most poses are out of its reach)."""
-    still = np.ptp(rows, axis=0) == 0
-    if not still.any() or still.all() or misfit <= CLOSE * size:
+    constant = np.ptp(rows, axis=0) == 0
+    if not constant.any() or constant.all() or misfit <= CLOSE * size:
         return None
-    dead = [names[k] for k in np.flatnonzero(still).tolist()]
+    dead = [names[k] for k in np.flatnonzero(constant).tolist()]
     missed = "most poses are out of the model's reach"
     if np.isfinite(misfit):
         missed = f"measured and predicted poses differ by {length(misfit)} rms"
     return Suspicion(
         "stuck_columns",
-        f"{' and '.join(dead)} is {rows[0, np.flatnonzero(still)[0]]:.4g} at all {len(rows)} poses while the others "
+        f"{' and '.join(dead)} is {rows[0, np.flatnonzero(constant)[0]]:.4g} at all {len(rows)} poses while the others "
         f"change, and {missed}: is its channel recorded?",
     )
 

@@ -159,8 +159,8 @@ class Witness:
         good = np.flatnonzero(np.asarray(status) == 0)
         if not e:
             return T[good], np.zeros((len(good), 0)), good
-        turned = e[0][good]
-        return T[good], quaternions(turned.reshape(-1, 9), MATRIX) if turned.ndim == 3 else turned, good
+        rotations = e[0][good]
+        return T[good], quaternions(rotations.reshape(-1, 9), MATRIX) if rotations.ndim == 3 else rotations, good
 
 
 def witness_of(model: Model, data: SplitPoses) -> Witness:
@@ -173,7 +173,7 @@ def witness_of(model: Model, data: SplitPoses) -> Witness:
         return Witness(None, size)
     turn = pose.orientation if pose.orientation in flat.groups else "R"
     measured = ((pose.position, pose.position), (pose.orientation, turn))
-    targets = [by for n, by in measured if n is not None and by is not None and n in data.all.values]
+    targets = [variable for n, variable in measured if n is not None and variable is not None and n in data.all.values]
     try:
         forward = compile_causal(model, known=[data.actuators], targets=targets)
     except ModelError:
@@ -261,16 +261,16 @@ def recognise_sessions(
     m, frames = data.all, {}
     for s in m.session_names if data.pose.device_per_session else ("",):
         rows = np.ones(len(m), bool) if m.sessions is None or not s else np.array([x == s for x in m.sessions])
-        placed = recognise(
+        frame = recognise(
             replace(data, all=m.part(rows), lines=data.lines[rows], held_out=data.held_out[rows]), witness, inspection
         )
-        if placed is not None:
-            frames[s] = placed
+        if frame is not None:
+            frames[s] = frame
     return frames
 
 
 def a_priori(
-    data: SplitPoses, witness: Witness, placed: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    data: SplitPoses, witness: Witness, frames: Mapping[str, tuple[np.ndarray, np.ndarray]]
 ) -> Prediction | None:
     """Errors of the nominal robot at all poses, in its frame; NaN if out of reach, None without forward kinematics."""
     if witness.forward is None:
@@ -278,7 +278,7 @@ def a_priori(
     q, T = data.q, data.T
     sessions = np.array(data.all.sessions if data.all.sessions is not None else [""] * len(T))
     T = np.array(T)
-    for s, (t, u) in placed.items():
+    for s, (t, u) in frames.items():
         rows = sessions == s if s else np.ones(len(T), bool)
         T[rows] = t + scipy.spatial.transform.Rotation.from_quat(u, scalar_first=True).apply(T[rows])
     predicted, _, good = witness.positions(q)

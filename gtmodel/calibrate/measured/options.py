@@ -57,13 +57,13 @@ class MeasuredSignal(Options):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("deviation", "noise"):
-            given = getattr(self, name)
-            if given is None:
+            value = getattr(self, name)
+            if value is None:
                 continue
-            sizes = np.diagonal(given) if np.ndim(given) == 2 else np.atleast_1d(given)
+            sizes = np.diagonal(value) if np.ndim(value) == 2 else np.atleast_1d(value)
             if not (np.all(sizes > 0) and np.all(np.isfinite(sizes))):
                 raise ArgumentError(
-                    f"found {given}; expected more than 0, as no reading is exact: give a standard deviation, or leave "
+                    f"found {value}; expected more than 0, as no reading is exact: give a standard deviation, or leave "
                     "it out to estimate it from the residuals",
                     name,
                 )
@@ -93,15 +93,15 @@ class MeasuredSignal(Options):
     def _units(self) -> list[str]:
         return [self.unit] if isinstance(self.unit, str) else self.unit
 
-    def _scaled(self, given: float | list[float] | list[list[float]], power: int) -> Any:
+    def _scaled(self, value: float | list[float] | list[list[float]], power: int) -> Any:
         """Convert from the columns' unit to the quantity in SI, or back, rounded to 12 digits."""
         scale = 1.0 if isinstance(self.scale, str) else abs(self.scale)
         factors = [(scale * parse_unit(u).scale) ** power for u in self._units]
         factor = np.array(factors if len(set(factors)) > 1 else factors[0])
-        if np.ndim(factor) and np.shape(given) not in ((), factor.shape, 2 * factor.shape):
-            sentence = f"has the shape {np.shape(given)} for {len(factor)} columns in several units; give one each"
+        if np.ndim(factor) and np.shape(value) not in ((), factor.shape, 2 * factor.shape):
+            sentence = f"has the shape {np.shape(value)} for {len(factor)} columns in several units; give one each"
             raise ArgumentError(sentence, "deviation")
-        scaled = np.asarray(given) * (np.multiply.outer(factor, factor) if np.ndim(given) == 2 else factor)
+        scaled = np.asarray(value) * (np.multiply.outer(factor, factor) if np.ndim(value) == 2 else factor)
         return np.vectorize(lambda x: float(f"{x:.12g}"), otypes=[float])(scaled).tolist()
 
 

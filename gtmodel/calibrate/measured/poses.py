@@ -119,10 +119,10 @@ class SplitPoses:
             repeated=_repeated(self.q[rest]), refitting=self.all.part(refitting),
         )  # fmt: skip
 
-    def with_device(self, placed: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> SplitPoses:
+    def with_device(self, frames: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> SplitPoses:
         """The poses with other start values of the device frame, by session, or "" for all."""
-        first = next(iter(placed.values()))
-        starts = {s: frame for s, frame in placed.items() if s}
+        first = next(iter(frames.values()))
+        starts = {s: frame for s, frame in frames.items() if s}
         poses = tuple(replace(p, device_start=first, device_starts=starts) if p.device else p for p in self.all.poses)
         return replace(self, all=replace(self.all, poses=poses))
 

@@ -77,9 +77,9 @@ def positions(rows: np.ndarray) -> np.ndarray:
 def _orthogonal(rows: np.ndarray) -> np.ndarray:
     R = rows.reshape(len(rows), 3, 3) if rows.shape[1] == 9 else rows[:, :12].reshape(len(rows), 3, 4)[:, :, :3]
     deviation = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    wrong = np.flatnonzero((deviation > SQUARE) | (np.linalg.det(R) < 0))
-    if wrong.size:
-        k = int(wrong[0])
+    invalid = np.flatnonzero((deviation > SQUARE) | (np.linalg.det(R) < 0))
+    if invalid.size:
+        k = int(invalid[0])
         what = "is mirrored" if deviation[k] <= SQUARE else f"deviates from orthogonality by {deviation[k]:.3g}"
         raise ArgumentError(
             f"the matrix of pose {k + 1} is not a rotation: it {what}; are its rows and columns exchanged?"
@@ -115,11 +115,11 @@ def read_poses(
     """
     sources = [path_of(path)]
     tables = [_table(sources[0], measured, form)]
-    held = None
+    mask = None
     if held_out is not None:
         sources.append(path_of(held_out, "held_out"))
         tables.append(_table(sources[1], measured, form, "held_out.file"))
-        held = np.repeat([False, True], [len(t.lines) for t in tables])
+        mask = np.repeat([False, True], [len(t.lines) for t in tables])
     measurements = _measurements(tables, measured, sources)
     lines = np.concatenate([t.lines for t in tables])
     notes = [t.synthetic for t in tables if t.synthetic]
@@ -127,7 +127,7 @@ def read_poses(
     columns = {n: c for n, c in tables[0].columns.items() if n in plain}
     has_sag = measured.sag is not None and measured.sag.compliance != ESTIMATE
     known = [f"{measured.position}.sag"] if has_sag else []
-    return MeasuredPoses(measurements, measured.actuators, lines, held, columns, known, notes[0] if notes else None)
+    return MeasuredPoses(measurements, measured.actuators, lines, mask, columns, known, notes[0] if notes else None)
 
 
 def _table(path: Path, measured: Measured, form: LogForm, key: str = "measured.file") -> SignalTable:

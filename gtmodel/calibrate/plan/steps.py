@@ -74,9 +74,9 @@ def turns_of(task: Task) -> list[Turn]:
     if task.bodies.plate_joints is not None:
         raise ArgumentError("applies only to simplified joints; an F1 has its own", "bodies.plate_joints")
     f1: Any = model
-    turned = product(np.array(f1.home_e, float), exponential(turns))
+    quaternions = product(np.array(f1.home_e, float), exponential(turns))
     function = compile_causal(f1, known=["T", "e"], targets=["q", *LINK_ENDS])
-    return [Turn(_mechanism(f1, function, task.home, e), e) for e in turned]
+    return [Turn(_mechanism(f1, function, task.home, e), e) for e in quaternions]
 
 
 def facing(task: Task, turn: Turn) -> list[Limit]:
@@ -145,8 +145,8 @@ def _with_axes(task: Task, turn: Turn, stroke: float, angle: float) -> PlanLimit
         if carts is not None and len(carts) != 3:
             raise ArgumentError(f"needs one pair per cart, 3; found {len(carts)}", "limits.actuators")
         wide = turn.robot.lengths.max() * LONGEST_STROKE / 2
-        turned = [[-np.pi, np.pi]] * rotary if axes is None else [[a + angle, b - angle] for a, b in axes]
-        carts = (carts or [[-wide, wide]] * 3) + turned
+        angles = [[-np.pi, np.pi]] * rotary if axes is None else [[a + angle, b - angle] for a, b in axes]
+        carts = (carts or [[-wide, wide]] * 3) + angles
     return replace(limits, actuators=carts)
 
 

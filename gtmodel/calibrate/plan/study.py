@@ -65,10 +65,10 @@ def poses_csv(T: Array, q: Array, purpose: list[str], title: str) -> str:
     columns: dict[str, Any] = {f"q[{k}] [mm]": x for k, x in enumerate(carts.T)}
     columns |= {f"q[{k}] [deg]": x for k, x in enumerate(axes.T, 3)}
     columns |= {f"T[{k}] [mm]": x for k, x in enumerate(1e3 * T[:, :3].T)}
-    turned = {f"e[{k}]": x for k, x in enumerate(T[:, 3:].T)}
-    forms = dict.fromkeys(columns, ".4f") | dict.fromkeys(turned, ".9f")
+    quaternions = {f"e[{k}]": x for k, x in enumerate(T[:, 3:].T)}
+    forms = dict.fromkeys(columns, ".4f") | dict.fromkeys(quaternions, ".9f")
     notes = ["commanded poses of a calibration plan; nothing here is measured", *([f"title: {title}"] if title else [])]
-    return csv_text({"pose": range(1, len(T) + 1), "purpose": purpose} | columns | turned, forms, notes)
+    return csv_text({"pose": range(1, len(T) + 1), "purpose": purpose} | columns | quaternions, forms, notes)
 
 
 def rapid_program(T: Array, q: Array, title: str, settle: float) -> str:
@@ -387,7 +387,7 @@ def _study_of(plan: PlanState) -> PlanStudy:
     verdict = verdict_of(plan, list(failed))
     T, purpose = in_order(plan.poses, plan.held_out, plan.task.poses.seed)
     q, e, _ = plan.measuring.placed(T)
-    turned = T if e is None else np.hstack([T[:, :3], e])
+    targets = T if e is None else np.hstack([T[:, :3], e])
     return PlanStudy(
         status=SolveStatus.SOLVED,
         message=verdict,
@@ -402,7 +402,7 @@ def _study_of(plan: PlanState) -> PlanStudy:
         figures=pictures(plan),
         files={
             "poses.csv": poses_csv(T, q, purpose, title),
-            "poses.mod": rapid_program(turned, q, title, plan.task.poses.settle),
+            "poses.mod": rapid_program(targets, q, title, plan.task.poses.settle),
         },
         machine_files=("poses.csv", "poses.mod"),
     )

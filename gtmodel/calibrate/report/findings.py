@@ -91,10 +91,10 @@ class CalibrationFindings:
     @cached_property
     def far(self) -> list[str]:
         """Sentences on parameters that moved too far, unless that alarm is accepted."""
-        moved = moved_too_far(self.calibration)
+        sentences = moved_too_far(self.calibration)
         if "moved_too_far" not in self.inspection.accepted:
-            return moved
-        for sentence in moved:
+            return sentences
+        for sentence in sentences:
             self.inspection.refuse(Suspicion("moved_too_far", sentence), "fit.accept")
         return []
 

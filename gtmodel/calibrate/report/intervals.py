@@ -126,12 +126,12 @@ def smooth_errors(
             best, optimum = float(cost[k]), (float(length), float(along), float(RATIOS[k]), float(noise2[k]))
     length, along, ratio, noise2 = optimum
     d = np.outer([along, 1.0, 1.0], _spectrum(frequency, length)).reshape(-1) * np.sqrt(ratio)
-    back = np.linalg.pinv(J)
-    moved = back @ (Z * d)
+    inverse = np.linalg.pinv(J)
+    moves = inverse @ (Z * d)
     remainder = r - (free * d) @ np.linalg.solve(np.eye(len(d)) + G * np.outer(d, d), d * g)
     return SmoothErrors(
         along * float(np.sqrt(ratio * noise2)), float(np.sqrt(ratio * noise2)), 0.5 * length * float(np.ptp(q)),
-        float(np.sqrt(noise2)), noise2 * (moved @ moved.T + back @ back.T), remainder,
+        float(np.sqrt(noise2)), noise2 * (moves @ moves.T + inverse @ inverse.T), remainder,
     )  # fmt: skip
 
 
@@ -196,14 +196,14 @@ class Confidence:
     @cached_property
     def reasons(self) -> tuple[str, ...]:
         """Sentences on why intervals are not valid; empty if they are."""
-        wrong = [] if self._smooth is not None else self._wrong
-        if not wrong and self._weak:
+        doubts = [] if self._smooth is not None else self._wrong
+        if not doubts and self._weak:
             return (self._weak,)
-        if not wrong:
+        if not doubts:
             return ("95 % intervals are not valid: parameters moved farther than expected for a known robot; "
                     "the fit may have found another optimum",) if self.moved_far else ()  # fmt: skip
         return (
-            *wrong,
+            *doubts,
             *self._why_not_smooth,
             "95 % intervals are not valid: the residuals are not independent noise of the assumed size, and "
             "parameters may be several standard deviations off; judge by the held-out poses",
@@ -290,9 +290,10 @@ class Confidence:
         k = int(np.argmax(times))
         if times[k] <= WEAK:
             return ""
-        expected = f"if its expected error is not {sizes[k]:.2g} {e.units[k] or '1'}, change sizes"
+        unit = f" {e.units[k]}" if e.units[k] not in ("", "1") else ""
+        expected = f"if its expected error is not {sizes[k]:.2g}{unit}, change sizes"
         return (
-            f"95 % intervals are not valid: the std of {e.names[k]} is {e.std[k]:.2g} {e.units[k] or '1'}, "
+            f"95 % intervals are not valid: the std of {e.names[k]} is {e.std[k]:.2g}{unit}, "
             f"{times[k]:.3g} times its expected error, too much for linearised least squares; fix "
             f"it, give a prior, or measure poses farther apart with larger rotations; {expected}"
         )

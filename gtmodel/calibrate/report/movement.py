@@ -82,9 +82,9 @@ def moved_too_far(c: Calibration) -> list[str]:
         size = max(abs(float(u.start[j])) for j in lengths)
         doubt = _doubt(c, size)
         k = max(lengths, key=lambda k: max(abs(x[k] - u.start[k]) - doubt[k], 0.0))
-        moved = float(x[k] - u.start[k])
-        if abs(moved) > max(FAR * size, doubt[k]):
-            sentences.append(f"{u.names[k]} moved by {moved:.3g} m from its start value: {advice}")
+        change = float(x[k] - u.start[k])
+        if abs(change) > max(FAR * size, doubt[k]):
+            sentences.append(f"{u.names[k]} moved by {change:.3g} m from its start value: {advice}")
     before, after, unsure = c.problem.values(u.start), c.values, _doubt(c, max(map(abs, u.start), default=0.0))
     for row in dict.fromkeys(
         u.names[k].rpartition(",")[0] or u.names[k].partition("[")[0] for k in geometric if u.units[k] in ("", "1")
@@ -103,17 +103,17 @@ def moved_too_far(c: Calibration) -> list[str]:
 def drifted(c: Calibration, identifiability: Identifiability) -> list[str]:
     """Sentences on parameters that moved far together along a weakly determined or undetermined combination."""
     u = c.problem.unknowns
-    moved = dict(zip(u.names, (c.x - u.start).tolist(), strict=True))
+    changes = dict(zip(u.names, (c.x - u.start).tolist(), strict=True))
     scale = dict(zip(identifiability.names, identifiability.scale, strict=True))
     sentences = []
     for direction in (*identifiability.null, *identifiability.near):
         names = list(direction.weights)
         along = np.array([direction.weights[n] / scale[n] for n in names])
-        movement = np.array([moved[n] / scale[n] for n in names])
+        movement = np.array([changes[n] / scale[n] for n in names])
         along /= np.linalg.norm(along)
         if abs(along @ movement) <= DRIFT or abs(along @ movement) < ALONG * np.linalg.norm(movement):
             continue
-        sizes = [f"{n} by {moved[n]:.3g} {u.units[u.names.index(n)]}".rstrip() for n in names[:MOST_NAMED]]
+        sizes = [f"{n} by {changes[n]:.3g} {u.units[u.names.index(n)]}".rstrip() for n in names[:MOST_NAMED]]
         more = f" and {len(names) - MOST_NAMED} others" if len(names) > MOST_NAMED else ""
         determined = "do not determine" if np.isinf(direction.std) else "determine no better than prior knowledge"
         sentences.append(
@@ -138,12 +138,12 @@ def undetermined(c: Calibration, identifiability: Identifiability) -> str:
         n for n, share in zip(identifiability.names, identifiability.determined_by, strict=True) if share < 1 - OPEN
     ]
     size = dict(zip(identifiability.names, identifiability.scale, strict=True))
-    moved = {n: float(x - x0) for n, x, x0 in zip(u.names, c.x, u.start, strict=True) if n in names}
+    changes = {n: float(x - x0) for n, x, x0 in zip(u.names, c.x, u.start, strict=True) if n in names}
     sentence = "undetermined parameters have one of many values that fit equally well"
-    if not moved:
+    if not changes:
         return sentence
-    name = max(moved, key=lambda n: (abs(moved[n]) / size[n], n))
+    name = max(changes, key=lambda n: (abs(changes[n]) / size[n], n))
     unit = u.units[u.names.index(name)]
     return (
-        f"{sentence}: among {len(names)} such parameters, {name} moved farthest, by {moved[name]:.3g} {unit}".rstrip()
+        f"{sentence}: among {len(names)} such parameters, {name} moved farthest, by {changes[name]:.3g} {unit}".rstrip()
     )

@@ -300,9 +300,9 @@ def _note(s: Synthetic, poses: int) -> str:
     tilt = f"; carts tilt by {np.degrees(s.cart_tilt):g} deg" if s.cart_tilt else ""
     return (
         f"seed {s.seed}, {poses} poses; {s.device} noise {noise} um, {np.degrees(s.orientation_noise):g} deg; "
-        f"repeatability {1e6 * s.repeatability:g} um; guideways misaligned by {np.degrees(s.misalignment):g} deg, "
-        f"carts off by {along} um along and {across} um across (means), cyclic {cyclic} um, by load {load} um; points "
-        f"and lengths off by {1e3 * s.point_error:g} mm{tilt}"
+        f"repeatability {1e6 * s.repeatability:g} um; guideways apart by {np.degrees(s.misalignment):g} deg, carts by "
+        f"{along} um along and {across} um across (means), cyclic {cyclic} um, by load {load} um; points and lengths "
+        f"off by {1e3 * s.point_error:g} mm{tilt}"
     )
 
 

@@ -42,19 +42,19 @@ def synthetic_tests(
     True
     """
     exact = without_noise(tests, np.asarray(compliance, float))
-    moved, wrist = exact.displacement.copy(), exact.wrist_displacement
+    displacement, wrist = exact.displacement.copy(), exact.wrist_displacement
     wrist = None if wrist is None else wrist.copy()
     if tilt is not None:
         if origins is None or point is None:
             raise ValueError("tilt needs the origins of the joints and the point of the tool; give both")
         by_tilt, wrist_by_tilt = _tilted(tests, *(np.asarray(x, float) for x in (tilt, origins, point)))
-        moved += by_tilt
+        displacement += by_tilt
         wrist = None if wrist is None else wrist + wrist_by_tilt
     if rng is not None:
-        moved += _noise(tests.covariance, rng)
+        displacement += _noise(tests.covariance, rng)
         if wrist is not None and tests.wrist_covariance is not None:
             wrist += _noise(tests.wrist_covariance, rng)
-    return replace(exact, displacement=moved, wrist_displacement=wrist)
+    return replace(exact, displacement=displacement, wrist_displacement=wrist)
 
 
 def _tilted(t: StaticTests, tilt: np.ndarray, origins: np.ndarray, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -148,8 +148,8 @@ def read_load_tests(path: Path | str, tests: LoadTests) -> MeasuredTests:
             raise ArgumentError(f"has {rows.shape[1]} columns; expected {size}", f"tests.{name}.column")
     v = table.values
     wrench = np.hstack([v["force"], v.get("moment", np.zeros_like(v["force"]))])
-    moved = np.hstack([v["displacement"], v["rotation"]])
-    return MeasuredTests(v["q"], wrench, moved, v.get("wrist"), table.lines, table.synthetic)
+    displacement = np.hstack([v["displacement"], v["rotation"]])
+    return MeasuredTests(v["q"], wrench, displacement, v.get("wrist"), table.lines, table.synthetic)
 
 
 def made_load_tests(
