@@ -111,12 +111,12 @@ def pose_covariances(
     columns = [pose.index(k) for k in range(first.start, first.stop)]
     moves, others = (-np.linalg.solve(b, j * u.sizes)[:, columns] for b, j in ((B, J), (Bk, K)))
     P, H = moves.reshape(-1, len(u.names)), others.reshape(-1, len(u.names))
-    noise = S[np.ix_(columns, columns)]
+    covariance = S[np.ix_(columns, columns)]
     by_noise = np.concatenate([g @ S[:, columns] for g in gain], axis=1)
     # model less measured: the move by the parameters, less the noise
     cross = P @ by_noise
-    fit = np.kron(np.eye(len(J)), noise) - cross - cross.T + P @ C @ P.T
-    return fit, np.kron(np.eye(len(K)), noise) + H @ C @ H.T
+    fit = np.kron(np.eye(len(J)), covariance) - cross - cross.T + P @ C @ P.T
+    return fit, np.kron(np.eye(len(K)), covariance) + H @ C @ H.T
 
 
 def _priors(c: Calibration, B: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, float]:

@@ -130,7 +130,7 @@ def test_what_is_wrong_in_one_of_several_is_named_there():
     assert key_of(Schema, argument, ARGUMENTS) == "measurements[1].signals.T[2].column"
     assert "2 measurements are named 'heights'" in refused(delta, [f"measurements=[{good},{good}]"])
     bare = "{name='b'," + (one % '"T[2]"={column="height",unit="mm"}').removeprefix("{")
-    assert "give that of T[2] of b" in refused(delta, [f"measurements=[{good},{bare}]"])
+    assert "state that of T[2] of b" in refused(delta, [f"measurements=[{good},{bare}]"])
 
 
 def test_a_pose_out_of_reach_is_named_with_its_line(tmp_path):

@@ -231,7 +231,7 @@ def verdict_of(plan: PlanState, failed: list[str]) -> str:
     if plan.unpredicted:
         return f"not approved: {plan.unpredicted}"
     if not failed:
-        return f"approved: {n} poses, and {len(plan.held_out)} to verify, meet all criteria"
+        return f"approved: {n} poses and {len(plan.held_out)} held-out poses meet all criteria"
     hint = "use more poses (poses.most), a larger room or a better device"
     if plan.enough is not None and plan.enough > plan.task.poses.most:
         hint = f"about {plan.enough} poses would reach the accuracy; increase poses.most"
