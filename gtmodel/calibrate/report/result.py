@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -11,6 +12,7 @@ from ...results import ArgumentError, Quantity, Row, Study
 WORST_ROWS = 5
 SHOWN_WEAK = 3
 WEAK = "determined no better than"  # of a combination, in words
+NO_LENGTH = re.compile(r"( [xyz\d]+|^\w+\[\d+\])$")  # names of coordinates and numbered equations
 
 
 def rows_of(values: Mapping[str, Any]) -> list[Row]:
@@ -26,7 +28,8 @@ def rows_of(values: Mapping[str, Any]) -> list[Row]:
         else:
             rows.append(Row("  std if residuals were white noise", u["std"], u["unit"]))
     if values["recordings"] is None:
-        rows += [Row(f"mean closure error of {n}", v, "mm") for n, v in values["link_errors_mm"].items()]
+        for n, v in values["link_errors_mm"].items():
+            rows.append(Row(f"mean {'' if NO_LENGTH.search(n) else 'length '}error of {n}", v, "mm"))
     for recording in values["recordings"] or ():
         rows += _of_recording(recording)
     headline = (("a_priori_mm", "before calibration"), ("fitted_mm", "fitted poses"), ("held_out_mm", "held-out poses"))
@@ -119,10 +122,11 @@ class CalibrationStudy(Study):
         "number of poses fitted and held out, and of places measured more than once",
     )] = None  # fmt: skip
     link_errors: Annotated[Numbers, Quantity("m",
-        "mean closure error of each link over the fitted poses (Dressler 2012, eq. (5.13))", written="mm",
+        "mean length error of each link over the fitted poses (Dressler 2012, eq. (5.13)); for arms, mean error of "
+        "each tool coordinate", written="mm",
     )] = None  # fmt: skip
     held_out_link_rms: Annotated[Numbers, Quantity("m",
-        "root mean square of each link's closure errors on the held-out poses; null without any", written="mm",
+        "root mean square of these errors on the held-out poses; null without any", written="mm",
     )] = None  # fmt: skip
     held_out: Annotated[Numbers, Quantity("m",
         "positioning error (5.5) of the held-out poses: mean, max, rms; null without any", written="mm",

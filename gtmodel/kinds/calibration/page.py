@@ -62,7 +62,7 @@ def text(study: CalibrationStudy, problem: Schema, context: Context) -> str:
         parts.append("<h3>Of the measurement</h3>" + table(("name", "value"), list(values["measurement"].items())))
     parts += [picture(figures, name, CAPTIONS[name]) for name in ("deviations", "correlation")]
     if values["recordings"] is None:
-        heads = ("closure equation", "mean error [mm]")
+        heads = ("link or coordinate", "mean error [mm]")
         parts.append("<h2>Links</h2>" + table(heads, list(values["link_errors_mm"].items())))
     parts.append(picture(figures, "length_errors", CAPTIONS["length_errors"]))
     parts.append("<h2>What the poses determine</h2>" + _identifiability(values))
