@@ -202,7 +202,7 @@ def test_wrong_calls_get_a_sentence():
     with pytest.raises(gt.ModelError, match="normal of the plane is zero"):
         seen_by_plane(l1(), [0, 0, 0])
     fixed = prepare(l1(), problem(box((4, 3, 3)), NOISE).measurements, Choice(fixed=("L",)))
-    with pytest.raises(gt.ModelError, match=r"say nothing of 'L\[0\]'"):
+    with pytest.raises(gt.ModelError, match=r"depends on 'L\[0\]'"):
         workspace().errors(pose_information(fixed))
 
 

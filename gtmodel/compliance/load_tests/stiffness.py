@@ -255,7 +255,7 @@ def _values(
 
 def _rows(v: Mapping[str, Any], adequacy: str, note: str | None) -> list[Row]:
     rows = [
-        Row(f"joint {j + 1}", f"{K:.4g} {_range(i)}", "MN.m/rad")
+        Row(f"stiffness of joint {j + 1}", f"{K:.4g} {_range(i)}", "MN.m/rad")
         for j, (K, i) in enumerate(zip(v["stiffness_MNm_rad"], v["interval_MNm_rad"], strict=True))
     ]
     if v["other_method_MNm_rad"] is not None:
@@ -278,7 +278,7 @@ def _range(ends: Sequence[float]) -> str:
     low, high = ends
     if np.isnan(low):
         return "(negative, no interval)"
-    return f"({low:.4g} .. {f'{high:.4g}' if np.isfinite(high) else 'no upper end'})"
+    return f"(95 %: {low:.4g} to {f'{high:.4g}' if np.isfinite(high) else 'no upper end'})"
 
 
 def _parameters(fit: StiffnessFit, note: str | None) -> str:
