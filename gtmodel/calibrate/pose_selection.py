@@ -161,7 +161,7 @@ def exchange(
     seed: int = 0,
     stop: Callable[[float], bool] | None = None,
 ) -> Selection:
-    """Select `number` poses: swap one pose for the best candidate while the score falls by more than a factor of 1e-4.
+    """Select `number` poses: swap one pose for the best candidate while the score decreases by over 1e-4 of itself.
 
     Each pose may be chosen up to `repeats` times: far corners contribute most, and a repeated pose reveals drift. "D":
     determinant of the information; "E": its smallest eigenvalue; "I": trace(information^-1 moment), the mean square

@@ -137,7 +137,7 @@ def closure_jacobians(
     """
     read, u = problem.reading, problem.unknowns
     if signal not in read.places or read.latent.numel() or read.derived.numel() or len(read.stances) > 1:
-        raise ModelError(f"predicted positioning errors need poses with measured '{signal}' and no latent variables")
+        raise ModelError(f"predicted errors need whole poses with '{signal}', one per row, and no latent variables")
     pose = [k for n, s in read.places.items() if n != problem.actuators for k in range(s.start, s.stop)]
     m = len(problem.labels)
     if m != len(pose):

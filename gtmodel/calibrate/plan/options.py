@@ -217,7 +217,9 @@ class Task(Options):
     ] = None  # fmt: skip
     limits: PlanLimits = field(default_factory=PlanLimits)
     bodies: Bodies = field(default_factory=Bodies)
-    obstacles: Annotated[list[Box], "boxes that links and plate must not touch"] = field(default_factory=list)
+    obstacles: Annotated[
+        list[Box], "boxes that links and plate must not touch, and that block the view of the device"
+    ] = field(default_factory=list)  # fmt: skip
     beams: Annotated[list[Beam], "beams of the frame that links must not touch"] = field(default_factory=list)
     safety: Safety = field(default_factory=Safety)
     actuator_noise: Annotated[

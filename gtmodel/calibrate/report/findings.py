@@ -341,7 +341,7 @@ def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool
         )
         return True, False, sentences
     if not any(f.held_out for f in findings.parts):
-        sentences.append("prediction not proven: no poses were held out, and errors of fitted poses are too small")
+        sentences.append("prediction not proven: no poses were held out, and errors of fitted poses are optimistic")
         return True, None, sentences
     if findings.far:
         sentences.append(
