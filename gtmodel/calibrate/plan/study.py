@@ -72,13 +72,13 @@ def poses_csv(T: Array, q: Array, purpose: list[str], title: str) -> str:
 
 
 def rapid_program(T: Array, q: Array, title: str, settle: float) -> str:
-    """A RAPID module that moves to each pose, stops, waits and counts. Text only: tested on no controller."""
+    """A RAPID module that moves to each pose, stops, waits and counts. Text only: tested against no controller."""
     rotary = ", d, e, f the rotary axes in degrees" if q.shape[1] == 6 else ""
     return reference.module(
         "GtCalibration",
         [
             title or "calibration poses",
-            "Written by gtmodel; tested on no controller. Check workspace, work object and tool first.",
+            "Written by gtmodel; tested against no controller. Check workspace, work object and tool first.",
             "The robot is not calibrated yet: keep the speed low and a hand on the stop.",
             f"Positions in mm; external axes a, b, c are the carts in mm{rotary}.",
         ],
