@@ -1,23 +1,23 @@
-"""Kinematic calibration of any model on its own closure equations. Knows no robot but the Gantry-Tau's parameters.
+"""Kinematic calibration of any model on its own closure equations; only `Synthetic` is made for the Gantry-Tau.
 
-study, CalibrationStudy   a robot on measured poses: were they read right, fit, held-out errors, intervals, verdict
-Fit, Known                which parameters move, what is known of them before
-MeasuredPoses, read_poses, Measured, MeasuredSignal, MeasuredPoint, FrameStart, Sag   measured poses, and how they
-                                   stand in a file
-Refit                     what a held-out recording has of its own: refitted on a part of it, judged on the rest
+study, CalibrationStudy   calibrate a robot: check the readings, fit, predict held-out poses, intervals, verdict
+Fit, Known                which parameters are free, and prior knowledge of them
+MeasuredPoses, read_poses, Measured, MeasuredSignal, MeasuredPoint, FrameStart, Sag   measured poses and the columns of
+                                   their file
+Refit                     parameters specific to a held-out recording: refitted on some of its poses, judged on the rest
 Synthetic, made_poses     synthetic measurements of a robot with known errors
 CartPoints, read_cart_points   guideways through measured points
-Origin                    where a robot comes from, for its calibrated file
+Origin                    where the robot model comes from, for the file of the calibrated robot
 
-Measurements, Pose, Correction   measured poses, whole or in part, their noise, and what lies between sensor and model
+Measurements, Pose, Correction   measured poses, whole or partial, their noise, and corrections of the sensors
 FixedPoint                       a reflector on the end-effector, or the fixed end of a ball-bar
-Choice                           which parameters are free, fixed, tied, unit quaternions, with priors
+Choice                           which parameters are free, fixed, tied or unit quaternions, with priors
 prepare, CalibrationProblem      equations, unknowns and Jacobians; identifiability before anything is measured
 calibrate, Calibration           parameters with confidence, residuals per link and pose, errors on other poses
-judge_held_out                   held-out errors against what a sound model has of them
-against_noise, pattern           errors of all poses, fitted and held out, against the stated noise, and over the pose
-leave_out, folds_of              errors of poses that are left out in turn, one by one or in folds
-closure_equations                what closes, as symbols
+judge_held_out                   compare held-out errors with those of a sound model
+against_noise, pattern           compare errors with the stated noise, and look for patterns over the pose
+leave_out, folds_of              cross-validation: leave out single poses or folds
+closure_equations                the closure equations as symbols
 
 Before anything is measured
     pose_information                 information of each pose; covariance, O1 to O5 of any selection
@@ -28,8 +28,8 @@ Before anything is measured
     LaserTracker, Camera, LineOfSight   where devices see, and how well
     seen_by_distance, seen_by_plane  robots that a partial device measures
     seen_with_quaternion            robots whose rotation R is measured as a quaternion
-    plan_study                       all of these, from a room to the poses to measure: a PlanStudy; what it is asked
-                                     for in `plan`
+    plan_study                       all of these, from a room to the poses to measure: a PlanStudy; its options are
+                                     in `plan`
 """
 
 from typing import TYPE_CHECKING

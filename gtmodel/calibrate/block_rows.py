@@ -1,4 +1,4 @@
-"""Whitened rows of a block, some thousand poses at a time: what an iteration sums and never holds as a whole."""
+"""Whitened rows of a block, evaluated some thousand poses at a time; the whole Jacobian is never stored."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import numpy as np
 from .blocks import Block
 from .implicit import Adjustment, Begin
 
-# poses that are evaluated together: Jacobians of so many stay near a core
+# number of poses evaluated together, so that their Jacobians stay in the cache
 PART = 8192
 
 
 def parts(poses: int) -> list[slice]:
-    """Slices of so many poses; at least one."""
+    """Slices that cover this number of poses; at least one."""
     return [slice(k, min(k + PART, poses)) for k in range(0, max(poses, 1), PART)]
 
 
 class BlockRows:
     """Rows [J r] (c * k, n + 1) of a block at x, in parts of c poses, divided by `sigma`.
 
-    With a `covariance` (N or 1, ny, ny) they are those of its Adjustment, from `start`, of the closures otherwise. Of
-    poses that fit into one part the last rows are kept.
+    With a `covariance` (N or 1, ny, ny) the rows are those of its Adjustment from `start`; otherwise those of the
+    closure equations. If all poses fit into one part, the last rows are cached.
     """
 
     def __init__(
@@ -40,17 +40,17 @@ class BlockRows:
         self.adjustments: list[Adjustment] = []
         if covariance is not None:
             y, z = start
-            own = [covariance if len(covariance) == 1 else covariance[s] for s in slices]
+            covariances = [covariance if len(covariance) == 1 else covariance[s] for s in slices]
             begin: list[Begin] = [(y if y is None else y[s], z if z is None else z[s]) for s in slices]
-            self.adjustments = [Adjustment(block, *each) for each in zip(self.data, own, begin, strict=True)]
-        self._kept: tuple[np.ndarray, np.ndarray] | None = None
+            self.adjustments = [Adjustment(block, *each) for each in zip(self.data, covariances, begin, strict=True)]
+        self._cached: tuple[np.ndarray, np.ndarray] | None = None
 
     def __call__(self, x: np.ndarray) -> Iterator[np.ndarray]:
         for k in range(len(self.data)):
             yield self._part(k, x)
 
     def with_noise(self, x: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """The same rows, and their Jacobian in the noise of all signals (c, k, ny)."""
+        """Yield the rows and their Jacobian with respect to the noise of all signals (c, k, ny)."""
         for k, data in enumerate(self.data):
             rows = self._part(k, x)
             if self.adjustments:
@@ -59,8 +59,8 @@ class BlockRows:
                 yield rows, self.block.evaluate_all(data, x)[2] / self.sigma
 
     def _part(self, k: int, x: np.ndarray) -> np.ndarray:
-        if self._kept is not None and np.array_equal(self._kept[0], x):
-            return self._kept[1]
+        if self._cached is not None and np.array_equal(self._cached[0], x):
+            return self._cached[1]
         if self.adjustments:
             r, J = self.adjustments[k].per_pose(x)
             rows = np.concatenate([J, r[..., None]], axis=2).reshape(-1, len(x) + 1)
@@ -69,19 +69,20 @@ class BlockRows:
         if self.sigma != 1.0:
             rows = rows / self.sigma
         if len(self.data) == 1:
-            self._kept = x.copy(), rows
+            self._cached = x.copy(), rows
         return rows
 
     @property
     def unclosed(self) -> np.ndarray:
-        """Poses (from 0) that did not close at the last x."""
+        """Poses (from 0) that do not close at the last x."""
         closed = [a.closed for a in self.adjustments]
         return np.flatnonzero(~np.concatenate(closed)) if closed else np.zeros(0, int)
 
 
 class JointRows:
-    """Rows [J r] of blocks of several measurements that share unknowns: one below the other, over all their
-    `columns`; `parts`: the number of the measurements of each."""
+    """Rows [J r] of blocks of several measurements that share unknowns, stacked over all their `columns`.
+
+    `parts`: for each block the number of its measurements."""
 
     def __init__(self, members: Sequence[BlockRows], parts: Sequence[int]) -> None:
         self.members, self.parts = tuple(members), tuple(parts)
@@ -91,23 +92,23 @@ class JointRows:
         self.places = [np.searchsorted(self.columns, m.columns) for m in members]
 
     def __call__(self, x: np.ndarray) -> Iterator[np.ndarray]:
-        for member, own in zip(self.members, self.places, strict=True):
-            for rows in member(x[own]):
-                yield self.placed(rows, own)
+        for member, columns in zip(self.members, self.places, strict=True):
+            for rows in member(x[columns]):
+                yield self.placed(rows, columns)
 
     def of_member(self, k: int, x: np.ndarray) -> Iterator[np.ndarray]:
-        """Those of one member, over all columns."""
+        """Rows of one member, over all columns."""
         for rows in self.members[k](x[self.places[k]]):
             yield self.placed(rows, self.places[k])
 
     def with_noise(self, k: int, x: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """The same, and their Jacobian in the noise of all signals of those measurements (c, k, ny)."""
+        """Rows of one member, and their Jacobian with respect to the noise of all its signals (c, k, ny)."""
         for rows, B in self.members[k].with_noise(x[self.places[k]]):
             yield self.placed(rows, self.places[k]), B
 
-    def placed(self, rows: np.ndarray, own: np.ndarray) -> np.ndarray:
-        if len(own) == len(self.columns):
+    def placed(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        if len(columns) == len(self.columns):
             return rows
         full = np.zeros((len(rows), len(self.columns) + 1))
-        full[:, own], full[:, -1] = rows[:, :-1], rows[:, -1]
+        full[:, columns], full[:, -1] = rows[:, :-1], rows[:, -1]
         return full

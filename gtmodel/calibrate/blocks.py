@@ -1,4 +1,4 @@
-"""Functions of a calibration: residuals and exact Jacobians per pose, in blocks that share no unknown."""
+"""Functions of a calibration: residuals and exact Jacobians per pose, in blocks that share no unknowns."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from ..compiler.rows import map_columns
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Rows of the closure and unknowns that have nothing to do with the others.
+    """Rows of the closure equations and their unknowns, independent of all other blocks.
 
     `rows`, `columns`, `hidden`: indices of its equations, unknowns and latent values. `function`: (d, noise, latent, x)
-    -> r (m,), Jacobians in x (m, n), in the noise (m, ny), in the latent values (m, nz); `plain` (d, x) computes the
-    first two as [J r]' (n + 1, m), `alone` r only, both without noise.
+    -> r (m,) and its Jacobians in x (m, n), noise (m, ny) and latent values (m, nz). Without noise, `plain` (d, x)
+    computes the first two as [J r]' (n + 1, m), and `alone` only r.
     """
 
     rows: np.ndarray
@@ -59,9 +59,9 @@ class Block:
 def blocks(
     residuals: ca.SX, d: ca.SX, noise: ca.SX, latent: ca.SX, x: ca.SX, joined: Sequence[int] = ()
 ) -> tuple[Block, ...]:
-    """Split by the sparsity of the Jacobian: rows that share an unknown, a latent value, or one of the noises `joined`.
+    """Split the equations by Jacobian sparsity: rows of a block share an unknown, latent value or noise of `joined`.
 
-    Blocks come in the order of their first row; an unknown that no row holds is in the first block.
+    Blocks are ordered by their first row; an unknown that occurs in no row belongs to the first block.
     """
     shared = ca.vertcat(x, latent, *[noise[k] for k in joined])
     pattern = ca.jacobian_sparsity(residuals, shared)
@@ -75,24 +75,24 @@ def blocks(
         rows = np.flatnonzero(label[:m] == k)
         inside = [j for j in range(x.numel()) if label[m + j] == k or (k == order[0] and label[m + j] not in order)]
         columns = np.array(inside, int)
-        at = m + x.numel()
-        hidden = np.array([j for j in range(latent.numel()) if label[at + j] == k], int)
-        part, own, unseen = residuals[rows.tolist()], x[columns.tolist()], latent[hidden.tolist()]
-        jacobian = [ca.densify(ca.jacobian(part, s)) for s in (own, noise, unseen)]
-        none = [noise, latent], [ca.DM.zeros(noise.numel(), 1), ca.DM.zeros(latent.numel(), 1)]
-        quiet, slopes = ca.cse(ca.substitute([ca.densify(part), jacobian[0]], *none))
+        first = m + x.numel()
+        hidden = np.array([j for j in range(latent.numel()) if label[first + j] == k], int)
+        part, unknowns, latents = residuals[rows.tolist()], x[columns.tolist()], latent[hidden.tolist()]
+        jacobian = [ca.densify(ca.jacobian(part, s)) for s in (unknowns, noise, latents)]
+        zeros = [noise, latent], [ca.DM.zeros(noise.numel(), 1), ca.DM.zeros(latent.numel(), 1)]
+        quiet, slopes = ca.cse(ca.substitute([ca.densify(part), jacobian[0]], *zeros))
         parts.append(
             Block(
-                rows, columns, hidden, ca.Function("closure", [d, own], [quiet]),
-                ca.Function("closure", [d, own], [ca.vertcat(slopes.T, quiet.T)]),
-                ca.Function("closure", [d, noise, unseen, own], ca.cse([ca.densify(part), *jacobian])),
+                rows, columns, hidden, ca.Function("closure", [d, unknowns], [quiet]),
+                ca.Function("closure", [d, unknowns], [ca.vertcat(slopes.T, quiet.T)]),
+                ca.Function("closure", [d, noise, latents, unknowns], ca.cse([ca.densify(part), *jacobian])),
             )
         )  # fmt: skip
     return tuple(parts)
 
 
 def _repeated(x: np.ndarray, data: np.ndarray) -> np.ndarray:
-    # as np.broadcast_to, which takes longer than what it is for
+    # as np.broadcast_to, but faster
     return np.ndarray((len(x), data.shape[1]), buffer=np.ascontiguousarray(x, float), strides=(8, 0))
 
 

@@ -1,4 +1,4 @@
-"""Calibration of any model: measured poses in, parameters with confidence out."""
+"""Calibration of any model: parameters with confidence from measured poses."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ from .unknowns import modifiers
 class Calibration:
     """The result of calibrate().
 
-    `estimate` of the unknowns, None unless solved and asked for; `values` of all parameters in the closure equations;
-    `start`: the `residuals` before. `blocks`: names of unknowns that were solved together.
+    `estimate` of the unknowns: None if not solved or if not computed. `values` of all parameters in the closure
+    equations. `start`: `residuals` at the start values. `blocks`: names of the unknowns that were solved together.
     """
 
     problem: CalibrationProblem
@@ -50,31 +50,33 @@ class Calibration:
     blocks: tuple[tuple[str, ...], ...]
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of an unknown [SI] if the residuals are independent noise, which a study tests and this
-        does not. Raises ArgumentError where there is no estimate, and for another name."""
+        """Return the confidence interval of an unknown [SI], valid if the residuals are independent noise.
+
+        A study tests that; this method does not. Raises ArgumentError if there is no estimate or no such unknown."""
         if self.estimate is None:
-            raise ArgumentError("there is no estimate: not solved, or asked for without confidence", "name")
+            raise ArgumentError("there is no estimate: not solved, or `confidence` was False", "name")
         return self.estimate.interval(name, level)
 
     @cached_property
     def residuals(self) -> np.ndarray:
-        """Errors (N, m) [m] of `problem.error_labels`, at first use: of the lengths, and with latent variables of what
-        was measured, model less measured, NaN where a pose does not close."""
+        """Errors (N, m) [m] of `problem.error_labels`: link lengths, or model less measured with latent variables.
+
+        NaN if a pose does not close."""
         return self._errors_of(self.problem) if self.problem.implicit else self.problem.residuals(self.x)
 
     @property
     def alone(self) -> Calibration:
-        """The same with the first of the measurements alone."""
+        """This calibration with the first measurements only."""
         return replace(self, problem=replace(self.problem, beside=())) if self.problem.beside else self
 
     @property
     def parts(self) -> tuple[Calibration, ...]:
-        """The same with each of the measurements, these first."""
+        """One calibration per measurements, this one first."""
         return (self, *(replace(self, problem=p) for p in self.problem.beside))
 
     @property
     def link_errors(self) -> dict[str, float]:
-        """Mean |length error| [m] per link (Dressler 2012, eq. (5.13)), or of what was measured in part."""
+        """Mean |length error| [m] per link (Dressler 2012, eq. (5.13)), or mean error of each partial measurement."""
         mean = np.nanmean(np.abs(self.residuals), axis=0) if len(self.residuals) else np.zeros(0)
         return dict(zip(self.problem.error_labels, mean.tolist(), strict=False))
 
@@ -85,18 +87,19 @@ class Calibration:
 
     @property
     def flat(self) -> FlatModel:
-        """The flat model with calibrated parameters: for causal functions, as gt.compiler.causal.compile_causal()."""
+        """The flat model with calibrated parameters, for gt.compiler.causal.compile_causal()."""
         flat = self.problem.closure.flat
-        own = [replace(q, value=self.values.get(q.name, q.value)) for q in flat.parameters]
-        return replace(flat, parameters=own, cache={})
+        parameters = [replace(q, value=self.values.get(q.name, q.value)) for q in flat.parameters]
+        return replace(flat, parameters=parameters, cache={})
 
     def parameters(self) -> dict[str, Any]:
-        """Whole parameters as arrays and numbers, those of parts in dictionaries: for type(model)(**parameters), and
-        model.with_(**parameters) where its parts had no modifiers."""
+        """Return whole parameters as arrays and numbers, those of parts in dictionaries.
+
+        For type(model)(**parameters), and for model.with_(**parameters) if its parts had no modifiers."""
         return modifiers(self.problem.closure.flat, self.values, self.problem.closure.touched)
 
     def on(self, measurements: Measurements) -> np.ndarray:
-        """Errors as `residuals` on other poses, such as those held out."""
+        """Return errors as in `residuals` on other poses, such as held-out ones."""
         p = self.problem.on(measurements)
         return self._errors_of(p) if p.implicit else p.residuals(self.x)
 
@@ -105,9 +108,9 @@ class Calibration:
         return np.hstack([errors[n] for n in p.judged])
 
     def positioning_errors(self, measurements: Measurements | None = None) -> dict[str, np.ndarray]:
-        """Errors of the forward kinematics of the measured actuators, model less measured, by signal of the pose.
+        """Return errors of the forward kinematics at the measured actuators, model less measured, by pose signal.
 
-        (N, 3) [m] for positions, and for quaternions a rotation vector (N, 3) [rad]. NaN where a pose cannot be closed.
+        (N, 3) [m] for positions and a rotation vector (N, 3) [rad] for quaternions. NaN if a pose cannot be closed.
         """
         p = self.problem if measurements is None else self.problem.on(measurements)
         errors = np.zeros((len(p.measurements), p.reading.noise.numel()))
@@ -137,20 +140,20 @@ def calibrate(
     limit: int = 100,
     stop: Callable[[], bool] | None = None,
 ) -> Calibration:
-    """Parameters that bring the model nearest to measured poses, by Gauss-Newton on exact Jacobians.
+    """Fit parameters to measured poses by Gauss-Newton with exact Jacobians.
 
-    Arms that share no unknown are solved one by one. `cost`: see CalibrationProblem. `loss` and its `width` as in
-    gtmodel.inference.nonlinear_fit(), in units of the noise where it is known and of the residual otherwise. `start`:
-    other start values by unknown. With noise for all measured signals the confidence is propagated from it; otherwise
-    it is estimated from the residuals, with poses taken as independent. What the poses do not determine stays at its
-    start, and the estimate says so, unless `hold_undetermined` is False: ModelError then. With latent variables, and
-    with several measurements, each of which has its own poses and signals, the cost is one of errors of what was
-    measured; those of several weigh by their noise. Where no residual is left beyond the unknowns, and no noise is
-    stated, there is no estimate; `identifiability` says how many are determined. `stop` is asked once per
-    iteration: True ends with the best x so far and the status INTERRUPTED. Without `confidence` neither estimate nor
-    identifiability are computed.
+    Blocks (arms) that share no unknown are solved one by one. `cost`: see CalibrationProblem. `loss` and its `width` as
+    in gtmodel.inference.nonlinear_fit(), in units of the noise if it is known and of the residual otherwise. `start`:
+    other start values by unknown. If the noise of all measured signals is stated, it is propagated to the covariance of
+    the parameters. Otherwise the residuals give the covariance; poses are then assumed independent. Directions that
+    the poses do not determine stay at their start values, and a note says so; with `hold_undetermined` False they
+    raise ModelError. With latent variables or several measurements, the cost must be an error of measured signals.
+    Several measurements, each with its own poses and signals, are weighted by their noise. Without degrees of freedom
+    left and without stated noise there is no estimate; `identifiability` says how many parameters are determined.
+    `stop` is called once per iteration: True ends with the best x so far and the status INTERRUPTED. With `confidence`
+    False, neither estimate nor identifiability is computed.
 
-    Raises ModelError for what does not fit the model; an iteration that fails is a status.
+    Raises ModelError if an argument does not fit the model. An iteration that fails gives a status, no exception.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
@@ -166,15 +169,15 @@ def calibrate(
         problem = model
     else:
         if measurements is None:
-            raise ModelError("calibrate() needs measurements, or a problem made by prepare()")
+            raise ModelError("calibrate() needs measurements, or a problem from prepare()")
         problem = prepare(model, measurements, choice, actuators=actuators, latent=latent)
     if cost not in COSTS:
-        raise ModelError(f"there is no cost '{cost}'; these are: {', '.join(COSTS)}")
+        raise ModelError(f"there is no cost '{cost}'; choose one of: {', '.join(COSTS)}")
     u = problem.unknowns
     x = u.start.copy()
     for name, value in (start or {}).items():
         if name not in u.names:
-            raise ModelError(f"start names '{name}', which is not free; these are: {', '.join(u.names)}")
+            raise ModelError(f"start names '{name}', which is not free; free are: {', '.join(u.names)}")
         x[u.names.index(name)] = value
     _require_errors(problem, cost)
     begin = np.zeros((len(problem.measurements), 0)) if problem.implicit else problem.residuals(x)
@@ -190,7 +193,7 @@ def calibrate(
         except ValueError as error:
             raise ModelError(str(error)) from None
         if estimate is None:
-            message += f"; {identified.counts}, and no residual is left to judge them by"
+            message += f"; {identified.counts}, but no degrees of freedom are left to estimate their errors"
     return Calibration(
         problem, cost, status, message, x, estimate, identified, problem.values(x), begin,
         max((f.descent.iterations for f in fits), default=0),
@@ -199,24 +202,24 @@ def calibrate(
 
 
 def _require_errors(problem: CalibrationProblem, cost: Cost) -> None:
-    """Raises ModelError where a cost does not go with latent values or with several measurements."""
+    """Raise ModelError if a cost cannot be used with latent values or with several measurements."""
     if cost not in ("length", "squared"):
         lacking = [
             f"{n} of {p.measurements.name or k}"
             for k, p in enumerate(problem.parts, 1) for n in p.noisy(cost) if n not in p.measurements.noise
         ]  # fmt: skip
         if problem.beside and lacking:
-            raise ModelError(f"several measurements are weighed by their noise: give that of {', '.join(lacking)}")
+            raise ModelError(f"several measurements are weighted by their noise: state that of {', '.join(lacking)}")
         return
     latent = [n for p in problem.parts for n in p.latent]
     if latent:
         raise ModelError(
-            f"the cost '{cost}' needs all lengths, and {', '.join(dict.fromkeys(latent))} is latent; take 'forward', "
+            f"the cost '{cost}' needs all lengths, but {', '.join(dict.fromkeys(latent))} is latent; choose 'forward', "
             "'inverse' or 'orthogonal'"
         )
     if problem.beside:
         raise ModelError(
-            f"several measurements are weighed by their noise, which the cost '{cost}' does not look at; take "
+            f"several measurements are weighted by their noise, which the cost '{cost}' ignores; choose "
             "'forward', 'inverse' or 'orthogonal'"
         )
 
@@ -233,7 +236,7 @@ def _descended(
     u = problem.unknowns
     x = x.copy()
     implicit = cost in ("inverse", "forward", "orthogonal")
-    if implicit and not problem.implicit and not problem.beside:  # from near the optimum each pose closes
+    if implicit and not problem.implicit and not problem.beside:  # near the optimum each pose closes
         first, x = _descended(problem, "length", x, loss, width, limit, stop)
         if any(f.descent.status is SolveStatus.INTERRUPTED for f in first):
             return first, x
@@ -251,13 +254,13 @@ def _descended(
 
 
 def _together(problem: CalibrationProblem, cost: Cost, x: np.ndarray) -> list[JointRows]:
-    """Rows of the blocks of all measurements, those that share an unknown in one."""
+    """Rows of the blocks of all measurements; blocks that share an unknown are joined."""
     implicit = cost in ("inverse", "forward", "orthogonal")
     groups: list[tuple[set[int], list[BlockRows], list[int]]] = []
     for k, part in enumerate(problem.parts):
         read = part.reading
         for b in part.blocks_of(cost):
-            if not len(b.columns):  # an arm of which nothing is free
+            if not len(b.columns):  # an arm without free parameters
                 continue
             covariance, begin = None, (None, None)
             if implicit:
@@ -265,8 +268,8 @@ def _together(problem: CalibrationProblem, cost: Cost, x: np.ndarray) -> list[Jo
                 labels = tuple(part.labels[j] for j in b.rows)
                 begin = part.begin(b, covariance)
                 require_noise_enough(b, read.data, covariance, begin, x[b.columns], labels)
-            own = {part.unknowns.names[j] for j in b.columns}
-            prior = any(p.name in own for p in part.unknowns.priors)
+            names = {part.unknowns.names[j] for j in b.columns}
+            prior = any(p.name in names for p in part.unknowns.priors)
             sigma = 1.0 if implicit or not prior else residual_level(part, b, x)
             rows = BlockRows(b, read.data, sigma, covariance, begin)
             columns = set(b.columns.tolist())
@@ -281,7 +284,7 @@ def _together(problem: CalibrationProblem, cost: Cost, x: np.ndarray) -> list[Jo
 
 
 def _failed(problem: CalibrationProblem, bad: Fitted) -> str:
-    """Why the iteration ended, with the poses that cannot be closed."""
+    """Why the iteration ended, with the poses that do not close."""
     d = bad.descent
     if d.status is not SolveStatus.NOT_FINITE:
         return d.message
@@ -293,21 +296,21 @@ def _failed(problem: CalibrationProblem, bad: Fitted) -> str:
 
 
 def residual_level(problem: CalibrationProblem, block: Block, x: np.ndarray) -> float:
-    """Typical size of a residual from the stated noise, against which priors are weighed."""
+    """Typical size of a residual according to the stated noise; priors are weighted against it."""
     m = problem.measurements
     if any(n not in m.noise for n in problem.reading.places):
         lacking = [n for n in problem.reading.places if n not in m.noise]
-        raise ModelError(f"priors are weighed against the noise: give that of {', '.join(lacking)} too")
+        raise ModelError(f"priors are weighted against the noise: state that of {', '.join(lacking)} too")
     S, mean = noise_covariance(problem, "orthogonal"), 0.0
     for part in parts(len(m)):
         _, _, By, _ = block.evaluate_all(problem.reading.data[:, part], x[block.columns])
-        own = np.broadcast_to(S, (len(m), *S.shape[1:]))[part]
-        mean += float(np.sum(np.einsum("kmi,kij,kmj->km", By, own, By)))
+        covariance = np.broadcast_to(S, (len(m), *S.shape[1:]))[part]
+        mean += float(np.sum(np.einsum("kmi,kij,kmj->km", By, covariance, By)))
     return float(np.sqrt(mean / (len(m) * len(block.rows))))
 
 
 def _arrived(fits: Sequence[Fitted]) -> str:
     if not fits:
-        return "nothing is free: judged as it is"
+        return "nothing is free: the robot is judged as it is"
     counts = [f.descent.iterations for f in fits]
     return f"solved in {max(counts)} iterations" + (f", {len(fits)} blocks" if len(fits) > 1 else "")

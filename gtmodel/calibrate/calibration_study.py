@@ -1,4 +1,4 @@
-"""The calibration study: geometric parameters of a robot from measured poses, what they are worth, and the proof."""
+"""The calibration study: fit geometric parameters to measured poses and judge them on held-out poses."""
 
 from __future__ import annotations
 
@@ -45,25 +45,25 @@ def study(
     origin: Origin | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> CalibrationStudy:
-    """Calibrate a robot on measured poses: check that they were read right, fit, predict the held-out ones, judge.
+    """Calibrate a robot on measured poses: check the readings, fit, predict held-out poses, judge.
 
     Args:
-        robot: with its parameters as known before.
-        poses: what was measured, in SI units: `Measurements` in memory, or `MeasuredPoses` by `read_poses` and
-            `made_poses`. Several, of heights, distances, positions, share the robot's parameters; they are weighed by
-            their noise, and each is judged by itself.
-        fit: which parameters move, by which cost; all of them and length errors if left out.
-        held_out: every how many-th pose no fit sees; 0 for none. Poses that say it themselves are not asked.
-        refit: what a held-out recording has of its own, found on a part of it; the rest judges.
-        method: "every" holds poses out as `held_out` says; "leave_one_out" fits all and predicts each pose by a fit
-            without it, "folds" each of so many `folds` by one without them: for few poses.
+        robot: the model with its nominal parameters.
+        poses: measured poses in SI units: `Measurements` in memory, or `MeasuredPoses` from `read_poses` or
+            `made_poses`. Several (heights, distances, positions) share the robot's parameters; they are weighted by
+            their noise, and each is judged separately.
+        fit: free parameters and cost; by default all parameters and length errors.
+        held_out: every n-th pose is held out of the fit; 0 for none. Ignored if the poses mark held-out ones.
+        refit: parameters specific to a held-out recording: fitted on some of its poses, judged on the others.
+        method: "every" holds out poses as `held_out` says. For few poses: "leave_one_out" fits all poses and predicts
+            each with a fit without it; "folds" does so with this number of `folds`.
         carts: guideways through measured points.
         origin: where the robot comes from, for parameters.toml.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Interrupted, it holds the best parameters so far and claims nothing. Raises ArgumentError, also for poses that were
-    read wrong: other units, exchanged columns, swapped axes. The message names the alarm, which `fit.accept` turns into
-    a note where the readings are right all the same.
+    If interrupted, the study holds the best parameters so far and judges nothing. Raises ArgumentError, also for poses
+    that were misread: wrong units, exchanged columns, swapped axes. The message names the alarm; if the readings are
+    right, name it in `fit.accept`, and it becomes a note.
 
     >>> from gtmodel.calibrate import Fit, Synthetic, made_poses, study
     >>> robot = gt.robots.gantry_tau("l1_tape")
@@ -72,7 +72,7 @@ def study(
     >>> s.held_out["mean"] < s.a_priori["mean"] / 10
     True
 
-    Heights alone, from a probe: what they leave open is said.
+    Heights alone, from a probe; the study reports what they do not determine.
 
     >>> m = poses.measurements
     >>> heights = gt.calibrate.Measurements({"q": m.values["q"], "T[2]": m.values["T"][:, 2]})
@@ -87,13 +87,13 @@ def study(
     inspection = Inspection(fit.accept)
     data = split_all(poses, robot, held_out if method == "every" else 0, refit, inspection)
     in_turn = [] if method == "every" else _in_turn(data, folds if method == "folds" else None)
-    work.progress("looking at the poses", 0.3)
+    work.progress("checking the poses", 0.3)
     witnesses = [witness_of(plain, d) for d in data]
-    placed = []
+    frames = []
     for k, (d, w) in enumerate(zip(data, witnesses, strict=True)):
         with _among(data, k):
-            placed.append(recognise_sessions(d, w, inspection))
-    data = [d.with_device(p) if p and d.pose.device_start is None else d for d, p in zip(data, placed, strict=True)]
+            frames.append(recognise_sessions(d, w, inspection))
+    data = [d.with_device(p) if p and d.pose.device_start is None else d for d, p in zip(data, frames, strict=True)]
     title = work.title or f"calibration of {origin.name}"
     if any(d.synthetic for d in data) and "synthetic" not in title.lower():
         title += " (synthetic)"
@@ -103,30 +103,31 @@ def study(
     ready = prepared(fit, robot, data, carts, on_points)
     if len(data) > 1:
         _look_at_each(data, ready, witnesses, inspection)
-    before = [a_priori(d, w, p) for d, w, p in zip(data, witnesses, placed, strict=True)]
+    before = [a_priori(d, w, p) for d, w, p in zip(data, witnesses, frames, strict=True)]
     findings = findings_of(fit, data, ready, before, work.interrupted, inspection, refit, in_turn)
     c = findings.calibration
-    # where all lengths are known by themselves, and something was fitted
-    looked = c.status is not SolveStatus.INTERRUPTED and len(data) == 1 and not ready.implicit and len(c.x) > 0
-    if looked:
+    # columns can be checked by the fit if all lengths are known pose by pose, and something was fitted
+    checkable = c.status is not SolveStatus.INTERRUPTED and len(data) == 1 and not ready.implicit and len(c.x) > 0
+    if checkable:
         inspection.refuse(misread_after(data[0], ready, c, witnesses[0]), f"poses.values.{data[0].actuators}")
-    work.progress("telling", 0.9)
+    work.progress("writing the report", 0.9)
     return _study_of(findings, robot, fit, origin, title)
 
 
 def _look_at_each(
     data: Sequence[SplitPoses], ready: CalibrationProblem, witnesses: Sequence[Witness], inspection: Inspection
 ) -> None:
-    """Raises ArgumentError where columns of one of several measurements were read wrong: by the robot as it was, before
-    the fit of all, which bends to each and does not say which one is wrong."""
-    for k, (own, part, witness) in enumerate(zip(data, ready.parts, witnesses, strict=True)):
+    """Raise ArgumentError if columns of one of several measurements were misread.
+
+    Uses the nominal robot: the joint fit adapts to all measurements and cannot tell which one is wrong."""
+    for k, (poses, part, witness) in enumerate(zip(data, ready.parts, witnesses, strict=True)):
         with _among(data, k):
-            inspection.refuse(misread_by_lengths(own, part, witness), f"poses.values.{own.actuators}")
+            inspection.refuse(misread_by_lengths(poses, part, witness), f"poses.values.{poses.actuators}")
 
 
 @contextmanager
 def _among(data: Sequence[SplitPoses], k: int) -> Iterator[None]:
-    """What is refused of one of several measurements is said with its name and place."""
+    """Add name and index of the measurements to an ArgumentError if there are several."""
     try:
         yield
     except ArgumentError as error:
@@ -137,11 +138,11 @@ def _among(data: Sequence[SplitPoses], k: int) -> Iterator[None]:
 
 
 def _in_turn(data: Sequence[SplitPoses], folds: int | None) -> list[np.ndarray]:
-    """Folds of poses that are left out in turn. Raises ArgumentError for several measurements and for held-out ones."""
+    """Folds for cross-validation. Raises ArgumentError for several measurements and if poses are held out already."""
     if len(data) > 1:
-        raise ArgumentError("poses are left out in turn of one table of measurements; there are several", "method")
+        raise ArgumentError(f"cross-validation takes one table of measurements; found {len(data)}", "method")
     if data[0].held_out.any():
-        raise ArgumentError("poses are held out already, by their file; leave out in turn or hold out", "method")
+        raise ArgumentError("the file holds out poses already; use either these or cross-validation", "method")
     return folds_of(len(data[0].lines), folds, data[0].repeated)
 
 
@@ -149,7 +150,7 @@ def explained(
     robot: Model, poses: MeasuredPoses | Measurements | Sequence[MeasuredPoses | Measurements], fit: Fit,
     held_out: int = 2, carts: CartPoints | None = None, method: str = "every",
 ) -> list[str]:  # fmt: skip
-    """What is free, what stays, and what the poses can determine before anything is fitted, in lines of text."""
+    """Lines of text before the fit: free parameters, fixed ones, and what the poses can determine."""
     robot, on_points = on_cart_points(by_dh_numbers(fit, robot), carts)
     robot = with_measured_orientation(robot, poses)
     data = split_all(poses, robot, held_out if method == "every" else 0)
@@ -160,7 +161,7 @@ def explained(
     lines += [f"  {n} [{unit or '1'}] from {x:g}" for n, unit, x in zip(u.names, u.units, u.start, strict=True)]
     fixed = [n for n in ready.values(u.start) if n not in u.names]
     if fixed:
-        lines.append(f"fixed, tied or turned as a quaternion: {', '.join(fixed)}")
+        lines.append(f"fixed, tied or part of a unit quaternion: {', '.join(fixed)}")
     if not u.names:
         return [*lines, "nothing is free: the robot is judged as it is"]
     return [*lines, *too_few(ready), *ready.identifiability(sigma=length_noise(ready)).notes]
@@ -182,9 +183,7 @@ def _study_of(findings: CalibrationFindings, robot: Model, fit: Fit, origin: Ori
     errors, _, held = findings.headline
     message = c.message
     if c.status.ok and findings.position in errors and not findings.beside:
-        message += (
-            f"; {'held-out' if held else 'fitted'} error {1e3 * errors[findings.position].mean:.3g} mm in the mean"
-        )
+        message += f"; mean {'held-out' if held else 'fitted'} error {1e3 * errors[findings.position].mean:.3g} mm"
     return CalibrationStudy(
         status=c.status,
         message=message,

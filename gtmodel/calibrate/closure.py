@@ -1,5 +1,4 @@
-"""Closure equations of any model, what is left of its kinematics when measured variables are known, and where the
-search for latent values starts."""
+"""Closure equations of any model: the kinematics left when measured variables are known; start values of latents."""
 
 from __future__ import annotations
 
@@ -23,11 +22,11 @@ from ..lang.source import ModelError
 class Closure:
     """Residuals (m,) that vanish on a perfect robot, in `symbols` of the known and latent variables and in flat.p.
 
-    `labels` per row: the component that wrote it, such as "arm[0].rod", with the equation's number where it wrote
-    several. `touched`: indices in flat.parameters of what the rows hold. `unit`: known or latent quaternions, of which
-    an equation says that their length is 1. `lengths` (m,): residuals with a == b^2 taken as sqrt(a) - b where b is a
-    parameter or a variable that a branch declares positive: of rods and struts, the distance of their joints less
-    their length [m].
+    `labels` per row: the component that declares the equation, such as "arm[0].rod", "tool x" or, numbered, "leg 2".
+    `touched`: indices in flat.parameters of the parameters in the rows. `unit`: known or latent quaternions whose unit
+    length is an equation of the model. `lengths` (m,): residuals a == b^2 written as sqrt(a) - b if b is a parameter
+    or a variable that a branch declares positive. For rods and struts this is the distance of their joints less their
+    length [m].
     """
 
     flat: FlatModel
@@ -42,14 +41,14 @@ class Closure:
 
 
 def closure_equations(model: Model | Builder | FlatModel, known: Sequence[str], latent: Sequence[str] = ()) -> Closure:
-    """Equations that hold nothing but parameters, `known` and `latent` variables once all else is eliminated.
+    """Return the equations in parameters, `known` and `latent` variables, with all other variables eliminated.
 
-    Unknowns that stand alone in an equation, with a number as their factor, are eliminated step by step, as those of
-    frames, joints and plate points. Equations with derivatives (forces) take no part; conditions on known values alone,
-    and the unit length of a latent quaternion, are left out. `latent` are variables that nobody measured, one value per
-    pose.
+    A variable that occurs alone in an equation with a constant factor is eliminated, step by step: for example
+    variables of frames, joints and plate points. Left out are equations with derivatives (forces), conditions on known
+    values alone, and the unit length of a latent quaternion. `latent` variables were not measured and have one value
+    per pose.
 
-    Raises ModelError for an unknown name, a derivative, or when nothing closes; it says what to measure besides.
+    Raises ModelError for an unknown name, for a derivative, or if nothing closes; the message says what to measure.
 
     >>> closure = gt.calibrate.closure_equations(gt.robots.gantry_tau("l1_tape"), known=["q", "T"])
     >>> closure.labels, closure.lengths.shape
@@ -58,12 +57,12 @@ def closure_equations(model: Model | Builder | FlatModel, known: Sequence[str], 
     flat = model if isinstance(model, FlatModel) else flat_of(model)
     names = (*known, *latent)
     groups = {name: _indices(flat, name) for name in names}
-    given = [i for name in names for i in groups[name]]
-    if len(set(given)) != len(given):
+    variables = [i for name in names for i in groups[name]]
+    if len(set(variables)) != len(variables):
         raise ModelError(f"{flat.title}: a variable is named twice in {', '.join(names)}")
-    alias = eliminate(flat, frozenset(given))
+    alias = eliminate(flat, frozenset(variables))
     level = [e for e in alias.equations if _position(flat, e)]
-    order, rest = _propagated(flat, level, set(given))
+    order, rest = _propagated(flat, level, set(variables))
     closing = [e for e, unknown in rest if not unknown]
     parameters = {q.symbol.element_hash(): k for k, q in enumerate(flat.parameters)}
     positive = set(parameters) | _declared_positive(flat, alias)
@@ -77,26 +76,26 @@ def closure_equations(model: Model | Builder | FlatModel, known: Sequence[str], 
     unit: list[str] = []
     for e, r, length in zip(closing, results, results[len(closing) :], strict=False):
         inside = {s.element_hash() for s in ca.symvar(r)}
-        held = {parameters[h] for h in inside if h in parameters}
-        if not held and frozenset(inside) in four:
+        present = {parameters[h] for h in inside if h in parameters}
+        if not present and frozenset(inside) in four:
             unit.append(four[frozenset(inside)])
-        elif held or inside & hidden:
+        elif present or inside & hidden:
             rows.append((e, r, length))
-            touched |= held
+            touched |= present
     if not touched or _overdetermined(rest):
         raise ModelError(_nothing_closes(flat, known, alias, rest))
     return Closure(
         flat, tuple(known), tuple(latent),
         {n: ca.vertcat(*[flat.scope.symbol(i, 0) for i in indices]) for n, indices in groups.items()},
         ca.vertcat(*[r for _, r, _ in rows]), ca.vertcat(*[length for *_, length in rows]),
-        _labels(flat, [e for e, *_ in rows]), tuple(sorted(touched)), tuple(unit),
+        _labels(flat, [e for e, *_ in rows], positive), tuple(sorted(touched)), tuple(unit),
     )  # fmt: skip
 
 
 def _indices(flat: FlatModel, name: str) -> list[int]:
     _, indices, order = flat.lookup(name)
     if order:
-        raise ModelError(f"'{name}' is a derivative; closure equations take positions, such as {flat.top()}")
+        raise ModelError(f"'{name}' is a derivative; closure equations need positions, such as {flat.top()}")
     return indices
 
 
@@ -108,29 +107,29 @@ def _position(flat: FlatModel, equation: FlatEquation) -> bool:
 def _propagated(
     flat: FlatModel, equations: list[FlatEquation], known: set[int]
 ) -> tuple[list[tuple[ca.SX, ca.SX]], list[tuple[FlatEquation, set[int]]]]:
-    """Assignments in order, and the other equations with the unknowns left in them."""
+    """Assignments in order, and the other equations with their remaining unknowns."""
     done = set(known)
     waiting = [(e, {i for i, _ in flat.scope.symbols_in(e.residual)} - done) for e in equations]
     order: list[tuple[ca.SX, ca.SX]] = []
-    moved = True
-    while moved:
-        moved = False
-        left: list[tuple[FlatEquation, set[int]]] = []
+    progress = True
+    while progress:
+        progress = False
+        remaining: list[tuple[FlatEquation, set[int]]] = []
         for e, unknown in waiting:
             unknown -= done
             solved = _solved(flat, e, next(iter(unknown))) if len(unknown) == 1 else None
             if solved is None:
-                left.append((e, unknown))
+                remaining.append((e, unknown))
                 continue
             order.append((flat.scope.symbol(next(iter(unknown)), 0), solved))
             done |= unknown
-            moved = True
-        waiting = left
+            progress = True
+        waiting = remaining
     return order, waiting
 
 
 def _solved(flat: FlatModel, equation: FlatEquation, index: int) -> ca.SX | None:
-    """The unknown in terms of the rest, where its factor is a number; None otherwise."""
+    """The unknown in terms of the other variables if its factor is constant; None otherwise."""
     s = flat.scope.symbol(index, 0)
     factor = ca.SX(ca.jacobian(equation.residual, s))
     if not factor.is_constant() or float(factor) == 0.0:
@@ -139,25 +138,33 @@ def _solved(flat: FlatModel, equation: FlatEquation, index: int) -> ca.SX | None
     return -at_zero / float(factor)
 
 
-def _labels(flat: FlatModel, equations: list[FlatEquation]) -> tuple[str, ...]:
+def _labels(flat: FlatModel, equations: list[FlatEquation], positive: set[int]) -> tuple[str, ...]:
+    """The component of each equation: with x, y, z for the three of a vector, numbered for several others."""
     paths = [e.component or flat.title for e in equations]
-    return tuple(p if paths.count(p) == 1 else f"{p} {paths[: k + 1].count(p)}" for k, p in enumerate(paths))
+    groups = {p: [e for e, q in zip(equations, paths, strict=True) if q == p] for p in paths}
+    ends: dict[str, Sequence[str | int]] = {p: range(1, len(group) + 1) for p, group in groups.items()}
+    for p, group in groups.items():
+        vector = len(group) == 3 and len({e.where for e in group}) == 1
+        if vector and all(_rooted(e.residual, positive) is e.residual for e in group):
+            ends[p] = "xyz"
+    counts = [paths[:k].count(p) for k, p in enumerate(paths)]
+    return tuple(p if len(groups[p]) == 1 else f"{p} {ends[p][k]}" for p, k in zip(paths, counts, strict=True))
 
 
 def _nothing_closes(
     flat: FlatModel, known: Sequence[str], alias: AliasResult, rest: list[tuple[FlatEquation, set[int]]]
 ) -> str:
     names = _missing(flat, known, alias, rest)
-    hint = f"measure {' or '.join(names)} too, or name it as latent" if names else f"known may be some of {flat.top()}"
-    return f"{flat.title}: with {', '.join(known)} known not all equations close that hold parameters; {hint}"
+    hint = f"measure {' or '.join(names)} too, or declare it latent" if names else f"known can be some of {flat.top()}"
+    return f"{flat.title}: with {', '.join(known)} known, not all equations with parameters close; {hint}"
 
 
 def left_open(model: Model | Builder | FlatModel, known: Sequence[str]) -> list[str]:
-    """Variables of the model's top level that would have to be known, or latent, for all equations to close."""
+    """Return the model's top-level variables that must also be known, or latent, for all equations to close."""
     flat = model if isinstance(model, FlatModel) else flat_of(model)
-    given = {i for name in known for i in _indices(flat, name)}
-    alias = eliminate(flat, frozenset(given))
-    _, rest = _propagated(flat, [e for e in alias.equations if _position(flat, e)], set(given))
+    variables = {i for name in known for i in _indices(flat, name)}
+    alias = eliminate(flat, frozenset(variables))
+    _, rest = _propagated(flat, [e for e in alias.equations if _position(flat, e)], set(variables))
     return _missing(flat, known, alias, rest)
 
 
@@ -170,21 +177,21 @@ def _missing(
 
 
 def _overdetermined(rest: list[tuple[FlatEquation, set[int]]]) -> set[int]:
-    """Unknowns for which more equations are left than they need: measured values say more than was eliminated."""
-    left = [u for _, u in rest if u]
-    unknown = sorted({i for u in left for i in u})
+    """Unknowns in more remaining equations than they need: the measured values are redundant here."""
+    remaining = [u for _, u in rest if u]
+    unknown = sorted({i for u in remaining for i in u})
     column = {j: k for k, j in enumerate(unknown)}
-    entries = {(row, column[j]): 0 for row, u in enumerate(left) for j in u}
-    over, _ = overdetermined_and_underdetermined(len(left), len(unknown), entries)
-    return {j for row in over for j in left[row]}
+    entries = {(row, column[j]): 0 for row, u in enumerate(remaining) for j in u}
+    over, _ = overdetermined_and_underdetermined(len(remaining), len(unknown), entries)
+    return {j for row in over for j in remaining[row]}
 
 
 def _declared_positive(flat: FlatModel, alias: AliasResult) -> set[int]:
-    """Variables that are branches by themselves, as the length of a strut is."""
+    """Variables that are branches themselves, such as the length of a strut."""
     index = {flat.scope.symbol(i, 0).element_hash(): i for _, group in flat.groups.values() for i in group}
     leaves = [index.get(b.expression.element_hash()) for b in flat.branches if b.expression.is_symbolic()]
-    kept = [alias.resolve(i, 0) for i in leaves if i is not None]
-    return {flat.scope.symbol(i, 0).element_hash() for sign, i, order in kept if sign > 0 and not order}
+    resolved = [alias.resolve(i, 0) for i in leaves if i is not None]
+    return {flat.scope.symbol(i, 0).element_hash() for sign, i, order in resolved if sign > 0 and not order}
 
 
 def _rooted(r: ca.SX, positive: set[int]) -> ca.SX:
@@ -204,44 +211,45 @@ def _square(e: ca.SX, positive: set[int]) -> bool:
 
 
 ROUNDS = 60
-LEFT = 1e-8  # of the equations, in units of their derivatives: the pose is closed
+LEFT = 1e-8  # residual in units of the equations' derivatives at which a pose counts as closed
 NEIGHBOURS = 3
 LEAST, MOST = 1e-12, 1e12
 
 
 def closed_start(equations: ca.SX, d: ca.SX, latent: ca.SX, data: np.ndarray) -> np.ndarray:
-    """Latent values (N, nz) that close `equations` of d and latent alone, for data (nd, N), from zero: by Levenberg
-    steps, each row by itself; where a row does not close, from those of its nearest neighbours that do."""
+    """Latent values (N, nz) that close `equations` of d and latent alone, for data (nd, N).
+
+    Levenberg steps from zero, each row separately; rows that do not close restart from their nearest closed rows."""
     f = ca.Function("stances", [d, latent], ca.cse([ca.densify(equations), ca.densify(ca.jacobian(equations, latent))]))
     N, nz = data.shape[1], latent.numel()
-    z, left = _levenberg(f, data, np.zeros((N, nz)))
-    good = left <= LEFT
+    z, residual = _levenberg(f, data, np.zeros((N, nz)))
+    good = residual <= LEFT
     spread = np.ptp(data, axis=1)
     places = (data / np.where(spread > 0, spread, 1.0)[:, None]).T
     for rank in range(NEIGHBOURS):
-        lost, there = np.flatnonzero(~good), np.flatnonzero(good)
-        if not len(lost) or len(there) <= rank:
+        unclosed, closed = np.flatnonzero(~good), np.flatnonzero(good)
+        if not len(unclosed) or len(closed) <= rank:
             break
-        distances = np.linalg.norm(places[lost, None] - places[None, there], axis=2)
-        near = there[np.argsort(distances, axis=1, kind="stable")[:, rank]]
-        again, rest = _levenberg(f, data[:, lost], z[near])
-        better = rest < left[lost]
-        z[lost[better]], left[lost[better]] = again[better], rest[better]
-        good = left <= LEFT
+        distances = np.linalg.norm(places[unclosed, None] - places[None, closed], axis=2)
+        near = closed[np.argsort(distances, axis=1, kind="stable")[:, rank]]
+        restarted, rest = _levenberg(f, data[:, unclosed], z[near])
+        better = rest < residual[unclosed]
+        z[unclosed[better]], residual[unclosed[better]] = restarted[better], rest[better]
+        good = residual <= LEFT
     return z
 
 
 def _levenberg(f: ca.Function, data: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """z and what is left of the equations, in units of their derivatives (N,)."""
+    """z and the remaining residual in units of the equations' derivatives (N,)."""
     N, nz = z.shape
     damping = np.full(N, 1e-3)
 
-    def at(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def evaluate(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         r, J = map_columns(f, [data, z.T])
         return r.T, J.reshape(J.shape[0], N, nz).transpose(1, 0, 2)
 
     with np.errstate(all="ignore"):
-        r, J = at(z)
+        r, J = evaluate(z)
         J = np.nan_to_num(J, posinf=0.0, neginf=0.0)
         cost = np.where(np.isfinite(r).all(axis=1), np.sum(r**2, axis=1), np.inf)
         for _ in range(ROUNDS):
@@ -249,12 +257,12 @@ def _levenberg(f: ca.Function, data: np.ndarray, z: np.ndarray) -> tuple[np.ndar
             scale = np.trace(A, axis1=1, axis2=2) / nz
             A += (damping * np.where(scale > 0, scale, 1.0))[:, None, None] * np.eye(nz)
             step = -np.linalg.solve(A, J.transpose(0, 2, 1) @ np.nan_to_num(r)[..., None])[..., 0]
-            there, slopes = at(z + step)
-            finite = np.isfinite(there).all(axis=1) & np.isfinite(slopes).all(axis=(1, 2))
-            new = np.where(finite, np.sum(there**2, axis=1), np.inf)
+            candidate, slopes = evaluate(z + step)
+            finite = np.isfinite(candidate).all(axis=1) & np.isfinite(slopes).all(axis=(1, 2))
+            new = np.where(finite, np.sum(candidate**2, axis=1), np.inf)
             better = new < cost
             damping = np.clip(np.where(better, damping / 10, damping * 10), LEAST, MOST)
-            z, r = np.where(better[:, None], z + step, z), np.where(better[:, None], there, r)
+            z, r = np.where(better[:, None], z + step, z), np.where(better[:, None], candidate, r)
             J, cost = np.where(better[:, None, None], slopes, J), np.where(better, new, cost)
             if not better.any() and damping.min() >= 1.0:
                 break

@@ -1,4 +1,4 @@
-"""Confidence of calibrated unknowns: blocks put together, the noise of a pose shared by its links."""
+"""Confidence of calibrated unknowns: blocks combined, with the noise of a pose common to its links."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from ..results.estimate import Estimate
 from .block_rows import JointRows, parts
 from .problem import CalibrationProblem, noise_covariance
 
-PART = 1e-8  # of a null direction of length one in scaled units: smaller entries are rounding
+PART = 1e-8  # entries of a null direction of length one (scaled units) below this are rounding
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Rows of what was solved together, where the iteration ended, and P its prior rows."""
+    """Rows of the blocks solved together, the end of the iteration, and the prior rows P."""
 
     rows: JointRows
     descent: Descent
@@ -31,11 +31,11 @@ class Fitted:
 
 @dataclass(frozen=True, eq=False)
 class _Share:
-    """What was solved together, at the end of its iteration.
+    """Blocks solved together, at the end of their iteration.
 
-    By member, residuals r (N, k), and psi (N, k) with the loss's derivative; R (n, n) the triangle of its Jacobian J.
-    With T (n, rank) the rows U = J T have length one or less altogether, and T U' moves the block's unknowns per unit
-    of the residuals, over `sharp`; `by_prior` (rank, p) per unit of the priors, times T. Null directions (n, z).
+    By member: residuals r (N, k), and psi (N, k), the residuals times the slope of the loss. R (n, n): triangle of the
+    Jacobian J. The rows U = J T, T (n, rank), have length one or less in total; T U' / `sharp` moves the unknowns
+    per unit of the residuals, and T `by_prior` (rank, p) per unit of the priors. `null`: null directions (n, z).
     """
 
     r: list[np.ndarray]
@@ -52,13 +52,13 @@ class _Share:
 def estimated(
     problem: CalibrationProblem, fits: Sequence[Fitted], loss: Loss, width: float, hold: bool
 ) -> tuple[Estimate | None, Identifiability]:
-    """The Estimate of all unknowns and how well the data determine each.
+    """Return the Estimate of all unknowns and how well the data determine each.
 
-    Where all measured signals have a stated noise, it is carried to the residuals of each pose and from there to the
-    unknowns: right whatever weights the cost used. Else the residuals give their covariance within a pose, the same for
-    all poses, which are independent; of several measurements, whose residuals are in units of their noise, its size. No
-    estimate where there is no residual beyond the unknowns to give it. Raises ValueError for what is not determined
-    unless `hold`.
+    If the noise of all signals is stated, it is propagated to the residuals of each pose and to the unknowns; this is
+    right for any weights of the cost. Otherwise the residuals give their covariance within a pose, equal for all poses,
+    which count as independent; with several measurements, whose residuals are in units of their noise, they give only
+    its size. Without degrees of freedom there is no estimate. Raises ValueError for undetermined directions unless
+    `hold`.
     """
     u = problem.unknowns
     n = len(u.names)
@@ -95,21 +95,21 @@ def _share(problem: CalibrationProblem, f: Fitted, loss: Loss, width: float) -> 
     size = u.sizes[columns]
     residuals, R, weighted = [], np.zeros((0, 0)), np.zeros((0, 0))
     for k, part in enumerate(f.rows.parts):
-        own = []
+        member = []
         for A in f.rows.of_member(k, f.descent.x):
-            own.append(A[:, -1].copy())
+            member.append(A[:, -1].copy())
             R = triangle(R, A[:, :-1])
             if not loss.squares:
                 weighted = triangle(weighted, A[:, :-1] * loss.weight(A[:, -1], width)[:, None])
-        residuals.append(np.concatenate(own).reshape(len(problem.parts[part].measurements), -1))
-    r = np.concatenate([own.reshape(-1) for own in residuals])
+        residuals.append(np.concatenate(member).reshape(len(problem.parts[part].measurements), -1))
+    r = np.concatenate([member.reshape(-1) for member in residuals])
     data = (R if loss.squares else weighted) * size
     s = spectrum(np.vstack([data, f.P * size]))
     z = (r / width) ** 2
     slope = loss.slope(z)
     sharp = float(np.mean(slope + 2 * z * loss.bend(z)) / np.mean(slope))
     T = size[:, None] * s.V[:, : s.rank] / s.singular[: s.rank]
-    psi = [own * loss.slope((own / width) ** 2) for own in residuals]
+    psi = [member * loss.slope((member / width) ** 2) for member in residuals]
     return _Share(
         residuals, psi, R, T, sharp, (f.P @ T).T / sharp,
         np.where(np.abs(s.null) > PART, s.null, 0.0) * size[:, None], freedom_left(len(r), data, s.inverse),
@@ -118,20 +118,20 @@ def _share(problem: CalibrationProblem, f: Fitted, loss: Loss, width: float) -> 
 
 
 def _members(fits: Sequence[Fitted], part: int) -> list[tuple[int, int]]:
-    """Which fits, and which of their members, are of one part of the measurements."""
-    return [(a, k) for a, f in enumerate(fits) for k, own in enumerate(f.rows.parts) if own == part]
+    """Indices of the fits, and of their members, for one of the measurements."""
+    return [(a, k) for a, f in enumerate(fits) for k, owner in enumerate(f.rows.parts) if owner == part]
 
 
 def _side_by_side(
     problem: CalibrationProblem, fits: Sequence[Fitted], values: Sequence[list[np.ndarray]]
 ) -> list[np.ndarray]:
-    """Residuals (N, k) of each part of the measurements, of all its blocks side by side."""
-    return [np.hstack([values[a][k] for a, k in _members(fits, p)] or [np.zeros((len(own.measurements), 0))])
-            for p, own in enumerate(problem.parts)]  # fmt: skip
+    """Residuals (N, k) of each of the measurements, with all its blocks side by side."""
+    return [np.hstack([values[a][k] for a, k in _members(fits, p)] or [np.zeros((len(member.measurements), 0))])
+            for p, member in enumerate(problem.parts)]  # fmt: skip
 
 
 def _by_size(shares: Sequence[_Share], psi: np.ndarray, degrees_of_freedom: float) -> np.ndarray:
-    """Covariance of the moves where residuals in units of their noise give its size."""
+    """Covariance of the moves if residuals, in units of their noise, give only its size."""
     sums = _Moments(shares)
     size = float(psi @ psi) / degrees_of_freedom
     for w, s in zip(sums.widths, shares, strict=True):
@@ -141,8 +141,8 @@ def _by_size(shares: Sequence[_Share], psi: np.ndarray, degrees_of_freedom: floa
 
 
 def _by_residuals(fits: Sequence[Fitted], shares: Sequence[_Share], psi: np.ndarray) -> np.ndarray:
-    """Covariance of the moves, of all blocks' T, where the residuals say what the noise of a pose is."""
-    # residuals of a row have lost the part of the degrees of freedom that its block's unknowns took
+    """Covariance of the moves (of all blocks' T) if the residuals give the noise of a pose."""
+    # the block's unknowns took a part of the degrees of freedom of each row
     part = np.concatenate([np.full(s.psi[0].shape[1], s.degrees_of_freedom / s.psi[0].shape[1]) for s in shares])
     omega = (psi.T @ psi / np.sqrt(np.outer(part, part)))[None]
     rows = _slices([s.psi[0].shape[1] for s in shares])
@@ -156,45 +156,44 @@ def _by_residuals(fits: Sequence[Fitted], shares: Sequence[_Share], psi: np.ndar
 def _by_stated_noise(
     problem: CalibrationProblem, fits: Sequence[Fitted], shares: Sequence[_Share], degrees_of_freedom: float
 ) -> tuple[np.ndarray, list[np.ndarray], float]:
-    """The same where the noise of all signals is stated, the residuals (N, k) of each part in units of their noise, and
-    the rms of these units.
+    """Covariance of the moves if all noise is stated; residuals (N, k) per measurements in units of their noise; the
+    rms of these units.
 
-    Their squares sum to `degrees_of_freedom` on average: what is left of noise e is e - J G'e, whose expected squares
-    are those of e less what the fit took, which differs from the number of unknowns where the cost does not weigh as
-    the noise does.
+    The squares sum to `degrees_of_freedom` on average. Noise e leaves e - J G'e; its expected squares are those of e
+    less what the fit took, which differs from the number of unknowns if the cost has other weights than the noise.
     """
-    sums, taken = _Moments(shares), 0.0
-    left = [np.zeros((s.T.shape[1],) * 2) for s in shares]  # sums of rows in units of their noise
+    sums, absorbed = _Moments(shares), 0.0
+    grams = [np.zeros((s.T.shape[1],) * 2) for s in shares]  # sums of rows in units of their noise
     whole: list[np.ndarray] = []
     for p, own_problem in enumerate(problem.parts):
         S, N = noise_covariance(own_problem, "orthogonal"), len(own_problem.measurements)
         members = _members(fits, p)
-        of = [a for a, _ in members]
+        owners = [a for a, _ in members]
         sizes = []
         each = (fits[a].rows.with_noise(k, fits[a].descent.x) for a, k in members)
         for part, pieces in zip(parts(N), zip(*each, strict=True), strict=bool(members)):
-            own = S if len(S) == 1 else S[part]
+            covariances = S if len(S) == 1 else S[part]
             B = [b for _, b in pieces]
-            BS = [b @ own for b in B]
-            U = sums.moved([A for A, _ in pieces], of, [b.shape[1] for b in B])
+            BS = [b @ covariances for b in B]
+            U = sums.moved([A for A, _ in pieces], owners, [b.shape[1] for b in B])
 
             def omega(a: int, b: int, B: list[np.ndarray] = B, BS: list[np.ndarray] = BS) -> np.ndarray:
                 return BS[a] @ B[b].transpose(0, 2, 1)
 
-            sums.add(U, of, omega)
-            for k, (V, a) in enumerate(zip(U, of, strict=True)):
+            sums.add(U, owners, omega)
+            for k, (V, a) in enumerate(zip(U, owners, strict=True)):
                 covariance = omega(k, k)
                 size = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
                 size = np.where(size > 0, size, 1.0)
                 shared = V / size[..., None]
-                taken += float(np.sum(shared * ((covariance @ V) / size[..., None]))) / shares[a].sharp
-                left[a] += (flat := shared.reshape(-1, shared.shape[2])).T @ flat
+                absorbed += float(np.sum(shared * ((covariance @ V) / size[..., None]))) / shares[a].sharp
+                grams[a] += (flat := shared.reshape(-1, shared.shape[2])).T @ flat
                 sizes.append(size)
         rows = len(members)
         whole.append(np.hstack([np.concatenate(sizes[k::rows]) for k in range(rows)]) if rows else np.zeros((N, 0)))
     C = sums.covariance()
-    expected = sum(size.size for size in whole) - 2 * taken
-    expected += sum(float(np.sum(C[w, w] * m)) for w, m in zip(sums.widths, left, strict=True))
+    expected = sum(size.size for size in whole) - 2 * absorbed
+    expected += sum(float(np.sum(C[w, w] * m)) for w, m in zip(sums.widths, grams, strict=True))
     raw = _side_by_side(problem, fits, [s.r for s in shares])
     scaled = [r / size for r, size in zip(raw, whole, strict=True)]
     if degrees_of_freedom > 0 and expected > 0:
@@ -204,29 +203,29 @@ def _by_stated_noise(
 
 
 class _Moments:
-    """Sums over the poses of U' omega U, block by block, U (c, k, rank) = J T."""
+    """Sums over the poses of U' omega U, block by block, with U (c, k, rank) = J T."""
 
     def __init__(self, shares: Sequence[_Share]) -> None:
         self.shares, self.widths = shares, _slices([s.T.shape[1] for s in shares])
         self.sum = np.zeros((sum(s.T.shape[1] for s in shares),) * 2)
 
-    def moved(self, pieces: Sequence[np.ndarray], of: Sequence[int], rows: Sequence[int]) -> list[np.ndarray]:
-        """U of rows [J r] of blocks, each of one of the shares, so many rows a pose."""
+    def moved(self, pieces: Sequence[np.ndarray], owners: Sequence[int], rows: Sequence[int]) -> list[np.ndarray]:
+        """U of rows [J r] of blocks; `of`: the share of each block, `rows`: its rows per pose."""
         return [(A[:, :-1] @ self.shares[a].T).reshape(-1, k, self.shares[a].T.shape[1])
-                for A, a, k in zip(pieces, of, rows, strict=True)]  # fmt: skip
+                for A, a, k in zip(pieces, owners, rows, strict=True)]  # fmt: skip
 
-    def add(self, U: Sequence[np.ndarray], of: Sequence[int], omega: Callable[[int, int], np.ndarray]) -> None:
-        """`omega` (c or 1, k, k) of two blocks: the covariance of their residuals within a pose."""
+    def add(self, U: Sequence[np.ndarray], owners: Sequence[int], omega: Callable[[int, int], np.ndarray]) -> None:
+        """Add the poses; `omega` (c or 1, k, k) is the covariance of two blocks' residuals within a pose."""
         for a in range(len(U)):
             for b in range(a, len(U)):
                 right = omega(a, b) @ U[b]
                 cross = U[a].reshape(-1, U[a].shape[2]).T @ right.reshape(-1, right.shape[2])
-                self.sum[self.widths[of[a]], self.widths[of[b]]] += cross
+                self.sum[self.widths[owners[a]], self.widths[owners[b]]] += cross
                 if a != b:
-                    self.sum[self.widths[of[b]], self.widths[of[a]]] += cross.T
+                    self.sum[self.widths[owners[b]], self.widths[owners[a]]] += cross.T
 
     def covariance(self) -> np.ndarray:
-        """Of the moves, those of the priors with them."""
+        """Covariance of the moves, including the priors."""
         sharp = np.concatenate([np.full(s.T.shape[1], s.sharp) for s in self.shares])
         C = self.sum / np.outer(sharp, sharp)
         for w, s in zip(self.widths, self.shares, strict=True):
@@ -240,17 +239,17 @@ def _slices(lengths: Sequence[int]) -> list[slice]:
 
 
 def _placed(parts: Sequence[np.ndarray], columns: Sequence[np.ndarray], n: int) -> np.ndarray:
-    """Matrices (of a block's unknowns, any) side by side over all n unknowns."""
+    """Matrices (unknowns of a block, any) side by side over all n unknowns."""
     whole = np.zeros((n, sum(p.shape[1] for p in parts)))
-    for p, own, w in zip(parts, columns, _slices([p.shape[1] for p in parts]), strict=True):
-        whole[own, w] = p
+    for p, rows, w in zip(parts, columns, _slices([p.shape[1] for p in parts]), strict=True):
+        whole[rows, w] = p
     return whole
 
 
 def _identified(
     problem: CalibrationProblem, fits: Sequence[Fitted], shares: Sequence[_Share], noise: float
 ) -> Identifiability:
-    """By the triangles of the blocks: as much as all their rows."""
+    """Identifiability from the triangles of the blocks, which are equivalent to all rows."""
     u = problem.unknowns
     poses = sum(len(p.measurements) for p in problem.parts)
     rows = []

@@ -1,4 +1,4 @@
-"""Measuring devices: where they see a target, how well, and robots with a measured variable for what they see."""
+"""Measuring devices: where they see a target and how well, and robots with a variable for the measured quantity."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ Array = np.ndarray
 
 
 class Device(Limit, Protocol):
-    """A limit that says where the device sees, with the noise of what it measures."""
+    """A limit that says where the device sees, with the covariance of its measurements."""
 
     def covariance(self, T: Array) -> Array:
-        """(n, 3, 3) [m2] of the measured position at T (n, 3) [m], in the robot's frame."""
+        """Return the covariance (n, 3, 3) [m2] of the measured position at T (n, 3) [m], in the robot's frame."""
         ...
 
 
@@ -31,9 +31,9 @@ class Device(Limit, Protocol):
 class LaserTracker:
     """A laser tracker: distance and two angles of a reflector.
 
-    `at` (3,): its centre [m]. Standard deviations: `range_noise` [m] and `range_per_m` of the distance, `angle_noise`
+    `at` (3,): its centre [m]. Standard deviations: `range_noise` [m] plus `range_per_m` of the distance, `angle_noise`
     [rad] of each angle, `fixed_noise` [m] of the reflector in all directions. It sees from `nearest` to `farthest` [m]
-    and up to `elevation` [rad] above and below the plane across its `axis`.
+    and up to `elevation` [rad] above and below the plane normal to its `axis`.
 
     >>> tracker = gt.calibrate.LaserTracker(at=np.zeros(3))
     >>> C = tracker.covariance(np.array([[10.0, 0.0, 0.0]]))[0]
@@ -60,7 +60,7 @@ class LaserTracker:
         return ["nearest distance", "farthest distance", "elevation"]
 
     def margins(self, poses: Poses) -> Array:
-        """[m]; of the elevation as a length, the distance from the cone's surface."""
+        """Return the margins (n, 3) [m]; that of the elevation is the distance from the surface of the cone."""
         ray = poses.T - np.asarray(self.at, float)
         r = np.linalg.norm(ray, axis=1)
         up = np.asarray(self.axis, float) / np.linalg.norm(self.axis)
@@ -68,7 +68,7 @@ class LaserTracker:
         return np.stack([r - self.nearest, self.farthest - r, r * np.sin(self.elevation - angle)], axis=1)
 
     def covariance(self, T: Array) -> Array:
-        """(n, 3, 3) [m2] of the measured position at T (n, 3) [m], in the robot's frame."""
+        """Return the covariance (n, 3, 3) [m2] of the measured position at T (n, 3) [m], in the robot's frame."""
         ray = np.asarray(T, float) - np.asarray(self.at, float)
         r = np.linalg.norm(ray, axis=1)
         u = ray / r[:, None]
@@ -86,11 +86,11 @@ class LaserTracker:
 class Camera:
     """A fixed camera that sees a flat pattern of points on the plate (Dressler 2012, section 5.6).
 
-    `at` (3,) [m] and `looks_at` (3,) [m]; `up` (3,) is up in the picture. `focal` [pixel], `width`, `height` [pixel].
-    The pattern: a square of `side` [m] with `points` by `points` marks, its middle in the tool centre point, facing the
-    camera's home direction. `pixel_noise`: standard deviation of a mark's coordinates [pixel]. `distortion` (5,): k1,
-    k2, p1, p2, k3 of its lens, the model that calibrations with cameras use (`gtmodel.vision`). The covariance is that
-    of the pattern's position when position and turn are found together. It sees a pattern that is whole in the picture.
+    `at` (3,) [m]: position; `looks_at` (3,) [m]: point it is aimed at; `up` (3,): up direction of the image. `focal`,
+    `width`, `height` [pixel]. The pattern is a square of `side` [m] with `points` by `points` marks, centred at the
+    tool centre point, and it faces the camera. `pixel_noise`: standard deviation of a mark's coordinates [pixel].
+    `distortion` (5,): k1, k2, p1, p2, k3 of the lens, as in `gtmodel.vision`. The covariance is that of the position if
+    position and orientation of the pattern are estimated together. The camera must see the whole pattern.
     """
 
     at: Array
@@ -104,12 +104,12 @@ class Camera:
     up: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     name: str = "picture of the camera"
     unit: str = "pixel"
-    assumes: str = "the pattern faces the camera as it does in the middle of the picture, at every pose"
+    assumes: str = "at every pose the pattern faces the camera as it does in the centre of the image"
     distortion: Sequence[float] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
     @property
     def lens(self) -> Array:
-        """(9,) fx, fy, cx, cy, k1, k2, p1, p2, k3, pixels counted from the middle of the picture."""
+        """(9,) fx, fy, cx, cy, k1, k2, p1, p2, k3, with pixels counted from the centre of the image."""
         return np.array([self.focal, self.focal, 0.0, 0.0, *self.distortion], float)
 
     @property
@@ -119,27 +119,27 @@ class Camera:
 
     @property
     def axes(self) -> Array:
-        """(3, 3) rows: right and down in the picture, and forward."""
+        """(3, 3) rows: right and down in the image, and forward."""
         forward = np.asarray(self.looks_at, float) - np.asarray(self.at, float)
         right = np.cross(forward, np.asarray(self.up, float))
         if not np.linalg.norm(right) > 1e-9 * np.linalg.norm(forward):
-            raise ModelError("the camera looks along its own 'up'; give another direction")
+            raise ModelError("the camera looks along its own 'up'; choose another 'up'")
         rows = np.stack([right, np.cross(forward, right), forward])
         return rows / np.linalg.norm(rows, axis=1, keepdims=True)
 
     def margins(self, poses: Poses) -> Array:
-        """(n, 2) [pixel]: in front of the camera, and inside the picture; negative where the pattern is not seen."""
+        """Return (n, 2) [pixel]: in front of the camera, and inside the image; negative if the pattern is not seen."""
         p = self._marks(poses.T)
-        seen, status = project(p.reshape(-1, 3), self.lens)
+        pixels, status = project(p.reshape(-1, 3), self.lens)
         limits = np.array([self.width, self.height]) / 2
-        # behind the camera, and beyond what the lens shows, no mark is inside
-        off = np.where(status[:, None] == 0, np.abs(seen), 2 * limits).reshape(*p.shape[:2], 2)
+        # marks behind the camera or beyond the field of the lens are outside
+        off = np.where(status[:, None] == 0, np.abs(pixels), 2 * limits).reshape(*p.shape[:2], 2)
         inside = np.min(limits - off, axis=1)
         front = self.focal * np.min(p[..., 2], axis=1)
         return np.column_stack([front, inside])
 
     def covariance(self, T: Array) -> Array:
-        """(n, 3, 3) [m2] of the measured position at T (n, 3) [m], in the robot's frame."""
+        """Return the covariance (n, 3, 3) [m2] of the measured position at T (n, 3) [m], in the robot's frame."""
         p = self._marks(T)
         centre = p.mean(axis=1, keepdims=True)
         by_point = pixel_jacobian(p.reshape(-1, 3), self.lens).reshape(*p.shape[:2], 2, 3)
@@ -163,9 +163,9 @@ class Camera:
 
 @dataclass(frozen=True)
 class LineOfSight:
-    """A limit: nothing stands between a device at `at` (3,) [m] and the tool centre point.
+    """A limit: no obstacle between a device at `at` (3,) [m] and the tool centre point.
 
-    Boxes with sides along the axes, corners `low`, `high` (k, 3) [m], stay `clearance` [m] away from that line.
+    Boxes with sides along the axes, corners `low`, `high` (k, 3) [m], keep a distance of `clearance` [m] from the line.
     """
 
     at: Array
@@ -183,14 +183,14 @@ class LineOfSight:
         return [f"behind {name}" for name in self.names or [f"box {k + 1}" for k in range(len(self.low))]]
 
     def margins(self, poses: Poses) -> Array:
-        """(n, boxes) [m]: distance of the line from each box less the clearance; negative behind a box."""
+        """Return (n, boxes) [m]: distance of the line from each box less the clearance; negative behind a box."""
         start = np.broadcast_to(np.asarray(self.at, float), poses.T.shape)
         boxes = zip(np.asarray(self.low, float), np.asarray(self.high, float), strict=True)
         return np.stack([segment_to_box(start, poses.T, a, b) for a, b in boxes], axis=1) - self.clearance
 
 
 def sampled(covariance: Array, rng: np.random.Generator) -> Array:
-    """Normal noise (n, k) with covariances (n, k, k), for synthetic measurements."""
+    """Sample normal noise (n, k) with covariances (n, k, k), for synthetic measurements."""
     values, vectors = np.linalg.eigh(covariance)
     white = rng.standard_normal(values.shape) * np.sqrt(np.maximum(values, 0.0))
     return np.einsum("nij,nj->ni", vectors, white)
@@ -209,8 +209,9 @@ class SeenByDistance(Model):
 
 
 class SeenByPlane(Model):
-    """Adds `height` [m] of T above the plane through `plane_point` (3,) [m] with the unit `plane_normal` (3,): a dial
-    gauge, a touched plate (height 0), or one coordinate."""
+    """Adds `height` [m] of T above the plane through `plane_point` (3,) [m] with unit normal `plane_normal` (3,).
+
+    For a dial gauge, a touched plate (height 0), or one coordinate."""
 
     plane_normal = parameter(shape=3)
     plane_point = parameter(shape=3, unit="m")
@@ -222,8 +223,9 @@ class SeenByPlane(Model):
 
 
 class QuaternionOfMatrix(Model):
-    """The unit quaternion e (4,), scalar first, of a rotation R: what they differ by, the sine of its angle along its
-    axis, which is the shift of a point one metre off in m, is zero."""
+    """The unit quaternion e (4,), scalar first, of a rotation R.
+
+    Its residual is the sine of the angle between them, along the axis: in m, the shift of a point at 1 m."""
 
     R = variable((3, 3), unit="1")
     e = variable(4, unit="1", start=[1.0, 0.0, 0.0, 0.0], prefer=-5)
@@ -231,7 +233,7 @@ class QuaternionOfMatrix(Model):
     def equations(self) -> Iterator[Any]:
         yield dot(self.e, self.e) == 1.0
         R, Q = self.R, quaternion_matrix(self.e)
-        for i, j in ((2, 1), (0, 2), (1, 0)):  # R'Q is symmetric where they are equal
+        for i, j in ((2, 1), (0, 2), (1, 0)):  # R'Q is symmetric if R and Q are equal
             yield 0.5 * sum(R[k, i] * Q[k, j] - R[k, j] * Q[k, i] for k in range(3)) == 0.0
 
 
@@ -239,7 +241,7 @@ class SeenWithQuaternion(Model):
     """Adds the unit quaternion `e` (4,), scalar first, of R."""
 
     e = variable(4, unit="1", start=[1.0, 0.0, 0.0, 0.0], prefer=-5)
-    orientation_at_1_m = part(QuaternionOfMatrix)  # as its errors are called
+    orientation_at_1_m = part(QuaternionOfMatrix)  # the name labels its errors
 
     def equations(self) -> Iterator[Any]:
         yield from super().equations()
@@ -248,8 +250,9 @@ class SeenWithQuaternion(Model):
 
 
 def seen_with_quaternion(robot: Model) -> Model:
-    """The robot with the variable `e` (4,), the unit quaternion of its rotation R, scalar first, for measured full
-    poses. Raises ModelError without a rotation R, and where `e` is there already.
+    """Return the robot with the variable `e` (4,), the unit quaternion of its rotation R, scalar first.
+
+    For measured full poses. Raises ModelError if the robot has no rotation R, or has an `e` already.
 
     >>> arm = gt.robots.serial_arm(a=[0.1, 0.5, 0.0], alpha=[np.pi / 2, 0.0, np.pi / 2], d=[0.4, 0.0, 0.0])
     >>> gt.calibrate.closure_equations(gt.calibrate.seen_with_quaternion(arm), known=["q", "T", "e"]).residuals.shape
@@ -257,14 +260,15 @@ def seen_with_quaternion(robot: Model) -> Model:
     """
     declared = type(robot)._declared
     if "R" not in declared or "e" in declared:
-        there = "has an 'e' already" if "e" in declared else "declares no rotation 'R'"
-        raise ModelError(f"{type(robot).__name__} {there}")
+        reason = "has an 'e' already" if "e" in declared else "declares no rotation 'R'"
+        raise ModelError(f"{type(robot).__name__} {reason}")
     return _extended(SeenWithQuaternion, robot)
 
 
 def seen_by_distance(robot: Model, at: ArrayLike) -> Model:
-    """The robot with the variable `distance` [m] of T from a device at (3,) [m]. Raises ModelError without a position
-    T.
+    """Return the robot with the variable `distance` [m] of T from a device at (3,) [m].
+
+    Raises ModelError if the robot has no position T.
 
     >>> robot = gt.calibrate.seen_by_distance(gt.robots.gantry_tau("l1_tape"), at=[0.0, 0.0, 3.0])
     >>> distance, status = robot.causal(known="T", targets="distance")(np.array([0.5, -0.6, 0.5]))
@@ -275,10 +279,10 @@ def seen_by_distance(robot: Model, at: ArrayLike) -> Model:
 
 
 def seen_by_plane(robot: Model, normal: ArrayLike, point: ArrayLike = (0.0, 0.0, 0.0)) -> Model:
-    """The robot with the variable `height` [m] of T over a plane, positive along the normal.
+    """Return the robot with the variable `height` [m] of T over a plane, positive along the normal.
 
-    normal (3,): of any length. point (3,) [m]: of the plane. Raises ModelError for a zero normal or without a position
-    T.
+    normal (3,): of any length. point (3,) [m]: a point of the plane. Raises ModelError for a zero normal, or if the
+    robot has no position T.
 
     >>> robot = gt.calibrate.seen_by_plane(gt.robots.gantry_tau("l1_tape"), normal=[0, 0, 1], point=[0, 0, 0.1])
     >>> height, status = robot.causal(known="T", targets="height")(np.array([0.5, -0.6, 0.5]))
@@ -292,8 +296,8 @@ def seen_by_plane(robot: Model, normal: ArrayLike, point: ArrayLike = (0.0, 0.0,
     return _extended(SeenByPlane, robot, plane_normal=n / length, plane_point=np.asarray(point, float))
 
 
-def _extended(device: type[Model], robot: Model, **own: np.ndarray) -> Model:
+def _extended(device: type[Model], robot: Model, **parameters: np.ndarray) -> Model:
     if "T" not in type(robot)._declared:
-        raise ModelError(f"{type(robot).__name__} declares no position 'T', which the device could see")
+        raise ModelError(f"{type(robot).__name__} declares no position 'T' for the device to measure")
     cls = type(f"{type(robot).__name__}{device.__name__}", (device, type(robot)), {})
-    return cls(**robot._modifiers, **own)
+    return cls(**robot._modifiers, **parameters)

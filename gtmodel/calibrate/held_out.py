@@ -1,5 +1,5 @@
-"""Whether poses that no fit saw are predicted as well as a sound model would predict them: held out, left out in turn,
-or of a recording that has something of its own."""
+"""Are poses outside the fit predicted as well as a sound model would predict them? Held-out poses, cross-validation,
+and recordings with specific parameters."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from .positioning import closure_jacobians
 from .problem import prepare
 from .unknowns import TURN
 
-ROUNDING = 1e-9  # of the held-out mean square: where fitted poses leave less, the fit has taken all noise
-UNWEIGHTED = ("length", "squared")  # costs that count all residuals alike, whatever the noise of the pose is
+ROUNDING = 1e-9  # of the held-out mean square: if fitted poses leave less, the fit has taken all noise
+UNWEIGHTED = ("length", "squared")  # costs that weight all residuals equally, whatever the noise of the pose
 
 
 def judge_held_out(
@@ -38,13 +38,13 @@ def judge_held_out(
     false_alarm: float = FALSE_ALARM,
     matters: float = MATTERS,
 ) -> HeldOut:
-    """Rms positioning error of the poses `kept`, held out, over that of the fitted ones, against chance.
+    """Compare the rms positioning error of held-out poses `kept` with that of the fitted poses.
 
-    fitted, held_out: errors as of Calibration.positioning_errors(); rows of NaN are left out. At a held-out pose the
-    errors of the parameters come on top of the noise of the pose; from a fitted one the fit has taken as much away.
-    That holds to the first order, for noise of one covariance at all poses; its shape is that of the fitted errors, and
-    its size cancels in the ratio. `correlated`: the number of poses that have about one error, where residuals are
-    coloured. Where a pose does not follow from the equations alone, parameters are counted instead.
+    fitted, held_out: errors as from Calibration.positioning_errors(); rows of NaN are left out. At a held-out pose the
+    parameter errors add to the noise of the pose; at a fitted pose the fit has absorbed part of the noise. True to
+    first order, for noise of one covariance at all poses; the fitted errors give its shape, and its size cancels in the
+    ratio. `correlated`: number of poses with about the same error, if residuals are coloured. If the equations alone do
+    not determine a pose, parameters are counted instead.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> grid = gt.calibrate.Synthetic(low=[0.0, -1.0, 0.2], high=[1.5, 0.5, 0.8], counts=[4, 4, 3])
@@ -70,8 +70,8 @@ def judge_held_out(
         growth = (equations + determined) / (equations - determined) if equations > determined else np.inf
         degrees_of_freedom = float(equations - determined), float(outside.size)
     else:
-        left = np.trace(fit) / len(fit) > ROUNDING * np.trace(held) / len(held)
-        growth = np.trace(held) / len(held) / (np.trace(fit) / len(fit)) if left else np.inf
+        noisy = np.trace(fit) / len(fit) > ROUNDING * np.trace(held) / len(held)
+        growth = np.trace(held) / len(held) / (np.trace(fit) / len(fit)) if noisy else np.inf
         degrees_of_freedom = tuple(freedom_of(float(np.trace(S)), float(np.sum(S * S))) for S in (fit, held))
     return held_out_ratio(
         ratio, float(growth), *(n / correlated for n in degrees_of_freedom), false_alarm=false_alarm, matters=matters
@@ -81,18 +81,18 @@ def judge_held_out(
 def pose_covariances(
     c: Calibration, kept: Measurements, fitted: Mapping[str, np.ndarray], signal: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Of all position errors at fitted poses (3 N, 3 N) and at held-out ones (3 M, 3 M), for pose noise of size one."""
+    """Covariances of all position errors at fitted (3 N, 3 N) and held-out poses (3 M, 3 M), for unit pose noise."""
     J, B, pose = closure_jacobians(c.problem, signal, c.x)
     K, Bk, _ = closure_jacobians(c.problem.on(kept), signal, c.x)
-    own = [n for n in c.problem.reading.places if n != c.problem.actuators]
-    if any(n not in fitted for n in own):
-        raise ModelError(f"the errors of {', '.join(n for n in own if n not in fitted)} are not known")
-    errors = np.hstack([fitted[n] for n in own])
+    signals = [n for n in c.problem.reading.places if n != c.problem.actuators]
+    if any(n not in fitted for n in signals):
+        raise ModelError(f"the errors of {', '.join(n for n in signals if n not in fitted)} are not known")
+    errors = np.hstack([fitted[n] for n in signals])
     errors = errors[np.all(np.isfinite(errors), axis=1)]
     S = errors.T @ errors
     S /= np.trace(S)
     BS = B @ S
-    # the fit's own weights, and how far its unknowns move by the noise of each pose
+    # weights of the fit, and how far its unknowns move with the noise of each pose
     W = np.broadcast_to(np.eye(B.shape[1]), B.shape)
     if c.cost not in UNWEIGHTED:
         W = np.linalg.inv(BS @ B.transpose(0, 2, 1))
@@ -104,29 +104,30 @@ def pose_covariances(
     inverse = spectrum(rows).inverse
     gain = -inverse @ (scaled.transpose(0, 2, 1) @ W @ B)
     C = np.einsum("kip,pq,kjq->ij", gain, S, gain)
-    # what was known before has errors of the sizes that were stated of it
+    # priors have errors of their stated sizes
     by_prior = inverse @ prior.T * noise
     C += by_prior @ by_prior.T
     first = c.problem.reading.places[signal]
-    at = [pose.index(k) for k in range(first.start, first.stop)]
-    moves, others = (-np.linalg.solve(b, j * u.sizes)[:, at] for b, j in ((B, J), (Bk, K)))
+    columns = [pose.index(k) for k in range(first.start, first.stop)]
+    moves, others = (-np.linalg.solve(b, j * u.sizes)[:, columns] for b, j in ((B, J), (Bk, K)))
     P, H = moves.reshape(-1, len(u.names)), others.reshape(-1, len(u.names))
-    own = S[np.ix_(at, at)]
-    by_noise = np.concatenate([g @ S[:, at] for g in gain], axis=1)
-    # model less measured: what the parameters move it by, less the noise
+    covariance = S[np.ix_(columns, columns)]
+    by_noise = np.concatenate([g @ S[:, columns] for g in gain], axis=1)
+    # model less measured: the move by the parameters, less the noise
     cross = P @ by_noise
-    fit = np.kron(np.eye(len(J)), own) - cross - cross.T + P @ C @ P.T
-    return fit, np.kron(np.eye(len(K)), own) + H @ C @ H.T
+    fit = np.kron(np.eye(len(J)), covariance) - cross - cross.T + P @ C @ P.T
+    return fit, np.kron(np.eye(len(K)), covariance) + H @ C @ H.T
 
 
 def _priors(c: Calibration, B: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, float]:
-    """Rows of the priors (k, n), as the fit weighs them beside its own, for unknowns in units of their sizes; and their
-    noise, where that of a pose has the size one and the covariance S."""
+    """Rows of the priors (k, n) with their weight in the fit, for unknowns in units of their sizes, and their noise.
+
+    Pose noise has the size one and the covariance S."""
     u, p = c.problem.unknowns, c.problem
     prior, _ = prior_rows(u.priors, u.names)
     if not len(prior):
         return prior, 0.0
-    # of a residual, for pose noise of size one
+    # size of a residual for unit pose noise
     unit = np.sqrt(np.mean(np.einsum("kip,pq,kiq->ki", B, S, B)))
     if all(n in p.measurements.noise for n in p.reading.places):
         level = np.ones(len(u.names))
@@ -143,8 +144,8 @@ def _priors(c: Calibration, B: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, f
 
 @dataclass(frozen=True, eq=False)
 class PosesLeftOut:
-    """`errors`: signal -> errors (N, k) of each pose by the fit on the poses outside its fold, as of
-    Calibration.positioning_errors(), NaN where it does not close. `judged`: against those of the fit on all poses."""
+    """`errors`: signal -> errors (N, k) of each pose predicted by the fit without its fold, as in
+    Calibration.positioning_errors(), NaN if it does not close. `judged`: these against the errors of the full fit."""
 
     errors: dict[str, np.ndarray]
     folds: tuple[np.ndarray, ...]
@@ -152,7 +153,7 @@ class PosesLeftOut:
 
 
 def folds_of(poses: int, count: int | None = None, together: Sequence[np.ndarray] = ()) -> list[np.ndarray]:
-    """Indices of so many poses in folds: one pose each, or dealt in turn to `count` folds; groups stay `together`.
+    """Return folds of pose indices: one pose each, or dealt to `count` folds; groups in `together` are not split.
 
     Raises ArgumentError for fewer than two folds, and for more folds than poses or groups.
 
@@ -184,13 +185,13 @@ def leave_out(
     false_alarm: float = FALSE_ALARM,
     matters: float = MATTERS,
 ) -> PosesLeftOut:
-    """Fit anew without each of the folds, one pose each by default, and predict it: nothing is linearised.
+    """Refit without each fold (one pose each by default) and predict it: cross-validation without linearisation.
 
-    Every refit begins at the start of the calibration's problem, so that it knows nothing of what is left out; `loss`,
-    `width` and `limit` as of calibrate(). The ratio of the rms errors is judged as that of held-out poses, by the
-    leverages of the refits; errors of neighbouring refits hang together, so that its bound is never too narrow. A pose
-    whose refit does not end is lost. Raises ArgumentError for several measurements together, for folds that leave too
-    few poses, and where `stop` says True.
+    Every refit begins at the start values of the calibration's problem, so that it knows nothing of the left-out poses;
+    `loss`, `width` and `limit` as in calibrate(). The ratio of the rms errors is judged as for held-out poses, with the
+    leverages of the refits. Errors of neighbouring refits are correlated; the bound is therefore never too narrow.
+    Poses whose refit fails get NaN. Raises ArgumentError for several measurements, if a fold leaves too few poses, and
+    if `stop` returns True.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> grid = gt.calibrate.Synthetic(low=[0.0, -1.0, 0.2], high=[1.5, 0.5, 0.8], counts=[3, 3, 2])
@@ -201,31 +202,31 @@ def leave_out(
     """
     m, every = c.problem.measurements, np.arange(len(c.problem.measurements))
     if c.problem.beside:
-        raise ArgumentError("poses are left out of one table of measurements; there are several", "method")
+        raise ArgumentError("cross-validation takes one table of measurements; found several", "method")
     chosen = tuple(folds_of(len(m)) if folds is None else folds)
     fitted = c.positioning_errors()
     errors = {n: np.full_like(e, np.nan) for n, e in fitted.items()}
-    held, ends = np.zeros(2), []
+    moments, ends = np.zeros(2), []
     for fold in chosen:
         if stop():
             raise ArgumentError(f"stopped after {len(ends)} of {len(chosen)} refits", "stop")
         rest = m.part(np.setdiff1d(every, fold))
         try:
-            again = calibrate(c.problem.on(rest), cost=c.cost, loss=loss, width=width, limit=limit, confidence=False)
+            result = calibrate(c.problem.on(rest), cost=c.cost, loss=loss, width=width, limit=limit, confidence=False)
         except (ModelError, ValueError) as error:
             raise ArgumentError(f"without {len(fold)} of {len(m)} poses: {error}", "folds") from error
-        ends.append(again.status.ok)
-        if not again.status.ok:
+        ends.append(result.status.ok)
+        if not result.status.ok:
             continue
         kept = m.part(fold)
-        for name, own in again.positioning_errors(kept).items():
-            errors[name][fold] = own
-        held += _moments(again, kept, fitted, signal)
-    return PosesLeftOut(errors, chosen, _judged(c, fitted, errors, held, signal, correlated, false_alarm, matters))
+        for name, values in result.positioning_errors(kept).items():
+            errors[name][fold] = values
+        moments += _moments(result, kept, fitted, signal)
+    return PosesLeftOut(errors, chosen, _judged(c, fitted, errors, moments, signal, correlated, false_alarm, matters))
 
 
 def _moments(c: Calibration, kept: Measurements, fitted: dict[str, np.ndarray], signal: str) -> np.ndarray:
-    """Trace of the covariance of held-out errors, and that of its square; not numbers where they are not known."""
+    """Trace of the covariance of held-out errors, and of its square; NaN if the covariance is not known."""
     try:
         _, S = pose_covariances(c, kept, fitted, signal)
     except (ModelError, np.linalg.LinAlgError):
@@ -234,7 +235,7 @@ def _moments(c: Calibration, kept: Measurements, fitted: dict[str, np.ndarray], 
 
 
 def _judged(
-    c: Calibration, fitted: dict[str, np.ndarray], errors: dict[str, np.ndarray], held: np.ndarray, signal: str,
+    c: Calibration, fitted: dict[str, np.ndarray], errors: dict[str, np.ndarray], moments: np.ndarray, signal: str,
     correlated: int, false_alarm: float, matters: float,
 ) -> HeldOut:  # fmt: skip
     inside, outside = (e[signal][np.all(np.isfinite(e[signal]), axis=1)] for e in (fitted, errors))
@@ -244,10 +245,10 @@ def _judged(
         fit, _ = pose_covariances(c, c.problem.measurements.part([0]), fitted, signal)
     except (ModelError, np.linalg.LinAlgError):
         fit = np.full((1, 1), np.nan)
-    if np.all(np.isfinite(held)) and np.all(np.isfinite(fit)) and len(outside):
-        growth = (held[0] / outside.size) / (np.trace(fit) / len(fit))
-        independent = freedom_of(float(np.trace(fit)), float(np.sum(fit * fit))), freedom_of(*held.tolist())
-    else:  # parameters are counted instead
+    if np.all(np.isfinite(moments)) and np.all(np.isfinite(fit)) and len(outside):
+        growth = (moments[0] / outside.size) / (np.trace(fit) / len(fit))
+        independent = freedom_of(float(np.trace(fit)), float(np.sum(fit * fit))), freedom_of(*moments.tolist())
+    else:  # count parameters instead
         n = len(inside) * max(len(c.problem.labels), 1)
         growth = (n / (n - len(c.x))) ** 2 if n > len(c.x) else np.inf
         independent = float(n - len(c.x)), float(outside.size)
@@ -259,38 +260,36 @@ PLACES = {"offset": ".offset", "scale": ".scale", "device": ".device.", "target"
 
 
 def of_its_own(m: Measurements, refit: Refit, actuators: str) -> Measurements:
-    """The poses with corrections of the actuators that are refitted, also where the fit knows none."""
-    wanted = {what: True for what in ("offset", "scale") if what in refit.what}
-    if not wanted:
+    """Return the poses with the actuator corrections that are refitted, even if the fit has none."""
+    flags = {what: True for what in ("offset", "scale") if what in refit.what}
+    if not flags:
         return m
-    there = next((c for c in m.corrections if c.signal == actuators), Correction(actuators))
+    correction = next((c for c in m.corrections if c.signal == actuators), Correction(actuators))
     others = [c for c in m.corrections if c.signal != actuators]
-    return replace(m, corrections=(*others, replace(there, **wanted)))
+    return replace(m, corrections=(*others, replace(correction, **flags)))
 
 
 def refitted(c: Calibration, m: Measurements, refit: Refit) -> Calibration:
-    """The calibrated robot with what other measurements have of their own, fitted on these poses; all else stays.
+    """Return the calibrated robot with the parameters in `refit.what` fitted on these poses; all others stay fixed.
 
-    Raises ArgumentError where they have nothing of that kind, and where these poses do not determine it."""
-    own = of_its_own(m, refit, c.problem.actuators)
-    ending = c.problem.reading.ending  # of the names of what these measurements have, among several
+    Raises ArgumentError if the measurements have no such parameters, or if the poses do not determine them."""
+    poses = of_its_own(m, refit, c.problem.actuators)
+    ending = c.problem.reading.ending  # of parameter names of these measurements, if there are several
     values = c.values | {name.replace(ending, ""): v for name, v in c.values.items() if ending and ending in name}
     try:
-        free = prepare(c.flat, own, Choice(free=[]), actuators=c.problem.actuators, values=values)
+        free = prepare(c.flat, poses, Choice(free=[]), actuators=c.problem.actuators, values=values)
         kinds = {name: next((k for k, p in PLACES.items() if p in name), "") for name in free.reading.parameters.names}
         lacking = [k for k in refit.what if k not in kinds.values()]
         if lacking:
-            raise ArgumentError(f"the measurements have no {lacking[0]} of their own to refit", "refit.what")
-        still = [name.partition(TURN)[0] for name, kind in kinds.items() if kind not in refit.what]
+            raise ArgumentError(f"the measurements have no parameter of kind '{lacking[0]}' to refit", "refit.what")
+        fixed = [name.partition(TURN)[0] for name, kind in kinds.items() if kind not in refit.what]
         problem = prepare(
-            c.flat, own, Choice(free=[], fixed=still), actuators=c.problem.actuators, values=values,
+            c.flat, poses, Choice(free=[], fixed=fixed), actuators=c.problem.actuators, values=values,
         )  # fmt: skip
-        own_fit = calibrate(problem, cost=c.cost)
+        result = calibrate(problem, cost=c.cost)
     except ModelError as error:
         raise ArgumentError(str(error), "refit") from error
-    if own_fit.identifiability is not None and own_fit.identifiability.redundant:
-        left = own_fit.identifiability
-        raise ArgumentError(
-            f"{len(m)} poses determine {left.rank} of {len(own_fit.x)} values that are refitted", "refit"
-        )
-    return own_fit
+    if result.identifiability is not None and result.identifiability.redundant:
+        identified = result.identifiability
+        raise ArgumentError(f"{len(m)} poses determine {identified.rank} of {len(result.x)} refitted values", "refit")
+    return result

@@ -1,4 +1,4 @@
-"""What a calibration study is asked for: which parameters move, by which cost, and what is reported."""
+"""Options of a calibration study: free parameters, priors, cost, accepted alarms."""
 
 from __future__ import annotations
 
@@ -13,15 +13,14 @@ from ..results.suspicion import EveryAlarm
 
 @dataclass(frozen=True)
 class Choice:
-    """What to do with the parameters that the closure equations hold; names are of scalars ("L[0]"), rows or columns
-    of numbers that share a beginning ("v[1]") or whole parameters ("A").
+    """Which parameters of the closure equations are free, fixed or tied.
 
-    `free`: those to move, None for all, empty for none but those of the measurement; `fixed`: those to leave, stronger
-    than free (turns of quaternions too).
-    `tied`: name -> name of the same shape, which it follows. `unit`: quaternions (4), scalar first, that are turned and
-    keep the length 1 (three unknowns each, "u1_2 turned about x" [rad], in the quaternion's own frame). `priors` by
-    scalar name of an unknown. `sizes`: expected error of a parameter, the scale in which rank and observability
-    are computed; default 1e-3, of compliances 1e-6 m/N.
+    Names are of scalars ("L[0]"), of rows ("v[1]") or of whole parameters ("A"). `free`: parameters to estimate; None
+    for all; an empty list for only those of the measurement. `fixed`: parameters to keep; overrides `free`, also for
+    orientations of frames. `tied`: name -> name of equal shape, whose value it takes. `unit`: quaternions (4), scalar
+    first, that keep the length 1; three unknowns each, "u1_2 turned about x" [rad], in the quaternion's own frame.
+    `priors`: by scalar name of an unknown. `sizes`: expected errors of parameters, the scale for rank and
+    observability; default 1e-3, for compliances 1e-6 m/N.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> q, _ = robot.causal(known="T", targets="q")(np.array([robot.home]))
@@ -51,20 +50,20 @@ COST_WORDS: dict[str, Cost] = {"closure": "squared", "linear": "length", "invers
 
 @dataclass(frozen=True, kw_only=True)
 class Known(Options):
-    """What is known of one parameter before the measurement: its prior.
+    """Prior knowledge of one parameter.
 
     >>> gt.calibrate.Known(std=0.0)
     Traceback (most recent call last):
     gtmodel.results.refusal.ArgumentError: std: must be more than 0; found 0
     """
 
-    value: Annotated[float | None, "in SI; the robot's own if left out"] = None
-    std: Annotated[float, Within(above=0), "its standard deviation in SI"]
+    value: Annotated[float | None, "expected value in SI; the robot's own if left out"] = None
+    std: Annotated[float, Within(above=0), "standard deviation in SI"]
 
 
 @dataclass(frozen=True)
 class Fit(Options):
-    """Which parameters move, what is known of them before, and what is minimised.
+    """Free parameters, priors, and the cost to minimise.
 
     >>> fit = gt.calibrate.Fit(free=["L"], priors={"L[0]": gt.calibrate.Known(std=1e-3)})
     >>> fit.cost, fit.variant
@@ -77,44 +76,44 @@ class Fit(Options):
     variant: Annotated[
         Literal["ideal", "modified", "six_link", "f1_unit", "f1_raw", "serial"] | None,
         "ideal: one guideway direction (15 parameters); modified: one each (21); six_link (60); f1_unit, "
-        "f1_raw: quaternions of length one, or free; serial: of an arm's Denavit-Hartenberg numbers those that "
-        "positions determine. Left out: all that the equations hold, quaternions raw",
+        "f1_raw: quaternions of length one, or free; serial: those Denavit-Hartenberg parameters of an arm that "
+        "positions determine. Default: all parameters in the equations, quaternions without unit length",
     ] = None
     free: Annotated[
         list[str] | None,
-        "parameters to move, scalars, rows or whole; all if left out; [] for none: the robot is judged as it is, with "
-        "frames, scales and offsets of the measurement alone estimated",
+        "parameters to estimate: scalars, rows or whole ones; default all; []: only frames, scales and offsets of the "
+        "measurement, so that the robot is judged as it is",
     ] = None  # fmt: skip
-    fixed: Annotated[list[str], "parameters to leave, stronger than free"] = field(default_factory=list)
-    tied: Annotated[dict[str, str], "parameter -> parameter that it follows"] = field(default_factory=dict)
-    unit_quaternions: Annotated[list[str], "quaternions that are turned at length one"] = field(default_factory=list)
+    fixed: Annotated[list[str], "parameters to keep; overrides free"] = field(default_factory=list)
+    tied: Annotated[dict[str, str], "parameter -> parameter whose value it takes"] = field(default_factory=dict)
+    unit_quaternions: Annotated[list[str], "quaternions that keep the length one"] = field(default_factory=list)
     priors: Annotated[
-        dict[str, Known], "by unknown, or by row or parameter for all its unknowns at their start"
+        dict[str, Known], "prior by unknown, or by row or parameter for all its unknowns at their start values"
     ] = field(default_factory=dict)  # fmt: skip
     sizes: Annotated[
         dict[str, float],
         Within(above=0),
-        "expected error of a parameter in SI; 0.001, or by the data in other units than m and rad",
+        "expected error of a parameter in SI; default 0.001, or from the data for units other than m and rad",
     ] = field(default_factory=dict)
     cost: Annotated[
         Literal["closure", "linear", "inverse", "forward", "orthogonal"],
-        "what is made small: squared closures (5.1), length errors, errors of the drives, of the pose, or "
-        "both in units of their noise",
+        "what to minimise: squared closures (5.1), length errors, errors of the drives, errors of the pose, or "
+        "drives and pose together in units of their noise",
     ] = "linear"
-    loss: Annotated[Literal["linear", "huber", "soft_l1", "cauchy"], "robust losses"] = "linear"
+    loss: Annotated[Literal["linear", "huber", "soft_l1", "cauchy"], "all but linear are robust"] = "linear"
     loss_width: Annotated[
         float | None, Within(above=0),
-        "residual beyond which the loss flattens; 1.345 robust standard deviations",
+        "residual beyond which the loss flattens; default 1.345 robust standard deviations",
     ] = None  # fmt: skip
     accuracy: Annotated[
         float | None, Unit("m", written="mm"), Within(above=0),
-        "mean held-out positioning error that is wanted; a check",
+        "required mean held-out positioning error; a check",
     ] = None  # fmt: skip
     accept: Annotated[
         list[Alarm],
-        "alarms about the readings that are notes and refuse nothing: unit, scale, exchanged_signals, stuck_columns, "
+        "alarms that become notes because the readings are right: unit, scale, exchanged_signals, stuck_columns, "
         "exchanged_columns, swapped_axes, scalar_last, out_of_reach, moved_too_far, copied_rows",
     ] = field(default_factory=list)  # fmt: skip
     sensitivity_step: Annotated[
-        float, Within(least=0), "change of each parameter in the sensitivity (5.8), in SI; 0 for none"
+        float, Within(least=0), "change of each parameter for the sensitivity (5.8), in SI; 0 to leave it out"
     ] = 5e-5  # fmt: skip

@@ -1,4 +1,4 @@
-"""Information of each pose on the unknowns, before anything is measured: whitened Jacobians, pose by pose."""
+"""Information of each pose on the unknowns, before anything is measured: whitened Jacobians per pose."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..lang.source import ModelError
 from .implicit import require_noise_enough
 from .problem import CalibrationProblem, noise_covariance
 
-# part of a prediction's Jacobian along what no pose determines, relative: more means that it cannot be predicted
+# relative part of a prediction's Jacobian in undetermined directions above which it cannot be predicted
 LEAK = 1e-6
 
 
@@ -23,9 +23,9 @@ LEAK = 1e-6
 class PoseInformation:
     """Information of N candidate poses on n unknowns `names`, in units of `sizes`, their expected errors.
 
-    `rows` (N, k, n): Jacobian of what is measured at a pose, divided by the noise; `priors` (p, n) likewise.
-    `basis` (n, r): orthonormal, of the combinations that all poses together determine. The information of poses is the
-    sum of rows' rows: J' (B S B')^-1 J with Jacobians J in the unknowns and B in the noise, whose covariance is S.
+    `rows` (N, k, n): Jacobian of the measurements at a pose divided by their noise; `priors` (p, n) likewise. `basis`
+    (n, r): orthonormal basis of the combinations that all poses together determine. The information of poses is the sum
+    of rows' rows: J' (B S B')^-1 J with Jacobians J in the unknowns and B in the noise, whose covariance is S.
     """
 
     names: tuple[str, ...]
@@ -39,57 +39,56 @@ class PoseInformation:
 
     @property
     def rank(self) -> int:
-        """How many combinations of unknowns all poses together determine."""
+        """Number of combinations of unknowns that all poses together determine."""
         return self.basis.shape[1]
 
     @property
     def reduced(self) -> np.ndarray:
-        """Rows (N, k, r) in the combinations that are determined."""
+        """Rows (N, k, r) in the determined combinations."""
         return self.rows @ self.basis
 
     def matrix(self, selection: ArrayLike | None = None) -> np.ndarray:
-        """Information (r, r) of some poses (default all) and the priors, in the combinations that are determined."""
+        """Return the information (r, r) of some poses (default all) and the priors, in the determined combinations."""
         rows = self._stacked(selection)
         return rows.T @ rows
 
     def covariance(self, selection: ArrayLike | None = None) -> np.ndarray:
-        """Predicted covariance (n, n) of the unknowns, in their own units, from some poses (default all).
+        """Return the predicted covariance (n, n) of the unknowns, in their units, from some poses (default all).
 
-        It is that within the combinations that all poses determine, of the fit with cost "orthogonal", the best one.
-        Raises ModelError where the selected poses determine fewer.
+        It covers the combinations that all poses determine, for a fit with cost "orthogonal", which is optimal. Raises
+        ModelError if the selected poses determine fewer.
         """
-        own = spectrum(self._stacked(selection))
-        if own.rank < self.rank:
+        decomposition = spectrum(self._stacked(selection))
+        if decomposition.rank < self.rank:
             count = len(self) if selection is None else len(np.asarray(selection))
             raise ModelError(
-                f"{count} poses determine fewer than the {self.rank} combinations that all {len(self)} do; take more "
+                f"{count} poses determine fewer than the {self.rank} combinations that all {len(self)} do; select more "
                 "poses"
             )
-        return self.sizes[:, None] * (self.basis @ own.inverse @ self.basis.T) * self.sizes
+        return self.sizes[:, None] * (self.basis @ decomposition.inverse @ self.basis.T) * self.sizes
 
     def std(self, selection: ArrayLike | None = None) -> dict[str, float]:
-        """Predicted standard deviation by unknown; infinite for one that no pose separates from others."""
+        """Return the predicted standard deviation by unknown; infinite if no pose separates it from others."""
         std = np.sqrt(np.diag(self.covariance(selection)))
         lost = 1 - np.sum(self.basis**2, axis=1) > LEAK
         return dict(zip(self.names, np.where(lost, np.inf, std).tolist(), strict=True))
 
     def identifiability(self, selection: ArrayLike | None = None) -> Identifiability:
-        """How well some poses (default all) determine each unknown, with the observability indices O1 to O5."""
-        own = self.rows if selection is None else self.rows[np.asarray(selection)]
-        rows = np.vstack([own.reshape(-1, len(self.names)), self.priors]) / self.sizes
-        return identifiability(rows, self.names, scale=self.sizes, poses=len(own))
+        """Return how well some poses (default all) determine each unknown, with the observability indices O1 to O5."""
+        selected = self.rows if selection is None else self.rows[np.asarray(selection)]
+        rows = np.vstack([selected.reshape(-1, len(self.names)), self.priors]) / self.sizes
+        return identifiability(rows, self.names, scale=self.sizes, poses=len(selected))
 
     def _stacked(self, selection: ArrayLike | None) -> np.ndarray:
-        own = self.reduced if selection is None else self.reduced[np.asarray(selection)]
-        return np.vstack([own.reshape(-1, self.rank), self.priors @ self.basis])
+        selected = self.reduced if selection is None else self.reduced[np.asarray(selection)]
+        return np.vstack([selected.reshape(-1, self.rank), self.priors @ self.basis])
 
 
 def pose_information(problem: CalibrationProblem) -> PoseInformation:
-    """Information of the poses of a problem, which need not have been measured: commanded ones, with the device's
-    noise.
+    """Return the information of the poses of a problem, measured or only commanded, from the device's noise.
 
-    The noise of every signal counts, that of the actuators where it is given. Raises ModelError where the noise cannot
-    close the equations, and for a pose that the model does not reach.
+    The noise of every signal counts; that of the actuators only if stated. Raises ModelError if the noise cannot close
+    the equations, or if the model does not reach a pose.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
@@ -102,7 +101,7 @@ def pose_information(problem: CalibrationProblem) -> PoseInformation:
     """
     u, read = problem.unknowns, problem.reading
     if not u.names:
-        raise ModelError("nothing is free, so that poses have nothing to determine")
+        raise ModelError("no parameter is free, so that poses have nothing to determine")
     S = noise_covariance(problem, "orthogonal")
     N, n = len(problem.measurements), len(u.names)
     blocks_rows = []
@@ -112,7 +111,7 @@ def pose_information(problem: CalibrationProblem) -> PoseInformation:
         _, J = problem.adjustment(b, S).per_pose(u.start[b.columns])
         lost = np.flatnonzero(~np.all(np.isfinite(J), axis=(1, 2)))
         if lost.size:
-            raise ModelError(f"pose {lost[0]} (from 0) cannot be closed by the model; take poses that it reaches")
+            raise ModelError(f"the model cannot close pose {lost[0]} (from 0); choose poses that it reaches")
         rows = np.zeros((N, J.shape[1], n))
         rows[:, :, b.columns] = J * u.sizes[b.columns]
         blocks_rows.append(rows)
@@ -121,6 +120,6 @@ def pose_information(problem: CalibrationProblem) -> PoseInformation:
 
 
 def made(names: Sequence[str], sizes: np.ndarray, rows: np.ndarray, priors: np.ndarray) -> PoseInformation:
-    """Of scaled, whitened rows (N, k, n) and priors (p, n)."""
+    """PoseInformation from scaled, whitened rows (N, k, n) and priors (p, n)."""
     s = spectrum(np.vstack([rows.reshape(-1, len(names)), priors]))
     return PoseInformation(tuple(names), np.asarray(sizes, float), rows, priors, s.V[:, : s.rank])

@@ -1,5 +1,5 @@
-"""Candidate poses, a grid in what the robot reaches and the device sees, and which of them to measure: exchange for
-D-, E- and I-optimality, and removal by the condition number."""
+"""Candidate poses (a grid that the robot reaches and the device sees), and selection: exchange for D-, E- and
+I-optimality, and removal by the condition number."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from ..kinematics.workspace import REACHABLE, Grid, Reach, map_grid
 from ..lang.source import ModelError
 from .pose_information import PoseInformation
 
-# directions in which the neighbourhood of a point is looked at: to the faces, edges and corners of a cube
+# directions of the neighbours of a point: to the faces, edges and corners of a cube
 _AROUND = np.array([d for d in np.ndindex(3, 3, 3) if d != (1, 1, 1)], float) - 1
 AROUND = _AROUND / np.linalg.norm(_AROUND, axis=1, keepdims=True)
-# neighbours of one call: a call costs as much as some hundred of them
+# neighbours per call; the overhead of a call equals some hundred of them
 AT_ONCE = 4096
 
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Points of a grid (N, 3) [m], and which of them passed each of the `stages`: name -> (N,), each within the former.
+    """Points of a grid (N, 3) [m], and which passed each of the `stages`: name -> (N,), each a subset of the former.
 
-    `complete`: False after a stop.
+    `complete`: False if stopped.
     """
 
     T: np.ndarray
@@ -33,7 +33,7 @@ class Candidates:
 
     @property
     def chosen(self) -> np.ndarray:
-        """(n, 3) points that passed all stages [m]."""
+        """Points (n, 3) [m] that passed all stages."""
         return self.T[next(reversed(self.stages.values()))]
 
     @property
@@ -49,11 +49,11 @@ def candidates(
     *,
     stop: Callable[[str, float], bool] | None = None,
 ) -> Candidates:
-    """The points of a grid that pass all stages in their order, such as workspace, obstacles, device.
+    """Return the points of a grid that pass all stages in order, such as workspace, obstacles, device.
 
-    `safety` [m]: in the end those points remain of which all neighbours, at that distance in 26 directions, are within
-    the last stage too, so that the edge of the working range is that far away (Dressler 2012, section 5.6).
-    `stop(stage, fraction)`: True ends with what was found. Raises ModelError for a negative distance.
+    `safety` [m]: distance from the edge of the last stage; a point is kept if its neighbours at that distance in 26
+    directions are all within the last stage (Dressler 2012, section 5.6). `stop(stage, fraction)`: True ends with the
+    results so far. Raises ModelError for a negative distance.
 
     >>> from gtmodel.kinematics.mechanism import mechanism_of
     >>> from gtmodel.kinematics.workspace import CartesianBox, Reach
@@ -67,53 +67,52 @@ def candidates(
     if not safety >= 0:
         raise ModelError(f"the safety distance is {safety:g} m; it must not be negative")
     T = grid.points()
-    left = np.ones(len(T), bool)
+    passed = np.ones(len(T), bool)
     masks: dict[str, np.ndarray] = {}
 
-    def asked(stage: str) -> Callable[[float], bool]:
+    def progress_of(stage: str) -> Callable[[float], bool]:
         return lambda fraction: stop is not None and stop(stage, fraction)
 
     for name, reach in stages.items():
-        m = map_grid(reach, grid, progress=asked(name))
-        left = left & (m.codes.reshape(-1) == REACHABLE)
-        masks[name] = left
+        m = map_grid(reach, grid, progress=progress_of(name))
+        passed = passed & (m.codes.reshape(-1) == REACHABLE)
+        masks[name] = passed
         if not m.complete or (stop is not None and stop(name, 1.0)):
             return Candidates(T, masks, complete=False)
     if safety > 0 and stages:
-        masks["safety distance"] = _all_around(next(reversed(stages.values())), T, left, safety)
+        masks["safety distance"] = _all_around(next(reversed(stages.values())), T, passed, safety)
     return Candidates(T, masks)
 
 
-def _all_around(reach: Reach, T: np.ndarray, left: np.ndarray, distance: float) -> np.ndarray:
-    """Which of the points that are `left` have all their neighbours at a distance [m] within reach.
+def _all_around(reach: Reach, T: np.ndarray, points: np.ndarray, distance: float) -> np.ndarray:
+    """Which of the remaining points have all their neighbours at a distance [m] within reach.
 
-    Few points are asked in several directions by one call; many in one after the other, so that what is lost in one
-    direction costs nothing in the next.
+    Few points are checked in several directions per call, many in one direction after the other: a point that fails in
+    one direction costs nothing in the next.
     """
-    within = left.copy()
+    within = points.copy()
     begin = 0
     while begin < len(AROUND) and within.any():
-        at = np.flatnonzero(within)
-        directions = AROUND[begin : begin + max(1, AT_ONCE // len(at))]
+        indices = np.flatnonzero(within)
+        directions = AROUND[begin : begin + max(1, AT_ONCE // len(indices))]
         begin += len(directions)
-        neighbours = T[at] + distance * directions[:, None]
-        within[at] = np.all(reach.inside(neighbours.reshape(-1, 3)).reshape(len(directions), -1), axis=0)
+        neighbours = T[indices] + distance * directions[:, None]
+        within[indices] = np.all(reach.inside(neighbours.reshape(-1, 3)).reshape(len(directions), -1), axis=0)
     return within
 
 
 def regular_grid(low: np.ndarray, high: np.ndarray, volume: float, number: int) -> Grid:
-    """A grid in the middle of the box low..high (3,) [m] with about `number` of its points in a `volume` [m3] inside
-    it.
+    """Return a grid centred in the box low..high (3,) [m] with about `number` points per `volume` [m3] inside it.
 
-    The grid constant is (volume / number)^(1/3), as Dressler 2012, section 5.6, takes it. Raises ModelError for a
-    volume or a number that is not positive.
+    The grid constant is (volume / number)^(1/3) (Dressler 2012, section 5.6). Raises ModelError unless volume and
+    number are positive.
 
     >>> grid = gt.calibrate.regular_grid(np.zeros(3), np.array([1.0, 1.0, 0.5]), volume=0.5, number=32)
     >>> grid.points().shape, round(float(grid.coordinates[0][1] - grid.coordinates[0][0]), 3)  # m
     ((75, 3), 0.25)
     """
     if not volume > 0 or number < 1:
-        raise ModelError(f"{number} poses of a volume of {volume:g} m3 make no grid; both must be positive")
+        raise ModelError(f"no grid has {number} poses in a volume of {volume:g} m3; both must be positive")
     step = (volume / number) ** (1 / 3)
     coordinates = []
     for a, b in zip(low, high, strict=True):
@@ -124,21 +123,21 @@ def regular_grid(low: np.ndarray, high: np.ndarray, volume: float, number: int) 
 
 Criterion = Literal["D", "E", "I"]
 CRITERIA = get_args(Criterion)
-GAIN = 1e-4  # relative fall of the score for which a pose is exchanged
+GAIN = 1e-4  # relative decrease of the score for which a pose is exchanged
 SWEEPS = 50
-SHORT_LIST = 24  # candidates for E that are evaluated in full: those that see the weakest combination best
-# of the mean information of a pose: keeps what is left of a few poses invertible
+SHORT_LIST = 24  # candidates fully evaluated for E: those that see the weakest combination best
+# of the mean information of a pose; keeps the information of a few poses invertible
 RIDGE = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """Chosen poses, `indices` ascending (one chosen twice is there twice), and the `score` that was made small.
+    """Selected poses, `indices` ascending (repeated if chosen twice), and the minimised `score`.
 
-    Of the information I of r combinations: "D" det(I)^(-1/r), "E" 1 / its least eigenvalue, "I" the mean square error
-    over the workspace [m2], "condition" the condition number.
+    For the information I of r combinations: "D" det(I)^(-1/r), "E" 1 / its smallest eigenvalue, "I" the mean square
+    error over the workspace [m2], "condition" the condition number.
 
-    `starts`: the score that each random start came to. `complete`: False where it was stopped before the end.
+    `starts`: the final score of each random start. `complete`: False if stopped early.
     """
 
     indices: np.ndarray
@@ -162,14 +161,15 @@ def exchange(
     seed: int = 0,
     stop: Callable[[float], bool] | None = None,
 ) -> Selection:
-    """`number` of the poses, by swapping one pose for the best candidate while the score falls by 1e-4 of itself.
+    """Select `number` poses: swap one pose for the best candidate while the score decreases by over 1e-4 of itself.
 
-    Each pose may be chosen up to `repeats` times: the far corners contribute most, and a pose measured again shows
-    drift. "D": determinant of the information; "E": its least eigenvalue; "I": trace(information^-1 moment), the mean
-    square error of the tool centre point, with `moment` from Positioning.moment(). The best of `starts` random starts;
-    the same seed gives the same poses. `stop(fraction)`: asked before each sweep; True ends with the best so far.
+    Each pose may be chosen up to `repeats` times: far corners contribute most, and a repeated pose reveals drift. "D":
+    determinant of the information; "E": its smallest eigenvalue; "I": trace(information^-1 moment), the mean square
+    error of the tool centre point, with `moment` from Positioning.moment(). The best of `starts` random starts; the
+    same seed gives the same poses. `stop(fraction)`: called before each sweep; True ends with the best so far.
 
-    Raises ModelError for a wrong criterion, for more poses than there are, and for too few to determine the unknowns.
+    Raises ModelError for an unknown criterion, if `number` exceeds the candidates, or if it is too small to determine
+    the unknowns.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
@@ -184,14 +184,14 @@ def exchange(
     """
     require_enough(info, number)
     if criterion not in CRITERIA:
-        raise ModelError(f"there is no criterion '{criterion}'; these are: {', '.join(CRITERIA)}")
+        raise ModelError(f"there is no criterion '{criterion}'; choose one of: {', '.join(CRITERIA)}")
     if criterion == "I" and moment is None:
         raise ModelError('the criterion "I" needs the moment of the positioning errors, Positioning.moment()')
     rows = info.reduced
     ridge = RIDGE * float(np.mean(rows**2)) * rows.shape[1] * np.eye(info.rank)
     constant = info.priors @ info.basis
     score = _Score(criterion, rows, np.zeros_like(ridge) if moment is None else moment)
-    best, reached, complete = np.zeros(0, int), [], True
+    best, scores, complete = np.zeros(0, int), [], True
     for k, s in enumerate(np.random.SeedSequence(seed).spawn(starts)):
         chosen = np.random.default_rng(s).permutation(len(info))[:number]
         for sweep in range(SWEEPS):
@@ -200,22 +200,22 @@ def exchange(
                 break
             if not _swept(chosen, rows, constant.T @ constant + ridge, score, repeats):
                 break
-        reached.append(score.of(info.matrix(chosen) + ridge))
-        if reached[-1] <= min(reached):
+        scores.append(score.of(info.matrix(chosen) + ridge))
+        if scores[-1] <= min(scores):
             best = np.sort(chosen)
         if not complete:
             break
-    return Selection(best, criterion, min(reached), tuple(reached), complete)
+    return Selection(best, criterion, min(scores), tuple(scores), complete)
 
 
 def condition_removal(
     info: PoseInformation, number: int, *, one_by_one: bool = False, stop: Callable[[float], bool] | None = None
 ) -> Selection:
-    """The `number` of poses without which the condition number of the Jacobian is worst (Dressler 2012, eq. (5.9)).
+    """Select the `number` poses whose removal makes the condition number worst (Dressler 2012, eq. (5.9)).
 
-    C_k is the condition number, in units of the expected errors, without pose k; poses with the largest C_k stay.
-    `one_by_one`: all C_k are computed anew after each removal. `stop(fraction)`: True ends with more poses than wanted.
-    Raises ModelError as exchange().
+    C_k is the condition number of the Jacobian without pose k, in units of the expected errors; poses with the largest
+    C_k stay. `one_by_one`: all C_k are computed anew after each removal. `stop(fraction)`: True ends with more poses
+    than `number`. Raises ModelError as exchange().
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
@@ -229,24 +229,24 @@ def condition_removal(
     """
     require_enough(info, number)
     rows = info.reduced
-    left = np.arange(len(info))
+    remaining = np.arange(len(info))
     total = info.matrix()
     complete = True
-    while len(left) > number:
-        own = rows[left]
-        without = _conditions(total - own.transpose(0, 2, 1) @ own)
+    while len(remaining) > number:
+        selected = rows[remaining]
+        without = _conditions(total - selected.transpose(0, 2, 1) @ selected)
         order = np.argsort(without, kind="stable")
-        gone = order[:1] if one_by_one else order[: len(left) - number]
-        total = total - np.einsum("kij,kil->jl", own[gone], own[gone])
-        left = np.delete(left, gone)
-        if stop is not None and stop((len(info) - len(left)) / (len(info) - number)) and len(left) > number:
+        removed = order[:1] if one_by_one else order[: len(remaining) - number]
+        total = total - np.einsum("kij,kil->jl", selected[removed], selected[removed])
+        remaining = np.delete(remaining, removed)
+        if stop is not None and stop((len(info) - len(remaining)) / (len(info) - number)) and len(remaining) > number:
             complete = False
             break
-    return Selection(left, "condition", float(_conditions(info.matrix(left)[None])[0]), (), complete)
+    return Selection(remaining, "condition", float(_conditions(info.matrix(remaining)[None])[0]), (), complete)
 
 
 def spread(info: PoseInformation, number: int) -> Selection:
-    """`number` of the poses, evenly by their order, in which neighbours of a grid follow each other: a coarser grid.
+    """Select `number` poses evenly in their order; for a grid, where neighbours are adjacent, this is a coarser grid.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
@@ -262,7 +262,7 @@ def spread(info: PoseInformation, number: int) -> Selection:
 
 
 class _Score:
-    """Scores, smaller is better, of an information matrix, and of one with each candidate's rows added."""
+    """Scores (smaller is better) of an information matrix, and of one with each candidate's rows added."""
 
     def __init__(self, criterion: str, rows: np.ndarray, moment: np.ndarray) -> None:
         self.criterion, self.rows, self.moment = criterion, rows, moment
@@ -277,7 +277,7 @@ class _Score:
         return float(np.trace(np.linalg.solve(information, self.moment)))
 
     def each(self, base: np.ndarray) -> np.ndarray:
-        """(N,) scores of base with the rows of each candidate."""
+        """Scores (N,) of base with the rows of each candidate."""
         rows = self.rows
         if self.grams is not None:
             weakest = np.linalg.eigh(base)[1][:, 0]
@@ -296,37 +296,37 @@ class _Score:
 
 
 def _swept(chosen: np.ndarray, rows: np.ndarray, constant: np.ndarray, score: _Score, repeats: int) -> bool:
-    """One pass over the chosen poses, changed in place; whether any was exchanged."""
-    moved = False
+    """One pass over the chosen poses, changed in place; returns whether any was exchanged."""
+    exchanged = False
     for k in range(len(chosen)):
         others = rows[np.delete(chosen, k)].reshape(-1, rows.shape[2])
         each = score.each(others.T @ others + constant)
         now = each[chosen[k]]
         if not np.isfinite(now):  # E: not on the short list
-            own = rows[chosen].reshape(-1, rows.shape[2])
-            now = score.of(own.T @ own + constant)
+            selected = rows[chosen].reshape(-1, rows.shape[2])
+            now = score.of(selected.T @ selected + constant)
         each[np.bincount(np.delete(chosen, k), minlength=len(rows)) >= repeats] = np.inf
         j = int(np.argmin(each))
         if each[j] < (1 - GAIN) * now:
-            chosen[k], moved = j, True
-    return moved
+            chosen[k], exchanged = j, True
+    return exchanged
 
 
 def _conditions(information: np.ndarray) -> np.ndarray:
-    """Condition numbers (k,) of Jacobians whose information is given (k, r, r)."""
+    """Condition numbers (k,) of Jacobians with this information (k, r, r)."""
     values = np.linalg.eigvalsh(information)
     with np.errstate(divide="ignore"):
         return np.sqrt(values[:, -1] / np.maximum(values[:, 0], 0.0))
 
 
 def require_enough(info: PoseInformation, number: int) -> None:
-    """Raises ModelError for more poses than there are, and for too few to determine the unknowns."""
+    """Raise ModelError if `number` exceeds the candidates, or is too small to determine the unknowns."""
     if not 1 <= number <= len(info):
-        raise ModelError(f"{number} poses are asked for of {len(info)} candidates; ask for 1 to {len(info)}")
+        raise ModelError(f"cannot select {number} poses from {len(info)} candidates; choose 1 to {len(info)}")
     prior = int(np.linalg.matrix_rank(info.priors)) if len(info.priors) else 0
     if number * info.rows.shape[1] + prior < info.rank:
         least = -(-(info.rank - prior) // info.rows.shape[1])
         raise ModelError(
             f"{number} poses with {info.rows.shape[1]} equations each cannot determine {info.rank} combinations; "
-            f"take at least {least}"
+            f"use at least {least}"
         )

@@ -1,5 +1,5 @@
-"""How accurate a calibrated robot will be over its workspace, predicted before any measurement, and how many poses
-suffice."""
+"""Predicted accuracy of a calibrated robot over its workspace, before any measurement, and the sufficient number of
+poses."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .problem import CalibrationProblem
 
 @dataclass(frozen=True, eq=False)
 class PredictedErrors:
-    """Covariance (M, 3, 3) [m2] of the tool centre point's error at M evaluation poses, from the parameters' alone."""
+    """Covariance (M, 3, 3) [m2] of the tool centre point's error at M evaluation poses, due to parameter errors."""
 
     covariance: np.ndarray
 
@@ -41,30 +41,30 @@ class PredictedErrors:
 
 @dataclass(frozen=True, eq=False)
 class Positioning:
-    """Jacobian (M, 3, n) [m] of the tool centre point in the unknowns `names`, in their own units, actuators held."""
+    """Jacobian (M, 3, n) [m] of the tool centre point in the unknowns `names`, in their units, with fixed actuators."""
 
     names: tuple[str, ...]
     jacobian: np.ndarray
 
     def moment(self, info: PoseInformation) -> np.ndarray:
-        """Mean over the poses of J'J (r, r), with the Jacobian J in the combinations that `info` has.
+        """Return the mean of J'J (r, r) over the poses, with the Jacobian J in the combinations of `info`.
 
-        trace(C moment) is the mean square error for their covariance C.
+        trace(C moment) is the mean square error if C is their covariance.
         """
         P = self._scaled(info)
         return np.einsum("kip,kiq->pq", P, P) / len(P)
 
     def errors(self, info: PoseInformation, selection: ArrayLike | None = None) -> PredictedErrors:
-        """Predicted errors after a calibration with some poses (default all) of `info`.
+        """Return the predicted errors after a calibration with some poses (default all) of `info`.
 
-        Raises ModelError where these poses do not determine the errors.
+        Raises ModelError if these poses do not determine the errors.
         """
         self._scaled(info)
         P, C = self._columns(info), info.covariance(selection)
         return PredictedErrors(P @ C @ P.transpose(0, 2, 1))
 
     def spread(self, info: PoseInformation, runs: int, selection: ArrayLike | None = None) -> float:
-        """Relative standard deviation by chance of the rms error of so many simulated calibrations."""
+        """Return the relative standard deviation of the rms error from this number of simulated calibrations."""
         P = self._columns(info)
         CM = info.covariance(selection) @ (np.einsum("kip,kiq->pq", P, P) / len(P))
         return float(np.sqrt(np.trace(CM @ CM) / (2 * runs)) / np.trace(CM))
@@ -73,7 +73,7 @@ class Positioning:
         """The Jacobian with the columns of `info`; zero for unknowns that do not move the robot."""
         unknown = [n for n in self.names if n not in info.names]
         if unknown:
-            raise ModelError(f"the poses say nothing of '{unknown[0]}', on which the position depends; free it there")
+            raise ModelError(f"the position depends on '{unknown[0]}', which is not free at the poses; free it there")
         full = np.zeros((*self.jacobian.shape[:2], len(info.names)))
         full[:, :, [info.names.index(n) for n in self.names]] = self.jacobian
         return full
@@ -85,8 +85,8 @@ class Positioning:
         if np.max(outside, initial=0.0) > LEAK * np.max(np.abs(P), initial=0.0):
             k = int(np.argmax(outside.max(axis=(0, 1))))
             raise ModelError(
-                f"the position moves with what no pose determines ({info.rank} of {len(info.names)} combinations are "
-                f"determined; '{info.names[k]}' among the others): measure more, or fix a parameter"
+                f"the position depends on combinations that no pose determines ({info.rank} of {len(info.names)} are "
+                f"determined; '{info.names[k]}' is among the others): measure more, or fix a parameter"
             )
         return inside
 
@@ -94,11 +94,11 @@ class Positioning:
 def positioning(
     problem: CalibrationProblem, signal: str = "T", names: Sequence[str] | None = None, *, x: ArrayLike | None = None
 ) -> Positioning:
-    """Jacobian of the tool centre point in the unknowns, at the poses of a problem, by its closure equations.
+    """Return the Jacobian of the tool centre point in the unknowns, at the poses of a problem.
 
-    Actuators and the whole pose must be measured values. `signal`: the position. `names`: of these unknowns only, those
-    of another problem of the same robot; default all. `x`: values of the unknowns, their start by default. Raises
-    ModelError for singular poses, and where the equations do not give the pose.
+    It follows from the closure equations; actuators and whole pose must be measured. `signal`: the position. `names`:
+    restrict it to these unknowns (of another problem of the same robot); default all. `x`: values of the unknowns,
+    default their start values. Raises ModelError for singular poses, and if the equations do not determine the pose.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
@@ -112,38 +112,36 @@ def positioning(
     """
     every = problem.unknowns.names
     chosen = list(every) if names is None else [n for n in every if n in set(names)]
-    moved = pose_jacobians(problem, signal, x)[signal]
-    return Positioning(tuple(chosen), moved[:, :, [every.index(n) for n in chosen]])
+    jacobian = pose_jacobians(problem, signal, x)[signal]
+    return Positioning(tuple(chosen), jacobian[:, :, [every.index(n) for n in chosen]])
 
 
 def pose_jacobians(problem: CalibrationProblem, signal: str = "T", x: ArrayLike | None = None) -> dict[str, np.ndarray]:
-    """Jacobian of each signal of the pose in the unknowns (N, k, n), actuators held. Raises as positioning()."""
+    """Return the Jacobian of each pose signal in the unknowns (N, k, n), actuators fixed. Raises as positioning()."""
     J, B, pose = closure_jacobians(problem, signal, x)
     try:
-        moved = -np.linalg.solve(B, J)
+        jacobian = -np.linalg.solve(B, J)
     except np.linalg.LinAlgError:
-        raise ModelError("an evaluation pose is singular: the closure equations do not hold the position") from None
+        raise ModelError("an evaluation pose is singular: the closure equations do not determine the pose") from None
     places = {n: s for n, s in problem.reading.places.items() if n != problem.actuators}
-    return {n: moved[:, [pose.index(k) for k in range(s.start, s.stop)]] for n, s in places.items()}
+    return {n: jacobian[:, [pose.index(k) for k in range(s.start, s.stop)]] for n, s in places.items()}
 
 
 def closure_jacobians(
     problem: CalibrationProblem, signal: str = "T", x: ArrayLike | None = None
 ) -> tuple[np.ndarray, np.ndarray, list[int]]:
-    """Jacobians of the lengths' closures in the unknowns (N, m, n) and in the whole pose (N, m, m).
+    """Return Jacobians of the length residuals in the unknowns (N, m, n) and in the whole pose (N, m, m).
 
-    `signal` is a part of the pose. Also returned: the places of the pose's components among the signals. Raises
-    ModelError where the equations do not give the pose.
+    `signal` is a part of the pose. The third value holds the indices of the pose's components among the signals. Raises
+    ModelError if the equations do not determine the pose.
     """
     read, u = problem.reading, problem.unknowns
     if signal not in read.places or read.latent.numel() or read.derived.numel() or len(read.stances) > 1:
-        raise ModelError(f"positioning errors are predicted from poses whose '{signal}' and all else is known")
+        raise ModelError(f"predicted errors need whole poses with '{signal}', one per row, and no latent variables")
     pose = [k for n, s in read.places.items() if n != problem.actuators for k in range(s.start, s.stop)]
     m = len(problem.labels)
     if m != len(pose):
-        raise ModelError(
-            f"{m} equations close, but the measured pose has {len(pose)} degrees of freedom: no position follows"
-        )
+        raise ModelError(f"{m} closure equations cannot determine a pose with {len(pose)} degrees of freedom")
     J, B, _ = problem.all_jacobians("forward", u.start if x is None else np.asarray(x, float))
     return J, B[:, :, pose], pose
 
@@ -158,7 +156,7 @@ class Point(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ErrorCurve:
-    """Points in the order of their number of poses; `complete` False after a stop."""
+    """Points ordered by their number of poses; `complete` is False if stopped."""
 
     points: tuple[Point, ...]
     complete: bool = True
@@ -175,9 +173,9 @@ def error_curve(
     starts: int = 3,
     seed: int = 0,
 ) -> ErrorCurve:
-    """Predicted errors over the workspace with selected poses, for each of `numbers` of poses.
+    """Return predicted errors over the workspace for selections of these `numbers` of poses.
 
-    `criterion`, `repeats`, `starts`, `seed`: as of exchange(). `stop(fraction)`: True ends with what is done.
+    `criterion`, `repeats`, `starts`, `seed`: as in exchange(). `stop(fraction)`: True ends with the points so far.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
@@ -192,9 +190,9 @@ def error_curve(
     16 21
     """
     moment = target.moment(info)
-    points, wanted = [], sorted(set(numbers))
-    for k, number in enumerate(wanted):
-        if stop is not None and stop(k / len(wanted)):
+    points, counts = [], sorted(set(numbers))
+    for k, number in enumerate(counts):
+        if stop is not None and stop(k / len(counts)):
             return ErrorCurve(tuple(points), complete=False)
         s = exchange(info, number, criterion, moment, repeats=repeats, starts=starts, seed=seed)
         e = target.errors(info, s.indices)
@@ -203,7 +201,7 @@ def error_curve(
 
 
 def grid_point(info: PoseInformation, target: Positioning) -> Point:
-    """The predicted errors with all poses of `info`, such as those of a regular grid.
+    """Return the predicted errors with all poses of `info`, such as those of a regular grid.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
@@ -230,10 +228,10 @@ def sufficient_number(
     starts: int = 3,
     seed: int = 0,
 ) -> int | None:
-    """The least number of selected poses whose predicted rms error is at most `accuracy` [m].
+    """Return the smallest number of selected poses whose predicted rms error is at most `accuracy` [m].
 
-    None if `most` (default all candidates, each once) are too few. It is found by doubling and bisection: the error
-    never grows with the number of poses. Raises ModelError for an accuracy that is not positive.
+    None if `most` (default all candidates, each once) are too few. Found by doubling and bisection, as the error never
+    grows with the number of poses. Raises ModelError unless the accuracy is positive.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
@@ -250,21 +248,21 @@ def sufficient_number(
     if not accuracy > 0:
         raise ModelError(f"the accuracy is {accuracy:g} m; it must be positive")
     moment = target.moment(info)
-    own = info.rows.shape[1]
+    equations = info.rows.shape[1]
     prior = int(np.linalg.matrix_rank(info.priors)) if len(info.priors) else 0
-    low, high = max(1, -(-(info.rank - prior) // own)), min(most or len(info), len(info))
+    low, high = max(1, -(-(info.rank - prior) // equations)), min(most or len(info), len(info))
 
     def enough(number: int) -> bool:
         s = exchange(info, number, criterion, moment, repeats=repeats, starts=starts, seed=seed)
         try:
             return target.errors(info, s.indices).rms <= accuracy
-        except ModelError:  # so few poses need not determine all
+        except ModelError:  # so few poses may not determine all parameters
             return False
 
     if high < low:
         return None
     tried = low
-    while not enough(tried):  # upwards: the effort grows with the number
+    while not enough(tried):  # from below: the effort grows with the number
         if tried == high:
             return None
         low, tried = tried + 1, min(2 * tried, high)

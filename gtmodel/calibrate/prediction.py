@@ -1,4 +1,4 @@
-"""How well a calibrated model predicts poses: sizes of errors, the worst place, principal directions, outliers."""
+"""How well a calibrated model predicts poses: size of errors, worst place, principal directions, outliers."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from ..inference.covariance import RANK
 from ..measurements.inspection.residual_tests import Outliers, outliers as outlying
 from ..results.suspicion import RUN_LEVEL
 
-OF_POSES = 5  # tests: held-out poses, size of the noise, colour, recordings against each other, outliers
+OF_POSES = 5  # number of tests: held-out poses, size of the noise, colour, comparison of recordings, outliers
 MAD = 1.4826022185  # standard deviation of a normal variable over its median absolute deviation
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Errors (N, 3) of a predicted position [m] or, as small turns, orientation [rad]; rows of NaN do not count.
+    """Errors (N, 3) of a predicted position [m] or orientation [rad, small rotations]; rows of NaN are left out.
 
-    A planar mechanism has errors (N, 2).
+    Planar mechanisms have errors (N, 2).
     """
 
     errors: np.ndarray
@@ -30,7 +30,7 @@ class Prediction:
 
     @property
     def lost(self) -> int:
-        """How many poses do not close, and so are in none of the numbers."""
+        """Number of poses that do not close; no other number includes them."""
         return int(np.count_nonzero(np.isnan(self.sizes)))
 
     @property
@@ -47,14 +47,14 @@ class Prediction:
 
     @property
     def worst(self) -> int:
-        """The pose with the greatest error."""
+        """The pose with the largest error."""
         return int(np.nanargmax(self.sizes))
 
     def principal(self) -> tuple[np.ndarray, np.ndarray]:
-        """Rms errors (k,) along the principal directions (k, k) of errors (N, k), one per row, the least first.
+        """Return rms errors (k,) and principal directions (k, k) of errors (N, k), one per row, the smallest first.
 
-        Of E'E / N with the errors as they are, their mean not removed, as below eq. (5.13) of Dressler 2012. The
-        largest component of a direction is positive.
+        From E'E / N with the mean of the errors not removed, as below eq. (5.13) of Dressler 2012. The largest
+        component of a direction is positive.
         """
         good = self.errors[np.all(np.isfinite(self.errors), axis=1)]
         values, vectors = np.linalg.eigh(good.T @ good / len(good))
@@ -65,8 +65,9 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Outlier:
-    """A residual far beyond the others of its link, or the largest of a pose that is far off as a whole: pose and link
-    (from 0), residual [m], in its own deviations."""
+    """A residual far beyond the others of its link, or the largest of a pose that is off as a whole.
+
+    Pose and link count from 0; `residual` [m]; `times`: residual in its standard deviations."""
 
     pose: int
     link: int
@@ -77,30 +78,30 @@ class Outlier:
 def outliers(
     residuals: np.ndarray, basis: np.ndarray | None = None, noise: tuple[np.ndarray, np.ndarray] | None = None
 ) -> list[Outlier]:
-    """Of residuals (N, m) per pose and link, the farthest first: those that normal ones of so many hardly show, each
-    against its own deviation, see gtmodel.measurements.inspection.residual_tests. Links have a noise each.
+    """Return outliers of residuals (N, m) per pose and link, the farthest first; each link has its own noise.
 
-    basis: (N, m, p), orthonormal columns of the residuals' Jacobian. noise: that Jacobian (N, m, n), without columns
-    where outliers do not bend the fit, and the covariance (N, m, m) of a pose's lengths but for a factor. By it the
-    lengths of a pose are judged together too: an error of its position is in all of them. Residuals that are not finite
-    are none.
+    Outliers are residuals that are improbable for this number of normal ones, each in its own standard deviations; see
+    gtmodel.measurements.inspection.residual_tests. basis: (N, m, p), orthonormal columns of the residuals' Jacobian.
+    noise: that Jacobian (N, m, n), without columns if outliers do not influence the fit, and the covariance (N, m, m)
+    of a pose's lengths up to a factor; with it poses are also tested as a whole, since an error of the position is in
+    all lengths. Residuals that are not finite are ignored.
     """
     N, m = residuals.shape
     level = RUN_LEVEL / OF_POSES / (1 if noise is None else 2)
     judged = outlying(residuals.reshape(-1), None if basis is None else basis.reshape(N * m, -1), np.tile(range(m), N))
-    far = {divmod(k, m): float(judged.times[k]) for k in judged.beyond(level).tolist()}
+    extreme = {divmod(k, m): float(judged.times[k]) for k in judged.beyond(level).tolist()}
     if noise is not None:
         together = _of_poses(residuals, *noise)
-        named = {pose for pose, _ in far}
+        named = {pose for pose, _ in extreme}
         for pose in together.beyond(level).tolist():
             if pose not in named:
-                far[pose, int(np.argmax(np.abs(residuals[pose])))] = float(together.times[pose])
-    listed = [Outlier(pose, link, float(residuals[pose, link]), times) for (pose, link), times in far.items()]
+                extreme[pose, int(np.argmax(np.abs(residuals[pose])))] = float(together.times[pose])
+    listed = [Outlier(pose, link, float(residuals[pose, link]), times) for (pose, link), times in extreme.items()]
     return sorted(listed, key=lambda o: (-o.times, o.pose, o.link))
 
 
 def _of_poses(residuals: np.ndarray, jacobian: np.ndarray, covariance: np.ndarray) -> Outliers:
-    """Each pose by all its lengths, in units of their noise, at the unknowns that are best by these units: one step."""
+    """Test each pose by all its lengths in units of their noise, after one step to the best unknowns in these units."""
     root = np.linalg.cholesky(covariance)
     N, m = residuals.shape
     rows = np.linalg.solve(root, jacobian).reshape(N * m, -1)

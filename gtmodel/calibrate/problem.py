@@ -1,4 +1,4 @@
-"""A calibration made ready: equations of the model, data, unknowns and functions."""
+"""The calibration problem: equations of the model, data, unknowns and functions."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ from .options import Choice
 from .reading import Reading, reading, variables_of
 from .unknowns import SIZE, Parameters, Unknowns, unknowns
 
-LOOSE = 1e3  # of the smallest noise: a signal with more hardly says where the pose is
+LOOSE = 1e3  # times the smallest noise: signals with more noise hardly determine the pose
 
 
-# units whose expected errors are known: a millimetre, as much at a metre's distance, and of a compliance
+# units with a usual expected error: 1 mm, its angle at a distance of 1 m, and that of a compliance
 SIZED = ("m", "rad", "m/N")
 FACTOR = 10.0
-LOOKED_AT = 40  # poses
+LOOKED_AT = 40  # number of poses
 
 
 @dataclass(frozen=True, eq=False)
 class CalibrationProblem:
-    """A calibration made ready: closure equations of the model with data, unknowns and functions; nothing is solved.
+    """A prepared calibration: closure equations of the model with data, unknowns and functions; nothing is solved.
 
     `beside`: other measurements of the same robot, with the same unknowns. `closure`: of the first pose of a row.
-    `costs`: "squared" closure residuals (Dressler 2012, eq. (5.1)); "length", their roots |d| - L; the errors of the
-    measured signals that close every pose: of `actuators` alone ("inverse"), of all others ("forward"), or of all that
-    have noise ("orthogonal").
+    Costs: "squared" closure residuals (Dressler 2012, eq. (5.1)); "length" errors |d| - L; or the errors of measured
+    signals that close every pose: of `actuators` alone ("inverse"), of all others ("forward"), or of all that have
+    noise ("orthogonal").
     """
 
     closure: Closure
@@ -54,7 +54,7 @@ class CalibrationProblem:
     starts: dict[tuple[int, ...], tuple[np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)
 
     def blocks_of(self, cost: str) -> tuple[Block, ...]:
-        """What a cost is made of; what shares a noise that it counts is in one block. Made once, for all poses."""
+        """Blocks of a cost, built once for all poses; rows that share a noise in this cost are in one block."""
         if cost not in self.made:
             places, counted = self.reading.places, () if cost in ("squared", "length") else self.noisy(cost)
             joined = [k for n in counted for k in range(places[n].start, places[n].stop)]
@@ -65,58 +65,58 @@ class CalibrationProblem:
 
     @property
     def latent(self) -> tuple[str, ...]:
-        """Variables that nobody measured."""
+        """Latent (unmeasured) variables."""
         return tuple(dict.fromkeys(n for s in self.reading.stances for n in s.closure.latent))
 
     @property
     def parts(self) -> tuple[CalibrationProblem, ...]:
-        """The problem of each measurements, this one first."""
+        """One problem per measurements, this one first."""
         return (self, *self.beside)
 
     @property
     def implicit(self) -> bool:
-        """Whether latent variables leave the lengths open, so that the errors of what was measured are all there is."""
+        """Whether lengths are unknown because of latent variables, so that only errors of measured signals exist."""
         return self.reading.latent.numel() > 0
 
     @property
     def squared(self) -> tuple[Block, ...]:
-        """The blocks of the squared closures."""
+        """Blocks of the squared closures."""
         return self.blocks_of("squared")
 
     @property
     def lengths(self) -> tuple[Block, ...]:
-        """The blocks of the length errors."""
+        """Blocks of the length errors."""
         return self.blocks_of("length")
 
     @property
     def orthogonal(self) -> tuple[Block, ...]:
-        """The blocks in which the noise of all signals counts."""
+        """Blocks for the noise of all signals."""
         return self.blocks_of("orthogonal")
 
     def noisy(self, cost: str) -> list[str]:
-        """Signals whose errors a cost counts."""
+        """Signals whose errors enter a cost."""
         every = list(self.reading.places)
         return every if cost == "orthogonal" else [n for n in every if self.of_actuators(n) == (cost == "inverse")]
 
     def of_actuators(self, signal: str) -> bool:
-        """Whether a signal is of the actuators, at whatever pose of a row."""
+        """Whether a signal belongs to the actuators, at any pose of a row."""
         return signal.partition("@")[0] == self.actuators
 
     @property
     def judged(self) -> list[str]:
-        """Signals beside the actuators, whose errors are those of the robot."""
+        """Measured signals other than the actuators; their errors are those of the robot."""
         return self.noisy("forward")
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Names of the closure residuals: links, in the model's order, and what was measured beside whole variables."""
+        """Names of the closure residuals: links in the model's order, then components, points and distances."""
         read = self.reading
         links = [SignalName("", pose=k).at(n) for k, s in enumerate(read.stances, 1) for n in s.closure.labels]
         return (*links, *read.derived_labels)
 
     @property
     def error_labels(self) -> tuple[str, ...]:
-        """Names of the columns of a calibration's residuals: the links, or with latent values what was measured."""
+        """Names of the columns of a calibration's residuals: links, or measured signals if there are latent values."""
         if not self.implicit:
             return self.labels
         sizes = {n: s.stop - s.start for n, s in self.reading.places.items()}
@@ -125,14 +125,14 @@ class CalibrationProblem:
         )
 
     def residuals(self, x: ArrayLike | None = None) -> np.ndarray:
-        """Lengths' errors (N, m) [m] in the order of `labels`, at x (default: the start).
+        """Return length errors (N, m) [m] in the order of `labels`, at x (default: the start values).
 
-        Raises ModelError where latent variables leave them open.
+        Raises ModelError if latent variables leave the lengths unknown.
         """
         if self.implicit:
             raise ModelError(
-                f"{', '.join(self.latent)} is latent, so that no length is known by itself; take the errors of "
-                "what was measured, positioning_errors()"
+                f"{', '.join(self.latent)} is latent, so that the lengths are unknown; use the errors of the measured "
+                "signals, positioning_errors()"
             )
         x = self.unknowns.start if x is None else np.asarray(x, float)
         r = np.empty((len(self.measurements), len(self.labels)))
@@ -141,9 +141,9 @@ class CalibrationProblem:
         return r
 
     def jacobian(self, x: ArrayLike | None = None) -> np.ndarray:
-        """Jacobian of the residuals in x (N, m, n).
+        """Return the Jacobian of the residuals in x (N, m, n).
 
-        With nz latent values it is (N, m - nz, n), of combinations of the lengths that do not depend on these.
+        With nz latent values it is (N, m - nz, n), for combinations of the lengths that do not depend on them.
         """
         x = self.unknowns.start if x is None else np.asarray(x, float)
         J, _, Bz = self.all_jacobians("length", x)
@@ -151,7 +151,7 @@ class CalibrationProblem:
         return np.linalg.qr(Bz, mode="complete")[0][:, :, nz:].transpose(0, 2, 1) @ J if nz else J
 
     def all_jacobians(self, cost: str, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Jacobians of the closures in unknowns (N, m, n), noise (N, m, ny) and latent values (N, m, nz)."""
+        """Return Jacobians of the closures in unknowns (N, m, n), noise (N, m, ny) and latent values (N, m, nz)."""
         N, m, read = len(self.measurements), len(self.labels), self.reading
         J, By, Bz = (np.zeros((N, m, k)) for k in (len(x), read.noise.numel(), read.latent.numel()))
         for b in self.blocks_of(cost):
@@ -162,23 +162,24 @@ class CalibrationProblem:
         return J, By, Bz
 
     def identifiability(self, x: ArrayLike | None = None, sigma: float = 1.0, **more: Any) -> Identifiability:
-        """How well these poses determine each unknown, before or after measuring; sigma [m] of a length's error.
+        """Return how well these poses determine each unknown, before or after measuring.
 
-        Priors count as rows. Further arguments as for gtmodel.inference.identifiability().
+        sigma [m]: error of a length. Priors count as rows. Further arguments as in gtmodel.inference.identifiability().
         """
         P, _ = prior_rows(self.unknowns.priors, self.unknowns.names)
         if self.implicit or self.beside:
-            own = [p.measured_rows(x) for p in self.parts]
+            measured = [p.measured_rows(x) for p in self.parts]
             poses = sum(len(p.measurements) for p in self.parts)
-            rows = np.vstack([*own, P])
+            rows = np.vstack([*measured, P])
             return identifiability(rows, self.unknowns.names, scale=self.unknowns.sizes, poses=poses, **more)
         J = self.jacobian(x)
         rows = np.vstack([J.reshape(-1, J.shape[2]) / sigma, P])
         return identifiability(rows, self.unknowns.names, scale=self.unknowns.sizes, poses=len(J), **more)
 
     def measured_rows(self, x: ArrayLike | None = None, cost: str = "") -> np.ndarray:
-        """Jacobian (rows, n) in the unknowns of the errors of what was measured, in units of their noise, poses closed
-        at x; of poses that do not close there are none."""
+        """Return the Jacobian (rows, n) of the errors of measured signals, in units of their noise, at x.
+
+        Poses that do not close have no rows."""
         x = self.unknowns.start if x is None else np.asarray(x, float)
         S = noise_covariance(self, cost or self.usual_cost, unit=not self.weighed)
         rows = [np.zeros((0, len(x)))]
@@ -191,12 +192,13 @@ class CalibrationProblem:
         return np.vstack(rows)
 
     def adjustment(self, block: Block, covariance: np.ndarray) -> Adjustment:
-        """The errors of what was measured, of one block, for a noise."""
+        """The errors of measured signals in one block, for a noise covariance."""
         return Adjustment(block, self.reading.data, covariance, self.begin(block, covariance))
 
     def begin(self, block: Block, covariance: np.ndarray | None = None) -> Begin:
-        """Changes of the data (N, ny) and latent values (N, nz) of a block, at poses of the robot as it was at the
-        measured actuators. Changes only of signals that hardly bind, their noise being so large beside others'."""
+        """Start values of a block: changes of the data (N, ny) and latent values (N, nz) of the nominal robot.
+
+        Only signals whose noise is very large compared with the others' are changed."""
         wide: tuple[int, ...] = ()
         if covariance is not None:
             sizes = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2).max(axis=0))
@@ -207,13 +209,13 @@ class CalibrationProblem:
         return y if wide else None, z[:, block.hidden]
 
     def _closed(self, wide: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-        """Changes (N, ny) of some of the data and all latent values (N, nz) at the unknowns' start."""
+        """Changes (N, ny) of the `wide` signals and all latent values (N, nz) at the start values of the unknowns."""
         if wide not in self.starts:
             read, u = self.reading, self.unknowns
             (inside,) = u.substituted([read.equations(squared=True)[: len(self.labels) - len(read.derived_labels)]])
-            kept = [k for k in range(read.noise.numel()) if k not in wide]
-            quiet = [ca.DM.zeros(len(kept), 1), ca.DM(u.start)]
-            (equations,) = ca.substitute([inside], [read.noise[kept], u.x], quiet)
+            exact = [k for k in range(read.noise.numel()) if k not in wide]
+            quiet = [ca.DM.zeros(len(exact), 1), ca.DM(u.start)]
+            (equations,) = ca.substitute([inside], [read.noise[exact], u.x], quiet)
             free = ca.vertcat(read.noise[list(wide)], read.latent)
             closed = closed_start(equations, read.d, free, read.data)
             y = np.zeros((len(closed), read.noise.numel()))
@@ -223,23 +225,23 @@ class CalibrationProblem:
 
     @property
     def equations(self) -> int:
-        """How many of a pose are left for the unknowns."""
+        """Number of equations per pose that remain for the unknowns."""
         return len(self.labels) - self.reading.latent.numel()
 
     @property
     def usual_cost(self) -> Literal["forward", "orthogonal"]:
-        """All errors where all signals have a noise; elsewhere those of the pose, and the actuators count as exact."""
+        """Errors of all signals if all noise is stated; otherwise those of the pose, with exact actuators."""
         return "orthogonal" if all(n in self.measurements.noise for n in self.reading.places) else "forward"
 
     @property
     def weighed(self) -> bool:
-        """Whether the noise of all that is judged is stated."""
+        """Whether the noise of all judged signals is stated."""
         return all(n in self.measurements.noise for n in self.judged)
 
     def on(self, measurements: Measurements) -> CalibrationProblem:
-        """The same equations and unknowns with other poses, of the same signals, corrections and sessions.
+        """Return the problem with other poses, of the same signals, corrections and sessions.
 
-        Raises ModelError where they differ.
+        Raises ModelError if these differ.
         """
         sessions = self.measurements.session_names
         closures = [s.closure for s in self.reading.stances]
@@ -247,14 +249,14 @@ class CalibrationProblem:
         read = reading(closures, measurements, starts, sessions, self.reading.ending)
         if read.parameters.names != self.reading.parameters.names or len(read.data) != len(self.reading.data):
             raise ModelError(
-                f"the other poses have the signals {', '.join(measurements.values)} and other corrections or sessions "
-                f"than those prepared: {', '.join(self.measurements.values)}"
+                f"the other poses have signals {', '.join(measurements.values)}; signals, corrections and "
+                f"sessions must be those of the problem: {', '.join(self.measurements.values)}"
             )
-        own = replace(self.reading, data=read.data)
-        return replace(self, measurements=measurements, reading=own, beside=(), starts={})
+        updated = replace(self.reading, data=read.data)
+        return replace(self, measurements=measurements, reading=updated, beside=(), starts={})
 
     def values(self, x: ArrayLike) -> dict[str, float]:
-        """All parameters that the equations hold, of model and measurement, at x."""
+        """Return all parameters in the equations, of model and measurement, at x."""
         u = self.unknowns
         numbers = np.asarray(u.numbers(np.asarray(x, float))).reshape(-1)
         return dict(zip(u.parameters, numbers.tolist(), strict=True))
@@ -269,12 +271,12 @@ def prepare(
     latent: Sequence[str] = (),
     values: Mapping[str, float] | None = None,
 ) -> CalibrationProblem:
-    """The calibration problem of a model and measured poses: closure equations, unknowns, Jacobians. Nothing is solved.
+    """Prepare the calibration of a model on measured poses: closure equations, unknowns, Jacobians. Nothing is solved.
 
-    All measured values but rates and loads count as known; `actuators`: the variable that the drives measure; `latent`:
-    see closure_equations(). Several measurements of one robot share its parameters; frames, scales, offsets and points
-    belong to one of them each, " of NAME" in their names. `values` of parameters, by name, in place of the model's own
-    and of what those of the measurement start from. Raises ModelError for what does not fit the model.
+    All measured values except rates and loads count as known. `actuators`: the variable that the drives measure.
+    `latent`: see closure_equations(). Several measurements of one robot share its parameters; their frames, scales,
+    offsets and points are separate, with " of NAME" in their names. `values`: parameters by name, instead of the
+    model's and of the measurement's start values. Raises ModelError if an argument does not fit the model.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
@@ -292,13 +294,13 @@ def prepare(
     flat = model if isinstance(model, FlatModel) else flat_of(model)
     several = [measurements] if isinstance(measurements, Measurements) else list(measurements)
     if not several:
-        raise ModelError("there is nothing measured; give measurements")
+        raise ModelError("there are no measurements; give at least one")
     ready: list[tuple[list[Closure], Reading, Measurements]] = []
     for k, m in enumerate(several, 1):
         poses = variables_of(flat, m, latent)
-        given = [n for n in m.values if not n.startswith(("der(", "load("))]
+        signals = [n for n in m.values if not n.startswith(("der(", "load("))]
         if actuators not in poses[0][0]:
-            raise ModelError(f"the actuators '{actuators}' are not among the measured {', '.join(given)}")
+            raise ModelError(f"the actuators '{actuators}' are not among the measured {', '.join(signals)}")
         closures = [closure_equations(flat, known, hidden) for known, hidden in poses]
         ending = f" of {m.name or k}" if len(several) > 1 else ""
         ready.append((closures, reading(closures, m, [latent_starts(c) for c in closures], (), ending), m))
@@ -310,8 +312,8 @@ def prepare(
         if name in everything.names:
             everything.values[everything.names.index(name)] = float(value)
     choice = choice or Choice()
-    own = [n for _, read, _ in ready for n in read.parameters.names]
-    free = None if choice.free is None else [*choice.free, *own]
+    of_measurement = [n for _, read, _ in ready for n in read.parameters.names]
+    free = None if choice.free is None else [*choice.free, *of_measurement]
     unit = [n for _, read, _ in ready for n in read.unit]
     u = unknowns(everything, replace(choice, free=free, unit=[*choice.unit, *unit]))
     first, *others = [CalibrationProblem(c[0], m, read, u, actuators) for c, read, m in ready]
@@ -321,12 +323,13 @@ def prepare(
 
 
 def _with_sizes(problem: CalibrationProblem) -> Unknowns:
-    """Unknowns in a unit that says nothing of their size, such as offsets in motor revolutions, get from the data the
-    size that moves the lengths of a pose by a millimetre, where that is farther than a factor of ten from the usual
-    one. Parameters of the model without a unit stay: they are directions, known as turns are."""
+    """Sizes from the data for unknowns whose unit has no usual size, such as offsets in motor revolutions.
+
+    The size moves the lengths of a pose by a millimetre; it is used if it differs from the usual one by more than a
+    factor of ten. Parameters of the model without a unit are excluded: they are directions."""
     u, m = problem.unknowns, problem.measurements
-    own = {problem.closure.flat.parameters[t].name for t in problem.closure.touched}
-    known = [s in SIZED or (s in ("", "1") and n in own) for n, s in zip(u.names, u.units, strict=True)]
+    geometric = {problem.closure.flat.parameters[t].name for t in problem.closure.touched}
+    known = [s in SIZED or (s in ("", "1") and n in geometric) for n, s in zip(u.names, u.units, strict=True)]
     guessed = [k for k, n in enumerate(u.names) if not known[k] and n not in u.stated]
     if not guessed or problem.implicit:
         return u
@@ -335,35 +338,35 @@ def _with_sizes(problem: CalibrationProblem) -> Unknowns:
         J = problem.on(m.part(rows)).jacobian()
     except ModelError:
         return u
-    moved = np.sqrt(np.sum(J[:, :, guessed] ** 2, axis=(0, 1)) / len(rows))
+    effects = np.sqrt(np.sum(J[:, :, guessed] ** 2, axis=(0, 1)) / len(rows))
     sizes = u.sizes.copy()
-    for k, by_unit in zip(guessed, moved, strict=True):
+    for k, by_unit in zip(guessed, effects, strict=True):
         if np.isfinite(by_unit) and by_unit > 0 and not 1 / FACTOR <= by_unit <= FACTOR:
             sizes[k] = SIZE / by_unit
     return replace(u, sizes=sizes)
 
 
 def latent_starts(closure: Closure) -> dict[str, np.ndarray]:
-    """Start values of latent variables, from the model. Raises ModelError where there are none."""
+    """Return start values of latent variables from the model. Raises ModelError if there are none."""
     starts = {}
     for name in closure.latent:
         _, indices, _ = closure.flat.lookup(name)
         values = [closure.flat.variables[i].start for i in indices]
         if any(v is None for v in values):
-            raise ModelError(f"'{name}' is latent and has no start value; give it one in the model")
+            raise ModelError(f"'{name}' is latent and has no start value; set one in the model")
         starts[name] = np.array(values, float)
     return starts
 
 
 def noise_covariance(problem: CalibrationProblem, cost: str, unit: bool = False) -> np.ndarray:
-    """(N or 1, ny, ny) of the noise that a cost counts; unit variances where nothing but ratios is needed."""
+    """Covariance (N or 1, ny, ny) of the noise in a cost; unit variances if only ratios matter."""
     read, m = problem.reading, problem.measurements
     names = [n for n in problem.noisy(cost) if cost != "orthogonal" or n in m.noise]
     if cost == "orthogonal" and not names:
-        raise ModelError("the cost 'orthogonal' weighs errors by their noise: give noise to the measured signals")
+        raise ModelError("the cost 'orthogonal' weights errors by their noise: state the noise of measured signals")
     lacking = [n for n in names if n not in m.noise]
     if lacking and len(names) > 1 and not unit:
-        raise ModelError(f"the cost '{cost}' weighs {' and '.join(names)} against each other: give the noise of "
+        raise ModelError(f"the cost '{cost}' weights {' and '.join(names)} against each other: state the noise of "
                          f"{' and '.join(lacking)} too")  # fmt: skip
     parts = {n: np.eye(s.stop - s.start)[None] if unit or n in lacking else m.covariance(n, s.stop - s.start)
              for n, s in read.places.items() if n in names}  # fmt: skip

@@ -1,4 +1,4 @@
-"""What sensors said, as expressions: values of the model's variables from data, noise, unknown frames and scales."""
+"""Sensor readings as expressions: variables of the model from data, noise, unknown frames and scales."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ IDENTITY = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
 @dataclass(frozen=True, eq=False)
 class Stance:
-    """One pose of a row: its closure equations, and model symbols -> expressions in the row's data and parameters."""
+    """One pose of a row: closure equations, and model symbols -> expressions in the row's data and parameters."""
 
     closure: Closure
     values: tuple[tuple[ca.SX, ca.SX], ...]
@@ -31,13 +31,12 @@ class Stance:
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """`d` (nd,) symbols of a row's data and `data` (nd, N) their values; `noise` (ny,) symbols of what is added to
-    them; `latent` (nz,) symbols of what nobody measured.
+    """`d` (nd,): symbols of a row's data, `data` (nd, N): their values. `noise` (ny,): symbols of the added noise.
+    `latent` (nz,): symbols of unmeasured values.
 
-    `stances`: the poses of a row, one mostly. `derived` (k,): equations of what was measured of them beside whole
-    variables, such as components, points and distances, `derived_labels` their names. `parameters` of the measurement
-    (frames, scales, offsets), whose names have the `ending`; `places`: signal -> its slice of the noise; `unit`:
-    quaternions among the parameters.
+    `stances`: the poses of a row, mostly one. `derived` (k,): equations of measured components, points and distances,
+    with `derived_labels`. `parameters` of the measurement (frames, scales, offsets), whose names have the `ending`.
+    `places`: signal -> its slice of the noise. `unit`: quaternions among the parameters.
     """
 
     d: ca.SX
@@ -53,20 +52,20 @@ class Reading:
     ending: str = ""
 
     def equations(self, squared: bool) -> ca.SX:
-        """All that must vanish in a row, lengths as their squares or as they are."""
+        """All residuals of a row; lengths squared or not."""
         rows = []
         for s in self.stances:
-            own = s.closure.residuals if squared else s.closure.lengths
+            residuals = s.closure.residuals if squared else s.closure.lengths
             known = [ca.vertcat(*[symbol for symbol, _ in s.values])], [ca.vertcat(*[v for _, v in s.values])]
-            rows += ca.substitute([own], *known)
+            rows += ca.substitute([residuals], *known)
         return ca.vertcat(*rows, self.derived) if self.derived.numel() or len(rows) > 1 else rows[0]
 
 
 def variables_of(flat: FlatModel, m: Measurements, latent: Sequence[str] = ()) -> list[tuple[list[str], list[str]]]:
-    """What is known and what is latent of each pose of a row, whole variables of the model.
+    """Return the known and the latent variables of each pose of a row.
 
-    Latent are those of `latent` and of the measurements, and what components, points and distances need that was not
-    measured. Raises ModelError for names that are none.
+    Latent are those of `latent` and of the measurements, and unmeasured variables that components, points and distances
+    need. Raises ModelError for unknown names.
     """
     known: dict[int, list[str]] = {}
     needed: dict[int, list[str]] = {}
@@ -85,7 +84,7 @@ def variables_of(flat: FlatModel, m: Measurements, latent: Sequence[str] = ()) -
                 needed.setdefault(s.pose, []).append(s.base)
     poses = sorted({*known, *(k for k, names in needed.items() if names)})
     if poses != list(range(1, len(poses) + 1)):
-        raise ModelError(f"the poses of a row are numbered from 1 without gaps; found {', '.join(map(str, poses))}")
+        raise ModelError(f"the poses of a row must be numbered from 1 without gaps; found {', '.join(map(str, poses))}")
     named = list(dict.fromkeys([*latent, *m.latent]))
     return [
         (
@@ -105,26 +104,28 @@ def reading(
     closures: Sequence[Closure], m: Measurements, starts: Sequence[Mapping[str, np.ndarray]],
     sessions: Sequence[str] = (), ending: str = "",
 ) -> Reading:  # fmt: skip
-    """One closure for each pose of a row; `starts`: of latent variables (k,) or (N, k), likewise; `sessions`: all that
-    parameters are for, those of the measurements if empty; `ending` of their names. Raises ModelError for what is
-    measured but not in the model's closure equations, wrong sizes, and corrections that need more than was given."""
+    """Build the Reading from one closure per pose of a row.
+
+    `starts`: per pose, of latent variables (k,) or (N, k). `sessions`: sessions with parameters, default those of the
+    measurements. `ending`: of parameter names. Raises ModelError for measured variables outside the closure equations,
+    wrong sizes, and corrections that lack data."""
     first = closures[0]
     r = _Reader(first.flat, m, tuple(sessions) or m.session_names, ending)
-    own = any(c.offset for c in m.corrections) or any(p.device_per_session or p.target_per_session for p in m.poses)
-    strange = [s for s in m.session_names if own and s not in r.sessions]
-    if strange:
-        raise ModelError(f"there is no session '{strange[0]}' among those prepared: {', '.join(r.sessions)}")
+    split = any(c.offset for c in m.corrections) or any(p.device_per_session or p.target_per_session for p in m.poses)
+    unknown = [s for s in m.session_names if split and s not in r.sessions]
+    if unknown:
+        raise ModelError(f"session '{unknown[0]}' is unknown; the problem has: {', '.join(r.sessions)}")
     stances, signals_of = [], []
     for k, (closure, start) in enumerate(zip(closures, starts, strict=True), 1):
         at = SignalName("", pose=k).at
         signals: dict[str, ca.SX] = {}
         for name in closure.known:
             if at(name) not in m.values:
-                raise ModelError(f"'{at(name)}' is known to the closure equations, but no values are given")
+                raise ModelError(f"the closure equations need '{at(name)}', but no values are given")
             size = closure.symbols[name].numel()
-            given = np.asarray(m.values[at(name)])
-            if given.shape[1] != size:
-                raise ModelError(f"'{at(name)}' has {given.shape[1]} columns; the model's has {size}")
+            values = np.asarray(m.values[at(name)])
+            if values.shape[1] != size:
+                raise ModelError(f"'{at(name)}' has {values.shape[1]} columns; the model's variable has {size}")
             quaternion = name in closure.unit or any(p.orientation == name for p in m.poses)
             signals[name] = r.read(at(name), quaternion)
         for c in m.corrections:
@@ -143,7 +144,7 @@ def reading(
     whole = [SignalName("", pose=k).at(n) for k, s in enumerate(signals_of, 1) for n in s]
     for c in m.corrections:
         if c.signal not in whole and c.signal not in r.places:
-            raise ModelError(f"a correction names '{c.signal}', which is not among {', '.join(r.places)}")
+            raise ModelError(f"a correction names '{c.signal}', which is not a signal; found {', '.join(r.places)}")
     return Reading(
         ca.vertcat(*r.d), np.vstack(r.columns), ca.vertcat(ca.SX(0, 1), *r.noise), r.places,
         ca.vertcat(ca.SX(0, 1), *r.latent), tuple(stances), derived, labels, r.parameters,
@@ -174,36 +175,35 @@ class _Reader:
     def parameter(self, name: str, start: np.ndarray, unit: str, scalar: bool = False) -> ca.SX:
         name += self.ending
         names = [name] if scalar else [f"{name}[{k}]" for k in range(len(start))]
-        there = self.parameters.names
+        known = self.parameters.names
         return ca.vertcat(
             *[
-                self.parameters.symbols[there.index(n)] if n in there else self.parameters.add(n, unit, v)
+                self.parameters.symbols[known.index(n)] if n in known else self.parameters.add(n, unit, v)
                 for n, v in zip(names, start, strict=True)
             ]
         )
 
     def read(self, name: str, quaternion: bool) -> ca.SX:
-        given = np.asarray(self.m.values[name])
+        values = np.asarray(self.m.values[name])
         if quaternion:
-            given = given / np.linalg.norm(given, axis=1, keepdims=True)
-        value = self.symbol(name, given.T)
-        size = 3 if quaternion else len(given.T)
-        at = sum(s.numel() for s in self.noise)
-        self.places[name] = slice(at, at + size)
+            values = values / np.linalg.norm(values, axis=1, keepdims=True)
+        value = self.symbol(name, values.T)
+        size = 3 if quaternion else len(values.T)
+        start = sum(s.numel() for s in self.noise)
+        self.places[name] = slice(start, start + size)
         error = ca.SX.sym(f"noise of {name}", size)
         self.noise.append(error)
         return turned(value, error) if quaternion else value + error
 
     def corrected(self, c: Correction, name: str, value: ca.SX, unit: str) -> ca.SX:
-        """A signal in `unit` without its delay, scale and offset, which it shares with the same `name` at other poses
-        of the row."""
+        """Correct a signal in `unit` by delay, scale and offset, which are common to all poses of the row."""
         n = value.numel()
         if c.delay:
             rate = f"der({c.signal})"
             if rate not in self.m.values:
-                raise ModelError(f"a delay of '{c.signal}' needs its rate among the values, as '{rate}'")
-            moved = self.symbol(rate, np.asarray(self.m.values[rate]).T)
-            value = value + self.parameter(f"{name}.delay", np.zeros(1), "s", scalar=True) * moved
+                raise ModelError(f"a delay of '{c.signal}' needs its rate among the values, named '{rate}'")
+            speed = self.symbol(rate, np.asarray(self.m.values[rate]).T)
+            value = value + self.parameter(f"{name}.delay", np.zeros(1), "s", scalar=True) * speed
         if c.scale:
             value = self.parameter(f"{name}.scale", np.ones(n), "1") * value
         if c.offset:
@@ -217,11 +217,11 @@ class _Reader:
     def placed(self, pose: Pose, signals: dict[str, ca.SX], latent: Sequence[str]) -> None:
         for name in (pose.position, pose.orientation):
             if name is not None and name not in signals and name not in latent:
-                raise ModelError(f"a pose names '{name}', which is not measured; measured are {', '.join(signals)}")
-        if pose.position not in signals:  # measured in part: seen() says what of it
+                raise ModelError(f"a pose names '{name}', which is not measured; found {', '.join(signals)}")
+        if pose.position not in signals:  # measured partially: see derived()
             if pose.orientation in signals and (pose.device or pose.target):
                 raise ModelError(
-                    f"'{pose.orientation}' is measured in the frame of a device, and '{pose.position}' only in part; "
+                    f"'{pose.orientation}' is measured in the frame of a device, but '{pose.position}' only partially; "
                     "measure the whole position, or leave the orientation out"
                 )
             return
@@ -230,7 +230,7 @@ class _Reader:
         if pose.target:
             if e is None:
                 raise ModelError(
-                    f"the target of '{pose.position}' needs a measured orientation; name it in the pose, or measure "
+                    f"the target of '{pose.position}' needs a measured orientation; name it in the pose, or declare "
                     "the target as a point"
                 )
             parts = [
@@ -252,15 +252,15 @@ class _Reader:
             signals[pose.orientation] = e
 
     def derived(self, signals: Sequence[Mapping[str, ca.SX]]) -> tuple[ca.SX, tuple[str, ...]]:
-        """Equations of components, points and distances, and a label each."""
+        """Equations of components, points and distances, with labels."""
         rows: list[ca.SX] = []
         labels: list[str] = []
         for name in self.m.values:
             if name.startswith(("der(", "load(")):
                 continue
             if name in self.m.distances:
-                one, other = (self.point(end, signals, False) for end in self.m.distances[name])
-                value, unit, base = ca.norm_2(one - other), "m", name
+                first, second = (self.point(end, signals, False) for end in self.m.distances[name])
+                value, unit, base = ca.norm_2(first - second), "m", name
             else:
                 s = _signal(self.flat, self.m, name)
                 if s.component is None and s.base not in self.m.points:
@@ -269,7 +269,7 @@ class _Reader:
                 unit = "m" if s.base in self.m.points else self.flat.variables[self.flat.groups[s.base][1][0]].unit
             read = self.read(name, False)
             if read.numel() != value.numel():
-                raise ModelError(f"'{name}' has {read.numel()} columns; it is {value.numel()} numbers")
+                raise ModelError(f"'{name}' has {read.numel()} columns; expected {value.numel()}")
             for c in self.m.corrections:
                 if c.signal == name:
                     read = self.corrected(c, base, read, unit or "")
@@ -277,24 +277,24 @@ class _Reader:
             labels += [name] if value.numel() == 1 else [f"{name}[{k}]" for k in range(value.numel())]
         return ca.vertcat(ca.SX(0, 1), *rows), tuple(labels)
 
-    def point(self, name: str, signals: Sequence[Mapping[str, ca.SX]], seen: bool) -> ca.SX:
-        """A variable, a point, or a component of one, in the robot's frame or as the device has `seen` it."""
+    def point(self, name: str, signals: Sequence[Mapping[str, ca.SX]], by_device: bool) -> ca.SX:
+        """A variable, a point, or one of their components, in the robot's frame or as the device measures it."""
         s = _signal(self.flat, self.m, name)
-        here = signals[min(s.pose, len(signals)) - 1]
+        variables = signals[min(s.pose, len(signals)) - 1]
         pose: Pose | None = None
         if s.base in self.m.points:
             q = self.m.points[s.base]
-            at = np.asarray(q.at, float)
-            p = self.parameter(f"{s.base}.at", at, "m") if q.free else ca.SX(ca.DM(at))
+            coordinates = np.asarray(q.at, float)
+            p = self.parameter(f"{s.base}.at", coordinates, "m") if q.free else ca.SX(ca.DM(coordinates))
             if q.position is not None:
-                p = here[q.position] + (p if q.orientation is None else rotated(here[q.orientation], p))
+                p = variables[q.position] + (p if q.orientation is None else rotated(variables[q.orientation], p))
             pose = next((a for a in self.m.poses if q.position in (None, a.position)), None)
         else:
-            p = here[s.base]
+            p = variables[s.base]
             pose = next((a for a in self.m.poses if a.position == s.base), None)
-            if seen and pose is not None and pose.target:
-                raise ModelError(f"'{s.base}' is measured in part, on a target; measure the target as a point")
-        if seen and pose is not None:
+            if by_device and pose is not None and pose.target:
+                raise ModelError(f"'{s.base}' on a target is measured only partially; declare the target as a point")
+        if by_device and pose is not None:
             if pose.sag:
                 p = p + self.sagged(pose)
             if pose.device:
@@ -309,14 +309,14 @@ class _Reader:
 
     def inside(self, session: str) -> ca.SX:
         """1 at the poses of a session, 0 at others."""
-        here = np.array([s == session for s in self.m.sessions or [""] * len(self.m)], float)
-        return self.symbol(f"in session {session}", here[None])
+        mask = np.array([s == session for s in self.m.sessions or [""] * len(self.m)], float)
+        return self.symbol(f"in session {session}", mask[None])
 
     def frames(
         self, name: str, each: bool, start: tuple[ArrayLike, ArrayLike],
         starts: Mapping[str, tuple[ArrayLike, ArrayLike]] = MappingProxyType({}),
     ) -> list[tuple[ca.SX, ca.SX, ca.SX]]:  # fmt: skip
-        """Where it counts, t and u: one for all poses, or one for each session."""
+        """Weights (0 or 1 per pose) with t and u: one frame for all poses, or one per session."""
         if not each or len(self.sessions) == 1:
             return [(ca.SX(1), *self.frame(name, start))]
         return [(self.inside(s), *self.frame(name, starts.get(s, start), f" in {s}")) for s in self.sessions]
@@ -324,10 +324,10 @@ class _Reader:
     def sagged(self, pose: Pose) -> ca.SX:
         name = f"load({pose.position})"
         if name not in self.m.values:
-            raise ModelError(f"the sag of '{pose.position}' needs the load among the values, as '{name}' in N")
+            raise ModelError(f"the sag of '{pose.position}' needs the load in N among the values, named '{name}'")
         load = np.asarray(self.m.values[name])
         if load.shape[1] not in (1, 3):
-            raise ModelError(f"'{name}' has {load.shape[1]} columns; expected a force of 3, or its size downwards")
+            raise ModelError(f"'{name}' has {load.shape[1]} columns; expected 3 of a force, or 1 (downwards)")
         if load.shape[1] == 1:
             load = load * np.array([0.0, 0.0, -1.0])
         k = self.parameter(f"{pose.position}.sag", np.array([pose.sag_start]), "m/N", scalar=True)

@@ -1,5 +1,5 @@
-"""What a small change of each parameter does to poses and to the cost (Dressler 2012, eq. (5.8)), as a table too; and
-where a robot stands whose parameters differ from pose to pose."""
+"""Effect of a small change of each parameter on poses and cost (Dressler 2012, eq. (5.8)), also as a table; and poses
+of a robot whose parameters differ from pose to pose."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from .problem import CalibrationProblem, prepare
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
-    """Sums over all poses of the changes with `step` added to and taken from each unknown.
+    """Sums over all poses of the changes when `step` is added to and subtracted from each unknown.
 
-    `pose`: signal -> (n,), of positions [m], of quaternions the angle of the turn [rad]; `cost` (n,): of the squared
+    `pose`: signal -> (n,), of positions [m], of quaternions the angle of rotation [rad]; `cost` (n,): of the squared
     closures of (5.1) [m^4].
     """
 
@@ -39,14 +39,14 @@ class Sensitivity:
 
 
 def sensitivity(problem: CalibrationProblem, x: np.ndarray, step: float = 5e-5) -> Sensitivity:
-    """At the unknowns x, on the measured poses; poses to the first order in the step, the cost as it is.
+    """Sensitivity at the unknowns x, on the measured poses; poses to first order in the step, the cost exactly.
 
-    The thesis changes ZYZ angles, whose sum depends on the frame; here an orientation changes by the angle of its turn.
-    Raises ModelError where the closure equations do not determine the pose, and where it is singular.
+    The thesis uses ZYZ angles, whose sum depends on the frame; here it is the angle of rotation. Raises ModelError if
+    the closure equations do not determine the pose, or if it is singular.
     """
     position = next((n for n in problem.reading.places if n != problem.actuators), "T")
     moves = pose_jacobians(problem, position, x)
-    sums = {n: 2 * np.sum(np.linalg.norm(step * own, axis=1), axis=0) for n, own in moves.items()}
+    sums = {n: 2 * np.sum(np.linalg.norm(step * jacobian, axis=1), axis=0) for n, jacobian in moves.items()}
     return Sensitivity(problem.unknowns.names, step, sums, _cost_changes(problem, x, step))
 
 
@@ -57,15 +57,15 @@ def _cost_changes(problem: CalibrationProblem, x: np.ndarray, step: float) -> np
         before = np.sum(b.evaluate(data, x[b.columns])[0] ** 2, axis=1)
         for k in b.columns:
             for sign in (1.0, -1.0):
-                moved = x.copy()
-                moved[k] += sign * step
-                after = np.sum(b.evaluate(data, moved[b.columns])[0] ** 2, axis=1)
+                shifted = x.copy()
+                shifted[k] += sign * step
+                after = np.sum(b.evaluate(data, shifted[b.columns])[0] ** 2, axis=1)
                 changes[k] += float(np.sum(np.abs(after - before)))
     return changes
 
 
 ROUNDS = 50
-ARRIVED = 1e-12  # m and rad: the last Newton step, of lengths of metres
+ARRIVED = 1e-12  # m and rad: size of the last Newton step, for lengths of metres
 
 
 def true_poses(
@@ -76,12 +76,12 @@ def true_poses(
     *,
     known: str = "q",
 ) -> dict[str, np.ndarray]:
-    """Poses of the robot with `actuators` (N, k) where scalar parameters are off by `deviations` (N,) pose by pose.
+    """Poses of the robot at `actuators` (N, k) if scalar parameters are off by `deviations` (N,) pose by pose.
 
-    `near`: the variables of the pose and where to start, such as T (N, 3) and e (N, 4), a unit quaternion. The assembly
-    mode is that of the start. With no deviation this is the forward kinematics. A pose that does not close is NaN.
+    `near`: the pose variables with start values, such as T (N, 3) and e (N, 4), a unit quaternion; they select the
+    assembly mode. Without deviations this is the forward kinematics. A pose that does not close is NaN.
 
-    Raises ModelError where closure equations and pose differ in number.
+    Raises ModelError if the numbers of closure equations and pose coordinates differ.
     """
     q = np.asarray(actuators, float)
     names = list(deviations)
@@ -92,7 +92,7 @@ def true_poses(
     free = [k for s in places.values() for k in range(s.start, s.stop)]
     if len(free) != len(p.labels):
         raise ModelError(
-            f"{len(p.labels)} equations close, but the pose {', '.join(places)} has {len(free)} degrees of freedom"
+            f"{len(p.labels)} closure equations for the {len(free)} degrees of freedom of {', '.join(places)}"
         )
     x = np.repeat(p.unknowns.start[:, None], len(q), axis=1)
     for name, off in deviations.items():
@@ -112,22 +112,22 @@ def true_poses(
     return {n: moved(np.asarray(m.values[n]), y[:, s]) for n, s in places.items()}
 
 
-def moved(value: np.ndarray, by: np.ndarray) -> np.ndarray:
-    """Rows moved: vectors by vectors, quaternions (N, 4) by turns (N, 3) [rad] about their own axes."""
-    if by.shape[1] == value.shape[1]:
-        return value + by
+def moved(value: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Rows moved: vectors by vectors, quaternions (N, 4) by rotations (N, 3) [rad] about their own axes."""
+    if steps.shape[1] == value.shape[1]:
+        return value + steps
     u, turn = ca.SX.sym("u", 4), ca.SX.sym("turn", 3)
     f = ca.Function("turned", [u, turn], [turned(u, turn)])
-    return map_columns(f, [(value / np.linalg.norm(value, axis=1, keepdims=True)).T, by.T])[0].T
+    return map_columns(f, [(value / np.linalg.norm(value, axis=1, keepdims=True)).T, steps.T])[0].T
 
 
 def rows_of(array: np.ndarray, name: str, rows: Sequence[int]) -> dict[str, np.ndarray]:
-    """Deviations (N, 3) of some points, rows of a parameter, by scalar names: "A[0,1]"."""
+    """Deviations (N, 3) of some points (rows of a parameter) by scalar names: "A[0,1]"."""
     return {f"{name}[{i},{k}]": array[:, k] for i in rows for k in range(array.shape[1])}
 
 
 def _solved(jacobian: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """Newton steps pose by pose; NaN where singular."""
+    """Newton steps pose by pose; NaN if singular."""
     good = np.all(np.isfinite(jacobian), axis=(1, 2)) & np.all(np.isfinite(r), axis=1)
     good[good] = np.abs(np.linalg.det(jacobian[good])) > 0
     step = np.full(r.shape, np.nan)
@@ -144,13 +144,13 @@ _TITLES = {
 
 
 def table(sums: Mapping[str, Mapping[str, float]], of: str) -> tuple[list[str], np.ndarray]:
-    """Rows such as "L", "A_x" and their sums (rows, links), NaN where a link has none; `of`: the key of the sums."""
+    """Rows such as "L", "A_x" and their sums (rows, links), NaN if a link has none; `of`: the key of the sums."""
     sums_by_row: dict[str, dict[int, float]] = {}
-    for name, own in sums.items():
+    for name, entry in sums.items():
         m = _OF_A_LINK.fullmatch(name)
-        if m is not None and of in own:
+        if m is not None and of in entry:
             row = m["name"] + (f"_{'xyz'[int(m['axis'])]}" if m["axis"] else "")
-            sums_by_row.setdefault(row, {})[int(m["link"])] = own[of]
+            sums_by_row.setdefault(row, {})[int(m["link"])] = entry[of]
     links = 1 + max((k for row in sums_by_row.values() for k in row), default=-1)
     order = sorted(sums_by_row, key=lambda row: (row[0] != "L", row))
     rows = [[sums_by_row[row].get(k, np.nan) for k in range(links)] for row in order]
@@ -158,11 +158,11 @@ def table(sums: Mapping[str, Mapping[str, float]], of: str) -> tuple[list[str], 
 
 
 def text(sums: Mapping[str, Mapping[str, float]]) -> str:
-    """All three tables under each other, a line per parameter and a column per link."""
+    """All three tables one below the other, a line per parameter and a column per link."""
     parts = []
     for of, title in _TITLES.items():
         order, values = table(sums, of)
         if order:
-            links = {f"link {k}": [f"{x:.4g}" for x in own] for k, own in enumerate(values.T)}
+            links = {f"link {k}": [f"{x:.4g}" for x in column] for k, column in enumerate(values.T)}
             parts.append(csv_text({title: order} | links))
     return "".join(parts) or "\n"

@@ -1,5 +1,5 @@
-"""What a calibration frees, ties and fixes: the variants of the thesis by name, and guideways through measured points
-of the carts."""
+"""Free, tied and fixed parameters of a fit: variants of the thesis by name, and guideways through measured points of
+the carts."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from .unknowns import Unknowns
 QUATERNIONS = ("u1_2", "u1_3", "u2_3")
 SERIAL = "serial"
 FAMILIES = {"ideal": "three_link", "modified": "three_link", "six_link": "six_link", "f1_unit": "f1", "f1_raw": "f1"}
-SAID = {"three_link": "three links", "six_link": "six links", "f1": "an F1"}
-NAMING = ("fixed", "tied", "unit_quaternions", "priors", "sizes", "free")  # options that hold names of parameters
+WORDS = {"three_link": "three links", "six_link": "six links", "f1": "an F1"}
+NAMING = ("fixed", "tied", "unit_quaternions", "priors", "sizes", "free")  # options that contain parameter names
 
 
 Poses = MeasuredPoses | Measurements
@@ -36,17 +36,18 @@ Poses = MeasuredPoses | Measurements
 def choice_of(
     fit: Fit, model: Model, known: Sequence[str] = (), on_points: Sequence[str] = (), independent: Sequence[str] = ()
 ) -> Choice:
-    """Without priors; `known`: what no fit moves; `on_points`: names of guideways through measured points, of which the
-    frame moves; `independent`: what moves of an arm, if nothing is named.
+    """The choice without priors.
 
-    Raises ArgumentError for a variant of another family.
+    `known`: parameters that no fit changes; `on_points`: names of guideways through measured points, of which the frame
+    is free; `independent`: free parameters of an arm if `free` is not given. Raises ArgumentError for a variant of
+    another robot family.
     """
     tied, unit = dict(fit.tied), list(fit.unit_quaternions)
     if fit.variant is not None and fit.variant != SERIAL:
-        wanted, own = FAMILIES[fit.variant], family_of(model)
-        if wanted != own:
+        required, family = FAMILIES[fit.variant], family_of(model)
+        if required != family:
             raise ArgumentError(
-                f"'{fit.variant}' is for robots with {SAID[wanted]}; this one has {SAID.get(own, 'other parts')}",
+                f"'{fit.variant}' is for robots with {WORDS[required]}; this has {WORDS.get(family, 'other parts')}",
                 "fit.variant",
             )
         if fit.variant == "ideal":
@@ -61,7 +62,7 @@ def choice_of(
 
 
 def by_dh_numbers(fit: Fit, model: Model) -> Model:
-    """An arm of a URDF by Denavit-Hartenberg numbers where a variant moves these; any other robot as it is."""
+    """Convert an arm of a URDF to Denavit-Hartenberg parameters if the variant needs them; other robots unchanged."""
     if fit.variant != SERIAL or not hasattr(model, "structure"):
         return model
     from ..robots import SerialArm, as_dh  # here: most calibrations are not of arms
@@ -70,26 +71,25 @@ def by_dh_numbers(fit: Fit, model: Model) -> Model:
 
 
 def with_measured_orientation(model: Model, poses: Poses | Sequence[Poses]) -> Model:
-    """A model whose orientation is a matrix R with the quaternion e that was measured; any other as it is."""
+    """Add the measured quaternion e to a model whose orientation is a matrix R; other models unchanged."""
     declared = type(model)._declared
     several = [poses] if isinstance(poses, MeasuredPoses | Measurements) else poses
-    sets = [one if isinstance(one, Measurements) else one.measurements for one in several]
+    sets = [entry if isinstance(entry, Measurements) else entry.measurements for entry in several]
     measured = any(pose.orientation == "e" for m in sets for pose in m.poses) or any("e" in m.values for m in sets)
     return seen_with_quaternion(model) if measured and "R" in declared and "e" not in declared else model
 
 
 def arm_choice(fit: Fit, model: Model, data: Sequence[SplitPoses]) -> tuple[list[str], list[str]]:
-    """Of an arm the numbers that positions, or whole poses, determine, and in sentences why not the others; nothing for
-    other variants.
+    """Parameters of an arm that the measured positions or poses determine, and sentences on the others.
 
-    Raises ArgumentError for another robot.
+    Empty for other variants. Raises ArgumentError for other robots.
     """
     if fit.variant != SERIAL:
         return [], []
     from ..robots import SerialArm, independent_geometry  # here: most calibrations are not of arms
 
     if not isinstance(model, SerialArm):
-        raise ArgumentError("'serial' is for serial arms, by Denavit-Hartenberg numbers", "fit.variant")
+        raise ArgumentError("'serial' is for serial arms with Denavit-Hartenberg parameters", "fit.variant")
     try:
         base = any(d.pose.device for d in data)
         turns = any(d.pose.orientation is not None and d.pose.orientation in d.all.values for d in data)
@@ -104,8 +104,9 @@ def arm_choice(fit: Fit, model: Model, data: Sequence[SplitPoses]) -> tuple[list
 def prepared(
     fit: Fit, model: Model, data: Sequence[SplitPoses], carts: CartPoints | None = None, on_points: Sequence[str] = ()
 ) -> CalibrationProblem:
-    """The equations of the fitted poses of all measurements. Raises ArgumentError with the option whose name is not
-    understood."""
+    """The calibration problem of the fitted poses of all measurements.
+
+    Raises ArgumentError with the option that has an invalid name."""
     m, actuators = [d.fitted for d in data], data[0].actuators
     try:
         several = len(data) > 1
@@ -128,9 +129,9 @@ def prepared(
 
 
 def too_few(p: CalibrationProblem) -> list[str]:
-    """Sentences on parts of the robot that have fewer equations than unknowns."""
+    """Sentences on parts of the robot with fewer equations than unknowns."""
     if p.implicit or p.beside:
-        return []  # identifiability says it of all measurements together
+        return []  # identifiability reports on all measurements together
     N, sentences = len(p.measurements), []
     for b in p.lengths:
         names = [p.unknowns.names[k] for k in b.columns]
@@ -146,25 +147,25 @@ def too_few(p: CalibrationProblem) -> list[str]:
 
 
 def cost_of(fit: Fit, p: CalibrationProblem) -> Cost:
-    """The cost that a fit asks for; where lengths are open, several measurements are weighed, or an arm's orientation
-    and position have each a noise, the errors of what was measured in place of those of lengths."""
+    """The cost of a fit. Errors of measured signals replace length errors if lengths are unknown, if there are several
+    measurements, or if an arm's position and orientation both have a stated noise."""
     cost = COST_WORDS[fit.cost]
-    turned = any(n.startswith("orientation_at_1_m") for n in p.labels) and p.weighed
-    if cost not in ("length", "squared") or not (turned or p.beside or any(part.implicit for part in p.parts)):
+    orientation = any(n.startswith("orientation_at_1_m") for n in p.labels) and p.weighed
+    if cost not in ("length", "squared") or not (orientation or p.beside or any(part.implicit for part in p.parts)):
         return cost
     return "orthogonal" if all(part.usual_cost == "orthogonal" for part in p.parts) else "forward"
 
 
 def _priors(keys: Mapping[str, Known], u: Unknowns) -> list[Prior]:
-    """One for each unknown of the named ones, at its start where no value is given. Raises ArgumentError."""
+    """Priors for the unknowns of each name, by default at their start values. Raises ArgumentError."""
     priors: dict[str, Prior] = {}
     for name, prior in keys.items():
         begins = (name[:-1] + ",", f"{name} turned") if name.endswith("]") else (f"{name}[", f"{name} turned")
         hits = [k for k, n in enumerate(u.names) if n == name or n.startswith(begins)]
         if not hits:
-            raise ArgumentError(f"names '{name}', which is not free; these are {', '.join(u.names)}", "fit.priors")
+            raise ArgumentError(f"names '{name}', which is not free; free are {', '.join(u.names)}", "fit.priors")
         if prior.value is not None and len(hits) > 1:
-            sentence = f"one value for the {len(hits)} unknowns of '{name}'; leave it out, or name one of them"
+            sentence = f"found one value for the {len(hits)} unknowns of '{name}'; leave it out, or name one unknown"
             raise ArgumentError(sentence, f"fit.priors.{name}")
         for k in hits:
             value = float(u.start[k]) if prior.value is None else prior.value
@@ -179,11 +180,11 @@ def _naming(fit: Fit, sentence: str) -> str:
     return "poses"
 
 
-UNIT_LENGTH = 1e-3  # of the quaternion: printed digits leave less
+UNIT_LENGTH = 1e-3  # tolerance of the quaternion's length; printed digits stay below it
 
 
 def on_cart_points(robot: Model, carts: CartPoints | None) -> tuple[Model, list[str]]:
-    """The robot, and the names of its guideways on measured points. Raises ArgumentError."""
+    """Return the robot and the names of its guideways through measured points. Raises ArgumentError."""
     if carts is None:
         return robot, []
     u = np.array(carts.quaternion, float)
@@ -191,18 +192,18 @@ def on_cart_points(robot: Model, carts: CartPoints | None) -> tuple[Model, list[
     if abs(length - 1) > UNIT_LENGTH:
         raise ArgumentError(f"has the length {length:.4g}; a rotation needs length 1", "carts.quaternion")
     if family_of(robot) not in ("three_link", "six_link"):
-        raise ArgumentError("is for Gantry-Tau robots with three or six links", "carts")
+        raise ArgumentError("applies to Gantry-Tau robots with three or six links", "carts")
     try:
-        placed = on_measured_points(robot, carts.at, {arm - 1: rows for arm, rows in carts.points.items()}, u / length)
+        result = on_measured_points(robot, carts.at, {arm - 1: rows for arm, rows in carts.points.items()}, u / length)
     except ModelError as error:
         raise ArgumentError(str(error), "carts.points") from error
-    return placed.robot, placed.guideways
+    return result.robot, result.guideways
 
 
 def read_cart_points(path: Path, arms: Sequence[int], unit: str = "mm") -> tuple[np.ndarray, dict[int, np.ndarray]]:
-    r"""Coordinates (n,) [m], increasing, and points by arm (n, 3) [m] of a CSV file with the columns q and P1, P2, P3.
+    r"""Read cart points: increasing coordinates (n,) [m], and by arm (n, 3) [m], from CSV columns q, P1, P2, P3.
 
-    Raises ArgumentError with the line of what is wrong.
+    Raises ArgumentError with the line of the error.
 
     >>> from pathlib import Path
     >>> _ = Path("carts.csv").write_text("q,P1[0],P1[1],P1[2]\n0,0.1,0,900\n500,500.1,0.05,900\n")
@@ -210,12 +211,12 @@ def read_cart_points(path: Path, arms: Sequence[int], unit: str = "mm") -> tuple
     >>> at, points[1].shape
     (array([0. , 0.5]), (2, 3))
     """
-    wanted = {"q": ("q", unit)} | {f"P{arm}": (f"P{arm}", unit) for arm in sorted(set(arms))}
-    table = signal_table.read(path, wanted)
+    columns = {"q": ("q", unit)} | {f"P{arm}": (f"P{arm}", unit) for arm in sorted(set(arms))}
+    table = signal_table.read(path, columns)
     order = np.argsort(table.values["q"][:, 0], kind="stable")
-    at = table.values["q"][order, 0]
-    same = np.flatnonzero(np.diff(at) <= 0)
-    if len(at) < 2 or same.size:
-        where = f"line {table.lines[order[same[0] + 1]]} repeats a coordinate" if same.size else f"it has {len(at)}"
-        raise ArgumentError(f"straight pieces need two points or more at different coordinates; {where}")
-    return at, {arm: table.values[f"P{arm}"][order] for arm in sorted(set(arms))}
+    q = table.values["q"][order, 0]
+    same = np.flatnonzero(np.diff(q) <= 0)
+    if len(q) < 2 or same.size:
+        where = f"line {table.lines[order[same[0] + 1]]} repeats a coordinate" if same.size else f"found {len(q)}"
+        raise ArgumentError(f"a guideway needs at least two points at different coordinates; {where}")
+    return q, {arm: table.values[f"P{arm}"][order] for arm in sorted(set(arms))}

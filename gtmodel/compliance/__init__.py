@@ -1,24 +1,24 @@
-"""How a robot deflects under load. Knows no robot.
+"""Deflection of robots under load. Knows no robot.
 
 study                stiffness, deflection and frequencies over a section: `ComplianceStudy`
-Springs, RodSprings, CartSprings, FrameSprings, ArmSprings, Load, ComplianceMap   what it is asked for
+Springs, RodSprings, CartSprings, FrameSprings, ArmSprings, Load, ComplianceMap   its options
 stiffness_study      joint stiffness of an arm from static load tests: `StiffnessStudy`; see `load_tests`
-Setup, Noise, GravityCompensator   what it is asked for
-MeasuredTests, read_load_tests, LoadTests, LoadTestColumn   its tests, measured
-made_load_tests, SyntheticTests   its tests, synthetic
+Setup, Noise, GravityCompensator   its options
+MeasuredTests, read_load_tests, LoadTests, LoadTestColumn   measured tests
+made_load_tests, SyntheticTests   synthetic tests
 
 arm_poses            poses and Jacobians of an arm, from its equations
 StaticTests          poses, loads and the displacement of the tool
 complete_pose        joint compliances from all six rows of the pose
 decoupled            arm from the wrist centre, then wrist from the tool centre point
-cartesian_stiffness, translational_compliance, softest_and_stiffest   what joint compliances mean at the tool
-complementary_stiffness, Compensator        what a load and a spring on joint 2 add
+cartesian_stiffness, translational_compliance, softest_and_stiffest   stiffness at the tool from joint compliances
+complementary_stiffness, Compensator        stiffness added by a load and by a spring on joint 2
 with_compensator     joint compliances and the rate of that spring
 select               the tests that determine the compliances best
 synthetic_tests      synthetic tests, with or without bearings that tilt
-LinkGeometry, LinkPoses      where the links of a parallel robot are, and how its axes move them, from its equations
+LinkGeometry, LinkPoses      links of a parallel robot and their motion per axis, from its equations
 LinkSprings, tube    its springs in series: links, ball joints, drives, carts, frame
-LinkStructure        compliance at the tool, link forces, deflection, and the share of the work of each group of springs
+LinkStructure        compliance at the tool, link forces, deflection, and each spring group's share of the work
 LinkMasses           weights and lowest natural frequencies on these springs
 """
 

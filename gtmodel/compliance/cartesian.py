@@ -1,5 +1,5 @@
-"""A serial arm on springs in its joints: its poses and Jacobians, what joint compliances mean at the tool, and the
-plane in which it stands."""
+"""A serial arm with joint springs: poses and Jacobians, stiffness at the tool from joint compliances, and the vertical
+plane of the arm."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .static_tests import StaticTests, at_tool
 
 @dataclass(frozen=True, eq=False)
 class ArmPoses:
-    """n poses of an arm with k joints, world coordinates.
+    """n poses of an arm with k joints, in world coordinates.
 
     q (n, k) [rad]; tool centre point T (n, 3) [m] and its geometric Jacobian J (n, 6, k), linear rows [m] before
     angular ones; wrist centre W (n, 3) [m] with J_wrist (n, 3, k); origins of the joints (n, k, 3) [m]; rotation R (n,
@@ -45,10 +45,10 @@ class ArmPoses:
         wrist_sigma: float | None = None,
         K_c: np.ndarray | None = None,
     ) -> StaticTests:
-        """Tests at these poses under wrenches (n, 6) [N, N.m] at T, with displacements of zero: planned, not measured.
+        """Return planned tests at these poses under wrenches (n, 6) [N, N.m] at T, with zero displacements.
 
-        sigma (6,): standard deviations of the displacement [m, rad]; wrist_sigma [m] where the wrist centre has a
-        target of its own. Raises ValueError for wrong shapes.
+        sigma (6,): standard deviations of the displacement [m, rad]; wrist_sigma [m]: if the wrist centre has a
+        separate target. Raises ValueError for wrong shapes.
         """
         n = len(self.q)
         wrenches = np.asarray(wrenches, float)
@@ -66,10 +66,10 @@ class ArmPoses:
 
 
 def arm_poses(model: Any, q: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0)) -> ArmPoses:
-    """Tool centre point, Jacobians and wrist centre of a serial arm at joint angles q (n, k) [rad]: `ArmPoses`.
+    """Return tool centre point, Jacobians and wrist centre of a serial arm at joint angles q (n, k) [rad].
 
-    model: an arm with angles q, variables T, R, v, w, W, v_W and parts link, as `robots.SphericalWristArm`.
-    tool (3,) [m]: tool centre point in flange coordinates. Raises ValueError for a pose at which the model cannot be
+    model: an arm with angles q, variables T, R, v, w, W, v_W and parts link, such as `robots.SphericalWristArm`. tool
+    (3,) [m]: tool centre point in flange coordinates. Raises ValueError for a pose at which the model cannot be
     evaluated.
 
     >>> poses = gt.compliance.arm_poses(gt.robots.kr500(), np.deg2rad([[0, -90, 90, 0, -60, 0]]), tool=[0.1, 0, 0.4])
@@ -80,10 +80,10 @@ def arm_poses(model: Any, q: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0)) -> Ar
     n, k = q.shape
     names = [f"link[{i}].joint.a.r" for i in range(k)]
     unit = np.tile(np.eye(k), (n, 1))
-    # one function: its rows are the unit rates at each pose
+    # one call: its rows are the unit rates at each pose
     solution = model.causal(known="q", targets=["T", "R", "W", *names, "v", "w", "v_W"])(np.repeat(q, k, axis=0), unit)
-    *placed, v, w, v_W, moving = solution
-    T, R, W, *origins = (np.asarray(x)[::k] for x in placed)
+    *fixed, v, w, v_W, moving = solution
+    T, R, W, *origins = (np.asarray(x)[::k] for x in fixed)
     status = moving.reshape(n, k).max(axis=1)
     if np.any(status != Status.OK):
         bad = int(np.argmax(status != Status.OK))
@@ -99,11 +99,11 @@ SINGULAR = 1e-4 / np.finfo(float).eps
 
 
 def cartesian_stiffness(J: ArrayLike, compliance: ArrayLike) -> np.ndarray:
-    """K_x = J^-T K_q J^-1 (n, 6, 6), eq. (7) (Cvitanic 2021): N/m, N/rad, N.m/rad in one matrix.
+    """Return K_x = J^-T K_q J^-1 (n, 6, 6), eq. (7) (Cvitanic 2021): N/m, N/rad, N.m/rad in one matrix.
 
-    J (n, 6, 6) or one (6, 6); compliance (6,) [rad/(N.m)] of the joints. NaN where J is singular or not finite. J
-    itself is inverted, not the compliance at the tool, whose condition number is the square. Raises ValueError for
-    another shape and for compliances that are not positive.
+    J (n, 6, 6) or (6, 6); compliance (6,) [rad/(N.m)] of the joints. NaN if J is singular or not finite. The function
+    inverts J rather than the compliance at the tool, whose condition number is the square. Raises ValueError for wrong
+    shapes and for compliances that are not positive.
 
     >>> J = gt.compliance.arm_poses(gt.robots.kr500(), [0.3, -0.9, 2.0, 0.2, -1.1, -0.1]).J
     >>> c = np.full(6, 1e-6)
@@ -126,7 +126,7 @@ def cartesian_stiffness(J: ArrayLike, compliance: ArrayLike) -> np.ndarray:
 
 
 def translational_compliance(J: ArrayLike, compliance: ArrayLike) -> np.ndarray:
-    """C_tt (n, 3, 3) [m/N]: displacement of the tool by a force there. It is finite at singular poses too.
+    """Return C_tt (n, 3, 3) [m/N]: displacement of the tool per force at the tool; finite also at singular poses.
 
     J (n, 6, k), linear rows first; compliance (k,) [rad/(N.m)] of the joints.
 
@@ -140,10 +140,10 @@ def translational_compliance(J: ArrayLike, compliance: ArrayLike) -> np.ndarray:
 
 
 def softest_and_stiffest(C: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness along the principal directions of C_tt (n, 3, 3) [m/N].
+    """Return the stiffness along the principal directions of C_tt (n, 3, 3) [m/N].
 
-    Returns (n, 3) [N/m], softest first, and the directions (n, 3, 3) as rows; both are NaN where C is. Singular values
-    of K_x would mix units and have no bound near singular poses.
+    Returns (n, 3) [N/m], softest first, and the directions (n, 3, 3) as rows; both are NaN if C is. Singular values of
+    K_x would mix units and be unbounded near singular poses.
 
     >>> stiffness, directions = gt.compliance.softest_and_stiffest(np.diag([1e-6, 2e-6, 4e-6])[None])
     >>> stiffness
@@ -165,7 +165,7 @@ OUTSIDE = "beyond the joints' limits"
 
 
 class SprungArm:
-    """A serial arm with a wrist in one point. Raises ArgumentError."""
+    """A serial arm with a spherical wrist and joint springs. Raises ArgumentError."""
 
     def __init__(self, model: Model, arm: ArmSprings, load: Load, pose: Sequence[float] | None) -> None:
         self.model, self.load = model, load
@@ -176,13 +176,13 @@ class SprungArm:
         q = np.array([arm.pose])
         try:
             self.partition = WristPartition.of(model.origins, model.axes)  # pyright: ignore[reportAttributeAccessIssue]
-            held = arm_poses(model, q, arm.tool)
+            nominal = arm_poses(model, q, arm.tool)
         except (AttributeError, ValueError) as error:
             raise ArgumentError(f"expected a serial arm such as kr500; {error}", "robot") from error
-        self.R = held.R[0]
+        self.R = nominal.R[0]
         self.limits = getattr(model, "joint_limits", None)
-        self.home = held.T[0] if pose is None else np.asarray(pose, float)
-        branches = self.partition.inverse(held.T - self.R @ self.tool, self.R[None]).q[0]
+        self.home = nominal.T[0] if pose is None else np.asarray(pose, float)
+        branches = self.partition.inverse(nominal.T - self.R @ self.tool, self.R[None]).q[0]
         self.branch = int(np.nanargmin(np.abs(within_pi(branches - q[0])).sum(axis=1)))
         across = np.array([np.cos(-q[0, 0]), np.sin(-q[0, 0]), 0.0])
         normal = np.cross(across, [0.0, 0.0, 1.0])
@@ -191,16 +191,16 @@ class SprungArm:
 
     @property
     def window(self) -> tuple[Array, Array]:
-        far = sum(self.partition.reach[1:]) + abs(self.partition.base[0]) + self.partition.flange
-        far += float(np.linalg.norm(self.tool))
-        return np.array([0.0, self.partition.base[1] - far]), np.array([far, self.partition.base[1] + far])
+        reach = sum(self.partition.reach[1:]) + abs(self.partition.base[0]) + self.partition.flange
+        reach += float(np.linalg.norm(self.tool))
+        return np.array([0.0, self.partition.base[1] - reach]), np.array([reach, self.partition.base[1] + reach])
 
     @property
     def assumptions(self) -> list[str]:
-        endless = ["no joint limits are known of this robot: poses beyond them count as reachable"]
+        endless = ["the joint limits of this robot are not known: poses beyond them count as reachable"]
         return [
-            "joints are compliant about their axes alone, motors hold still; links and bearings are rigid",
-            "the tool keeps the orientation of arm.pose_deg, the arm its branch",
+            "joints are compliant only about their axes, and motors hold their position; links and bearings are rigid",
+            "the tool keeps the orientation of arm.pose_deg, and the arm keeps its branch",
             *(endless if self.limits is None else []),
         ]
 

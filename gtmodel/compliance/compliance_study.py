@@ -19,9 +19,9 @@ from .cartesian import SprungArm, softest_and_stiffest
 from .options import MAPPED, ArmSprings, Array, ComplianceMap, ComplianceStudy, Load, Springs, word
 from .sprung_links import ComplianceAtPoses, Sprung, SprungLinks
 
-CHUNK = 2000  # poses between two looks at the clock
+CHUNK = 2000  # poses between two checks of time and stop
 MOST_POINTS = 1e6
-# relative: work of the load by C and by the springs; both are sums of a dozen products
+# relative tolerance for the load's work from C and from the springs; both are sums of a dozen products
 WORK = 1e-9
 
 
@@ -36,19 +36,19 @@ def study(
     frequencies: Annotated[int, Within(least=1)] = 3,
     **work_options: Unpack[WorkOptions],
 ) -> ComplianceStudy:
-    """Stiffness, deflection and natural frequencies of a robot at one pose and over a section of its workspace.
+    """Compute stiffness, deflection and natural frequencies of a robot at one pose and over a section.
 
     Args:
-        robot: a parallel robot with links on carts, or a serial arm with a wrist in one point.
+        robot: a parallel robot with links on carts, or a serial arm with a spherical wrist.
         springs: `Springs` of the parallel robot, or `ArmSprings` of the serial one.
         load: force [N] and moment [N.m] at the tool centre point, world coordinates; none if left out.
-        pose: (3,) tool centre point whose numbers are reported [m]; the robot's home if left out.
-        map: the section across the guideways, or the vertical plane in which an arm stands.
-        frequencies: how many natural frequencies are reported, of a robot with masses.
+        pose: (3,) reported tool centre point [m]; the robot's home if left out.
+        map: section across the guideways, or the vertical plane of an arm.
+        frequencies: number of natural frequencies to report, if the robot has masses.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Interrupted, it holds the reported pose and no map. Raises ArgumentError for what cannot be used, as a pose that is
-    out of reach.
+    If interrupted, the study holds the reported pose and no map. Raises ArgumentError, for example for a pose out of
+    reach.
 
     >>> from gtmodel.compliance import ComplianceMap, Load, RodSprings, Springs, study
     >>> robot = gt.robots.gantry_tau("l1_tape")
@@ -59,17 +59,17 @@ def study(
     array([  1.7, -10.1, -11.5])
     """
     work = Work(**work_options)
-    work.progress("equations", 0.05)
+    work.progress("setting up the equations", 0.05)
     load, map = load or Load(), map or ComplianceMap()
     sprung = on_springs(robot, springs, load, pose, map, frequencies)
     computed = sprung(sprung.home[None])
     if computed.reason[0]:
-        own = isinstance(springs, ArmSprings) and pose is None
-        raise ArgumentError(f"cannot be reported: {computed.reason[0]}", "springs.pose" if own else "pose")
+        from_springs = isinstance(springs, ArmSprings) and pose is None
+        raise ArgumentError(f"cannot be reported: {computed.reason[0]}", "springs.pose" if from_springs else "pose")
     grid = grid_of(sprung, map)
     parts, T = [], grid.points()
     for begin in range(0, len(T), CHUNK):
-        work.progress("map", begin / len(T))
+        work.progress("computing the map", begin / len(T))
         if work.interrupted():
             return ComplianceStudy(
                 status=SolveStatus.INTERRUPTED, title=work.title, **_pose_values(sprung, computed), map={}, reasons={}
@@ -87,22 +87,22 @@ def on_springs(
     map: ComplianceMap,
     frequencies: int,
 ) -> Sprung:
-    """The robot on its springs. Raises ArgumentError."""
+    """Attach springs to the robot. Raises ArgumentError."""
     if isinstance(springs, ArmSprings):
         return SprungArm(robot, springs, load, pose)
     return SprungLinks(robot, springs, load, pose, map, frequencies)
 
 
 def grid_of(sprung: Sprung, map: ComplianceMap) -> Any:
-    """The points of the section. Raises ArgumentError."""
+    """The grid of the section. Raises ArgumentError."""
     low, high = map.window(*sprung.window, "map")
     if np.prod((high - low) / map.step + 1) > MOST_POINTS:
-        raise ArgumentError("the grid would have more than a million points; take a larger step", "map.step")
+        raise ArgumentError("the grid would have more than a million points; use a larger step", "map.step")
     return section_grid(sprung.section, low, high, map.step)
 
 
 def _columns(computed: ComplianceAtPoses, load: Load) -> dict[str, Array]:
-    """By point of the map; NaN where there is none."""
+    """Columns with one row per point of the map; NaN if there is no result."""
     left_out = np.array([bool(r) for r in computed.reason])
     stiffness, direction = softest_and_stiffest(np.where(left_out[:, None, None], np.nan, computed.C[:, :3, :3]))
     columns = {
@@ -134,32 +134,32 @@ def _pose_values(sprung: Sprung, pose: ComplianceAtPoses) -> dict[str, Any]:
 
 
 def _study_of(
-    title: str, sprung: Sprung, pose: ComplianceAtPoses, given: Load, grid: Any, T: Array, columns: dict[str, Array]
+    title: str, sprung: Sprung, pose: ComplianceAtPoses, options: Load, grid: Any, T: Array, columns: dict[str, Array]
 ) -> ComplianceStudy:
-    load = np.array([*given.force, *given.moment])[: pose.C.shape[1]]
+    load = np.array([*options.force, *options.moment])[: pose.C.shape[1]]
     work = float(load @ pose.moved[0]) / 2
     uv = sprung.section.coordinates(T)
     mapped = {name: columns[name] for name in MAPPED if name in columns}
-    there = np.isfinite(mapped["softest_N_m"])
-    extremes = {name: _extremes(values, uv) for name, values in mapped.items()} if there.any() else {}
+    valid = np.isfinite(mapped["softest_N_m"])
+    extremes = {name: _extremes(values, uv) for name, values in mapped.items()} if valid.any() else {}
     reasons = dict(sorted(Counter(r for r in columns["reason"] if r).items()))
     by_C = float(load @ pose.C[0] @ load) / 2
-    own = _pose_values(sprung, pose)
+    values_at_pose = _pose_values(sprung, pose)
     places = {"u_m": uv[:, 0], "v_m": uv[:, 1], "x_m": T[:, 0], "y_m": T[:, 1], "z_m": T[:, 2]}
     return ComplianceStudy(
-        status=SolveStatus.SOLVED if there.any() else SolveStatus.INFEASIBLE,
-        message=SolveStatus.SOLVED.message if there.any() else _empty(reasons),
+        status=SolveStatus.SOLVED if valid.any() else SolveStatus.INFEASIBLE,
+        message=SolveStatus.SOLVED.message if valid.any() else _empty(reasons),
         title=title,
         checks={
             "work_cross_check": at_most(abs(work - by_C) / by_C if by_C else 0.0, WORK),
             "asymmetry": at_most(float(np.abs(pose.C[0] - pose.C[0].T).max() / np.abs(pose.C[0]).max()), WORK),
         },
-        **own,
+        **values_at_pose,
         work=work,
-        map={"points": int(there.sum()), **extremes},
+        map={"points": int(valid.sum()), **extremes},
         reasons=reasons,
-        figures=_figures(sprung, grid, columns, mapped, own["shares"], work, title or "compliance"),
-        files={"map.csv": csv_text({n: c[there] for n, c in (places | mapped).items()})} if there.any() else {},
+        figures=_figures(sprung, grid, columns, mapped, values_at_pose["shares"], work, title or "compliance"),
+        files={"map.csv": csv_text({n: c[valid] for n, c in (places | mapped).items()})} if valid.any() else {},
     )
 
 
@@ -188,7 +188,7 @@ def _extremes(values: Array, uv: Array) -> dict[str, Any]:
 
 def _empty(reasons: dict[str, int]) -> str:
     most = max(reasons, key=lambda r: reasons[r])
-    return f"no point of the section is reached; most often: {most}"
+    return f"no point of the section can be reached; most frequent reason: {most}"
 
 
 def _map_figure(sprung: Sprung, grid: Any, name: str, values: Array, title: str, arrows: Any) -> Any:
@@ -206,5 +206,5 @@ def _shares_figure(shares: dict[str, float], work: float, title: str) -> Any:
     from ..plot.compliance import shares_figure
 
     return shares_figure(
-        {word(k): share for k, share in shares.items()}, title=f"{title}:\nwhat takes the {work:.3g} J of the load"
+        {word(k): share for k, share in shares.items()}, title=f"{title}:\nshares of the load's work of {work:.3g} J"
     )

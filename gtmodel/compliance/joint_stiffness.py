@@ -1,5 +1,5 @@
-"""Joint stiffness from static load tests, linear in the compliances c = 1/K (Cvitanic 2021), with what a moving load
-and a gravity compensator add, and which tests to make."""
+"""Joint stiffness from static load tests, linear in the compliances c = 1/K (Cvitanic 2021), including the effects of
+the moving load and a gravity compensator; selection of tests."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from .static_tests import StaticTests
 
 
 def complementary_stiffness(J: ArrayLike, wrench: ArrayLike) -> np.ndarray:
-    """K_c (n, k, k) [N.m/rad] of eq. (2) (Cvitanic 2021): d(J'F)_i / dq_j at a wrench (n, 6) constant in the world.
+    """Return K_c (n, k, k) [N.m/rad] of eq. (2) (Cvitanic 2021): d(J'F)_i / dq_j for a wrench (n, 6) fixed in space.
 
-    J (n, 6, k): geometric Jacobian of an arm of revolute joints at the point where the wrench acts. K_c is not
-    symmetric where a moment acts: a constant moment has no potential. Raises ValueError for other shapes.
+    J (n, 6, k): geometric Jacobian of an arm with revolute joints, at the point where the wrench acts. K_c is not
+    symmetric if a moment acts, because a constant moment has no potential. Raises ValueError for wrong shapes.
 
     >>> J = gt.compliance.arm_poses(gt.robots.kr500(), [[0.3, -0.9, 2.0, 0.2, -1.1, -0.1]]).J
     >>> K_c = gt.compliance.complementary_stiffness(J, [[0, 0, -4000.0, 0, 0, 0]])
@@ -35,7 +35,7 @@ def complementary_stiffness(J: ArrayLike, wrench: ArrayLike) -> np.ndarray:
     K = np.empty((len(J), k, k))
     for i in range(k):
         for j in range(k):
-            # a joint before i turns axis and arm of i, one after it moves the tool alone
+            # joints before i rotate the axis and arm of i; joints after it move only the tool
             linear = np.cross(w[:, min(i, j)], v[:, max(i, j)])
             angular = np.cross(w[:, j], w[:, i]) if j < i else np.zeros_like(linear)
             K[:, i, j] = np.sum(linear * F[:, :3] + angular * F[:, 3:], axis=1)
@@ -44,11 +44,11 @@ def complementary_stiffness(J: ArrayLike, wrench: ArrayLike) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Compensator:
-    """A gas or coil spring between the base and the lever of joint 2, both hinges in the plane of the arm.
+    """A gas or coil spring between the base and a lever of joint 2, with both hinges in the plane of the arm.
 
     `base` [m] and `lever` [m]: distances of its hinges from the axis of joint 2; `angle` [rad]: q2 at which the lever
-    points away from the base hinge and the spring is longest. Its force along itself is rate [N/m] times
-    (length - rest) [m], and draws the hinges together where positive.
+    points away from the base hinge and the spring is longest. Its force is rate [N/m] times (length - rest) [m] along
+    the spring, and pulls the hinges together if positive.
 
     >>> spring = gt.compliance.Compensator(base=0.3, lever=0.25, rate=8e5, rest=0.2)
     >>> spring.length([0.0, np.pi / 2]).round(3)  # m
@@ -62,19 +62,19 @@ class Compensator:
     angle: float = 0.0
 
     def length(self, q2: ArrayLike) -> np.ndarray:
-        """Length of the spring [m] at q2 [rad]."""
+        """Return the length of the spring [m] at q2 [rad]."""
         turn = np.asarray(q2, float) - self.angle
         return np.sqrt(self.base**2 + self.lever**2 + 2 * self.base * self.lever * np.cos(turn))
 
     def torque(self, q2: ArrayLike) -> np.ndarray:
-        """Torque on joint 2 [N.m], along positive q2: minus the derivative of the spring's energy."""
+        """Return the torque on joint 2 [N.m], positive along q2: minus the derivative of the spring's energy."""
         turn, s = np.asarray(q2, float) - self.angle, self.length(q2)
         return self.rate * (s - self.rest) * self.base * self.lever * np.sin(turn) / s
 
     def stiffness(self, q2: ArrayLike) -> np.ndarray:
-        """d torque / d q2 [N.m/rad]: what the spring adds to K_c at joint 2.
+        """Return d torque / d q2 [N.m/rad], the spring's contribution to K_c at joint 2.
 
-        The torque itself is there with and without the load and drops out of the difference.
+        The torque itself acts with and without the load and cancels in the difference.
         """
         turn, s = np.asarray(q2, float) - self.angle, self.length(q2)
         arm = self.base * self.lever
@@ -83,25 +83,25 @@ class Compensator:
         return self.rate * self.rest / s**2 * by_turn * arm * np.sin(turn) + pull * arm * np.cos(turn)
 
     def added(self, K_c: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """K_c (n, k, k) with the spring's part at joints q (n, k)."""
+        """Return K_c (n, k, k) plus the spring's contribution at joints q (n, k)."""
         stiffness = np.array(K_c, float)
         stiffness[:, 1, 1] += self.stiffness(np.asarray(q, float)[:, 1])
         return stiffness
 
 
 ARM = 3  # joints before the wrist centre
-# K_c is half a per cent of K_q for half a ton: each round gains two digits
+# for a load of half a ton, K_c is about 0.5 % of K_q: each round gains two digits
 STILL, ROUNDS = 1e-13, 50
 UNIT = "rad/(N.m)"
 
 
 @dataclass(frozen=True, eq=False)
 class StiffnessFit:
-    """Joint compliances as an Estimate, how well the tests determine each, and whether the residuals are noise.
+    """Joint compliances with confidence, how well the tests determine each, and whether the residuals are noise.
 
     `estimate`: compliance[0], compliance[1], ... [rad/(N.m)]. `identifiability`: how well the tests determine each.
     `adequacy`: the chi-squared test of the residuals. `jacobian` (rows, k): Jacobian of the measured rows in the
-    compliances; `assumed`: the covariance by which they were weighted, as blocks or whole.
+    compliances; `assumed`: the covariance used as weight, in blocks or whole.
     """
 
     method: str
@@ -113,19 +113,19 @@ class StiffnessFit:
 
     @property
     def compliance(self) -> np.ndarray:
-        """(k,) [rad/(N.m)]."""
+        """Compliances (k,) [rad/(N.m)]."""
         return self.estimate.values[[name.startswith("compliance[") for name in self.estimate.names]]
 
     @property
     def stiffness(self) -> np.ndarray:
-        """K = 1/c [N.m/rad]; negative where noise made the compliance so."""
+        """K = 1/c [N.m/rad]; negative if noise made the compliance negative."""
         return 1 / self.compliance
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of "stiffness[0]" [N.m/rad], "compliance[0]" [rad/(N.m)] or another estimated name.
+        """Return the confidence interval of "stiffness[0]" [N.m/rad], "compliance[0]" [rad/(N.m)] or another name.
 
-        That of a stiffness has the ends of that of the compliance, inverted, without linearisation: the upper end is
-        infinite where the compliance may be zero, and both are NaN where the whole interval of the compliance is
+        The interval of a stiffness has the inverted ends of that of the compliance, without linearisation: the upper
+        end is infinite if the compliance may be zero, and both ends are NaN if the whole interval of the compliance is
         negative. Joints are counted from 0. Raises ArgumentError for a name that was not estimated.
         """
         if name not in stiffness_names(range(len(self.compliance))):
@@ -145,12 +145,12 @@ def stiffness_names(joints: Sequence[int]) -> list[str]:
 
 
 def complete_pose(tests: StaticTests, *, rotation_weight: float = 1.0) -> StiffnessFit:
-    """Joint compliances from all six rows of the displacement: dX = J diag(J'F) c, or eq. (2) where the tests have K_c.
+    """Fit joint compliances to all six rows of the displacement: dX = J diag(J'F) c, or eq. (2) if the tests have K_c.
 
-    Rows are whitened by the tests' covariance. `rotation_weight` w counts rotations w times as much as their noise
-    justifies, as the thesis scales its rotations by 10: without model error it only widens the intervals, which are
-    those of the stated noise; the chi-squared test is that of w = 1. Raises ValueError for compliances that the tests
-    do not determine. Source: Cvitanic 2021, eqs. (2), (3), (6).
+    Rows are whitened with the tests' covariance. `rotation_weight` w gives rotations w times the weight that their
+    noise justifies (the thesis scales rotations by 10); without model error it only widens the intervals. Intervals are
+    those for the stated noise, and the chi-squared test is that for w = 1. Raises ValueError for compliances that the
+    tests do not determine. Source: Cvitanic 2021, eqs. (2), (3), (6).
 
     >>> q = np.deg2rad(gt.robots.kr500_tables()["static_stiffness"]["poses_deg"])
     >>> wrench = np.tile([[2000.0, 0, 0, 0, 0, 0], [0, 500.0, -4000, 0, 0, 0]], (5, 1))
@@ -174,25 +174,25 @@ def complete_pose(tests: StaticTests, *, rotation_weight: float = 1.0) -> Stiffn
 def _complete(tests: StaticTests, covariance: np.ndarray) -> StiffnessFit:
     n, _, k = tests.J.shape
     if not np.any(tests.displacement):
-        raise ValueError("every displacement is zero; expected what moved under the load, with it less without")
+        raise ValueError("every displacement is zero; expected the pose with the load less the pose without")
     y, torque, before = tests.displacement.reshape(-1), tests.torque, None
     for _ in range(ROUNDS):
         A = (tests.J * torque[:, None, :]).reshape(6 * n, k)
         e = linear_fit(A, y, names_of(range(k)), covariance=covariance, units=[UNIT] * k)
-        still = before is not None and np.abs(e.values - before).max() <= STILL * np.abs(e.values).max()
-        if tests.K_c is None or still:
+        converged = before is not None and np.abs(e.values - before).max() <= STILL * np.abs(e.values).max()
+        if tests.K_c is None or converged:
             break
         before, torque = e.values, loaded_torque(tests, e.values)
     return stiffness_fit("complete pose", e, A, covariance, n)  # pyright: ignore[reportPossiblyUnboundVariable]
 
 
 def decoupled(tests: StaticTests, *, moment: bool = True) -> StiffnessFit:
-    """Joint compliances of the arm from the linear motion of the wrist centre, then of the wrist from that of the tool.
+    """Fit the arm's compliances to the linear motion of the wrist centre, then the wrist's to that of the tool.
 
-    The arm's torque is (J'F)_123, the moment of the force about the wrist centre included; with `moment=False` it is
-    J_wrist' f, as the text of the thesis (Cvitanic 2021) has it, which biases the arm and stiffens the wrist. Intervals
-    of the wrist hold the error of the arm. Raises ValueError for tests with K_c without the moment, and for what the
-    tests do not determine.
+    The arm's torque is (J'F)_123, which includes the moment of the force about the wrist centre. With `moment=False` it
+    is J_wrist' f, as in the text of the thesis (Cvitanic 2021); this biases the arm and stiffens the wrist. Intervals
+    of the wrist include the error of the arm. Raises ValueError for tests with K_c if `moment` is False, and for
+    compliances that the tests do not determine.
 
     >>> q = np.deg2rad(gt.robots.kr500_tables()["static_stiffness"]["poses_deg"])
     >>> wrench = np.tile([[2000.0, 0, 0, 0, 0, 0], [0, 500.0, -4000, 0, 0, 0]], (5, 1))
@@ -204,17 +204,17 @@ def decoupled(tests: StaticTests, *, moment: bool = True) -> StiffnessFit:
     >>> gt.compliance.decoupled(tests).adequacy.passed, without.adequacy.passed
     (True, False)
     """
-    # one test has three rows for three compliances of the arm: no residual is left, and none of the wrist's either
+    # one test has three rows for three compliances of the arm: no residuals are left, nor for the wrist
     if len(tests.J) < 2:
         raise ValueError(f"found {len(tests.J)} test; expected at least 2 for six joints, in different poses or loads")
     if tests.K_c is not None and not moment:
-        raise ValueError("without the moment about the wrist there is no complementary stiffness; leave K_c out")
+        raise ValueError("moment=False cannot be combined with the complementary stiffness; leave K_c out")
     torque, before = tests.torque, None
     for _ in range(ROUNDS):
         fit = _decoupled(tests, torque, moment)
         c = fit.compliance
-        still = before is not None and np.abs(c - before).max() <= STILL * np.abs(c).max()
-        if tests.K_c is None or still:
+        converged = before is not None and np.abs(c - before).max() <= STILL * np.abs(c).max()
+        if tests.K_c is None or converged:
             break
         before, torque = c, loaded_torque(tests, c)
     return fit  # pyright: ignore[reportPossiblyUnboundVariable]
@@ -230,15 +230,15 @@ def _decoupled(tests: StaticTests, torque: np.ndarray, moment: bool) -> Stiffnes
     arm = linear_fit(A_w, y_w.reshape(-1), names_of(range(ARM)), covariance=S_w, units=[UNIT] * ARM)
     A_t = (tests.J[:, :3] * torque[:, None, :]).reshape(3 * n, k)
     A_a, A_b = A_t[:, :ARM], A_t[:, ARM:]
-    # the arm's error is in every row of the second fit
+    # the arm's error enters every row of the second fit
     gain = arm.covariance @ _whitened_transpose(A_w, S_w)
     shared = _rows(S_tw) @ gain.T @ A_a.T
     S_b = _rows(tests.covariance[:, :3, :3]) - shared - shared.T + A_a @ arm.covariance @ A_a.T
     y_b = tests.displacement[:, :3].reshape(-1) - A_a @ arm.values
     wrist = linear_fit(A_b, y_b, names_of(range(ARM, k)), covariance=S_b, units=[UNIT] * (k - ARM))
-    back = wrist.covariance @ np.linalg.solve(S_b, A_b).T
-    cross = (gain @ _rows(S_tw).T - arm.covariance @ A_a.T) @ back.T
-    both = Estimate(
+    wrist_gain = wrist.covariance @ np.linalg.solve(S_b, A_b).T
+    cross = (gain @ _rows(S_tw).T - arm.covariance @ A_a.T) @ wrist_gain.T
+    estimate = Estimate(
         (*arm.names, *wrist.names), np.concatenate([arm.values, wrist.values]),
         np.block([[arm.covariance, cross], [cross.T, wrist.covariance]]),
         arm.degrees_of_freedom + wrist.degrees_of_freedom,
@@ -248,22 +248,22 @@ def _decoupled(tests: StaticTests, torque: np.ndarray, moment: bool) -> Stiffnes
     whole = np.block([[A_w, np.zeros((3 * n, k - ARM))], [A_a, A_b]])
     zero = np.zeros((3 * n, 3 * n))
     noise = np.block([[_rows(S_w), zero], [zero, _rows(tests.covariance[:, :3, :3])]])
-    return stiffness_fit("decoupled", both, whole, noise, n)
+    return stiffness_fit("decoupled", estimate, whole, noise, n)
 
 
 def loaded_torque(tests: StaticTests, c: np.ndarray) -> np.ndarray:
-    """Torques (n, k) by which compliances c turn the joints once these have moved: tau + K_c (K_q - K_c)^-1 tau."""
+    """Torques (n, k) that deflect compliances c in the displaced pose: tau + K_c (K_q - K_c)^-1 tau."""
     if tests.K_c is None:
         return tests.torque
-    left = np.eye(len(c)) - c[:, None] * tests.K_c
-    dq = np.linalg.solve(left, (c * tests.torque)[:, :, None])[:, :, 0]
+    matrix = np.eye(len(c)) - c[:, None] * tests.K_c
+    dq = np.linalg.solve(matrix, (c * tests.torque)[:, :, None])[:, :, 0]
     return tests.torque + np.einsum("nij,nj->ni", tests.K_c, dq)
 
 
 def predicted(tests: StaticTests, c: np.ndarray) -> np.ndarray:
-    """Displacement of the tool (n, 6) [m, rad] by joint compliances c (k,), eqs. (2), (3).
+    """Displacement of the tool (n, 6) [m, rad] for joint compliances c (k,), eqs. (2), (3).
 
-    Raises ValueError where K_q - K_c holds no equilibrium: the load is beyond what the joints carry.
+    Raises ValueError if there is no stable equilibrium (K_q - K_c is not positive definite).
     """
     if tests.K_c is not None:
         c = np.asarray(c, float)
@@ -271,13 +271,13 @@ def predicted(tests: StaticTests, c: np.ndarray) -> np.ndarray:
         scaled = root[:, None] * (tests.K_c + np.swapaxes(tests.K_c, 1, 2)) / 2 * root
         over = np.flatnonzero(np.linalg.eigvalsh(scaled)[:, -1] >= 1)
         if len(over):
-            raise ValueError(f"test {over[0] + 1}: load and gravity soften the joints to nothing, K_q - K_c is not "
-                             "positive definite; look at the units of wrench and stiffness")  # fmt: skip
+            raise ValueError(f"test {over[0] + 1}: the load exceeds what the joints can carry, K_q - K_c is not "
+                             "positive definite; check the units of wrench and stiffness")  # fmt: skip
     return np.einsum("nik,nk->ni", tests.J, c * loaded_torque(tests, np.asarray(c, float)))
 
 
 def without_noise(tests: StaticTests, c: np.ndarray) -> StaticTests:
-    """The tests with the displacements that c predicts, at the wrist centre too where it was measured."""
+    """The tests with displacements predicted from c, also at the wrist centre if it was measured."""
     wrist = np.einsum("nik,nk->ni", tests.J_wrist, c * loaded_torque(tests, c))
     return replace(
         tests,
@@ -287,7 +287,7 @@ def without_noise(tests: StaticTests, c: np.ndarray) -> StaticTests:
 
 
 def stiffness_fit(method: str, e: Estimate, A: np.ndarray, covariance: np.ndarray, poses: int) -> StiffnessFit:
-    """How well the rows determine each unknown, in units of itself, and whether the residuals are noise."""
+    """Assemble a StiffnessFit: identifiability with each unknown in units of itself, and the test of the residuals."""
     # in whitened rows, each compliance in units of itself
     blocks = covariance if covariance.ndim == 3 else covariance[None]
     L = np.linalg.cholesky(blocks)
@@ -303,7 +303,7 @@ def _pooled(*estimates: Estimate) -> float:
 
 
 def _rows(blocks: np.ndarray) -> np.ndarray:
-    """Block-diagonal (n b, n b) of (n, b, b)."""
+    """Block-diagonal matrix (n b, n b) from blocks (n, b, b)."""
     n, b, _ = blocks.shape
     whole = np.zeros((n, b, n, b))
     whole[np.arange(n), :, np.arange(n)] = blocks
@@ -322,12 +322,12 @@ JOINT = 1  # the spring is on joint 2
 
 
 def with_compensator(tests: StaticTests, spring: Compensator, q: Array) -> StiffnessFit:
-    """Complete poses with the rate of the spring on joint 2 among the unknowns, in `estimate` as "rate" [N/m].
+    """Fit complete poses with the rate of the spring on joint 2 as an unknown, in `estimate` as "rate" [N/m].
 
-    `spring` gives the other dimensions, and the rate where the iteration starts. q (n, k) [rad]: joints of each test.
-    The spring's torque is there with and without the load; only its change as joint 2 moves is seen. That is K_c = rate
-    * d(torque per rate)/dq2 beside K_q (Cvitanic 2021, eq. (2)), some per cent of it, so expect a wide interval. Raises
-    ValueError for what the tests do not determine.
+    `spring` gives the other dimensions and the start value of the rate. q (n, k) [rad]: joints of each test. The
+    spring's torque acts with and without the load; only its change as joint 2 moves is observed. This is K_c = rate *
+    d(torque per rate)/dq2, a few per cent of K_q (Cvitanic 2021, eq. (2)), so that the interval is wide. Raises
+    ValueError for unknowns that the tests do not determine.
 
     >>> from gtmodel.compliance import Compensator, arm_poses, complementary_stiffness, synthetic_tests
     >>> q = np.deg2rad(gt.robots.kr500_tables()["static_stiffness"]["poses_deg"])
@@ -351,11 +351,11 @@ def with_compensator(tests: StaticTests, spring: Compensator, q: Array) -> Stiff
         c, rate = x[:k], x[k]
         K = K_c.copy()
         K[:, JOINT, JOINT] += rate * slope
-        left = np.linalg.inv(np.eye(k) - c[:, None] * K)
-        dq = np.einsum("nij,nj->ni", left, c * tau)
+        inverse = np.linalg.inv(np.eye(k) - c[:, None] * K)
+        dq = np.einsum("nij,nj->ni", inverse, c * tau)
         loaded = tau + np.einsum("nij,nj->ni", K, dq)
-        by_c = left * loaded[:, None, :]
-        by_rate = left[:, :, JOINT] * (c[JOINT] * slope * dq[:, JOINT])[:, None]
+        by_c = inverse * loaded[:, None, :]
+        by_rate = inverse[:, :, JOINT] * (c[JOINT] * slope * dq[:, JOINT])[:, None]
         J = np.concatenate([tests.J @ by_c, (tests.J @ by_rate[:, :, None])], axis=2)
         return np.einsum("nik,nk->ni", tests.J, dq).reshape(-1) - y, J.reshape(6 * n, k + 1)
 
@@ -372,7 +372,7 @@ def with_compensator(tests: StaticTests, spring: Compensator, q: Array) -> Stiff
 
 @dataclass(frozen=True, eq=False)
 class LoadTestSelection:
-    """Chosen tests, ascending, with the observability indices of their Jacobian and those of all candidates."""
+    """Selected tests, ascending, with the observability indices of their Jacobian and of all candidates."""
 
     chosen: tuple[int, ...]
     indices: Observability
@@ -380,10 +380,10 @@ class LoadTestSelection:
 
 
 def information(tests: StaticTests, expected: ArrayLike) -> PoseInformation:
-    """What each test contributes to the compliances, in units of those `expected` (k,) [rad/(N.m)].
+    """Return the information of each test on the compliances, in units of `expected` (k,) [rad/(N.m)].
 
-    Its rows are those of the complete pose, whitened by their noise, for everything in `calibrate` that chooses poses.
-    The displacements are not looked at.
+    Its rows are those of the complete pose, whitened by their noise, for the pose selection in `calibrate`. The
+    displacements are not used.
     """
     sizes = np.asarray(expected, float)
     rows = np.linalg.solve(np.linalg.cholesky(tests.covariance), tests.J * tests.torque[:, None, :]) * sizes
@@ -391,11 +391,11 @@ def information(tests: StaticTests, expected: ArrayLike) -> PoseInformation:
 
 
 def select(tests: StaticTests, count: int, expected: ArrayLike, *, seed: int = 0) -> LoadTestSelection:
-    """`count` of the candidate tests, by exchange for the largest determinant of their information.
+    """Select `count` of the candidate tests by exchange, for the largest determinant of their information.
 
-    expected (k,) [rad/(N.m)]: compliances of about the right size. Each candidate counts once: repeat it among the
-    candidates to allow repetition. The same seed gives the same tests. Raises ValueError for a count beyond the
-    candidates, or candidates that leave a compliance undetermined.
+    expected (k,) [rad/(N.m)]: approximate compliances. Each candidate is used at most once; list it repeatedly to
+    allow repetition. The same seed gives the same tests. Raises ValueError if `count` exceeds the candidates, or if the
+    candidates leave a compliance undetermined.
 
     >>> q = np.deg2rad(gt.robots.kr500_tables()["static_stiffness"]["poses_deg"])
     >>> wrench = np.tile([[2000.0, 0, 0, 0, 0, 0], [0, 500.0, -4000, 0, 0, 0]], (5, 1))
@@ -408,12 +408,10 @@ def select(tests: StaticTests, count: int, expected: ArrayLike, *, seed: int = 0
     n, _, k = tests.J.shape
     if not 1 <= count <= n:
         raise ValueError(f"found a count of {count}; expected 1 to {n}, the number of candidates")
-    gained = information(tests, expected)
-    if gained.rank < k:
-        raise ValueError(
-            f"the tests determine {gained.rank} of {k} compliances; take more poses or loads in other directions"
-        )
-    chosen = exchange(gained, count, "D", repeats=1, seed=seed).indices
+    info = information(tests, expected)
+    if info.rank < k:
+        raise ValueError(f"the tests determine {info.rank} of {k} compliances; add poses, or loads in other directions")
+    chosen = exchange(info, count, "D", repeats=1, seed=seed).indices
     return LoadTestSelection(
-        tuple(int(i) for i in chosen), gained.identifiability(chosen).indices, gained.identifiability().indices
+        tuple(int(i) for i in chosen), info.identifiability(chosen).indices, info.identifiability().indices
     )

@@ -1,4 +1,4 @@
-"""What a compliance study asks for, springs of a parallel robot or of a serial arm and loads, and what it answers."""
+"""Options of a compliance study (springs of a parallel robot or a serial arm, loads), and its result."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..results import Quantity, Row, Study, listed
 from ..results.options import Long, Options, Unit, Within
 
 Three = Annotated[list[float], Long(3)]
-WIDEST_M = 1.0  # of a tube: wider is a diameter in millimetres
+WIDEST_M = 1.0  # largest tube diameter; more is probably in millimetres
 METRES = "give it in metres"
 
 
@@ -22,7 +22,7 @@ METRES = "give it in metres"
 class RodSprings(Options):
     """Rods of a parallel robot and their ball joints.
 
-    Give either a stiffness of the rod, or modulus and diameters of a tube, whose stiffness is E A / L.
+    Give either the stiffness of a rod, or modulus and diameters of a tube, whose stiffness is E A / L.
 
     >>> gt.compliance.RodSprings(stiffness=0.0)
     Traceback (most recent call last):
@@ -30,9 +30,9 @@ class RodSprings(Options):
     """
 
     stiffness: Annotated[
-        float | list[float] | None, Unit("N/m"), Within(above=0.0), "of a rod along itself, one or one each"
+        float | list[float] | None, Unit("N/m"), Within(above=0.0), "axial stiffness of a rod, one number or one each"
     ] = None
-    modulus: Annotated[float | None, Unit("Pa"), Within(above=0.0), "Young's modulus of a tube along itself"] = None
+    modulus: Annotated[float | None, Unit("Pa"), Within(above=0.0), "axial Young's modulus of a tube"] = None
     outer_diameter: Annotated[
         float | None, Unit("m"), Within(above=0.0, most=WIDEST_M, advice=METRES), "of the tube"
     ] = None
@@ -40,17 +40,17 @@ class RodSprings(Options):
     parallel: Annotated[
         list[int] | None,
         Within(least=1),
-        "rods side by side in each link of the model: [1, 2, 3] where it has three, left out",
+        "parallel rods in each link of the model; default [1, 2, 3] for three links, otherwise 1",
     ] = None
     joint: Annotated[
         float | list[float] | None, Unit("N/m"), Within(above=0.0),
-        "of one ball joint along its rod; rigid if left out",
+        "stiffness of one ball joint along its rod; rigid if left out",
     ] = None  # fmt: skip
 
 
 @dataclass(frozen=True)
 class CartSprings(Options):
-    """What holds the carts on their guideways. A spring that is left out is rigid.
+    """Springs between carts and guideways. A spring that is left out is rigid.
 
     >>> gt.compliance.CartSprings(drive=-1e7)
     Traceback (most recent call last):
@@ -62,7 +62,7 @@ class CartSprings(Options):
         "along the guideway: drive train and servo loop",
     ] = None  # fmt: skip
     axis: Annotated[
-        float | list[float] | None, Unit("N.m/rad"), Within(above=0.0), "of rotary axes on the carts"
+        float | list[float] | None, Unit("N.m/rad"), Within(above=0.0), "rotary axes on the carts"
     ] = None  # fmt: skip
     across: Annotated[
         float | list[float] | None, Unit("N/m"), Within(above=0.0), "bearings, across the guideway"
@@ -71,14 +71,14 @@ class CartSprings(Options):
 
 @dataclass(frozen=True)
 class FrameSprings(Options):
-    """The machine frame at each guideway. A direction that is left out is rigid.
+    """Springs of the machine frame at each guideway. A direction that is left out is rigid.
 
     >>> gt.compliance.FrameSprings(along=[2e7, 2e7, 3e7]).across is None
     True
     """
 
     along: Annotated[float | list[float] | None, Unit("N/m"), Within(above=0.0), "along the guideway"] = None
-    across: Annotated[float | list[float] | None, Unit("N/m"), Within(above=0.0), "across it"] = None
+    across: Annotated[float | list[float] | None, Unit("N/m"), Within(above=0.0), "across the guideway"] = None
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Springs(Options):
 
 @dataclass(frozen=True)
 class ArmSprings(Options):
-    """The joint springs of a serial arm, and the pose whose orientation and branch its map keeps.
+    """The joint springs of a serial arm, and the pose that fixes orientation and branch in its map.
 
     >>> q = np.deg2rad([0.0, -90.0, 90.0, 0.0, -60.0, 0.0]).tolist()
     >>> arm = gt.compliance.ArmSprings(joint=[3.93e6, 3.46e6, 2.77e6, 1.57e6, 0.24e6, 0.17e6], pose=q)
@@ -111,7 +111,7 @@ class ArmSprings(Options):
     joint: Annotated[list[float], Unit("N.m/rad"), Within(above=0.0), "stiffness by joint"]
     pose: Annotated[
         list[float], Unit("rad", written="deg"), Long(6),
-        "joint angles whose flange orientation and branch the whole map keeps",
+        "joint angles; the map keeps their flange orientation and branch",
     ]  # fmt: skip
     tool: Annotated[list[float], Unit("m"), Long(3), "tool centre point in flange coordinates"] = field(
         default_factory=lambda: [0.0] * 3
@@ -127,7 +127,7 @@ class Load(Options):
     gtmodel.results.refusal.ArgumentError: force: expected 3 numbers; found 2
     """
 
-    force: Annotated[list[float], Unit("N"), Long(3), "on the tool"] = field(default_factory=lambda: [0.0] * 3)
+    force: Annotated[list[float], Unit("N"), Long(3), "force on the tool"] = field(default_factory=lambda: [0.0] * 3)
     moment: Annotated[list[float], Unit("N.m"), Long(3), "about the tool centre point"] = field(
         default_factory=lambda: [0.0] * 3
     )
@@ -135,9 +135,9 @@ class Load(Options):
 
 @dataclass(frozen=True)
 class ComplianceMap(CrossSection):
-    """The cross-section that is mapped: across the guideways, or the vertical plane in which an arm stands.
+    """The mapped cross-section: across the guideways, or the vertical plane of an arm.
 
-    Coordinates in it are (u, v) [m]: (y, z) for guideways along x; away from the first axis and up for an arm.
+    Its coordinates are (u, v) [m]: (y, z) for guideways along x; away from the first axis and up for an arm.
 
     >>> gt.compliance.ComplianceMap(step=0.1, cone=np.deg2rad(200))
     Traceback (most recent call last):
@@ -147,11 +147,11 @@ class ComplianceMap(CrossSection):
     along: Annotated[
         float | None, Unit("m"), "position along the guideways; through the reported pose if left out"
     ] = None  # fmt: skip
-    step: Annotated[float, Unit("m"), Within(above=0.0), "of the grid"] = 0.05
-    low: Annotated[list[float] | None, Unit("m"), Long(2), "least (u, v); all that may be reached if left out"] = None
+    step: Annotated[float, Unit("m"), Within(above=0.0), "step of the grid"] = 0.05
+    low: Annotated[list[float] | None, Unit("m"), Long(2), "smallest (u, v); default all that may be reached"] = None
     cone: Annotated[
         float | None, Unit("rad", written="deg"), Within(above=0.0, most=math.pi / 2),
-        "links stay so near to their directions at the reported pose: limits of ball joints",
+        "largest angle of links from their directions at the reported pose: limits of ball joints",
     ] = None  # fmt: skip
 
 
@@ -168,7 +168,7 @@ MAPPED = {"softest_N_m": ("stiffness along the softest direction", 1e-6, "N/µm"
 
 
 def word(part: str) -> str:
-    """Of a part that is compliant, by its key in `shares`: a group of springs, or "joint_1" of a serial arm."""
+    """Name of a compliant part from its key in `shares`: a group of springs, or "joint_1" of a serial arm."""
     return WORDS.get(part) or part.replace("_", " ")
 
 
@@ -176,49 +176,49 @@ def word(part: str) -> str:
 class ComplianceStudy(Study):
     """Stiffness, deflection and natural frequencies of a robot: at one pose, and over a section of its workspace."""
 
-    pose: Annotated[Array, Quantity("m", "tool centre point that the next numbers are about")]
-    compliance: Annotated[Array, "at the tool, displacement by load: m/N, and rad/N, rad/(N.m) where the plate turns"]
+    pose: Annotated[Array, Quantity("m", "tool centre point of the following values")]
+    compliance: Annotated[Array, "displacement per load at the tool: m/N, and rad/N, rad/(N.m) if the plate can rotate"]
     stiffness: Annotated[
         Array, Quantity("N/m", "along the principal directions of its translational part, softest first")
     ]
-    directions: Annotated[Array, "these directions"]
-    deflection: Annotated[Array, Quantity("m", "of the tool centre point under the load")]
-    rotation: Annotated[Array | None, Quantity("rad", "of the plate under the load; null where it has none")]
-    work: Annotated[float | None, Quantity("J", "that the load does")] = None
+    directions: Annotated[Array, "the principal directions"]
+    deflection: Annotated[Array, Quantity("m", "displacement of the tool centre point under the load")]
+    rotation: Annotated[Array | None, Quantity("rad", "rotation of the plate under the load; null if it cannot rotate")]
+    work: Annotated[float | None, Quantity("J", "work of the load")] = None
     shares: Annotated[
         Mapping[str, float] | None,
-        "parts of this work by what is compliant: groups of springs, joints of a serial arm; null without a load",
+        "shares of this work by compliant part: groups of springs, joints of a serial arm; null without a load",
     ]
     sag: Annotated[
-        Array | None, Quantity("m", "of the tool centre point by all weights; null for robots without masses")
+        Array | None, Quantity("m", "displacement of the tool centre point by all weights; null without masses")
     ]
-    frequencies: Annotated[Array | None, Quantity("Hz", "lowest natural frequencies; null for robots without masses")]
+    frequencies: Annotated[Array | None, Quantity("Hz", "lowest natural frequencies; null without masses")]
     map: Annotated[
         Mapping[str, Any],
-        "over the section: points, and for softest_N_m, deflection_m and frequency_Hz least and greatest with "
-        "their places in (u, v)",
+        "over the section: points, and for softest_N_m, deflection_m and frequency_Hz the least and greatest value "
+        "with their places in (u, v)",
     ]
     reasons: Annotated[Mapping[str, int], "number of grid points left out, by reason"]
-    assumptions: Annotated[Sequence[str], "what was assumed, in sentences"]
+    assumptions: Annotated[Sequence[str], "assumptions, in sentences"]
 
     @property
     def rows(self) -> list[Row]:
-        """The table for people."""
+        """The printed table."""
         rows = [
-            Row("at the tool centre point", listed(self.pose), "m"),
+            Row("tool centre point", listed(self.pose), "m"),
             Row("stiffness, softest direction", self.stiffness[0] / 1e6, "N/um"),
-            Row("along", listed(self.directions[0])),
+            Row("  direction", listed(self.directions[0])),
             Row("stiffness, stiffest direction", self.stiffness[-1] / 1e6, "N/um"),
         ]
         if np.any(self.deflection):
             rows.append(Row("deflection under the load", listed(1e6 * self.deflection), "um"))
             if self.rotation is not None:
-                rows.append(Row("rotation under it", listed(1e6 * self.rotation), "urad"))
+                rows.append(Row("rotation under the load", listed(1e6 * self.rotation), "urad"))
         if self.shares is not None:
             shares = ", ".join(f"{word(k)} {100 * x:.0f} %" for k, x in self.shares.items() if x > 0)
-            rows.append(Row("what takes the work", shares))
+            rows.append(Row("shares of the work of the load", shares))
         if self.sag is not None and self.frequencies is not None:
-            rows.append(Row("deflection by all weights", listed(1e6 * self.sag), "um"))
+            rows.append(Row("deflection by weights", listed(1e6 * self.sag), "um"))
             rows.append(Row("natural frequencies", listed(self.frequencies), "Hz"))
         for name, (words, scale, unit) in MAPPED.items():
             if name in self.map:

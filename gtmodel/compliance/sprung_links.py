@@ -1,4 +1,4 @@
-"""A parallel robot on its springs: its deflection at rows of tool centre points, weights and natural frequencies."""
+"""A parallel robot with springs: deflection at tool centre points, weights and natural frequencies."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ GRAVITY = (0.0, 0.0, -9.81)
 
 @dataclass(frozen=True, eq=False)
 class LinkMasses:
-    """Masses of a parallel robot as the models of the catalogue carry them, SI units.
+    """Masses of a parallel robot as in the models of the catalogue, SI units.
 
-    m_p [kg] of the plate, with its centre of mass c_p (3,) [m] from T and inertia I_p (3, 3) [kg.m2] about that, both
-    in plate coordinates; m_c (k,) [kg] of the carts; m_a (m,) [kg] of the links, each at its middle; J [kg.m2] of
-    rotary axes.
+    m_p [kg] of the plate, with its centre of mass c_p (3,) [m] from T and inertia I_p (3, 3) [kg.m2] about it, both in
+    plate coordinates; m_c (k,) [kg] of the carts; m_a (m,) [kg] of the links, each at its middle; J [kg.m2] of rotary
+    axes.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> springs = gt.compliance.LinkSprings(link=5e-8, drive=1e-7)
@@ -44,7 +44,7 @@ class LinkMasses:
 
     @classmethod
     def of(cls, model: Any) -> LinkMasses:
-        """Those of a model's parameters. Raises ValueError for a model that lacks them."""
+        """Return the masses of a model. Raises ValueError if its parameters lack them."""
         missing = [name for name in ("m_p", "m_c", "m_a") if not hasattr(model, name)]
         if missing:
             raise ValueError(f"the robot has no {', '.join(missing)}; natural frequencies need m_p, m_c and m_a")
@@ -54,7 +54,7 @@ class LinkMasses:
         return cls(float(model.m_p), np.asarray(model.m_c, float), np.asarray(model.m_a, float), **optional)
 
     def matrix(self, s: LinkStructure) -> Array:
-        """Mass matrix (n, d + s, d + s) in the coordinates of the structure."""
+        """Return the mass matrix (n, d + s, d + s) in the coordinates of the structure."""
         plate, mid, carts = self._motions(s)
         d = s.degrees_of_freedom
         M = self.m_p * np.swapaxes(plate, 1, 2) @ plate
@@ -67,22 +67,22 @@ class LinkMasses:
         return M
 
     def weight(self, s: LinkStructure, g: Any = GRAVITY) -> Array:
-        """Generalised weights (n, d + s) [N, N.m] of gravity g (3,) [m/s2]: on the plate, then on the supports."""
+        """Return generalised weights (n, d + s) [N, N.m] of gravity g (3,) [m/s2]: on the plate, then on supports."""
         plate, mid, carts = self._motions(s)
         g = np.asarray(g, float)
         return self.m_p * np.einsum("nis,i->ns", plate, g) + np.einsum("m,nmis,i->ns", self.m_a, mid, g) + np.einsum(
             "k,nkis,i->ns", self.m_c, carts, g)  # fmt: skip
 
     def sag(self, s: LinkStructure, g: Any = GRAVITY) -> Array:
-        """Displacement of the plate (n, d) [m, rad] by all weights."""
+        """Return the displacement of the plate (n, d) [m, rad] due to all weights."""
         f = self.weight(s, g)
         return s.deflection(f[:, : s.degrees_of_freedom], f[:, s.degrees_of_freedom :])
 
     def frequencies(self, s: LinkStructure, count: int = 3) -> Array:
-        """The `count` lowest natural frequencies (n, count) [Hz] with all axes held by their drives' springs.
+        """Return the `count` lowest natural frequencies (n, count) [Hz], with all axes held by their drives' springs.
 
-        K x = w^2 M x of plate, carts and rotary axes; rigid supports stand still. Raises ValueError for rigid links and
-        for a coordinate that is compliant and has no mass.
+        K x = w^2 M x for plate, carts and rotary axes; rigid supports do not move. Raises ValueError for rigid links,
+        and for a compliant coordinate without mass.
         """
         K, M = s.stiffness(), self.matrix(s)
         moving = np.concatenate([np.full(s.degrees_of_freedom, True), s.total[s.degrees_of_freedom :] > 0])
@@ -94,7 +94,7 @@ class LinkMasses:
         try:
             L = np.linalg.cholesky(M[good])
         except np.linalg.LinAlgError as error:
-            raise ValueError("a compliant part has no mass; give plate, carts and rotary axes theirs") from error
+            raise ValueError("a compliant part has no mass; give masses of plate, carts and rotary axes") from error
         half = np.linalg.solve(L, K[good])
         whole = np.linalg.solve(L, np.swapaxes(half, 1, 2))
         values = np.linalg.eigvalsh((whole + np.swapaxes(whole, 1, 2)) / 2)
@@ -102,8 +102,7 @@ class LinkMasses:
         return frequencies
 
     def _motions(self, s: LinkStructure) -> tuple[Array, Array, Array]:
-        """Motion per coordinate of the plate's centre of mass (n, 3, .), the links' middles (n, m, 3, .) and the carts
-        (n, k, 3, .)."""
+        """Motion per coordinate of the plate's centre of mass (n, 3, .), links (n, m, 3, .) and carts (n, k, 3, .)."""
         p, d = s.poses, s.degrees_of_freedom
         n, m, _, supports = s.support.shape
         if self.m_a.shape != (m,) or self.m_c.shape != (p.carts,):
@@ -121,7 +120,7 @@ class LinkMasses:
         return plate, mid, carts
 
 
-VERTICAL = 0.9  # a guideway this near to the vertical: sections are drawn with y upwards
+VERTICAL = 0.9  # beyond this vertical component of a guideway, sections are drawn with y upwards
 MARGIN_M = 0.05
 BEYOND = "beyond the cones of the ball joints"
 SINGULAR = Status.SINGULAR.message
@@ -129,11 +128,11 @@ SINGULAR = Status.SINGULAR.message
 
 @dataclass(frozen=True, eq=False)
 class ComplianceAtPoses:
-    """What was computed for n poses with d degrees of freedom of the plate.
+    """Results at n poses with d degrees of freedom of the plate.
 
-    C (n, d, d): compliance. moved (n, d) [m, rad]: displacement under the load. reason: why a pose has no result, ""
-    where it has one. frequencies (n, k) [Hz]: natural frequencies; sag (n, d) [m, rad]: displacement by weights; None
-    for robots without masses. shares: parts of the load's work by group of springs, None without a load.
+    C (n, d, d): compliance. moved (n, d) [m, rad]: displacement under the load. reason: why a pose has no result, or
+    "". frequencies (n, k) [Hz]: natural frequencies; sag (n, d) [m, rad]: displacement by weights; both None without
+    masses. shares: of the load's work by group of springs, None without a load.
     """
 
     C: Array
@@ -145,9 +144,9 @@ class ComplianceAtPoses:
 
 
 class Sprung(Protocol):
-    """A robot on its springs.
+    """A robot with springs.
 
-    home (3,) [m]; section: the plane that is mapped; marks: where guideways pierce it; window: its least and greatest
+    home (3,) [m]; section: the mapped plane; marks: intersections of guideways with it; window: its lower and upper
     (u, v) [m]; assumptions: sentences. Called with tool centre points (n, 3) [m] it returns `ComplianceAtPoses`.
     """
 
@@ -180,10 +179,10 @@ class SprungLinks:
         try:
             self.geometry = LinkGeometry(model)
         except ModelError as error:
-            raise ArgumentError(f"{error}; a serial arm takes joint springs", "robot") from error
+            raise ArgumentError(f"{error}; for a serial arm use joint springs", "robot") from error
         home = getattr(model, "home", None) if pose is None else pose
         if home is None:
-            raise ArgumentError("is missing, and the robot declares no home; name a tool centre point", "pose")
+            raise ArgumentError("is missing, and the robot declares no home; give a tool centre point", "pose")
         self.home = np.asarray(home, float)
         self.at_home = self.geometry(self.home)
         if self.at_home.status[0] != Status.OK:
@@ -204,20 +203,20 @@ class SprungLinks:
     @property
     def window(self) -> tuple[Array, Array]:
         p = self.at_home
-        far = p.lengths[0] + np.linalg.norm(p.arms[0], axis=1)
-        reach = np.array([far[[k for k, i in enumerate(p.stands_on) if i == c]].max() for c in range(p.carts)])
+        distance = p.lengths[0] + np.linalg.norm(p.arms[0], axis=1)
+        reach = np.array([distance[[k for k, i in enumerate(p.stands_on) if i == c]].max() for c in range(p.carts)])
         return (self.marks - reach[:, None]).max(axis=0) - MARGIN_M, (self.marks + reach[:, None]).min(
             axis=0
         ) + MARGIN_M
 
     @property
     def assumptions(self) -> list[str]:
-        said = ["axes hold still; what their servo loops yield is part of the drives' springs"]
+        sentences = ["axes hold their position; the compliance of their servo loops is part of the drives' springs"]
         if self.at_home.R is None:
-            said.append("the plate keeps its orientation and is a point for forces: moments are not carried")
+            sentences.append("the plate keeps its orientation and is a point mass: it carries no moments")
         elif self.at_home.q.shape[1] > self.at_home.carts:
-            said.append("the plate keeps the orientation of its home")
-        return [*said, *([self.cones.assumes] if self.cones else [])]
+            sentences.append("the plate keeps the orientation of its home")
+        return [*sentences, *([self.cones.assumes] if self.cones else [])]
 
     def structure(self, poses: LinkPoses) -> LinkStructure:
         try:
@@ -247,14 +246,14 @@ class SprungLinks:
         return ComplianceAtPoses(s.compliance(), s.deflection(load), reason, frequencies, sag, shares)
 
 
-def _springs(given: Springs, load: Load, home: LinkPoses) -> LinkSprings:
-    links, carts, frame = given.links, given.carts, given.frame
+def _springs(springs_of: Springs, load: Load, home: LinkPoses) -> LinkSprings:
+    links, carts, frame = springs_of.links, springs_of.carts, springs_of.frame
     of_tube = links.modulus is not None or links.outer_diameter is not None or links.inner_diameter != 0
     whole = links.modulus is not None and links.outer_diameter is not None
     if of_tube == (links.stiffness is not None) or (of_tube and not whole):
         raise ArgumentError("expected either a stiffness, or modulus with outer diameter", "springs.links")
     if np.any(load.moment) and home.R is None:
-        raise ArgumentError("the plate of this robot is a point, which takes no moment; leave it out", "load.moment")
+        raise ArgumentError("the plate of this robot is a point and carries no moment; leave it out", "load.moment")
     if carts.axis is not None and home.q.shape[1] == home.carts:
         raise ArgumentError("this robot has no rotary axes on its carts; leave it out", "springs.carts.axis")
     try:

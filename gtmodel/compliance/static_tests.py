@@ -16,10 +16,10 @@ class StaticTests:
 
     J (n, 6, k): geometric Jacobian at the tool centre point, rows linear [m] then angular [1]; J_wrist (n, 3, k):
     linear, of the wrist centre. wrench (n, 6) [N, N.m] acts at the tool centre point; displacement (n, 6) [m, rad] is
-    the pose with it less that without. covariance (n, 6, 6) of the displacement's noise. wrist_displacement (n, 3) [m]
-    with wrist_covariance (n, 3, 3) where a target at the wrist centre was measured too, independently; else it follows
-    from the pose by `lever` (n, 3) [m], from the tool centre point to the wrist centre. K_c (n, k, k) [N.m/rad]:
-    complementary stiffness, zero if left out (Cvitanic 2021, eq. (3)).
+    the loaded less the unloaded pose. covariance (n, 6, 6): of the displacement's noise. wrist_displacement (n, 3) [m]
+    with wrist_covariance (n, 3, 3): of a separately measured target at the wrist centre; otherwise it follows from the
+    pose and `lever` (n, 3) [m], from the tool centre point to the wrist centre. K_c (n, k, k) [N.m/rad]: complementary
+    stiffness, zero if left out (Cvitanic 2021, eq. (3)).
     """
 
     J: np.ndarray
@@ -45,30 +45,30 @@ class StaticTests:
             if value is not None and not np.all(np.isfinite(value)):
                 raise ValueError(f"{name} is not finite in test {int(np.argwhere(~np.isfinite(value))[0, 0])}")
         if (self.wrist_displacement is None) != (self.wrist_covariance is None):
-            raise ValueError("wrist_displacement and wrist_covariance belong together; give both or none")
+            raise ValueError("give both wrist_displacement and wrist_covariance, or neither")
 
     def with_(self, **changes: np.ndarray | None) -> StaticTests:
-        """The tests with some arrays replaced. Raises ValueError as when they are made."""
+        """Return the tests with some arrays replaced. Raises ValueError as the constructor."""
         return replace(self, **changes)  # pyright: ignore[reportArgumentType]
 
     @property
     def torque(self) -> np.ndarray:
-        """J'F (n, k) [N.m], by which the load turns the joints, eq. (6)."""
+        """Joint torques J'F (n, k) [N.m] of the load, eq. (6)."""
         return np.einsum("nik,ni->nk", self.J, self.wrench)
 
     def wrist(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Displacement of the wrist centre (n, 3), its covariance (n, 3, 3), and that with the tool's linear
-        displacement, tool by wrist (n, 3, 3)."""
+        """Return the displacement of the wrist centre (n, 3), its covariance (n, 3, 3), and its covariance with the
+        tool's linear displacement, tool by wrist (n, 3, 3)."""
         if self.wrist_displacement is not None and self.wrist_covariance is not None:
             return self.wrist_displacement, self.wrist_covariance, np.zeros((len(self.J), 3, 3))
         B = np.concatenate([np.tile(np.eye(3), (len(self.J), 1, 1)), -cross_matrix(self.lever)], axis=2)
-        moved = np.einsum("nij,nj->ni", B, self.displacement)
+        displacement = np.einsum("nij,nj->ni", B, self.displacement)
         with_pose = self.covariance @ np.swapaxes(B, 1, 2)
-        return moved, B @ with_pose, with_pose[:, :3]
+        return displacement, B @ with_pose, with_pose[:, :3]
 
 
 def at_tool(J: ArrayLike, arm: ArrayLike) -> np.ndarray:
-    """Jacobians (n, 6, k) of a point displaced by `arm` (n, 3) [m], world coordinates, from J (n, 6, k).
+    """Return Jacobians (n, 6, k) of a point displaced by `arm` (n, 3) [m], world coordinates, from J (n, 6, k).
 
     >>> J = np.array([[[0], [0], [0], [0], [0], [1.0]]])  # one joint about z through the point
     >>> gt.compliance.at_tool(J, [[0.5, 0, 0]])[0, :, 0]

@@ -173,8 +173,8 @@ def correlation_figure(names: Sequence[str], correlation: np.ndarray, title: str
 # colour, size, opacity; other layers are what the picture is about
 LAYERS: Mapping[str, tuple[str, float, float]] = {
     "candidates": ("0.8", 2.0, 0.3), "calibrate": (ORANGE, 34.0, 1.0), "held out": (BLUE, 22.0, 1.0),
-    "reached, but not safe": ("0.7", 4.0, 0.4), "not seen": (PINK, 6.0, 0.6),
-    "seen, too near the edge": ("0.6", 5.0, 0.5),
+    "reachable, but not safe": ("0.7", 4.0, 0.4), "not seen": (PINK, 6.0, 0.6),
+    "seen, but too near the edge": ("0.6", 5.0, 0.5),
 }  # fmt: skip
 MAIN = (BLUE, 9.0, 0.35)
 CORNERS = np.array(list(np.ndindex(2, 2, 2)))
@@ -191,7 +191,7 @@ def room_figure(
     room: Box,
     boxes: Sequence[Box] = (),
     device: np.ndarray | None = None,
-    again: str = "of them more than once",
+    again: str = "chosen more than once",
     title: str = "",
 ) -> Figure:
     """Layers of points (n, 3) [m] with their numbers in the legend, the robot at home, the room as a wire box.

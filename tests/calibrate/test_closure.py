@@ -81,7 +81,7 @@ def test_a_users_own_mechanism_closes_by_propagation():
 
 def test_what_is_missing_is_named():
     flat = flat_of(true_robot("six_link"))
-    with pytest.raises(gt.ModelError, match="with q, T known not all equations close that hold"):
+    with pytest.raises(gt.ModelError, match="with q, T known, not all equations with parameters"):
         closure_equations(flat, ("q", "T"))
     with pytest.raises(gt.ModelError, match="'der\\(q\\)' is a derivative"):
         closure_equations(flat, ("der(q)", "T"))

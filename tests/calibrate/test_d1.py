@@ -106,7 +106,7 @@ def test_per_link_lengths_then_x_then_the_rest() -> None:
 
 def test_parameters_on_measured_guideways_are_no_robot_file() -> None:
     said = str(model(5).files["parameters.toml"])
-    assert "no robot file" in said.splitlines()[0] and "family" not in said
+    assert "not a robot file" in said.splitlines()[0] and "family" not in said
     assert 'family = "six_link"' in str(model(3).files["parameters.toml"])
 
 

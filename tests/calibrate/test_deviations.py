@@ -41,7 +41,7 @@ def test_a_deviation_is_in_the_unit_of_its_column(tmp_path: Path, signal: dict[s
 
 
 @pytest.mark.parametrize(("fields", "argument", "numbers"), [
-    ({"unit": "mm", "noise": 3e-5}, "noise", ["3e-05 was SI, which is 0.03 mm", "deviation = 0.03"]),
+    ({"unit": "mm", "noise": 3e-5}, "noise", ["3e-05 in SI is 0.03 mm", "deviation = 0.03"]),
     ({"unit": "deg", "noise": 0.01}, "noise", ["0.572957795131 deg"]),
     ({"unit": "mm", "noise": [[1e-6]]}, "noise", ["[[1.0]] (mm)^2"]),
     ({"unit": "m", "noise": 3e-5, "deviation": 3e-5}, "noise", []),

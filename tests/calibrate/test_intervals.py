@@ -32,16 +32,16 @@ def test_a_noise_stated_too_small_takes_them_away(fits: list[Calibration]) -> No
     small = {n: 0.5 * np.asarray(s) for n, s in m.noise.items()}
     problem = prepare(true_robot("three_link"), type(m)(m.values, small))
     reasons = Confidence(calibrate(problem)).reasons
-    assert "times the stated noise" in reasons[0] and "no 95 % intervals hold" in reasons[-1]
+    assert "times the stated noise" in reasons[0] and "95 % intervals are not valid" in reasons[-1]
 
 
 def test_guideway_errors_are_seen_in_the_order_of_their_own_positions() -> None:
     v = shipped("l1").values
     assert not v["intervals_hold"] and all(u["interval_95"] is None and u["std"] > 0 for u in v["unknowns"])
     for arm in range(3):
-        assert any(f"arm[{arm}].rod, poses in the order by q[{arm}]" in s for s in v["notes"])
+        assert any(f"arm[{arm}].rod, poses ordered by q[{arm}]" in s for s in v["notes"])
     rows = [row for row in shipped("l1").rows if "95 %" in row.label]
-    assert rows == [] and "no 95 % intervals" in str(shipped("l1").files["parameters.toml"])
+    assert rows == [] and "95 % intervals are not valid" in str(shipped("l1").files["parameters.toml"])
 
 
 def test_an_interval_is_given_by_name_where_it_holds() -> None:
@@ -57,7 +57,7 @@ def test_an_interval_is_given_by_name_where_it_holds() -> None:
 
 def test_an_interval_that_does_not_hold_is_refused_with_its_reason() -> None:
     done = shipped("l1")
-    with pytest.raises(ArgumentError, match="no 95 % intervals hold: such residuals are no independent noise"):
+    with pytest.raises(ArgumentError, match="95 % intervals are not valid: the residuals are not independent"):
         done.interval("L[0]")
     assert done.estimate is None and done.withheld == done.notes[-1]
     with pytest.raises(ArgumentError, match="nothing was estimated"):
@@ -75,7 +75,7 @@ def test_one_cart_in_other_units_is_no_sound_calibration(tmp_path: Path) -> None
     """Its direction takes the factor up, so that no held-out error tells it."""
     outcome = solved("l1", written(tmp_path, "l1", lambda r: [str(float(r[0]) / 10), *r[1:]]))
     assert not outcome.checks["moved_too_far"].passed
-    assert any("v[0] became 10 times as long" in s for s in outcome.values["notes"])
+    assert any("the length of v[0] changed by a factor of 10" in s for s in outcome.values["notes"])
     assert outcome.values["prediction_proven"] is False
     assert any(s.startswith("prediction not proven") and "v[0]" in s for s in outcome.values["verdict"])
     assert "moved_too_far" not in shipped("l1").checks and "moved_too_far" not in shipped("f1").checks

@@ -59,7 +59,7 @@ def test_poses_at_the_same_actuators_stay_together_and_wrong_folds_are_refused()
     c, _ = fitted("delta", 1, 6, DELTA)
     with pytest.raises(ArgumentError, match="stopped after 0 of 6 refits"):
         leave_out(c, stop=lambda: True)
-    with pytest.raises(ArgumentError, match="of one table of measurements"):
+    with pytest.raises(ArgumentError, match="one table of measurements"):
         leave_out(replace(c, problem=replace(c.problem, beside=(c.problem,))))
 
 
@@ -82,12 +82,12 @@ class TestStudy:
         )
         assert s.checks["held_out_over_fitted"].value == pytest.approx(left.judged.ratio, rel=1e-6)
         assert s.prediction_proven and s.verdict is not None
-        assert s.verdict[-1].startswith("prediction proven on 10 poses left out in turn: mean 0.0")
+        assert s.verdict[-1].startswith("prediction proven on 10 poses by cross-validation: mean 0.0")
         assert s.files["poses.csv"].count("left out in turn") == 10
 
     def test_folds_and_an_effect_that_is_lacking(self) -> None:
         s, _ = self.solved("folds", 5)
-        assert s.verdict is not None and "10 poses left out in turn in 5 folds" in s.verdict[-1]
+        assert s.verdict is not None and "10 poses by cross-validation in 5 folds" in s.verdict[-1]
         wrong, _ = self.solved("folds", 5, effect=5.0)
         assert wrong.prediction_proven is False
 
@@ -99,6 +99,6 @@ class TestStudy:
     def test_what_does_not_go_together_is_refused(self) -> None:
         poses = poses_of("delta", drawn("delta", 4, 10))
         held = replace(poses, held_out=np.arange(10) > 6)
-        for given, sentence in (([poses, poses], "of one table of measurements"), (held, "are held out already")):
+        for given, sentence in (([poses, poses], "one table of measurements"), (held, "holds out poses already")):
             with pytest.raises(ArgumentError, match=sentence):
                 study(drawing("delta", 4), given, self.ASKED, method="leave_one_out")

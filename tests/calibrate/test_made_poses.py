@@ -88,7 +88,7 @@ def test_six_links_of_a_plate_that_hardly_turns_need_priors_and_the_verdict_says
     held, known = (study(d1, poses, f) for f in (six, replace(six, priors={"B": Known(std=5e-4)})))
     free = study(d1, unstated, six)
     assert len(free.values["unknowns"]) == 60 and free.values["prediction_proven"] is False
-    assert "two links may have come to coincide: give priors" in free.values["verdict"][-1]
+    assert "two links may coincide: give priors" in free.values["verdict"][-1]
     assert not free.checks["held_out_poses_lost"].passed
     assert known.values["prediction_proven"] and known.values["held_out_mm"]["mean"] < 0.15
     # priors can be weighed against a stated noise: without any of one's own they are taken from the expected sizes
@@ -100,12 +100,12 @@ def test_six_links_of_a_plate_that_hardly_turns_need_priors_and_the_verdict_says
 def test_what_cannot_be_made_is_said() -> None:
     for changes, said in (
         ({"low": [9.0, 9, 9], "high": [10.0, 10, 10]}, "none of the 420 grid points is within reach"),
-        ({"poses": 4000}, "grid points are within reach; ask for no more"),
-        ({"low": [3.0, 0, 0]}, "the least x is 3 m and the greatest 2.4 m"),
+        ({"poses": 4000}, "grid points are within reach; choose fewer"),
+        ({"low": [3.0, 0, 0]}, "the lower x is 3 m and the upper 2.4 m"),
     ):
         with pytest.raises(ArgumentError, match=said):
             made(**changes)
-    with pytest.raises(ArgumentError, match="is for Gantry-Tau robots"):
+    with pytest.raises(ArgumentError, match="applies to Gantry-Tau robots"):
         make(Path("no robot"), Synthetic(low=[0.0] * 3, high=[1.0] * 3, counts=[2] * 3))  # type: ignore[arg-type]
 
 

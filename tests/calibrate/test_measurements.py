@@ -136,14 +136,14 @@ def test_three_and_six_dimensional_noise_may_differ_from_pose_to_pose():
     [
         ({"T": np.zeros((4, 3))}, {}, "the actuators 'q' are not among the measured T"),
         ({"q": np.zeros((4, 3)), "T": np.zeros((5, 3))}, {}, "'T' has 5 rows and 'q' 4; give one per pose"),
-        ({"q": np.zeros((4, 2)), "T": np.zeros((4, 3))}, {}, "'q' has 2 columns; the model's has 3"),
+        ({"q": np.zeros((4, 2)), "T": np.zeros((4, 3))}, {}, "'q' has 2 columns; the model's variable has 3"),
         ({"q": np.full((4, 3), np.nan), "T": np.zeros((4, 3))}, {}, "'q' is not finite at pose 0"),
-        ({"q": 1.0}, {}, "'q' is one number; expected rows"),
-        ({}, {}, "there is nothing measured"),
-        ({"q": np.zeros((4, 3))}, {"sessions": ["a"]}, "1 sessions are named for 4 poses"),
-        (None, {"corrections": [Correction("p")]}, "a correction names 'p', which is not among q, T"),
-        (None, {"corrections": [Correction("q", delay=True)]}, r"needs its rate among the values, as 'der\(q\)'"),
-        (None, {"poses": [Pose("X")]}, "a pose names 'X', which is not measured; measured are q, T"),
+        ({"q": 1.0}, {}, "'q' is one number; expected an array"),
+        ({}, {}, "there are no measurements"),
+        ({"q": np.zeros((4, 3))}, {"sessions": ["a"]}, "1 sessions for 4 poses"),
+        (None, {"corrections": [Correction("p")]}, "a correction names 'p', which is not a signal"),
+        (None, {"corrections": [Correction("q", delay=True)]}, r"needs its rate among the values, named 'der\(q\)'"),
+        (None, {"poses": [Pose("X")]}, "a pose names 'X', which is not measured; found q, T"),
         (None, {"poses": [Pose("T", target=True)]}, "the target of 'T' needs a measured orientation"),
     ],
 )
@@ -155,14 +155,14 @@ def test_wrong_measurements_get_a_sentence(values, more, sentence):
 @pytest.mark.parametrize(
     ("choice", "sentence"),
     [
-        (Choice(free=("a",)), "hold no parameter 'a'; did you mean|hold no parameter 'a'; they hold A, v, L"),
-        (Choice(free=("m_p",)), "hold no parameter 'm_p'"),
-        (Choice(fixed=("A", "v", "L")), "nothing is left free to calibrate"),
+        (Choice(free=("a",)), "no parameter 'a'; did you mean|no parameter 'a'; they contain A, v, L"),
+        (Choice(free=("m_p",)), "no parameter 'm_p'"),
+        (Choice(fixed=("A", "v", "L")), "no parameter of .* is free"),
         (Choice(tied={"v[1]": "v[0]"}), ""),
         (Choice(tied={"v[1]": "L"}), r"'v\[1,0\]' in 1 is tied to 'L\[0\]' in m"),
         (Choice(tied={"v[1]": "A"}), r"'v\[1\]' with 3 numbers is tied to 'A' with 9"),
         (Choice(tied={"L[0]": "L[1]", "L[1]": "L[0]"}), r"'L\[0\]' is tied to itself in a circle"),
-        (Choice(fixed=("u turned about x",)), "'u turned about x' is fixed, but no quaternion is turned so"),
+        (Choice(fixed=("u turned about x",)), "'u turned about x' is fixed, but 'u' is not listed"),
         (Choice(unit=("v[0]",)), r"unit names 'v\[0\]' with 3 numbers"),
         (Choice(priors=[Prior("L[7]", 1.0, 1.0)]), r"a prior names 'L\[7\]', which is not free"),
         (Choice(sizes={"L": 0.0}), "the expected error of 'L' is 0; it must be positive"),
@@ -178,22 +178,22 @@ def test_wrong_choices_get_a_sentence(choice, sentence):
 
 def test_wrong_calls_get_a_sentence():
     robot, m = true_robot("three_link"), measured("three_link", 5, {"q": 1e-5}, 0)
-    with pytest.raises(gt.ModelError, match="there is no cost 'lenght'; these are: squared, length"):
+    with pytest.raises(gt.ModelError, match="there is no cost 'lenght'; choose one of: squared, length"):
         calibrate(robot, m, cost="lenght")  # pyright: ignore
     few = calibrate(robot, m)  # 15 equations for 21 unknowns: said, not refused
     assert few.estimate is None and few.identifiability is not None and few.identifiability.rank == 15
-    assert few.message.endswith("and no residual is left to judge them by")
+    assert few.message.endswith("but no degrees of freedom are left to estimate their errors")
     with pytest.raises(gt.ModelError, match="do not determine"):
         calibrate(robot, m, hold_undetermined=False)
     with pytest.raises(gt.ModelError, match="start names 'x', which is not free"):
         calibrate(robot, m, start={"x": 1.0})
     with pytest.raises(gt.ModelError, match="the noise of 'q' must be positive"):
         calibrate(robot, Measurements(poses("three_link", 30), {"q": 0.0, "T": 1.0}))
-    with pytest.raises(gt.ModelError, match="give noise to the measured signals"):
+    with pytest.raises(gt.ModelError, match="state the noise of measured signals"):
         calibrate(robot, Measurements(poses("three_link", 30)), cost="orthogonal")
     with pytest.raises(gt.ModelError, match="the stated noise can close 1 of the 2 equations of a pose"):
         calibrate(true_robot("six_link"), Measurements(poses("six_link", 30)), cost="inverse")
-    with pytest.raises(gt.ModelError, match="priors are weighed against the noise: give that of T too"):
+    with pytest.raises(gt.ModelError, match="priors are weighted against the noise: state that of T"):
         calibrate(robot, measured("three_link", 30, {"q": 1e-5}, 0), Choice(priors=[Prior("L[0]", 2.0, 1e-3)]))
 
 
@@ -235,7 +235,7 @@ def test_each_session_has_the_frame_of_its_device():
     assert max(abs(both.values[n] - v) for n, v in true.items()) < RECOVERED
     # poses of the second session alone are judged by the parameters of both
     assert np.abs(c.on(m.part(np.arange(20, 40)))).max() < RECOVERED
-    with pytest.raises(gt.ModelError, match="there is no session 'third' among those prepared: first, second"):
+    with pytest.raises(gt.ModelError, match="session 'third' is unknown; the problem has: first, second"):
         c.on(Measurements(m.values, sessions=["third"] * 40, poses=m.poses))
 
 
@@ -257,5 +257,5 @@ def test_a_load_that_varies_determines_the_sag_and_a_constant_one_does_not():
     given = Measurements({**m.values}, poses=[Pose("T", sag=True, sag_start=k)])
     held = calibrate(true_robot("three_link"), given, Choice(fixed=("T.sag",)))
     assert "T.sag" not in held.problem.unknowns.names and np.abs(held.residuals).max() < RECOVERED
-    with pytest.raises(gt.ModelError, match=r"the sag of 'T' needs the load among the values, as 'load\(T\)' in N"):
+    with pytest.raises(gt.ModelError, match=r"the sag of 'T' needs the load in N among the values, named 'load\(T\)'"):
         prepare(true_robot("three_link"), Measurements(data, poses=[Pose("T", sag=True)]))

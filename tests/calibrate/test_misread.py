@@ -33,25 +33,23 @@ def refused(folder: Path, name: str = "l1", change: Change = list, rows: slice =
 class TestUnits:
     def test_millimetres_for_metres(self, tmp_path: Path) -> None:
         said = refused(tmp_path, T={"unit": "m"})
-        assert said == (
-            "poses.values.T: 'T' spans 2009 m as declared in m, 980 times the robot's 2.05 m; the column is "
-            'probably in mm; if it is right, accept = ["unit"]'
-        )
+        assert said.startswith("poses.values.T: 'T' spans 2009 m ") and "980 times the robot's size of 2.05 m" in said
+        assert said.endswith('probably in mm; if it is right, accept = ["unit"]')
 
     def test_metres_for_millimetres(self, tmp_path: Path) -> None:
         said = refused(tmp_path, change=lambda r: [*(repr(float(x) / 1e3) for x in r[:3]), *r[3:]])
-        assert "'q' spans 0.003442 m as declared in mm" in said and "probably in m" in said
+        assert "'q' spans 0.003442 m with the declared unit mm" in said and "probably in m" in said
 
     def test_both_wrong_alike(self, tmp_path: Path) -> None:
         assert "probably in mm" in refused(tmp_path, q={"unit": "um"}, T={"unit": "um"})
 
     def test_a_factor_that_is_no_thousand(self, tmp_path: Path) -> None:
         said = refused(tmp_path, change=lambda r: [*r[:3], *(repr(float(x) / 2.54) for x in r[3:])])
-        assert "'T' spreads 0.39" in said and "times as far as the robot's model says" in said
+        assert "'T' spreads 0.39" in said and "times as far as the robot's model predicts" in said
 
     def test_degrees_for_radians(self, tmp_path: Path) -> None:
         said = refused(tmp_path, "f1", q={"unit": ["mm"] * 3 + ["rad"] * 3})
-        assert "17 turns: it looks like degrees" in said
+        assert "17 turns: the column is probably in degrees" in said
 
     def test_the_files_header_contradicts(self) -> None:
         with pytest.raises(ArgumentError) as error:
@@ -71,13 +69,11 @@ class TestAxes:
 
     def test_reversed_seen_by_a_device_that_stands_unknown(self, tmp_path: Path) -> None:
         said = refused(tmp_path, change=lambda r: [*r[:4], repr(-float(r[4])), *r[5:]], frame="device")
-        assert "'T' is left-handed: poses miss the model's by 681 mm rms as given, and by 3.7 mm when mirrored" in said
+        assert re.search(r"'T' is left-handed: .* 681 mm rms .* 3\.7 mm when mirrored", said)
 
     def test_a_quaternion_with_its_scalar_last(self, tmp_path: Path) -> None:
         said = refused(tmp_path, "f1", change=lambda r: [*r[:9], *r[10:], r[9]])
-        assert (
-            "with its scalar last: orientations miss the model's by 164 deg rms as given, and by 8.4 deg when" in said
-        )
+        assert re.search(r"with its scalar last: .* 164 deg rms .* 8\.4 deg when", said)
 
 
 class TestColumns:
@@ -99,10 +95,8 @@ class TestColumns:
     def test_of_actuators_and_position_exchanged(self, tmp_path: Path, frame: str) -> None:
         said = refused(tmp_path, change=order(3, 4, 5, 0, 1, 2), frame=frame)
         before, left = {"robot": ("2.09 m", "12.2 mm"), "device": ("1.04 m", "3.7 mm")}[frame]
-        assert said == (
-            f"poses.values.q: 'q' and 'T' look exchanged: poses miss the model's by {before} rms as given, and "
-            f'by {left} when each is read from the columns of the other; if it is right, accept = ["exchanged_signals"]'
-        )
+        assert said.startswith("poses.values.q: 'q' and 'T' look exchanged: ")
+        assert f"by {before} rms" in said and f"by {left} " in said and 'accept = ["exchanged_signals"]' in said
 
     def test_rotary_axes_of_the_f1(self, tmp_path: Path) -> None:
         every_third = slice(None, None, 3)
@@ -124,7 +118,7 @@ class TestColumns:
         ):
             solved("l1", path, fixed=["L"])
         notes = solved("l1", path).notes
-        assert any(re.match(r"A\[\d,1\] moved by -?1\.3\d* m from where it was: are the columns", n) for n in notes)
+        assert any(re.match(r"A\[\d,1\] moved by -?1\.3\d* m from its start value", n) for n in notes)
 
     def test_a_signal_of_another_size(self, tmp_path: Path) -> None:
         said = refused(tmp_path, q={"column": ["q[1]", "q[2]"]})

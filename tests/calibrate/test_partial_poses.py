@@ -211,16 +211,16 @@ def test_a_pose_that_cannot_be_closed_is_named(delta, recorded):
 
 def test_what_does_not_go_together_gets_a_sentence(delta, recorded):
     heights, bars = recorded
-    with pytest.raises(gt.ModelError, match=r"cost 'length' needs all lengths, and T is latent; take 'forward'"):
+    with pytest.raises(gt.ModelError, match=r"cost 'length' needs all lengths, but T is latent; choose 'forward'"):
         calibrate(delta, heights, MOVED)
     bare = Measurements(heights.values, name="heights")
-    with pytest.raises(gt.ModelError, match=r"weighed by their noise: give that of T\[2\] of heights"):
+    with pytest.raises(gt.ModelError, match=r"weighted by their noise: state that of T\[2\] of heights"):
         calibrate(delta, [bare, bars], MOVED, cost="forward")
     gap = Measurements({**heights.values, "q@3": heights.values["q"]})
     with pytest.raises(gt.ModelError, match="numbered from 1 without gaps; found 1, 3"):
         prepare(delta, gap)
-    with pytest.raises(gt.ModelError, match="'q@b' names no pose of its row"):
+    with pytest.raises(gt.ModelError, match="'q@b' does not name a pose of its row"):
         prepare(delta, Measurements({**heights.values, "q@b": heights.values["q"]}))
     wide = Measurements({**heights.values, "T[2]": np.zeros((7, 2))})
-    with pytest.raises(gt.ModelError, match=r"'T\[2\]' has 2 columns; it is 1 numbers"):
+    with pytest.raises(gt.ModelError, match=r"'T\[2\]' has 2 columns; expected 1"):
         prepare(delta, wide)

@@ -107,7 +107,7 @@ def test_poses_are_added_until_the_accuracy_is_reached(plan: Planner):
     never = plan(criteria=accuracy(1e-3), poses=replace(FEW, most=14))
     assert not never.approved and not never.checks["predicted_error_m"].passed
     assert never.status is SolveStatus.CHECK_FAILED and "predicted_error_m" in never.message
-    assert "not approved with 14 poses: predicted_error_m; take more poses" in never.message
+    assert "not approved with 14 poses: predicted_error_m; " in never.message
 
 
 def test_a_wire_alone_is_not_approved_and_with_known_guideways_it_is(plan: Planner):
@@ -115,7 +115,7 @@ def test_a_wire_alone_is_not_approved_and_with_known_guideways_it_is(plan: Plann
     done = plan(wire, poses=poses)
     assert done.status is SolveStatus.CHECK_FAILED and not done.approved
     assert (done.rank, done.parameters) == (18, 21)
-    assert "moves with what no pose determines" in done.message and done.predicted_error is None
+    assert "depends on combinations that no pose determines" in done.message and done.predicted_error is None
     assert None in done.parameter_std.values()
     held = plan(wire, choice=Choice(fixed=["A"]), poses=poses, simulation=TWO, criteria=accuracy(1.0))
     assert held.approved and held.rank == held.parameters == 12

@@ -82,10 +82,10 @@ def test_a_file_of_poses_as_matrices_and_one_of_angles_in_degrees(tmp_path: Path
     [
         ("euler", "abc", "deg", "expected one of quaternion w x y z.*; found 'euler'"),
         ("intrinsic zzx", "abc", "deg", "turns about one axis twice in a row"),
-        ("KUKA A B C", "abc", "1", "is in angles: write the unit deg or rad"),
+        ("KUKA A B C", "abc", "1", "consists of angles: set the unit to deg or rad"),
         ("matrix", "abc", "1", "'matrix' has 9 or 12 or 16 columns; found 3"),
-        ("matrix", "ijklmnopq", "1", "the matrix of pose 1 is no rotation: it is mirrored"),
-        ("matrix", "ijklmnopa", "1", "the matrix of pose 1 is no rotation: it misses being orthogonal"),
+        ("matrix", "ijklmnopq", "1", "the matrix of pose 1 is not a rotation: it is mirrored"),
+        ("matrix", "ijklmnopa", "1", "the matrix of pose 1 is not a rotation: it deviates from orthogonality"),
     ],
 )
 def test_what_is_no_rotation_is_said(tmp_path: Path, representation, columns, unit, sentence):

@@ -75,9 +75,9 @@ def test_the_sag_is_estimated_given_or_said_to_be_unknown(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("how", "sentence"),
     [
-        ({"frame": "device", "device_per_session": True}, "name the column that says the recording"),
+        ({"frame": "device", "device_per_session": True}, "name the column with the recording"),
         ({"sag": Sag("weight")}, "weight"),
-        ({"sag": Sag(1.0, down=[0.0, 0.0, 0.0])}, "points nowhere"),
+        ({"sag": Sag(1.0, down=[0.0, 0.0, 0.0])}, "has no direction"),
     ],
 )
 def test_wrong_ways_to_read_get_a_sentence(folder: Path, how, sentence) -> None:
@@ -89,5 +89,5 @@ def test_frames_of_sessions_that_are_held_out_are_refused(folder: Path) -> None:
     lines = (folder / "moved.csv").read_text().splitlines()
     (folder / "a.csv").write_text("\n".join(line for line in lines if not line.endswith("second")) + "\n")
     (folder / "b.csv").write_text("\n".join(line for line in lines if not line.endswith("first")) + "\n")
-    with pytest.raises(ArgumentError, match="the frame in session 'second' cannot be known"):
+    with pytest.raises(ArgumentError, match="session 'second' are held out, so that the frame"):
         solved("l1", folder / "a.csv", how=measured("l1", **EACH), held_out=folder / "b.csv")

@@ -26,7 +26,7 @@ def test_a_shift_of_a_second_recording_is_named_with_its_share(signal: str) -> N
     shift = shift_of(c.problem.on(second("three_link", 1, **{signal: HOMED})), c.x, refitted=False)
     assert shift is not None and shift.share > 0.9 and shift.actuators == (signal == "q")
     np.testing.assert_allclose(shift.offsets[0], HOMED, atol=1e-4)
-    asked = {"q": "was the robot homed anew?", "T": "was the device moved?"}[signal]
+    asked = {"q": "was the robot homed again?", "T": "was the device moved?"}[signal]
     assert shift.message.startswith(f"three offsets of {signal} (") and asked in shift.message
     assert f"explain {100 * shift.share:.0f} % of the squared error" in shift.message
 
@@ -59,7 +59,7 @@ def test_the_hexapods_second_recording_was_moved_and_homed_anew() -> None:
     c = calibrate(robot, m, Choice(fixed=(*LEGS, *still)), actuators="n")
     homed = shift_of(c.problem, c.x, refitted=True)
     assert homed is not None and homed.offsets.shape == (1, 6) and 0.5 < homed.share < 0.8
-    assert homed.message.startswith("six offsets of n (") and "homed anew" in homed.message
+    assert homed.message.startswith("six offsets of n (") and "homed again" in homed.message
 
 
 def test_several_sessions_have_offsets_each() -> None:
@@ -80,7 +80,7 @@ def test_the_verdict_names_the_shift_in_place_of_more_poses() -> None:
     poses = replace(poses_of("three_link", values), held_out=np.arange(60) >= 30)
     s = study(drawing("three_link", 0), poses, KINDS["three_link"].fit)
     assert s.prediction_proven is False and s.verdict is not None
-    assert "three offsets of q (" in s.verdict[-1] and "was the robot homed anew?" in s.verdict[-1]
+    assert "three offsets of q (" in s.verdict[-1] and "was the robot homed again?" in s.verdict[-1]
     assert "measure more poses" not in s.verdict[-1]
     as_it_is = study(measured_robot("three_link"), poses_of("three_link", both[1]), Fit(free=[]))
     assert any("three offsets of q (" in said for said in as_it_is.verdict or ())

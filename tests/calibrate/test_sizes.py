@@ -48,4 +48,4 @@ def test_intervals_of_offsets_in_revolutions_are_not_withheld() -> None:
         confidence = Confidence(c)
         assert max(times) > 15 and confidence.holds == holds, (max(times), confidence.reasons)
         if not holds:
-            assert "n.offset" in confidence.reasons[0] and "say so in sizes" in confidence.reasons[0]
+            assert "n.offset" in confidence.reasons[0] and "change sizes" in confidence.reasons[0]

@@ -104,7 +104,7 @@ class TestChoices:
         lines = (tmp_path / "poses.csv").read_text().splitlines()
         (tmp_path / "other.csv").write_text("\n".join([*lines[:3], *lines[-20:]]) + "\n")
         (tmp_path / "poses.csv").write_text("\n".join(lines[:103]) + "\n")
-        with pytest.raises(ArgumentError, match="offsets of q in session 'b' cannot be known"):
+        with pytest.raises(ArgumentError, match="session 'b' are held out, so that the offsets of q"):
             solved("l1", path, how=estimated, held_out=tmp_path / "other.csv")
         other = solved("l1", path, how=given, held_out=tmp_path / "other.csv").values
         assert other["poses"]["held_out"] == 20 and other["held_out_mm"]["mean"] > 1 and not other["prediction_proven"]

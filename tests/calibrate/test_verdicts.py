@@ -103,8 +103,8 @@ def test_noise_that_was_stated_too_small_is_said_with_the_noise_that_would_do() 
     assert right.prediction_proven and of_noise(right).startswith("residuals are as large as the stated noise")
     assert little.prediction_proven and "but less than the 1.5 times that matter" in of_noise(little)
     assert not much.prediction_proven and not much.checks["residuals_over_noise"].passed
-    assert "residuals show no pattern over the positions of the actuators" in of_noise(much)
-    assert "the noise was stated too small, or the model lacks an effect of another shape" in of_noise(much)
+    assert "residuals show no pattern over the actuator positions" in of_noise(much)
+    assert "the stated noise is too small, or the model lacks an effect of another shape" in of_noise(much)
     assert "A noise of q 0.013 mm, T 0.051 mm would explain their size" in of_noise(much)
     assert stated(2.0, by=2.0).prediction_proven  # what the sentence says, done
     assert "it was stated too large" in of_noise(stated(0.5)) and stated(0.5).prediction_proven
@@ -112,13 +112,13 @@ def test_noise_that_was_stated_too_small_is_said_with_the_noise_that_would_do() 
 
 def test_few_poses_do_not_say_whether_an_effect_is_lacking_or_noise_was_stated_too_small() -> None:
     s = judged("delta", 4, 3.0)
-    assert not s.prediction_proven and "too few poses to see which" in of_noise(s)
+    assert not s.prediction_proven and "too few poses to decide" in of_noise(s)
 
 
 def test_an_effect_that_the_model_lacks_shows_its_pattern() -> None:
     values = drawn("six_link", 4, 80, 3.0)
     s = study(drawing("six_link", 4), poses_of("six_link", values), KINDS["six_link"].fit)
-    assert not s.prediction_proven and "residuals follow the positions of the actuators" in of_noise(s)
+    assert not s.prediction_proven and "residuals depend on the actuator positions" in of_noise(s)
     assert of_noise(s).partition(". A noise")[0].endswith("the model lacks an effect")
 
 
@@ -145,7 +145,7 @@ def test_without_a_stated_noise_the_verdict_says_what_it_cannot_see() -> None:
     s = study(drawing("three_link", 3), replace(poses, measurements=unknown), KINDS["three_link"].fit)
     assert s.prediction_proven and "residuals_over_noise" not in s.checks
     assert (
-        "noise was not stated: an error of the model that fitted and held-out poses share is not distinguished from it"
+        "noise was not stated: an error of the model that fitted and held-out poses share cannot be told from noise"
         in str(s.verdict)
     )
     half = Measurements(poses.measurements.values, {"T": 5e-5}, poses=poses.measurements.poses)
@@ -193,6 +193,4 @@ def test_poses_that_hardly_determine_a_parameter_do_not_contradict_what_was_know
     s = gt.load(PROBLEMS / "calibrate_d1_model_3.toml", "sensitivity_step=0")()
     assert s.prediction_proven and not any("contradicts" in sentence for sentence in (*s.verdict, *s.notes))
     # its guideways are not straight, by less than the noise that was stated for the carts
-    assert "residuals are 1.19 times" in of_noise(s) and "residuals follow the positions of the actuators" in of_noise(
-        s
-    )
+    assert "residuals are 1.19 times" in of_noise(s) and "residuals depend on the actuator positions" in of_noise(s)

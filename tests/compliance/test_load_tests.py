@@ -142,10 +142,10 @@ def part(tests: MeasuredTests, rows: Any = slice(None)) -> MeasuredTests:
 def test_displacements_with_the_sign_turned_are_told_in_a_sentence(robot, made) -> None:
     found = stiffness_study(robot, replace(part(made), displacement=-made.displacement), SETUP)
     assert found.adequate, "residuals alone do not show it"
-    assert "joints 1, 2, 3, 4, 5, 6 is negative beyond noise" in found.notes[0] and "sign turned" in found.notes[0]
+    assert "joints 1, 2, 3, 4, 5, 6 is negative beyond noise" in found.notes[0] and "wrong sign" in found.notes[0]
     assert found.softest is None and not found.checks["negative_compliances"].passed
     shown = {row.label: str(row.value) for row in found.rows}
-    assert shown["joint 1"].endswith("(negative, no interval)")
+    assert shown["stiffness of joint 1"].endswith("(negative, no interval)")
 
 
 def test_copied_rows_are_told(robot, made, shipped) -> None:

@@ -99,7 +99,7 @@ def test_joints_of_an_arm_share_the_loads_work():
     for n in (0, 2, 4):  # by itself, among joints that are as good as rigid
         alone = study(robot, ArmSprings(np.where(np.arange(6) == n, k, 1e20).tolist(), q, tool), load, map=coarse)
         assert found.shares[f"joint_{n + 1}"] == pytest.approx(alone.work / found.work, rel=1e-9)
-    row = next(row.value for row in found.rows if row.label == "what takes the work")
+    row = next(row.value for row in found.rows if row.label == "shares of the work of the load")
     assert row.startswith("joint 1 ") and row.count("%") == 6
     bars = found.figure("shares").axes[0].patches
     assert [round(b.get_width() / 100, 6) for b in bars[::-1]] == [round(x, 6) for x in found.shares.values()]

@@ -193,7 +193,7 @@ class TestJointStiffness:
         assert s.values["synthetic"] == "seed 9, noise 2e-05 m and 0.0001 rad" and s.values["parameters"] is None
         page = s.files["report.html"]
         assert "Synthetic load tests: seed 9" in page and 'src="data:image/png' in page
-        assert "do not follow from it" in page and "negative" not in page
+        assert "do not follow from the model" in page and "negative" not in page
 
     def test_a_measured_file_is_read(self, shipped_arm, tmp_path: Path) -> None:
         _, head, *lines = shipped_arm.files["load_tests.csv"].splitlines()

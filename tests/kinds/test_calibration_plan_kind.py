@@ -40,7 +40,7 @@ def test_the_declared_plan_goes_from_the_room_to_the_robot_program(capsys, tmp_p
     done = Commands(capsys)("solve", FILE, *sets, "--json", "--out", tmp_path / "out")
     assert done.code == 0 and done.json["status"] == "solved"
     v = done.json["values"]
-    assert v["approved"] and v["verdict"].startswith("approved: 20 poses and 5 held out")
+    assert v["approved"] and v["verdict"].startswith("approved: 20 poses and 5 held-out")
     assert list(v["stages"]) == ["workspace", "obstacles", "safety", "device", "safety distance"]
     counts = list(v["stages"].values())
     assert counts == sorted(counts, reverse=True) and counts[0] > counts[1] > counts[2]

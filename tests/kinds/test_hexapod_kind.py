@@ -58,7 +58,7 @@ def test_the_other_recording_is_judged_with_six_offsets_and_frames_refitted():
 @pytest.mark.parametrize(
     ("setting", "sentence"),
     [
-        ("measurements.signals.T.unit=m", "'T' spans 664 m as declared in m, .* the column is probably in mm"),
+        ("measurements.signals.T.unit=m", "'T' spans 664 m with the declared unit m, .* the column is probably in mm"),
         (
             'measurements.signals.n.column=["leg_length_4","leg_length_2","leg_length_6","leg_length_1","leg_length_3",'
             '"leg_length_5"]',

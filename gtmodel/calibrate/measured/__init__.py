@@ -1,9 +1,9 @@
-"""Measured poses: how they stand in a file, read, split in fitted and held-out ones, looked at before a fit.
+"""Measured poses: read from a file, split into fitted and held-out ones, checked before a fit.
 
-Measured, MeasuredSignal, MeasuredPoint, FrameStart, Sag   columns of a file and what lies between device and robot
+Measured, MeasuredSignal, MeasuredPoint, FrameStart, Sag   columns of a file; frames and points of device and robot
 read_poses        the poses of a CSV file
-MeasuredPoses     poses with what is known of their file
-Refit             what a held-out recording has of its own
+MeasuredPoses     poses with information about their file
+Refit             parameters specific to a held-out recording
 CartPoints, read_cart_points   guideways through measured points of the carts
 """
 

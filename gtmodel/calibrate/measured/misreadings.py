@@ -1,5 +1,5 @@
-"""Measurements that were read wrong, recognised before the fit by the robot's own kinematics: units, signals, axes,
-quaternions, columns."""
+"""Recognises misread measurements before the fit from the robot's own kinematics: units, signals, axes, quaternions,
+columns."""
 
 from __future__ import annotations
 
@@ -50,55 +50,55 @@ from .column_checks import (
 from .poses import SplitPoses
 from .reading_file import MATRIX, quaternions
 
-STEPS = 20  # of each fit: a few unknowns near their start need fewer
-POSES = 40  # that are looked at: enough to distinguish one order from another
+STEPS = 20  # of each fit; a few unknowns near their start values need fewer
+POSES = 40  # number of poses checked: enough to distinguish one order from another
 
 
 def misread_columns(
     problem: CalibrationProblem, lengths: Sequence[str] = (), columns: Sequence[str] = (), axes_of: str = ""
 ) -> Suspicion | None:
-    """Another reading of the columns that closes the links much better, with the residuals seen.
+    """Look for another reading of the columns that closes the links much better; it states the residuals of both.
 
-    `problem`: prepared with little left free, such as the frames and an offset per actuator, so that a wrong reading
-    cannot be explained away. `lengths`: signals that may be off by a factor of 1000; `columns`: what to call those of
-    the actuators; `axes_of`: a position whose axes may be exchanged or reversed. No forward kinematics is needed. Where
-    frames are free, their start must be nearer to the truth than a turn that renumbers the links.
+    `problem`: prepared with few free parameters, such as the frames and an offset per actuator, so that they cannot
+    compensate for a wrong reading. `lengths`: signals that may be off by a factor of 1000. `columns`: names of the
+    actuators' columns. `axes_of`: a position whose axes may be exchanged or reversed. Forward kinematics is not needed.
+    Free frames must start nearer to the truth than a turn that renumbers the links.
     """
     m = problem.measurements
     rows = np.unique(np.linspace(0, len(m) - 1, min(POSES, len(m))).round().astype(int))
     problem, m = problem.on(m.part(rows)), m.part(rows)
-    given = _misfit(problem, m, {})
+    misfit = _misfit(problem, m, {})
     beyond = len(m) * len(problem.labels) - len(problem.unknowns.names)
     q = np.asarray(m.values[problem.actuators])
     names = columns or [f"{problem.actuators}[{k}]" for k in range(q.shape[1])]
-    at, of = problem.actuators, {name: np.asarray(m.values[name]) for name in m.values}
-    readings = [in_order(names, _ordered(problem, m, given), at), *reversals(names, [range(len(names))], at)]
-    readings += [r for name in lengths for r in thousands(name, of[name].shape[1])]
+    signal, values = problem.actuators, {name: np.asarray(m.values[name]) for name in m.values}
+    readings = [in_order(names, _ordered(problem, m, misfit), signal), *reversals(names, [range(len(names))], signal)]
+    readings += [r for name in lengths for r in thousands(name, values[name].shape[1])]
     readings += [scalar_last(name) for name in problem.closure.unit]
-    readings += axes(axes_of, of[axes_of].shape[1]) if axes_of else []
+    readings += axes(axes_of, values[axes_of].shape[1]) if axes_of else []
     steps = len(names) * (len(names) - 1) - 1  # pairs of columns, and as many steps of the search
 
-    def left(r: OtherReading) -> float:
-        return _misfit(problem, m, {r.signal: r(of[r.signal])})
+    def misfit_of(r: OtherReading) -> float:
+        return _misfit(problem, m, {r.signal: r(values[r.signal])})
 
-    best = compared(given, readings, left, beyond, nearer=NEARER, tests=steps)
+    best = compared(misfit, readings, misfit_of, beyond, nearer=NEARER, tests=steps)
     return (
         None
         if best.passed
-        else best.suspicion(f"links miss by {length(given)} rms as given, and by", length(best.left))
+        else best.suspicion(f"links miss by {length(misfit)} rms as declared, and by", length(best.left))
     )
 
 
-def _ordered(problem: CalibrationProblem, m: Measurements, given: float) -> list[int]:
-    """The order of the actuators' columns: by assignment at the start values, then by exchanges that each lower what
-    the links miss by."""
+def _ordered(problem: CalibrationProblem, m: Measurements, declared: float) -> list[int]:
+    """The order of the actuators' columns: by assignment at the start values, then by exchanges that lower the misfit
+    of the links."""
     columns = np.asarray(m.values[problem.actuators])
 
     def misfit(order: Sequence[int]) -> float:
         return _misfit(problem, m, {problem.actuators: columns[:, order]})
 
     assigned = _assigned(problem, m)
-    best, order = min([(given, list(range(columns.shape[1]))), (misfit(assigned), assigned)], key=itemgetter(0))
+    best, order = min([(declared, list(range(columns.shape[1]))), (misfit(assigned), assigned)], key=itemgetter(0))
     while True:
         trials = []
         for a, b in combinations(range(len(order)), 2):
@@ -112,7 +112,7 @@ def _ordered(problem: CalibrationProblem, m: Measurements, given: float) -> list
 
 
 def _assigned(problem: CalibrationProblem, m: Measurements) -> list[int]:
-    """Which column each actuator should read, by how little its links' errors vary from pose to pose."""
+    """The column for each actuator, chosen so that its links' errors vary least from pose to pose."""
     columns = np.asarray(m.values[problem.actuators])
     n = columns.shape[1]
     varied = np.empty((n, n))
@@ -126,7 +126,7 @@ def _assigned(problem: CalibrationProblem, m: Measurements) -> list[int]:
 
 
 def _misfit(problem: CalibrationProblem, m: Measurements, read: dict[str, np.ndarray]) -> float:
-    """Root mean square [m] of the links' errors after the fit; infinite where there is none."""
+    """Root mean square [m] of the links' errors after the fit; infinite if the fit fails."""
     try:
         other = problem.on(replace(m, values={**m.values, **read}))
         free = bool(other.unknowns.names)
@@ -137,34 +137,34 @@ def _misfit(problem: CalibrationProblem, m: Measurements, read: dict[str, np.nda
     return rms if np.isfinite(rms) else np.inf
 
 
-MOST = 150  # poses that are looked at: enough to distinguish a metre from a millimetre
-REACHED = 0.5  # share of the poses that the model must reach to be a witness
-MISFIT = 2e-4  # of the robot's size: length errors of a fit above this are worth a look at other orders
-RIGHT = 5e-3  # of the robot's size: another order that leaves less is right where the given one has no solution
+MOST = 150  # number of poses checked: enough to distinguish a metre from a millimetre
+REACHED = 0.5  # share of the poses that the model must reach for a comparison
+MISFIT = 2e-4  # of the robot's size: above these length errors, other orders of the columns are tried
+RIGHT = 5e-3  # of the robot's size: if the declared order has no solution, another order with smaller errors is right
 TRIALS = 25  # iterations of a fit with other columns
 TURNED = 0.2  # rad: orientations nearer to the model's are read right
 
 
 @dataclass(frozen=True, eq=False)
 class Witness:
-    """The robot's model as it was before calibration, by forward kinematics; None where it has none."""
+    """Forward kinematics of the robot's model before calibration; None if it has none."""
 
     forward: CausalFunction | None
     size: float
 
     def positions(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Positions (n, 3), in the plane (n, 2), and quaternions (n, 4 or 0) of the rows (n,) that are reached."""
+        """Positions (n, 3), in the plane (n, 2), and quaternions (n, 4 or 0) of the reached rows (n,)."""
         assert self.forward is not None
         T, *e, status = self.forward(q)
         good = np.flatnonzero(np.asarray(status) == 0)
         if not e:
             return T[good], np.zeros((len(good), 0)), good
-        turned = e[0][good]
-        return T[good], quaternions(turned.reshape(-1, 9), MATRIX) if turned.ndim == 3 else turned, good
+        rotations = e[0][good]
+        return T[good], quaternions(rotations.reshape(-1, 9), MATRIX) if rotations.ndim == 3 else rotations, good
 
 
 def witness_of(model: Model, data: SplitPoses) -> Witness:
-    """Of the signals that were measured."""
+    """Compile the forward kinematics for the measured signals."""
     pose = data.pose
     flat = flat_of(model)
     lengths = [abs(p.value) for p in flat.parameters if p.unit == "m" and np.isfinite(p.value)]
@@ -173,22 +173,22 @@ def witness_of(model: Model, data: SplitPoses) -> Witness:
         return Witness(None, size)
     turn = pose.orientation if pose.orientation in flat.groups else "R"
     measured = ((pose.position, pose.position), (pose.orientation, turn))
-    targets = [by for n, by in measured if n is not None and by is not None and n in data.all.values]
+    targets = [variable for n, variable in measured if n is not None and variable is not None and n in data.all.values]
     try:
         forward = compile_causal(model, known=[data.actuators], targets=targets)
     except ModelError:
         forward = None
-    # a frame of the device is sought in space only
+    # only a three-dimensional model can locate a device frame
     if forward is not None and forward.outputs[0].shape not in (((3,),) if pose.device else ((2,), (3,))):
         forward = None
     return Witness(forward, size)
 
 
 def recognise(data: SplitPoses, witness: Witness, inspection: Inspection) -> tuple[np.ndarray, np.ndarray] | None:
-    """The frame of the device (t, quaternion) by alignment with the model, None without a witness.
+    """Return the frame of the device (t, quaternion) from alignment with the model; None without forward kinematics.
 
-    Raises ArgumentError in one sentence with the numbers seen, unless the alarm is accepted: wrong units, exchanged
-    columns, swapped axes.
+    Raises ArgumentError for wrong units, exchanged columns or swapped axes, in one sentence with numbers, unless the
+    alarm is accepted.
     """
     pose = data.pose
     at_actuators, at_position = (f"poses.values.{n}" for n in (data.actuators, pose.position))
@@ -207,7 +207,7 @@ def recognise(data: SplitPoses, witness: Witness, inspection: Inspection) -> tup
     names, groups = _columns(data)
     before, beyond = misfit(predicted, e, good), degrees_of_freedom(len(T), T.shape[1], pose.device)
 
-    def left(r: OtherReading) -> float:
+    def misfit_of(r: OtherReading) -> float:
         if not r.order:
             return misfit(*witness.positions(T), q)
         if r.signal:
@@ -215,15 +215,15 @@ def recognise(data: SplitPoses, witness: Witness, inspection: Inspection) -> tup
         return misfit(*witness.positions(r(q)))
 
     def other(readings: Sequence[OtherReading]) -> Suspicion | None:
-        """What fits better, where poses are not near to the model's; those out of reach are off by the robot's size."""
+        """The best other reading if poses are not near the model's; unreachable ones count as the robot's size."""
         if not readings or before <= CLOSE * witness.size:
             return None
-        best = compared(min(before, witness.size), readings, left, beyond, nearer=NEARER)
-        said = f"poses miss the model's by {length(before)} rms as given, and by"
-        return best.suspicion(said, length(best.left))
+        best = compared(min(before, witness.size), readings, misfit_of, beyond, nearer=NEARER)
+        misfit_text = f"measured and predicted poses differ by {length(before)} rms as declared, and by"
+        return best.suspicion(misfit_text, length(best.left))
 
     signals = [OtherReading("exchanged_signals", f"'{data.actuators}' and '{pose.position}' look exchanged",
-                       "when each is read from the columns of the other")]  # fmt: skip
+                       "if each is read from the columns of the other")]  # fmt: skip
     inspection.refuse(other(signals if q.shape == T.shape else []), at_actuators)
     inspection.refuse(stuck_columns(names, data.q, before, witness.size), at_actuators)
     if len(good) >= REACHED * len(q) and len(good) > 3:
@@ -239,12 +239,12 @@ def recognise(data: SplitPoses, witness: Witness, inspection: Inspection) -> tup
     inspection.refuse(suspicion, at_position if swapped else at_actuators)
     if not reached:
         if len(q) < 4:
-            raise ArgumentError(f"found {len(q)} poses; expected at least 4, better several tens", at_actuators)
-        far = (
+            raise ArgumentError(f"found {len(q)} poses; expected at least 4, preferably several tens", at_actuators)
+        message = (
             f"the robot's model reaches {len(good)} of {len(q)} poses with these actuators; check their units, order "
-            "and zero, or the robot"
+            "and zero points, or the robot's parameters"
         )
-        inspection.refuse(Suspicion("out_of_reach", far), at_actuators)
+        inspection.refuse(Suspicion("out_of_reach", message), at_actuators)
         return None
     if pose.device:
         t, R, _ = aligned(T[good], predicted)
@@ -255,29 +255,30 @@ def recognise(data: SplitPoses, witness: Witness, inspection: Inspection) -> tup
 def recognise_sessions(
     data: SplitPoses, witness: Witness, inspection: Inspection
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """recognise(), session by session where the device stood elsewhere in each: its frames, of one for all under "";
-    empty without."""
+    """Apply recognise() per session if the device moved between sessions; a frame common to all has the key "".
+
+    Empty without a device frame."""
     m, frames = data.all, {}
     for s in m.session_names if data.pose.device_per_session else ("",):
         rows = np.ones(len(m), bool) if m.sessions is None or not s else np.array([x == s for x in m.sessions])
-        placed = recognise(
+        frame = recognise(
             replace(data, all=m.part(rows), lines=data.lines[rows], held_out=data.held_out[rows]), witness, inspection
         )
-        if placed is not None:
-            frames[s] = placed
+        if frame is not None:
+            frames[s] = frame
     return frames
 
 
 def a_priori(
-    data: SplitPoses, witness: Witness, placed: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    data: SplitPoses, witness: Witness, frames: Mapping[str, tuple[np.ndarray, np.ndarray]]
 ) -> Prediction | None:
-    """Errors of the robot as it was at all poses, in its frame; NaN where it does not reach, None without a witness."""
+    """Errors of the nominal robot at all poses, in its frame; NaN if out of reach, None without forward kinematics."""
     if witness.forward is None:
         return None
     q, T = data.q, data.T
     sessions = np.array(data.all.sessions if data.all.sessions is not None else [""] * len(T))
     T = np.array(T)
-    for s, (t, u) in placed.items():
+    for s, (t, u) in frames.items():
         rows = sessions == s if s else np.ones(len(T), bool)
         T[rows] = t + scipy.spatial.transform.Rotation.from_quat(u, scalar_first=True).apply(T[rows])
     predicted, _, good = witness.positions(q)
@@ -287,8 +288,7 @@ def a_priori(
 
 
 def misread_by_lengths(data: SplitPoses, prepared: CalibrationProblem, witness: Witness) -> Suspicion | None:
-    """How columns are read otherwise, by the lengths of the robot as it was, which no fit has bent to the readings; for
-    robots without forward kinematics."""
+    """Another reading of the columns, judged by the nominal lengths, for robots without forward kinematics."""
     if witness.forward is not None or prepared.implicit:
         return None
     alone = _alone(prepared)
@@ -299,19 +299,19 @@ def misread_by_lengths(data: SplitPoses, prepared: CalibrationProblem, witness: 
 
 
 def misread_after(data: SplitPoses, prepared: CalibrationProblem, c: Calibration, witness: Witness) -> Suspicion | None:
-    """After a fit: how columns are read otherwise.
+    """After a fit: look for another reading of the columns.
 
-    Without forward kinematics by the lengths of the robot as it was, which no fit has bent to the readings. Where a fit
-    leaves length errors, whether it is of another order of the actuators' columns, by fits of all of them: arms do not
-    know their columns, residuals do. None where errors are small for the robot's size or as large as the stated noise,
-    and where chance may explain what another order leaves: few residuals are beyond the unknowns.
+    Robots without forward kinematics are judged by their nominal lengths, which no fit has adapted to the data. If a
+    fit leaves length errors, fits with other orders of the actuators' columns are compared by their residuals. None if
+    the errors are small for the robot's size or as large as the stated noise, and if chance may explain the difference
+    because few degrees of freedom are left.
     """
     names, groups = _columns(data)
     misread = misread_by_lengths(data, prepared, witness)
     if misread is not None:
         return misread
-    given = _rms(c.residuals)
-    if given <= MISFIT * witness.size:
+    declared = _rms(c.residuals)
+    if declared <= MISFIT * witness.size:
         return None
     if c.estimate is not None and c.estimate.known_noise and over_noise(c.estimate).passed:
         return None
@@ -322,7 +322,7 @@ def misread_after(data: SplitPoses, prepared: CalibrationProblem, c: Calibration
     m = data.fitted
     q = np.asarray(m.values[data.actuators])
 
-    def left(r: OtherReading) -> float:
+    def misfit_of(r: OtherReading) -> float:
         other = replace(m, values={**m.values, data.actuators: r(q)})
         try:
             return _rms(calibrate(prepared.on(other), cost="length", limit=TRIALS, confidence=False).residuals)
@@ -332,16 +332,16 @@ def misread_after(data: SplitPoses, prepared: CalibrationProblem, c: Calibration
     readings = exchanges(names, groups)
     if not readings:
         return None
-    best = compared(given, readings, left, c.residuals.size - len(c.x), nearer=NEARER)
-    # a fit that did not end leaves what another start might not: another order must then be right, not only nearer
+    best = compared(declared, readings, misfit_of, c.residuals.size - len(c.x), nearer=NEARER)
+    # a fit that did not converge may have had a bad start: another order must then be right, not only nearer
     if not (c.status.ok or best.left <= RIGHT * witness.size):
         return None
-    before = f"{length(given)} rms" if np.isfinite(given) else "no solution"
-    return best.suspicion(f"links are left with {before} as given and with", f"{length(best.left)} rms")
+    before = f"{length(declared)} rms" if np.isfinite(declared) else "no solution"
+    return best.suspicion(f"links are left with {before} as declared, and with", f"{length(best.left)} rms")
 
 
 def _alone(prepared: CalibrationProblem) -> CalibrationProblem:
-    """With nothing but frames and offsets free: no link can then take up another's column, in whatever order."""
+    """The problem with only frames and offsets free, so that no link can adapt to another's column."""
     return prepare(prepared.closure.flat, prepared.measurements, Choice(free=[]), actuators=prepared.actuators)
 
 
@@ -359,20 +359,20 @@ def _units(data: SplitPoses, size: float, inspection: Inspection) -> None:
         si = [parse_unit(u).si_text for u in units]
         lengths, angles = ([k for k, u in enumerate(si) if u == unit] for unit in ("m", "rad"))
         whole = name in (data.actuators, data.pose.position)
-        if lengths and (whole or np.ptp(rows[:, lengths]) > size):  # heights of a level bed, one distance: hardly any
+        if lengths and (whole or np.ptp(rows[:, lengths]) > size):  # heights of a level bed hardly vary
             inspection.refuse(other_unit(name, rows[:, lengths], size, units[lengths[0]]), f"poses.values.{name}")
         if angles:
             inspection.refuse(too_many_turns(name, rows[:, angles], units[angles[0]]), f"poses.values.{name}")
 
 
 def _columns(data: SplitPoses) -> tuple[list[str], list[list[int]]]:
-    """Names of the actuators' columns, and those of one unit."""
+    """Names of the actuators' columns, and their indices grouped by unit."""
     names, units = data.columns[data.actuators].names, data.columns[data.actuators].units
     return list(names), [[k for k, unit in enumerate(units) if unit == u] for u in dict.fromkeys(units)]
 
 
 def _upright(data: SplitPoses, rows: np.ndarray, predicted: np.ndarray) -> Suspicion | None:
-    """Quaternions whose scalar stands last."""
+    """Check for quaternions with the scalar last."""
     pose = data.pose
     if pose.orientation is None or pose.device or pose.target or not predicted.shape[1]:
         return None
@@ -381,9 +381,9 @@ def _upright(data: SplitPoses, rows: np.ndarray, predicted: np.ndarray) -> Suspi
     def turned(rows: np.ndarray) -> float:
         return float(np.sqrt(np.mean(angle_between(rows, predicted) ** 2)))
 
-    given = turned(e)
-    if given <= TURNED:
+    misfit = turned(e)
+    if misfit <= TURNED:
         return None
-    best = compared(given, [scalar_last(pose.orientation)], lambda r: turned(r(e)), 3 * len(e), nearer=NEARER)
-    said = f"orientations miss the model's by {np.degrees(given):.3g} deg rms as given, and by"
-    return best.suspicion(said, f"{np.degrees(best.left):.3g} deg")
+    best = compared(misfit, [scalar_last(pose.orientation)], lambda r: turned(r(e)), 3 * len(e), nearer=NEARER)
+    misfit_text = f"measured and predicted orientations differ by {np.degrees(misfit):.3g} deg rms as declared, and by"
+    return best.suspicion(misfit_text, f"{np.degrees(best.left):.3g} deg")

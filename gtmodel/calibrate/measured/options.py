@@ -1,4 +1,4 @@
-"""How poses stand in a CSV file: columns and units, what lies between device and robot, points along guideways."""
+"""Options for poses in a CSV file: columns and units, frames and points of device and robot, points of guideways."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ESTIMATE: Free = "estimate"
 
 @dataclass(frozen=True)
 class MeasuredSignal(Options):
-    """Columns of a measured variable: quantity = scale (column + delay rate) - offset, as of the signals of a log.
+    """Columns of a measured variable: quantity = scale (column + delay rate) - offset, as for signals of a log.
 
     >>> gt.calibrate.MeasuredSignal("T", "mm", deviation=0.01).noise_in_si  # T[0], T[1], ... of the file
     1e-05
@@ -26,89 +26,89 @@ class MeasuredSignal(Options):
     'estimate'
     """
 
-    column: Annotated[str | list[str], 'names in the file; "q" means "q[0]", "q[1]", ... too']
+    column: Annotated[str | list[str], 'names in the file; "q" also means "q[0]", "q[1]", ...']
     unit: Annotated[str | list[str], "unit of the columns, or one each"]
     deviation: Annotated[
         float | list[float] | list[list[float]] | None,
-        "standard deviation in the unit of the column, one, one each, or a covariance in its square; of a quaternion "
-        "or matrix in rad; left out, the residuals give it",
+        "standard deviation in the unit of the column: one, one each, or a covariance in its square; in rad for a "
+        "quaternion or matrix; if left out, estimated from the residuals",
     ] = None
     noise: Annotated[
         float | list[float] | list[list[float]] | None,
-        "old name of deviation, in SI; read where the unit is SI",
+        "old name of deviation, in SI; accepted if the unit is SI",
     ] = None
     scale: Annotated[float | Free, "quantity per column, both in SI"] = 1.0
     offset: Annotated[
-        float | Free, "what is read when the quantity is zero, in its SI unit; estimated, one per session"
+        float | Free, "reading at which the quantity is zero, in its SI unit; if estimated, one per session"
     ] = 0.0
-    delay: Annotated[float | Free, Unit("s"), "how late the column is; needs its rate"] = 0.0
+    delay: Annotated[float | Free, Unit("s"), "delay of the column; needs its rate"] = 0.0
     rate: Annotated[str | list[str] | None, "columns of the rate, for a delay"] = None
     rate_unit: Annotated[str, "unit of the rate's columns"] = "m/s"
     between: Annotated[
         list[str] | None, Long(2),
-        'the signal is the distance from one position or point to another, such as ["T", "T@2"]',
+        'the signal is the distance between two positions or points, such as ["T", "T@2"]',
     ] = None  # fmt: skip
     representation: Annotated[
         str | None,
-        "of an orientation: quaternion w x y z (if left out), quaternion x y z w, rotation vector, matrix, KUKA A B C, "
+        "of an orientation: quaternion w x y z (default), quaternion x y z w, rotation vector, matrix, KUKA A B C, "
         "intrinsic zyx or extrinsic xyz with any axes; of a position: matrix, the last column of a pose's 12 or 16",
     ] = None  # fmt: skip
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("deviation", "noise"):
-            given = getattr(self, name)
-            if given is None:
+            value = getattr(self, name)
+            if value is None:
                 continue
-            sizes = np.diagonal(given) if np.ndim(given) == 2 else np.atleast_1d(given)
+            sizes = np.diagonal(value) if np.ndim(value) == 2 else np.atleast_1d(value)
             if not (np.all(sizes > 0) and np.all(np.isfinite(sizes))):
                 raise ArgumentError(
-                    f"found {given}; expected more than 0, as no reading is exact: give a standard deviation, or leave "
-                    "it out and the residuals give it",
+                    f"found {value}; expected more than 0, as no reading is exact: give a standard deviation, or leave "
+                    "it out to estimate it from the residuals",
                     name,
                 )
         if self.noise is None:
             return
         if self.deviation is not None:
-            raise ArgumentError("is the old name of deviation and stands beside it; leave one of the two out", "noise")
+            raise ArgumentError("is the old name of deviation, which is also given; leave one of the two out", "noise")
         renamed("noise of a signal", "deviation")
         try:
             si = all(parse_unit(u).is_si for u in self._units)
-        except UnitError:  # said when the columns are read
+        except UnitError:  # reported when the columns are read
             return
         if not si:
             was, units = self._scaled(self.noise, -1), ", ".join(dict.fromkeys(self._units))
             units = f"({units})^2" if np.ndim(self.noise) == 2 else units
             raise ArgumentError(
-                f"is read where columns are in SI, and these are in {units}: {self.noise} was SI, which is {was} "
+                f"is accepted only if columns are in SI, and these are in {units}: {self.noise} in SI is {was} "
                 f"{units}: write deviation = {was}, or deviation = {self.noise} if that is in {units}",
                 "noise",
             )
 
     @property
     def noise_in_si(self) -> float | list[float] | list[list[float]] | None:
-        """Standard deviation or covariance of the quantity in SI; None where it is not stated. Raises ArgumentError."""
+        """Standard deviation or covariance of the quantity in SI; None if not stated. Raises ArgumentError."""
         return self.noise if self.deviation is None else self._scaled(self.deviation, 1)
 
     @property
     def _units(self) -> list[str]:
         return [self.unit] if isinstance(self.unit, str) else self.unit
 
-    def _scaled(self, given: float | list[float] | list[list[float]], power: int) -> Any:
-        """From the unit of the columns to the quantity in SI, or back, in the decimal digits that people write."""
+    def _scaled(self, value: float | list[float] | list[list[float]], power: int) -> Any:
+        """Convert from the columns' unit to the quantity in SI, or back, rounded to 12 digits."""
         scale = 1.0 if isinstance(self.scale, str) else abs(self.scale)
         factors = [(scale * parse_unit(u).scale) ** power for u in self._units]
-        by = np.array(factors if len(set(factors)) > 1 else factors[0])
-        if np.ndim(by) and np.shape(given) not in ((), by.shape, 2 * by.shape):
-            sentence = f"has the shape {np.shape(given)} for {len(by)} columns in several units; give one, or one each"
+        factor = np.array(factors if len(set(factors)) > 1 else factors[0])
+        if np.ndim(factor) and np.shape(value) not in ((), factor.shape, 2 * factor.shape):
+            sentence = f"has the shape {np.shape(value)} for {len(factor)} columns in several units; give one each"
             raise ArgumentError(sentence, "deviation")
-        scaled = np.asarray(given) * (np.multiply.outer(by, by) if np.ndim(given) == 2 else by)
+        scaled = np.asarray(value) * (np.multiply.outer(factor, factor) if np.ndim(value) == 2 else factor)
         return np.vectorize(lambda x: float(f"{x:.12g}"), otypes=[float])(scaled).tolist()
 
 
 @dataclass(frozen=True)
 class MeasuredPoint(Options):
-    """A point that is measured, or from which a distance is: on the end-effector, or fixed in the robot's frame.
+    """A measured point, or the end of a measured distance: on the end-effector, or fixed in the robot's frame.
 
     >>> ball = gt.calibrate.MeasuredPoint([0.1, 0.0, -0.05], position="T", orientation="e")
     >>> gt.calibrate.MeasuredPoint([1.0, 0.5, 0.2], estimate=True).position is None  # the fixed end of a ball-bar
@@ -116,14 +116,14 @@ class MeasuredPoint(Options):
     """
 
     at: Annotated[list[float], Unit("m"), Long(3), "in the frame of the end-effector, or the robot's"]
-    position: Annotated[str | None, "the model's position on which it sits; fixed if left out"] = None
-    orientation: Annotated[str | None, "the quaternion with which it turns"] = None
-    estimate: Annotated[bool, "whether its place is estimated from there"] = False
+    position: Annotated[str | None, "position variable of the model that it is attached to; fixed if left out"] = None
+    orientation: Annotated[str | None, "quaternion with which it turns"] = None
+    estimate: Annotated[bool, "whether to estimate its coordinates, starting from `at`"] = False
 
 
 @dataclass(frozen=True)
 class FrameStart(Options):
-    """Start values of an unknown frame: where the iteration begins.
+    """Start values of an unknown frame.
 
     >>> gt.calibrate.FrameStart(t=[2.0, -1.0, 0.5], quaternion=[0.0, 0.0, 1.0])
     Traceback (most recent call last):
@@ -131,7 +131,7 @@ class FrameStart(Options):
     """
 
     t: Annotated[list[float], Unit("m"), Long(3), "its origin"] = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    quaternion: Annotated[list[float], Long(4), "its turn, scalar first"] = field(
+    quaternion: Annotated[list[float], Long(4), "its orientation, scalar first"] = field(
         default_factory=lambda: [1.0, 0.0, 0.0, 0.0]
     )
 
@@ -145,20 +145,20 @@ class Sag(Options):
     """
 
     payload: Annotated[
-        float | str, Unit("kg"), Within(least=0), "mass at the tool, one, or the column of each pose's"
+        float | str, Unit("kg"), Within(least=0), "mass at the tool: a number, or the column with that of each pose"
     ]  # fmt: skip
     compliance: Annotated[
         float | Free, Unit("m/N", key="compliance_m_per_N"), Within(least=0),
-        "k; estimated, T.sag, it takes poses with two payloads or more",
+        "k; if estimated (T.sag), poses with at least two payloads are needed",
     ] = ESTIMATE  # fmt: skip
-    down: Annotated[list[float], Long(3), "where the weight pulls, in the robot's frame"] = field(
+    down: Annotated[list[float], Long(3), "direction of the weight, in the robot's frame"] = field(
         default_factory=lambda: [0.0, 0.0, -1.0]
     )
 
 
 @dataclass(frozen=True)
 class Measured(Options):
-    """Measured poses in a CSV file: its columns, and what lies between the device and the robot.
+    """Measured poses in a CSV file: its columns, and the frames and points between device and robot.
 
     >>> from gtmodel.calibrate import Measured, MeasuredSignal
     >>> measured = Measured({"q": MeasuredSignal("q", "mm"), "T": MeasuredSignal("T", "mm")}, frame="device")
@@ -171,35 +171,35 @@ class Measured(Options):
         "by the model's variables: q, T, e; components: T[2]; points; distances; of a row's second pose: q@2",
     ]  # fmt: skip
     session: Annotated[str | None, "column that names the recording of a row"] = None
-    actuators: Annotated[str, "the variable that the drives measure"] = "q"
-    position: Annotated[str, "the variable that the device measures"] = "T"
-    orientation: Annotated[str | None, "its quaternion, scalar first, where it is measured"] = None
+    actuators: Annotated[str, "variable that the drives measure"] = "q"
+    position: Annotated[str, "variable that the device measures"] = "T"
+    orientation: Annotated[str | None, "its quaternion, scalar first, if measured"] = None
     frame: Annotated[
         Literal["robot", "device"],
-        "coordinates of the file: the robot's, or those of a device that stands unknown",
+        "frame of the coordinates in the file: the robot's, or that of a device at an unknown place",
     ] = "robot"
-    target: Annotated[bool, "whether the target sits unknown on the end-effector"] = False
+    target: Annotated[bool, "whether the place of the target on the end-effector is unknown"] = False
     device_start: Annotated[
-        FrameStart | None, "of the device in the robot's frame; left out, by alignment with the robot's model"
+        FrameStart | None, "frame of the device in the robot's frame; by default from alignment with the model"
     ] = None
     device_per_session: Annotated[
-        bool, "whether the device stood elsewhere in each session, found by alignment"
+        bool, "whether the device moved between sessions; its frames are found by alignment"
     ] = False  # fmt: skip
-    target_per_session: Annotated[bool, "whether the target sat elsewhere in each session"] = False
-    sag: Annotated[Sag | None, "of the tool under a payload; none if left out"] = None
+    target_per_session: Annotated[bool, "whether the target moved on the end-effector between sessions"] = False
+    sag: Annotated[Sag | None, "sag of the tool under a payload; none if left out"] = None
     target_start: Annotated[FrameStart, "of the robot's tool frame in the target's"] = field(default_factory=FrameStart)
-    points: Annotated[dict[str, MeasuredPoint], "points that are measured, by the names of their signals"] = field(
+    points: Annotated[dict[str, MeasuredPoint], "measured points by the names of their signals"] = field(
         default_factory=dict
     )
     latent: Annotated[
-        list[str], "variables that nobody measured, found pose by pose; those that signals need are by themselves"
+        list[str], "unmeasured variables, estimated pose by pose; those that signals need are added automatically"
     ] = field(default_factory=list)  # fmt: skip
-    name: Annotated[str, "of these measurements among others; their file's if left out"] = ""
+    name: Annotated[str, "name of these measurements among others; by default their file's"] = ""
 
 
 @dataclass(frozen=True)
 class Refit(Options):
-    """What a held-out recording has of its own: found on a part of its poses, so that it is judged on the others.
+    """Parameters specific to a held-out recording: fitted on some of its poses, judged on the others.
 
     >>> gt.calibrate.Refit(["offset", "device"], every=4).every  # the first of every four poses refits them
     4
@@ -207,16 +207,16 @@ class Refit(Options):
 
     what: Annotated[
         list[Literal["offset", "scale", "device", "target"]],
-        "offset and scale of the actuators, as after homing anew; frame of the device; place of the target",
+        "offset and scale of the actuators, as after a new homing; frame of the device; place of the target",
     ]
-    every: Annotated[int, Within(least=2), "the first of so many held-out poses refits them, the others judge"] = 2
+    every: Annotated[int, Within(least=2), "the first of every n held-out poses is for the refit, the rest judge"] = 2
 
 
 @dataclass(frozen=True, eq=False)
 class CartPoints(Options):
     """Points of each cart along its guideway, measured in another set-up of the device (Dressler 2012, eq. (5.7)).
 
-    at: (n,) coordinates of the carts [m], increasing. points: arm from 1 -> (n, 3) [m]; all other arms stay straight.
+    at: (n,) increasing coordinates of the carts [m]. points: arm from 1 -> (n, 3) [m]; all other arms stay straight.
 
     >>> at = np.linspace(0.0, 2.0, 5)
     >>> carts = gt.calibrate.CartPoints(at, {1: np.column_stack([at, 1e-4 * at**2, 0 * at])})  # arm 1 bends
@@ -227,9 +227,9 @@ class CartPoints(Options):
     at: np.ndarray
     points: Mapping[int, np.ndarray]
     quaternion: Annotated[
-        list[float], Long(4), "turn of that set-up in the frame of the poses, by common reference points, scalar first"
+        list[float], Long(4), "orientation of that set-up in the frame of the poses, from common reference points"
     ] = field(default_factory=lambda: [1.0, 0.0, 0.0, 0.0])  # fmt: skip
     turn_std: Annotated[
         float | None, Unit("rad"), Within(above=0.0),
-        "how well it is known; left out, the poses alone determine it, badly about the guideway",
+        "its standard deviation; if left out, only the poses determine it, and badly about the guideway",
     ] = field(default=None, kw_only=True)  # fmt: skip

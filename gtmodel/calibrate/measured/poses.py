@@ -1,4 +1,4 @@
-"""Measured poses with what is known of their file, split in fitted and held-out ones."""
+"""Measured poses with information about their file, split into fitted and held-out ones."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from .options import Refit
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPoses:
-    """N measured poses for a study, and where they come from; what is left out is that of poses in memory.
+    """N measured poses for a study, and their source; the fields other than `measurements` have defaults.
 
-    measurements: what was measured, in SI units. actuators: the variable that the drives measure.
-    lines: (N,) of their files; numbered from 1 if left out. held_out: (N,) those that no fit sees; None leaves the
+    measurements: in SI units. actuators: the variable that the drives measure.
+    lines: (N,) of their files; numbered from 1 if left out. held_out: (N,) poses that no fit uses; None leaves the
         choice to the study. columns: signal -> names and units in the file.
-    known: parameters of the measurement that are given, such as "T.sag", which no fit moves.
-    synthetic: seed and noise of a synthetic file. truth: the robot with known errors. files: texts made with it.
+    known: parameters of the measurement with given values, such as "T.sag", which no fit changes.
+    synthetic: seed and noise of a synthetic file. truth: the robot with known errors. files: further synthetic files.
     """
 
     measurements: Measurements
@@ -45,11 +45,10 @@ class MeasuredPoses:
 
 @dataclass(frozen=True, eq=False)
 class SplitPoses:
-    """All poses, which are held out, and what there is to say of them.
+    """All poses, with those held out and information for the report.
 
-    `all`: of one pose at least, `pose`; `lines` (N,): of their files; `repeated`: groups of poses at the same
-    actuators; `columns`: of every signal. `refitting`: poses of a held-out recording that find what it has of its own,
-    and are in none of the others.
+    `all`: with exactly one `pose`; `lines` (N,): of their files; `repeated`: groups of poses at the same actuators;
+    `columns`: of every signal. `refitting`: poses of a held-out recording used for the refit, and for nothing else.
     """
 
     all: Measurements
@@ -67,18 +66,17 @@ class SplitPoses:
 
     @property
     def position(self) -> str:
-        """The signal by which the robot is judged: the measured position, or where that is known in part the first of
-        what was measured beside the actuators."""
+        """The signal by which the robot is judged: the measured position, or else the first of `judged`."""
         return self.pose.position if self.whole else self.judged[0]
 
     @property
     def whole(self) -> bool:
-        """Whether the position was measured, one pose a row."""
+        """Whether the position was measured, one pose per row."""
         return self.pose.position in self.all.values and not any("@" in n for n in self.all.values)
 
     @property
     def judged(self) -> list[str]:
-        """Signals beside the actuators, rates and loads."""
+        """Measured signals other than actuators, rates and loads."""
         return [n for n in self.all.values
                 if not n.startswith(("der(", "load(")) and n.partition("@")[0] != self.actuators]  # fmt: skip
 
@@ -93,7 +91,7 @@ class SplitPoses:
 
     @property
     def T(self) -> np.ndarray:
-        """The measured positions (N, k) [m], or what else the robot is judged by."""
+        """The measured positions (N, k) [m], or the other signal by which the robot is judged."""
         return np.asarray(self.all.values[self.position])
 
     @property
@@ -106,26 +104,25 @@ class SplitPoses:
 
     @cached_property
     def kept(self) -> Measurements | None:
-        """The poses held out; None for none."""
+        """The held-out poses; None if there are none."""
         return self.all.part(self.held_out) if self.held_out.any() else None
 
     def refitted_by(self, refit: Refit) -> SplitPoses:
-        """Without the first of every few held-out poses, which are `refitting`. Raises ArgumentError for none held
-        out."""
+        """Move the first of every few held-out poses to `refitting`. Raises ArgumentError if none are held out."""
         held = np.flatnonzero(self.held_out)
         if not len(held):
             raise ArgumentError("there are no held-out poses to refit on", "refit")
-        own = held[:: refit.every]
-        rest = np.setdiff1d(np.arange(len(self.lines)), own)
+        refitting = held[:: refit.every]
+        rest = np.setdiff1d(np.arange(len(self.lines)), refitting)
         return replace(
             self, all=self.all.part(rest), lines=self.lines[rest], held_out=self.held_out[rest],
-            repeated=_repeated(self.q[rest]), refitting=self.all.part(own),
+            repeated=_repeated(self.q[rest]), refitting=self.all.part(refitting),
         )  # fmt: skip
 
-    def with_device(self, placed: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> SplitPoses:
-        """The same with other starts for the frame of the device, by session, or "" for all."""
-        first = next(iter(placed.values()))
-        starts = {s: frame for s, frame in placed.items() if s}
+    def with_device(self, frames: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> SplitPoses:
+        """The poses with other start values of the device frame, by session, or "" for all."""
+        first = next(iter(frames.values()))
+        starts = {s: frame for s, frame in frames.items() if s}
         poses = tuple(replace(p, device_start=first, device_starts=starts) if p.device else p for p in self.all.poses)
         return replace(self, all=replace(self.all, poses=poses))
 
@@ -137,35 +134,34 @@ def split_all(
     refit: Refit | None = None,
     inspection: Inspection | None = None,
 ) -> list[SplitPoses]:
-    """Each of the measurements with its poses held out. Raises ArgumentError as split(), and for names that are there
-    twice."""
+    """Split each of the measurements. Raises ArgumentError as split(), and for names that occur twice."""
     several = [poses] if isinstance(poses, MeasuredPoses | Measurements) else list(poses)
     if not several:
-        raise ArgumentError("there is nothing measured; give poses", "poses")
-    recorded = [isinstance(one, MeasuredPoses) and one.held_out is not None for one in several]
+        raise ArgumentError("there are no measurements; give poses", "poses")
+    recorded = [isinstance(entry, MeasuredPoses) and entry.held_out is not None for entry in several]
     data = []
-    for k, one in enumerate(several, 1):
-        whole = MeasuredPoses(one) if isinstance(one, Measurements) else one
+    for k, entry in enumerate(several, 1):
+        whole = MeasuredPoses(entry) if isinstance(entry, Measurements) else entry
         if not whole.measurements.name:
             name = f"measurements {k}" if len(several) > 1 else "measurements"
             whole = replace(whole, measurements=replace(whole.measurements, name=name))
         try:
-            # of several, those whose held-out poses are a recording of their own, if any are
-            own = refit if recorded[k - 1] or not any(recorded) else None
-            data.append(split(whole, model, every, own, inspection))
+            # of several, refit those whose held-out poses are a separate recording, if there are any
+            refit_poses = refit if recorded[k - 1] or not any(recorded) else None
+            data.append(split(whole, model, every, refit_poses, inspection))
         except ArgumentError as error:
-            at = error.argument
-            if len(several) > 1 and at.startswith("poses"):
-                at = f"poses[{k - 1}]{at.removeprefix('poses')}"
-            raise ArgumentError(error.message, at) from error
+            argument = error.argument
+            if len(several) > 1 and argument.startswith("poses"):
+                argument = f"poses[{k - 1}]{argument.removeprefix('poses')}"
+            raise ArgumentError(error.message, argument) from error
     names = [d.name for d in data]
     for name in names:
         if names.count(name) > 1:
             raise ArgumentError(
-                f"{names.count(name)} measurements are named '{name}'; give each a name of its own", "poses"
+                f"{names.count(name)} measurements are named '{name}'; give each a different name", "poses"
             )
     if len({d.actuators for d in data}) > 1:
-        raise ArgumentError("measurements of one robot have the same actuators", "poses")
+        raise ArgumentError("all measurements must have the same actuators", "poses")
     return data
 
 
@@ -176,9 +172,9 @@ def split(
     refit: Refit | None = None,
     inspection: Inspection | None = None,
 ) -> SplitPoses:
-    """The poses with those held out: the given ones, or every k-th (Dressler 2012, eq. (5.5)), none for 0.
+    """Mark held-out poses: those of the file, or every k-th (Dressler 2012, eq. (5.5)); none for 0.
 
-    Raises ArgumentError where they do not fit the model or each other.
+    Raises ArgumentError if the poses do not fit the model or each other.
     """
     if isinstance(poses, Measurements):
         poses = MeasuredPoses(poses)
@@ -186,14 +182,12 @@ def split(
     partly = bool(m.points or m.distances or any(n.partition("@")[0].endswith("]") for n in m.values))
     if not m.poses:
         if "T" not in m.values and not partly:
-            raise ArgumentError(
-                f"name the variable that was measured by a Pose; there are {', '.join(m.values)}", "poses"
-            )
+            raise ArgumentError(f"name the measured variable with a Pose; found {', '.join(m.values)}", "poses")
         m = replace(m, poses=(Pose("T", "e" if "e" in m.values else None),))
     if len(m.poses) > 1:
-        raise ArgumentError(f"a study judges one position; {len(m.poses)} poses name one each, take one", "poses")
+        raise ArgumentError(f"a study judges one position, but {len(m.poses)} poses name one each; give one", "poses")
     if every < 0 or every == 1:
-        raise ArgumentError(f"{every} leaves no poses to fit; take 2 or more, or 0 for none held out", "held_out")
+        raise ArgumentError(f"{every} leaves no poses to fit; give 2 or more, or 0 to hold out none", "held_out")
     lines = np.arange(1, len(m) + 1) if poses.lines is None else poses.lines
     columns = _fit_the_model(m, poses, model, partly)
     m = _with_latent(m, model)
@@ -201,21 +195,21 @@ def split(
     for suspicion in tested(Data(m.values, list(m.values), "pose", place, lines)):
         (inspection or Inspection()).refuse(suspicion, "poses.file")
     repeated = _repeated(np.asarray(m.values[poses.actuators]))
-    held = np.zeros(len(lines), bool)
+    mask = np.zeros(len(lines), bool)
     if poses.held_out is not None:
-        held = np.asarray(poses.held_out, bool)
+        mask = np.asarray(poses.held_out, bool)
     elif every > 0:
-        held = _alternate(repeated, len(lines), every)
+        mask = _alternate(repeated, len(lines), every)
     if refit is None:
-        _refuse_unknown_sessions(m, held)
-    data = SplitPoses(m, poses.actuators, lines, held, columns, repeated, poses)
+        _refuse_unknown_sessions(m, mask)
+    data = SplitPoses(m, poses.actuators, lines, mask, columns, repeated, poses)
     return data if refit is None else data.refitted_by(refit)
 
 
 def _with_latent(m: Measurements, model: Model) -> Measurements:
-    """The measurements with what nobody measured, and without which the equations do not close, as latent.
+    """Declare unmeasured variables latent if the equations do not close without them.
 
-    Raises ArgumentError for signals that say nothing of a pose."""
+    Raises ArgumentError for signals that do not depend on the pose."""
     flat = flat_of(model)
     try:
         stances = variables_of(flat, m)
@@ -226,10 +220,10 @@ def _with_latent(m: Measurements, model: Model) -> Measurements:
 
 
 def _fit_the_model(m: Measurements, poses: MeasuredPoses, model: Model, partly: bool) -> dict[str, Columns]:
-    """Columns of all signals. Raises ArgumentError for signals that are no variables of the model, and for another
+    """Columns of all signals. Raises ArgumentError for signals that are not variables of the model, and for a wrong
     number of columns."""
     flat = flat_of(model)
-    fitting: dict[str, Columns] = {}
+    tables: dict[str, Columns] = {}
     for name in (poses.actuators, *(n for p in m.poses for n in (p.position, p.orientation) if n)):
         if name not in m.values and (name == poses.actuators or not partly):
             raise ArgumentError(f"'{name}' is not among the measured {', '.join(m.values)}", "poses")
@@ -240,7 +234,7 @@ def _fit_the_model(m: Measurements, poses: MeasuredPoses, model: Model, partly: 
         if name in m.distances or SignalName.of(stem, [*flat.groups, *m.points]).base in m.points:
             k = np.asarray(rows).shape[1]
             names = tuple(f"{name}[{j}]" for j in range(k)) if k > 1 else (name,)
-            fitting[name] = poses.columns.get(name) or Columns(names, ("m",) * k)
+            tables[name] = poses.columns.get(name) or Columns(names, ("m",) * k)
             continue
         try:
             shape, indices, _ = flat.lookup(stem)
@@ -248,16 +242,16 @@ def _fit_the_model(m: Measurements, poses: MeasuredPoses, model: Model, partly: 
             raise ArgumentError(str(error), f"poses.values.{name}") from error
         columns, size = np.asarray(rows).shape[1], int(np.prod(shape))
         if columns != size:
-            at = f"poses.values.{name}" + (".column" if name in poses.columns else "")
-            raise ArgumentError(f"has {columns} columns; '{name}' of the robot has {size}", at)
+            argument = f"poses.values.{name}" + (".column" if name in poses.columns else "")
+            raise ArgumentError(f"has {columns} columns; '{name}' of the robot has {size}", argument)
         names = tuple(f"{name}[{k}]" for k in range(size)) if size > 1 else (name,)
-        own = tuple(flat.variables[i].unit or "1" for i in indices)
-        fitting[name] = poses.columns.get(name) or Columns(names, own)
-    return fitting
+        units = tuple(flat.variables[i].unit or "1" for i in indices)
+        tables[name] = poses.columns.get(name) or Columns(names, units)
+    return tables
 
 
 def _refuse_unknown_sessions(m: Measurements, held: np.ndarray) -> None:
-    """Raises ArgumentError for sessions that only held-out poses have, and whose offsets no fitted pose determines."""
+    """Raise ArgumentError for sessions whose poses are all held out, if their offsets or frames are unknown."""
     offsets = [c.signal for c in m.corrections if c.offset]
     frames = any(p.device_per_session or p.target_per_session for p in m.poses)
     if m.sessions is None or not (offsets or frames):
@@ -267,14 +261,14 @@ def _refuse_unknown_sessions(m: Measurements, held: np.ndarray) -> None:
     lost = [s for s in m.session_names if s not in known]
     if lost:
         raise ArgumentError(
-            f"{what} in session '{lost[0]}' cannot be known, all its poses are held out; "
+            f"all poses of session '{lost[0]}' are held out, so that {what} cannot be determined; "
             f"let some of them be fitted{', or give the offset as a number' if offsets else ''}",
             "held_out",
         )
 
 
 def _repeated(q: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Groups of two and more poses at the same actuators, in the order of their first."""
+    """Groups of two or more poses at the same actuators, ordered by their first pose."""
     _, which = np.unique(q, axis=0, return_inverse=True)
     which = which.reshape(-1)
     groups = [np.flatnonzero(which == w) for w in dict.fromkeys(which.tolist())]
@@ -282,7 +276,7 @@ def _repeated(q: np.ndarray) -> tuple[np.ndarray, ...]:
 
 
 def _alternate(repeated: Sequence[np.ndarray], n: int, every: int) -> np.ndarray:
-    """Every k-th pose (Dressler 2012, eq. (5.5)); those at the same actuators stay together."""
+    """Every k-th pose (Dressler 2012, eq. (5.5)); poses at the same actuators stay together."""
     first = np.arange(n)
     for group in repeated:
         first[group] = group[0]

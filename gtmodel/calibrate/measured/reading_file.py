@@ -1,5 +1,4 @@
-"""Measured poses from CSV files: signals put together, orientations in any representation, corrected by what is known,
-checked."""
+"""Reads measured poses from CSV files: assembles signals, converts orientations, applies known corrections, checks."""
 
 from __future__ import annotations
 
@@ -25,11 +24,11 @@ LAST, VECTOR, MATRIX, KUKA = "quaternion x y z w", "rotation vector", "matrix", 
 FIRST = "quaternion w x y z"
 EULER = re.compile(r"(intrinsic|extrinsic) ([xyz]{3})$")
 WORDS = f"{FIRST}, {LAST}, {VECTOR}, {MATRIX}, {KUKA}, intrinsic zyx or extrinsic xyz (any axes)"
-SQUARE = 1e-3  # by which a matrix may miss being orthogonal: printed digits leave less
+SQUARE = 1e-3  # tolerance of a matrix's orthogonality; printed digits stay below it
 
 
 def in_angles(representation: str) -> bool:
-    """Whether its columns are angles. Raises ArgumentError for words that name no representation."""
+    """Whether its columns are angles. Raises ArgumentError for an unknown representation."""
     axes = EULER.match(representation)
     if axes is not None and any(a == b for a, b in zip(axes[2], axes[2][1:], strict=False)):
         raise ArgumentError(f"turns about one axis twice in a row: '{representation}'; name three axes such as zyx")
@@ -39,11 +38,11 @@ def in_angles(representation: str) -> bool:
 
 
 def quaternions(rows: np.ndarray, representation: str) -> np.ndarray:
-    """Quaternions (N, 4), scalar first, of rows in a representation, angles in rad.
+    """Return quaternions (N, 4), scalar first, from rows in a representation, with angles in rad.
 
     "intrinsic zyx" turns about z, the new y and the newest x, in the order of the columns; "extrinsic xyz" about x, y
     and z of the frame. KUKA's A, B, C are intrinsic zyx. A matrix is written row by row: 9 numbers, or the 12 or 16 of
-    a pose. Raises ArgumentError for another number of columns, and for what is no rotation.
+    a pose. Raises ArgumentError for a wrong number of columns, and for a matrix that is not a rotation.
 
     >>> from gtmodel.calibrate.measured.reading_file import quaternions
     >>> quaternions(np.array([[np.pi / 2, 0.0, 0.0]]), "KUKA A B C").round(4)
@@ -69,7 +68,7 @@ def quaternions(rows: np.ndarray, representation: str) -> np.ndarray:
 
 
 def positions(rows: np.ndarray) -> np.ndarray:
-    """The last column (N, 3) of matrices of a pose, 12 or 16 numbers row by row."""
+    """The last column (N, 3) of pose matrices, written row by row as 12 or 16 numbers."""
     if rows.shape[1] not in (12, 16):
         raise ArgumentError(f"the matrix of a pose has 12 or 16 columns; found {rows.shape[1]}")
     return rows[:, 3:12:4]
@@ -77,18 +76,18 @@ def positions(rows: np.ndarray) -> np.ndarray:
 
 def _orthogonal(rows: np.ndarray) -> np.ndarray:
     R = rows.reshape(len(rows), 3, 3) if rows.shape[1] == 9 else rows[:, :12].reshape(len(rows), 3, 4)[:, :, :3]
-    left = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    wrong = np.flatnonzero((left > SQUARE) | (np.linalg.det(R) < 0))
-    if wrong.size:
-        k = int(wrong[0])
-        what = "is mirrored" if left[k] <= SQUARE else f"misses being orthogonal by {left[k]:.3g}"
+    deviation = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    invalid = np.flatnonzero((deviation > SQUARE) | (np.linalg.det(R) < 0))
+    if invalid.size:
+        k = int(invalid[0])
+        what = "is mirrored" if deviation[k] <= SQUARE else f"deviates from orthogonality by {deviation[k]:.3g}"
         raise ArgumentError(
-            f"the matrix of pose {k + 1} is no rotation: it {what}; are its rows and columns exchanged?"
+            f"the matrix of pose {k + 1} is not a rotation: it {what}; are its rows and columns exchanged?"
         )
     return R
 
 
-UNIT_LENGTH = 1e-3  # of a measured quaternion: printed digits leave less
+UNIT_LENGTH = 1e-3  # tolerance of a measured quaternion's length; printed digits stay below it
 GRAVITY = 9.81  # m/s2
 IDENTITY = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
@@ -99,12 +98,12 @@ def read_poses(
     held_out: Path | str | None = None,
     form: LogForm = LogForm(),  # noqa: B008
 ) -> MeasuredPoses:
-    r"""Measured poses of a file, one in each row; `held_out`: another file of the same columns that no fit sees.
+    r"""Read measured poses from a file, one per row; `held_out`: another file with the same columns, kept out of fits.
 
-    The file may be any that `gt.measurements.open_log` takes; `form` says how it is written where it does not itself.
+    The file may be any that `gt.measurements.open_log` reads; `form` describes its format if the file does not.
 
-    A number as scale, offset or delay is applied here; "estimate" is left to the calibration. Raises ArgumentError with
-    file and line, or with the argument "measured.signals.q.column" where a column is wrong.
+    Numbers for scale, offset or delay are applied here; "estimate" leaves them to the calibration. Raises ArgumentError
+    with file and line, or with the argument "measured.signals.q.column" if a column is wrong.
 
     >>> from pathlib import Path
     >>> from gtmodel.calibrate import Measured, MeasuredSignal, read_poses
@@ -116,74 +115,74 @@ def read_poses(
     """
     sources = [path_of(path)]
     tables = [_table(sources[0], measured, form)]
-    held = None
+    mask = None
     if held_out is not None:
         sources.append(path_of(held_out, "held_out"))
         tables.append(_table(sources[1], measured, form, "held_out.file"))
-        held = np.repeat([False, True], [len(t.lines) for t in tables])
+        mask = np.repeat([False, True], [len(t.lines) for t in tables])
     measurements = _measurements(tables, measured, sources)
     lines = np.concatenate([t.lines for t in tables])
     notes = [t.synthetic for t in tables if t.synthetic]
     plain = {n for n, s in measured.signals.items() if s.representation is None}
     columns = {n: c for n, c in tables[0].columns.items() if n in plain}
-    given = measured.sag is not None and measured.sag.compliance != ESTIMATE
-    known = [f"{measured.position}.sag"] if given else []
-    return MeasuredPoses(measurements, measured.actuators, lines, held, columns, known, notes[0] if notes else None)
+    has_sag = measured.sag is not None and measured.sag.compliance != ESTIMATE
+    known = [f"{measured.position}.sag"] if has_sag else []
+    return MeasuredPoses(measurements, measured.actuators, lines, mask, columns, known, notes[0] if notes else None)
 
 
 def _table(path: Path, measured: Measured, form: LogForm, key: str = "measured.file") -> SignalTable:
-    wanted: dict[str, tuple[str | Sequence[str], str | Sequence[str]]] = {}
+    columns: dict[str, tuple[str | Sequence[str], str | Sequence[str]]] = {}
     if len(measured.signals) < 2:
-        given = ", ".join(measured.signals) or "none"
-        raise ArgumentError(f"expected two signals or more, such as q and T; found {given}", "measured.signals")
+        names = ", ".join(measured.signals) or "none"
+        raise ArgumentError(f"expected at least two signals, such as q and T; found {names}", "measured.signals")
     for name, s in measured.signals.items():
-        at = f"measured.signals.{name}"
-        wanted[name] = (s.column, s.unit)
+        argument = f"measured.signals.{name}"
+        columns[name] = (s.column, s.unit)
         if s.scale == 0:
             raise ArgumentError(
-                '0 makes all readings the same; give the quantity per column in SI, or "estimate"', f"{at}.scale"
+                '0 makes all readings equal; give the quantity per column in SI, or "estimate"', f"{argument}.scale"
             )
         if s.delay != 0.0:
             if s.rate is None:
-                raise ArgumentError("a delay needs the columns of the signal's rate", f"{at}.rate")
-            wanted[f"der({name})"] = (s.rate, s.rate_unit)
-    partly = len(_seen(measured)) > 0
+                raise ArgumentError("a delay needs the columns of the signal's rate", f"{argument}.rate")
+            columns[f"der({name})"] = (s.rate, s.rate_unit)
+    partly = len(_partial_signals(measured)) > 0
     for key_ in ("actuators", "position", "orientation"):
         name = getattr(measured, key_)
         if name is not None and name not in measured.signals and (key_ == "actuators" or not partly):
-            there = ", ".join(measured.signals)
-            raise ArgumentError(f"is '{name}', which is no signal; write one of these: {there}", f"measured.{key_}")
+            choices = ", ".join(measured.signals)
+            raise ArgumentError(f"is '{name}', which is not a signal; choose one of: {choices}", f"measured.{key_}")
     if measured.sag is not None and isinstance(measured.sag.payload, str):
-        wanted[f"load({measured.position})"] = (measured.sag.payload, "kg")
+        columns[f"load({measured.position})"] = (measured.sag.payload, "kg")
     if measured.session is None and (measured.device_per_session or measured.target_per_session):
-        raise ArgumentError("is missing; name the column that says the recording of a row", "measured.session")
+        raise ArgumentError("is missing; name the column with the recording of each row", "measured.session")
     try:
-        return signal_table.read(path, wanted, measured.session, form)
+        return signal_table.read(path, columns, measured.session, form)
     except ArgumentError as error:
         raise ArgumentError(error.message, f"measured.{error.argument}" if error.argument else key) from error
 
 
-def _seen(measured: Measured) -> list[str]:
-    """Signals of poses that are known in part: components, points, distances."""
+def _partial_signals(measured: Measured) -> list[str]:
+    """Signals that give a part of the pose: components, points, distances."""
     return [n for n, s in measured.signals.items() if s.between or n.partition("@")[0].endswith("]")
             or n.partition("@")[0] in measured.points]  # fmt: skip
 
 
 def _represented(values: dict[str, np.ndarray], tables: Sequence[SignalTable], measured: Measured) -> None:
-    """Orientations as quaternions, scalar first, and positions out of matrices."""
+    """Convert orientations to quaternions, scalar first, and extract positions from matrices."""
     for name, s in measured.signals.items():
         if s.representation is None:
             continue
-        at = f"measured.signals.{name}"
+        argument = f"measured.signals.{name}"
         if ESTIMATE in (s.scale, s.offset, s.delay):
-            raise ArgumentError("an orientation has no scale, offset or delay to estimate", at)
-        with naming(f"{at}.representation"):
+            raise ArgumentError("scale, offset or delay of an orientation cannot be estimated", argument)
+        with naming(f"{argument}.representation"):
             if name.partition("@")[0] == measured.position and s.representation == MATRIX:
                 values[name] = positions(values[name])
                 continue
             units = {parse_unit(u).si_text for u in tables[0].columns[name].units}
             if in_angles(s.representation) and units != {"rad"}:
-                raise ArgumentError(f"'{s.representation}' is in angles: write the unit deg or rad")
+                raise ArgumentError(f"'{s.representation}' consists of angles: set the unit to deg or rad")
             values[name] = quaternions(values[name], s.representation)
 
 
@@ -234,10 +233,10 @@ def _measurements(tables: Sequence[SignalTable], measured: Measured, sources: Se
 
 
 def _read_through(name: str, s: MeasuredSignal, values: dict[str, np.ndarray], corrections: list[Correction]) -> None:
-    """Numbers are applied to the values here, "estimate" becomes a parameter."""
+    """Apply scale, offset and delay given as numbers; "estimate" becomes a parameter."""
     free = {"scale": s.scale == ESTIMATE, "offset": s.offset == ESTIMATE, "delay": s.delay == ESTIMATE}
     if free["scale"] and not free["offset"] and s.offset != 0.0:
-        raise ArgumentError("a fixed offset beside an estimated scale is not known in SI; estimate both, or none",
+        raise ArgumentError("with an estimated scale, a fixed offset in SI is not known; estimate both, or neither",
                             f"measured.signals.{name}.offset")  # fmt: skip
     rate = values.pop(f"der({name})", None)
     rows = values[name] if rate is None or free["delay"] else values[name] + float(s.delay) * rate
@@ -253,11 +252,11 @@ def _load(sag: Sag, values: Mapping[str, np.ndarray], position: str) -> np.ndarr
     """Weights (N, 3) [N] of the payloads. Raises ArgumentError."""
     down = np.array(sag.down, float)
     if not np.linalg.norm(down) > 0:
-        raise ArgumentError("is zero and points nowhere", "measured.sag.down")
+        raise ArgumentError("is zero and has no direction", "measured.sag.down")
     N = len(values[position])
     mass = values[f"load({position})"] if isinstance(sag.payload, str) else np.full((N, 1), sag.payload)
     if np.any(mass < 0):
-        raise ArgumentError(f"holds {mass.min():g} kg; a payload is not negative", "measured.sag.payload")
+        raise ArgumentError(f"contains {mass.min():g} kg; a payload must not be negative", "measured.sag.payload")
     return GRAVITY * mass * down / np.linalg.norm(down)
 
 

@@ -1,9 +1,9 @@
-"""A calibration planned before anything is measured (Dressler 2012, Fig. 5.21).
+"""Plan a calibration before anything is measured (Dressler 2012, Fig. 5.21).
 
-plan_study           which poses to measure with which device, and what the calibration will be worth: a PlanStudy
-Room, Safety, PlanLimits                 where poses are looked for, and what they keep
-Tracker, PatternCamera, Wire, Gauge      what measures
-PosesToMeasure, Evaluation, PlanSimulation, Criteria   how many poses, where the robot must be accurate, and how much
+plan_study           select poses for a device and predict the accuracy of the calibration: a PlanStudy
+Room, Safety, PlanLimits                 where to look for poses, and their limits
+Tracker, PatternCamera, Wire, Gauge      measuring devices
+PosesToMeasure, Evaluation, PlanSimulation, Criteria   number of poses, evaluation points, simulations, criteria
 """
 
 from typing import TYPE_CHECKING

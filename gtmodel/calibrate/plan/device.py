@@ -1,4 +1,4 @@
-"""The device of a calibration plan: what it sees, the model with its variable, and measurements it would make."""
+"""The device of a calibration plan: its field of view, the model with its variable, and its simulated measurements."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Span:
-    """A partial device reads values between low and high: `read` of tool centre points (n, 3) [m]."""
+    """Range of a partial device, low to high; `read` gives its value at tool centre points (n, 3) [m]."""
 
     read: Any
     low: float
@@ -42,9 +42,9 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class Measuring:
-    """The robot and the device of a task. `model`: with what the device adds; `latent`: what nobody measures.
+    """The robot and the device of a task. `model`: with the device's variable; `latent`: unmeasured variables.
 
-    `limits`: what the device sees. `at`: where it stands, None for a plane. `earlier`: the problem once it is made.
+    `limits`: where the device sees. `at`: its position, None for a plane. `earlier`: the problem once it is prepared.
     """
 
     task: Task
@@ -57,7 +57,7 @@ class Measuring:
     earlier: list[CalibrationProblem] = field(default_factory=list)
 
     def readings(self, T: Array) -> dict[str, Array]:
-        """Noise-free measurements at commanded poses. Raises ArgumentError for what cannot be reached."""
+        """Noise-free measurements at commanded poses. Raises ArgumentError if one cannot be reached."""
         q, e, status = self.placed(T)
         if np.any(status != 0):
             raise ArgumentError("a pose of the plan cannot be reached by the robot's inverse kinematics", "room")
@@ -66,15 +66,16 @@ class Measuring:
         return values | ({} if e is None or "e" in self.latent else {"e": e})
 
     def placed(self, T: Array) -> tuple[Array, Array | None, Array]:
-        """Actuators, quaternions of a plate that turns, and status of commanded poses: rows of T [m], of an F1 with
-        its quaternion behind."""
+        """Actuators, quaternions of a plate that turns, and status of commanded poses (n, 3) [m].
+
+        For an F1 (n, 7): T, then the quaternion."""
         known = {"T": T[:, :3]} | ({"e": T[:, 3:]} if T.shape[1] == 7 else {})
         targets = ["q", *(n for n in orientation(self.task.robot) if n not in known)]
         q, *e, status = compile_causal(self.task.robot, known=list(known), targets=targets)(*known.values())
         return q, e[0] if e else known.get("e"), status
 
     def noise(self, T: Array) -> dict[str, Any]:
-        """Standard deviations and covariances of these."""
+        """Standard deviations and covariances of the readings."""
         task, device = self.task, self.task.device
         sizes: dict[str, Any] = {}
         if isinstance(device, (Tracker, PatternCamera)):
@@ -89,16 +90,16 @@ class Measuring:
         return sizes
 
     def measurements(self, T: Array) -> Measurements:
-        """Of commanded poses, without noise but with its size."""
+        """Noise-free measurements of commanded poses, with their stated noise."""
         return Measurements(self.readings(T), self.noise(T))
 
     def prepared(self, T: Array) -> CalibrationProblem:
-        """The calibration from these points. Raises ArgumentError."""
+        """The calibration problem at these points. Raises ArgumentError."""
         if self.earlier:  # the same equations with other poses
             return self.earlier[0].on(self.measurements(T))
-        given = self.task.choice
+        base = self.task.choice
         known = {"device_at", "plane_normal", "plane_point"} & set(type(self.model)._declared)
-        choice = replace(given, fixed=[*given.fixed, *sorted(known)])
+        choice = replace(base, fixed=[*base.fixed, *sorted(known)])
         try:
             problem = prepare(self.model, self.measurements(T), choice, latent=self.latent)
         except ModelError as error:
@@ -107,60 +108,60 @@ class Measuring:
         return problem
 
     def whole(self, T: Array) -> CalibrationProblem:
-        """The robot's own closure equations at these points, all of its pose known: for positioning errors."""
+        """The robot's closure equations at these points with the whole pose known, for positioning errors."""
         q, e, status = self.placed(T)
         good = status == 0
         values = {"q": q[good], "T": T[good, :3]} | ({} if e is None else {"e": e[good]})
         return prepare(self.task.robot, Measurements(values), self.task.choice)
 
     def noisy(self, m: Measurements, rng: np.random.Generator) -> Measurements:
-        """Synthetic: the measurements with normal noise of their size."""
+        """Synthetic: the measurements with normal noise added."""
         values = {n: np.asarray(a) for n, a in m.values.items()}
         for name in sorted(m.noise):
             size = 3 if name == "e" else values[name].shape[1]
             C = np.broadcast_to(m.covariance(name, size), (len(m), size, size))
-            by = sampled(C, rng)
-            values[name] = moved(values[name], by)
+            noise = sampled(C, rng)
+            values[name] = moved(values[name], noise)
         return Measurements(values, m.noise)
 
 
 def measuring(task: Task) -> Measuring:
-    """The device of a task. Raises ArgumentError."""
-    robot, asked, latent = task.robot, task.device, orientation(task.robot)
+    """Set up the device of a task. Raises ArgumentError."""
+    robot, spec, latent = task.robot, task.device, orientation(task.robot)
     try:
-        if isinstance(asked, Wire | Gauge):
-            signal, model, at, span = _distance(robot, asked) if isinstance(asked, Wire) else _height(robot, asked)
+        if isinstance(spec, Wire | Gauge):
+            signal, model, at, span = _distance(robot, spec) if isinstance(spec, Wire) else _height(robot, spec)
             return Measuring(task, model, signal, ("T", *latent), (span,), at, span.read)
-        at = np.array(asked.at)
-        if isinstance(asked, Tracker):
+        at = np.array(spec.at)
+        if isinstance(spec, Tracker):
             device = LaserTracker(
-                at, asked.range_noise, asked.range_noise_per_metre, asked.angle_noise, 0.0, asked.nearest,
-                asked.farthest, asked.elevation,
+                at, spec.range_noise, spec.range_noise_per_metre, spec.angle_noise, 0.0, spec.nearest,
+                spec.farthest, spec.elevation,
             )  # fmt: skip
-            latent = latent if asked.orientation_noise is None else []
-            if asked.target_axis is not None and not np.linalg.norm(asked.target_axis) > 0:
-                raise ArgumentError("is zero and looks nowhere", "device.target_axis")
+            latent = latent if spec.orientation_noise is None else []
+            if spec.target_axis is not None and not np.linalg.norm(spec.target_axis) > 0:
+                raise ArgumentError("is zero and has no direction", "device.target_axis")
         else:
             device = Camera(
-                at, np.array(asked.looks_at), asked.focal_pixel, asked.width_pixel, asked.height_pixel, asked.pattern,
-                asked.marks, asked.pixel_noise, distortion=asked.distortion,
+                at, np.array(spec.looks_at), spec.focal_pixel, spec.width_pixel, spec.height_pixel, spec.pattern,
+                spec.marks, spec.pixel_noise, distortion=spec.distortion,
             )  # fmt: skip
-            _ = device.axes  # a wrong direction is refused here
+            _ = device.axes  # refuses a wrong direction
         return Measuring(task, robot, "T", tuple(latent), (device, *_sight(task, at)), at, device)
     except ModelError as error:
         raise ArgumentError(str(error), "device") from error
 
 
-def _distance(robot: Model, asked: Wire) -> tuple[str, Model, Array, Span]:
-    at = np.array(asked.at)
-    span = Span(lambda T: np.linalg.norm(T - at, axis=1), asked.nearest, asked.farthest, "range of the distance")
+def _distance(robot: Model, spec: Wire) -> tuple[str, Model, Array, Span]:
+    at = np.array(spec.at)
+    span = Span(lambda T: np.linalg.norm(T - at, axis=1), spec.nearest, spec.farthest, "range of the distance")
     return "distance", seen_by_distance(robot, at), at, span
 
 
-def _height(robot: Model, asked: Gauge) -> tuple[str, Model, None, Span]:
-    model, point = seen_by_plane(robot, asked.normal, asked.point), np.array(asked.point)
-    normal = np.array(asked.normal) / np.linalg.norm(asked.normal)
-    return "height", model, None, Span(lambda T: (T - point) @ normal, asked.low, asked.high, "range of the height")
+def _height(robot: Model, spec: Gauge) -> tuple[str, Model, None, Span]:
+    model, point = seen_by_plane(robot, spec.normal, spec.point), np.array(spec.point)
+    normal = np.array(spec.normal) / np.linalg.norm(spec.normal)
+    return "height", model, None, Span(lambda T: (T - point) @ normal, spec.low, spec.high, "range of the height")
 
 
 def _sight(task: Task, at: Array) -> list[Limit]:

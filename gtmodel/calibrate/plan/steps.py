@@ -1,5 +1,5 @@
 """The steps of a calibration plan, from the room to a simulated calibration (Dressler 2012, section 5.2): candidates,
-what a point must pass to be a pose, turns of the plate."""
+tests that a point must pass, orientations of the plate."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """The robot with its plate at the quaternion `e` (4,), scalar first; None where T alone gives the pose."""
+    """The robot with its plate at the quaternion `e` (4,), scalar first; None if T alone gives the pose."""
 
     robot: Mechanism
     e: Array | None
 
     def poses(self, T: Array) -> Array:
-        """Rows of tool centre points (n, 3), and the quaternion behind (n, 7)."""
+        """Rows of tool centre points (n, 3), or with the quaternion appended (n, 7)."""
         return T if self.e is None else np.hstack([T, np.tile(self.e, (len(T), 1))])
 
 
 @dataclass(frozen=True)
 class Facing:
-    """A target on the plate looks along `direction` (3,) and is seen by a tracker within an angle [rad] of it."""
+    """Limit of a target on the plate: a tracker sees it within an angle [rad] of its `direction` (3,)."""
 
     at: Array
     direction: Array
@@ -52,7 +52,7 @@ class Facing:
     name: str = "acceptance of the target"
     unit: str = "rad"
     assumes: str = ""
-    parts: Sequence[str] = ("way to the tracker",)
+    parts: Sequence[str] = ("direction to the tracker",)
 
     def margins(self, poses: Poses) -> Array:
         """(n, 1) [rad]."""
@@ -63,24 +63,24 @@ class Facing:
 
 
 def turns_of(task: Task) -> list[Turn]:
-    """One for robots that T alone places; of an F1 one for each of room.turns. Raises ArgumentError."""
+    """One Turn if T alone gives the pose; for an F1 one for each of room.turns. Raises ArgumentError."""
     turns, model = task.room.turns, task.robot
     if not turns:
-        raise ArgumentError("there is none; leave it out, or give at least one turn", "room.turns")
+        raise ArgumentError("is empty; leave it out, or give at least one turn", "room.turns")
     if family_of(model) != "f1":
         if np.any(np.array(turns)):
-            raise ArgumentError("is for an F1, whose plate turns freely; leave it out", "room.turns")
+            raise ArgumentError("applies only to an F1, whose plate turns freely; leave it out", "room.turns")
         return [Turn(limited_mechanism(model, task.home, task.bodies), None)]
     if task.bodies.plate_joints is not None:
-        raise ArgumentError("is for simplified joints; an F1 has its own", "bodies.plate_joints")
+        raise ArgumentError("applies only to simplified joints; an F1 has its own", "bodies.plate_joints")
     f1: Any = model
-    turned = product(np.array(f1.home_e, float), exponential(turns))
+    quaternions = product(np.array(f1.home_e, float), exponential(turns))
     function = compile_causal(f1, known=["T", "e"], targets=["q", *LINK_ENDS])
-    return [Turn(_mechanism(f1, function, task.home, e), e) for e in turned]
+    return [Turn(_mechanism(f1, function, task.home, e), e) for e in quaternions]
 
 
 def facing(task: Task, turn: Turn) -> list[Limit]:
-    """The target's acceptance in this turn of the plate, where it is declared."""
+    """The target's acceptance at this orientation of the plate, if declared."""
     device = task.device
     if not isinstance(device, Tracker) or device.target_axis is None:
         return []
@@ -96,15 +96,15 @@ def _mechanism(f1: Any, function: CausalFunction, place: Sequence[float] | None,
     T = np.array(f1.home if place is None else place, float)
     home = inverse(T[None])
     if home.status[0] != Status.OK:
-        shown = ", ".join(f"{x:g}" for x in T)
-        turned = ", ".join(f"{x:.3g}" for x in e)
-        raise ArgumentError(f"the home pose ({shown}) m cannot be reached with the plate at ({turned})", "room.turns")
+        point = ", ".join(f"{x:g}" for x in T)
+        turn = ", ".join(f"{x:.3g}" for x in e)
+        raise ArgumentError(f"the home pose ({point}) m cannot be reached with the plate at ({turn})", "room.turns")
     A, v, L, B = link_guideways(f1)
     return Mechanism(f1, inverse, home, A, v, L, np.linalg.norm(B, axis=1), ())
 
 
 def stages_of(task: Task, turn: Turn, measuring: Measuring) -> dict[str, Reach]:
-    """Tests of a point, each with those before: workspace, with obstacles and safety, seen by the device.
+    """Tests of a point, each including the former: workspace, obstacles, safety, seen by the device.
 
     Raises ArgumentError.
     """
@@ -113,7 +113,7 @@ def stages_of(task: Task, turn: Turn, measuring: Measuring) -> dict[str, Reach]:
     cone = limits.cone
     if cone is not None and safety.cone >= cone:
         off, whole = (f"{np.degrees(angle):g}" for angle in (safety.cone, cone))
-        raise ArgumentError(f"takes {off} deg off cones of {whole} deg; nothing is left", "safety.cone")
+        raise ArgumentError(f"subtracts {off} deg from cones of {whole} deg; nothing remains", "safety.cone")
     safe = replace(
         limits, cone=None if cone is None else cone - safety.cone,
         actuators=_with_axes(task, turn, safety.stroke, safety.axes).actuators,
@@ -132,36 +132,37 @@ def stages_of(task: Task, turn: Turn, measuring: Measuring) -> dict[str, Reach]:
 
 
 def _with_axes(task: Task, turn: Turn, stroke: float, angle: float) -> PlanLimits:
-    """Limits of all actuators, narrower by a stroke [m] of carts and an angle [rad] of rotary axes, which are behind
-    them. Raises ArgumentError."""
+    """Limits of all actuators, narrowed by a stroke [m] for carts and an angle [rad] for the rotary axes after them.
+
+    Raises ArgumentError."""
     limits, carts, axes = task.limits, task.limits.actuators, task.limits.axes
     rotary = turn.robot.home.q.shape[1] - 3 if turn.e is not None else 0
     if axes is not None and len(axes) != rotary:
-        raise ArgumentError(f"the robot has {rotary} rotary axes; found {len(axes)} pairs", "limits.axes")
+        raise ArgumentError(f"needs one pair per rotary axis, {rotary}; found {len(axes)}", "limits.axes")
     if carts is not None:
         carts = [[a + stroke, b - stroke] for a, b in carts]
     if rotary and (carts is not None or axes is not None):
         if carts is not None and len(carts) != 3:
-            raise ArgumentError(f"the robot has 3 carts; found {len(carts)} pairs", "limits.actuators")
+            raise ArgumentError(f"needs one pair per cart, 3; found {len(carts)}", "limits.actuators")
         wide = turn.robot.lengths.max() * LONGEST_STROKE / 2
-        turned = [[-np.pi, np.pi]] * rotary if axes is None else [[a + angle, b - angle] for a, b in axes]
-        carts = (carts or [[-wide, wide]] * 3) + turned
+        angles = [[-np.pi, np.pi]] * rotary if axes is None else [[a + angle, b - angle] for a, b in axes]
+        carts = (carts or [[-wide, wide]] * 3) + angles
     return replace(limits, actuators=carts)
 
 
 MOST_POINTS = 200_000  # of the room's grid
-MOST_CANDIDATES = 3000  # information of a candidate is kept in memory
+MOST_CANDIDATES = 3000  # the information of each candidate is kept in memory
 MOST_EVALUATED = 400
 Stop = Callable[[str, float], bool]
 
 
 class Stopped(Exception):
-    """The work was interrupted; what is done is in the plan."""
+    """The work was interrupted; the plan holds the finished steps."""
 
 
 @dataclass(eq=False)
 class PlanState:
-    """What the steps have found so far. Poses are rows of T [m], of an F1 with the plate's quaternion behind."""
+    """Results of the steps so far. Poses are rows of T [m], for an F1 with the plate's quaternion appended."""
 
     task: Task
     turns: list[Turn]
@@ -186,12 +187,12 @@ class PlanState:
 
     @property
     def robot(self) -> Mechanism:
-        """The robot, the plate in the first of its turns."""
+        """The robot, with the plate in the first of its orientations."""
         return self.turns[0].robot
 
     @property
     def width(self) -> int:
-        """Columns of a pose."""
+        """Number of columns of a pose."""
         return self.turns[0].poses(np.zeros((1, 3))).shape[1]
 
     def each_predicted(self) -> Array:
@@ -200,22 +201,20 @@ class PlanState:
         return self.target.errors(self.chosen).each
 
     def each_simulated(self) -> Array:
-        """The same over the simulated calibrations."""
+        """Rms error [m] of the simulated calibrations at each evaluation pose."""
         moved = np.einsum("mij,kj->kmi", self.target.jacobian, self.errors)
         return np.sqrt(np.mean(np.sum(moved**2, axis=2), axis=0))
 
 
 def find_candidates(plan: PlanState, stop: Stop) -> None:
-    """Workspace, obstacles and safety, device, distance from the edge. Raises ArgumentError where nothing is left."""
+    """Apply workspace, obstacles, safety, device, distance from the edge. Raises ArgumentError if no point remains."""
     task, room = plan.task, plan.task.room
     low, high = np.array(room.low), np.array(room.high)
     refuse_disordered(low, high, "room.high")
     size = len(plan.turns) * float(np.prod((high - low) / room.step + 1))
     if size > MOST_POINTS:
         least = np.cbrt(len(plan.turns) * np.prod(high - low) / MOST_POINTS)
-        raise ArgumentError(
-            f"the grid would have {size:.1e} points; take at least a step of {least:.2g} m", "room.step"
-        )
+        raise ArgumentError(f"the grid would have {size:.1e} points; use a step of at least {least:.2g} m", "room.step")
     parts = []
     for turn in plan.turns:
         stages = stages_of(task, turn, plan.measuring)
@@ -240,12 +239,12 @@ def find_candidates(plan: PlanState, stop: Stop) -> None:
 
 
 def _empty(name: str, before: str | None, counts: dict[str, int]) -> str:
-    left = f"of {counts[before]} points after the stage '{before}'" if before else "of the room's grid points"
-    return f"none {left} passes the stage '{name}'; move the room, take a smaller step or smaller safety distances"
+    points = f"of {counts[before]} points after the stage '{before}'" if before else "of the room's grid points"
+    return f"none {points} passes the stage '{name}'; move the room, or use a smaller step or smaller safety distances"
 
 
 def prepare_information(plan: PlanState) -> None:
-    """Information of each candidate, and how the position depends on the unknowns. Raises ArgumentError."""
+    """Compute each candidate's information and the position's dependence on the unknowns. Raises ArgumentError."""
     plan.evaluation = _evaluation(plan)
     try:
         plan.info = pose_information(plan.measuring.prepared(plan.pool))
@@ -254,7 +253,7 @@ def prepare_information(plan: PlanState) -> None:
         raise ArgumentError(str(error), "choice") from error
     try:
         plan.target.moment(plan.info)
-    except ModelError as error:  # a device that sees too little: the plan says so
+    except ModelError as error:  # the device measures too little; the plan reports it
         plan.unpredicted = str(error)
 
 
@@ -270,12 +269,12 @@ def _evaluation(plan: PlanState) -> Array:
     lost = np.any([turn.robot.inverse(T).status != 0 for turn in plan.turns], axis=0)
     if np.any(lost):
         where = ", ".join(f"{x:.4g}" for x in T[lost][0])
-        raise ArgumentError(f"the robot cannot reach ({where}) m of the box; take a smaller one", "evaluation")
+        raise ArgumentError(f"the robot cannot reach ({where}) m of the box; choose a smaller box", "evaluation")
     return np.vstack([turn.poses(T) for turn in plan.turns])
 
 
 def grid_poses(plan: PlanState, number: int) -> Array:
-    """A regular grid of about so many candidates, by the volume of the measurable workspace."""
+    """A regular grid of about this number of candidates, from the volume of the measurable workspace."""
     assert plan.candidates is not None
     room, counts = plan.task.room, plan.candidates.counts
     low, high = np.array(room.low), np.array(room.high)
@@ -290,16 +289,16 @@ def grid_poses(plan: PlanState, number: int) -> Array:
 
 
 def draw_curve(plan: PlanState, stop: Stop) -> None:
-    """Predicted error against the number of poses, selected and on grids, and the number that suffices."""
-    wanted = plan.task.poses
+    """Predicted error against the number of poses, selected and on grids, and the sufficient number."""
+    options = plan.task.poses
     if not plan.task.curve:
         return
-    own = plan.info.rows.shape[1]
+    equations = plan.info.rows.shape[1]
     most = len(plan.pool)
-    numbers = [n for n in plan.task.curve if plan.info.rank / own <= n <= most]
-    criterion = wanted.method if wanted.method in ("D", "E") else "I"
+    numbers = [n for n in plan.task.curve if plan.info.rank / equations <= n <= most]
+    criterion = options.method if options.method in ("D", "E") else "I"
     plan.curve = error_curve(
-        plan.info, plan.target, numbers, criterion, repeats=wanted.repeats, starts=wanted.starts, seed=wanted.seed,
+        plan.info, plan.target, numbers, criterion, repeats=options.repeats, starts=options.starts, seed=options.seed,
         stop=lambda f: stop("number of poses", f),
     )  # fmt: skip
     if not plan.curve.complete:
@@ -310,79 +309,79 @@ def draw_curve(plan: PlanState, stop: Stop) -> None:
         if len(T):
             try:
                 grids[len(T)] = grid_point(pose_information(plan.measuring.prepared(T)), plan.target)
-            except ModelError:  # a small grid need not determine all
+            except ModelError:  # a small grid may not determine all parameters
                 continue
     plan.grids = tuple(grids[n] for n in sorted(grids))
     plan.enough = sufficient_number(
-        plan.info, plan.target, plan.task.criteria.accuracy, criterion, repeats=wanted.repeats, starts=1,
-        seed=wanted.seed, most=min(most, 4 * wanted.most),
+        plan.info, plan.target, plan.task.criteria.accuracy, criterion, repeats=options.repeats, starts=1,
+        seed=options.seed, most=min(most, 4 * options.most),
     )  # fmt: skip
 
 
 def refuse_number(plan: PlanState) -> None:
-    """Raises ArgumentError where so many poses cannot be selected. A grid has another number than it is asked for."""
+    """Raise ArgumentError if this number of poses cannot be selected; a grid chooses its number itself."""
     if plan.task.poses.method != "grid":
         with naming("poses.number", ModelError):
             require_enough(plan.info, plan.task.poses.number)
 
 
 def select(plan: PlanState, number: int, stop: Stop) -> None:
-    """Poses to measure, and others held out. Raises ArgumentError where there are too few candidates."""
-    wanted, info = plan.task.poses, plan.info
+    """Select poses to measure and held-out ones. Raises ArgumentError if there are too few candidates."""
+    options, info = plan.task.poses, plan.info
     try:
-        if wanted.method == "grid":
+        if options.method == "grid":
             plan.poses = grid_poses(plan, number)
-            taken = np.zeros(0, int)
+            indices = np.zeros(0, int)
         else:
-            if wanted.method in ("condition", "condition_one_by_one"):
-                s = condition_removal(info, number, one_by_one=wanted.method != "condition",
+            if options.method in ("condition", "condition_one_by_one"):
+                s = condition_removal(info, number, one_by_one=options.method != "condition",
                                       stop=lambda f: stop("poses", f))  # fmt: skip
             else:
                 moment = None if plan.unpredicted else plan.target.moment(info)
                 s = exchange(
-                    info, number, "D" if moment is None else wanted.method, moment, repeats=wanted.repeats,
-                    starts=wanted.starts, seed=wanted.seed, stop=lambda f: stop("poses", f),
+                    info, number, "D" if moment is None else options.method, moment, repeats=options.repeats,
+                    starts=options.starts, seed=options.seed, stop=lambda f: stop("poses", f),
                 )  # fmt: skip
             if not s.complete:
                 raise Stopped
-            taken = s.indices
-            plan.poses = plan.pool[taken]
+            indices = s.indices
+            plan.poses = plan.pool[indices]
         ready = plan.measuring.prepared(plan.poses)
         plan.chosen, plan.units = pose_information(ready), ready.unknowns.units
         if not plan.unpredicted:
-            plan.target.moment(plan.chosen)  # few poses of a grid may determine too little
+            plan.target.moment(plan.chosen)  # raises if the few poses of a grid determine too little
     except ModelError as error:
         raise ArgumentError(str(error), "poses.number") from error
-    rest = np.setdiff1d(np.arange(len(plan.pool)), taken)
-    if wanted.method == "grid":
+    rest = np.setdiff1d(np.arange(len(plan.pool)), indices)
+    if options.method == "grid":
         near = np.min(np.linalg.norm(plan.pool[:, None] - plan.poses, axis=2), axis=1)
         rest = np.flatnonzero(near > 1e-6)
-    if len(rest) < wanted.held_out:
+    if len(rest) < options.held_out:
         raise ArgumentError(
-            f"{wanted.held_out} poses are to be held out, but only {len(rest)} candidates are left; take a smaller "
+            f"poses.held_out needs {options.held_out} poses, but only {len(rest)} candidates are left; use a smaller "
             "room.step_m",
             "poses.held_out",
         )
-    held = rest[np.round(np.linspace(0, len(rest) - 1, wanted.held_out)).astype(int)] if wanted.held_out else rest[:0]
+    held = rest[np.round(np.linspace(0, len(rest) - 1, options.held_out)).astype(int)] if options.held_out else rest[:0]
     plan.held_out = plan.pool[held]
     plan.identifiability = plan.chosen.identifiability()
     plan.rounds.append(number)
 
 
 def simulate(plan: PlanState, stop: Stop) -> None:
-    """Synthetic calibrations of the robot as it is thought to be: noise of the device, wrong start values.
+    """Synthetic calibrations of the robot with its nominal parameters: device noise, wrong start values.
 
-    Start errors are of what the poses determine: the rest is a choice of coordinates that no calibration moves.
+    Start errors are only in directions that the poses determine; no calibration moves the others.
     """
     assert plan.chosen is not None
     basis, sizes = plan.chosen.basis, plan.chosen.sizes
-    asked = plan.task.simulation
+    options = plan.task.simulation
     ready: CalibrationProblem = plan.measuring.prepared(plan.poses)
     u = ready.unknowns
-    scale = np.array([asked.start_error] * len(u.names))
+    scale = np.array([options.start_error] * len(u.names))
     errors, lost = [], 0
-    for k, seed in enumerate(np.random.SeedSequence(asked.seed).spawn(asked.runs)):
-        if stop("simulated calibration", k / asked.runs):
+    for k, seed in enumerate(np.random.SeedSequence(options.seed).spawn(options.runs)):
+        if stop("simulated calibration", k / options.runs):
             raise Stopped
         rng = np.random.default_rng(seed)
         off = sizes * (basis @ (basis.T @ (scale * rng.standard_normal(len(scale)) / sizes)))

@@ -1,5 +1,5 @@
-"""The plan study: which poses to measure with which device, what the calibration will be worth, whether it may be
-measured, and files for the shop floor."""
+"""The plan study: select poses for a device, predict and simulate the calibration, approve it, write files for the
+shop floor."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ FIT, HELD_OUT = "calibrate", "verify"
 
 
 def in_order(poses: Array, held_out: Array, seed: int) -> tuple[Array, list[str]]:
-    """All points (n, 3) in random order, which separates drift from geometry, and what each is for."""
+    """All points (n, 3) in random order, which separates drift from geometry, and the purpose of each."""
     T = np.vstack([poses, held_out])
     purpose = [FIT] * len(poses) + [HELD_OUT] * len(held_out)
     order = np.random.default_rng(np.random.SeedSequence([seed, 1])).permutation(len(T))
@@ -60,19 +60,19 @@ def in_order(poses: Array, held_out: Array, seed: int) -> tuple[Array, list[str]
 
 
 def poses_csv(T: Array, q: Array, purpose: list[str], title: str) -> str:
-    """One row per pose, in the order in which they are measured."""
+    """One row per pose, in measuring order."""
     carts, axes = 1e3 * q[:, :3], np.degrees(q[:, 3:])
     columns: dict[str, Any] = {f"q[{k}] [mm]": x for k, x in enumerate(carts.T)}
     columns |= {f"q[{k}] [deg]": x for k, x in enumerate(axes.T, 3)}
     columns |= {f"T[{k}] [mm]": x for k, x in enumerate(1e3 * T[:, :3].T)}
-    turned = {f"e[{k}]": x for k, x in enumerate(T[:, 3:].T)}
-    forms = dict.fromkeys(columns, ".4f") | dict.fromkeys(turned, ".9f")
+    quaternions = {f"e[{k}]": x for k, x in enumerate(T[:, 3:].T)}
+    forms = dict.fromkeys(columns, ".4f") | dict.fromkeys(quaternions, ".9f")
     notes = ["commanded poses of a calibration plan; nothing here is measured", *([f"title: {title}"] if title else [])]
-    return csv_text({"pose": range(1, len(T) + 1), "purpose": purpose} | columns | turned, forms, notes)
+    return csv_text({"pose": range(1, len(T) + 1), "purpose": purpose} | columns | quaternions, forms, notes)
 
 
 def rapid_program(T: Array, q: Array, title: str, settle: float) -> str:
-    """A RAPID module that goes to each pose, stops, waits and counts. Text only: tested against no controller."""
+    """A RAPID module that moves to each pose, stops, waits and counts. Text only: tested against no controller."""
     rotary = ", d, e, f the rotary axes in degrees" if q.shape[1] == 6 else ""
     return reference.module(
         "GtCalibration",
@@ -106,41 +106,41 @@ Figures = dict[str, Callable[[], Any]]
 
 
 def pictures(plan: PlanState) -> Figures:
-    """Name -> function that draws it, in the order of the steps."""
-    drawn: Figures = {}
+    """Name -> function that draws the picture, in the order of the steps."""
+    figures: Figures = {}
     if plan.candidates is None:
-        return drawn
+        return figures
     stages = plan.candidates.stages
     T = plan.candidates.T[:, :3]
     first = {"workspace": T[stages["workspace"]]}
-    drawn["1_workspace"] = partial(_space, plan, first, "workspace of the a-priori parameters", boxes=False)
+    figures["1_workspace"] = partial(_space, plan, first, "workspace of the nominal parameters", boxes=False)
     if "safety" in stages:
         second = {
             "left for calibration": T[stages["safety"]],
-            "reached, but not safe": T[stages["workspace"] & ~stages["safety"]],
+            "reachable, but not safe": T[stages["workspace"] & ~stages["safety"]],
         }
-        drawn["2_obstacles_and_safety"] = partial(_space, plan, second, "what obstacles and safety zones leave")
+        figures["2_obstacles_and_safety"] = partial(_space, plan, second, "workspace with obstacles and safety zones")
     if "safety distance" in stages or (plan.candidates.complete and "device" in stages):
         last = next(reversed(stages.values()))
         third = {
             "measurable": last,
-            "seen, too near the edge": stages["device"] & ~last,
+            "seen, but too near the edge": stages["device"] & ~last,
             "not seen": stages["safety"] & ~stages["device"],
         }
         layers = {name: T[m] for name, m in third.items()}
-        drawn["3_device"] = partial(_space, plan, layers, "what the device measures", device=True)
+        figures["3_device"] = partial(_space, plan, layers, "points that the device measures", device=True)
     if len(plan.poses):
         fourth = {
             name: P[:, :3]
             for name, P in (("candidates", plan.pool), ("calibrate", plan.poses), ("held out", plan.held_out))
         }
-        drawn["4_poses"] = partial(_space, plan, fourth, "poses to measure", device=True)
+        figures["4_poses"] = partial(_space, plan, fourth, "poses to measure", device=True)
     if plan.curve is not None and plan.curve.points:
-        drawn["5_number_of_poses"] = partial(_curve, plan)
+        figures["5_number_of_poses"] = partial(_curve, plan)
     if plan.chosen is not None and not plan.unpredicted:
-        drawn["6_parameters"] = partial(_parameters, plan)
-        drawn["7_predicted_error"] = partial(_errors, plan)
-    return drawn
+        figures["6_parameters"] = partial(_parameters, plan)
+        figures["7_predicted_error"] = partial(_errors, plan)
+    return figures
 
 
 def _space(
@@ -155,7 +155,7 @@ def _space(
         room=(np.array(task.room.low), np.array(task.room.high)),
         boxes=[(np.array(b.low), np.array(b.high)) for b in task.obstacles] if boxes else [],
         device=plan.measuring.at if device else None,
-        again="points with several turns" if len(plan.turns) > 1 else "of them more than once",
+        again="points with several orientations" if len(plan.turns) > 1 else "chosen more than once",
         title=_titled(plan, step),
     )
 
@@ -169,7 +169,7 @@ def _curve(plan: PlanState) -> Any:
 
     assert plan.curve is not None
     return curve_figure(
-        plan.curve.points, plan.grids, plan.task.criteria.accuracy, title=_titled(plan, "error by number of poses")
+        plan.curve.points, plan.grids, plan.task.criteria.accuracy, title=_titled(plan, "error against number of poses")
     )
 
 
@@ -178,9 +178,9 @@ def _parameters(plan: PlanState) -> Any:
 
     assert plan.chosen is not None
     std = np.array(list(plan.chosen.std().values()))
-    own = np.sqrt(np.mean(plan.errors**2, axis=0)) if len(plan.errors) else None
+    simulated = np.sqrt(np.mean(plan.errors**2, axis=0)) if len(plan.errors) else None
     title = _titled(plan, "predicted parameters")
-    return parameters_figure(plan.chosen.names, std, own, units=plan.units, runs=len(plan.errors), title=title)
+    return parameters_figure(plan.chosen.names, std, simulated, units=plan.units, runs=len(plan.errors), title=title)
 
 
 def _errors(plan: PlanState) -> Any:
@@ -196,7 +196,7 @@ def _errors(plan: PlanState) -> Any:
     )
 
 
-# standard deviations by which the simulated error may be off the predicted one: one in 16,000 plans by chance
+# allowed difference of simulated and predicted error in standard deviations: exceeded by chance in 1 of 16,000 plans
 AGREEMENT = 4.0
 
 
@@ -204,7 +204,7 @@ def checks_of(plan: PlanState) -> dict[str, Check]:
     """The criteria of a plan with selected poses."""
     assert plan.identifiability is not None and plan.chosen is not None
     criteria, identifiability = plan.task.criteria, plan.identifiability
-    # what moves no tool centre point is a choice of coordinates, such as a frame inside an F1's joint plate
+    # combinations that move no tool centre point are a choice of coordinates, such as a frame in an F1's joint plate
     undetermined = float(max(1, identifiability.redundant)) if plan.unpredicted else 0.0
     checks = {"parameters_undetermined": at_most(undetermined, 0.0)}
     if criteria.condition is not None:
@@ -226,17 +226,17 @@ def checks_of(plan: PlanState) -> dict[str, Check]:
 
 
 def verdict_of(plan: PlanState, failed: list[str]) -> str:
-    """The verdict, and what a person does where checks failed."""
+    """The verdict, and advice if checks failed."""
     n = len(plan.poses)
     if plan.unpredicted:
         return f"not approved: {plan.unpredicted}"
     if not failed:
-        return f"approved: {n} poses and {len(plan.held_out)} held out meet all criteria"
-    hint = "take more poses (poses.most), a larger room or a better device"
+        return f"approved: {n} poses and {len(plan.held_out)} held-out poses meet all criteria"
+    hint = "use more poses (poses.most), a larger room or a better device"
     if plan.enough is not None and plan.enough > plan.task.poses.most:
-        hint = f"some {plan.enough} poses would reach the accuracy; raise poses.most"
+        hint = f"about {plan.enough} poses would reach the accuracy; increase poses.most"
     if "simulations_lost" in failed:
-        hint = f"{plan.lost} of {plan.task.simulation.runs} simulations did not end; free fewer parameters"
+        hint = f"{plan.lost} of {plan.task.simulation.runs} simulations did not converge; free fewer parameters"
         hint += " or measure more of the pose, such as its orientation" if plan.measuring.latent else ""
     return f"not approved with {n} poses: {', '.join(failed)}; {hint}"
 
@@ -263,26 +263,26 @@ def plan_study(
     criteria: Criteria | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> PlanStudy:
-    """Which poses to measure for a calibration, and what it will then be worth (Dressler 2012, Fig. 5.21).
+    """Select poses for a calibration and predict its accuracy (Dressler 2012, Fig. 5.21).
 
     Args:
-        robot: with the parameters as they are thought to be.
-        device: what measures: a Tracker, PatternCamera, Wire or Gauge.
-        room: where poses are looked for.
-        choice: which parameters are calibrated; all if left out.
-        home: (3,) pose of the cone axes [m]; the robot's own if left out.
-        limits, bodies, obstacles, beams: what poses must keep; obstacles also hide the robot from the device.
+        robot: the model with its nominal parameters.
+        device: a Tracker, PatternCamera, Wire or Gauge.
+        room: the box in which poses are selected.
+        choice: parameters to calibrate; all if left out.
+        home: (3,) pose of the cone axes [m]; the robot's home if left out.
+        limits, bodies, obstacles, beams: limits of the poses; obstacles also block the view of the device.
         safety: distances kept because the robot is not yet calibrated.
-        actuator_noise: repeatability of the carts [m], 13e-6 if left out; axis_noise: of an F1's rotary axes [rad],
-            20e-6 if left out.
-        poses: how many, and how they are selected; more are added while the criteria are not met.
-        curve: numbers of poses for the curve of predicted errors, with the number that suffices; () for none.
-        evaluation: where the robot must be accurate; all that it reaches without safety distances if left out.
+        actuator_noise: repeatability of the carts [m], default 13e-6; axis_noise: of an F1's rotary axes [rad],
+            default 20e-6.
+        poses: number of poses and selection method; more are added while the criteria are not met.
+        curve: numbers of poses for the curve of predicted errors and for the sufficient number; () for no curve.
+        evaluation: where the robot must be accurate; by default everywhere it reaches without safety distances.
         simulation: simulated calibrations with the device's noise.
-        criteria: what the plan must reach.
+        criteria: criteria that the plan must meet.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Interrupted, it holds the steps that are done. Raises ArgumentError.
+    If interrupted, the study holds the finished steps. Raises ArgumentError.
 
     >>> import gtmodel as gt
     >>> from gtmodel.calibrate.plan import PosesToMeasure, Room, PlanSimulation, Tracker
@@ -294,25 +294,25 @@ def plan_study(
     (12, 21, 21)
     """
     work = Work(**work_options)
-    given: dict[str, Any] = {
+    options: dict[str, Any] = {
         "choice": choice, "home": home, "limits": limits, "bodies": bodies, "obstacles": obstacles, "beams": beams,
         "safety": safety, "actuator_noise": actuator_noise, "axis_noise": axis_noise, "poses": poses, "curve": curve,
         "evaluation": evaluation, "simulation": simulation, "criteria": criteria, "title": work.title,
     }  # fmt: skip
-    task = Task(robot, device, room, **{name: value for name, value in given.items() if value is not None})
+    task = Task(robot, device, room, **{name: value for name, value in options.items() if value is not None})
     plan = PlanState(task, turns_of(task), measuring(task))
 
-    def asked(stage: str, fraction: float) -> bool:
+    def stop_at(stage: str, fraction: float) -> bool:
         work.progress(stage, fraction)
         return work.interrupted()
 
     try:
-        find_candidates(plan, asked)
+        find_candidates(plan, stop_at)
         prepare_information(plan)
-        refuse_number(plan)  # before the work
+        refuse_number(plan)  # before the long steps
         if not plan.unpredicted:
-            draw_curve(plan, asked)
-        _until_approved(plan, asked)
+            draw_curve(plan, stop_at)
+        _until_approved(plan, stop_at)
     except Stopped:
         if plan.candidates is None:
             return PlanStudy(status=SolveStatus.INTERRUPTED, title=work.title)
@@ -324,22 +324,22 @@ def plan_study(
 
 
 def _until_approved(plan: PlanState, stop: Stop) -> None:
-    """More poses while the criteria are not met."""
-    asked = plan.task.poses
-    number = asked.number
+    """Add poses while the criteria are not met."""
+    options = plan.task.poses
+    number = options.number
     while True:
         select(plan, number, stop)
         if not plan.unpredicted and plan.task.simulation.runs and not failed_of(checks_of(plan)):
             simulate(plan, stop)
-        following = min(number + asked.more, asked.most)
-        # more poses mend no device that sees too little
+        following = min(number + options.more, options.most)
+        # more poses do not help if the device measures too little
         if not failed_of(checks_of(plan)) or plan.unpredicted or following <= number:
             return
         number = following
 
 
 def _known(plan: PlanState) -> dict[str, Any]:
-    """The quantities of the steps that are done."""
+    """The quantities of the finished steps."""
     assert plan.candidates is not None
     counts, identifiability, info = plan.candidates.counts, plan.identifiability, plan.chosen
     e = plan.target.errors(info) if info and not plan.unpredicted else None
@@ -357,7 +357,7 @@ def _known(plan: PlanState) -> dict[str, Any]:
         "enough_poses": plan.enough,
         "assumptions": [
             *stages_of(plan.task, plan.turns[0], plan.measuring)["device"].assumptions,
-            "predicted and simulated errors come from the device's noise alone: a model that does not fit adds its own",
+            "predicted and simulated errors come only from the device's noise: errors of the model itself add to them",
         ],
     }
     if identifiability is not None:
@@ -387,7 +387,7 @@ def _study_of(plan: PlanState) -> PlanStudy:
     verdict = verdict_of(plan, list(failed))
     T, purpose = in_order(plan.poses, plan.held_out, plan.task.poses.seed)
     q, e, _ = plan.measuring.placed(T)
-    turned = T if e is None else np.hstack([T[:, :3], e])
+    targets = T if e is None else np.hstack([T[:, :3], e])
     return PlanStudy(
         status=SolveStatus.SOLVED,
         message=verdict,
@@ -402,7 +402,7 @@ def _study_of(plan: PlanState) -> PlanStudy:
         figures=pictures(plan),
         files={
             "poses.csv": poses_csv(T, q, purpose, title),
-            "poses.mod": rapid_program(turned, q, title, plan.task.poses.settle),
+            "poses.mod": rapid_program(targets, q, title, plan.task.poses.settle),
         },
         machine_files=("poses.csv", "poses.mod"),
     )

@@ -1,1 +1,1 @@
-"""What a calibration reports: findings, intervals, the verdict, the table, pictures and files."""
+"""Report of a calibration: findings, intervals, verdict, table, pictures and files."""

@@ -1,5 +1,5 @@
-"""What errors of measured poses say: their size beside the noise, offsets that explain them, sessions that differ,
-priors that they contradict."""
+"""Diagnostics of pose errors: size against the noise, pattern, offsets that explain them, sessions that differ,
+contradicted priors."""
 
 from __future__ import annotations
 
@@ -33,16 +33,17 @@ from ..calibration import Calibration, calibrate
 from ..problem import CalibrationProblem, noise_covariance
 from .intervals import WEAK
 
-MOST_SESSIONS = 12  # sessions that are fitted one by one
+MOST_SESSIONS = 12  # largest number of sessions that are fitted separately
 
 
 def between_sessions(c: Calibration) -> BetweenRecordings | None:
-    """Parameters of the robot of which the sessions' own fits give disjoint intervals; None where they agree, and where
-    fewer than two sessions determine any by themselves."""
+    """Robot parameters whose intervals from separate fits of the sessions are disjoint.
+
+    None if the sessions agree, or if fewer than two determine any parameters by themselves."""
     m = c.problem.measurements
     if m.sessions is None or not 2 <= len(m.session_names) <= MOST_SESSIONS or c.estimate is None or c.problem.beside:
         return None
-    own = [n for n in c.problem.unknowns.names if n.partition("[")[0] in c.problem.closure.flat.bindings]
+    geometric = [n for n in c.problem.unknowns.names if n.partition("[")[0] in c.problem.closure.flat.bindings]
     estimates: dict[str, Estimate] = {}
     for name in m.session_names:
         rows = np.array([s == name for s in m.sessions])
@@ -52,16 +53,16 @@ def between_sessions(c: Calibration) -> BetweenRecordings | None:
             continue
         if e is not None and e.degrees_of_freedom > 0:
             estimates[name] = e
-    return between_recordings(estimates, own) if len(estimates) > 1 and own else None
+    return between_recordings(estimates, geometric) if len(estimates) > 1 and geometric else None
 
 
-EXPLAINED = 0.5  # of the squared errors: offsets that explain less are not what the errors are
+EXPLAINED = 0.5  # of the squared errors: offsets that explain less are not reported
 COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
 
 @dataclass(frozen=True, eq=False)
 class Shift:
-    """Offsets of a signal, one row (k,) per session, and the `share` of the squared length errors that they explain."""
+    """Offsets of a signal, one row (k,) per session, and the `share` of the squared length errors they explain."""
 
     signal: str
     sessions: tuple[str, ...]
@@ -75,21 +76,20 @@ class Shift:
         number = self.offsets.size
         sizes = ", ".join(f"{x:.3g}" for x in self.offsets.reshape(-1)[:8]) + (", ..." if number > 8 else "")
         counted = COUNTS[number] if number < len(COUNTS) else str(number)
-        of = f"offset{'s' if number > 1 else ''} of {self.signal}"
+        what = f"offset{'s' if number > 1 else ''} of {self.signal}"
         per = f" in {len(self.sessions)} sessions" if len(self.sessions) > 1 else ""
         unit = f" {self.units[0]}" if len(set(self.units)) == 1 and self.units[0] not in ("", "1") else ""
-        asked = "was the robot homed anew?" if self.actuators else "was the device moved?"
+        question = "was the robot homed again?" if self.actuators else "was the device moved?"
         return (
-            f"{counted} {of}{per} ({sizes}{unit}) explain {100 * self.share:.0f} % of the squared error; {asked} Then "
-            f"estimate them: {'offset' if self.actuators else 'frame'} of {self.signal} per session"
+            f"{counted} {what}{per} ({sizes}{unit}) explain {100 * self.share:.0f} % of the squared error; {question} "
+            f"If so, estimate the {'offset' if self.actuators else 'frame'} of {self.signal} per session"
         )
 
 
 def shift_of(problem: CalibrationProblem, x: np.ndarray, refitted: bool, position: str = "T") -> Shift | None:
-    """The offsets of actuators or position, per session, that explain most of the length errors at x, if that is more
-    than half and beyond chance.
+    """Offsets of actuators or position per session that explain over half of the length errors at x, beyond chance.
 
-    `refitted`: whether these poses were fitted, so that the unknowns, too, may move; to the first order.
+    `refitted`: whether these poses were fitted; the unknowns may then move too (to first order).
     """
     if problem.implicit:
         return None
@@ -102,8 +102,8 @@ def shift_of(problem: CalibrationProblem, x: np.ndarray, refitted: bool, positio
     for signal in (problem.actuators, position):
         if signal not in problem.reading.places:
             continue
-        own = By[:, :, problem.reading.places[signal]]
-        each = np.concatenate([own * (sessions == s)[:, None, None] for s in names], axis=2).reshape(len(r), -1)
+        columns = By[:, :, problem.reading.places[signal]]
+        each = np.concatenate([columns * (sessions == s)[:, None, None] for s in names], axis=2).reshape(len(r), -1)
         test = explained_by(free, r, each)
         share = 1 - test.rest / (test.F * test.more + test.rest)
         if not (share > EXPLAINED and test.p < FIRST):
@@ -111,7 +111,7 @@ def shift_of(problem: CalibrationProblem, x: np.ndarray, refitted: bool, positio
         if best is None or share > best.share:
             offsets = np.linalg.lstsq(np.hstack([free, each]), -r, rcond=None)[0][free.shape[1] :]
             units = tuple(problem.closure.flat.variables[k].unit or "" for k in _indices(problem, signal))
-            rows = -offsets.reshape(len(names), -1)  # of the reading, as Correction counts them
+            rows = -offsets.reshape(len(names), -1)  # sign convention of Correction
             best = Shift(signal, names, rows, units, float(share), signal == problem.actuators)
     return best
 
@@ -121,14 +121,15 @@ def _indices(problem: CalibrationProblem, signal: str) -> list[int]:
     return list(indices)
 
 
-FAR = 5.0  # standard deviations of prior and fit together
-NAMED = 3  # are named
-STEPS = 40  # of the fit without priors, from the one with them: what needs more is not determined without
+FAR = 5.0  # combined standard deviations of prior and fit
+NAMED = 3  # largest number of reported priors
+STEPS = 40  # iterations of the fit without priors; if it needs more, the poses do not determine the parameters
 
 
 def contradicted_priors(c: Calibration) -> list[str]:
-    """Sentences on priors far from what the poses say without any, the farthest first; none where residuals are as
-    large as the noise, or the poses alone do not determine them, or so weakly that no interval would be given."""
+    """Sentences on priors that contradict the poses, the worst first.
+
+    Empty if residuals are as small as the noise, or if the poses alone do not determine the parameters well."""
     u = c.problem.unknowns
     if not u.priors or (c.estimate is not None and (c.estimate.noise <= 1 or noise_size(c.estimate).passed)):
         return []
@@ -146,15 +147,15 @@ def contradicted_priors(c: Calibration) -> list[str]:
         off = abs(float(alone.values[k]) - prior.value) / float(np.hypot(prior.std, std))
         if std <= WEAK * u.sizes[k] and off > FAR:
             unit = u.units[k] or "1"
-            poses = f"which give {alone.values[k]:.6g} +- {std:.2g} without priors; correct or widen it"
+            poses = f"which give {alone.values[k]:.6g} +- {std:.2g} without priors; correct or widen the prior"
             known = f"the prior {prior.name} = {prior.value:g} {unit} +- {prior.std:g}"
             contradictions.append((off, f"{known} contradicts the poses, {poses}"))
     return [sentence for _, sentence in sorted(contradictions, key=lambda pair: -pair[0])[:NAMED]]
 
 
-WAVES, FEWEST = 6, 2  # over an actuator's range, from half a period to three, or to one: less is taken up by the fit
-SHARE = 1 / 3  # of the spare equations that a pattern may take
-PATTERN_POSES = 500  # poses of a file that are looked at for a pattern: its columns are many
+WAVES, FEWEST = 6, 2  # most and fewest half periods over an actuator's range; the fit absorbs longer waves
+SHARE = 1 / 3  # of the spare equations that a pattern may use
+PATTERN_POSES = 500  # largest number of poses per file in the test for a pattern, which has many columns
 
 
 def against_noise(
@@ -164,14 +165,14 @@ def against_noise(
     false_alarm: float = FALSE_ALARM,
     matters: float = MATTERS,
 ) -> OverNoise | None:
-    """Judge the errors of all poses, those of the fit and of problems of held-out ones, against the stated noise.
+    """Test the errors of all poses, fitted and held out, against the stated noise.
 
-    The errors are orthogonal distances, the smallest changes of all that was measured that close a pose, in units of
-    their covariance. Their sum of squares at the unknowns that explain all poses best is chi-squared with as many
-    degrees of freedom as errors and priors less determined unknowns, whatever the cost of the fit. These unknowns are
-    one Gauss-Newton step away; where errors look too large there, they are fitted to all poses, as a fit of few poses
-    may be far off along what these hardly determine. An error that the fit has taken up is found in the held-out poses,
-    and few spare equations of the fit are no lack of power. None where a noise is not stated, or no pose closes by it.
+    The errors are orthogonal distances: the smallest changes of the measured signals that close a pose, in units of
+    their covariance. At the unknowns that explain all poses best, their sum of squares is chi-squared distributed, with
+    errors and priors less determined unknowns as degrees of freedom, whatever the cost of the fit. These unknowns are
+    one Gauss-Newton step away. If errors look too large there, they are fitted to all poses, because a fit of few poses
+    may be far off in weakly determined directions. Held-out poses reveal an error that the fit has absorbed, and give
+    the test power if the fit has few spare equations. None if a noise is not stated, or if no pose closes.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> rng = np.random.default_rng(1)
@@ -186,28 +187,28 @@ def against_noise(
     every = (*c.problem.parts, *held_out)
     if not _stated(every):
         return None
-    judged = _at(c, every, false_alarm, matters)
+    judged = _test(c, every, false_alarm, matters)
     if judged is None or judged.passed:
         return judged
     u = c.problem.unknowns
     P, p = prior_rows(u.priors, u.names)
 
     def all_rows(x: np.ndarray) -> Iterator[np.ndarray]:
-        """For unknowns in units of their sizes."""
+        """Rows for unknowns in units of their sizes."""
         return (A for poses in every for A, _ in _rows(replace(c, x=x * u.sizes), poses))
 
-    here = c.x / u.sizes
-    closed = [np.isfinite(A[:, -1]) for A in all_rows(here)]  # a step that loses one of these poses is refused
+    start = c.x / u.sizes
+    closed = [np.isfinite(A[:, -1]) for A in all_rows(start)]  # refuse a step after which one of these does not close
 
     def rows(x: np.ndarray) -> Iterator[np.ndarray]:
         return (A[good] for A, good in zip(all_rows(x), closed, strict=True))
 
-    best = descend(rows, here, np.ones(len(here)), P=P * u.sizes, p=p, limit=STEPS)
-    return _at(replace(c, x=best.x * u.sizes), every, false_alarm, matters)
+    best = descend(rows, start, np.ones(len(start)), P=P * u.sizes, p=p, limit=STEPS)
+    return _test(replace(c, x=best.x * u.sizes), every, false_alarm, matters)
 
 
-def _at(c: Calibration, every: Sequence[CalibrationProblem], false_alarm: float, matters: float) -> OverNoise | None:
-    """The verdict one Gauss-Newton step away from where the calibration is."""
+def _test(c: Calibration, every: Sequence[CalibrationProblem], false_alarm: float, matters: float) -> OverNoise | None:
+    """The verdict one Gauss-Newton step away from the calibration."""
     R, errors = triangle(np.zeros((0, 0)), _priors(c)), 0
     for poses in every:
         for A, _ in _rows(c, poses):
@@ -216,20 +217,20 @@ def _at(c: Calibration, every: Sequence[CalibrationProblem], false_alarm: float,
             errors += len(closed)
     if not errors:
         return None
-    left, rank = _left(R[:, :-1], R[:, -1])
+    squares, rank = _unexplained(R[:, :-1], R[:, -1])
     spare = errors + len(c.problem.unknowns.priors) - rank
-    return chi_squared_over_noise(left, spare, false_alarm=false_alarm, matters=matters)
+    return chi_squared_over_noise(squares, spare, false_alarm=false_alarm, matters=matters)
 
 
 def pattern(c: Calibration, held_out: Sequence[CalibrationProblem] = ()) -> Verdict | None:
-    """Test whether errors are independent of the pose: it fails where smooth functions of the actuators, beside the
-    unknowns, explain more of them than chance does. What a model lacks shows so, however large the noise is.
+    """Test whether errors are independent of the pose; a pattern shows an effect that the model lacks, at any noise.
 
-    The functions are waves over each actuator's range, cos(pi k u) with k up to 6, fewer where poses are few, two at
-    least, for each of the equations of a pose. They and the unknowns are fitted to errors of all poses at once, and an
-    F test judges. The errors are those of against_noise(), or of the lengths where noise is not stated: these hang
-    together within a pose, so that p is but nearly right, and must be below 0.1 % instead of 1 %. None where they are
-    too few, for several measurements, and for a pose known in part without noise.
+    The test fails if smooth functions of the actuators explain more of the errors than chance does. The functions are
+    waves cos(pi k u) over each actuator's range u, with k up to 6 (fewer for few poses, at least 2), for each equation
+    of a pose. They are fitted with the unknowns to the errors of all poses, and an F test judges. The errors are those
+    of against_noise(), or length errors if the noise is not stated; these are correlated within a pose, so that p is
+    only approximate and must be below 0.1 % instead of 1 %. None for too few poses, for several measurements, and for
+    partially measured poses without noise.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> rng = np.random.default_rng(1)
@@ -253,7 +254,7 @@ def pattern(c: Calibration, held_out: Sequence[CalibrationProblem] = ()) -> Verd
     errors = [list(_rows(c, p, _stated(every))) for p in chosen]  # by block, few enough poses for one piece
     A = np.vstack([_priors(c), *(rows for each in errors for rows, _ in each)])
     closed = np.isfinite(A[:, -1])
-    before, rank = _left(A[closed, :-1], A[closed, -1])
+    before, rank = _unexplained(A[closed, :-1], A[closed, -1])
     equations = [k for _, k in errors[0]]
     spare = np.count_nonzero(closed) - rank
     number = min(WAVES, int(SHARE * spare / (sum(equations) * len(low))))
@@ -263,33 +264,34 @@ def pattern(c: Calibration, held_out: Sequence[CalibrationProblem] = ()) -> Verd
     columns = np.zeros((len(c.problem.unknowns.priors), sum(equations) * waves[0].shape[1]))
     by_block = [scipy.linalg.block_diag(*(np.kron(w, np.eye(k)) for k in equations)) for w in waves]
     columns = np.vstack([columns, *by_block])
-    after, both = _left(np.hstack([A[:, :-1], columns])[closed], A[closed, -1])
+    after, both = _unexplained(np.hstack([A[:, :-1], columns])[closed], A[closed, -1])
     more, rest = both - rank, int(np.count_nonzero(closed)) - both
     if more < 1 or rest < 1:
         return None
     F, p = f_test(before, after, more, rest)
     explained = 1 - after / rest / (before / spare)
     seldom = SMALL_P if _stated(every) else FALSE_ALARM
-    said = "residuals show no pattern over the positions of the actuators"
+    message = "residuals show no pattern over the actuator positions"
     if p < seldom:
         part = f"{max(explained, 0.0):.0%}"
-        said = f"residuals follow the positions of the actuators, smooth functions explain {part} of them"
-    return Verdict(F, p, p >= seldom, f"{said} (F = {F:.3g} for {more} and {rest}, p = {p:.2g})")
+        message = f"residuals depend on the actuator positions: smooth functions explain {part} of them"
+    return Verdict(F, p, p >= seldom, f"{message} (F = {F:.3g} for {more} and {rest}, p = {p:.2g})")
 
 
 def _stated(problems: Sequence[CalibrationProblem]) -> bool:
-    """Whether the noise of all signals is."""
+    """Whether the noise of all signals is stated."""
     return all(n in p.measurements.noise for p in problems for n in p.reading.places)
 
 
 def _evenly(poses: int) -> np.ndarray:
-    """Indices of some poses, all where they are few."""
+    """Indices of evenly chosen poses; all if there are few."""
     return np.unique(np.linspace(0, poses - 1, min(PATTERN_POSES, poses)).round().astype(int))
 
 
 def _rows(c: Calibration, poses: CalibrationProblem, stated: bool = True) -> Iterator[tuple[np.ndarray, int]]:
-    """Of each block, in pieces: rows [J r] of so many errors a pose, for unknowns in units of their sizes; r is no
-    number where a pose does not close. In units of the stated noise, or lengths."""
+    """Rows [J r] of each block in pieces, with its number of errors per pose, for unknowns in units of their sizes.
+
+    r is NaN if a pose does not close. In units of the stated noise, or lengths."""
     u, S = c.problem.unknowns, noise_covariance(poses, "orthogonal") if stated else None
     n = len(u.names)
     for block in poses.blocks_of("orthogonal" if stated else "length"):
@@ -307,9 +309,9 @@ def _priors(c: Calibration) -> np.ndarray:
     return np.column_stack([P * u.sizes, P @ c.x - p])
 
 
-def _left(J: np.ndarray, r: np.ndarray) -> tuple[float, int]:
-    """Squares of r that the columns of J leave, and their rank."""
+def _unexplained(J: np.ndarray, r: np.ndarray) -> tuple[float, int]:
+    """Sum of squares of r not explained by the columns of J, and the rank of J."""
     U, s, _ = np.linalg.svd(J, full_matrices=False)
     inside = U[:, s > RANK * s.max(initial=0.0)]
-    left = r - inside @ (inside.T @ r)
-    return float(left @ left), inside.shape[1]
+    remainder = r - inside @ (inside.T @ r)
+    return float(remainder @ remainder), inside.shape[1]

@@ -1,4 +1,4 @@
-"""All that a calibration has found, put together before it is reported: fit, held-out poses, verdict."""
+"""All results of a calibration before the report: fit, held-out poses, verdict."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ from .diagnostics import Shift, against_noise, between_sessions, contradicted_pr
 from .intervals import Confidence, weighed_over_noise
 from .movement import WIDTH, moved_too_far, near_start, undetermined
 
-FAR = 30.0  # times the stated noise: what was measured is read wrong
-ITERATIONS = 400  # of a fit: few poses leave valleys along which it is slow
-HUBER = 1.345  # standard deviations: 95 % as sharp as least squares where there are no outliers
+FAR = 30.0  # times the stated noise: the readings are probably wrong
+ITERATIONS = 400  # of a fit; few poses leave flat valleys with slow convergence
+HUBER = 1.345  # standard deviations: 95 % efficiency for normal errors
 
 
 @dataclass(frozen=True, eq=False)
 class CalibrationFindings:
-    """`before`, `after`: identifiability without and with the data's noise. `fitted`, `held_out`, `a_priori`: signal ->
-    errors of the calibrated model on fitted and held-out poses, and of the robot as it was on the latter or, without
-    any, the former; empty where a pose cannot be closed. `repeatability`: rms distance [m] of poses at the same
-    actuators from their mean, None without any. `beside`: those of other measurements that were fitted with these, with
-    the same parameters. `refitted`: with what the recording of the held-out poses has of its own; `kept`: these poses,
-    read so. `left_out`: where poses were left out in turn, which `held_out` are then the errors of, all poses. `near`:
-    unknowns that were held near their start, for without poses did not close.
+    """`before`, `after`: identifiability without and with the noise of the data. `fitted`, `held_out`: signal -> errors
+    of the calibrated model on these poses; `a_priori`: of the nominal robot on the held-out poses or, without any, the
+    fitted ones. Empty if no pose closes. `repeatability`: rms distance [m] of poses at the same actuators from their
+    mean, or None. `beside`: findings of other measurements fitted together with these. `refitted`: the calibration
+    with the parameters specific to the held-out recording; `kept`: its poses, read with these. `left_out`: the
+    cross-validation, if any; `held_out` are then its errors, of all poses. `near`: unknowns held near their start
+    values because some poses did not close otherwise.
     """
 
     problem: CalibrationProblem
@@ -65,7 +65,7 @@ class CalibrationFindings:
 
     @property
     def parts(self) -> tuple[CalibrationFindings, ...]:
-        """The findings of each of the measurements, these first."""
+        """The findings of each of the measurements, this one first."""
         return (self, *self.beside)
 
     @property
@@ -74,12 +74,12 @@ class CalibrationFindings:
 
     @cached_property
     def priors(self) -> list[str]:
-        """What contradicts the poses of what was thought to be known, in sentences."""
+        """Sentences on priors that contradict the poses."""
         return contradicted_priors(self._as_known)
 
     @property
     def _as_known(self) -> Calibration:
-        """The calibration with no other priors than those that were stated."""
+        """The calibration with only the stated priors."""
         c, u = self.calibration, self.calibration.problem.unknowns
         stated = tuple(p for p in u.priors if p.name not in self.near)
         return replace(c, problem=replace(c.problem, unknowns=replace(u, priors=stated))) if self.near else c
@@ -90,24 +90,24 @@ class CalibrationFindings:
 
     @cached_property
     def far(self) -> list[str]:
-        """What moved too far, in sentences, unless that is accepted."""
-        moved = moved_too_far(self.calibration)
+        """Sentences on parameters that moved too far, unless that alarm is accepted."""
+        sentences = moved_too_far(self.calibration)
         if "moved_too_far" not in self.inspection.accepted:
-            return moved
-        for sentence in moved:
+            return sentences
+        for sentence in sentences:
             self.inspection.refuse(Suspicion("moved_too_far", sentence), "fit.accept")
         return []
 
     @cached_property
     def left(self) -> tuple[dict[str, Check], list[str]]:
-        """What tests of every run find in the residuals: checks and sentences."""
+        """Results of the residual tests of every run: checks and sentences."""
         return suspicion_checks(tested(Data(residuals=self.calibration.residuals)), self.inspection.accepted)
 
     @cached_property
     def over_noise(self) -> OverNoise | None:
-        """Errors of the poses, fitted and held out, against the stated noise; None where it was not stated or no error
-        is left. With what the held-out recording has of its own, of the fitted ones alone; of several measurements, of
-        which the signals that are weighed have a noise, that of the actuators left out."""
+        """Errors of fitted and held-out poses against the stated noise; None if not stated or no degree of freedom is
+        left. With parameters specific to the held-out recording, of the fitted poses only. With several measurements,
+        of the signals with stated noise, apart from the actuators."""
         c = self.calibration
         if c.estimate is not None and not c.estimate.known_noise:
             return weighed_over_noise(c)
@@ -122,7 +122,7 @@ class CalibrationFindings:
 
     @cached_property
     def pattern(self) -> Verdict | None:
-        """Whether the same errors show no pattern over the poses; None where they are too few."""
+        """Test of the same errors for a pattern over the poses; None if there are too few."""
         try:
             return pattern(self._as_known, self._unseen)
         except (ModelError, np.linalg.LinAlgError):
@@ -130,9 +130,9 @@ class CalibrationFindings:
 
     @property
     def _unseen(self) -> list[CalibrationProblem]:
-        """The problems of the held-out poses; none where these have values of their own."""
-        own = () if self.refitted is not None else self.parts
-        return [p.calibration.problem.on(p.kept) for p in own if p.kept is not None]
+        """The problems of the held-out poses; none if they have specific parameters."""
+        parts = () if self.refitted is not None else self.parts
+        return [p.calibration.problem.on(p.kept) for p in parts if p.kept is not None]
 
     @property
     def position(self) -> str:
@@ -145,7 +145,7 @@ class CalibrationFindings:
 
     @property
     def unseen(self) -> np.ndarray:
-        """Which poses the errors `held_out` are of: those held out, or all where they were left out in turn."""
+        """Poses of the errors in `held_out`: the held-out ones, or all with cross-validation."""
         return self.data.held_out if self.left_out is None else np.ones(len(self.data.lines), bool)
 
     @property
@@ -154,16 +154,16 @@ class CalibrationFindings:
 
     @cached_property
     def judged(self) -> HeldOut | None:
-        """Held-out over fitted errors against what a sound model has; None without either."""
+        """Held-out over fitted errors against those of a sound model; None if one of them is missing."""
         if self.left_out is not None:
             return self.left_out.judged
         kept = self.data.kept
         if kept is None or self.position not in self.held_out or self.position not in self.fitted:
             return None
         fitted, held_out = ({n: p.errors for n, p in each.items()} for each in (self.fitted, self.held_out))
-        own = Confidence(self.calibration.alone, self.position, self.loss) if self.beside else self.confidence
-        correlated = own.correlated
-        if self.refitted is not None:  # what it has of its own is as well known as these poses tell it
+        confidence = Confidence(self.calibration.alone, self.position, self.loss) if self.beside else self.confidence
+        correlated = confidence.correlated
+        if self.refitted is not None:  # its refitted parameters have errors, too
             x, p = self.refitted.x, self.refitted.problem
             share = len(x) / max(p.equations * len(p.measurements), 1)
             held_out = {n: e / np.sqrt(1 + share) for n, e in held_out.items()}
@@ -171,13 +171,13 @@ class CalibrationFindings:
 
     @cached_property
     def held_out_residuals(self) -> np.ndarray | None:
-        """Errors (M, m) [m] of the held-out poses, as the calibration's residuals; None without any."""
+        """Errors (M, m) [m] of the held-out poses, as in the calibration's residuals; None without any."""
         return None if self.kept is None else (self.refitted or self.calibration).on(self.kept)
 
     @cached_property
     def shift(self) -> Shift | None:
-        """Offsets that explain the errors of the held-out poses, where these are larger than those of the fitted ones,
-        or what the fitted ones leave."""
+        """Offsets that explain the errors of the held-out poses if these exceed the fitted ones, otherwise those of the
+        fitted poses."""
         c = self.refitted or self.calibration
         judged = self.judged if self.kept is not None and len(self.calibration.x) else None
         if judged is not None and not judged.passed and self.kept is not None:
@@ -186,18 +186,18 @@ class CalibrationFindings:
 
     @cached_property
     def apart(self) -> BetweenRecordings | None:
-        """Parameters that sessions disagree on beyond their noise."""
+        """Parameters on which sessions disagree beyond their noise."""
         return None if self.beside else between_sessions(self.calibration)
 
     @property
     def lost(self) -> int:
-        """Held-out poses that do not close with the calibrated parameters."""
+        """Number of held-out poses that do not close with the calibrated parameters."""
         kept = self.held_out.get(self.position)
         return len(self.lines_held_out) if kept is None else kept.lost
 
     @property
     def headline(self) -> tuple[dict[str, Prediction], np.ndarray, bool]:
-        """Errors that the headline is about, their lines, and whether they are of held-out poses."""
+        """Errors for the headline, their lines, and whether they are of held-out poses."""
         if self.held_out:
             return self.held_out, self.lines_held_out, True
         return self.fitted, self.lines, False
@@ -207,10 +207,10 @@ def findings_of(
     fit: Fit, data: Sequence[SplitPoses], prepared: CalibrationProblem, a_priori: Sequence[Prediction | None],
     stop: Callable[[], bool], inspection: Inspection, refit: Refit | None = None, folds: Sequence[np.ndarray] = (),
 ) -> CalibrationFindings:  # fmt: skip
-    """Fit and look at it; `a_priori`: errors of the robot as it was, at all poses of each of the measurements; `stop`:
-    see calibrate(); `folds` of poses that are left out in turn.
+    """Fit the parameters and judge the fit.
 
-    Raises ArgumentError where the cost or the loss does not fit the measurements."""
+    `a_priori`: errors of the nominal robot at all poses, per measurements; `stop`: see calibrate(); `folds` for
+    cross-validation. Raises ArgumentError if cost or loss does not fit the measurements."""
     width = fit.loss_width
     try:
         cost = cost_of(fit, prepared)
@@ -228,8 +228,8 @@ def findings_of(
     if fit.loss == "linear" and len(data) == 1:
         c, near = near_start(c, data[0].kept, partial(calibrate, cost=cost, limit=ITERATIONS, stop=stop))
     first, *others = (
-        _of_part(fit, c if k == 0 else part, own, before, prior, inspection, refit)
-        for k, (part, own, prior) in enumerate(zip(c.parts, data, a_priori, strict=True))
+        _of_part(fit, c if k == 0 else part, poses, before, prior, inspection, refit)
+        for k, (part, poses, prior) in enumerate(zip(c.parts, data, a_priori, strict=True))
     )
     first = replace(first, near=near)
     if not folds or not c.status.ok:
@@ -240,19 +240,19 @@ def findings_of(
 def _without(
     f: CalibrationFindings, folds: Sequence[np.ndarray], width: float, stop: Callable[[], bool]
 ) -> CalibrationFindings:
-    """With the errors of poses by fits without them; interrupted, with none."""
+    """Add the errors of the cross-validation; without them if interrupted."""
     c, name = f.calibration, f.position
     try:
-        left = leave_out(
+        validation = leave_out(
             c, folds, name, loss=f.loss, width=width, limit=ITERATIONS, correlated=f.confidence.correlated, stop=stop
         )
     except ArgumentError:
         if not stop():
             raise
-        stopped = replace(c, status=SolveStatus.INTERRUPTED, message="stopped while poses were left out in turn")
+        stopped = replace(c, status=SolveStatus.INTERRUPTED, message="stopped during the cross-validation")
         return replace(f, calibration=stopped)
-    held = {n: Prediction(e) for n, e in left.errors.items() if n in f.fitted}
-    return replace(f, held_out=held, left_out=left)
+    held = {n: Prediction(e) for n, e in validation.errors.items() if n in f.fitted}
+    return replace(f, held_out=held, left_out=validation)
 
 
 def _of_part(
@@ -282,8 +282,8 @@ def _of_part(
 
 
 def _basis(c: Calibration, loss: str) -> np.ndarray | None:
-    """Orthonormal columns (N, m, p) of the lengths' Jacobian; None where latent values leave the lengths open, and of a
-    robust loss, by which outliers do not bend the fit."""
+    """Orthonormal columns (N, m, p) of the lengths' Jacobian; None with latent values, which leave the lengths unknown,
+    and for a robust loss, in which outliers do not influence the fit."""
     if c.problem.implicit or loss != "linear" or not len(c.x):
         return None
     J = c.problem.jacobian(c.x) * c.problem.unknowns.sizes
@@ -292,8 +292,8 @@ def _basis(c: Calibration, loss: str) -> np.ndarray | None:
 
 
 def _length_noise(c: Calibration, loss: str) -> tuple[np.ndarray, np.ndarray] | None:
-    """Jacobian (N, m, n) of the lengths, without columns for a robust loss, and their covariance (N, m, m) by the
-    stated noise; None where some of it is not stated, or does not reach every length."""
+    """Jacobian (N, m, n) of the lengths, without columns for a robust loss, and their covariance (N, m, m) from the
+    stated noise; None if it is not fully stated or does not affect every length."""
     p = c.problem
     if p.implicit or not p.weighed or not len(c.x):
         return None
@@ -305,7 +305,7 @@ def _length_noise(c: Calibration, loss: str) -> tuple[np.ndarray, np.ndarray] | 
 
 
 def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool, bool | None, list[str]]:
-    """Whether the numerics are sound, whether prediction is proven (None: not tried), and what both cover, in words."""
+    """Whether the numerics are sound, whether the prediction is proven (None: not tested), and sentences on both."""
     c = findings.calibration
     sound, sentences = c.status.ok, []
     if not sound:
@@ -319,8 +319,8 @@ def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool
         sentences.append(undetermined(c, findings.after))
     if findings.near:
         sentences.append(
-            f"{len(findings.near)} unknowns are held near their start, with {WIDTH:g} times their expected size as the "
-            "standard deviation: the poses hardly determine some, and not all closed where the fit had gone without; "
+            f"{len(findings.near)} unknowns are held near their start values (standard deviation {WIDTH:g} times their "
+            "expected size): the poses hardly determine some of them, and without this some poses did not close; "
             "give priors, fix parameters or turn the plate farther"
         )
     if findings.over_noise is not None:
@@ -337,15 +337,15 @@ def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool
         sentences.append(
             f"prediction not proven: {lost} of {kept_in_all} held-out poses do not close with these "
             "parameters; "
-            "two links may have come to coincide: give priors, fix parameters or turn the plate farther"
+            "two links may coincide: give priors, fix parameters or turn the plate farther"
         )
         return True, False, sentences
     if not any(f.held_out for f in findings.parts):
-        sentences.append("prediction not proven: no poses were held out, errors of fitted poses flatter")
+        sentences.append("prediction not proven: no poses were held out, and errors of fitted poses are optimistic")
         return True, None, sentences
     if findings.far:
         sentences.append(
-            f"prediction not proven: held-out poses were read in the same way as the fitted ones, and {findings.far[0]}"
+            f"prediction not proven: held-out poses were read in the same way as fitted ones, and {findings.far[0]}"
         )
         return True, False, sentences
     verdicts = []
@@ -358,31 +358,31 @@ def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool
 
 
 def _of_held_out(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool, str]:
-    """Whether the held-out poses of some measurements are predicted, and a sentence."""
+    """Whether the held-out poses of one of the measurements are predicted, and a sentence."""
     name, number = findings.position, len(findings.lines_held_out)
     kept = f"{number} held-out poses"
     if findings.left_out is not None:
         folds = len(findings.left_out.folds)
-        kept = f"{number} poses left out in turn" + (f" in {folds} folds" if folds < number else "")
+        kept = f"{number} poses by cross-validation" + (f" in {folds} folds" if folds < number else "")
     outside = findings.held_out[name]
-    sizes = f"mean {1e3 * outside.mean:.3g} mm, greatest {1e3 * outside.greatest:.3g} mm"
+    sizes = f"mean {1e3 * outside.mean:.3g} mm, largest {1e3 * outside.greatest:.3g} mm"
     judged = findings.judged
     assert judged is not None
     over = findings.over_noise
     noisy = over is not None and not over.passed
     if judged.passed and not noisy and (accuracy is None or outside.mean <= accuracy):
         return True, (
-            f"prediction proven on {kept}: {sizes}; within their box, load and "
-            "units, not beyond: a scale that all readings share is not seen"
+            f"prediction proven on {kept}: {sizes}; valid within their box, load and units; "
+            "a scale error common to all readings is not detected"
         )
     if accuracy is not None and outside.mean > accuracy:
-        return False, f"prediction misses the wanted {1e3 * accuracy:.3g} mm on {kept}: {sizes}"
+        return False, f"prediction misses the required {1e3 * accuracy:.3g} mm on {kept}: {sizes}"
     shifted = "" if findings.shift is None else findings.shift.message
     if judged.passed and over is not None:
         return False, (
-            f"prediction not proven on {kept} ({sizes}): residuals are {over.ratio:.3g} times the stated noise, of a "
-            f"sound model {over.bound:.3g} times at most; "
-            + (shifted or "what is lacking may be larger elsewhere: held-out poses were measured as the fitted ones")
+            f"prediction not proven on {kept} ({sizes}): residuals are {over.ratio:.3g} times the stated noise, for a "
+            f"sound model at most {over.bound:.3g} times; "
+            + (shifted or "the model error may be larger elsewhere: held-out poses are measured like the fitted ones")
         )
     return False, (
         f"prediction not proven on {kept} ({sizes}): {judged.message}; "
@@ -391,49 +391,49 @@ def _of_held_out(findings: CalibrationFindings, accuracy: float | None) -> tuple
 
 
 def of_noise(findings: CalibrationFindings) -> str:
-    """How large errors are beside the stated noise, what they look like, and which noise would explain them."""
+    """Sentence on the errors relative to the stated noise, their pattern, and the noise that would explain them."""
     over = findings.over_noise
     assert over is not None
     if over.as_stated or over.ratio < 1:
         return over.message
     needed = []
     for part in findings.parts:
-        m, of = part.problem.measurements, f" of {part.data.name}" if findings.beside else ""
+        m, suffix = part.problem.measurements, f" of {part.data.name}" if findings.beside else ""
         for name, place in part.problem.reading.places.items():
-            if name not in m.noise:  # of actuators, where several measurements are weighed by the others
+            if name not in m.noise:  # actuators of several measurements
                 continue
             sigma = np.sqrt(np.mean(np.diagonal(m.covariance(name, place.stop - place.start), axis1=1, axis2=2)))
             factor, unit = written(part, name)
-            needed.append(f"{name}{of} {over.ratio * factor * sigma:.2g} {'' if unit == '1' else unit}".rstrip())
-    first = " Errors this large come from columns, signs and units more often." if over.ratio > FAR else ""
-    return f"{over.extent}; {_looks(findings)}.{first} A noise of {', '.join(needed)} would explain their size"
+            needed.append(f"{name}{suffix} {over.ratio * factor * sigma:.2g} {'' if unit == '1' else unit}".rstrip())
+    first = " The usual cause of such large errors is wrong columns, signs or units." if over.ratio > FAR else ""
+    return f"{over.extent}; {_probable_cause(findings)}.{first} A noise of {', '.join(needed)} would explain their size"
 
 
 def _of_unstated_noise(findings: CalibrationFindings) -> str:
     places = [(part.problem.measurements.noise, part.problem.reading.places) for part in findings.parts]
     lacking = list(dict.fromkeys(name for noise, names in places for name in names if name not in noise))
-    of = f" of {', '.join(lacking)}" if any(name in noise for noise, names in places for name in names) else ""
-    both = "an error of the model that fitted and held-out poses share is not distinguished from it"
-    said = f"noise{of} was not stated: {both}"
+    suffix = f" of {', '.join(lacking)}" if any(name in noise for noise, names in places for name in names) else ""
+    both = "an error of the model that fitted and held-out poses share cannot be told from noise"
+    message = f"noise{suffix} was not stated: {both}"
     if findings.pattern is not None and not findings.pattern.passed:
-        return f"{said} by its size, but {findings.pattern.message}"
-    return f"{said}, but residuals are coloured, which noise is not" if findings.confidence.coloured else said
+        return f"{message} by its size, but {findings.pattern.message}"
+    return f"{message}, but residuals are coloured, unlike noise" if findings.confidence.coloured else message
 
 
-def _looks(findings: CalibrationFindings) -> str:
-    """What errors that are larger than the stated noise come from, by the pattern that they show."""
+def _probable_cause(findings: CalibrationFindings) -> str:
+    """Probable cause of errors larger than the stated noise, judged by their pattern."""
     pattern, coloured = findings.pattern, findings.confidence.coloured
     if pattern is not None and not pattern.passed:
         return f"{pattern.message}: the model lacks an effect"
     if coloured:
-        return "they are coloured, as noise is not: the model lacks an effect, or something drifts"
+        return "they are coloured, unlike noise: the model lacks an effect, or something drifts"
     if pattern is None:
-        return "the model lacks an effect, or the noise was stated too small: too few poses to see which"
-    return f"{pattern.message}: the noise was stated too small, or the model lacks an effect of another shape"
+        return "the model lacks an effect, or the stated noise is too small: too few poses to decide"
+    return f"{pattern.message}: the stated noise is too small, or the model lacks an effect of another shape"
 
 
 def written(part: CalibrationFindings, name: str) -> tuple[float, str]:
-    """Factor from SI, and unit, in which errors of a signal are written."""
+    """Factor from SI, and unit, for printing errors of a signal."""
     turns = name.partition("@")[0] == part.data.pose.orientation
     units = {parse_unit(u).si_text for u in part.data.columns[name].units} if name in part.data.columns else {"m"}
     if turns or units == {"rad"}:
@@ -442,7 +442,7 @@ def written(part: CalibrationFindings, name: str) -> tuple[float, str]:
 
 
 def _as_it_is(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool, bool | None, list[str]]:
-    """The verdict where nothing was fitted, so that no pose is better known to the parameters than another."""
+    """The verdict if nothing was fitted; fitted and held-out poses are then equivalent."""
     errors = findings.headline[0]
     sentences = ["nothing was fitted: the robot is judged as it is"]
     if findings.shift is not None:
@@ -450,19 +450,20 @@ def _as_it_is(findings: CalibrationFindings, accuracy: float | None) -> tuple[bo
     if findings.position not in errors:
         return True, False, [*sentences, "no pose closes with these parameters"]
     p = errors[findings.position]
-    said = f"mean {1e3 * p.mean:.3g} mm, greatest {1e3 * p.greatest:.3g} mm on {len(p.sizes)} poses"
+    message = f"mean {1e3 * p.mean:.3g} mm, largest {1e3 * p.greatest:.3g} mm on {len(p.sizes)} poses"
     if p.lost:
-        return True, False, [*sentences, f"{said}; {p.lost} do not close"]
+        return True, False, [*sentences, f"{message}; {p.lost} do not close"]
     if accuracy is None:
-        return True, None, [*sentences, f"{said}; accuracy_mm says what is wanted of them"]
+        return True, None, [*sentences, f"{message}; set accuracy_mm to the required accuracy to get a verdict"]
     proven = p.mean <= accuracy
     against = "within" if proven else "more than"
-    return True, proven, [*sentences, f"{said}: {against} the wanted {1e3 * accuracy:.3g} mm"]
+    return True, proven, [*sentences, f"{message}: {against} the required {1e3 * accuracy:.3g} mm"]
 
 
 def _predicted(c: Calibration, m: Measurements, data: SplitPoses) -> dict[str, Prediction]:
-    """Of the position, in the plane or in space, and of orientations; of all that was measured where the pose is known
-    in part. Empty where no pose closes."""
+    """Errors of position and orientations; of all measured signals if the pose is measured partially.
+
+    Empty if no pose closes."""
     try:
         errors = c.positioning_errors(m)
     except (ModelError, ValueError, np.linalg.LinAlgError):
@@ -474,7 +475,7 @@ def _predicted(c: Calibration, m: Measurements, data: SplitPoses) -> dict[str, P
 
 
 def _scale(c: Calibration) -> float:
-    """Robust standard deviation of the residuals as the cost has them."""
+    """Robust standard deviation of the residuals of the cost."""
     p = c.problem
     if c.cost == "squared":
         r = np.concatenate([b.evaluate(p.reading.data, c.x[b.columns])[0].reshape(-1) for b in p.squared])
@@ -486,7 +487,7 @@ def _scale(c: Calibration) -> float:
 
 
 def length_noise(p: CalibrationProblem) -> float:
-    """Noise of a length [m] before the residuals are known: that of the position, 0.1 mm where none is stated."""
+    """Noise of a length [m] before the residuals are known: that of the position, default 0.1 mm."""
     for pose in p.measurements.poses:
         if pose.position in p.measurements.noise:
             axes = np.asarray(p.measurements.values[pose.position]).shape[1]

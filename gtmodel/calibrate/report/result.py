@@ -1,7 +1,8 @@
-"""What the calibration study gives back, and the table that people see of it."""
+"""The result of the calibration study, and its printed table."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -11,36 +12,38 @@ from ...results import ArgumentError, Quantity, Row, Study
 WORST_ROWS = 5
 SHOWN_WEAK = 3
 WEAK = "determined no better than"  # of a combination, in words
+NO_LENGTH = re.compile(r"( [xyz\d]+|^\w+\[\d+\])$")  # names of coordinates and numbered equations
 
 
 def rows_of(values: Mapping[str, Any]) -> list[Row]:
-    """The table that people see."""
+    """The printed table."""
     rows = []
     for u in values["unknowns"]:
         rows.append(Row(u["name"], u["value"], u["unit"]))
         if u["interval_95"] is not None:
             low, high = u["interval_95"]
-            rows.append(Row("  95 %", f"{low:.7g} to {high:.7g}"))
+            rows.append(Row("  95 % interval", f"{low:.7g} to {high:.7g}", u["unit"]))
         elif u["std"] is None:
-            rows.append(Row("  95 %", "not determined by these poses"))
+            rows.append(Row("  95 % interval", "not determined by these poses"))
         else:
-            rows.append(Row("  std, were residuals noise", u["std"], u["unit"]))
+            rows.append(Row("  std if residuals were white noise", u["std"], u["unit"]))
     if values["recordings"] is None:
-        rows += [Row(f"mean length error of {n}", v, "mm") for n, v in values["link_errors_mm"].items()]
+        for n, v in values["link_errors_mm"].items():
+            rows.append(Row(f"mean {'' if NO_LENGTH.search(n) else 'length '}error of {n}", v, "mm"))
     for recording in values["recordings"] or ():
         rows += _of_recording(recording)
-    headline = (("a_priori_mm", "before"), ("fitted_mm", "fitted poses"), ("held_out_mm", "held-out poses"))
-    for key, said in headline if values["recordings"] is None else ():
+    headline = (("a_priori_mm", "before calibration"), ("fitted_mm", "fitted poses"), ("held_out_mm", "held-out poses"))
+    for key, label in headline if values["recordings"] is None else ():
         if values[key]:
-            rows.append(Row(f"positioning error, {said}: mean", values[key]["mean"], "mm"))
-            rows.append(Row("  greatest", values[key]["max"], "mm"))
+            rows.append(Row(f"positioning error, {label}: mean", values[key]["mean"], "mm"))
+            rows.append(Row("  largest", values[key]["max"], "mm"))
     if values["worst"]:
         w = values["worst"]
-        at = ", ".join(f"{x:.3f}" for x in w["position_m"])
-        rows.append(Row("worst place", f"({at}) m, line {w['line']}: {w['error_mm']:.3g} mm"))
+        place = ", ".join(f"{x:.3f}" for x in w["position_m"])
+        rows.append(Row("largest error", f"at ({place}) m, line {w['line']}: {w['error_mm']:.3g} mm"))
     if values["principal"]:
         for size, d in zip(values["principal"]["rms_mm"], values["principal"]["directions"], strict=True):
-            rows.append(Row(f"rms along ({', '.join(f'{x:.2f}' for x in d)})", size, "mm"))
+            rows.append(Row(f"rms error along ({', '.join(f'{x:.2f}' for x in d)})", size, "mm"))
     if values["repeatability_mm"] is not None:
         rows.append(Row("repeatability, rms", values["repeatability_mm"], "mm"))
     if values["identifiability_after"]:
@@ -52,10 +55,10 @@ def rows_of(values: Mapping[str, Any]) -> list[Row]:
         elif weak:
             rows.append(Row("identifiability", f"{weak} combinations are {WEAK} they were known; see result.json"))
     rows += [
-        Row("outlier", f"line {o['line']}, {o['link']}: {o['residual_mm']:.3g} mm, {o['times']:.1f} deviations")
+        Row("outlier", f"line {o['line']}, {o['link']}: {o['residual_mm']:.3g} mm, {o['times']:.1f} std")
         for o in values["outliers"][:WORST_ROWS]
     ]
-    noted = values.get("notes", ())  # they have rows of their own
+    noted = values.get("notes", ())  # notes have their own rows
     rows += [Row("verdict", s) for s in values["verdict"] if s not in noted]
     if values["synthetic"]:
         rows.append(Row("synthetic", values["synthetic"].partition(";")[0]))
@@ -63,13 +66,13 @@ def rows_of(values: Mapping[str, Any]) -> list[Row]:
 
 
 def _of_recording(recording: Mapping[str, Any]) -> list[Row]:
-    """Errors of what some measurements measured."""
+    """Rows on the errors of one of the measurements."""
     rows = []
     for name, e in recording["errors"].items():
-        for key, said in (("a_priori", "before"), ("fitted", "fitted"), ("held_out", "held out")):
+        for key, label in (("a_priori", "before calibration"), ("fitted", "fitted"), ("held_out", "held out")):
             if e[key] is not None:
-                rows.append(Row(f"{recording['name']}, {name}, {said}: rms", e[key]["rms"], e["unit"]))
-                rows.append(Row("  greatest", e[key]["max"], e["unit"]))
+                rows.append(Row(f"{recording['name']}, {name}, {label}: rms", e[key]["rms"], e["unit"]))
+                rows.append(Row("  largest", e[key]["max"], e["unit"]))
     return rows
 
 
@@ -77,10 +80,10 @@ STIFFNESS = (
     "with [joint_stiffness]: method, stiffness_MNm_rad with interval_MNm_rad (95 %; null: no upper end) and "
     "compliance_rad_Nm by joint, other_method_MNm_rad and agree (whether intervals overlap), compensator_rate_N_m and "
     "its std, chi_squared_p, adequacy and adequate, observability_O1, best_tests (lines of the file), "
-    "softest_N_m and stiffest_N_m by test (null for a negative compliance); all other values but synthetic and notes, "
-    "which hold doubts about the tests and what the print claims beyond them, are then null"
+    "softest_N_m and stiffest_N_m by test (null for a negative compliance); all other values are then null except "
+    "synthetic and notes (doubts about the tests and the published values)"
 )
-ABOVE = ("synthetic", "notes")  # of joint stiffness: what the calibration's values hold as their own
+ABOVE = ("synthetic", "notes")  # values of joint stiffness that the calibration has itself
 
 
 Numbers = Mapping[str, float] | None
@@ -93,104 +96,107 @@ Lines = Sequence[str] | None
 class CalibrationStudy(Study):
     """Calibrated parameters with their intervals, errors on fitted and held-out poses, and the verdict in words.
 
-    withheld: why `interval` gives none, in a sentence; empty where intervals hold, and `estimate` is None where not.
+    withheld: why `interval` refuses, in a sentence, empty if intervals are valid; otherwise `estimate` is None.
     """
 
     withheld: str = ""
 
     parameters: Annotated[Numbers, Quantity("",
-        "all geometric parameters of the closure equations by name, calibrated ones among them, in SI units",
+        "all geometric parameters in the closure equations by name, calibrated and fixed, in SI units",
     )] = None  # fmt: skip
     unknowns: Annotated[Tables, Quantity("",
-        "for each unknown: name, unit, start, value, std and interval_95, null where the poses do not "
-        "determine it; where residuals are no noise (intervals_hold false) interval_95 is null and std but what white "
-        "noise would leave",
+        "for each unknown: name, unit, start, value, std and interval_95, null if the poses do not "
+        "determine it; if the residuals are not white noise (intervals_hold false), interval_95 is null and std is "
+        "only what white noise would give",
     )] = None  # fmt: skip
     intervals_hold: Annotated[bool | None, Quantity("",
-        "whether 95 % intervals hold; the notes say why not, or what they rest on beside noise",
+        "whether 95 % intervals are valid; the notes say why not, or what they assume",
     )] = None  # fmt: skip
     colour_tested: Annotated[bool | None, Quantity("",
-        "whether the poses are enough to test residuals for colour (guideway errors, drift)",
+        "whether there are enough poses to test for coloured residuals (guideway errors, drift)",
     )] = None  # fmt: skip
     measurement: Annotated[Numbers, Quantity("",
         "estimated frames, scales, offsets and delays of the measurement by name, in SI units",
     )] = None  # fmt: skip
     poses: Annotated[Mapping[str, int] | None, Quantity("",
-        "number of poses fitted and held out, and of places that were measured more than once",
+        "number of poses fitted and held out, and of places measured more than once",
     )] = None  # fmt: skip
     link_errors: Annotated[Numbers, Quantity("m",
-        "mean length error of each link over the fitted poses (Dressler 2012, eq. (5.13))", written="mm",
+        "mean length error of each link over the fitted poses (Dressler 2012, eq. (5.13)); for arms, mean error of "
+        "each tool coordinate", written="mm",
     )] = None  # fmt: skip
     held_out_link_rms: Annotated[Numbers, Quantity("m",
-        "root mean square of each link's length errors on the held-out poses; null without any", written="mm",
+        "root mean square of these errors on the held-out poses; null without any", written="mm",
     )] = None  # fmt: skip
     held_out: Annotated[Numbers, Quantity("m",
         "positioning error (5.5) of the held-out poses: mean, max, rms; null without any", written="mm",
     )] = None  # fmt: skip
-    fitted: Annotated[Numbers, Quantity("m", "the same of the fitted poses", written="mm")] = None
+    fitted: Annotated[Numbers, Quantity("m", "positioning error of the fitted poses", written="mm")] = None
     a_priori: Annotated[Numbers, Quantity("m",
-        "the same of the robot as it was before, on the held-out poses or the fitted ones", written="mm",
+        "positioning error before calibration, on the held-out poses or else the fitted ones", written="mm",
     )] = None  # fmt: skip
     orientation: Annotated[Numbers, Quantity("rad",
-        "angle between predicted and measured orientation of held-out poses; null where not measured", written="deg",
+        "angle between predicted and measured orientation of held-out poses; null if not measured", written="deg",
     )] = None  # fmt: skip
     worst: Annotated[Table, Quantity("",
-        "the pose with the greatest error: line, measured position_m, error_mm and whether it was held_out",
+        "the pose with the largest error: line, measured position_m, error_mm and whether it was held_out",
     )] = None  # fmt: skip
     principal: Annotated[Table, Quantity("",
-        "rms error rms_mm along each principal direction, the least first, and the directions",
+        "rms error rms_mm along each principal direction, the smallest first, and the directions",
     )] = None  # fmt: skip
     identifiability_before: Annotated[Table, Quantity("",
         "rank, redundant, condition, observability indices and notes, before measuring",
     )] = None  # fmt: skip
     identifiability_after: Annotated[Table, Quantity("",
-        "the same at the solution, with the noise of the residuals",
+        "as identifiability_before, at the solution, with the noise of the residuals",
     )] = None  # fmt: skip
     correlated: Annotated[Sequence[Sequence[Any]] | None, Quantity("",
         "pairs of unknowns that correlate by more than 0.95",
     )] = None  # fmt: skip
     outliers: Annotated[Tables, Quantity("",
-        "residuals far beyond the others of their link, or the largest of a pose far off as a whole: line, link, "
-        "residual_mm, times the deviation",
+        "residuals far beyond the others of their link, or the largest of a pose that is off as a whole: line, link, "
+        "residual_mm, times (in standard deviations)",
     )] = None  # fmt: skip
     repeatability: Annotated[float | None, Quantity("m",
         "rms distance of poses at the same actuators from their mean; null without any", written="mm",
     )] = None  # fmt: skip
     recordings: Annotated[Tables, Quantity("",
-        "where there are several measurements, or poses known in part: name, numbers of poses fitted and held_out, "
+        "for several or partial measurements: name, numbers of poses fitted and held_out, "
         "link_errors_mm, and errors by signal: unit, and mean, max, rms and lost poses a_priori, fitted and held_out",
     )] = None  # fmt: skip
     sensitivity: Annotated[Mapping[str, Numbers] | None, Quantity("",
-        "sums (5.8) of changes by a small step of each unknown: position_mm, orientation_deg, cost_m4; null "
-        "where the pose is not determined",
+        "sums (5.8) of changes for a small step of each unknown: position_mm, orientation_deg, cost_m4; null "
+        "if the pose is not determined",
     )] = None  # fmt: skip
-    numerics_sound: Annotated[bool | None, Quantity("", "whether the iteration arrived")] = None
+    numerics_sound: Annotated[bool | None, Quantity("", "whether the iteration converged")] = None
     prediction_proven: Annotated[bool | None, Quantity("",
         "whether held-out poses are predicted as well as fitted ones; null without any",
     )] = None  # fmt: skip
-    verdict: Annotated[Lines, Quantity("", "in words, with what it covers")] = None
+    verdict: Annotated[Lines, Quantity("", "verdict in sentences, with its scope")] = None
     truth: Annotated[Numbers, Quantity("", "true parameters of a synthetic robot; null for measured poses")] = None
     synthetic: Annotated[str | None, Quantity("", "seed and noise of synthetic poses; null for measured ones")] = None
     joint_stiffness: Annotated[Study | None, Quantity("", STIFFNESS)] = None
 
     @property
     def values(self) -> Mapping[str, Any]:
-        """As in result.json; joint stiffness by the names of its own study."""
+        """As in result.json; joint stiffness under the names of its own study."""
         values = dict(super().values)
         if self.joint_stiffness is not None:
             values["joint_stiffness"] = {n: v for n, v in self.joint_stiffness.values.items() if n not in ABOVE}
         return values
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of an unknown [SI], infinite where the poses do not determine it; with joint stiffness
-        that of its own study. Raises ArgumentError where no intervals hold, with the reason, and for another name."""
+        """Return the confidence interval of an unknown [SI], infinite if the poses do not determine it.
+
+        With joint stiffness that of its own study. Raises ArgumentError if intervals are not valid, with the reason,
+        and for an unknown name."""
         if self.withheld:
             raise ArgumentError(self.withheld, "name")
         return (self.joint_stiffness or super()).interval(name, level)
 
     @property
     def rows(self) -> list[Row]:
-        """The table for people."""
+        """The printed table."""
         if self.joint_stiffness is not None:
             return self.joint_stiffness.rows
         return [] if self.parameters is None else rows_of(self.values)

@@ -1,4 +1,4 @@
-"""parameters.toml of a calibration: a robot file that the catalogue's loader reads, confidence in its comments."""
+"""parameters.toml of a calibration: a robot file that gtmodel reads, with standard deviations in its comments."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ...robots.links import family_of
 from ..unknowns import merged
 from .findings import CalibrationFindings
 
-# printed name of the file's key -> parameter of the model, and what its numbers are multiplied by
+# key in the file -> parameter of the model, and the factor from SI
 GEOMETRY = {
     "three_link": {"A_m": ("A", 1.0), "v": ("v", 1.0), "L_m": ("L", 1.0), "home_m": ("home", 1.0)},
     "six_link": {"A_m": ("A", 1.0), "v": ("v", 1.0), "L_m": ("L", 1.0), "B_m": ("B", 1.0), "home_m": ("home", 1.0)},
@@ -31,9 +31,9 @@ MASSES = {
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a robot comes from, as its calibrated file will say.
+    """Where a robot comes from, for its calibrated file.
 
-    name: what people call it. reference: "file.py:Class" of a model in Python. given: its parameters, by their names.
+    name: its name in text. reference: "file.py:Class" of a model in Python. given: its parameters by name.
     """
 
     name: str
@@ -42,13 +42,13 @@ class Origin:
 
 
 def text(findings: CalibrationFindings, model: Model, title: str, origin: Origin) -> str:
-    """A robot file: of the family, masses and friction as they were; of a model in Python its reference and its
-    parameters, those given and in their place the calibrated."""
+    """A robot file: for a family, masses and friction unchanged; for a model in Python, its reference and parameters
+    with the calibrated values."""
     import tomli_w
 
     calibrated = findings.calibration.parameters()
     values = {name: calibrated.get(name, getattr(model, name, None)) for name in _names(model)}
-    pieces = [name for name in findings.calibration.values if ".guideway." in name]  # which no robot file holds
+    pieces = [name for name in findings.calibration.values if ".guideway." in name]  # no robot file holds these
     family = "" if pieces else family_of(model)
     table: dict[str, Any] = {"title": title, "source": f"calibration of {origin.name}", "note": _note(findings)}
     if family:
@@ -65,33 +65,33 @@ def text(findings: CalibrationFindings, model: Model, title: str, origin: Origin
     elif _has_dh_numbers(model):
         from ...robots import robot_table  # here: most calibrations are not of arms
 
-        own = {q.name for q in findings.problem.closure.flat.parameters}
-        beside = {k: v for k, v in findings.calibration.values.items() if k not in own}
+        names = {q.name for q in findings.problem.closure.flat.parameters}
+        beside = {k: v for k, v in findings.calibration.values.items() if k not in names}
         body = tomli_w.dumps(robot_table(model.with_(**calibrated), "") | table)
     else:
-        own = {q.name for q in findings.problem.closure.flat.parameters}
-        beside = {k: v for k, v in findings.calibration.values.items() if k not in own}
+        names = {q.name for q in findings.problem.closure.flat.parameters}
+        beside = {k: v for k, v in findings.calibration.values.items() if k not in names}
         if origin.reference:
             table["robot"] = origin.reference
         body = tomli_w.dumps({**table, "parameters": _plain(merged(origin.given, calibrated))})
     comments = [f"# {line}" for line in _confidence(findings)]
     comments += [
-        f"# of the measurement: {name} = {value:.9g}"
+        f"# measurement: {name} = {value:.9g}"
         for name, value in beside.items()
         if ".guideway.at[" not in name and ".guideway.points[" not in name
     ]
     use = "gtmodel reads this file as a robot"
     if not family and origin.reference and not _has_dh_numbers(model):
         place = origin.reference.rpartition(":")[0] or origin.reference
-        use += f", with '{place}' beside it, beside the problem or here"
+        use += f", with '{place}' next to it, to the problem or in the current folder"
     if pieces:
-        use = "no robot file, since guideways are measured: their A and v are those before"
+        use = "not a robot file, since guideways are measured: A and v are the nominal values"
     return "\n".join([f"# Calibrated parameters; {use}.", *comments, "", body])
 
 
 def urdf(findings: CalibrationFindings, model: Model, title: str) -> dict[str, str]:
-    """calibrated.urdf of an arm by Denavit-Hartenberg numbers, by name; none of others, and none of bodies that URDF
-    cannot say."""
+    """calibrated.urdf of an arm with Denavit-Hartenberg parameters, by name; none for other robots, or for bodies that
+    URDF cannot describe."""
     if not _has_dh_numbers(model):
         return {}
     from ...robots import to_urdf  # here: most calibrations are not of arms
@@ -105,12 +105,12 @@ def urdf(findings: CalibrationFindings, model: Model, title: str) -> dict[str, s
 
 
 def _has_dh_numbers(model: Model) -> bool:
-    """Whether it is a serial arm whose file holds all that it is."""
+    """Whether the model is a serial arm that a robot file describes completely."""
     return getattr(getattr(model, "structure", None), "style", "rpy") != "rpy"
 
 
 def _plain(value: Any) -> Any:
-    """Arrays as lists."""
+    """Convert arrays to lists."""
     if isinstance(value, Mapping):
         return {n: _plain(v) for n, v in value.items()}
     if isinstance(value, list | tuple):
@@ -127,9 +127,7 @@ def _note(findings: CalibrationFindings) -> str:
     errors, _, held = findings.headline
     what = "held-out" if held else "fitted"
     accuracy = (
-        f"; {what} error {1e3 * errors[findings.position].mean:.3g} mm in the mean"
-        if findings.position in errors
-        else ""
+        f"; mean {what} error {1e3 * errors[findings.position].mean:.3g} mm" if findings.position in errors else ""
     )
     synthetic = f"; synthetic data: {findings.data.synthetic}" if findings.data.synthetic else ""
     return f"frame of the measurements{accuracy}{synthetic}"
@@ -138,7 +136,7 @@ def _note(findings: CalibrationFindings) -> str:
 def _confidence(findings: CalibrationFindings) -> list[str]:
     e = findings.confidence.estimate
     if e is None:
-        return ["not solved: these are the values at which the iteration ended"]
+        return ["not solved: these are the values at the end of the iteration"]
     lines = [*findings.confidence.reasons[-1:], *findings.confidence.notes]
     for name, std in zip(e.names, e.std, strict=True):
         lines.append(f"std of {name}: {std:.3g}" if np.isfinite(std) else f"{name} is not determined by these poses")

@@ -1,4 +1,4 @@
-"""What a calibration reports: values by name, checks, the table of its poses and its pictures."""
+"""Report of a calibration: values by name, checks, the table of its poses and its pictures."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 
 def text(findings: CalibrationFindings) -> str:
-    """Line of the file, fitted or held out, the measured position [m], errors of position [mm] and lengths [mm];
-    empty where a pose cannot be closed."""
+    """poses.csv: line of the file, fitted or held out, measured position [m], errors of position [mm] and lengths [mm];
+    empty if a pose cannot be closed."""
     if not findings.data.whole:
         return _partial(findings)
     name = findings.position
@@ -46,9 +46,9 @@ def text(findings: CalibrationFindings) -> str:
 
 
 def _parts(findings: CalibrationFindings) -> list[tuple[np.ndarray, dict[str, Prediction]]]:
-    """Rows and the predictions that are told of them: of poses left out in turn those without them."""
-    seen = [] if findings.left_out is not None else [(~findings.data.held_out, findings.fitted)]
-    return [*seen, (findings.unseen, findings.held_out)]
+    """Rows and their predictions; with cross-validation only those of the refits."""
+    fitted = [] if findings.left_out is not None else [(~findings.data.held_out, findings.fitted)]
+    return [*fitted, (findings.unseen, findings.held_out)]
 
 
 def _words(findings: CalibrationFindings) -> np.ndarray:
@@ -58,7 +58,7 @@ def _words(findings: CalibrationFindings) -> np.ndarray:
 
 
 def _partial(findings: CalibrationFindings) -> str:
-    """Line of the file, fitted or held out, and of each signal beside the actuators what was measured and its error."""
+    """poses.csv of partial measurements: line, fitted or held out, and for each signal the reading and its error."""
     data = findings.data
     values, formats = {}, {}
     for name in findings.problem.judged:
@@ -69,9 +69,9 @@ def _partial(findings: CalibrationFindings) -> str:
         errors: np.ndarray | None = None
         for part, prediction in _parts(findings):
             if name in prediction:
-                own = prediction[name].errors
-                errors = np.full((len(data.lines), own.shape[1]), np.nan) if errors is None else errors
-                errors[part] = own
+                part_errors = prediction[name].errors
+                errors = np.full((len(data.lines), part_errors.shape[1]), np.nan) if errors is None else errors
+                errors[part] = part_errors
         if errors is not None:
             heads = [f"error of {n}" for n in ([name] if errors.shape[1] == 1 else heads[: errors.shape[1]])]
             values |= dict(zip(heads, errors.T, strict=True))
@@ -83,48 +83,48 @@ def _partial(findings: CalibrationFindings) -> str:
 
 
 def pictures(findings: CalibrationFindings, title: str) -> Mapping[str, Callable[[], Figure]]:
-    """File name -> drawing; those that the result can fill."""
+    """File name -> drawing, for which there are results."""
     c, headline, held = findings.calibration, findings.headline[0], findings.headline[2]
     name = findings.position
     what = "held-out poses" if held else "fitted poses"
-    drawn: dict[str, Callable[[], Figure]] = {}
+    figures: dict[str, Callable[[], Figure]] = {}
     parts = findings.beside or not findings.data.whole
     if parts:
         of_parts = {title: sizes for part in findings.parts for title, sizes in _of_part(part).items()}
         if of_parts:
-            drawn["pose_errors"] = lambda: _plot().pose_errors_figure(
+            figures["pose_errors"] = lambda: _plot().pose_errors_figure(
                 of_parts, f"{title}: errors by pose", None, "error [mm]"
             )
     elif name in headline:
         T = findings.data.T[findings.unseen if held else ~findings.data.held_out]
         errors = {f"{what}, calibrated": headline[name].sizes}
         if name in findings.a_priori:
-            errors[f"{what}, before"] = findings.a_priori[name].sizes
-        drawn["pose_errors"] = lambda: _plot().pose_errors_figure(
+            errors[f"{what}, before calibration"] = findings.a_priori[name].sizes
+        figures["pose_errors"] = lambda: _plot().pose_errors_figure(
             errors, f"{title}: errors by pose", headline[name].worst
         )
         if T.shape[1] > 1:
-            drawn["workspace_errors"] = lambda: _plot().workspace_errors_figure(
+            figures["workspace_errors"] = lambda: _plot().workspace_errors_figure(
                 T, headline[name].sizes, f"{title}: errors by place, {what}"
             )
     if not parts:
-        drawn["length_errors"] = lambda: _plot().length_errors_figure(
+        figures["length_errors"] = lambda: _plot().length_errors_figure(
             c.residuals, findings.problem.labels, f"{title}: length errors of the fitted poses"
         )
     estimate, after = findings.confidence.estimate, findings.after
     if estimate is not None and after is not None:
         units = [u or "1" for u in estimate.units]
-        drawn["deviations"] = lambda: _plot().deviations_figure(
+        figures["deviations"] = lambda: _plot().deviations_figure(
             estimate.names, estimate.std, units, f"{title}: standard deviations"
         )
-        drawn["correlation"] = lambda: _plot().correlation_figure(
+        figures["correlation"] = lambda: _plot().correlation_figure(
             after.names, after.correlation, f"{title}: correlation"
         )
-    return drawn
+    return figures
 
 
 def _of_part(part: CalibrationFindings) -> dict[str, np.ndarray]:
-    """Sizes [m] of the errors of what some measurements measured, before and after, by what to call them."""
+    """Sizes [m] of the errors of one of the measurements, before and after, by label."""
     errors, _, held = part.headline
     what = "held-out poses" if held else "fitted poses"
     sizes = {}
@@ -132,7 +132,7 @@ def _of_part(part: CalibrationFindings) -> dict[str, np.ndarray]:
         if name in errors and name.partition("@")[0] != part.data.pose.orientation:
             sizes[f"{part.data.name}, {name}, {what}"] = errors[name].sizes
             if name in part.a_priori:
-                sizes[f"{part.data.name}, {name}, before"] = part.a_priori[name].sizes
+                sizes[f"{part.data.name}, {name}, before calibration"] = part.a_priori[name].sizes
     return sizes
 
 
@@ -142,28 +142,28 @@ def _plot() -> Any:
     return calibration
 
 
-LOOK = "the verdict in the table says what to look at"
+LOOK = "see the verdict in the table"
 SHOWN_PAIRS = 20
-MANY = 0.1  # of the poses: so many outliers are seldom chance
+MANY = 0.1  # of the poses: more outliers are seldom chance
 
 
 def values_of(findings: CalibrationFindings, accuracy: float | None) -> dict[str, Any]:
-    """The quantities of a `CalibrationStudy`, its estimate and its notes; accuracy [m]: what was wanted."""
+    """The quantities of a `CalibrationStudy`, its estimate and its notes; accuracy [m]: the required one."""
     c, data = findings.calibration, findings.data
     sound, proven, sentences = verdict(findings, accuracy)
     errors, lines, held = findings.headline
-    own = {q.name for q in findings.problem.closure.flat.parameters}
+    names = {q.name for q in findings.problem.closure.flat.parameters}
     intervals_hold = c.estimate is not None and findings.confidence.holds
     whole = data.whole
     head = errors.get(findings.position) if whole else None
     return {
-        "parameters": {n: v for n, v in c.values.items() if n in own},
+        "parameters": {n: v for n, v in c.values.items() if n in names},
         "unknowns": _unknowns(findings),
         "estimate": findings.confidence.estimate if intervals_hold else None,
         "withheld": "" if intervals_hold else findings.confidence.withheld,
         "intervals_hold": intervals_hold,
         "colour_tested": c.estimate is not None and findings.confidence.tested,
-        "measurement": {n: v for n, v in c.values.items() if n not in own} | _refitted(findings),
+        "measurement": {n: v for n, v in c.values.items() if n not in names} | _refitted(findings),
         "poses": {
             "fitted": len(findings.lines), "held_out": len(findings.lines_held_out), "repeated": len(data.repeated),
         } | ({} if data.refitting is None else {"refitting": len(data.refitting)}),
@@ -196,16 +196,16 @@ def values_of(findings: CalibrationFindings, accuracy: float | None) -> dict[str
 
 
 def checks_of(accuracy: float | None, findings: CalibrationFindings) -> dict[str, Check]:
-    """Prediction and, where it was asked for, the accuracy."""
+    """Checks of the prediction and, if required, the accuracy."""
     checks = {}
     name = findings.position
     for part in findings.parts:
-        of = f" of {part.data.name}" if findings.beside else ""
+        suffix = f" of {part.data.name}" if findings.beside else ""
         judged = part.judged if len(part.calibration.x) else None
         if judged is not None:
-            checks[f"held_out_over_fitted{of}"] = judged.check(LOOK)
+            checks[f"held_out_over_fitted{suffix}"] = judged.check(LOOK)
         if part.lost:
-            checks[f"held_out_poses_lost{of}"] = at_most(float(part.lost), 0.0, LOOK)
+            checks[f"held_out_poses_lost{suffix}"] = at_most(float(part.lost), 0.0, LOOK)
     checks |= findings.left[0]
     if findings.far:
         checks["moved_too_far"] = at_most(float(len(findings.far)), 0.0, LOOK)
@@ -214,17 +214,17 @@ def checks_of(accuracy: float | None, findings: CalibrationFindings) -> dict[str
         checks["residuals_over_noise"] = over.check(LOOK)
     if accuracy is not None and name in findings.headline[0]:
         mean = findings.headline[0][name].mean
-        # what was fitted proves nothing
+        # errors of fitted poses prove nothing
         proven = 1e3 * mean if findings.held_out or not len(findings.calibration.x) else np.nan
         checks["mean_error_mm"] = at_most(
-            proven, 1e3 * accuracy, LOOK if findings.held_out else "hold poses out to prove it"
+            proven, 1e3 * accuracy, LOOK if findings.held_out else "hold out poses to prove it"
         )
     return checks
 
 
 def _unknowns(findings: CalibrationFindings) -> list[dict[str, Any]]:
     c, u, estimate = findings.calibration, findings.problem.unknowns, findings.confidence.estimate
-    listed = []
+    entries = []
     for k, name in enumerate(u.names):
         entry = {"name": name, "unit": u.units[k] or "1", "start": float(u.start[k]), "value": float(c.x[k]),
                  "std": None, "interval_95": None}  # fmt: skip
@@ -232,8 +232,8 @@ def _unknowns(findings: CalibrationFindings) -> list[dict[str, Any]]:
             entry["std"] = float(estimate.std[k])
             if findings.confidence.holds:
                 entry["interval_95"] = list(estimate.interval(name))
-        listed.append(entry)
-    return listed
+        entries.append(entry)
+    return entries
 
 
 def _notes(findings: CalibrationFindings) -> list[str]:
@@ -241,7 +241,7 @@ def _notes(findings: CalibrationFindings) -> list[str]:
     if not c.status.ok:
         return [*findings.inspection.notes]
     absent = [_absent(part) for part in findings.parts if part.problem.implicit]
-    absent += [_refit_said(part) for part in findings.parts if part.refitted is not None]
+    absent += [_refit_note(part) for part in findings.parts if part.refitted is not None]
     if c.estimate is None:
         return [*findings.inspection.notes, *absent]
     intervals = [*findings.confidence.reasons, *findings.confidence.notes]
@@ -253,48 +253,48 @@ def _notes(findings: CalibrationFindings) -> list[str]:
 
 
 def _refitted(findings: CalibrationFindings) -> dict[str, float]:
-    """What the recordings of the held-out poses have of their own, by name."""
+    """Refitted parameters of the held-out recordings, by name."""
     values: dict[str, float] = {}
     for part in findings.parts:
-        own = part.refitted
-        if own is not None:
-            names = own.problem.reading.parameters.names
-            values |= {f"{n} of the held-out recording{_of(part)}": v for n, v in own.values.items() if n in names}
+        refit = part.refitted
+        if refit is not None:
+            names = refit.problem.reading.parameters.names
+            values |= {f"{n} of the held-out recording{_of(part)}": v for n, v in refit.values.items() if n in names}
     return values
 
 
 def _of(findings: CalibrationFindings) -> str:
-    """Of which of several measurements."""
+    """Ending with the name of the measurements if there are several."""
     return f" of {findings.data.name}" if findings.calibration.problem.reading.ending else ""
 
 
-def _refit_said(findings: CalibrationFindings) -> str:
-    own = findings.refitted
-    assert own is not None
-    names, poses = own.problem.unknowns.names, len(own.problem.measurements)
+def _refit_note(findings: CalibrationFindings) -> str:
+    calibration = findings.refitted
+    assert calibration is not None
+    names, poses = calibration.problem.unknowns.names, len(calibration.problem.measurements)
     return (
-        f"{len(names)} values of the held-out recording{_of(findings)} are its own, refitted on {poses} of its poses "
-        f"({names[0]} to {names[-1]}); the others judge"
+        f"{len(names)} parameters of the held-out recording{_of(findings)} ({names[0]} to {names[-1]}) were refitted "
+        f"on {poses} of its poses; the other poses judge"
     )
 
 
 def _absent(part: CalibrationFindings) -> str:
-    """What was measured in part, and what became of the rest."""
+    """Sentence on partial measurements."""
     latent = part.problem.latent
     return (
-        f"{part.data.name}: {', '.join(latent)} {'was' if len(latent) == 1 else 'were'} not measured as a whole and "
-        f"found pose by pose; the errors are those of {', '.join(part.problem.judged)}"
+        f"{part.data.name}: {', '.join(latent)} {'was' if len(latent) == 1 else 'were'} not fully measured and "
+        f"estimated pose by pose; the errors are those of {', '.join(part.problem.judged)}"
     )
 
 
 def _crowded(findings: CalibrationFindings) -> list[str]:
-    """A sentence where so many poses hold outliers that they are hardly outliers."""
+    """A sentence if so many poses have outliers that the cause is probably systematic."""
     N, bad = len(findings.lines), len({o.pose for o in findings.outliers})
     if bad <= MANY * N:
         return []
     return [
-        f"{bad} of {N} poses ({bad / N:.0%}) hold outliers, so many are seldom chance: look at what they share, "
-        "such as a place, a session or a lost target; a robust loss bears them only from start values near the robot"
+        f"{bad} of {N} poses ({bad / N:.0%}) have outliers, too many for chance: look for what they share, "
+        "such as a place, a session or a lost target; a robust loss helps only with start values near the robot"
     ]
 
 
@@ -307,28 +307,28 @@ def _link_rms(findings: CalibrationFindings) -> dict[str, float] | None:
 
 
 def _recordings(findings: CalibrationFindings) -> list[dict[str, Any]] | None:
-    """Each of the measurements with the errors of what it measured, where there are several, or poses known in part."""
+    """Each of several or partial measurements with the errors of its signals."""
     if not findings.beside and findings.data.whole:
         return None
-    listed = []
+    entries = []
     for part in findings.parts:
         errors = {}
         for name in part.problem.judged:
             factor, unit = written(part, name)
             sizes = {}
-            for key, said in (("a_priori", part.a_priori), ("fitted", part.fitted), ("held_out", part.held_out)):
-                p = said.get(name)
+            for key, predictions in (("a_priori", part.a_priori), ("fitted", part.fitted), ("held_out", part.held_out)):
+                p = predictions.get(name)
                 sizes[key] = None if p is None else {
                     "mean": factor * p.mean, "max": factor * p.greatest, "rms": factor * p.rms, "lost": p.lost,
                 }  # fmt: skip
             errors[name] = {"unit": unit, **sizes}
-        listed.append(
+        entries.append(
             {
                 "name": part.data.name, "fitted": len(part.lines), "held_out": len(part.lines_held_out),
                 "errors": errors, "link_errors_mm": {n: 1e3 * v for n, v in part.calibration.link_errors.items()},
             }
         )  # fmt: skip
-    return listed
+    return entries
 
 
 def _sizes(p: Prediction | None) -> dict[str, float] | None:
@@ -377,5 +377,5 @@ def _truth(findings: CalibrationFindings) -> dict[str, float] | None:
     robot = findings.data.source.truth
     if robot is None:
         return None
-    own = {q.name: q.value for q in flat_of(robot).parameters}
-    return {n: own[n] for n in findings.calibration.values if n in own}
+    values = {q.name: q.value for q in flat_of(robot).parameters}
+    return {n: values[n] for n in findings.calibration.values if n in values}

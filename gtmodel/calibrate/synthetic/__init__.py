@@ -1,9 +1,9 @@
-"""Synthetic measurements: a robot with known errors put to poses of a grid and measured with noise.
+"""Synthetic measurements: a robot with known errors at the poses of a grid, measured with noise.
 
-Synthetic      seed, grid, sizes of the errors, device
-made_poses     the poses as a study takes them, with the texts of the files and the robot with the errors
-make, SyntheticFile   the texts alone
-disturbed      the robot that is measured
+Synthetic      options: seed, grid, sizes of the errors, device
+made_poses     the poses for a study, with the text of the files and the robot with the errors
+make, SyntheticFile   only the text of the files
+disturbed      the robot with the errors
 """
 
 from typing import TYPE_CHECKING

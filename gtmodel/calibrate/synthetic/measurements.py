@@ -1,5 +1,5 @@
-"""Synthetic calibration measurements: a robot with known errors, of its guideways and carts too, put to poses of a
-grid, and its file read back as a person would read it."""
+"""Synthetic calibration measurements: a robot with known errors (also of guideways and carts) at the poses of a grid,
+written to a file and read back like a measured one."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from ..measured.reading_file import read_poses
 from ..sensitivity import moved, rows_of, true_poses
 from .options import Synthetic
 
-WAVES = 5  # of the smooth part: the longest is twice the range, the shortest two fifths of it
-FINE = 2001  # points over the range at which sizes are set
+WAVES = 5  # of the smooth part: wavelengths from twice the range to two fifths of it
+FINE = 2001  # points over the range from which sizes are computed
 
 
 @dataclass(frozen=True, eq=False)
 class GuidewayError:
     """Deviation e(q) (n, 3) [m] of a point from A + q v, in world coordinates: a synthetic guideway error.
 
-    Smooth random waves across and along `direction`, of which no straight line is left over `low`..`high`, with the
-    means `along` and `across` [m] of |e_par| and |e_perp| there (as Dressler 2012, Table 4.2, gives them); and a sine
-    of the amplitude `cyclic` [m] and the `period` [m] along it (section 4.2).
+    Smooth random waves across and along `direction` with their straight line over `low`..`high` removed, and with means
+    `along` and `across` [m] of |e_par| and |e_perp| there (as in Dressler 2012, Table 4.2); and along it a sine of
+    amplitude `cyclic` [m] and `period` [m] (section 4.2).
     """
 
     direction: np.ndarray
@@ -67,13 +67,13 @@ class GuidewayError:
         return np.sum(amplitude[:, :, None] * np.sin(k[:, None] * s + phase[:, :WAVES, None]), axis=1)
 
 
-REFLECTOR = np.array([0.03, 0.03, 0.03])  # m from the last joint of its cart; ours
-MARGIN = 0.01  # m beyond the poses, as guideway errors are made
-STREAM = 5  # of the seed's children
+REFLECTOR = np.array([0.03, 0.03, 0.03])  # m from the last joint of its cart; our choice
+MARGIN = 0.01  # m beyond the poses, the range of the guideway errors
+STREAM = 5  # first index of the seeds used here
 
 
 def tilts(s: Synthetic, curves: Sequence[GuidewayError]) -> list[GuidewayError]:
-    """Small turns [rad] of each cart along its guideway, with the mean angle that is stated."""
+    """Small rotations [rad] of each cart along its guideway, with the stated mean angle."""
     size = s.cart_tilt / np.sqrt(2.0)
     return [
         GuidewayError(c.direction, c.low, c.high, size, size, 0.0, 1.0, np.random.SeedSequence([s.seed, STREAM, i]))
@@ -82,7 +82,7 @@ def tilts(s: Synthetic, curves: Sequence[GuidewayError]) -> list[GuidewayError]:
 
 
 def levers(points: np.ndarray, rows: Sequence[int]) -> np.ndarray:
-    """Joints (m, 3) [m] of a cart from its reflector."""
+    """Joints (m, 3) [m] of a cart relative to its reflector."""
     return points[list(rows)] - points[rows[-1]] - REFLECTOR
 
 
@@ -90,10 +90,11 @@ def cart_points(
     s: Synthetic, number: int, points: np.ndarray, v: np.ndarray, rows: Sequence[Sequence[int]],
     curves: Sequence[GuidewayError], q: np.ndarray,
 ) -> tuple[np.ndarray, list[np.ndarray]]:  # fmt: skip
-    """Coordinates (n,) [m] over the range of the poses and, per cart, reflector positions (n, 3) [m] in a frame of
-    their own, with the device's noise. The tool centre point keeps its place across the guideways: the load of the
-    poses shifts no cart, another one that is stated does."""
-    at = np.round(np.linspace(q[:, :3].min() - MARGIN, q[:, :3].max() + MARGIN, number), 7)
+    """Coordinates (n,) [m] over the range of the poses and, per cart, reflector positions (n, 3) [m] with device noise.
+
+    The reflector positions are in a separate frame. The tool centre point does not move across the guideways, so that
+    the load of the poses shifts no cart; only the stated `cart_drift` does."""
+    coordinates = np.round(np.linspace(q[:, :3].min() - MARGIN, q[:, :3].max() + MARGIN, number), 7)
     R = scipy.spatial.transform.Rotation.from_euler("ZYZ", s.cart_device_zyz)
     rng = np.random.default_rng(np.random.SeedSequence([s.seed, STREAM + 1]))
     sigma = np.broadcast_to(np.asarray(s.position_noise, float), 3)
@@ -102,21 +103,21 @@ def cart_points(
         k, size = cart[-1], s.cart_drift[i] / np.sqrt(2.0)
         seeds = np.random.SeedSequence([s.seed, STREAM + 2, i])
         drift = GuidewayError(curve.direction, curve.low, curve.high, size, size, 0.0, 1.0, seeds)
-        world = points[k] + REFLECTOR + at[:, None] * v[k] + curve(at) + drift(at)
+        world = points[k] + REFLECTOR + coordinates[:, None] * v[k] + curve(coordinates) + drift(coordinates)
         reflectors.append(R.inv().apply(world - np.array(s.cart_device_t)) + sigma * rng.standard_normal(world.shape))
-    return at, reflectors
+    return coordinates, reflectors
 
 
 KEY = "synthetic"
-# mean distance of a normal error in space, in standard deviations along an axis: 2 sqrt(2 / pi)
+# mean length of a 3D normal error, in standard deviations of one coordinate: 2 sqrt(2 / pi)
 MEAN_DISTANCE = 1.5957691216
-# decimals of the file: 0.1 um, 1e-9, 1e-6 deg
+# decimals in the file: 0.1 um, 1e-9, 1e-6 deg
 DECIMALS = {"mm": 4, "1": 9, "deg": 6}
 PER_SI = {"mm": 1e3, "1": 1.0, "deg": 180 / np.pi}
 
 
 class Carts(NamedTuple):
-    """The parameter whose rows are points on the carts, the rows of each cart, and what else is a length."""
+    """The parameter whose rows are points on the carts, the rows of each cart, and all parameters that are lengths."""
 
     points: str
     rows: Sequence[Sequence[int]]
@@ -125,7 +126,7 @@ class Carts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SyntheticFile:
-    """The CSV, what it says of itself, the robot that was measured; `carts`: the CSV of cart points where asked for."""
+    """The CSV text, its note, the robot that was measured; `carts`: the CSV text of cart points, if requested."""
 
     text: str
     note: str
@@ -136,7 +137,7 @@ class SyntheticFile:
 
 
 def carts_of(model: Model) -> Carts:
-    """Of a Gantry-Tau of the library. Raises ArgumentError for another robot."""
+    """The carts of a Gantry-Tau of the library. Raises ArgumentError for other robots."""
     if hasattr(model, "A0"):
         return Carts("A0", [[0], [1], [2]], ("A0", "A", "B", "L", "r3"))
     A = np.shape(getattr(model, "A", ()))
@@ -144,11 +145,11 @@ def carts_of(model: Model) -> Carts:
         return Carts("A", links.ROWS, ("A", "B", "L"))
     if A == (3, 3) and hasattr(model, "v"):
         return Carts("A", [[0], [1], [2]], ("A", "L"))
-    raise ArgumentError("is for Gantry-Tau robots with three, six or F1 links; give measurements of this robot", KEY)
+    raise ArgumentError("applies to Gantry-Tau robots with three, six or F1 links; for this robot, measure poses", KEY)
 
 
 def disturbed(model: Model, s: Synthetic) -> Model:
-    """The robot that is measured: points, lengths and guideways with random errors of the stated sizes."""
+    """The robot with the errors: points, lengths and guideways with random errors of the stated sizes."""
     carts, robot = carts_of(model), _any(model)
     rng = np.random.default_rng(np.random.SeedSequence([s.seed, 1]))
     changed: dict[str, Any] = {}
@@ -166,53 +167,53 @@ def disturbed(model: Model, s: Synthetic) -> Model:
 
 
 def make(model: Model, s: Synthetic) -> SyntheticFile:
-    """Poses on the grid that the model reaches, where the disturbed robot stands there, and what a device says.
+    """Poses of the grid that the model reaches, as the disturbed robot takes them and the device measures them.
 
-    Raises ArgumentError where no pose is reached or the disturbed robot cannot stand.
+    Raises ArgumentError if the model reaches no pose, or if the disturbed robot cannot take one.
     """
     for a, b, axis in zip(s.low, s.high, "xyz", strict=True):
         if a > b:
-            raise ArgumentError(f"the least {axis} is {a:g} m and the greatest {b:g} m; exchange them", f"{KEY}.low")
+            raise ArgumentError(f"the lower {axis} is {a:g} m and the upper {b:g} m; exchange them", f"{KEY}.low")
     carts, truth = carts_of(model), disturbed(model, s)
     rng = np.random.default_rng(np.random.SeedSequence([s.seed, 2]))
     q, near = _commanded(model, s, rng)
     names = ["mm"] * 3 + ["deg"] * (q.shape[1] - 3)
-    shown = {"q": (_in_units(q, names), names)}
-    q = shown["q"][0] / np.array([PER_SI[u] for u in names])
+    readings = {"q": (_in_units(q, names), names)}
+    q = readings["q"][0] / np.array([PER_SI[u] for u in names])
     errors = _guideway_errors(truth, carts, s, q)
-    tilting, points = tilts(s, errors), np.array(getattr(truth, carts.points), float)
+    rotations, points = tilts(s, errors), np.array(getattr(truth, carts.points), float)
     deviations: dict[str, np.ndarray] = {}
     for i, curve in enumerate(errors):
-        off = curve(q[:, i]) + _by_load(near["T"], curve, s, i)
+        shift = curve(q[:, i]) + _by_load(near["T"], curve, s, i)
         for k, lever in zip(carts.rows[i], levers(points, carts.rows[i]), strict=True):
-            deviations |= rows_of(off + np.cross(tilting[i](q[:, i]), lever), carts.points, [k])
+            deviations |= rows_of(shift + np.cross(rotations[i](q[:, i]), lever), carts.points, [k])
     try:
-        stands = true_poses(truth, q, near, deviations)
+        poses = true_poses(truth, q, near, deviations)
     except ModelError as error:
         raise ArgumentError(str(error), KEY) from error
-    lost = np.flatnonzero(~np.all(np.isfinite(stands["T"]), axis=1))
+    lost = np.flatnonzero(~np.all(np.isfinite(poses["T"]), axis=1))
     if lost.size:
         raise ArgumentError(
-            f"the disturbed robot cannot stand at {lost.size} of {len(q)} poses, the first with the carts at "
-            f"{np.round(q[lost[0], :3], 3).tolist()} m; take a smaller grid or smaller errors",
+            f"the disturbed robot cannot take {lost.size} of {len(q)} poses, the first with the carts at "
+            f"{np.round(q[lost[0], :3], 3).tolist()} m; choose a smaller grid or smaller errors",
             f"{KEY}.low",
         )
-    for name, rows in _seen(stands, s, rng).items():
+    for name, rows in _readings(poses, s, rng).items():
         units = ["mm"] * 3 if name == "T" else ["1"] * 4
-        shown[name] = (_in_units(rows, units), units)
+        readings[name] = (_in_units(rows, units), units)
     note = _note(s, len(q))
-    seen_carts = None
+    carts_text = None
     if s.cart_points is not None:
         v = np.broadcast_to(np.array(_any(truth).v, float), points.shape)
-        at, reflectors = cart_points(s, s.cart_points, points, v, carts.rows, errors, q)
-        columns = {"q": at[:, None]} | {f"P{i + 1}": rows for i, rows in enumerate(reflectors)}
+        coordinates, reflectors = cart_points(s, s.cart_points, points, v, carts.rows, errors, q)
+        columns = {"q": coordinates[:, None]} | {f"P{i + 1}": rows for i, rows in enumerate(reflectors)}
         tables = {n: (_in_units(a, ["mm"] * a.shape[1]), ["mm"] * a.shape[1]) for n, a in columns.items()}
-        seen_carts = _text(tables, note, "cart points")
-    return SyntheticFile(_text(shown, note), note, truth, "e" in shown, q.shape[1] > 3, seen_carts)
+        carts_text = _text(tables, note, "cart points")
+    return SyntheticFile(_text(readings, note), note, truth, "e" in readings, q.shape[1] > 3, carts_text)
 
 
 def stated_noise(s: Synthetic, rotary: bool) -> dict[str, list[float]]:
-    """Standard deviations [m, rad] by signal: of a cart all that takes it off its line, as if it were noise."""
+    """Standard deviations [m, rad] by signal; for a cart, all deviations from its line count as noise."""
     device, load, cyclic = (np.broadcast_to(np.asarray(x, float), 3) for x in (s.position_noise, s.load, s.cyclic))
     carts = np.hypot(np.hypot(s.along, s.across), np.hypot(load, cyclic)) + 1e-7
     return {
@@ -223,7 +224,7 @@ def stated_noise(s: Synthetic, rotary: bool) -> dict[str, list[float]]:
 
 
 def _commanded(model: Model, s: Synthetic, rng: np.random.Generator) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Actuators (N, k) of the grid's reachable poses by the model that is known, and its poses."""
+    """Actuators (N, k) at the reachable poses of the grid, from the nominal model, and these poses."""
     lines = [np.linspace(a, b, n) for a, b, n in zip(s.low, s.high, s.counts, strict=True)]
     T = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
     robot = _any(model)
@@ -243,7 +244,7 @@ def _commanded(model: Model, s: Synthetic, rng: np.random.Generator) -> tuple[np
         raise ArgumentError(f"none of the {len(T)} grid points is within reach; move the grid", f"{KEY}.low")
     if s.poses is not None:
         if s.poses > reached.size:
-            raise ArgumentError(f"{reached.size} grid points are within reach; ask for no more, or refine the grid",
+            raise ArgumentError(f"only {reached.size} grid points are within reach; choose fewer, or refine the grid",
                              f"{KEY}.poses")  # fmt: skip
         reached = reached[np.round(np.linspace(0, reached.size - 1, s.poses)).astype(int)]
     return q[reached], {n: rows[reached] for n, rows in near.items()}
@@ -265,7 +266,7 @@ def _guideway_errors(truth: Model, carts: Carts, s: Synthetic, q: np.ndarray) ->
 
 
 def _by_load(T: np.ndarray, curve: GuidewayError, s: Synthetic, i: int) -> np.ndarray:
-    """Shift (N, 3) of a cart with the plate's place across its guideway."""
+    """Shift (N, 3) of a cart that depends on the position of the plate across the guideway."""
     load = np.broadcast_to(s.load, 3)[i]
     if load == 0:
         return np.zeros(T.shape)
@@ -276,19 +277,19 @@ def _by_load(T: np.ndarray, curve: GuidewayError, s: Synthetic, i: int) -> np.nd
     return GuidewayError(curve.direction, place.min() - 0.01, place.max() + 0.01, size, size, 0.0, 1.0, seeds)(place)
 
 
-def _seen(stands: dict[str, np.ndarray], s: Synthetic, rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """What the device says: in its frame, with the robot's repeatability and its own noise."""
-    T = stands["T"]
+def _readings(poses: dict[str, np.ndarray], s: Synthetic, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Readings of the device in its frame, with the robot's repeatability and the device's noise."""
+    T = poses["T"]
     sigma = np.broadcast_to(np.asarray(s.position_noise, float), 3)
     T = T + s.repeatability / MEAN_DISTANCE * rng.standard_normal(T.shape)
     R = scipy.spatial.transform.Rotation.from_euler("ZYZ", s.device_zyz)
-    seen = {"T": R.inv().apply(T - np.array(s.device_t)) + sigma * rng.standard_normal(T.shape)}
-    if "e" in stands:
-        turns = R.inv() * scipy.spatial.transform.Rotation.from_quat(stands["e"], scalar_first=True)
+    readings = {"T": R.inv().apply(T - np.array(s.device_t)) + sigma * rng.standard_normal(T.shape)}
+    if "e" in poses:
+        turns = R.inv() * scipy.spatial.transform.Rotation.from_quat(poses["e"], scalar_first=True)
         noise = s.orientation_noise * rng.standard_normal(T.shape)
         e = moved(turns.as_quat(scalar_first=True), noise)
-        seen["e"] = e * np.where(np.sum(e * e[0], axis=1, keepdims=True) < 0, -1.0, 1.0)
-    return seen
+        readings["e"] = e * np.where(np.sum(e * e[0], axis=1, keepdims=True) < 0, -1.0, 1.0)
+    return readings
 
 
 def _note(s: Synthetic, poses: int) -> str:
@@ -305,9 +306,9 @@ def _note(s: Synthetic, poses: int) -> str:
     )
 
 
-def _text(shown: dict[str, tuple[np.ndarray, list[str]]], note: str, what: str = "calibration poses") -> str:
+def _text(tables: dict[str, tuple[np.ndarray, list[str]]], note: str, what: str = "calibration poses") -> str:
     columns, forms = {}, {}
-    for name, (rows, units) in shown.items():
+    for name, (rows, units) in tables.items():
         for k, unit in enumerate(units):
             head = (f"{name}[{k}]" if len(units) > 1 else name) + (f" [{unit}]" if unit != "1" else "")
             columns[head], forms[head] = rows[:, k], f".{DECIMALS[unit]}f"
@@ -326,31 +327,31 @@ FILE, CARTS = "measurements.csv", "carts.csv"
 
 
 def made_poses(robot: Model, synthetic: Synthetic, held_out: Path | str | None = None) -> MeasuredPoses:
-    """Synthetic poses: where a robot with known errors stands when it is commanded to a grid, as a device measures it.
+    """Return synthetic poses: a robot with known errors, commanded to a grid and measured by a device.
 
-    robot: a Gantry-Tau of the library. held_out: a file of the same columns that no fit sees. The result holds the text
-    of the file and the robot with the errors. Raises ArgumentError.
+    robot: a Gantry-Tau of the library. held_out: a file with the same columns that no fit uses. The result includes the
+    text of the file and the robot with the errors. Raises ArgumentError.
 
     >>> grid = gt.calibrate.Synthetic(low=[0.0, -1.0, 0.2], high=[1.5, 0.5, 0.8], counts=[3, 3, 2], seed=1)
     >>> poses = gt.calibrate.made_poses(gt.robots.gantry_tau("l1_tape"), grid)
     >>> poses.measurements.values["T"].shape[1], list(poses.files)
     (3, ['measurements.csv'])
     """
-    made = make(robot, synthetic)
+    file = make(robot, synthetic)
     signals = {
-        "q": MeasuredSignal("q", ["mm"] * 3 + (["deg"] * 3 if made.rotary else [])),
+        "q": MeasuredSignal("q", ["mm"] * 3 + (["deg"] * 3 if file.rotary else [])),
         "T": MeasuredSignal("T", "mm"),
-    } | ({"e": MeasuredSignal("e", "1")} if made.turns else {})
+    } | ({"e": MeasuredSignal("e", "1")} if file.turns else {})
     away = any([*synthetic.device_t, *synthetic.device_zyz])
     frame: Literal["robot", "device"] = "device" if away else "robot"
-    measured = Measured(signals, orientation="e" if made.turns else None, frame=frame)
+    measured = Measured(signals, orientation="e" if file.turns else None, frame=frame)
     with scratch() as place:
         path = place / FILE
-        path.write_text(made.text, encoding="utf-8")
+        path.write_text(file.text, encoding="utf-8")
         poses = read_poses(path, measured, held_out)
     if synthetic.state_noise:
-        stated = stated_noise(synthetic, made.rotary)
+        stated = stated_noise(synthetic, file.rotary)
         m = replace(poses.measurements, noise={n: np.array(stated[n]) for n in signals})
         poses = replace(poses, measurements=m)
-    files = {FILE: made.text} | ({CARTS: made.carts} if made.carts is not None else {})
-    return replace(poses, truth=made.robot, files=files)
+    files = {FILE: file.text} | ({CARTS: file.carts} if file.carts is not None else {})
+    return replace(poses, truth=file.robot, files=files)

@@ -1,7 +1,7 @@
 """Joint stiffness of a serial arm from static load tests.
 
-stiffness_study, StiffnessStudy   both methods, what they are worth, and doubts about the tests
-Setup, Noise, GravityCompensator  the arm's tool, method, noise and spring
+stiffness_study, StiffnessStudy   both methods, intervals, and doubts about the tests
+Setup, Noise, GravityCompensator  tool, method, noise and spring of the arm
 MeasuredTests, read_load_tests, LoadTests, LoadTestColumn   tests in memory, and from a CSV file
 made_load_tests, SyntheticTests   synthetic tests of an arm with known stiffness
 """

@@ -1,4 +1,4 @@
-"""What a calibration of joint stiffness asks for: the arm's set-up, columns of measured tests, synthetic tests."""
+"""Options of a joint stiffness calibration: the arm's set-up, columns of measured tests, synthetic tests."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ class Noise(Options):
 
 @dataclass(frozen=True)
 class GravityCompensator(Options):
-    """A spring between two hinges at distances base and lever from axis 2; its change of torque adds to K_c.
+    """A spring between two hinges at distances base and lever from axis 2; the change of its torque adds to K_c.
 
     >>> spring = gt.compliance.GravityCompensator(base=0.3, lever=0.25, rate=8e5, rest=0.2)
     >>> gt.compliance.Setup(compensator=spring).compensator.estimate_rate
     False
     """
 
-    base: Annotated[float, Unit("m"), Within(above=0), "from axis 2 to the hinge on the link before"]
-    lever: Annotated[float, Unit("m"), Within(above=0), "from axis 2 to the hinge on the link after"]
-    rate: Annotated[float, Unit("N/m"), Within(above=0), "of the spring; the start where it is estimated"]
-    rest: Annotated[float, Unit("m"), Within(least=0), "length at which the spring is slack"]
-    angle: Annotated[float, Unit("rad", written="deg"), "of joint 2 where the spring is longest"] = 0.0
-    estimate_rate: Annotated[bool, "whether the rate is an unknown too; complete_pose only"] = False
+    base: Annotated[float, Unit("m"), Within(above=0), "from axis 2 to the hinge on the preceding link"]
+    lever: Annotated[float, Unit("m"), Within(above=0), "from axis 2 to the hinge on the following link"]
+    rate: Annotated[float, Unit("N/m"), Within(above=0), "spring rate; start value if it is estimated"]
+    rest: Annotated[float, Unit("m"), Within(least=0), "length of the unloaded spring"]
+    angle: Annotated[float, Unit("rad", written="deg"), "angle of joint 2 at which the spring is longest"] = 0.0
+    estimate_rate: Annotated[bool, "whether to estimate the rate; complete_pose only"] = False
 
 
 @dataclass(frozen=True)
 class Setup(Options):
-    """How joint stiffness is identified from static load tests.
+    """Options for identifying joint stiffness from static load tests.
 
     >>> gt.compliance.Setup(method="complete")
     Traceback (most recent call last):
@@ -50,11 +50,11 @@ class Setup(Options):
     tool: Annotated[list[float], Unit("m"), Long(3), "tool centre point in flange coordinates"] = field(
         default_factory=lambda: [0.0] * 3
     )
-    method: Annotated[Literal["complete_pose", "decoupled"], "the one reported first"] = "complete_pose"
-    complementary: Annotated[bool, "count the loads' complementary stiffness K_c"] = False
-    compensator: Annotated[GravityCompensator | None, "of joint 2, part of K_c"] = None
-    best: Annotated[int, Within(least=1), "how many tests that determine most are listed"] = 10
-    noise: Annotated[Noise, "of the measured displacements"] = field(default_factory=Noise)
+    method: Annotated[Literal["complete_pose", "decoupled"], "method that is reported first"] = "complete_pose"
+    complementary: Annotated[bool, "whether to include the loads' complementary stiffness K_c"] = False
+    compensator: Annotated[GravityCompensator | None, "gravity compensator of joint 2, part of K_c"] = None
+    best: Annotated[int, Within(least=1), "number of most informative tests to list"] = 10
+    noise: Annotated[Noise, "standard deviations of the measured displacements"] = field(default_factory=Noise)
 
 
 @dataclass(frozen=True)
@@ -67,13 +67,13 @@ class LoadTestColumn(Options):
     ['N', 'N', 'kN']
     """
 
-    column: Annotated[str | list[str], 'names in the file; "q" means "q[0]", "q[1]", ... too']
+    column: Annotated[str | list[str], 'names in the file; "q" also means "q[0]", "q[1]", ...']
     unit: Annotated[str | list[str], "unit of the columns, or one each"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class LoadTests(Options):
-    """The columns of measured tests: joint angles, loads and displacements, one test in each row. World coordinates.
+    """The columns of measured tests: joint angles, loads and displacements, one test per row, in world coordinates.
 
     >>> from gtmodel.compliance import LoadTestColumn, LoadTests
     >>> tests = LoadTests(
@@ -85,28 +85,28 @@ class LoadTests(Options):
     """
 
     q: Annotated[LoadTestColumn, "joint angles"]
-    force: Annotated[LoadTestColumn, "on the tool centre point"]
-    moment: Annotated[LoadTestColumn | None, "about it; none if left out"] = None
-    displacement: Annotated[LoadTestColumn, "of the tool centre point, with the load less without"]
-    rotation: Annotated[LoadTestColumn, "of the tool, as a rotation vector"]
-    wrist: Annotated[LoadTestColumn | None, "displacement of a target at the wrist centre; by the pose if left out"] = (
+    force: Annotated[LoadTestColumn, "force on the tool centre point"]
+    moment: Annotated[LoadTestColumn | None, "moment about it; none if left out"] = None
+    displacement: Annotated[LoadTestColumn, "displacement of the tool centre point, loaded less unloaded"]
+    rotation: Annotated[LoadTestColumn, "rotation of the tool, as a rotation vector"]
+    wrist: Annotated[LoadTestColumn | None, "displacement of a target at the wrist centre; default from the pose"] = (
         None
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class SyntheticTests(Options):
-    """Synthetic tests of known stiffness, to see what identification gives back.
+    """Synthetic tests of known stiffness, to test the identification.
 
     >>> gt.compliance.SyntheticTests(stiffness=[2e6, 2e6, 2e6, 1e6, 0.0, 2e5], seed=1)
     Traceback (most recent call last):
     gtmodel...: stiffness: must be more than 0; found 0
     """
 
-    stiffness: Annotated[list[float], Unit("N.m/rad", written="MN.m/rad"), Within(above=0), "by joint"]
+    stiffness: Annotated[list[float], Unit("N.m/rad", written="MN.m/rad"), Within(above=0), "stiffness by joint"]
     tilt: Annotated[
         float, Within(least=0),
-        "compliance of bearings across their axes, in units of the joint's; the model lacks it",
+        "compliance of bearings across their axes, relative to the joint's; the fitted model lacks it",
     ] = 0.0  # fmt: skip
-    wrist_target: Annotated[bool, "whether the wrist centre has a target of its own"] = True
-    seed: Annotated[int, "of the noise"]
+    wrist_target: Annotated[bool, "whether the wrist centre has a separate target"] = True
+    seed: Annotated[int, "seed of the noise"]

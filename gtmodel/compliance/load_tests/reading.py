@@ -29,11 +29,11 @@ def synthetic_tests(
     origins: ArrayLike | None = None,
     point: ArrayLike | None = None,
 ) -> StaticTests:
-    """The tests with displacements by joint compliances (k,) [rad/(N.m)], and noise of their covariances from `rng`.
+    """Return the tests with displacements due to joint compliances (k,) [rad/(N.m)], and noise from `rng`.
 
-    Without noise where `rng` is None. `tilt` (k,) [rad/(N.m)]: compliance of each bearing about both directions across
-    its axis, at `origins` (n, k, 3) with the tool at `point` (n, 3) [m]; the model of the identification lacks it.
-    Raises ValueError for a tilt without these.
+    No noise if `rng` is None. `tilt` (k,) [rad/(N.m)]: compliance of each bearing about both directions across its
+    axis, at `origins` (n, k, 3), with the tool at `point` (n, 3) [m]; the fitted model lacks it. Raises ValueError for
+    a tilt without these.
 
     >>> poses = gt.compliance.arm_poses(gt.robots.kr500(), [[0.3, -0.9, 2.0, 0.2, -1.1, -0.1]])
     >>> planned = poses.tests([[0, 0, -4000.0, 0, 0, 0]], sigma=[2e-5] * 3 + [1e-4] * 3)
@@ -41,30 +41,30 @@ def synthetic_tests(
     >>> np.allclose(tests.displacement[0], poses.J[0] @ (1e-6 * planned.torque[0]))
     True
     """
-    made = without_noise(tests, np.asarray(compliance, float))
-    moved, wrist = made.displacement.copy(), made.wrist_displacement
+    exact = without_noise(tests, np.asarray(compliance, float))
+    displacement, wrist = exact.displacement.copy(), exact.wrist_displacement
     wrist = None if wrist is None else wrist.copy()
     if tilt is not None:
         if origins is None or point is None:
-            raise ValueError("tilt needs the origins of the joints and the tool's point; give both")
+            raise ValueError("tilt needs the origins of the joints and the point of the tool; give both")
         by_tilt, wrist_by_tilt = _tilted(tests, *(np.asarray(x, float) for x in (tilt, origins, point)))
-        moved += by_tilt
+        displacement += by_tilt
         wrist = None if wrist is None else wrist + wrist_by_tilt
     if rng is not None:
-        moved += _noise(tests.covariance, rng)
+        displacement += _noise(tests.covariance, rng)
         if wrist is not None and tests.wrist_covariance is not None:
             wrist += _noise(tests.wrist_covariance, rng)
-    return replace(made, displacement=moved, wrist_displacement=wrist)
+    return replace(exact, displacement=displacement, wrist_displacement=wrist)
 
 
 def _tilted(t: StaticTests, tilt: np.ndarray, origins: np.ndarray, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Displacements (n, 6) of the tool and (n, 3) of the wrist centre."""
+    """Displacements (n, 6) of the tool and (n, 3) of the wrist centre due to tilting bearings."""
     arms = point[:, None, :] - origins  # (n, k, 3)
     axes = np.moveaxis(t.J[:, 3:], 1, 2)
     moments = t.wrench[:, None, 3:] + np.cross(arms, t.wrench[:, None, :3])
     across = moments - np.sum(moments * axes, axis=2, keepdims=True) * axes
     turns = tilt[:, None] * across
-    # the target at the wrist centre stands on the arm, before the bearings of the wrist
+    # the target at the wrist centre is attached to the arm, before the bearings of the wrist
     at_wrist = np.cross(turns, arms + t.lever[:, None, :])[:, :ARM]
     return np.concatenate([np.cross(turns, arms).sum(axis=1), turns.sum(axis=1)], axis=1), at_wrist.sum(axis=1)
 
@@ -82,11 +82,11 @@ SCALE = {"q": 180 / np.pi, "force": 1.0, "moment": 1.0, "displacement": 1e3, "ro
 
 @dataclass(frozen=True, eq=False)
 class MeasuredTests:
-    """n load tests, world coordinates: poses of the arm, loads, displacements.
+    """n load tests in world coordinates: joint angles, loads, displacements.
 
-    q: (n, 6) joint angles [rad]. wrench: (n, 6) on the tool centre point [N, N.m]. displacement: (n, 6) of it with the
-        load less without [m, rad]. wrist: (n, 3) displacement of a target at the wrist centre [m]; if None, it follows
-        from the pose.
+    q: (n, 6) joint angles [rad]. wrench: (n, 6) on the tool centre point [N, N.m]. displacement: (n, 6) of the tool
+        centre point, loaded less unloaded [m, rad]. wrist: (n, 3) displacement of a target at the wrist centre [m]; if
+        None, it follows from the pose.
     lines: (n,) of their file; numbered from 1 if left out. synthetic: seed and noise of synthetic tests. truth: their
         joint stiffness [N.m/rad].
     """
@@ -106,7 +106,7 @@ class MeasuredTests:
 
     @property
     def text(self) -> str:
-        """The tests as the text of a CSV file, which `read_load_tests` reads."""
+        """The tests as CSV text that `read_load_tests` reads."""
         parts = {
             "q": self.q, "force": self.wrench[:, :3], "moment": self.wrench[:, 3:],
             "displacement": self.displacement[:, :3], "rotation": self.displacement[:, 3:],
@@ -121,7 +121,7 @@ class MeasuredTests:
 
 
 def read_load_tests(path: Path | str, tests: LoadTests) -> MeasuredTests:
-    r"""Tests of a CSV file, one in each row, in SI units.
+    r"""Read tests from a CSV file, one per row, in SI units.
 
     Raises ArgumentError with the line of a wrong cell, or with the argument "tests.q.column" for a wrong column.
 
@@ -136,26 +136,28 @@ def read_load_tests(path: Path | str, tests: LoadTests) -> MeasuredTests:
     >>> read_load_tests("tests.csv", tests).displacement  # m, rad
     array([[ 0.    ,  0.    , -0.0025,  0.    ,  0.    ,  0.001 ]])
     """
-    wanted = {n: (c.column, c.unit) for n in UNITS if (c := getattr(tests, n)) is not None}
+    columns = {n: (c.column, c.unit) for n in UNITS if (c := getattr(tests, n)) is not None}
     try:
-        table = signal_table.read(path_of(path), wanted)
+        table = signal_table.read(path_of(path), columns)
     except ArgumentError as error:
-        at = error.argument.removeprefix("signals.") if error.argument else "file"
-        raise ArgumentError(error.message, f"tests.{at}") from error
+        argument = error.argument.removeprefix("signals.") if error.argument else "file"
+        raise ArgumentError(error.message, f"tests.{argument}") from error
     for name, rows in table.values.items():
         size = 6 if name == "q" else 3
         if rows.shape[1] != size:
             raise ArgumentError(f"has {rows.shape[1]} columns; expected {size}", f"tests.{name}.column")
     v = table.values
     wrench = np.hstack([v["force"], v.get("moment", np.zeros_like(v["force"]))])
-    moved = np.hstack([v["displacement"], v["rotation"]])
-    return MeasuredTests(v["q"], wrench, moved, v.get("wrist"), table.lines, table.synthetic)
+    displacement = np.hstack([v["displacement"], v["rotation"]])
+    return MeasuredTests(v["q"], wrench, displacement, v.get("wrist"), table.lines, table.synthetic)
 
 
 def made_load_tests(
     robot: Model, truth: SyntheticTests, poses: Sequence[Sequence[float]], loads: Sequence[Load], setup: Setup
 ) -> MeasuredTests:
-    """Synthetic tests of an arm with known stiffness, with every load in each of the poses [rad]. Raises ArgumentError.
+    """Return synthetic tests of an arm with known stiffness: every load in each of the poses [rad].
+
+    Raises ArgumentError.
 
     >>> from gtmodel.compliance import Load, Setup, SyntheticTests, made_load_tests
     >>> truth = SyntheticTests(stiffness=[2e6] * 6, seed=1)
@@ -170,21 +172,21 @@ def made_load_tests(
         raise ArgumentError(f"has {len(truth.stiffness)} numbers; expected 6", "truth.stiffness")
     q = np.repeat(np.asarray(poses, float), len(loads), axis=0)
     wrench = np.tile([[*load.force, *load.moment] for load in loads], (len(poses), 1))
-    at, planned, _ = static_tests(robot, MeasuredTests(q, wrench, np.zeros((len(q), 6))), setup, truth.wrist_target)
+    arm, planned, _ = static_tests(robot, MeasuredTests(q, wrench, np.zeros((len(q), 6))), setup, truth.wrist_target)
     c = 1e-6 / (np.array(truth.stiffness) / 1e6)
     tilt = truth.tilt * c if truth.tilt else None
     rng = np.random.default_rng(truth.seed)
-    made = synthetic_tests(planned, c, rng, tilt=tilt, origins=at.origins, point=at.T)
+    tests = synthetic_tests(planned, c, rng, tilt=tilt, origins=arm.origins, point=arm.T)
     tilted = f", bearings tilt by {truth.tilt:g} times the joint's compliance" if truth.tilt else ""
     note = f"seed {truth.seed}, noise {setup.noise.position:g} m and {setup.noise.rotation:g} rad{tilted}"
     lines = HEAD + np.arange(len(q))
-    return MeasuredTests(q, wrench, made.displacement, made.wrist_displacement, lines, note, truth.stiffness)
+    return MeasuredTests(q, wrench, tests.displacement, tests.wrist_displacement, lines, note, truth.stiffness)
 
 
 def static_tests(
     robot: Model, tests: MeasuredTests, setup: Setup, wrist_target: bool | None = None
 ) -> tuple[ArmPoses, StaticTests, Compensator | None]:
-    """The arm's poses, the tests with its Jacobians, and the spring on joint 2. Raises ArgumentError."""
+    """The arm's poses, the tests with Jacobians, and the spring on joint 2. Raises ArgumentError."""
     try:
         poses = arm_poses(robot, tests.q, setup.tool)
     except ValueError as error:

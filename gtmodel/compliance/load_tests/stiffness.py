@@ -25,36 +25,36 @@ from .reading import MeasuredTests, static_tests
 Array = np.ndarray
 FILE = "load_tests.csv"
 WITHIN = 0.1  # of synthetic tests: largest relative error of a compliance
-# printed claims (Cvitanic 2021, section 3.2) beside what follows from the model
+# published claims (Cvitanic 2021, section 3.2) that the model does not confirm
 PRINTED = (
-    "without model error both methods give the same stiffness: the print's softer decoupled values (Tables 1 and 2) do "
-    "not follow from it",
-    "weighting rotations by 10 repairs nothing: it widens the intervals, and in the print even raises joint 4",
+    "without model error both methods give the same stiffness: the softer decoupled values in Cvitanic 2021 (Tables 1 "
+    "and 2) do not follow from the model",
+    "weighting rotations by 10 does not help: it widens the intervals, and in Cvitanic 2021 it even stiffens joint 4",
 )
 LACKS = (
-    "the residuals are larger than the stated noise: links or bearings are compliant too, and the stiffness of the "
-    "joints then takes up some of what they do"
+    "the residuals are larger than the stated noise: links or bearings are compliant too, and the joint stiffness then "
+    "absorbs part of their deflection"
 )
-MOMENT = "the arm's torque holds the moment of the load about the wrist centre, which the print leaves out"
+MOMENT = "the arm's torque includes the moment of the load about the wrist centre, which Cvitanic 2021 leaves out"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class StiffnessStudy(Study):
-    """Joint stiffness with 95 % intervals, the other method beside it, and doubts about the tests.
+    """Joint stiffness with 95 % intervals, the other method for comparison, and doubts about the tests.
 
-    notes: doubts about the tests, then what the print claims and the model does not support, then what limits the
-    determination of each joint. `interval("stiffness[0]")` [N.m/rad] and `interval("compliance[0]")` [rad/(N.m)] ask
-    the method whose stiffness comes first; joints are counted from 0.
+    notes: doubts about the tests, then published claims that the model does not confirm, then limits of each joint's
+    determination. `interval("stiffness[0]")` [N.m/rad] and `interval("compliance[0]")` [rad/(N.m)] use the method
+    reported first; joints are counted from 0.
     """
 
     fit: StiffnessFit | None = None
-    method: Annotated[str | None, "the one whose stiffness comes first"] = None
+    method: Annotated[str | None, "method reported first"] = None
     stiffness: Annotated[Array | None, Quantity("N.m/rad", "by joint", written="MN.m/rad")] = None
     stiffness_interval: Annotated[
         Array | None,
         Quantity(
             "N.m/rad",
-            "95 % of each; null: no upper end, or a negative compliance",
+            "95 % interval of each; null: no upper end, or a negative compliance",
             key="interval_MNm_rad",
             written="MN.m/rad",
         ),
@@ -65,25 +65,28 @@ class StiffnessStudy(Study):
     )
     agree: Annotated[Sequence[bool] | None, "whether the intervals of both methods overlap"] = None
     compensator_rate: Annotated[
-        Sequence[float] | None, Quantity("N/m", "estimated rate of the spring, and its std")
+        Sequence[float] | None, Quantity("N/m", "estimated spring rate and its standard deviation")
     ] = None
-    chi_squared_p: Annotated[float | None, "of the residuals by the stated noise"] = None
-    adequacy: Annotated[str | None, "the same in words"] = None
+    chi_squared_p: Annotated[float | None, "p-value of the residuals for the stated noise"] = None
+    adequacy: Annotated[str | None, "result of that test in words"] = None
     adequate: Annotated[bool | None, "whether the residuals are noise of the stated size"] = None
     observability: Annotated[float | None, Quantity("", "O1 of the tests", key="observability_O1")] = None
-    best_tests: Annotated[Sequence[int], "lines of those that determine most"] = ()
-    softest: Annotated[Array | None, Quantity("N/m", "of the tool by test; null for a negative compliance")] = None
-    stiffest: Annotated[Array | None, Quantity("N/m", "the same of the stiffest direction")] = None
+    best_tests: Annotated[Sequence[int], "lines of the most informative tests"] = ()
+    softest: Annotated[
+        Array | None, Quantity("N/m", "stiffness of the tool by test, softest direction; null for negative compliances")
+    ] = None
+    stiffest: Annotated[Array | None, Quantity("N/m", "stiffness of the tool by test, stiffest direction")] = None
     synthetic: Annotated[str | None, "seed and noise of synthetic tests; null for measured ones"] = None
 
     @property
     def rows(self) -> list[Row]:
-        """The table for people."""
+        """The printed table."""
         return [] if self.method is None else _rows(self.values, self.adequacy or "", self.synthetic)
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of "stiffness[0]", "compliance[0]" or another name of `estimate`. Raises ArgumentError
-        where nothing was estimated, or not this."""
+        """Return the confidence interval of "stiffness[0]", "compliance[0]" or another name of `estimate`.
+
+        Raises ArgumentError if nothing was estimated, or not this name."""
         return super().interval(name, level) if self.fit is None else self.fit.interval(name, level)
 
 
@@ -94,12 +97,12 @@ def stiffness_study(
     setup: Setup | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> StiffnessStudy:
-    """Joint stiffness of a serial arm from static load tests: dX = J diag(J'F) c with c = 1/K (Cvitanic 2021, (2)-(6)).
+    """Fit joint stiffness of an arm to static load tests: dX = J diag(J'F) c, c = 1/K (Cvitanic 2021, eqs. (2)-(6)).
 
     Args:
-        robot: a serial arm with a wrist in one point.
-        tests: measured, in SI units, or by `read_load_tests` and `made_load_tests`.
-        setup: tool, method, noise, and the spring that balances joint 2.
+        robot: a serial arm with a spherical wrist.
+        tests: measured tests in SI units, or from `read_load_tests` or `made_load_tests`.
+        setup: tool, method, noise, and the gravity compensator of joint 2.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
     Raises ArgumentError.
@@ -147,7 +150,7 @@ def stiffness_study(
 
 
 def fitted_rows(tests: MeasuredTests) -> list[str]:
-    """What will be fitted to how many rows, in lines of text."""
+    """Lines of text: what is fitted to how many rows."""
     n = len(tests.q)
     return [
         f"{n} static load tests",
@@ -161,7 +164,7 @@ def _fits(setup: Setup, tests: StaticTests, spring: Any, q: Array) -> dict[str, 
     if setup.compensator is None or not setup.compensator.estimate_rate:
         return {"complete_pose": complete_pose(tests), "decoupled": decoupled(tests)}
     if setup.method == "decoupled":
-        raise ArgumentError("estimates no compensator; use complete_pose", "setup.method")
+        raise ArgumentError("cannot estimate the compensator; use complete_pose", "setup.method")
     K_c = tests.K_c
     assert spring is not None and K_c is not None
     loads = K_c - spring.added(np.zeros_like(K_c), q)
@@ -169,18 +172,18 @@ def _fits(setup: Setup, tests: StaticTests, spring: Any, q: Array) -> dict[str, 
 
 
 def _checks(tests: MeasuredTests, static: StaticTests, fit: StiffnessFit) -> dict[str, Check]:
-    # noise that was stated too large makes intervals wide, not wrong
+    # noise stated too large makes intervals wide, but not wrong
     small = fit.adequacy.statistic <= fit.estimate.degrees_of_freedom
     least = min(FALSE_ALARM, fit.adequacy.p) if small else FALSE_ALARM
-    checks = {"chi_squared_p": at_least(fit.adequacy.p, least, "the notes say what the residuals may hold")}
+    checks = {"chi_squared_p": at_least(fit.adequacy.p, least, "see the notes on the residuals")}
     checks |= _suspicions(tests, static, fit)[0]
     below = int(np.sum(fit.compliance <= 0))
     if below:
-        checks["negative_compliances"] = at_most(float(below), 0.0, "the notes name the joints")
+        checks["negative_compliances"] = at_most(float(below), 0.0, "see the notes for the joints")
     if tests.truth is not None:
         true = 1e-6 / (np.array(tests.truth) / 1e6)
         errors = np.abs(fit.compliance / true - 1)
-        # a compensator's constant may stand behind the joints
+        # the spring rate may follow the joints
         std = np.sqrt(np.diag(fit.estimate.covariance))[: len(true)]
         chance = half_width(1 - FALSE_ALARM / len(true)) * std / true
         bounds = np.maximum(WITHIN, chance)
@@ -190,27 +193,27 @@ def _checks(tests: MeasuredTests, static: StaticTests, fit: StiffnessFit) -> dic
 
 
 def _negative(fit: StiffnessFit) -> list[str]:
-    """Sentences on joints with a compliance below zero: beyond noise, or within it."""
+    """Sentences on joints with a negative compliance: beyond noise, or within it."""
     below = {
-        "beyond noise, which no joint can be: look for a sign turned, a column swapped or a wrong unit in "
+        "beyond noise, which is impossible: check for a wrong sign, swapped columns or a wrong unit in "
         "displacements, forces or angles": lambda c, high: high <= 0,
-        "within its noise: the tests do not distinguish it from a rigid joint, use the lower end of its interval":
+        "within its noise: the tests cannot tell the joint from a rigid one, so use the lower end of its interval":
         lambda c, high: c <= 0 < high,
     }  # fmt: skip
     highest = [fit.estimate.interval(f"compliance[{j}]")[1] for j in range(len(fit.compliance))]
     notes = []
-    for how, of in below.items():
-        joints = [str(j) for j, pair in enumerate(zip(fit.compliance, highest, strict=True), 1) if of(*pair)]
+    for how, test in below.items():
+        joints = [str(j) for j, pair in enumerate(zip(fit.compliance, highest, strict=True), 1) if test(*pair)]
         if joints:
             which = f"joint{'s' if len(joints) > 1 else ''} {', '.join(joints)}"
-            notes.append(f"by {fit.method} the compliance of {which} is negative {how}")
+            notes.append(f"with {fit.method} the compliance of {which} is negative {how}")
     return notes
 
 
 def _suspicions(tests: MeasuredTests, static: StaticTests, fit: StiffnessFit) -> tuple[dict[str, Check], list[str]]:
     columns = {"q": tests.q, "wrench": static.wrench, "displacement": static.displacement}
-    left = np.reshape(fit.estimate.residuals, (-1, 1))
-    return suspicion_checks(tested(Data(columns, list(columns), "test", "line", tests.numbered, residuals=left)))
+    residuals = np.reshape(fit.estimate.residuals, (-1, 1))
+    return suspicion_checks(tested(Data(columns, list(columns), "test", "line", tests.numbered, residuals=residuals)))
 
 
 def _values(
@@ -219,15 +222,15 @@ def _values(
     fit = fits[setup.method]
     other = next((f for name, f in fits.items() if name != setup.method), None)
     names = stiffness_names(range(len(fit.compliance)))
-    # a negative compliance leaves no direction a stiffness: null, not infinite
+    # with a negative compliance no direction has a stiffness: null, not infinite
     sound = bool(np.all(fit.compliance > 0))
     stiffness, _ = softest_and_stiffest(translational_compliance(static.J, fit.compliance))
     doubts = [s for f in (fit, other) if f is not None for s in _negative(f)]
     doubts += _suspicions(tests, static, fit)[1]
     rate = None
     if RATE in fit.estimate.names:
-        at = fit.estimate.names.index(RATE)
-        rate = [float(fit.estimate.values[at]), float(fit.estimate.std[at])]
+        index = fit.estimate.names.index(RATE)
+        rate = [float(fit.estimate.values[index]), float(fit.estimate.std[index])]
     return {
         "method": fit.method,
         "stiffness": fit.stiffness,
@@ -252,12 +255,12 @@ def _values(
 
 def _rows(v: Mapping[str, Any], adequacy: str, note: str | None) -> list[Row]:
     rows = [
-        Row(f"joint {j + 1}", f"{K:.4g} {_range(i)}", "MN.m/rad")
+        Row(f"stiffness of joint {j + 1}", f"{K:.4g} {_range(i)}", "MN.m/rad")
         for j, (K, i) in enumerate(zip(v["stiffness_MNm_rad"], v["interval_MNm_rad"], strict=True))
     ]
     if v["other_method_MNm_rad"] is not None:
-        rows.append(Row("by the other method", listed(v["other_method_MNm_rad"]), "MN.m/rad"))
-        rows.append(Row("their intervals overlap", ", ".join("yes" if a else "no" for a in v["agree"])))
+        rows.append(Row("with the other method", listed(v["other_method_MNm_rad"]), "MN.m/rad"))
+        rows.append(Row("intervals of both methods overlap", ", ".join("yes" if a else "no" for a in v["agree"])))
     if v["compensator_rate_N_m"] is not None:
         rate, std = v["compensator_rate_N_m"]
         rows.append(Row("rate of the gravity compensator", f"{rate:.4g} (std {std:.2g})", "N/m"))
@@ -266,7 +269,7 @@ def _rows(v: Mapping[str, Any], adequacy: str, note: str | None) -> list[Row]:
         *([] if v["softest_N_m"] is None else [
             Row("softest direction of the tool, over the tests", f"{min(v['softest_N_m']) / 1e6:.4g} to "
                 f"{max(v['softest_N_m']) / 1e6:.4g}", "N/um")]),
-        Row("tests that determine most, lines of the file", ", ".join(map(str, v["best_tests"]))),
+        Row("most informative tests, lines of the file", ", ".join(map(str, v["best_tests"]))),
     ]  # fmt: skip
     return [*rows, Row("SYNTHETIC", note)] if note else rows
 
@@ -275,7 +278,7 @@ def _range(ends: Sequence[float]) -> str:
     low, high = ends
     if np.isnan(low):
         return "(negative, no interval)"
-    return f"({low:.4g} .. {f'{high:.4g}' if np.isfinite(high) else 'no end'})"
+    return f"(95 %: {low:.4g} to {f'{high:.4g}' if np.isfinite(high) else 'no upper end'})"
 
 
 def _parameters(fit: StiffnessFit, note: str | None) -> str:

@@ -62,7 +62,7 @@ def text(study: CalibrationStudy, problem: Schema, context: Context) -> str:
         parts.append("<h3>Of the measurement</h3>" + table(("name", "value"), list(values["measurement"].items())))
     parts += [picture(figures, name, CAPTIONS[name]) for name in ("deviations", "correlation")]
     if values["recordings"] is None:
-        heads = ("link", "mean length error [mm]")
+        heads = ("link or coordinate", "mean error [mm]")
         parts.append("<h2>Links</h2>" + table(heads, list(values["link_errors_mm"].items())))
     parts.append(picture(figures, "length_errors", CAPTIONS["length_errors"]))
     parts.append("<h2>What the poses determine</h2>" + _identifiability(values))
@@ -95,11 +95,11 @@ def stiffness_text(study: CalibrationStudy, problem: Schema, context: Context) -
     if v["other_method_MNm_rad"] is not None:
         rows = [(f"joint {j + 1}", K, "yes" if a else "no") for j, (K, a) in enumerate(
             zip(v["other_method_MNm_rad"], v["agree"], strict=True))]  # fmt: skip
-        parts.append(table(("by the other method", "stiffness [MN m/rad]", "intervals overlap"), rows))
+        parts.append(table(("with the other method", "stiffness [MN m/rad]", "intervals overlap"), rows))
     if v["compensator_rate_N_m"] is not None:
         parts.append(table(("gravity compensator", "rate [N/m]", "std"), [("joint 2", *v["compensator_rate_N_m"])]))
     parts.append(f"<h2>What the tests determine</h2><p>O1 = {v['observability_O1']:.4g}.</p>")
-    parts.append(f"<p>The tests that determine most: {', '.join(map(str, v['best_tests']))} (lines of the file).</p>")
+    parts.append(f"<p>The most informative tests: {', '.join(map(str, v['best_tests']))} (lines of the file).</p>")
     parts += ["<h2>Where this comes from</h2>", _provenance(problem, context)]
     return whole(title, parts)
 
