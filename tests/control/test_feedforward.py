@@ -119,7 +119,7 @@ class TestRefusals:
     @pytest.mark.parametrize("gain", [(1.0, 2.0), (1.0,), (1.0,) * 4, ((1.0, 2.0, 3.0),)])
     def test_gains_of_another_number(self, gain: Any) -> None:
         for law in (Feedback(gain, 1.0), Feedback(1.0, gain), Feedforward(PLANT, gain, 1.0)):
-            with pytest.raises(ModelError, match="expected one number, or 3 of them"):
+            with pytest.raises(ModelError, match="expected one number, or 3 numbers"):
                 tracking_loop(PLANT, law).causal("reference", "plant.q")
 
     def test_a_motion_in_another_unit(self) -> None:

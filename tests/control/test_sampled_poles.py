@@ -91,5 +91,5 @@ def test_what_it_does_not_take(change: dict, said: str) -> None:
 
 
 def test_the_point_is_at_rest() -> None:
-    with pytest.raises(gt.ModelError, match="is at rest"):
+    with pytest.raises(gt.ModelError, match="a point at rest"):
         linearize_sampled(Cart(), Feedback(1.0, 1.0), start={"q": [0.0], "der(q)": [1.0]})
