@@ -90,7 +90,7 @@ def notes(
         if len(course) and 0 < SLOWLY * left.total < course[-1]:
             runs = int(np.ceil(np.log(left.total / course[-1]) / np.log(min(axis.bound.value, 0.999))))
             remarks.append(
-                f"{name}: {100 * course[-1] / course[0]:.2g} % of the error is left after {len(course) - 1} iterations, "
+                f"{name}: {100 * course[-1] / course[0]:.2g} % of the error left after {len(course) - 1} iterations, "
                 f"{100 * left.total / left.before:.2g} % would be possible: at {axis.bound.value:.2f} per iteration "
                 f"near {axis.bound.frequency:.3g} Hz this takes about {runs} more, because the loop attenuates the "
                 "input there"
