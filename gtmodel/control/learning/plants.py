@@ -84,7 +84,7 @@ def stable(plant: Plant, below: float = 1.0) -> StateSpace:
 
 
 def pulse_response(plant: Plant, size: int) -> np.ndarray:
-    """Return the first `size` samples of the response to 1, 0, 0, ... from rest. Raises ArgumentError as `discrete`.
+    """Return the response (size,) to 1, 0, 0, ... from rest. Raises ArgumentError as `discrete`.
 
     >>> learning = gt.control.learning
     >>> learning.pulse_response(learning.delayed_lag(0.5, 0.5, delay=1), 4).tolist()
