@@ -101,7 +101,7 @@ class TestRefusals:
             Feedforward(PLANT).modelled(far)
 
     def test_gains(self) -> None:
-        with pytest.raises(ValueError, match="damping must be .*; found -1"):
+        with pytest.raises(ValueError, match=r"damping must be .*; found -1"):
             Feedback(1.0, -1.0)
         with pytest.raises(ValueError, match="stiffness must be"):
             ComputedTorque(PLANT, (1.0, np.nan, 1.0))

@@ -336,8 +336,8 @@ def feedback_map(
         drawn = limits_over(field, table, d, **times)
         median[d] = np.median(drawn, axis=1).tolist()
         quantile[d] = np.quantile(drawn, options.quantile, axis=1).tolist()
-        kept = limits_over(field, table, d, **times, margins=margins)
-        recommended[d] = recommended_over(kept, gain_steps[d]).tolist()
+        limits = limits_over(field, table, d, **times, margins=margins)
+        recommended[d] = recommended_over(limits, gain_steps[d]).tolist()
     true |= _true(field, truth, table, timing) if truth is not None else {}
     for d in directions:
         work.step(f"map along {d}")

@@ -174,16 +174,16 @@ def cone_deviations(gains: SurfaceGains, servo: ServoChain, asked: ConeCompariso
 
 
 def _deviation(
-    gains: SurfaceGains, servo: ServoChain, asked: ConeComparison, cone: float, constant: float, tilt: float
+    gains: SurfaceGains, servo: ServoChain, comparison: ConeComparison, cone: float, constant: float, tilt: float
 ) -> float:
-    law = SurfaceLaw(replace(gains, force_gain=asked.force_gain, cone=cone, normal_filter=constant, friction=0.0))
-    p, k = law.gains, asked.stiffness
-    hand = np.tile([asked.speed * p.damping, 0.0, 0.0], (round(asked.duration / p.cycle), 1))
+    law = SurfaceLaw(replace(gains, force_gain=comparison.force_gain, cone=cone, normal_filter=constant, friction=0.0))
+    p, k = law.gains, comparison.stiffness
+    hand = np.tile([comparison.speed * p.damping, 0.0, 0.0], (round(comparison.duration / p.cycle), 1))
     off = []
-    for seed in range(asked.seeds):
+    for seed in range(comparison.seeds):
         run = guide(
             law, hand, SyntheticSurface(stiffness=k, tilt=tilt), servo, start=(0.0, 0.0, -p.force_reference / k),
-            noise=asked.noise, seed=seed,
+            noise=comparison.noise, seed=seed,
         )  # fmt: skip
         late = run.force[round(2.0 / p.cycle) :]
         off.append(np.mean((np.linalg.norm(late, axis=1) - p.force_reference) ** 2))

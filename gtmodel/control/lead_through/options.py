@@ -1,4 +1,4 @@
-"""Options of the studies of lead-through besides law, contact and sensors, and their results."""
+"""Options of the lead-through studies other than law, contact and sensors, and their results."""
 
 from __future__ import annotations
 

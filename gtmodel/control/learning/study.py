@@ -51,15 +51,15 @@ def sentence(
     )
 
 
-def why(axis: AxisLearning, left: Floor, design: LearningDesign, corrected: slice) -> str:
+def why(axis: AxisLearning, end: Floor, design: LearningDesign, corrected: slice) -> str:
     """Return the cause of the remaining error."""
-    if left.clipped:
+    if end.clipped:
         return "the bounds on the input prevent it"
     if design.law == "norm_optimal":
         return "the weight of the effort prevents it"
-    low, high = band(left.rest[corrected], axis.sample_time)
-    energy = np.abs(np.fft.rfft(left.rest[corrected])) ** 2
-    f = np.fft.rfftfreq(len(left.rest[corrected]), axis.sample_time)
+    low, high = band(end.rest[corrected], axis.sample_time)
+    energy = np.abs(np.fft.rfft(end.rest[corrected])) ** 2
+    f = np.fft.rfftfreq(len(end.rest[corrected]), axis.sample_time)
     passed = np.interp(f, axis.frequency, np.abs(axis.response))
     if low < SLOWEST or (energy.sum() > 0 and float(energy @ passed / energy.sum()) > PASSES):
         return "it comes from the lead-in and the lead-out, where the windows reduce the input"
@@ -84,18 +84,18 @@ def notes(
 ) -> tuple[str, ...]:
     """Return notes on errors (runs, axes): slow convergence, scatter, and errors of the estimate."""
     remarks = []
-    for name, axis, left, course in zip(names, axes, floors, errors.T, strict=True):
+    for name, axis, end, course in zip(names, axes, floors, errors.T, strict=True):
         if not axis.rate.monotone:
             remarks.append(f"{name}: {axis.rate.words}")
-        if len(course) and 0 < SLOWLY * left.total < course[-1]:
-            runs = int(np.ceil(np.log(left.total / course[-1]) / np.log(min(axis.bound.value, 0.999))))
+        if len(course) and 0 < SLOWLY * end.total < course[-1]:
+            runs = int(np.ceil(np.log(end.total / course[-1]) / np.log(min(axis.bound.value, 0.999))))
             remarks.append(
                 f"{name}: {100 * course[-1] / course[0]:.2g} % of the error left after {len(course) - 1} iterations, "
-                f"{100 * left.total / left.before:.2g} % would be possible: at {axis.bound.value:.2f} per iteration "
+                f"{100 * end.total / end.before:.2g} % would be possible: at {axis.bound.value:.2f} per iteration "
                 f"near {axis.bound.frequency:.3g} Hz this takes about {runs} more, because the loop attenuates the "
                 "input there"
             )
-        if left.scatter > left.repeating:
+        if end.scatter > end.repeating:
             remarks.append(f"{name}: most of the floor is scatter between runs; more iterations do not help")
     if design.case in ("2A", "2B"):
         remarks.append("errors of the estimate are learned: the error of the tool may be larger than shown")
