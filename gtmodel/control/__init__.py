@@ -1,20 +1,20 @@
-"""Control laws on a model's inverse dynamics, and models of the loops that they close.
+"""Control laws based on a model's inverse dynamics, and models of the closed loops.
 
-Feedforward      forces that a model needs for a reference, with a PD feedback beside them
+Feedforward      inverse dynamics along the reference plus PD feedback
 ComputedTorque   inverse dynamics at the measured state for a commanded acceleration
-Feedback         the PD feedback alone
-tracking_loop    a plant under one of them, as a model to simulate
-sampled_loop     a plant under one of them at samples, with a delay, as a digital controller has it
-sampled_law      such a law as a block, for loops of your own; law_function, law_causal: as a function,
-                 the second one for gt.cgen
-linearize_sampled    the same as a linear system in discrete time, from a point at rest: poles, margins
-track            a simulation of either, with its tracking error
-loop_simulation  a robot under a law at samples as a study; Move, LoopSampling, TrackingLimits -> LoopSimulationStudy
-zero_vibration, zero_vibration_derivative, Shaper   motions shaped so that a flexible mode ends at rest
-residual_vibration    how far a mass on a spring swings after a motion
-delayed_feedback   how far late corrections from an external sensor may be turned up: `DelayedFeedbackStudy`; its
-                 options, limits, margins and plants stand in `gtmodel.control.delayed`
-learning         iterative learning control: laws, their convergence, what they leave
+Feedback         PD feedback alone
+tracking_loop    a plant under a continuous-time law, as a model to simulate
+sampled_loop     a plant under a sampled law with a delay, like a digital controller
+sampled_law      a law as a sampled block for your own loops; law_function and law_causal: as a function,
+                 law_causal for gt.cgen
+linearize_sampled    a sampled loop as a discrete-time linear system about a point at rest: poles, margins
+track            simulate either loop and return the tracking error
+loop_simulation  study of a robot under a sampled law; Move, LoopSampling, TrackingLimits -> LoopSimulationStudy
+zero_vibration, zero_vibration_derivative, Shaper   input shaping, so that a flexible mode ends at rest
+residual_vibration    vibration amplitude of a mass on a spring after a motion
+delayed_feedback   gain limits of delayed corrections from an external sensor: `DelayedFeedbackStudy`; its
+                 options, limits, margins and plants are in `gtmodel.control.delayed`
+learning         iterative learning control: laws, convergence, remaining error
 lead_through     guiding by hand with force sensors at handle and tool
 """
 

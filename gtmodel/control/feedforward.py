@@ -1,13 +1,14 @@
 """Feedforward and computed torque: control laws on the inverse dynamics of any model.
 
-With a reference r and the measured positions q of the actuators, e = r - q:
+With the reference r, the measured actuator positions q, and e = r - q:
 
     Feedback        tau = K e + D e'
     Feedforward     tau = f(r, r', r'') + K e + D e'
     ComputedTorque  tau = f(q, q', r'' + K e + D e')
 
-f is the model's `causal(known=..., targets=...)`, such as Dressler 2012, eqs. (6.7) and (6.8). Gains are positive: K
-[force per position] and D [force per velocity] of the first two, K [1/s2] and D [1/s] of computed torque.
+f is the model's `causal(known=..., targets=...)`, for example Dressler 2012, eqs. (6.7) and (6.8). Gains are not
+negative. Units: K [force per position] and D [force per velocity] in the first two laws, K [1/s2] and D [1/s] in
+computed torque.
 """
 
 from __future__ import annotations
@@ -29,27 +30,27 @@ Gain = float | tuple[float, ...]
 
 
 class Law(Protocol):
-    """What a loop needs of its law: forces as an expression of the reference and the state.
+    """Interface of a control law: forces as an expression of the reference and the state.
 
-    Any object with such a `forces` is one; `Feedforward`, `ComputedTorque` and `Feedback` are three of them.
+    Any object with this `forces` method is a law, for example `Feedforward`, `ComputedTorque` and `Feedback`.
     """
 
     def forces(self, reference: list[ca.SX], position: ca.SX, velocity: ca.SX) -> ca.SX:
-        """(n,) from the reference with its first two derivatives, the position and the velocity, (n,) each."""
+        """Return the forces (n,) from the reference, its first two derivatives, position and velocity, (n,) each."""
         ...
 
 
 @dataclass(frozen=True)
 class Feedback:
-    """Proportional and derivative feedback alone: stiffness (r - q) + damping (r' - q') on the reference r.
+    """Proportional-derivative feedback alone: stiffness (r - q) + damping (r' - q') for the reference r.
 
-    stiffness [N/m], damping [N.s/m]: one number for all actuators, or one for each. Raises ValueError for a gain that
-    is negative or no number.
+    stiffness [N/m], damping [N.s/m]: one number for all actuators, or one for each. Raises ValueError if a gain is
+    negative or not finite.
 
     >>> gt.control.Feedback(4e4, -2e3)
     Traceback (most recent call last):
         ...
-    ValueError: damping must not be negative; found -2000.0
+    ValueError: damping must be finite and not negative; found -2000.0
     """
 
     stiffness: Gain
@@ -65,7 +66,7 @@ class Feedback:
 
 @dataclass(frozen=True, eq=False)
 class _InverseDynamics:
-    """The inverse dynamics of `model` and gains. Raises ModelError where the motion does not determine the targets."""
+    """Inverse dynamics of `model` with gains. Raises ModelError if the motion does not determine the targets."""
 
     model: Model
     stiffness: Gain = 0.0
@@ -80,27 +81,27 @@ class _InverseDynamics:
         others = [s.name for s in inverse.inputs if s.name.removeprefix("der(").split(",")[0].rstrip(")") != self.known]
         if others:
             raise ModelError(
-                f"'{self.targets}' needs {', '.join(others)} beside '{self.known}'; a law knows the motion of "
-                f"'{self.known}' alone"
+                f"'{self.targets}' depends on {', '.join(others)} as well as '{self.known}'; a law knows only the "
+                f"motion of '{self.known}'"
             )
         object.__setattr__(self, "inverse", inverse)
 
     def needed(self, *motion: Any) -> tuple[Array, Any]:
-        """Forces (n, m) for rows of position, velocity and acceleration (n, k) each, and the status of each row."""
+        """Return the forces (n, m) for rows of position, velocity and acceleration (n, k), and a status per row."""
         return self.inverse.along(*motion)
 
     def modelled(self, motion: Trajectory) -> Trajectory:
-        """The model's forces along a motion: a signal of the targets' name on the same rows.
+        """Return the model's forces along a motion, at the same times, as a signal named after the targets.
 
-        motion holds the known variable; of derivatives that it does not hold, "der(q)" and "der(q,2)", the smooth curve
-        through the positions is asked, so these should be a reference or filtered. A synthetic motion's note is kept.
-        Raises TrajectoryError for another unit, and for a row that the model cannot follow, with the time.
+        The motion must hold the known variable. Derivatives that it lacks, "der(q)" or "der(q,2)", come from a smooth
+        curve through the positions, so the positions should be a reference or filtered. The note of a synthetic motion
+        is copied. Raises TrajectoryError if a unit differs, or, with the time, if the model cannot follow a row.
         """
         position = motion[self.known]
         for s in self.inverse.inputs:
-            given = motion.unit(s.name) if s.name in motion else "1"  # also of what was given without a unit
-            if given != "1" and si_unit(given).dimension != si_unit(s.unit).dimension:
-                raise TrajectoryError(f"the model has '{s.name}' in {s.unit}; the motion gives it in {given}")
+            unit = motion.unit(s.name) if s.name in motion else "1"  # "1" also for signals without a unit
+            if unit != "1" and si_unit(unit).dimension != si_unit(s.unit).dimension:
+                raise TrajectoryError(f"the model has '{s.name}' in {s.unit}; the motion has it in {unit}")
         rows = [position, *smooth_motion(motion.time, position)[1:]]
         for order, name in ((1, f"der({self.known})"), (2, f"der({self.known},2)")):
             if name in motion:
@@ -109,8 +110,8 @@ class _InverseDynamics:
         bad = np.flatnonzero(status != Status.OK)
         if bad.size:
             raise TrajectoryError(
-                f"at {motion.time[bad[0]]:g} s the model cannot follow: {Status(int(status[bad[0]])).message}; keep "
-                "the motion within its reach"
+                f"the model cannot follow the motion at {motion.time[bad[0]]:g} s: "
+                f"{Status(int(status[bad[0]])).message}; keep the motion within its reach"
             )
         unit = self.inverse.outputs[0].unit
         return Trajectory(motion.time, {self.targets: forces}, {self.targets: unit}, title=motion.title,
@@ -119,23 +120,21 @@ class _InverseDynamics:
     def _expression(self, motion: list[ca.SX]) -> ca.SX:
         if self.inverse.plan.newton:
             raise ModelError(
-                f"{self.inverse.name} of {self.inverse.flat.title} is solved by Newton's method and makes no "
-                "expression of a model; give its forces for the reference as an input instead, see modelled()"
+                f"{self.inverse.name} of {self.inverse.flat.title} is solved by Newton's method and cannot be an "
+                "expression in a model; pass its forces along the reference as an input instead, see modelled()"
             )
         return ca.SX(self.inverse.casadi.call(self.inverse.arguments_along(*motion))[0])
 
 
 class Feedforward(_InverseDynamics):
-    """Forces of the model for the reference (inverse dynamics), and feedback.
+    """Inverse dynamics along the reference, plus PD feedback.
 
     Args:
-        model: with the parameters that were identified, or their nominal values.
-        stiffness, damping: gains of the feedback [N/m, N.s/m], alike for all actuators or one number for each; none if
-            left out.
-        known, targets: the actuators' positions and forces, by name.
+        model: the model with identified or nominal parameters.
+        stiffness, damping: feedback gains [N/m, N.s/m], one number for all actuators or one for each; 0 by default.
+        known, targets: names of the actuators' positions and forces.
 
-    Raises ValueError for a gain that is negative or no number, and ModelError where the motion does not determine the
-    targets.
+    Raises ValueError if a gain is negative or not finite, and ModelError if the motion does not determine the targets.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> law = gt.control.Feedforward(robot, stiffness=4e4, damping=2e3)
@@ -152,10 +151,10 @@ class Feedforward(_InverseDynamics):
 
 
 class ComputedTorque(_InverseDynamics):
-    """Forces of the model at the measured state, for the acceleration that brings it back to the reference.
+    """Inverse dynamics at the measured state, for an acceleration that drives the error to zero.
 
-    Where the plant has the model's own parameters the error obeys e'' + D e' + K e = 0, whatever the motion. Args and
-    errors as of `Feedforward`; the gains K are in 1/s2 and D in 1/s.
+    If the plant equals the model, the error obeys e'' + D e' + K e = 0 for any motion. Arguments and errors as in
+    `Feedforward`, but the gains are K [1/s2] and D [1/s].
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> law = gt.control.ComputedTorque(robot, stiffness=400.0, damping=40.0)  # critically damped, 20 rad/s
@@ -173,7 +172,7 @@ def _feedback(law: Any, reference: list[ca.SX], position: ca.SX, velocity: ca.SX
     count = position.numel()
     for name, gain in (("stiffness", law.stiffness), ("damping", law.damping)):
         if np.shape(gain) not in ((), (count,)):
-            raise ModelError(f"{name} has the shape {np.shape(gain)}; expected one number, or {count} of them")
+            raise ModelError(f"{name} has the shape {np.shape(gain)}; expected one number, or {count} numbers")
     K, D = (ca.DM(np.broadcast_to(np.asarray(g, float), (count,))) for g in (law.stiffness, law.damping))
     return K * (reference[0] - position) + D * (reference[1] - velocity)
 
@@ -181,4 +180,4 @@ def _feedback(law: Any, reference: list[ca.SX], position: ca.SX, velocity: ca.SX
 def _check_gains(*gains: Gain) -> None:
     for name, gain in zip(("stiffness", "damping"), gains, strict=True):
         if not np.all(np.isfinite(gain)) or np.any(np.asarray(gain) < 0):
-            raise ValueError(f"{name} must not be negative; found {gain}")
+            raise ValueError(f"{name} must be finite and not negative; found {gain}")

@@ -1,5 +1,4 @@
-"""What a simulated loop is asked for, how the controller samples and a move from a point to another, and what its
-simulation answers."""
+"""Options and result of the loop simulation: the controller's sampling, a point-to-point move, limits."""
 
 from __future__ import annotations
 
@@ -15,7 +14,7 @@ from ..results.options import Long, Options, Unit, Within
 
 @dataclass(frozen=True)
 class LoopSampling(Options):
-    """How a digital controller measures and computes.
+    """Sampling, delay and measurements of a digital controller.
 
     >>> gt.control.LoopSampling(period=0.002).delay
     0.008
@@ -24,59 +23,59 @@ class LoopSampling(Options):
     period: Annotated[float, Unit("s", written="ms"), Within(above=0.0), "between two samples"] = 0.004
     delay: Annotated[
         float, Unit("s", written="ms"), Within(least=0.0),
-        "between a sample and the instant at which its forces act; any part of a period or several periods",
+        "from a sample until its forces act; need not be a whole number of periods",
     ] = 0.008  # fmt: skip
     resolution: Annotated[float, Unit("m", written="um"), Within(least=0.0), "of the encoders; 0: exact"] = 0.0
     velocity: Annotated[
         Literal["measured", "difference"],
-        "what the law is given: the plant's velocity, or the difference of two measured positions by the period",
+        "input of the law: the plant's velocity, or the difference of two measured positions over the period",
     ] = "measured"
-    compiled: Annotated[bool, "the law by its generated C, the same numbers bit for bit"] = False
+    compiled: Annotated[bool, "evaluate the law by its generated C; the numbers are identical bit for bit"] = False
 
 
 @dataclass(frozen=True)
 class Move(Options):
-    """A motion of the tool along a straight line from rest to rest, by a polynomial of fifth degree, and a rest.
+    """A straight motion of the tool from rest to rest along a polynomial of fifth degree, then a time at rest.
 
     >>> gt.control.Move(start=[0.5, -0.9, 0.3], goal=[0.8, -0.9, 0.3], duration=0.6).rest
     0.2
     """
 
-    start: Annotated[list[float], Unit("m"), Long(3), "tool centre point at the beginning, in the robot's frame"]
+    start: Annotated[list[float], Unit("m"), Long(3), "tool centre point at the start, in the robot's frame"]
     goal: Annotated[list[float], Unit("m"), Long(3), "tool centre point at the end"]
     duration: Annotated[float, Unit("s"), Within(above=0.0), "of the motion"]
-    rest: Annotated[float, Unit("s"), Within(least=0.0), "after it, still under control"] = 0.2
+    rest: Annotated[float, Unit("s"), Within(least=0.0), "at the goal after the motion, still under control"] = 0.2
 
 
 @dataclass(frozen=True)
 class TrackingLimits(Options):
-    """What the loop must keep; no check where a number is left out.
+    """Limits on tracking error and force; a limit of None is not checked.
 
     >>> gt.control.TrackingLimits(force=700.0).error is None
     True
     """
 
     error: Annotated[
-        float | None, Unit("m", written="mm"), Within(above=0.0), "largest error of an actuator"
+        float | None, Unit("m", written="mm"), Within(above=0.0), "largest allowed tracking error of an actuator"
     ] = None  # fmt: skip
-    force: Annotated[float | None, Unit("N"), Within(above=0.0), "largest force of an actuator"] = None
+    force: Annotated[float | None, Unit("N"), Within(above=0.0), "largest allowed force of an actuator"] = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class LoopSimulationStudy(Study):
-    """A motion under a law at samples. trajectory: reference, position and forces on the reference's rows.
+    """A motion under a sampled law. trajectory: reference, position and forces at the reference's times.
 
-    law_samples: what the law read and computed at each sample.
+    law_samples: inputs and forces of the law at each sample.
     """
 
     law_samples: Trajectory | None = None
     period: Annotated[float, Quantity("s", "between two samples", "period", shown="ms", written="ms")]
-    delay: Annotated[float, Quantity("s", "until a sample's forces act", "delay", shown="ms", written="ms")]
+    delay: Annotated[float, Quantity("s", "from a sample until its forces act", "delay", shown="ms", written="ms")]
     samples: Annotated[int, Quantity("", "evaluations of the law", "samples")] = 0
     end_time: Annotated[float, Quantity("s", "time reached", "end time")] = 0.0
     rms_error: Annotated[
         Sequence[float] | np.ndarray,
-        Quantity("m", "of each actuator, reference less position, root mean square", "rms error", "mm", "", "mm"),
+        Quantity("m", "of each actuator, reference minus position, root mean square", "rms error", "mm", "", "mm"),
     ] = ()
     largest_error: Annotated[
         Sequence[float] | np.ndarray, Quantity("m", "of each actuator", "largest error", "mm", "", "mm")

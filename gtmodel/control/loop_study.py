@@ -1,5 +1,4 @@
-"""The motion of a robot under a law that samples, as a study, and simulations of a plant under a law along a
-reference with their tracking errors."""
+"""Simulation of a plant that tracks a reference under a law, and the study of a robot under a sampled law."""
 
 from __future__ import annotations
 
@@ -31,11 +30,11 @@ from .sampled_loop import actuators, law_function, sampled_loop, tracking_loop
 
 @dataclass(frozen=True, eq=False)
 class Tracked:
-    """What `track` returns: a motion under a law.
+    """Result of `track`: a motion under a law.
 
-    trajectory: "reference", "position" and "forces" on the reference's rows, in SI units; forces that are held at
-        samples are those before a sample at that instant. simulation: the run behind it.
-    samples: of a law at samples what it read and computed at each; else None.
+    trajectory: "reference", "position" and "forces" at the reference's times, in SI units. At a sampling instant,
+        forces are those just before it. simulation: the run itself.
+    samples: inputs and forces of a sampled law at each sample; None in continuous time.
     """
 
     trajectory: Trajectory
@@ -44,17 +43,17 @@ class Tracked:
 
     @property
     def error(self) -> np.ndarray:
-        """(n, k) reference less position."""
+        """Reference minus position, (n, k)."""
         return self.trajectory["reference"] - self.trajectory["position"]
 
     @property
     def rms(self) -> np.ndarray:
-        """(k,) root mean square of the error."""
+        """Root mean square of the error, (k,)."""
         return np.sqrt(np.mean(self.error**2, axis=0))
 
     @property
     def largest(self) -> np.ndarray:
-        """(k,) largest absolute value of the error at a row."""
+        """Largest absolute error, (k,)."""
         return np.max(np.abs(self.error), axis=0)
 
 
@@ -76,17 +75,17 @@ def track(
 
     Args:
         plant: a model whose `known` and `targets` are vectors of equal length.
-        law: `Feedforward`, `ComputedTorque`, `Feedback`, or a `Law` of your own.
-        reference: holds the known variable at equal steps; between its rows it is a cubic spline.
-        start: start values of the plant by its own names, e.g. {"T": [...], "der(T)": [0, 0, 0]}.
-        known, targets: the actuators' positions and forces, by name.
+        law: `Feedforward`, `ComputedTorque`, `Feedback`, or your own `Law`.
+        reference: holds the known variable at equal steps; a cubic spline connects its rows.
+        start: start values by the plant's names, e.g. {"T": [...], "der(T)": [0, 0, 0]}.
+        known, targets: names of the actuators' positions and forces.
         tolerance: of the integrator, see `simulate`.
-        period: between two samples of the law [s]; None: it acts in continuous time.
-        progress, throw: as of `simulate`; what ended early has fewer rows.
-        sampled: further arguments of `sampled_loop` where a period is given: `delay`, 0.008 s if left out, `first`,
+        period: sampling period of the law [s]; None: the law acts in continuous time.
+        progress, throw: as in `simulate`; a run that ends early has fewer rows.
+        sampled: further arguments of `sampled_loop`, only with a period: `delay` (default 0.008 s), `first`,
             `resolution`, `velocity`, `compiled`.
 
-    Raises ModelError for a plant, law or start that does not fit, and NotSimulated.
+    Raises ModelError if plant, law and start do not fit together, and NotSimulated.
 
     >>> class Cart(gt.Model):
     ...     m = gt.parameter(2.0, unit="kg", positive=True)
@@ -96,14 +95,14 @@ def track(
     ...         yield self.m * gt.der(self.q, 2) == self.tau
     >>> t = np.linspace(0.0, 1.0, 101)
     >>> reference = gt.Trajectory(t, {"q": 3 * t[:, None] ** 2 - 2 * t[:, None] ** 3}, {"q": "m"})
-    >>> for mass in (2.0, 1.0):  # as the law believes
+    >>> for mass in (2.0, 1.0):  # in the law's model
     ...     law = gt.control.Feedforward(Cart(m=mass), stiffness=800.0, damping=80.0)
     ...     run = gt.control.track(Cart(), law, reference, {"q": [0.0], "der(q)": [0.0]})
     ...     print(bool(abs(run.error).max() > 1e-3))  # m
     False
     True
 
-    The same at samples every 20 ms, which act 10 ms later:
+    With a sampling period of 20 ms and a delay of 10 ms:
 
     >>> law = gt.control.Feedforward(Cart(), stiffness=800.0, damping=80.0)
     >>> run = gt.control.track(Cart(), law, reference, {"q": [0.0], "der(q)": [0.0]}, period=0.02, delay=0.01)
@@ -113,7 +112,7 @@ def track(
     rows = reference[known]
     table = Trajectory(reference.time, {"reference": rows}, {"reference": reference.unit(known)})
     if period is None and sampled:
-        raise TypeError(f"track() takes {', '.join(sampled)} with a period only; a law in continuous time has none")
+        raise TypeError(f"track() accepts {', '.join(sampled)} only for a sampled law; set period as well")
     if period is None:
         loop = tracking_loop(plant, law, known, targets)
     else:
@@ -145,7 +144,7 @@ def track(
 
 
 def _inside(name: str) -> str:
-    """A plant's own name, "T" or "der(T,2)", seen from the loop."""
+    """The loop's name of a plant variable such as "T" or "der(T,2)"."""
     return f"der(plant.{name[4:]}" if name.startswith("der(") else f"plant.{name}"
 
 
@@ -166,19 +165,20 @@ def loop_simulation(
     tolerance: Annotated[float, Within(least=1e-14, most=0.1)] = 1e-9,
     **work_options: Unpack[WorkOptions],
 ) -> LoopSimulationStudy:
-    """Simulate a robot in continuous time under a law that computes at samples, along a reference.
+    """Simulate a robot in continuous time along a reference under a sampled law.
 
     Args:
-        robot: what moves; its `known` positions [m] and `targets` forces [N] are vectors of one length.
-        law: `ComputedTorque`, `Feedforward`, `Feedback`, or a `Law` of your own; its model may differ from the robot.
+        robot: the plant; its `known` positions [m] and `targets` forces [N] are vectors of equal length.
+        law: `ComputedTorque`, `Feedforward`, `Feedback`, or your own `Law`; its model may differ from the robot.
         reference: a `Move` of the tool "T", or a trajectory that holds "T" or `known` at equal steps. The robot starts
-            on it, and before the first sample acts its motors hold the law's forces at rest there.
-        sampling: period, delay, and what the controller measures.
-        limits: of errors and forces, which become checks.
+            on the reference. Until the first sample acts, its motors apply the law's forces at rest at the start.
+        sampling: period, delay, and the controller's measurements.
+        limits: on errors and forces; each becomes a check.
         tolerance: of the integrator.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    A run that ends early, or is interrupted, keeps what there is. Raises ArgumentError for what is given wrong.
+    The study of a run that ends early or is interrupted holds the results so far. Raises ArgumentError for an argument
+    that does not fit.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> law = gt.control.ComputedTorque(robot, stiffness=900.0, damping=60.0)
@@ -189,18 +189,18 @@ def loop_simulation(
     """
     work = Work(**work_options)
     if not callable(getattr(law, "forces", None)):
-        raise ArgumentError(f"a law has a method forces(); {type(law).__name__} has none", "law")
+        raise ArgumentError(f"a law needs a method forces(); {type(law).__name__} has none", "law")
     with naming("robot", ModelError):
         shape, unit, force = actuators(robot, known, targets)
     if (unit, force) != ("m", "N"):
         raise ArgumentError(
-            f"the actuators of this study move in m under forces in N; this robot has '{known}' in {unit} and "
+            f"the study needs actuators with positions in m and forces in N; this robot has '{known}' in {unit} and "
             f"'{targets}' in {force}: use gt.control.track", "robot",
         )  # fmt: skip
     work.step("equations")
     motion, start = _reference(robot, reference, known, sampling.period)
     if motion.duration / sampling.period > MOST_SAMPLES:
-        raise ArgumentError(f"the run has more than {MOST_SAMPLES} samples of that period", "sampling.period")
+        raise ArgumentError(f"the run has more than {MOST_SAMPLES} samples; take a longer period", "sampling.period")
     with naming("law", ModelError):
         at_rest = [motion[known][0], np.zeros(shape), np.zeros(shape)]
         first = law_function(law, shape[0])(*at_rest, at_rest[0], np.zeros(shape)).full().reshape(-1)
@@ -220,7 +220,7 @@ def loop_simulation(
 def _reference(
     robot: Model, reference: Move | Trajectory, known: str, period: float
 ) -> tuple[Trajectory, dict[str, Any]]:
-    """Positions of the actuators at equal steps, and where the robot starts."""
+    """Positions of the actuators at equal steps, and the robot's start values."""
     if isinstance(reference, Move):
         count = max(1, round((reference.duration + reference.rest) / period))
         time = period * np.arange(count + 1)
@@ -229,11 +229,11 @@ def _reference(
         begin, end = np.asarray(reference.start), np.asarray(reference.goal)
         reference = Trajectory(time, {"T": begin + share[:, None] * (end - begin)}, {"T": "m"}, synthetic="a move")
     if len(reference) < 4 or not np.allclose(np.diff(reference.time), reference.time[1] - reference.time[0], rtol=1e-6):
-        raise ArgumentError("the reference wants rows at equal steps, four or more of them", "reference")
+        raise ArgumentError("the reference needs four or more rows at equal time steps", "reference")
     if "T" not in reference.names:
         if known not in reference.names:
             names = ", ".join(reference.names)
-            raise ArgumentError(f"the reference holds neither 'T' nor '{known}'; it has {names}", "reference")
+            raise ArgumentError(f"the reference holds neither 'T' nor '{known}'; it holds {names}", "reference")
         rates = reference[f"der({known})"][0] if f"der({known})" in reference.names else np.zeros(3)
         return reference, {known: reference[known][0], f"der({known})": rates}
     with naming("robot", ModelError):
@@ -241,28 +241,28 @@ def _reference(
     bad = np.flatnonzero(status != Status.OK)
     if bad.size:
         why = Status(int(status[bad[0]])).message
-        raise ArgumentError(f"at {reference.time[bad[0]]:g} s the robot cannot be there: {why}", "reference")
+        raise ArgumentError(f"the robot cannot reach it at {reference.time[bad[0]]:g} s: {why}", "reference")
     rates = reference["der(T)"][0] if "der(T)" in reference.names else np.zeros(3)
     rows = Trajectory(reference.time, {known: q}, {known: "m"}, synthetic=reference.synthetic)
     return rows, {"T": reference["T"][0], "der(T)": rates}
 
 
-def _positions(robot: Model, places: np.ndarray, known: str) -> tuple[np.ndarray, np.ndarray]:
-    """Positions of the actuators and statuses at places (n, 3) of the tool; of a robot with switches, such as friction
-    that sticks, on a side of them that has these. Raises ModelError where the sides differ in them."""
+def _positions(robot: Model, points: np.ndarray, known: str) -> tuple[np.ndarray, np.ndarray]:
+    """Actuator positions and statuses at tool positions (n, 3). If the robot has modes, such as sticking friction, any
+    mode that determines the positions is used; raises ModelError if the modes give different positions."""
     flat = flat_of(robot)
     if flat.events is None or not flat.events.modes:
-        return compile_causal(flat, known="T", targets=known)(places)
-    sides, refused = [], None
+        return compile_causal(flat, known="T", targets=known)(points)
+    sides, refusal = [], None
     for side in (False, True):
         try:
-            q, status = compile_causal(in_mode(flat, [side] * len(flat.events.modes)), known="T", targets=known)(places)
+            q, status = compile_causal(in_mode(flat, [side] * len(flat.events.modes)), known="T", targets=known)(points)
             sides.append((q, status))
         except ModelError as error:
-            refused = error
+            refusal = error
     if not sides:
-        assert refused is not None
-        raise refused
+        assert refusal is not None
+        raise refusal
     if len(sides) > 1 and not np.allclose(sides[0][0], sides[1][0], rtol=0, atol=1e-9, equal_nan=True):
         raise ModelError(f"'{known}' at 'T' depends on the side of a gt.If; give the reference in '{known}'")
     return sides[0]
@@ -274,7 +274,7 @@ def _study_of(tracked: Tracked, sampling: LoopSampling, limits: TrackingLimits, 
     forces = np.max(np.abs(samples["forces"]), axis=0, initial=0.0)
     checks = {n: at_most(c.value, c.bound or 0.0, c.advice) for n, c in run.checks.items()}
     if limits.error is not None:
-        advice = "lower the delay or the gains, or mend the law's model"
+        advice = "reduce the delay or the gains, or correct the law's model"
         checks["largest_error_m"] = at_most(float(tracked.largest.max()), limits.error, advice)
     if limits.force is not None:
         checks["largest_force_N"] = at_most(float(forces.max()), limits.force, "lower the gains, or take a longer move")

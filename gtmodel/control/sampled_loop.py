@@ -1,5 +1,4 @@
-"""A plant that follows a reference under a control law, in continuous time as a model, or under a law that computes
-at samples, as a digital controller does."""
+"""Models of a plant that follows a reference under a control law, in continuous time or sampled."""
 
 from __future__ import annotations
 
@@ -19,15 +18,15 @@ from .feedforward import Law
 
 
 def tracking_loop(plant: gt.Model, law: Law, known: str = "q", targets: str = "tau") -> gt.Model:
-    """The plant under a law, as a model to simulate: part `plant`, and an input `reference` in place of its forces.
+    """Return the plant under a continuous-time law as a model: part `plant`, input `reference` instead of the forces.
 
     Args:
         plant: a model whose `known` and `targets` are vectors of equal length.
-        law: `Feedforward`, `ComputedTorque`, `Feedback`, or a `Law` of your own.
-        known, targets: the actuators' positions and forces, by name.
+        law: `Feedforward`, `ComputedTorque`, `Feedback`, or your own `Law`.
+        known, targets: names of the actuators' positions and forces.
 
-    The law acts in continuous time; the reference must be twice differentiable, "cubic" where it is a table. Raises
-    ModelError where the plant has no such vectors of equal length.
+    The reference must be twice differentiable; pass a table as "cubic". Raises ModelError if the plant has no such
+    vectors.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> loop = gt.control.tracking_loop(robot, gt.control.Feedback(4e4, 2e3))
@@ -47,8 +46,8 @@ def tracking_loop(plant: gt.Model, law: Law, known: str = "q", targets: str = "t
             def symbols(e: Any) -> ca.SX:
                 return ca.SX(operand(e, reference.scope)[0])
 
-            wanted = [symbols(gt.der(reference, order)) for order in range(3)]
-            forces = law.forces(wanted, symbols(position), symbols(gt.der(position)))
+            references = [symbols(gt.der(reference, order)) for order in range(3)]
+            forces = law.forces(references, symbols(position), symbols(gt.der(position)))
             # the law's numbers carry no units
             yield getattr(self.plant, targets) == Expr(forces, shape, None, reference.scope)
 
@@ -57,20 +56,19 @@ def tracking_loop(plant: gt.Model, law: Law, known: str = "q", targets: str = "t
 
 
 def actuators(plant: gt.Model, known: str, targets: str) -> tuple[tuple[int], str | None, str | None]:
-    """Shape of the positions and of the forces, and their units. Raises ModelError where they are no such vectors."""
+    """Return the shape and units of positions and forces. Raises ModelError unless both are vectors of equal length."""
     flat = flat_of(plant)
     shape = flat.groups.get(known, ((), []))[0]
     if len(shape) != 1 or flat.groups.get(targets, ((), []))[0] != shape:
         raise gt.ModelError(
-            f"the plant must declare '{known}' and '{targets}' as vectors of one length; it has {flat.top()}"
+            f"the plant must declare '{known}' and '{targets}' as vectors of equal length; it has {flat.top()}"
         )
     units = [flat.variables[flat.groups[name][1][0]].unit for name in (known, targets)]
     return (shape[0],), units[0], units[1]
 
 
-# what the law is given for the velocity: the plant's own, or the difference of two measured positions by the period
+# velocity input of the law: the plant's velocity, or the difference of two measured positions over the period
 Velocity = Literal["measured", "difference"]
-# what a law computes its forces from
 INPUTS = ("reference", "reference_rate", "reference_acceleration", "position", "velocity")
 
 
@@ -87,26 +85,26 @@ def sampled_loop(
     velocity: Velocity = "measured",
     compiled: bool = False,
 ) -> gt.Model:
-    """The plant under a law at samples, as a model to simulate: parts `plant` and `law`, and an input `reference`.
+    """Return the plant under a sampled law as a model: parts `plant` and `law`, input `reference`.
 
     Args:
         plant: a model whose `known` and `targets` are vectors of equal length.
-        law: `Feedforward`, `ComputedTorque`, `Feedback`, or a `Law` of your own.
-        period: time between two samples [s].
-        delay: between a sample and the instant at which its forces act [s], any part of a period or several periods.
-        known, targets: the actuators' positions and forces, by name.
-        first: forces until the first ones of the law act, one number or one for each.
-        resolution: of the encoders, in the unit of the positions; 0: exact. The law is given the nearest multiple.
-        velocity: "measured", the plant's own; "difference", of the measured positions at this sample and the one
-            before, by the period (0 at the first sample).
-        compiled: evaluate the law by its generated C, compiled once by the C compiler of this machine, in place of
-            CasADi's virtual machine. The numbers are the same, bit for bit.
+        law: `Feedforward`, `ComputedTorque`, `Feedback`, or your own `Law`.
+        period: sampling period [s].
+        delay: from a sample until its forces act [s]; need not be a whole number of periods.
+        known, targets: names of the actuators' positions and forces.
+        first: forces until the first forces of the law act, one number or one for each actuator.
+        resolution: of the encoders, in the unit of the positions; the law reads the nearest multiple. 0: exact.
+        velocity: "measured": the plant's velocity; "difference": the difference of the measured positions at this and
+            the previous sample over the period (0 at the first sample).
+        compiled: evaluate the law by its generated C code, compiled on this machine, instead of CasADi's virtual
+            machine. The numbers are identical bit for bit.
 
-    At each sample the law reads the position, the velocity and the reference with two derivatives; its forces are held
-    from `delay` later until the next ones. `gt.simulate(loop, ...).samples["law"]` holds what was read and computed.
-    The reference must be twice differentiable, "cubic" where it is a table. In continuous time: `tracking_loop`.
-    Raises ModelError where the plant has no such vectors, for numbers that are out of range, and without a compiler
-    where C is asked for.
+    At each sample the law reads the position, the velocity and the reference with two derivatives. Its forces start to
+    act after `delay` and are held until the next forces act. `gt.simulate(loop, ...).samples["law"]` holds inputs and
+    forces. The reference must be twice differentiable; pass a table as "cubic". For a law in continuous time see
+    `tracking_loop`. Raises ModelError if the plant has no such vectors, if a number is out of range, or if `compiled`
+    is set and there is no C compiler.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> law = gt.control.ComputedTorque(robot, stiffness=400.0, damping=40.0)
@@ -153,59 +151,59 @@ def sampled_law(
     velocity: Velocity = "measured",
     compiled: bool = False,
 ) -> type[gt.SampledBlock]:
-    """A law as a sampled block for `count` actuators, for loops of your own: `gt.part(block, period=0.004)`.
+    """Return a law as a sampled block for `count` actuators, to build your own loops: `gt.part(block, period=0.004)`.
 
     Args:
         unit, force: SI units of the positions and of the forces.
-        first, resolution, velocity, compiled: as of `sampled_loop`.
+        first, resolution, velocity, compiled: as in `sampled_loop`.
 
-    Its inputs are `position`, `velocity`, `reference`, `reference_rate` and `reference_acceleration`, its output is
-    `forces`; for the difference it remembers the `measured` position. Raises ModelError as `sampled_loop`.
+    Inputs: `position`, `velocity`, `reference`, `reference_rate`, `reference_acceleration`. Output: `forces`. With
+    velocity "difference" the block also stores the `measured` position. Raises ModelError as `sampled_loop`.
 
     >>> block = gt.control.sampled_law(gt.control.Feedback(4e4, 2e3), 3, unit="m", force="N")
     >>> block(period=0.004).delay
     0.0
     """
     if not (np.isfinite(resolution) and resolution >= 0):
-        raise gt.ModelError(f"the resolution of an encoder is a number that is not negative; found {resolution!r}")
+        raise gt.ModelError(f"the encoder resolution must be finite and not negative; found {resolution!r}")
     if velocity not in ("measured", "difference"):
-        raise gt.ModelError(f"velocity is 'measured' or 'difference'; found {velocity!r}")
+        raise gt.ModelError(f"velocity must be 'measured' or 'difference'; found {velocity!r}")
     held = np.asarray(first, float)
     if held.shape not in ((), (count,)) or not np.all(np.isfinite(held)):
-        raise gt.ModelError(f"the first forces are one number, or {count} of them; found {first!r}")
+        raise gt.ModelError(f"the first forces must be one finite number, or {count} numbers; found {first!r}")
     evaluate = PointFunction(_machine_code(law_function(law, count)) if compiled else law_function(law, count))
 
     class SampledLaw(gt.SampledBlock):
         def step(self, inputs: Any, state: Any) -> dict[str, Any]:
-            position, rate, remembered = inputs.position, inputs.velocity, {}
+            position, rate, memory = inputs.position, inputs.velocity, {}
             if resolution:
                 position = resolution * np.round(position / resolution)
             if velocity == "difference":
                 rate = (position - state.measured) / self.period if state.begun else np.zeros(count)
-                remembered = {"measured": position, "begun": 1.0}
-            wanted = inputs.reference, inputs.reference_rate, inputs.reference_acceleration
-            (forces,) = evaluate(*wanted, position, rate)
-            return {"forces": forces[:, 0], **remembered}
+                memory = {"measured": position, "begun": 1.0}
+            references = inputs.reference, inputs.reference_rate, inputs.reference_acceleration
+            (forces,) = evaluate(*references, position, rate)
+            return {"forces": forces[:, 0], **memory}
 
     rate, acceleration = (None if unit is None else rate_unit(unit, order) for order in (1, 2))
     members = {
         "position": gt.input(count, unit=unit, description="of the actuators"),
         "velocity": gt.input(count, unit=rate, description="of the actuators"),
-        "reference": gt.input(count, unit=unit, description="what they are to follow"),
+        "reference": gt.input(count, unit=unit, description="reference of the actuators"),
         "reference_rate": gt.input(count, unit=rate, description="its derivative"),
-        "reference_acceleration": gt.input(count, unit=acceleration, description="and the next one"),
+        "reference_acceleration": gt.input(count, unit=acceleration, description="its second derivative"),
         "forces": gt.output(np.broadcast_to(held, (count,)).copy(), unit=force, description="held"),
     }
     if velocity == "difference":
-        members["measured"] = gt.discrete(np.zeros(count), unit=unit, description="position at the sample before")
+        members["measured"] = gt.discrete(np.zeros(count), unit=unit, description="position at the previous sample")
         members["begun"] = gt.discrete(0.0, description="1 from the first sample on")
     return type("SampledLaw", (SampledLaw,), members)
 
 
 def law_function(law: Law, count: int) -> ca.Function:
-    """A law as a CasADi function `law`: reference, its two derivatives, position and velocity, (count,) each -> forces.
+    """Return a law as a CasADi function: reference, two derivatives, position, velocity -> forces, (count,) each.
 
-    Raises ModelError for a law that gives another number of forces.
+    Raises ModelError if the law returns another number of forces.
 
     >>> f = gt.control.law_function(gt.control.Feedback(100.0, 10.0), 1)
     >>> float(f(0.02, 0.0, 0.0, 0.01, 0.05))
@@ -214,18 +212,19 @@ def law_function(law: Law, count: int) -> ca.Function:
     symbols = [ca.SX.sym(name, count) for name in INPUTS]
     forces = ca.densify(law.forces(symbols[:3], *symbols[3:]))
     if forces.numel() != count:
-        raise gt.ModelError(f"the law gives {forces.numel()} forces; expected {count}")
+        raise gt.ModelError(f"the law returns {forces.numel()} forces; expected {count}")
     return ca.Function("law", symbols, [forces], list(INPUTS), ["forces"])
 
 
 def law_causal(law: Law, count: int, unit: str = "m", force: str = "N") -> CausalFunction:
-    """A law as a causal function, from which `gt.cgen` writes the C of a real controller.
+    """Return a law as a causal function, from which `gt.cgen` generates C code for a real controller.
 
     Args:
-        law: as of `sampled_loop`, for `count` actuators.
+        law: as in `sampled_loop`, for `count` actuators.
         unit, force: SI units of the positions and of the forces.
 
-    Inputs, those that the law uses, and output have the names of `sampled_law`. Raises ModelError as `law_function`.
+    Inputs and output are named as in `sampled_law`; inputs that the law does not use are left out. Raises ModelError as
+    `law_function`.
 
     >>> function = gt.control.law_causal(gt.control.Feedback(100.0, 10.0), 1)
     >>> [s.name for s in function.inputs]
@@ -240,9 +239,9 @@ def law_causal(law: Law, count: int, unit: str = "m", force: str = "N") -> Causa
     class SampledForces(gt.Model):
         def equations(self) -> Any:
             scope = self.forces.scope
-            given = [operand(getattr(self, n), scope)[0] if n in used else ca.SX(count, 1) for n in INPUTS]
+            arguments = [operand(getattr(self, n), scope)[0] if n in used else ca.SX(count, 1) for n in INPUTS]
             # the law's numbers carry no units
-            yield self.forces == Expr(ca.SX(f.call(given)[0]), (count,), None, scope)
+            yield self.forces == Expr(ca.SX(f.call(arguments)[0]), (count,), None, scope)
 
     rate, acceleration = rate_unit(unit), rate_unit(unit, 2)
     units: dict[str, str] = dict(zip(INPUTS, (unit, rate, acceleration, unit, rate), strict=True))
@@ -252,13 +251,13 @@ def law_causal(law: Law, count: int, unit: str = "m", force: str = "N") -> Causa
 
 
 def _machine_code(function: ca.Function) -> ca.Function:
-    """The same function from its C. Raises ModelError without a compiler."""
+    """Compile the function's C code. Raises ModelError without a compiler."""
     from gtmodel.compiler.toolchain import CompilerMissing
     from gtmodel.optimize.point_kernels import compiled
 
     chain = find()
     if isinstance(chain, str):
-        raise gt.ModelError(f"compiled=True needs a compiler, and {chain}; compiled=False gives the same forces")
+        raise gt.ModelError(f"compiled=True needs a C compiler, but {chain}; compiled=False gives the same forces")
     try:
         return compiled([function])[0][0]
     except CompilerMissing as error:

@@ -1,4 +1,4 @@
-"""A sampled loop as a linear system in discrete time: the plant's exact transition, held forces, the law's Jacobian."""
+"""Sampled loops as discrete-time linear systems: exact transition of the plant, held forces, Jacobian of the law."""
 
 from __future__ import annotations
 
@@ -34,19 +34,18 @@ def linearize_sampled(
     targets: str = "tau",
     velocity: Velocity = "measured",
 ) -> StateSpace:
-    """The loop of `sampled_loop` as a linear system from sample to sample, for deviations from a point at rest.
+    """Linearise the loop of `sampled_loop` about a point at rest, as a discrete-time linear system.
 
     Args:
-        plant, law, period, delay, known, targets, velocity: as of `sampled_loop`.
-        start: the point, by the plant's own names, e.g. {"T": [...], "der(T)": 0}; the law holds the plant there with
-            the reference at its position.
+        plant, law, period, delay, known, targets, velocity: as in `sampled_loop`.
+        start: the point by the plant's names, e.g. {"T": [...], "der(T)": 0}; the law holds the plant there with the
+            reference at its position.
 
-    Returns a `control.StateSpace` with `dt` = period. Its states are those of the plant, named as by `gt.linearize`,
-    then forces of earlier samples, "forces(k-1)[0]" first, as many as the delay holds, and for the difference the
-    position measured before. Inputs are the reference and its two derivatives, outputs the positions, both at the
-    samples. The plant's transition is exact for held forces (matrix exponential, split where the delay is no whole
-    number of periods), the law's Jacobian is exact too. A pole outside the unit circle is a loop that oscillates or
-    runs away.
+    Returns a `control.StateSpace` with `dt` = period. Its states are the plant's states, named as by `gt.linearize`;
+    then the forces of earlier samples that have yet to act, "forces(k-1)[0]" first; and with velocity "difference" the
+    previous measured position. Inputs are the reference and its two derivatives, outputs the positions, at the samples.
+    The plant's transition is exact for held forces (matrix exponential, split if the delay is not a whole number of
+    periods). The law's Jacobian is exact. The loop is unstable if a pole lies outside the unit circle.
 
     Raises ModelError as `gt.linearize` and `sampled_loop`.
 
@@ -63,35 +62,35 @@ def linearize_sampled(
 
     (count,), _, _ = actuators(plant, known, targets)
     if not (np.isfinite(period) and period > 0 and np.isfinite(delay) and delay >= 0):
-        raise gt.ModelError(f"a period is positive and a delay not negative; found {period!r} s and {delay!r} s")
+        raise gt.ModelError(f"the period must be positive and the delay not negative; found {period!r}, {delay!r} s")
     measured = [known, f"der({known})"]
-    linear, by = at_rest(plant, law, measured, start, targets)
+    linear, jacobians = at_rest(plant, law, measured, start, targets)
 
     a, b, c = (np.asarray(m) for m in (linear.A, linear.B, linear.C))
     whole, part = divmod(exact(delay), exact(period))
     transition, early, latest = held_late(a, b, float(part), float(exact(period) - part))
-    late = int(whole) + (part > 0)  # forces of earlier samples that still have to act
+    late = int(whole) + (part > 0)  # earlier samples whose forces have yet to act
     n, m = len(a), late * count
     difference = velocity == "difference"
     size = n + m + count * difference
     # forces of this sample, from the state and from the reference
-    state, wanted = np.zeros((count, size)), np.hstack([by[name] for name in INPUTS[:3]])
-    state[:, :n] = by["position"] @ c[:count]
+    state, reference = np.zeros((count, size)), np.hstack([jacobians[name] for name in INPUTS[:3]])
+    state[:, :n] = jacobians["position"] @ c[:count]
     if difference:
-        state[:, :n] += by["velocity"] @ c[:count] / period
-        state[:, n + m :] = -by["velocity"] / period
+        state[:, :n] += jacobians["velocity"] @ c[:count] / period
+        state[:, n + m :] = -jacobians["velocity"] / period
     else:
-        state[:, :n] += by["velocity"] @ c[count:]
-    A, B = np.zeros((size, size)), np.zeros((size, wanted.shape[1]))
+        state[:, :n] += jacobians["velocity"] @ c[count:]
+    A, B = np.zeros((size, size)), np.zeros((size, reference.shape[1]))
     A[:n, :n] = transition
     for j, effect in ((int(whole), latest), (int(whole) + 1, early)):
         if j == 0:
             A[:n] += effect @ state
-            B[:n] += effect @ wanted
+            B[:n] += effect @ reference
         elif j <= late:
             A[:n, n + (j - 1) * count : n + j * count] += effect
     if late:
-        A[n : n + count], B[n : n + count] = state, wanted
+        A[n : n + count], B[n : n + count] = state, reference
         A[n + count : n + m, n : n + m - count] = np.eye(m - count)
     if difference:
         A[n + m :, :n] = c[:count]
@@ -110,15 +109,16 @@ def linearize_sampled(
 def at_rest(
     plant: gt.Model, law: Law, outputs: Sequence[str], start: Mapping[str, Any], targets: str
 ) -> tuple[StateSpace, dict[str, np.ndarray]]:
-    """The plant from its forces to `outputs`, the first two of which are positions and velocities, about a point where
-    the law holds it at rest; and the law's derivatives there (count, count), by the names of its inputs.
+    """Linearise plant and law about a point where the law holds the plant at rest.
 
-    Raises ModelError for a point that is not at rest, and as `gt.linearize`.
+    Returns the plant from its forces to `outputs`, which begin with positions and velocities, and the derivatives of
+    the law (count, count) by the names of its inputs. Raises ModelError if the point is not at rest, and as
+    `gt.linearize`.
     """
     linear = linearize(plant, targets, list(outputs), start=start)
     count = linear.ninputs
-    at, f, rest = _measured(linear, count), law_function(law, count), np.zeros(count)
-    point = [at[:count], rest, rest, *np.split(at, 2)]
+    state, f, zero = _measured(linear, count), law_function(law, count), np.zeros(count)
+    point = [state[:count], zero, zero, *np.split(state, 2)]
     held = f(*point).full().reshape(-1)
     linear = linearize(plant, targets, list(outputs), start=start, input_values={targets: held})
     jacobian = ca.Function("jacobian", f.sx_in(), [ca.jacobian(f(*f.sx_in()), ca.vertcat(*f.sx_in()))])
@@ -127,8 +127,8 @@ def at_rest(
 
 
 def _measured(linear: StateSpace, count: int) -> np.ndarray:
-    """Position and velocity at the point, (2 count,); it has to be at rest."""
+    """Position and velocity at the point, (2 count,). Raises ModelError if it is not at rest."""
     values = np.array(list(linear.params["outputs"].values()))[: 2 * count]
     if np.any(values[count:] != 0.0):
-        raise gt.ModelError("the point of linearize_sampled is at rest; give the derivatives in `start` the value 0")
+        raise gt.ModelError("linearize_sampled needs a point at rest; set the derivatives in `start` to 0")
     return values

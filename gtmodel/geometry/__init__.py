@@ -1,8 +1,8 @@
-"""Rotations, quaternions (scalar first) and poses, each once: for rows of NumPy, CasADi columns and expressions alike.
+"""Rotations, quaternions (scalar first) and poses, for NumPy rows, CasADi columns and expressions of the language.
 
-entries       vectors and matrices of all three, entry by entry
-rotations     cross matrices, turns about axes and by rotation vectors, their derivatives, nearest rotations, ZYZ,
+entries       vectors and matrices of all three types, entry by entry
+rotations     cross matrices, rotations about axes and by rotation vectors, their derivatives, nearest rotations, ZYZ,
               roll pitch yaw; poses, a quaternion and a translation in seven numbers
-quaternions   product, conjugate, matrix and back, logarithm and exponential, small turns
-expressions   turned vectors, velocity and rates of quaternions, in the language
+quaternions   product, conjugate, conversion to and from matrices, logarithm and exponential, small rotations
+expressions   rotated vectors, angular velocity and rates of quaternions, in the language
 """

@@ -1,6 +1,6 @@
-"""Vectors and matrices entry by entry: of rows of NumPy, of CasADi columns, and of expressions of the language.
+"""Vectors and matrices entry by entry, for NumPy rows, CasADi columns and expressions of the language.
 
-CasADi and the language are imported when something of theirs comes: who has numbers alone does not wait for them.
+CasADi and the language are imported only when needed, so that plain numbers do not wait for the import.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ ROWS = {*NUMBERS, np.ndarray}
 
 
 def is_column(v: Any) -> bool:
-    """Whether this is a CasADi column."""
+    """Return whether this is a CasADi column."""
     return hasattr(v, "numel")
 
 
 def entries(v: Any) -> Any:
-    """The entries of a vector: of rows (..., k) k arrays (...)."""
+    """Return the entries of a vector; for rows (..., k), k arrays (...)."""
     if isinstance(v, np.ndarray):
         return v if v.ndim == 1 else [v[..., k] for k in range(v.shape[-1])]
     return [v[k] for k in range(v.numel())] if is_column(v) else tuple(v)
 
 
 def vector(parts: Sequence[Any]) -> Any:
-    """The vector of these entries; of arrays (...) rows (..., k)."""
+    """Return the vector with these entries; for k arrays (...), rows (..., k)."""
     kinds = {type(x) for x in parts}
     if kinds <= NUMBERS:
         return np.array(parts)
@@ -35,7 +35,7 @@ def vector(parts: Sequence[Any]) -> Any:
 
 
 def matrix(rows: Sequence[Sequence[Any]]) -> Any:
-    """The matrix of these entries, row by row; of numbers and arrays (...) of one shape matrices (..., m, k)."""
+    """Return the matrix with these rows of entries; for numbers and arrays (...) of one shape, matrices (..., m, k)."""
     parts = [x for row in rows for x in row]
     kinds = {type(x) for x in parts}
     if kinds <= NUMBERS:
@@ -43,10 +43,10 @@ def matrix(rows: Sequence[Sequence[Any]]) -> Any:
     if not kinds <= ROWS:
         return _symbols(rows)
     shape = next(x.shape for x in parts if isinstance(x, np.ndarray))
-    made = np.empty((*shape, len(parts)))
+    flat = np.empty((*shape, len(parts)))
     for k, x in enumerate(parts):
-        made[..., k] = x
-    return made.reshape(*shape, len(rows), -1)
+        flat[..., k] = x
+    return flat.reshape(*shape, len(rows), -1)
 
 
 def _symbols(parts: Sequence[Any]) -> Any:

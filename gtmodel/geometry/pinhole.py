@@ -1,4 +1,4 @@
-"""The pinhole camera with Brown's distortion, in OpenCV's order of coefficients and its pixels.
+"""The pinhole camera with Brown's distortion, with OpenCV's order of coefficients and pixel convention.
 
 Source: Brown 1971, "Close-range camera calibration"; OpenCV, "Camera Calibration and 3D Reconstruction".
 """
@@ -15,15 +15,15 @@ from ..results.refusal import ArgumentError
 from ..results.status import Status
 
 LENS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
-PIXELS = 4  # how many of them are in pixels
-ROUNDS, ARRIVED = 30, 1e-13  # Newton steps of undistort(), and the last of them
-TINY = 1e-300  # instead of a division by zero
+PIXELS = 4  # the first of them are in pixels
+ROUNDS, ARRIVED = 30, 1e-13  # Newton steps of undistort() at most, and size of the last step
+TINY = 1e-300  # avoids a division by zero
 
 
 def distorted(x: Any, y: Any, k: Any) -> tuple[Any, Any]:
-    """Image coordinates after the lens: x, y on the plane at distance 1, k = (k1, k2, p1, p2, k3).
+    """Return distorted image coordinates of x, y on the plane at distance 1, with k = (k1, k2, p1, p2, k3).
 
-    On numbers, arrays, CasADi symbols and expressions of the language alike.
+    Works for numbers, arrays, CasADi symbols and expressions of the language.
     """
     r2 = x * x + y * y
     radial = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))
@@ -35,9 +35,10 @@ def distorted(x: Any, y: Any, k: Any) -> tuple[Any, Any]:
 
 def straightness(r2: Any, k: Any, minimum: Callable[[Any, Any], Any], maximum: Callable[[Any, Any], Any],
                  sqrt: Callable[[Any], Any]) -> Any:  # fmt: skip
-    """The least derivative of the distorted radius r (1 + k1 r^2 + k2 r^4 + k3 r^6) from the middle out to r^2 = r2.
+    """Return the least derivative of the distorted radius r (1 + k1 r^2 + k2 r^4 + k3 r^6) from the centre to r^2 = r2.
 
-    Not positive: the picture folds over before, and another point is seen at the same pixel. 1 without distortion.
+    If it is not positive, the image folds over within this radius, and another point has the same pixel. It is 1
+    without distortion.
     """
     a, b, c = 21 * k[4], 10 * k[1], 3 * k[0]  # derivative in r^2 of 1 + 3 k1 r^2 + 5 k2 r^4 + 7 k3 r^6
     root = sqrt(maximum(b * b - 4 * a * c, 0.0))
@@ -45,17 +46,17 @@ def straightness(r2: Any, k: Any, minimum: Callable[[Any, Any], Any], maximum: C
     def slope(t: Any) -> Any:
         return 1 + t * (3 * k[0] + t * (5 * k[1] + t * 7 * k[4]))
 
-    # its least value within, in two ways: where one divides by nothing, the other does not
+    # the interior minimum from two formulas, of which at least one does not divide by zero
     within = [maximum(minimum(t, r2), 0.0) for t in (-2 * c / (b + root + TINY), (root - b) / (2 * a + TINY))]
     return minimum(slope(r2), minimum(slope(within[0]), slope(within[1])))
 
 
 def project(p: np.ndarray, lens: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels (n, 2) and status codes (n,) of points p (n, 3) [m] in camera coordinates: z forward, x right, y down.
+    """Return pixels (n, 2) and status codes (n,) of points p (n, 3) [m] in camera frame: z forward, x right, y down.
 
-    lens (9,): fx, fy, cx, cy [pixel], k1, k2, p1, p2, k3. The middle of the first pixel is (0, 0). A point behind the
-    camera, or beyond the radius where the lens folds the picture over, has Status.OUT_OF_RANGE and NaN: never the place
-    of another point; one that is not finite Status.NOT_FINITE.
+    lens (9,): fx, fy, cx, cy [pixel], k1, k2, p1, p2, k3. The centre of the first pixel is (0, 0). A point behind the
+    camera, or beyond the radius at which the image folds over, has Status.OUT_OF_RANGE and NaN, not the pixel of
+    another point. A point that is not finite has Status.NOT_FINITE.
 
     >>> lens = np.array([500.0, 500.0, 320.0, 240.0, -0.2, 0.0, 0.0, 0.0, 0.0])
     >>> uv, status = gt.vision.project(np.array([[0.1, 0.0, 1.0], [0.1, 0.0, -1.0], [9.0, 0.0, 1.0]]), lens)
@@ -75,10 +76,10 @@ def project(p: np.ndarray, lens: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def undistort(uv: np.ndarray, lens: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Directions (n, 2), x and y on the plane at distance 1, of pixels uv (n, 2), and status codes (n,).
+    """Return directions (n, 2), x and y on the plane at distance 1, of pixels uv (n, 2), and status codes (n,).
 
-    By Newton from the undistorted lens. Status.NOT_CONVERGED with NaN where no direction is seen at a pixel or the
-    iteration fails; a direction beyond the fold is none.
+    Newton's method starts from the undistorted lens. Status is NOT_CONVERGED, with NaN, if there is no direction for a
+    pixel or the iteration fails; directions beyond the fold do not count.
 
     >>> lens = np.array([500.0, 500.0, 320.0, 240.0, -0.2, 0.0, 0.0, 0.0, 0.0])
     >>> xy, status = gt.vision.undistort(np.array([[369.9, 240.0], [5000.0, 240.0]]), lens)
@@ -86,22 +87,22 @@ def undistort(uv: np.ndarray, lens: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     (array([0.1, 0. ]), array([0, 2]))
     """
     uv, lens = np.asarray(uv, float).reshape(-1, 2), _lens(lens)
-    wanted = (uv - lens[2:4]) / lens[:2]
-    xy = wanted.copy()
+    target = (uv - lens[2:4]) / lens[:2]
+    xy = target.copy()
     step = np.full_like(xy, np.inf)
     f = _distorted_with_jacobian()
     with np.errstate(all="ignore"):
         for _ in range(ROUNDS):
             value, J = _columns(f, xy, lens[4:])
-            step = np.linalg.solve(np.where(np.isfinite(J), J, np.eye(2)), (value - wanted)[:, :, None])[:, :, 0]
+            step = np.linalg.solve(np.where(np.isfinite(J), J, np.eye(2)), (value - target)[:, :, None])[:, :, 0]
             length = np.linalg.norm(step, axis=1, keepdims=True)
-            step = step * np.minimum(1.0, 0.5 / np.maximum(length, TINY))  # not over a fold at once
+            step = step * np.minimum(1.0, 0.5 / np.maximum(length, TINY))  # do not step over a fold
             xy = xy - step
             if np.nanmax(np.abs(step), initial=0.0) <= ARRIVED:
                 break
-        left = np.abs(_columns(f, xy, lens[4:])[0] - wanted).max(axis=1)
+        residual = np.abs(_columns(f, xy, lens[4:])[0] - target).max(axis=1)
         r2 = np.sum(xy**2, axis=1)
-        good = (left <= 1e-10 * (1 + np.abs(wanted).max(axis=1))) & np.isfinite(xy).all(axis=1)
+        good = (residual <= 1e-10 * (1 + np.abs(target).max(axis=1))) & np.isfinite(xy).all(axis=1)
         good &= straightness(r2, lens[4:], np.minimum, np.maximum, np.sqrt) > 0
     status = np.where(good, int(Status.OK), int(Status.NOT_CONVERGED))
     status = np.where(np.isfinite(uv).all(axis=1), status, int(Status.NOT_FINITE))
@@ -110,7 +111,7 @@ def undistort(uv: np.ndarray, lens: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def direction_covariance(uv: np.ndarray, lens: np.ndarray, sigma: float) -> np.ndarray:
-    """Covariance (n, 2, 2) of undistort() for noise of `sigma` [pixel] in u and in v."""
+    """Return the covariance (n, 2, 2) of undistort() for noise with standard deviation `sigma` [pixel] in u and v."""
     lens = _lens(lens)
     xy, _ = undistort(uv, lens)
     J = lens[:2, None] * _columns(_distorted_with_jacobian(), xy, lens[4:])[1]
@@ -119,8 +120,8 @@ def direction_covariance(uv: np.ndarray, lens: np.ndarray, sigma: float) -> np.n
 
 
 def pixel(P: ca.SX, lens: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Pixel (2,) of a point P (3,) in camera coordinates, and the margins (2,) that must be positive: its distance in
-    front of the camera and the straightness of the lens up to it."""
+    """Return the pixel (2,) of a point P (3,) in camera coordinates, and margins (2,) that must be positive: the depth
+    in front of the camera, and the straightness of the lens up to the point."""
     x, y = P[0] / P[2], P[1] / P[2]
     k = [lens[PIXELS + n] for n in range(5)]
     xd, yd = distorted(x, y, k)
@@ -129,7 +130,7 @@ def pixel(P: ca.SX, lens: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 
 def pixel_jacobian(p: np.ndarray, lens: np.ndarray) -> np.ndarray:
-    """Derivatives (n, 2, 3) [pixel/m] of project() in the points p (n, 3)."""
+    """Return the derivatives (n, 2, 3) [pixel/m] of project() with respect to points p (n, 3)."""
     P, k = ca.SX.sym("P", 3), ca.SX.sym("lens", len(LENS))
     J = ca.Function("slopes", [P, k], [ca.densify(ca.jacobian(pixel(P, k)[0], P))])
     p, n = np.asarray(p, float).reshape(-1, 3), len(np.asarray(p, float).reshape(-1, 3))
@@ -156,7 +157,5 @@ def _columns(f: ca.Function, xy: np.ndarray, k: np.ndarray) -> tuple[np.ndarray,
 def _lens(lens: Any) -> np.ndarray:
     values = np.asarray(lens, float).reshape(-1)
     if values.shape != (len(LENS),) or not np.all(np.isfinite(values)) or np.any(values[:2] == 0):
-        raise ArgumentError(
-            f"a lens is {', '.join(LENS)}, finite, with focal lengths that are not zero; found {values}", "lens"
-        )
+        raise ArgumentError(f"expected {', '.join(LENS)}, finite, with nonzero focal lengths; found {values}", "lens")
     return values

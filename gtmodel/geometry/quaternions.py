@@ -1,4 +1,4 @@
-"""Quaternions, scalar first: products, matrices, rotation vectors, small turns, turned vectors."""
+"""Quaternions, scalar first: products, conversion to matrices and rotation vectors, small rotations."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 
 from .entries import entries, is_column, matrix, vector
 
-# below this square of an angle [rad2] sine and arc tangent are their series: the next term is 1e-16 of the first
+# below this square of an angle [rad2] sine and arc tangent use their series: the next term is 1e-16 of the first
 SMALL_SQUARE = 1e-8
-# below this cosine of half the angle the sense of a turn is round-off
+# below this cosine of half the angle the sign of a rotation is round-off
 HALF_TURN = 1e-15
 
 
 def product(p: Any, q: Any) -> Any:
-    """Hamilton's product p q of quaternions (..., 4): first the turn q, then p, both in outer coordinates."""
+    """Return the Hamilton product p q of quaternions (..., 4): first the rotation q, then p, in outer coordinates."""
     (a, b, c, d), (e, f, g, h) = entries(p), entries(q)
     return vector(
         [
@@ -29,13 +29,13 @@ def product(p: Any, q: Any) -> Any:
 
 
 def conjugate(q: Any) -> Any:
-    """The inverse of a unit quaternion (..., 4)."""
+    """Return the inverse of a unit quaternion (..., 4)."""
     a, b, c, d = entries(q)
     return vector([a, -b, -c, -d])
 
 
 def quaternion_matrix(q: Any) -> Any:
-    """Rotation (..., 3, 3) of a quaternion (..., 4); times |q|^2 if q is not of length 1."""
+    """Return the rotation matrix (..., 3, 3) of a quaternion (..., 4); times |q|^2 if |q| is not 1."""
     if isinstance(q, np.ndarray) and q.ndim > 1:
         return _matrix_of_rows(q)
     e = entries(q)
@@ -53,23 +53,23 @@ def quaternion_matrix(q: Any) -> Any:
 
 
 def _matrix_of_rows(q: np.ndarray) -> np.ndarray:
-    """Of rows (..., 4): each product once, and few of them at a time."""
+    """Rotation matrices of rows (..., 4), computing each product once and with little memory."""
     w, *u = entries(q)
-    made = np.empty((*w.shape, 3, 3))
+    R = np.empty((*w.shape, 3, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        made[..., i, i] = w * w + u[i] * u[i] - u[j] * u[j] - u[k] * u[k]
-        both, turn = 2 * u[i] * u[j], 2 * w * u[k]
-        np.subtract(both, turn, out=made[..., i, j])
-        np.add(both, turn, out=made[..., j, i])
-    return made
+        R[..., i, i] = w * w + u[i] * u[i] - u[j] * u[j] - u[k] * u[k]
+        symmetric, skew = 2 * u[i] * u[j], 2 * w * u[k]
+        np.subtract(symmetric, skew, out=R[..., i, j])
+        np.add(symmetric, skew, out=R[..., j, i])
+    return R
 
 
 def quaternion_of(R: np.ndarray, positive: Literal["scalar", "largest"] = "scalar") -> np.ndarray:
-    """Unit quaternions (..., 4) of rotations (..., 3, 3), all four entries to round-off at any angle.
+    """Return unit quaternions (..., 4) of rotations (..., 3, 3), with all entries exact to round-off at any angle.
 
-    positive: which entry is: the scalar, or the one that is largest by its absolute value. Of half turns the scalar is
-    zero, and with "scalar" the first entry of the vector that is not zero is positive. Rows that are not finite become
-    NaN.
+    positive: the entry with positive sign, either the scalar or the entry with the largest absolute value. For half
+    turns the scalar is zero; with "scalar" the first nonzero entry of the vector is then positive. Rows that are not
+    finite become NaN.
     """
     R = np.asarray(R, float)
     q = _nearest(R.reshape(3, 3))[None] if R.size == 9 else _of_rows(R.reshape(-1, 3, 3))
@@ -86,7 +86,7 @@ def quaternion_of(R: np.ndarray, positive: Literal["scalar", "largest"] = "scala
 
 
 def _nearest(R: np.ndarray) -> np.ndarray:
-    """Of one matrix the quaternion of the nearest rotation, an eigenvector (Bar-Itzhack 2000)."""
+    """Quaternion of the rotation nearest to one matrix, from an eigenvector (Bar-Itzhack 2000)."""
     (a, b, c), (d, e, f), (g, h, i) = R.tolist()
     if not isfinite(a + b + c + d + e + f + g + h + i):
         return np.full(4, np.nan)
@@ -100,10 +100,10 @@ def _nearest(R: np.ndarray) -> np.ndarray:
 
 
 def _of_rows(R: np.ndarray) -> np.ndarray:
-    """Of rotations (n, 3, 3), from the largest entry of each quaternion: many rows take a third of the time."""
+    """Quaternions of rotations (n, 3, 3) from their largest entry; three times faster than `_nearest` for many rows."""
     diagonal = R[:, 0, 0], R[:, 1, 1], R[:, 2, 2]
     trace = diagonal[0] + diagonal[1] + diagonal[2]
-    Q = np.empty((len(R), 4, 4))  # four times the quaternion by each of its entries
+    Q = np.empty((len(R), 4, 4))  # row i: four times the quaternion times its entry i
     Q[:, 0, 0] = 1 + trace
     for k, (i, j) in enumerate(((2, 1), (0, 2), (1, 0)), 1):
         Q[:, k, k] = 1 - trace + 2 * diagonal[k - 1]
@@ -115,7 +115,7 @@ def _of_rows(R: np.ndarray) -> np.ndarray:
 
 
 def zyz_quaternion(alpha: float, beta: float, gamma: float) -> np.ndarray:
-    """Unit quaternion, scalar first, of rotations about z, the new y and the new z [rad]."""
+    """Return the unit quaternion, scalar first, of rotations about z, the new y and the new z [rad]."""
     half_sum, half_difference = (alpha + gamma) / 2, (alpha - gamma) / 2
     c, s = np.cos(beta / 2), np.sin(beta / 2)
     return np.array(
@@ -124,13 +124,13 @@ def zyz_quaternion(alpha: float, beta: float, gamma: float) -> np.ndarray:
 
 
 def rpy_quaternion(roll: float, pitch: float, yaw: float) -> np.ndarray:
-    """Unit quaternion, scalar first, of rotations about the fixed x, y and z in turn [rad]."""
+    """Return the unit quaternion, scalar first, of rotations about fixed x, then y, then z [rad]."""
     (a, b), (c, d), (e, g) = ((np.cos(v / 2), np.sin(v / 2)) for v in (roll, pitch, yaw))
     return np.array([a * c * e + b * d * g, b * c * e - a * d * g, a * d * e + b * c * g, a * c * g - b * d * e])
 
 
 def exponential(v: Any) -> Any:
-    """The unit quaternion (..., 4) that turns by a rotation vector (..., 3) [rad]; of symbols smooth at zero."""
+    """Return the unit quaternion (..., 4) of a rotation vector (..., 3) [rad]; for symbols it is smooth at zero."""
     if not is_column(v):
         import scipy
 
@@ -146,7 +146,7 @@ def exponential(v: Any) -> Any:
 
 
 def logarithm(q: Any) -> Any:
-    """The rotation vector (..., 3) [rad], of at most half a turn, of a unit quaternion (..., 4) of either sign."""
+    """Return the rotation vector (..., 3) [rad], at most half a turn, of a unit quaternion (..., 4) of either sign."""
     if is_column(q):
         import casadi as ca
 
@@ -164,7 +164,7 @@ def logarithm(q: Any) -> Any:
 
 
 def guarded(square: Any) -> tuple[Any, Any]:
-    """Whether the square of an angle, in symbols, is small, and one that is safe to take the root of."""
+    """Return whether the square of a symbolic angle is small, and the square, or 1 if small, for a safe square root."""
     import casadi as ca
 
     small = square < SMALL_SQUARE
@@ -172,16 +172,16 @@ def guarded(square: Any) -> tuple[Any, Any]:
 
 
 def angle_between(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Angle [rad] between two orientations by their quaternions (..., 4), of any length but zero; accurate near zero
-    too."""
+    """Return the angle [rad] between orientations given by quaternions (..., 4) of any nonzero length; accurate also
+    near zero."""
     p, q = (x / np.linalg.norm(x, axis=-1, keepdims=True) for x in (p, q))
     nearer = np.minimum(np.linalg.norm(p - q, axis=-1), np.linalg.norm(p + q, axis=-1))
     return 4 * np.arcsin(np.minimum(nearer / 2, 1.0))
 
 
 def small_turn(q: Any, half: Any) -> Any:
-    """q (1, half): q turned by a small rotation vector, twice `half` (..., 3) [rad], about axes of its own frame;
-    longer than q in the second order of the turn."""
+    """Return q (1, half): q rotated by a small rotation vector, 2 `half` (..., 3) [rad], in its own frame; its length
+    exceeds that of q to second order."""
     (a, b, c, d), (x, y, z) = entries(q), entries(half)
     return vector(
         [
@@ -194,19 +194,19 @@ def small_turn(q: Any, half: Any) -> Any:
 
 
 def turned(q: Any, turn: Any) -> Any:
-    """A unit quaternion turned by a small rotation vector (..., 3) [rad] of its own frame: q (1, turn / 2) over its
-    length, smooth up to half a turn."""
+    """Return a unit quaternion rotated by a small rotation vector (..., 3) [rad] in its own frame: q (1, turn / 2) over
+    its length, smooth up to half a turn."""
     half = turn / 2
-    made = small_turn(q, half)
-    if isinstance(made, np.ndarray):
-        return made / np.linalg.norm(made, axis=-1, keepdims=True)
+    p = small_turn(q, half)
+    if isinstance(p, np.ndarray):
+        return p / np.linalg.norm(p, axis=-1, keepdims=True)
     import casadi as ca
 
-    return made / ca.sqrt(1 + ca.dot(half, half))
+    return p / ca.sqrt(1 + ca.dot(half, half))
 
 
 def turn_matrix(q: Any) -> Any:
-    """(..., 4, 3) that gives the change of a quaternion (..., 4) by a small turn [rad] about axes of its own frame; the
-    transpose, times 4, gives the turn by a change."""
+    """Return (..., 4, 3), from a small rotation [rad] in its own frame to the change of a quaternion (..., 4); 4 times
+    the transpose is the inverse map."""
     a, b, c, d = entries(q)
     return matrix([[-b, -c, -d], [a, -d, c], [d, a, -b], [-c, b, a]]) / 2

@@ -1,4 +1,4 @@
-"""Cross matrices, rotations and poses; each rotation takes frame coordinates to those the frame is given in.
+"""Cross matrices, rotations and poses; a rotation matrix maps coordinates of a frame to those of its outer frame.
 
 A pose is seven numbers: a unit quaternion, scalar first, and a translation; p_outer = R(q) p_own + t.
 """
@@ -15,13 +15,13 @@ from .quaternions import logarithm, quaternion_matrix, quaternion_of
 
 UNIT = np.eye(3)
 X, Y, Z = UNIT
-# below this sine of the second angle ZYZ keeps fewer than ten digits of the other two: round-off over the sine
+# below this sine of the second ZYZ angle the other two have fewer than ten digits: round-off over the sine
 SINGULAR_SINE = 1e-6
-SMALL = 1e-2  # rad: below it the Jacobians of rotation vectors are their series, to round-off
+SMALL = 1e-2  # rad: below this angle the Jacobians of rotation vectors use series, exact to round-off
 
 
 def cross_matrix(v: Any) -> Any:
-    """The matrix (..., 3, 3) that gives v x b for any b; v (..., 3).
+    """Return the matrix K (..., 3, 3) of v (..., 3) with K b = v x b.
 
     >>> from gtmodel.geometry.rotations import cross_matrix
     >>> cross_matrix(np.array([1.0, 0.0, 0.0])) @ [0.0, 1.0, 0.0]  # x by y is z
@@ -36,7 +36,7 @@ def cross_matrix(v: Any) -> Any:
 
 
 def rotation_about(axis: Any, angle: Any) -> Any:
-    """Rodrigues' formula, (..., 3, 3): rotation by `angle` [rad] about `axis` (..., 3), which must have length 1."""
+    """Return the rotation (..., 3, 3) by `angle` [rad] about the unit vector `axis` (..., 3): Rodrigues' formula."""
     c, s = np.cos(angle), np.sin(angle)
     if is_column(axis):
         dyad = axis @ axis.T
@@ -51,16 +51,16 @@ def rotation_about(axis: Any, angle: Any) -> Any:
 
 
 def rotation_by(vector: ArrayLike) -> np.ndarray:
-    """Rotations (..., 3, 3) by rotation vectors (..., 3) [rad]."""
+    """Return rotations (..., 3, 3) by rotation vectors (..., 3) [rad]."""
     import scipy
 
     return np.asarray(scipy.spatial.transform.Rotation.from_rotvec(np.asarray(vector, float)).as_matrix())
 
 
 def nearest_rotation(M: np.ndarray, hand: float = 1.0) -> np.ndarray:
-    """The rotation (..., 3, 3) nearest to M (..., 3, 3), or with `hand` -1 the nearest reflection.
+    """Return the rotation (..., 3, 3) nearest to M (..., 3, 3), or with `hand` -1 the nearest reflection.
 
-    Wahba's problem: nearest_rotation(a.T @ b) of rows a (n, 3) and b (n, 3) is the R with a = b R' as nearly as may be.
+    Wahba's problem: for rows a (n, 3) and b (n, 3), nearest_rotation(a.T @ b) is the R that fits a = b R' best.
     """
     U, _, Vt = np.linalg.svd(M)
     U[..., 2] *= hand * np.linalg.det(U @ Vt)[..., None]
@@ -68,13 +68,14 @@ def nearest_rotation(M: np.ndarray, hand: float = 1.0) -> np.ndarray:
 
 
 def shortest_rotation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The smallest rotation (3, 3) that takes the unit vector a to b, which is not -a."""
+    """Return the smallest rotation (3, 3) from the unit vector a to the unit vector b, which must not be -a."""
     k = cross_matrix(np.cross(a, b))
     return UNIT + k + k @ k / (1.0 + a @ b)
 
 
 def right_handed(direction: ArrayLike) -> np.ndarray:
-    """Orthonormal rows (3, 3): along a direction, across it and the axis that lies least along it, across both."""
+    """Return orthonormal rows (3, 3): a direction, a vector perpendicular to it and to the least aligned coordinate
+    axis, and their cross product."""
     v = np.asarray(direction, float)
     n = v / np.linalg.norm(v)
     second = np.cross(n, UNIT[int(np.argmin(np.abs(n)))])
@@ -83,12 +84,12 @@ def right_handed(direction: ArrayLike) -> np.ndarray:
 
 
 def angle_between(R: np.ndarray, S: np.ndarray) -> np.ndarray:
-    """Angle [rad] of the rotations between R (..., 3, 3) and S (..., 3, 3); accurate near zero too."""
+    """Return the angle [rad] of the rotations between R (..., 3, 3) and S (..., 3, 3); accurate also near zero."""
     return 2 * np.arcsin(np.minimum(np.linalg.norm(R - S, axis=(-2, -1)) / np.sqrt(8), 1.0))
 
 
 def left_jacobian(v: np.ndarray) -> np.ndarray:
-    """d log(exp(v + d) exp(-v)) / dd at d = 0, (n, 3, 3) for rotation vectors (n, 3)."""
+    """Return d log(exp(v + d) exp(-v)) / dd at d = 0, (n, 3, 3), for rotation vectors (n, 3)."""
     square, near, angle = _small(v)
     first = np.where(near, 0.5 - square / 24 * (1 - square / 30), (1 - np.cos(angle)) / angle**2)
     second = np.where(near, 1 / 6 - square / 120, (angle - np.sin(angle)) / angle**3)
@@ -96,32 +97,32 @@ def left_jacobian(v: np.ndarray) -> np.ndarray:
 
 
 def inverse_right_jacobian(v: np.ndarray) -> np.ndarray:
-    """d log(exp(v) exp(d)) / dd at d = 0, (n, 3, 3) for rotation vectors (n, 3) shorter than a whole turn."""
+    """Return d log(exp(v) exp(d)) / dd at d = 0, (n, 3, 3), for rotation vectors (n, 3) shorter than a full turn."""
     square, near, angle = _small(v)
     second = np.where(near, 1 / 12 + square / 720, (1 - angle / 2 / np.tan(angle / 2)) / angle**2)
     return _polynomial(v, square, 0.5, second)
 
 
 def _small(v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Squares of angles (n,), whether these are small, and angles, 1 for small ones."""
+    """Squared angles (n,), whether they are small, and the angles, or 1 if small."""
     square = np.einsum("nk,nk->n", v, v)
     near = square < SMALL**2
     return square, near, np.sqrt(np.where(near, 1.0, square))
 
 
 def _polynomial(v: np.ndarray, square: np.ndarray, first: Any, second: np.ndarray) -> np.ndarray:
-    """1 + first K + second K K, (n, 3, 3), of cross matrices K; K K = v v' - |v|^2."""
+    """1 + first K + second K K, (n, 3, 3), with cross matrices K; K K = v v' - |v|^2."""
     dyad = (second[:, None] * v)[:, :, None] * v[:, None, :]
     return first * cross_matrix(v) + dyad + (1 - second * square)[:, None, None] * UNIT
 
 
 def within_pi(angle: Any, about: Any = 0.0) -> Any:
-    """The angles by whole turns within pi of `about` [rad]."""
+    """Return the angles shifted by full turns to within pi of `about` [rad]."""
     return angle - 2 * np.pi * np.round((angle - about) / (2 * np.pi))
 
 
 def matrices(orientation: Any) -> np.ndarray:
-    """Rotation matrices (..., 3, 3) from matrices or quaternions (..., 4), scalar first, of any length but zero.
+    """Return rotation matrices (..., 3, 3) from matrices or quaternions (..., 4), scalar first, of any nonzero length.
 
     Raises ValueError for another shape. Rows that are not finite, and zero quaternions, become NaN.
     """
@@ -135,15 +136,15 @@ def matrices(orientation: Any) -> np.ndarray:
 
 
 def zyz(orientation: Any, about: Any = None) -> tuple[np.ndarray, np.ndarray]:
-    """ZYZ Euler angles (..., 3) [rad], R = Rz(alpha) Ry(beta) Rz(gamma), and where they are singular (...).
+    """Return ZYZ Euler angles (..., 3) [rad], R = Rz(alpha) Ry(beta) Rz(gamma), and flags (...) of singular rows.
 
-    `orientation`: rotation matrices (..., 3, 3), or quaternions (..., 4), scalar first, of any length but zero.
+    `orientation`: rotation matrices (..., 3, 3), or quaternions (..., 4), scalar first, of any nonzero length.
 
-    beta is in [0, pi], alpha and gamma within pi of those in `about` (3,), zero by default: a reference keeps a small
-    range from being torn apart at +-pi. Singular at beta = 0 and pi: there only alpha + gamma or alpha - gamma is
-    determined; gamma is set to 0 and the row is flagged (sin beta < 1e-6).
+    beta is in [0, pi]; alpha and gamma are within pi of those in `about` (3,), zero by default, which avoids jumps at
+    +-pi in a small range around a reference. The angles are singular at beta = 0 and pi, where only alpha + gamma or
+    alpha - gamma is determined: if sin beta < 1e-6, gamma is set to 0 and the row is flagged.
 
-    Raises ValueError for a shape that is no orientation. Rows that are not finite become NaN, unflagged.
+    Raises ValueError for another shape. Rows that are not finite become NaN, unflagged.
 
     >>> angle = np.radians(30.0)
     >>> angles, singular = gt.kinematics.zyz([np.cos(angle / 2), 0.0, np.sin(angle / 2), 0.0])  # about y
@@ -168,12 +169,12 @@ def zyz(orientation: Any, about: Any = None) -> tuple[np.ndarray, np.ndarray]:
 
 
 def rotation_vector(orientation: Any, reference: Any) -> np.ndarray:
-    """Rotation vectors (..., 3) [rad], world coordinates, that turn the reference into each orientation.
+    """Return rotation vectors (..., 3) [rad], in world coordinates, from the reference to each orientation.
 
-    Nowhere singular for turns below pi; for small ones the three numbers are turns about x, y and z. A half turn has
-    two axes: within round-off of it the one is taken whose first component that is not zero is positive. Orientations
-    are matrices (..., 3, 3) or quaternions (..., 4), scalar first; `reference` is a single one. Raises ValueError for a
-    shape that is no orientation.
+    They are not singular for rotations below pi; for small rotations the components are rotations about x, y and z. A
+    half turn has two axes: within round-off of it the axis with a positive first nonzero component is used.
+    Orientations are matrices (..., 3, 3) or quaternions (..., 4), scalar first; `reference` is a single one. Raises
+    ValueError for another shape.
 
     >>> angle = np.radians(30.0)
     >>> turned = [np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)]  # about z
@@ -184,35 +185,35 @@ def rotation_vector(orientation: Any, reference: Any) -> np.ndarray:
 
 
 def rotation_of_rpy(rpy: ArrayLike) -> np.ndarray:
-    """Rz(yaw) Ry(pitch) Rx(roll), (3, 3): rotations about fixed axes, as URDF has them."""
+    """Return Rz(yaw) Ry(pitch) Rx(roll), (3, 3): rotations about fixed axes, as in URDF."""
     roll, pitch, yaw = (float(x) for x in np.asarray(rpy, float))
     return np.asarray(rotation_about(Z, yaw) @ rotation_about(Y, pitch) @ rotation_about(X, roll))
 
 
 def rpy_of_rotation(R: np.ndarray) -> np.ndarray:
-    """Roll, pitch, yaw (3,) of a rotation; at a pitch of 90 degrees, where only their difference counts, yaw is 0."""
+    """Return roll, pitch, yaw (3,) of a rotation; yaw is 0 at a pitch of +-90 degrees, where it depends on roll."""
     yaw = float(np.arctan2(R[1, 0], R[0, 0])) if np.hypot(R[0, 0], R[1, 0]) > 1e-12 else 0.0
     rest = rotation_about(Z, -yaw) @ R
     return np.array([np.arctan2(-rest[1, 2], rest[1, 1]), np.arctan2(-rest[2, 0], rest[0, 0]), yaw])
 
 
 def matrices_of(poses: np.ndarray) -> np.ndarray:
-    """Rotations (n, 3, 3) of poses (n, 7)."""
+    """Return the rotations (n, 3, 3) of poses (n, 7)."""
     return quaternion_matrix(np.asarray(poses, float)[:, :4])
 
 
 def poses_of(R: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Poses (n, 7) of rotations (n, 3, 3), projected on proper ones, and translations (n, 3)."""
+    """Return the poses (n, 7) of rotations (n, 3, 3), which are projected to SO(3), and translations (n, 3)."""
     return np.hstack([quaternion_of(nearest_rotation(R)), t])
 
 
 def composed(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """First b, then a: poses (n, 7)."""
+    """Return the composed poses (n, 7), first b, then a."""
     Ra = matrices_of(a)
     return poses_of(Ra @ matrices_of(b), np.einsum("nij,nj->ni", Ra, b[:, 4:]) + a[:, 4:])
 
 
 def inverse_poses(a: np.ndarray) -> np.ndarray:
-    """Poses (n, 7) that undo a."""
+    """Return the inverse poses (n, 7)."""
     R = matrices_of(a).transpose(0, 2, 1)
     return poses_of(R, -np.einsum("nij,nj->ni", R, a[:, 4:]))

@@ -1,4 +1,4 @@
-"""Responses of discrete linear systems in time and frequency, along a Schur form: fast, safe for defective matrices."""
+"""Time and frequency responses of discrete linear systems via the Schur form, also for defective matrices."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import scipy
 
-ON_A_POLE = 4 * sys.float_info.epsilon  # of z: an eigenvalue is known no closer, so that a pole is met or not by chance
+ON_A_POLE = 4 * sys.float_info.epsilon  # relative to z: accuracy of an eigenvalue, and distance at which z is on a pole
 
 
 def states(A: np.ndarray, drive: np.ndarray, x0: np.ndarray) -> np.ndarray:
-    """x (N, n) of x[k+1] = A x[k] + drive[k] with drive (N, n), from x0 (n,)."""
+    """Return x (N, n) of x[k+1] = A x[k] + drive[k] for drive (N, n), from x0 (n,)."""
     T, U = _schur(A)
     return np.real(_schur_states(T, drive @ U.conj(), U.conj().T @ x0) @ U.T)
 
@@ -21,7 +21,7 @@ def states(A: np.ndarray, drive: np.ndarray, x0: np.ndarray) -> np.ndarray:
 def simulate(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, u: np.ndarray, x0: np.ndarray | None = None
 ) -> np.ndarray:
-    """y (N, p) of x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k] under u (N, m), from x0 (n,), default zero."""
+    """Return y (N, p) of x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k] for u (N, m), from x0 (n,), default zero."""
     T, U = _schur(A)
     z0 = np.zeros(len(A)) if x0 is None else x0
     z = _schur_states(T, (u @ B.T) @ U.conj(), U.conj().T @ z0)
@@ -34,7 +34,7 @@ def _schur(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _schur_states(T: np.ndarray, drive: np.ndarray, z0: np.ndarray) -> np.ndarray:
-    """The same for upper triangular T, from the last state to the first."""
+    """As `states` for upper triangular T, computed from the last state to the first."""
     z = np.empty(drive.shape, complex)
     for i in range(len(T) - 1, -1, -1):
         into = drive[:, i] + z[:, i + 1 :] @ T[i, i + 1 :]
@@ -43,7 +43,7 @@ def _schur_states(T: np.ndarray, drive: np.ndarray, z0: np.ndarray) -> np.ndarra
 
 
 def free_responses(A: np.ndarray, C: np.ndarray, samples: int) -> np.ndarray:
-    """C A^k (samples, p, n): outputs from each unit initial state. By doubling, log2(samples) products."""
+    """Return C A^k (samples, p, n), outputs for unit initial states, by doubling: log2(samples) products."""
     responses = np.asarray(C, float)[None]
     power = A
     while len(responses) < samples:
@@ -53,15 +53,15 @@ def free_responses(A: np.ndarray, C: np.ndarray, samples: int) -> np.ndarray:
 
 
 def late_lag(u: np.ndarray, a: float, b: float, delay: int) -> np.ndarray:
-    """b q^-delay / (1 - a q^-1) of u (N,) from rest (N,); delay in samples."""
+    """Return the response (N,) of b q^-delay / (1 - a q^-1) to u (N,), from rest; delay in samples."""
     late = np.concatenate([np.zeros(delay), u])[: len(u)]
     return np.asarray(scipy.signal.lfilter([b], [1.0, -a], late))
 
 
 class Transfer:
-    """leaves (z - A)^-1 entries: A (n, n), entries (n, k), leaves (n,), by the Schur form of the balanced A.
+    """leaves (z - A)^-1 entries for A (n, n), entries (n, k), leaves (n,), via the Schur form of the balanced A.
 
-    One z is a Python number, which costs no call of NumPy, and many are an array.
+    A single z is a Python number, evaluated without NumPy; several z are an array.
 
     >>> from gtmodel.linear.response import Transfer
     >>> lag = Transfer(np.array([[0.5]]), np.array([[2.0]]), np.array([1.0]))
@@ -70,7 +70,7 @@ class Transfer:
     """
 
     def __init__(self, A: np.ndarray, entries: np.ndarray, leaves: np.ndarray) -> None:
-        # balanced by powers of two, which round nothing: else a fast state takes the digits of a slow one
+        # balanced by powers of two, without rounding; otherwise slow states lose digits to fast ones
         balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
         triangle, turn = scipy.linalg.schur(balanced, output="complex")
         self._arrays = triangle, turn.conj().T @ (entries / scale[:, None]), (leaves * scale) @ turn
@@ -79,8 +79,10 @@ class Transfer:
         self._leaves: list[complex] = self._arrays[2].tolist()
 
     def at(self, z: Any, inputs: Sequence[Any]) -> Any:
-        """The output for `inputs`, one for each column of entries; one z or an array of them. At a pole, as close as
-        rounding tells, a single z raises ZeroDivisionError, and one of an array is divided by zero."""
+        """Return the output for `inputs`, one for each column of entries, at one z or an array of z.
+
+        At a pole, within rounding, a single z raises ZeroDivisionError; an array is divided by zero there.
+        """
         if isinstance(z, np.ndarray):
             return self._along(z, inputs)
         x, out = [z] * len(self._rows), 0 * z
@@ -91,8 +93,8 @@ class Transfer:
                 right = right + entry * size
             for j in range(i + 1, len(x)):
                 right = right + row[j] * x[j]
-            apart = z - row[i]
-            x[i] = right / (apart * (abs(apart) > ON_A_POLE * abs(z)))
+            distance = z - row[i]
+            x[i] = right / (distance * (abs(distance) > ON_A_POLE * abs(z)))
             out = out + self._leaves[i] * x[i]
         return out
 
@@ -105,6 +107,6 @@ class Transfer:
             x[i] = T[i, i + 1 :] @ x[i + 1 :]
             for entry, size in zip(entries[i], inputs, strict=True):
                 x[i] += entry * np.ravel(size)
-            apart = flat - T[i, i]
-            x[i] /= apart * (apart.real**2 + apart.imag**2 > near)
+            distance = flat - T[i, i]
+            x[i] /= distance * (distance.real**2 + distance.imag**2 > near)
         return (leaves @ x).reshape(z.shape)

@@ -1,4 +1,4 @@
-"""Roots of one variable: where a continuous function crosses zero, and where a truth changes."""
+"""Roots in one variable: zeros of continuous functions, and thresholds of conditions."""
 
 from __future__ import annotations
 
@@ -10,33 +10,34 @@ import scipy
 
 
 def crossing(function: Callable[[float], float], low: float, high: float, rtol: float) -> tuple[float, float]:
-    """The last number below and the first above a zero of a continuous function, a part `rtol` of them apart at most,
-    by Brent's method: the function was evaluated at both, and both are one number where it is zero there. Raises
-    ValueError unless its signs at the ends differ.
+    """Bracket a zero of a continuous function by Brent's method, to a relative width of at most `rtol`.
+
+    Returns the largest evaluated number below and the smallest above the zero; both are the same number if the function
+    is exactly zero there. Raises ValueError unless the signs at the ends differ.
 
     >>> from gtmodel.linear.roots import crossing
     >>> below, above = crossing(lambda x: x * x - 2.0, 1.0, 2.0, 1e-3)
     >>> below <= 2.0**0.5 <= above, above - below < 2e-3
     (True, True)
     """
-    tried: dict[float, float] = {}
+    values: dict[float, float] = {}
 
-    def kept(x: float) -> float:
-        tried[x] = function(x)
-        return tried[x]
+    def recorded(x: float) -> float:
+        values[x] = function(x)
+        return values[x]
 
-    root = scipy.optimize.brentq(kept, low, high, xtol=np.finfo(float).tiny, rtol=rtol)
-    if tried[root] == 0:
+    root = scipy.optimize.brentq(recorded, low, high, xtol=np.finfo(float).tiny, rtol=rtol)
+    if values[root] == 0:
         return root, root
-    side = np.sign(tried[low])
-    return max(x for x in tried if np.sign(tried[x]) == side), min(x for x in tried if np.sign(tried[x]) != side)
+    side = np.sign(values[low])
+    return max(x for x in values if np.sign(values[x]) == side), min(x for x in values if np.sign(values[x]) != side)
 
 
 def bisected(holds: Callable[[Any], Any], low: Any, high: Any, halvings: int) -> tuple[Any, Any]:
-    """`low`, where something holds, and `high`, where it does not, after so many halvings of the interval between.
+    """Bisect between `low`, where a condition holds, and `high`, where it does not; return the final interval.
 
-    Numbers, or arrays whose entries are halved on their own: `holds` takes the middles and answers for each. For truths
-    that are no sign of a continuous function; else take `crossing`, which is quicker.
+    low, high: numbers, or arrays that are bisected entry by entry; `holds` is called with the midpoints and returns a
+    truth value for each. If the condition is the sign of a continuous function, `crossing` is faster.
 
     >>> from gtmodel.linear.roots import bisected
     >>> low, high = bisected(lambda x: x * x < 2.0, 0.0, 2.0, 20)
@@ -45,6 +46,6 @@ def bisected(holds: Callable[[Any], Any], low: Any, high: Any, halvings: int) ->
     """
     for _ in range(halvings):
         middle = (low + high) / 2
-        there = holds(middle)
-        low, high = np.where(there, middle, low)[()], np.where(there, high, middle)[()]
+        true = holds(middle)
+        low, high = np.where(true, middle, low)[()], np.where(true, high, middle)[()]
     return low, high

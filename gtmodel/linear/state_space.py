@@ -1,5 +1,4 @@
-"""State spaces as matrices: from continuous to discrete time, of masses and springs, their poles, and the covariance
-at which a Kalman filter settles."""
+"""State-space matrices: discretisation, second-order systems, poles, steady-state covariance of a Kalman filter."""
 
 from __future__ import annotations
 
@@ -8,11 +7,11 @@ from typing import Any
 import numpy as np
 import scipy
 
-SETTLES = 1e-9  # per step: a filter that forgets its start more slowly, in a thousand million steps, does not
+SETTLES = 1e-9  # least decay per step of a filter's initial error; a slower filter counts as not stationary
 
 
 def held(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """F (..., n, n) and G (..., n, m) of x(t + step) = F x + G u for an input held over the step (zero-order hold).
+    """Return F (..., n, n) and G (..., n, m) of x(t + step) = F x + G u for a zero-order hold.
 
     A (..., n, n), B (..., n, m); step [s].
 
@@ -29,9 +28,9 @@ def held(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray, np.ndar
 
 
 def ramped(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """F, first and last of x(t + step) = F x + first u(t) + last u(t + step) for an input that is straight between.
+    """Return F, first and last of x(t + step) = F x + first u(t) + last u(t + step) for a linearly interpolated input.
 
-    Shapes as of `held`; a step of zero moves nothing.
+    Shapes as in `held`; for a step of zero the state is unchanged.
     """
     n, m = B.shape[-2:]
     driven = np.zeros((*B.shape[:-2], n + m, n + m))
@@ -43,7 +42,8 @@ def ramped(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray, np.nd
 def held_late(
     A: np.ndarray, B: np.ndarray, rest: float, left: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
-    """F, early and late of x(t + rest + left) = F x + early v + late u: v is held for `rest` [s], u for `left` [s]."""
+    """Return F, early and late of x(t + rest + left) = F x + early v + late u: v is held for `rest` [s], then u for
+    `left` [s]."""
     (first, early), (last, late) = held(A, B, rest), held(A, B, left)
     return last @ first, last @ early, late
 
@@ -51,8 +51,10 @@ def held_late(
 def second_order(
     M: np.ndarray, D: np.ndarray, K: np.ndarray, F: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
-    """A (..., 2p, 2p), B (..., 2p, m) and C (p, 2p) of M x'' + D x' + K x = F u with the states (x, x') and the outputs
-    x; M, D, K (..., p, p), F (..., p, m)."""
+    """Return A (..., 2p, 2p), B (..., 2p, m), C (p, 2p) of M x'' + D x' + K x = F u with states (x, x') and outputs x.
+
+    M, D, K: (..., p, p); F: (..., p, m).
+    """
     lead, (p, m) = np.broadcast_shapes(*(X.shape[:-2] for X in (M, D, K, F))), F.shape[-2:]
     X = np.linalg.solve(M, np.concatenate([np.broadcast_to(X, (*lead, *X.shape[-2:])) for X in (K, D, F)], axis=-1))
     A, B = np.zeros((*lead, 2 * p, 2 * p)), np.zeros((*lead, 2 * p, m))
@@ -61,12 +63,12 @@ def second_order(
 
 
 def continuous_poles(z: Any, sample_time: float) -> Any:
-    """s = log(z) / T [1/s], those below the Nyquist frequency; z other than 0."""
+    """Return s = log(z) / T [1/s], the poles below the Nyquist frequency; z must not be 0."""
     return np.log(np.asarray(z, complex)) / sample_time
 
 
 def frequency_and_damping(s: Any) -> tuple[Any, Any]:
-    """Undamped frequency |s| / 2 pi [Hz] and damping ratio -Re s / |s|, 0 of a pole at zero, below 0 of one that grows.
+    """Return undamped frequency |s| / 2 pi [Hz] and damping ratio -Re s / |s|: 0 for s = 0, negative if unstable.
 
     >>> from gtmodel.linear.state_space import frequency_and_damping
     >>> frequency, damping = frequency_and_damping(2 * np.pi * np.array([3.0j, -4.0 + 3.0j]))
@@ -78,19 +80,19 @@ def frequency_and_damping(s: Any) -> tuple[Any, Any]:
 
 
 def settled_covariance(F: np.ndarray, H: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """Covariance (n, n) before a reading at which a filter of F (n, n), H (k, n), Q (n, n) and the variances R (k,)
-    settles. Raises numpy.linalg.LinAlgError where there is none."""
+    """Return the steady-state predicted covariance (n, n) of a Kalman filter with F (n, n), H (k, n), Q (n, n) and
+    measurement variances R (k,). Raises numpy.linalg.LinAlgError if there is none."""
     scale = np.sqrt(np.where(np.diag(Q) > 0, np.diag(Q), 1.0))  # position and acceleration differ by 1e8
-    own = H / np.sqrt(R)[:, None]
+    whitened = H / np.sqrt(R)[:, None]
     P = scipy.linalg.solve_discrete_are(
-        (F * scale / scale[:, None]).T, (own * scale).T, Q / np.outer(scale, scale), np.eye(len(R))
+        (F * scale / scale[:, None]).T, (whitened * scale).T, Q / np.outer(scale, scale), np.eye(len(R))
     ) * np.outer(scale, scale)
-    if not np.all(np.isfinite(P)) or np.any(np.diag(P) < 0) or _slowest(F, own, P) > 1 - SETTLES:
-        raise np.linalg.LinAlgError("no filter settles")
+    if not np.all(np.isfinite(P)) or np.any(np.diag(P) < 0) or _slowest(F, whitened, P) > 1 - SETTLES:
+        raise np.linalg.LinAlgError("there is no stationary Kalman filter")
     return P
 
 
-def _slowest(F: np.ndarray, own: np.ndarray, P: np.ndarray) -> float:
-    """By how much the error of a filter with this covariance before a reading shrinks from step to step, at worst."""
-    left = F - F @ P @ own.T @ np.linalg.solve(own @ P @ own.T + np.eye(len(own)), own)
-    return float(np.abs(np.linalg.eigvals(left)).max())
+def _slowest(F: np.ndarray, H: np.ndarray, P: np.ndarray) -> float:
+    """Spectral radius of the error dynamics of a filter with predicted covariance P and whitened H."""
+    error = F - F @ P @ H.T @ np.linalg.solve(H @ P @ H.T + np.eye(len(H)), H)
+    return float(np.abs(np.linalg.eigvals(error)).max())

@@ -95,13 +95,15 @@ class TestForces:
 class TestRefusals:
     def test_out_of_reach(self) -> None:
         far = Trajectory(REFERENCE.time, {"q": REFERENCE["q"] + np.linspace(0, 9, 51)[:, None] * [1.0, 0.0, -1.0]})
-        with pytest.raises(TrajectoryError, match="s the model cannot follow: the input lies outside the range"):
+        with pytest.raises(
+            TrajectoryError, match=r"cannot follow the motion at .* s: the input lies outside the range"
+        ):
             Feedforward(PLANT).modelled(far)
 
     def test_gains(self) -> None:
-        with pytest.raises(ValueError, match="damping must not be negative; found -1"):
+        with pytest.raises(ValueError, match=r"damping must be .*; found -1"):
             Feedback(1.0, -1.0)
-        with pytest.raises(ValueError, match="stiffness must not be negative"):
+        with pytest.raises(ValueError, match="stiffness must be"):
             ComputedTorque(PLANT, (1.0, np.nan, 1.0))
 
     def test_a_plant_without_forces(self) -> None:
@@ -111,16 +113,16 @@ class TestRefusals:
             def equations(self):
                 yield gt.der(self.q, 2) == 0 * gt.der(self.q, 2)
 
-        with pytest.raises(ModelError, match="must declare 'q' and 'tau' as vectors of one length"):
+        with pytest.raises(ModelError, match="must declare 'q' and 'tau' as vectors"):
             tracking_loop(Free(), Feedback(1.0, 1.0))
 
     @pytest.mark.parametrize("gain", [(1.0, 2.0), (1.0,), (1.0,) * 4, ((1.0, 2.0, 3.0),)])
     def test_gains_of_another_number(self, gain: Any) -> None:
         for law in (Feedback(gain, 1.0), Feedback(1.0, gain), Feedforward(PLANT, gain, 1.0)):
-            with pytest.raises(ModelError, match="expected one number, or 3 of them"):
+            with pytest.raises(ModelError, match="expected one number, or 3 numbers"):
                 tracking_loop(PLANT, law).causal("reference", "plant.q")
 
     def test_a_motion_in_another_unit(self) -> None:
         wrong = Trajectory(REFERENCE.time, {"q": REFERENCE["q"]}, {"q": "rad"})
-        with pytest.raises(TrajectoryError, match="'q' in m; the motion gives it in rad"):
+        with pytest.raises(TrajectoryError, match="'q' in m; the motion has it in rad"):
             Feedforward(PLANT).modelled(wrong)

@@ -28,7 +28,7 @@ def test_the_plate_holds_two_newtons_within_its_checks(plate) -> None:
     assert abs(plate.mean_force - 2) < 0.02 and plate.loop_gain == pytest.approx(0.4 * plate.limit)
     assert set(plate.figures) == {"force", "path", "energy", "stability", "cones"}
     assert any("energy at the handle" in note for note in plate.notes)
-    assert any("all are stable" in note for note in plate.notes)
+    assert any("stable with all of them" in note for note in plate.notes)
     assert all(plate.figure(name).axes for name in plate.figures)
 
 

@@ -59,7 +59,7 @@ def test_five_iterations_by_the_command_line_alone(loop: Path) -> None:
     floors = [a["values"]["floor_um"][0] for a in answers]
     assert all(a["status"] == "solved" for a in answers)
     assert errors[5] < 0.04 * errors[0] and np.all(np.diff(errors[:4]) < 0)
-    assert not answers[0]["values"]["learned"] and answers[0]["message"].startswith("go on")
+    assert not answers[0]["values"]["learned"] and answers[0]["message"].startswith("continue")
     # said before learning, within 20 % of what is reached; there the loop stops in words and keeps the input
     assert errors[5] == pytest.approx(floors[0], rel=0.2)
     assert answers[5]["values"]["learned"] and "nothing more can be learned" in answers[5]["message"]

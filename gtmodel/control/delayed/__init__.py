@@ -1,25 +1,24 @@
-"""Feedback with delay: how far corrections from an external sensor may be turned up. Knows no robot; SI units and rad.
+"""Delayed feedback from an external sensor: gain limits and margins. Independent of any robot; SI units and rad.
 
 Loop
-    CorrectedPlant, equivalent_plant, rigid_plant, linear_plant, side_by_side   what a correction acts on
-    servo_plant                      a robot of any model under its own law
+    CorrectedPlant, equivalent_plant, rigid_plant, linear_plant, side_by_side   plants
+    servo_plant                      a robot of any model under its own law, as a plant
     DelayedLoop                      plant, exact delay and law from sample to sample, as a companion matrix
-    gain_limit -> GainLimit          the first gain that is unstable, and ranges that are stable again
-    run_along -> DelayedRun          in time along a path that steers, SinePath, with noise
-    loop_margins -> LoopMargins      in gain, phase, delay and as a disk; delay_margin, disk_margin alone
+    gain_limit -> GainLimit          the first unstable gain, and ranges of gains that are stable again
+    run_along -> DelayedRun          simulation along a path, SinePath, with noise
+    loop_margins -> LoopMargins      gain, phase, delay and disk margins; delay_margin, disk_margin alone
     margin_limit                     the greatest gain that keeps declared margins, GainMargins
 
 Plants from measurements
     fit_command_step -> Estimate     m, c, k from the vibration after one command; command_response
     fit_gain_field -> GainField      m, c, k over two joints; limits_over, recommended_over
-What is uncertain
+Uncertain plants
     worst_case -> WorstCase          the least limit over a box of parameters; recommended_gain in steps
     off_axis_plant, off_axis_limits  along a direction between two axes; plant_of_limit, limits_that_meet
-Study
-    delayed_feedback -> DelayedFeedbackStudy     all of it, with pictures: `gt.control.delayed_feedback`
+Studies
+    delayed_feedback -> DelayedFeedbackStudy     all of these, with pictures: `gt.control.delayed_feedback`
     feedback_map -> FeedbackMapStudy             limits over two joints; MeasuredPlants, SyntheticCommands, GainMap
-    FeedbackTiming, FeedbackAxis, FeedbackBox, GainMargins, OffAxisRun, FeedbackCut   what it is asked for
-Machining
+    FeedbackTiming, FeedbackAxis, FeedbackBox, GainMargins, OffAxisRun, FeedbackCut   their options
 """
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,4 @@
-"""The gain at which a late loop loses its stability, by the crossings of its frequency response, and the least one
-where plant and delay are known within limits only."""
+"""Gain limit of a delayed loop from crossings of its response, and the least limit over uncertain parameters."""
 
 from __future__ import annotations
 
@@ -16,16 +15,16 @@ import scipy
 from ...results import ArgumentError
 from .loop import APART, WIDTH, DelayedLoop, off_poles
 
-CLOSE = 0.5  # rad: a phase that turns back this near to the negative real axis is looked at
-EXACT = 1e-15  # relative, of a frequency
-SAME = 0.05  # relative: L at zero and at the lowest frequency
+CLOSE = 0.5  # rad: a phase that turns back within this distance of the negative real axis is refined
+EXACT = 1e-15  # relative tolerance of a frequency
+SAME = 0.05  # relative difference of L at zero and at the lowest frequency, at most
 
 
 def gain_crossings(loop: DelayedLoop) -> np.ndarray:
-    """(n, 3) gains at which poles lie on the unit circle, rising, their angular frequency [rad/s], and by how many the
-    unstable poles grow there: 2, or 1 where the pole is real, below 0 where they leave.
+    """Return rows (n, 3), by increasing gain: the gain at which poles lie on the unit circle, their angular frequency
+    [rad/s], and the change in the number of unstable poles there: 2, or 1 for a real pole; negative if poles return.
 
-    At such a gain P L = -1, and a pole moves outwards with the gain where the imaginary part of L rises with the
+    At these gains P L = -1. With increasing gain a pole moves outwards if the imaginary part of L rises with the
     frequency: d ln z / dP = -1 / (P z L'(z)).
     """
     w, g = loop.sampled
@@ -33,10 +32,10 @@ def gain_crossings(loop: DelayedLoop) -> np.ndarray:
     rows = []
 
     def add(low: float, high: float, rises: bool) -> None:
-        at = _root(lambda x: loop.response_at(x).imag, low, high)
-        value = loop.response_at(at).real
-        if value < 0 and len(off_poles(loop, np.array([at]))):  # an undamped pole is on the circle at a gain of zero
-            rows.append((-1 / value, at, 2.0 if rises else -2.0))
+        omega = _root(lambda x: loop.response_at(x).imag, low, high)
+        value = loop.response_at(omega).real
+        if value < 0 and len(off_poles(loop, np.array([omega]))):  # an undamped pole is on the circle at zero gain
+            rows.append((-1 / value, omega, 2.0 if rises else -2.0))
 
     ends = np.minimum(real[:-1], real[1:]) < 0
     sign = np.where(imaginary >= 0, 1, -1)
@@ -45,7 +44,7 @@ def gain_crossings(loop: DelayedLoop) -> np.ndarray:
     for low, middle, high, side in _turned_back(loop, w, g, sign):
         add(low, middle, side < 0)
         add(middle, high, side > 0)
-    if real[-1] < 0:  # real by symmetry at the Nyquist frequency, where the imaginary part changes its sign
+    if real[-1] < 0:  # L is real at the Nyquist frequency, where the imaginary part changes its sign
         rows.append((-1 / float(real[-1]), float(w[-1]), 1.0 if imaginary[-2] < 0 else -1.0))
     static = _static(loop, complex(g[0]))
     if static < 0:
@@ -54,7 +53,7 @@ def gain_crossings(loop: DelayedLoop) -> np.ndarray:
 
 
 def size_crossings(loop: DelayedLoop, gain: float) -> np.ndarray:
-    """Angular frequencies (n,) [rad/s], rising, at which P L has a size of one."""
+    """Return the angular frequencies (n,) [rad/s], increasing, at which |P L| = 1."""
     w, g = loop.sampled
     with np.errstate(divide="ignore"):
         sizes = np.log(np.abs(gain * g))
@@ -64,7 +63,7 @@ def size_crossings(loop: DelayedLoop, gain: float) -> np.ndarray:
         return math.log(max(abs(gain * loop.response_at(x)), 1e-300))
 
     roots = [_root(log_size, float(w[i]), float(w[i + 1])) for i in np.flatnonzero(above[:-1] != above[1:])]
-    # a size that comes near to one between two frequencies may pass it
+    # |P L| may cross one twice between two grid frequencies
     for i in turns(np.abs(sizes), above, APART):
         side = 1.0 if above[i] else -1.0
         x, value = least_of(lambda x, side=side: side * log_size(x), float(w[i - 1]), float(w[i + 1]))
@@ -74,8 +73,10 @@ def size_crossings(loop: DelayedLoop, gain: float) -> np.ndarray:
 
 
 def largest_in_sector(loop: DelayedLoop, phase: float) -> float:
-    """The largest size of the response where it is nearer than `phase` [rad] to the negative real axis; 0 if it never
-    is. At gains below its inverse every frequency at which P L has a size of one keeps at least this phase margin."""
+    """Return the largest |L| where L is within `phase` [rad] of the negative real axis; 0 if it never is.
+
+    At gains below the inverse of this number the loop keeps at least this phase margin.
+    """
     w, g = loop.sampled
     apart = np.abs(np.angle(-g))
     inside = apart <= phase
@@ -89,7 +90,7 @@ def largest_in_sector(loop: DelayedLoop, phase: float) -> float:
         return -abs(loop.response_at(x)) if beyond(x) <= 0 else 0.0
 
     edges = [(float(w[i]), float(w[i + 1])) for i in np.flatnonzero(inside[:-1] != inside[1:])]
-    for i in turns(np.abs(apart - phase), inside, CLOSE):  # in and out again between two frequencies
+    for i in turns(np.abs(apart - phase), inside, CLOSE):  # in and out again between two grid frequencies
         x, value = least_of(
             lambda x, side=-1.0 if inside[i] else 1.0: side * beyond(x), float(w[i - 1]), float(w[i + 1])
         )
@@ -103,7 +104,7 @@ def largest_in_sector(loop: DelayedLoop, phase: float) -> float:
 
 
 def least_of(f: Callable[[float], float], low: float, high: float) -> tuple[float, float]:
-    """Where a function of a frequency is least between two of them, and how small."""
+    """Return the frequency between `low` and `high` that minimises a function, and the minimum."""
     best = scipy.optimize.minimize_scalar(f, bounds=(low, high), method="bounded", options={"xatol": WIDTH * high})
     return float(best.x), float(best.fun)
 
@@ -111,8 +112,8 @@ def least_of(f: Callable[[float], float], low: float, high: float) -> tuple[floa
 def _turned_back(
     loop: DelayedLoop, w: np.ndarray, g: np.ndarray, sign: np.ndarray
 ) -> list[tuple[float, float, float, int]]:
-    """Frequencies before, on and behind a piece beyond the negative real axis that lies between grid points, and the
-    sign of the imaginary part around it."""
+    """Frequencies before, on and after a piece beyond the negative real axis between grid points, and the sign of the
+    imaginary part on both sides of it."""
     phase = np.abs(np.angle(-g))
     rows = []
     for i in turns(phase, sign, CLOSE):
@@ -129,7 +130,7 @@ def _turned_back(
 
 
 def turns(distance: np.ndarray, side: np.ndarray, near: float) -> list[int]:
-    """Inner grid points that are nearest, below `near`, with both neighbours on the same side."""
+    """Return the inner grid points where `distance` has a minimum below `near`, both neighbours on the same side."""
     inner = distance[1:-1]
     least = (inner <= distance[:-2]) & (inner < distance[2:]) & (inner < near)
     same = (side[1:-1] == side[:-2]) & (side[1:-1] == side[2:])
@@ -146,7 +147,7 @@ def _root(f: Callable[[float], float], low: float, high: float) -> float:
 
 
 def _static(loop: DelayedLoop, near: complex) -> float:
-    """L at frequency zero; 0 where it has no end there, for then no real pole crosses at one. near: L close by."""
+    """L at frequency zero; 0 if it has no limit there, because then no real pole crosses at z = 1. near: L close by."""
     a, early, late = loop.transition
     la, lb, lc, ld = loop.law_matrices
     if np.abs(np.concatenate(loop.poles) - 1).min() < WIDTH:
@@ -156,18 +157,20 @@ def _static(loop: DelayedLoop, near: complex) -> float:
     return value if abs(value - near) < SAME * abs(value) else 0.0
 
 
-EXACT_GAIN = 1e-14  # relative, of a gain
-BESIDE = 1e-3  # of the first crossing: how far beside it the eigenvalues are asked at most
-LARGE = 120  # states beyond which a crossing of the response is not bisected on eigenvalues, exact as it is
-AT_REST = 1e-12  # below one: a modulus of a pole of the plant above says that it does not come to rest
-REACHED = 1e-13  # relative singular value: a motion is neither corrected nor measured
+EXACT_GAIN = 1e-14  # relative tolerance of a gain
+BESIDE = 1e-3  # of the first crossing: half-width of the bracket for the eigenvalues, at most
+LARGE = 120  # states beyond which the eigenvalues do not refine a crossing of the response
+AT_REST = 1e-12  # a plant with a pole of modulus above 1 - AT_REST does not come to rest
+REACHED = 1e-13  # relative singular value below which a motion is uncontrollable or unobservable
 
 
 @dataclass(frozen=True)
 class GainLimit:
-    """gain: below it, from zero on, the loop is stable; infinite where nothing limits it. frequency [Hz]: at which it
-    swings there. returns: ranges (from, to) of greater gains at which it is stable again, which are no use in practice:
-    on the way to them it was not.
+    """Result of `gain_limit`.
+
+    gain: the loop is stable from zero up to this gain; infinite if no gain makes it unstable. frequency [Hz]: of the
+    oscillation at the limit. returns: ranges (from, to) of greater gains at which the loop is stable again. They are
+    of no use in practice, because the gains below them are unstable.
     """
 
     gain: float
@@ -176,11 +179,12 @@ class GainLimit:
 
 
 def gain_limit(loop: DelayedLoop) -> GainLimit:
-    """The first gain from zero upwards at which an eigenvalue of the companion matrix reaches the unit circle.
+    """Return the first gain above zero at which an eigenvalue of the companion matrix reaches the unit circle.
 
-    The frequency response gives all gains at which poles lie on the circle, and whether they leave or return there;
-    below the first, eigenvalues count the unstable ones. The first boundary is then bisected on the largest eigenvalue.
-    Raises ArgumentError where small gains are unstable already, as with a plant that does not come to rest by itself.
+    The frequency response gives all gains at which poles lie on the circle, and whether they leave or return there. The
+    eigenvalues below the first such gain give the number of unstable poles. The limit is then refined on the largest
+    eigenvalue. Raises ArgumentError if already small gains are unstable, for example because the plant does not come to
+    rest by itself.
 
     >>> plant = gt.control.delayed.equivalent_plant(3.0, 57.7, 34200.0, cycle=0.004)
     >>> loop = gt.control.delayed.DelayedLoop(plant, cycle=0.004, delay=0.052)
@@ -192,22 +196,21 @@ def gain_limit(loop: DelayedLoop) -> GainLimit:
     if not ranges or ranges[0][0] > 0:
         later = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in ranges)
         raise ArgumentError(
-            "the loop is unstable at the smallest gains already: without corrections the plant does not come to rest, "
+            "the loop is unstable even at the smallest gains: the plant does not come to rest without corrections, "
             "or the correction has the wrong sign" + (f"; only gains of {later} are stable" if later else "")
         )
     end = ranges[0][1]
     if not np.isfinite(end):
         return GainLimit(np.inf, 0.0)
-    at = int(np.argmin(np.abs(boundaries[:, 0] - end)))
-    frequency = float(boundaries[at, 1] / (2 * np.pi))
-    return GainLimit(_on_the_circle(loop, boundaries[:, 0], at), frequency, tuple(ranges[1:]))
+    row = int(np.argmin(np.abs(boundaries[:, 0] - end)))
+    frequency = float(boundaries[row, 1] / (2 * np.pi))
+    return GainLimit(_on_the_circle(loop, boundaries[:, 0], row), frequency, tuple(ranges[1:]))
 
 
 def stability_ranges(loop: DelayedLoop) -> tuple[np.ndarray, list[tuple[float, float]]]:
-    """Crossings (n, 3) as `gain_crossings` gives them, and the ranges of gains above 0 that are stable, rising.
+    """Return the crossings (n, 3) of `gain_crossings`, and the stable ranges of gains above 0, in increasing order.
 
-    Raises ArgumentError for a plant or law that keeps moving in a way that no correction reaches or no measurement
-    sees.
+    Raises ArgumentError if plant or law have an uncontrollable or unobservable motion that does not decay.
     """
     _check_that_motions_are_seen(loop)
     crossings = gain_crossings(loop)
@@ -226,7 +229,7 @@ def stability_ranges(loop: DelayedLoop) -> tuple[np.ndarray, list[tuple[float, f
 
 
 def _check_that_motions_are_seen(loop: DelayedLoop) -> None:
-    """Raises ArgumentError for a motion that stays at every gain."""
+    """Raise ArgumentError if a motion that does not decay is uncontrollable or unobservable."""
     a, early, late = loop.transition
     la, lb, lc, _ = loop.law_matrices
     for name, A, poles, entries, leaves in (
@@ -234,47 +237,49 @@ def _check_that_motions_are_seen(loop: DelayedLoop) -> None:
         ("law", la, loop.poles[1], lb[:, None], lc[None]),
     ):
         for pole in poles[np.abs(poles) > 1 - AT_REST]:
-            turned = pole * np.eye(len(A)) - A
-            for rows, said in (
-                (np.concatenate([turned, leaves]), "the measurement does not see it"),
-                (np.concatenate([turned, entries], axis=1).T, "no correction reaches it"),
+            shifted = pole * np.eye(len(A)) - A
+            for rows, reason in (
+                (np.concatenate([shifted, leaves]), "the measurement does not see"),
+                (np.concatenate([shifted, entries], axis=1).T, "no correction reaches"),
             ):
                 sizes = np.linalg.svd(rows / np.maximum(np.linalg.norm(rows, axis=0), 1e-300), compute_uv=False)
                 if sizes[-1] < REACHED * sizes[0]:
                     raise ArgumentError(
-                        f"the {name} has a motion that does not come to rest by itself, and {said}; "
-                        "leave that motion out of it"
+                        f"the {name} has a motion that does not come to rest by itself and that {reason}; "
+                        "leave this motion out of the model"
                     )
 
 
-def _on_the_circle(loop: DelayedLoop, crossings: np.ndarray, at: int) -> float:
+def _on_the_circle(loop: DelayedLoop, crossings: np.ndarray, row: int) -> float:
     """The gain of a crossing, from the eigenvalues."""
-    gain = float(crossings[at])
+    gain = float(crossings[row])
     if len(loop) > LARGE:
         return gain
-    near = np.abs(np.delete(crossings, at) - gain).min(initial=gain) / 2
+    near = np.abs(np.delete(crossings, row) - gain).min(initial=gain) / 2
     step = min(near, BESIDE * gain)
 
     def beyond(P: float) -> float:
         return loop.radius(P) - 1
 
     if not beyond(gain - step) < 0 < beyond(gain + step):
-        return gain  # two crossings at one gain: the response's is exact to rounding
+        return gain  # two crossings at one gain: the value from the response is exact to rounding
     return float(scipy.optimize.brentq(beyond, gain - step, gain + step, xtol=EXACT_GAIN * gain, rtol=4 * EXACT_GAIN))
 
 
 DRAWS = 1000
-MOST_SIDES = 12  # of a box: it has 2 to their power vertices
-SEARCHES = 3  # from the worst points
-SPREAD = 0.2  # of a side of the box: between the points from which searches begin
-NEAR = 1e-9  # relative, of a search
-ON_GRID = 1e-9  # of a step: a limit within rounding of a multiple of the step is that multiple
+MOST_SIDES = 12  # of a box: n sides have 2^n vertices
+SEARCHES = 3  # local searches from the worst points
+SPREAD = 0.2  # of a side of the box: least distance between the starts of searches
+NEAR = 1e-9  # relative tolerance of a search
+ON_GRID = 1e-9  # of a step: a limit this close to a multiple of the step is that multiple
 
 
 @dataclass(frozen=True, eq=False)
 class WorstCase:
-    """gain: least limit in the box; point: where. nominal: limit at its middle. limits (n,): of the random points of
-    the box, from which no guarantee follows; the worst of all found may lie between vertices.
+    """Result of `worst_case`.
+
+    gain: least limit found in the box; point: its parameters. nominal: limit at the centre of the box. limits (n,): at
+    the random points. The least limit is not a proven bound, and its point need not be a vertex.
     """
 
     gain: float
@@ -291,17 +296,17 @@ def worst_case(
     draws: int = DRAWS,
     seed: int = 0,
 ) -> WorstCase:
-    """The least gain limit over a box of parameters: all vertices, random points, and local searches from the worst.
+    """Return the least gain limit over a box of parameters: all vertices, random points, local searches from the worst.
 
     Args:
-        loop_of: the loop with these parameters.
-        box: from and to of each, by name.
-        limit_of: gain of a loop whose least is looked for: its limit, or one that keeps margins (`margin_limit`).
-        draws: random points, uniform in the box; seed: of their draw.
+        loop_of: returns the loop for given parameters.
+        box: range (from, to) of each parameter, by name.
+        limit_of: the gain to minimise: the gain limit by default, or one that keeps margins (`margin_limit`).
+        draws: number of random points, uniform in the box; seed: of the random points.
 
-    It is what this has seen, not a proof. Where a point's loop is unstable at the smallest gains already, its limit is
-    0. Raises ArgumentError for an empty box, one of more than twelve sides, limits that are not finite or in the wrong
-    order, and what `loop_of` refuses.
+    The result is not a proven bound. The limit is 0 at points where already the smallest gains are unstable. Raises
+    ArgumentError if the box is empty or has more than twelve sides, if a range is not finite or not increasing, and
+    whatever `loop_of` raises.
 
     >>> def loop_of(p):
     ...     plant = gt.control.delayed.equivalent_plant(p["m"], 57.7, 34200.0, cycle=0.004)
@@ -314,7 +319,7 @@ def worst_case(
         raise ArgumentError(f"expected 1 to {MOST_SIDES} parameters; found {len(box)}", "box")
     for name, (low, high) in box.items():
         if not (np.isfinite(low) and np.isfinite(high) and low <= high):
-            raise ArgumentError(f"'{name}' goes from {low:g} to {high:g}; expected finite numbers, rising", "box")
+            raise ArgumentError(f"expected a finite range for '{name}'; found {low:g} to {high:g}", "box")
     if draws < 1:
         raise ArgumentError(f"expected at least 1; found {draws}", "draws")
     names, low, high = list(box), np.array([b[0] for b in box.values()]), np.array([b[1] for b in box.values()])
@@ -324,29 +329,29 @@ def worst_case(
         loop = loop_of(dict(zip(names, values.tolist(), strict=True)))
         try:
             return limit_of(loop)
-        except ArgumentError:  # no gain is small enough: what else it refuses, DelayedLoop has refused before
+        except ArgumentError:  # unstable at the smallest gains; DelayedLoop has checked everything else
             return 0.0
 
     shares = np.random.default_rng(seed).random((draws, len(names)))
     drawn = np.array([limit(s) for s in shares])
     corners = np.array(list(product((0.0, 1.0), repeat=len(names))))
-    tried = np.concatenate([corners, shares])
+    points = np.concatenate([corners, shares])
     limits = np.concatenate([[limit(s) for s in corners], drawn])
     order = np.argsort(limits, kind="stable")
-    best, at = float(limits[order[0]]), tried[order[0]]
-    for begin in tried[_apart(tried[order], order)] if best > 0 else ():
-        ended = scipy.optimize.minimize(
+    best, worst = float(limits[order[0]]), points[order[0]]
+    for begin in points[_apart(points[order], order)] if best > 0 else ():
+        search = scipy.optimize.minimize(
             limit, begin, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(names),
             options={"fatol": NEAR * min(best, 1e300), "xatol": 1e-6, "adaptive": len(names) > 4},
         )  # fmt: skip
-        if float(ended.fun) < best:
-            best, at = float(ended.fun), np.clip(ended.x, 0.0, 1.0)
-    point = dict(zip(names, (low + at * (high - low)).tolist(), strict=True))
+        if float(search.fun) < best:
+            best, worst = float(search.fun), np.clip(search.x, 0.0, 1.0)
+    point = dict(zip(names, (low + worst * (high - low)).tolist(), strict=True))
     return WorstCase(best, point, limit(np.full(len(names), 0.5)), drawn)
 
 
 def _apart(points: np.ndarray, order: np.ndarray) -> list[int]:
-    """Which of the points, best first, searches begin from: each further from the ones before than `APART`."""
+    """Indices of the starts of searches, lowest limit first, each further than `SPREAD` from the earlier ones."""
     chosen: list[int] = []
     for i in range(len(points)):
         if all(np.abs(points[i] - points[j]).max() > SPREAD for j in chosen):
@@ -357,11 +362,11 @@ def _apart(points: np.ndarray, order: np.ndarray) -> list[int]:
 
 
 def recommended_gain(limit: float, step: float) -> float:
-    """The greatest multiple of `step` that is not above a gain limit; infinite where nothing limits it.
+    """Return the greatest multiple of `step` that does not exceed a gain limit; infinite for an infinite limit.
 
-    Give a limit that holds at the worst point and keeps margins, such as `worst_case(..., limit_of=...)`: below a
-    quantile of limits some of the loops are unstable. A limit of 0 says that no gain is safe. Raises ArgumentError for
-    a limit below 0 or a step that is not positive.
+    Pass the limit with margins at the worst point, from `worst_case(..., limit_of=...)`; below a quantile of limits
+    some loops are unstable. A limit of 0 means that no gain is safe. Raises ArgumentError if the limit is negative or
+    the step not positive.
 
     >>> gt.control.delayed.recommended_gain(0.0212, step=0.01)
     0.02

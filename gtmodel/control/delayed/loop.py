@@ -1,5 +1,4 @@
-"""A loop that corrects at samples and late, from sample to sample: its companion matrix, its response and the
-frequencies at which that is looked at."""
+"""A sampled loop with delay: companion matrix, frequency response, and the frequency grid."""
 
 from __future__ import annotations
 
@@ -23,20 +22,20 @@ if TYPE_CHECKING:
 else:
     StateSpace = hint("control", "StateSpace")
 
-EVEN = 1200  # frequencies up to the Nyquist frequency
-LOW = 200  # more of them, by equal ratios, towards zero and towards the Nyquist frequency
+EVEN = 1200  # equally spaced frequencies up to the Nyquist frequency
+LOW = 200  # logarithmically spaced frequencies towards zero; a quarter as many towards the Nyquist frequency
 LOWEST = 1e-6  # of the Nyquist frequency or the slowest pole
-TURN = 24  # about each resonance, by equal turns of it
-TAIL = 12  # of a decade of distance from a resonance
-NARROW = 1e-10  # of the Nyquist frequency: the least width of a resonance
-ON_A_POLE = 1e-13  # distance of a frequency from a pole at which the response is not asked
-APART = 0.25  # relative change of the response from one frequency to the next at most
-ROUNDS = 12  # of halving
-WIDTH = 1e-12  # relative, of where a phase turns back
+TURN = 24  # frequencies on each side of a resonance, at equal steps of phase
+TAIL = 12  # frequencies per decade of distance from a resonance
+NARROW = 1e-10  # of the Nyquist frequency: least width of a resonance
+ON_A_POLE = 1e-13  # frequencies this close to a pole are left out
+APART = 0.25  # largest relative change of the response between neighbouring frequencies
+ROUNDS = 12  # of bisection
+WIDTH = 1e-12  # relative tolerance of a frequency at which the phase turns back
 
 
 def frequencies(loop: DelayedLoop) -> np.ndarray:
-    """Angular frequencies (w,) [rad/s] up to the Nyquist one, close where the response turns fast."""
+    """Return angular frequencies (w,) [rad/s] up to the Nyquist frequency, dense where the phase changes fast."""
     top = np.pi / loop.cycle
     z = np.concatenate(loop.poles)
     poles = continuous_poles(z[np.abs(z) > 1e-12], loop.cycle)
@@ -55,7 +54,7 @@ def frequencies(loop: DelayedLoop) -> np.ndarray:
 
 
 def sampled_response(loop: DelayedLoop) -> tuple[np.ndarray, np.ndarray]:
-    """Angular frequencies (w,) [rad/s] and the response (w,) there, halved where it changes much."""
+    """Return angular frequencies (w,) [rad/s], bisected where the response changes much, and the response (w,)."""
     w = frequencies(loop)
     g = loop.response(w)
     for _ in range(ROUNDS):
@@ -72,17 +71,17 @@ def sampled_response(loop: DelayedLoop) -> tuple[np.ndarray, np.ndarray]:
 
 
 def off_poles(loop: DelayedLoop, w: np.ndarray) -> np.ndarray:
-    """Those of the frequencies (w,) at which the response is finite."""
+    """Return the frequencies (w,) at which the response is finite."""
     return w[np.abs(np.exp(1j * w * loop.cycle)[:, None] - np.concatenate(loop.poles)).min(axis=1) > ON_A_POLE]
 
 
 @dataclass(frozen=True, eq=False)
 class DelayedLoop:
-    """A plant whose deviation y is measured every `cycle` [s]; the correction of gain P acts `delay` [s] later.
+    """A plant whose deviation y is measured every `cycle` [s]; the correction with gain P acts `delay` [s] later.
 
-    u(k) = -P (law of y)(k), held over one cycle from t_k + delay on. The delay may be any number of cycles: inside a
-    cycle the hold is split exactly. `law`: one input, one output, at samples of the cycle, for instance with an
-    integral part; proportional if left out. Raises ArgumentError for times and laws that do not fit.
+    u(k) = -P (law of y)(k), held over one cycle from t_k + delay on. If the delay is not a whole number of cycles, the
+    hold is split exactly. `law`: one input, one output, sampled with the cycle, for example with integral action; by
+    default proportional. Raises ArgumentError if cycle, delay and law do not fit together.
 
     >>> plant = gt.control.delayed.equivalent_plant(3.0, 57.7, 34200.0, cycle=0.004)
     >>> loop = gt.control.delayed.DelayedLoop(plant, cycle=0.004, delay=0.052)
@@ -101,7 +100,7 @@ class DelayedLoop:
         if not (np.isfinite(self.delay) and self.delay >= 0):
             raise ArgumentError(f"must be a number, at least 0; found {self.delay!r}", "delay")
         if self.delay > MOST_CYCLES * self.cycle:
-            raise ArgumentError(f"is {self.delay / self.cycle:.4g} cycles; at most {MOST_CYCLES} are taken", "delay")
+            raise ArgumentError(f"must be at most {MOST_CYCLES} cycles; found {self.delay / self.cycle:.4g}", "delay")
         if self.law is not None and (self.law.ninputs != 1 or self.law.noutputs != 1 or self.law.dt != self.cycle):
             raise ArgumentError(
                 f"has {self.law.ninputs} inputs, {self.law.noutputs} outputs and the sample time {self.law.dt}; "
@@ -110,17 +109,17 @@ class DelayedLoop:
             )
 
     def __len__(self) -> int:
-        """States of `matrix`."""
+        """Number of states of `matrix`."""
         whole, rest = self.split
         return len(self.plant) + len(self.law_matrices[0]) + whole + (rest > 0)
 
     def late_by(self, seconds: float) -> DelayedLoop:
-        """The same loop with another delay [s]."""
+        """Return the same loop with a delay of `seconds`."""
         return DelayedLoop(self.plant, self.cycle, seconds, self.law)
 
     @cached_property
     def split(self) -> tuple[int, float]:
-        """Whole cycles of the delay, and the rest of it [s], as the decimals say."""
+        """Whole cycles of the delay and its remainder [s], in exact decimal arithmetic."""
         whole, rest = divmod(exact(self.delay), exact(self.cycle))
         return int(whole), float(rest)
 
@@ -128,13 +127,13 @@ class DelayedLoop:
     def transition(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """x(k+1) = A x(k) + early u(k - whole - 1) + late u(k - whole), exact: A (n, n), early (n,), late (n,)."""
         _, rest = self.split
-        left = float(exact(self.cycle) - exact(rest))
-        A, early, late = held_late(self.plant.A, self.plant.B[:, None], rest, left)
+        remainder = float(exact(self.cycle) - exact(rest))
+        A, early, late = held_late(self.plant.A, self.plant.B[:, None], rest, remainder)
         return A, early[:, 0], late[:, 0]
 
     @cached_property
     def law_matrices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-        """The law's A (q, q), B (q,), C (q,) and D; without states for a proportional one."""
+        """The law's A (q, q), B (q,), C (q,) and D; q = 0 for a proportional law."""
         if self.law is None:
             return np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0
         a, b, c, d = (np.asarray(x, float) for x in (self.law.A, self.law.B, self.law.C, self.law.D))
@@ -142,8 +141,8 @@ class DelayedLoop:
 
     @cached_property
     def _affine(self) -> tuple[np.ndarray, np.ndarray]:
-        """The companion matrix without correction, and what a gain of one adds; in a last column what is added to the
-        measurement."""
+        """The companion matrix without correction, and the contribution of a gain of one; the last column is the effect
+        of measurement noise."""
         (whole, rest), (a, early, late), (la, lb, lc, ld) = self.split, self.transition, self.law_matrices
         n, q, m = len(a), len(la), whole + (rest > 0)
         size = n + q + m
@@ -164,52 +163,52 @@ class DelayedLoop:
         return rows[0], rows[1]
 
     def matrix(self, gain: float) -> np.ndarray:
-        """Companion matrix: plant's states, states of the law, then the corrections on their way, youngest first.
+        """Return the companion matrix; states: of the plant, of the law, then pending corrections, newest first.
 
-        Raises ArgumentError for a gain that is not finite, as do `radius`, `stable` and `noise_entry`.
+        Raises ArgumentError if the gain is not finite, as do `radius`, `stable` and `noise_entry`.
         """
         _checked(gain)
         free, added = self._affine
         return free[:, :-1] + gain * added[:, :-1]
 
     def noise_entry(self, gain: float) -> np.ndarray:
-        """What noise of one in a measurement adds to the states of `matrix` at the next sample, (n,)."""
+        """Return the effect of unit measurement noise on the states of `matrix` at the next sample, (n,)."""
         _checked(gain)
         free, added = self._affine
         return free[:, -1] + gain * added[:, -1]
 
     @cached_property
     def steering_entry(self) -> np.ndarray:
-        """What a command of one, acting at once over a cycle, adds to the states of `matrix`, (n,)."""
+        """Effect of a unit command, without delay and held over a cycle, on the states of `matrix`, (n,)."""
         entry = np.zeros(len(self._affine[0]))
         entry[: len(self.plant)] = held(self.plant.A, self.plant.B[:, None], self.cycle)[1][:, 0]
         return entry
 
     def correction(self, gain: float, state: np.ndarray, noise: float = 0.0) -> float:
-        """u of a sample, from the states of `matrix` and the noise of its measurement."""
+        """Return u at a sample from the states of `matrix` and the measurement noise."""
         la, _, lc, ld = self.law_matrices
         n, q = len(self.plant), len(la)
         return -gain * float(ld * (self.plant.C @ state[:n] + noise) + lc @ state[n : n + q])
 
     def radius(self, gain: float) -> float:
-        """Largest modulus of the eigenvalues: below 1 deviations die out."""
+        """Return the spectral radius of `matrix`; below 1 the loop is stable."""
         return float(np.abs(np.linalg.eigvals(self.matrix(gain))).max())
 
     def stable(self, gain: float) -> bool:
-        """Whether deviations die out with this gain."""
+        """Return whether the loop is stable with this gain."""
         return self.radius(gain) < 1
 
     def response(self, omega: np.ndarray) -> np.ndarray:
-        """L (w,) at a gain of one and angular frequencies (w,) [rad/s] up to pi / cycle, y = -P L y around the loop.
+        """Return L (w,) for a gain of one at angular frequencies (w,) [rad/s] up to pi / cycle; y = -P L y in the loop.
 
-        The exact response from sample to sample, hold and split delay included; infinite on a pole.
+        The response from sample to sample is exact, including hold and split delay; infinite on a pole.
         """
         with np.errstate(all="ignore"):
             g = self._at(np.exp(1j * np.asarray(omega, float).reshape(-1) * self.cycle))
         return np.where(np.isfinite(g), g, np.inf)
 
     def response_at(self, omega: float) -> complex:
-        """L at one angular frequency [rad/s], as `response`; infinite on a pole."""
+        """Return L at one angular frequency [rad/s]; see `response`."""
         try:
             g = complex(self._at(cmath.exp(1j * omega * self.cycle)))
         except ZeroDivisionError:
@@ -218,12 +217,12 @@ class DelayedLoop:
 
     @cached_property
     def poles(self) -> tuple[np.ndarray, np.ndarray]:
-        """Those of the plant (n,) and of the law (q,), from sample to sample, without corrections."""
+        """Discrete-time poles of the plant (n,) and of the law (q,), without corrections."""
         return np.linalg.eigvals(self.transition[0]), np.linalg.eigvals(self.law_matrices[0])
 
     @cached_property
     def sampled(self) -> tuple[np.ndarray, np.ndarray]:
-        """Angular frequencies (w,) [rad/s] and the response (w,) there, as close as the response asks for."""
+        """Angular frequencies (w,) [rad/s] from `sampled_response`, and the response (w,)."""
         return sampled_response(self)
 
     @cached_property

@@ -1,5 +1,4 @@
-"""Gain limits over the joints of an arm, from commands that were answered by vibration in some poses: Gaussian
-processes of m, c and k, as a study."""
+"""Study of gain limits over the joints of an arm, with Gaussian processes of m, c and k measured in some poses."""
 
 from __future__ import annotations
 
@@ -27,19 +26,19 @@ if TYPE_CHECKING:
 else:
     GaussianProcess = hint("gtmodel.vibration", "GaussianProcess")
 
-SCALES = (0.35, 0.6)  # rad, of joints 2 and 3: over which the printed poses spread
+SCALES = (0.35, 0.6)  # rad: spread of joints 2 and 3 over the printed poses
 DRAWS = 400
 QUANTITIES = ("m", "c", "k")
-TABLE_STEP, TABLE_EDGE = 0.01, 1e-6  # of logarithms of frequency; how far beyond the draws the table goes
-FEW = 400  # limits that are computed one by one
+TABLE_STEP, TABLE_EDGE = 0.01, 1e-6  # step of log frequency; how far the table extends beyond the draws
+FEW = 400  # up to this number limits are computed without a table
 
 
 @dataclass(frozen=True, eq=False)
 class GainField:
     """m, c and k of `equivalent_plant` over two joint angles [rad], each the exponential of a Gaussian process.
 
-    directions: their names, such as "x" and "y". processes: (direction, quantity) -> process of the logarithm.
-    synthetic: seed and noise of synthetic data.
+    directions: names, such as "x" and "y". processes: (direction, quantity) -> process of the logarithm.
+    synthetic: seed and noise if the data are synthetic.
     """
 
     directions: tuple[str, ...]
@@ -47,9 +46,9 @@ class GainField:
     synthetic: str | None = None
 
     def at(self, joints: ArrayLike, direction: str) -> tuple[np.ndarray, np.ndarray]:
-        """Means and standard deviations (3, n) of log m, log c, log k at joints (n, 2) [rad]."""
+        """Return means and standard deviations (3, n) of log m, log c, log k at joints (n, 2) [rad]."""
         if direction not in self.directions:
-            raise ArgumentError(f"there is no '{direction}'; there are {', '.join(self.directions)}", "direction")
+            raise ArgumentError(f"expected one of {', '.join(self.directions)}; found '{direction}'", "direction")
         poses = np.atleast_2d(np.asarray(joints, float))
         rows = [self.processes[direction, q].predict(poses) for q in QUANTITIES]
         return np.array([r[0] for r in rows]), np.array([r[1] for r in rows])
@@ -59,10 +58,10 @@ def fit_gain_field(
     joints: ArrayLike, m: ArrayLike, c: ArrayLike, k: ArrayLike, *, directions: Sequence[str] = ("x", "y"),
     scale: tuple[float, float] = SCALES, seed: int = 0, synthetic: str | None = None,
 ) -> GainField:  # fmt: skip
-    """The field through measured m, c, k (n, d) at joints (n, 2) [rad], d directions (Cvitanic 2021, section 5.3.4).
+    """Fit Gaussian processes to measured m, c, k (n, d) at joints (n, 2) [rad], d directions (Cvitanic 2021, 5.3.4).
 
-    The processes of a direction share their lengths, found by marginal likelihood; seed: of their starts. Raises
-    ArgumentError for shapes that do not fit, values that are not positive, and fewer than four different poses.
+    The processes of a direction share length scales that maximise the marginal likelihood; seed: of the starts. Raises
+    ArgumentError if shapes do not fit, if values are not positive, or if there are fewer than four different poses.
 
     >>> rng = np.random.default_rng(1)
     >>> joints = np.deg2rad(rng.uniform([-65.0, 60.0], [-20.0, 115.0], (12, 2)))
@@ -84,14 +83,14 @@ def fit_gain_field(
             raise ArgumentError(f"has the shape {v.shape}; expected {(len(poses), len(directions))}", q)
         if not np.all((v > 0) & np.isfinite(v)):
             row = int(np.argwhere(~((v > 0) & np.isfinite(v)))[0, 0])
-            raise ArgumentError(f"is not a positive number at pose {row}", q)
+            raise ArgumentError(f"must be positive and finite; pose {row} is not", q)
     inputs = KernelInputs(scale, (False, False))
     for d, direction in enumerate(directions):
         logs = np.log(np.stack([v[:, d] for v in values]))
         try:
             fitted = fit_gaussian_processes(poses, logs, inputs, seed=seed)
-        except ValueError as fault:
-            raise ArgumentError(str(fault), "joints") from fault
+        except ValueError as error:
+            raise ArgumentError(str(error), "joints") from error
         processes |= {(direction, q): g for q, g in zip(QUANTITIES, fitted, strict=True)}
     return GainField(tuple(directions), processes, synthetic)
 
@@ -100,13 +99,12 @@ def limits_over(
     field: GainField, joints: ArrayLike, direction: str, *, cycle: float, delay: float, draws: int = DRAWS,
     seed: int = 0, margins: GainMargins | None = None,
 ) -> np.ndarray:  # fmt: skip
-    """Gain limits (n, draws) at joints (n, 2) [rad]: of draws of m, c and k from what the processes leave open. With
-    `margins` they are the gains up to which these are kept (`margin_limit`).
+    """Return gain limits (n, draws) at joints (n, 2) [rad] for draws of m, c and k from the processes.
 
-    The same draws serve all poses, so that neighbours vary together. For a given frequency and damping ratio the limit
-    is proportional to the mass: limits come from a table over these two, linear between its points: where
-    two modes of the loop take turns it is up to a per cent off. Raises ArgumentError
-    for a direction that is not there.
+    With `margins` the limits are the gains up to which the margins are kept (`margin_limit`). All poses use the same
+    draws, so that limits of neighbouring poses are correlated. At a given frequency and damping ratio the limit is
+    proportional to the mass, so it is interpolated linearly in a table over these two. The error is up to one per cent
+    where the limiting mode of the loop changes. Raises ArgumentError for an unknown direction.
 
     >>> rng = np.random.default_rng(1)
     >>> joints = np.deg2rad(rng.uniform([-65.0, 60.0], [-20.0, 115.0], (12, 2)))
@@ -117,14 +115,14 @@ def limits_over(
     (2, 100)
     """
     mean, std = field.at(joints, direction)
-    free = np.random.default_rng(seed).standard_normal((3, 1, draws))
-    log_m, log_c, log_k = mean[..., None] + std[..., None] * free
+    normal = np.random.default_rng(seed).standard_normal((3, 1, draws))
+    log_m, log_c, log_k = mean[..., None] + std[..., None] * normal
     log_w, log_zeta = (log_k - log_m) / 2, log_c - np.log(2) - (log_k + log_m) / 2
     return np.exp(log_m + _log_limit_of_one(log_w, log_zeta, cycle, delay, margins))
 
 
 def recommended_over(limits: np.ndarray, step: float) -> np.ndarray:
-    """`recommended_gain` (n,) of the least of limits (n, draws), of draws that each keep the margins.
+    """Return `recommended_gain` (n,) for the least of limits with margins (n, draws), so that every draw keeps them.
 
     >>> gt.control.delayed.recommended_over(np.array([[0.021, 0.026], [0.05, 0.06]]), step=0.01)
     array([0.02, 0.05])
@@ -135,7 +133,7 @@ def recommended_over(limits: np.ndarray, step: float) -> np.ndarray:
 def _log_limit_of_one(
     log_w: np.ndarray, log_zeta: np.ndarray, cycle: float, delay: float, margins: GainMargins | None
 ) -> np.ndarray:
-    """Logarithm of the limit of a mass of one."""
+    """Logarithm of the limit for a unit mass."""
 
     def exact(w: float, zeta: float) -> float:
         plant = equivalent_plant(1.0, 2 * zeta * w, w**2, cycle)
@@ -150,8 +148,8 @@ def _log_limit_of_one(
         low, high = float(values.min()) - TABLE_EDGE, float(values.max()) + TABLE_EDGE
         axes.append(np.linspace(low, high, max(4, 2 + int((high - low) / step))))
     table = np.array([[exact(float(w), float(z)) for z in np.exp(axes[1])] for w in np.exp(axes[0])])
-    between = scipy.interpolate.RegularGridInterpolator(axes, table, method="linear")
-    return between(np.stack([log_w, log_zeta], axis=-1))
+    interpolate = scipy.interpolate.RegularGridInterpolator(axes, table, method="linear")
+    return interpolate(np.stack([log_w, log_zeta], axis=-1))
 
 
 TIMING, MAP, MARGINS = FeedbackTiming(), GainMap(), GainMargins()
@@ -161,7 +159,7 @@ TIMING, MAP, MARGINS = FeedbackTiming(), GainMap(), GainMargins()
 class MeasuredPlants:
     """m, c and k (n, d) of `equivalent_plant` in n poses along d directions, at joints (n, 2) [rad].
 
-    synthetic: seed and noise of synthetic ones. Raises ArgumentError for shapes that do not fit.
+    synthetic: seed and noise if the data are synthetic. Raises ArgumentError if shapes do not fit.
 
     >>> one = np.ones((4, 1))
     >>> plants = gt.control.delayed.MeasuredPlants(np.zeros((4, 2)), one, 60 * one, 3e4 * one, ("x",))
@@ -191,8 +189,8 @@ class MeasuredPlants:
 def synthetic_plants(
     joints: ArrayLike, options: SyntheticCommands, directions: Sequence[str], cycle: float
 ) -> tuple[MeasuredPlants, float]:
-    """Plants fitted to synthetic vibrations at joints (n, 2) [rad], and the share of their 95 % intervals that hold the
-    m, c, k of the experiment. cycle [s]. Raises ArgumentError where directions and options do not fit.
+    """Return plants fitted to synthetic vibrations at joints (n, 2) [rad], and the share of 95 % intervals that contain
+    the true m, c, k. cycle [s]. Raises ArgumentError if directions and options do not fit.
 
     >>> options = gt.control.delayed.SyntheticCommands(seed=1)
     >>> plants, inside = gt.control.delayed.synthetic_plants([[-0.7, 1.6]], options, ["x", "y"], cycle=0.004)
@@ -202,7 +200,8 @@ def synthetic_plants(
     poses = np.atleast_2d(np.asarray(joints, float))
     if len(options.frequency) != len(directions):
         raise ArgumentError(
-            f"has {len(options.frequency)} numbers for {len(directions)} directions", "synthetic.frequency"
+            f"expected {len(directions)} numbers, one per direction; found {len(options.frequency)}",
+            "synthetic.frequency",
         )
     rng, true = np.random.default_rng(options.seed), true_plants(poses, options)
     time = cycle * np.arange(1, round(options.duration / cycle) + 1)
@@ -216,12 +215,12 @@ def synthetic_plants(
             low, high = fit.intervals()
             inside += int(np.sum((low < values) & (values < high)))
             fitted[:, pose, d] = fit.values
-    said = f"seed {options.seed}, noise {1e6 * options.noise:g} um, repeatability {100 * options.repeatability:g} %"
-    return MeasuredPlants(poses, fitted[0], fitted[1], fitted[2], tuple(directions), said), inside / fitted.size
+    note = f"seed {options.seed}, noise {1e6 * options.noise:g} um, repeatability {100 * options.repeatability:g} %"
+    return MeasuredPlants(poses, fitted[0], fitted[1], fitted[2], tuple(directions), note), inside / fitted.size
 
 
 def true_plants(joints: np.ndarray, options: SyntheticCommands) -> np.ndarray:
-    """m, c, k (3, n, d) of the synthetic arm at joints (n, 2) [rad].
+    """Return m, c, k (3, n, d) of the synthetic arm at joints (n, 2) [rad].
 
     >>> m, c, k = gt.control.delayed.true_plants(np.array([[-0.7, 1.6]]), gt.control.delayed.SyntheticCommands())
     >>> (np.sqrt(k / m) / (2 * np.pi)).round(2)  # [Hz], along x and y
@@ -245,19 +244,19 @@ def feedback_map(
     margins: GainMargins = MARGINS,
     **work_options: Unpack[WorkOptions],
 ) -> FeedbackMapStudy:
-    """Gain limits of late corrections over joints 2 and 3 of an arm (Cvitanic 2021, sections 5.3.4, 5.4).
+    """Compute gain limits of delayed corrections over joints 2 and 3 of an arm (Cvitanic 2021, sections 5.3.4, 5.4).
 
     Args:
-        measured: m, c, k in some poses; or synthetic vibrations, from which they are fitted.
-        joints: poses (n, 2) [rad] of the synthetic experiments; left out with measured plants.
+        measured: m, c, k in some poses; or synthetic vibrations, to which they are fitted.
+        joints: poses (n, 2) [rad] of the synthetic experiments; empty with measured plants.
         asked: poses (k, 2) [rad] of the table.
-        timing: cycle and delay; corrections that add up are not asked for here.
-        gain_steps: by direction, from one gain that can be set to the next.
+        timing: cycle and delay; corrections must not accumulate.
+        gain_steps: step of the adjustable gain, by direction.
         options: grid, draws and quantile.
-        margins: what the recommended gain of a pose keeps in every draw.
+        margins: kept by the recommended gain of a pose in every draw.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Raises ArgumentError for what is given wrong.
+    Raises ArgumentError for an argument that does not fit.
 
     >>> rng = np.random.default_rng(1)
     >>> joints = np.deg2rad(rng.uniform([-65.0, 60.0], [-20.0, 115.0], (10, 2)))
@@ -270,18 +269,19 @@ def feedback_map(
     directions, inside = tuple(gain_steps), None
     truth = measured if isinstance(measured, SyntheticCommands) else None
     if timing.accumulate:
-        raise ArgumentError("the map takes corrections that do not add up; leave it out", "timing.accumulate")
+        raise ArgumentError("a map cannot have corrections that accumulate; leave it out", "timing.accumulate")
     if isinstance(measured, SyntheticCommands):
         if len(joints) < 4:
-            raise ArgumentError(f"{len(joints)} poses are too few; expected four or more", "joints")
+            raise ArgumentError(f"expected four or more poses; found {len(joints)}", "joints")
         work.step("vibrations")
         measured, share = synthetic_plants(joints, measured, directions, timing.cycle)
         inside = {"m, c and k": share}
     elif len(joints):
-        raise ArgumentError("the measured plants say in which poses they are; leave it out", "joints")
+        raise ArgumentError("the measured plants hold their poses; leave it out", "joints")
     if set(measured.directions) != set(directions):
         raise ArgumentError(
-            f"names {', '.join(directions)}; measured were {', '.join(measured.directions)}", "gain_steps"
+            f"expected the measured directions {', '.join(measured.directions)}; found {', '.join(directions)}",
+            "gain_steps",
         )
     work.step("field")
     field = fit_gain_field(
@@ -301,7 +301,7 @@ def feedback_map(
     beyond = np.any((table < low) | (table > high), axis=1)
     if beyond.any():
         rows = ", ".join(str(1 + i) for i in np.flatnonzero(beyond).tolist())
-        notes.append(f"rows {rows} of the table lie outside of the measured joints: predictions are wide there")
+        notes.append(f"rows {rows} of the table lie outside the measured joints: predictions are uncertain there")
     maps = dict[str, np.ndarray]()
     median, quantile, recommended, true = (dict[str, list[float]]() for _ in range(4))
 
@@ -331,21 +331,21 @@ def feedback_map(
         )
 
     work.keep(so_far)
-    for d in directions if len(table) else ():  # of few poses: soon there
+    for d in directions if len(table) else ():  # few poses, so done before the map
         work.step(f"limits along {d}")
         drawn = limits_over(field, table, d, **times)
         median[d] = np.median(drawn, axis=1).tolist()
         quantile[d] = np.quantile(drawn, options.quantile, axis=1).tolist()
-        kept = limits_over(field, table, d, **times, margins=margins)
-        recommended[d] = recommended_over(kept, gain_steps[d]).tolist()
+        limits = limits_over(field, table, d, **times, margins=margins)
+        recommended[d] = recommended_over(limits, gain_steps[d]).tolist()
     true |= _true(field, truth, table, timing) if truth is not None else {}
     for d in directions:
         work.step(f"map along {d}")
         over = limits_over(field, grid.reshape(-1, 2), d, **times)
         maps[d] = np.quantile(over, options.quantile, axis=1).reshape(grid.shape[:2])
     whole = so_far()
-    said = (f"along {d} 95 % of the limits lie above {v:.3g} in every pose of the map" for d, v in whole.least.items())
-    return replace(whole, status=SolveStatus.SOLVED, message="; ".join(said))
+    parts = (f"along {d} 95 % of the limits lie above {v:.3g} in every pose of the map" for d, v in whole.least.items())
+    return replace(whole, status=SolveStatus.SOLVED, message="; ".join(parts))
 
 
 def _true(

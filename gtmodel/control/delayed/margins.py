@@ -1,4 +1,4 @@
-"""How far a late loop is from its limit: in gain, in phase, in delay, and as the disk that holds gain and phase."""
+"""Gain, phase, delay and disk margins of a delayed loop."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from .loop import APART, DelayedLoop
 from .options import GainMargins
 from .plants import MOST_CYCLES
 
-STEP = 0.25  # of a cycle: from one delay that is tried to the next, at most
-FAST = 0.5  # rad that the fastest pole of the plant turns in such a step
-LONGEST = 100  # cycles of further delay up to which a limit is looked for
-PARTS = 8  # of a cycle at which the size of the response is looked at
-SOLVED = 1e-9  # of the logarithm of -P L
-NEAR = 1e-12  # s, relative to the cycle: of a delay margin
+STEP = 0.25  # of a cycle: largest step between delays in the search
+FAST = 0.5  # rad: largest phase of the plant's fastest pole in a step
+LONGEST = 100  # cycles of further delay in the search
+PARTS = 8  # of a cycle: delays at which |P L| is computed
+SOLVED = 1e-9  # tolerance of log(-P L)
+NEAR = 1e-12  # tolerance of a delay margin, in cycles
 
 
 @dataclass(frozen=True)
 class LoopMargins:
-    """How much more a stable loop bears.
+    """Stability margins of a loop.
 
-    gain: the smallest factor above one that makes it unstable; gain_below: the largest below one, 0 where less gain
-    never does. phase [rad]: the least turn of the response either way, at most pi. delay [s]: further delay up to which
-    it stays stable, with the hold split exactly; infinite where no delay up to `LONGEST` cycles ends it. phase_delay
-    [s]: the textbook's estimate, least (phase modulo 2 pi) / w, right where it is a whole number of cycles. disk: of
-    gain and phase together, 2 / max |S - T| (skew 0); a factor between (2 - disk) / (2 + disk) and its inverse leaves
-    the loop stable.
+    gain: the smallest factor above one that makes the loop unstable; gain_below: the largest factor below one, or 0 if
+    less gain never does. phase [rad]: the smallest phase shift in either direction that does, at most pi. delay [s]:
+    further delay up to which the loop stays stable, with the hold split exactly; infinite if no delay up to `LONGEST`
+    cycles makes it unstable. phase_delay [s]: the textbook estimate, the least (phase modulo 2 pi) / w, exact if it is
+    a whole number of cycles. disk: 2 / max |S - T| (skew 0), for gain and phase together; the loop stays stable for
+    factors between (2 - disk) / (2 + disk) and its inverse.
     """
 
     gain: float
@@ -43,11 +43,11 @@ class LoopMargins:
 
 
 def loop_margins(loop: DelayedLoop, gain: float) -> LoopMargins:
-    """Margins of the loop at a gain; the eigenvalues of the companion matrix decide.
+    """Return the margins of the loop at a gain; eigenvalues of the companion matrix decide about stability.
 
-    `control.margin` returns the gain margin nearest one, which of an unstable loop may be a crossing far above its
-    limit: here a loop must be stable, and the smallest factor counts. Raises ArgumentError where it is unstable at this
-    gain.
+    `control.margin` returns the gain margin nearest to one; for an unstable loop this may be a crossing far above the
+    limit. This function requires a stable loop and returns the smallest factor. Raises ArgumentError if the loop is
+    unstable at this gain.
 
     >>> plant = gt.control.delayed.equivalent_plant(3.0, 57.7, 34200.0, cycle=0.004)
     >>> loop = gt.control.delayed.DelayedLoop(plant, cycle=0.004, delay=0.052)
@@ -59,7 +59,7 @@ def loop_margins(loop: DelayedLoop, gain: float) -> LoopMargins:
         raise ArgumentError(f"must be a number above 0; found {gain!r}", "gain")
     _check_stable(loop, gain, "margins")
     _, ranges = stability_ranges(loop)
-    low, high = next(((a, b) for a, b in ranges if a <= gain <= b), (gain, gain))  # at a limit, up to rounding
+    low, high = next(((a, b) for a, b in ranges if a <= gain <= b), (gain, gain))  # on a limit, within rounding
     w = size_crossings(loop, gain)
     turn = np.angle(-gain * loop.response(w)) if len(w) else np.zeros(0)  # 0 where L = -1
     late = np.min((turn % (2 * np.pi)) / w, initial=np.inf)
@@ -70,10 +70,10 @@ def loop_margins(loop: DelayedLoop, gain: float) -> LoopMargins:
 
 
 def margin_limit(loop: DelayedLoop, margins: GainMargins) -> float:
-    """The greatest gain up to which the loop keeps a gain margin and a phase margin; infinite where nothing limits it.
+    """Return the greatest gain up to which the loop keeps a gain margin and a phase margin; infinite without a limit.
 
-    The response says it in one look: with less gain than 1 / |L| wherever L is within the phase margin of the negative
-    real axis, no P L of size one comes nearer. Raises ArgumentError where small gains are unstable already.
+    The phase margin holds for gains below the least 1 / |L| over all frequencies at which L is within the phase margin
+    of the negative real axis. Raises ArgumentError if already small gains are unstable.
 
     >>> plant = gt.control.delayed.equivalent_plant(3.0, 57.7, 34200.0, cycle=0.004)
     >>> loop = gt.control.delayed.DelayedLoop(plant, cycle=0.004, delay=0.052)
@@ -88,12 +88,12 @@ def margin_limit(loop: DelayedLoop, margins: GainMargins) -> float:
 
 
 def delay_margin(loop: DelayedLoop, gain: float) -> float:
-    """Further delay [s] at which an eigenvalue of the companion matrix first reaches the unit circle.
+    """Return the further delay [s] at which an eigenvalue of the companion matrix first reaches the unit circle.
 
-    It is the least delay at which P L = -1 has a solution: candidates from where P L has a size of one, by quarters of
-    a cycle, then both equations at once, the hold split exactly. Infinite where the response stays below one for every
-    delay, and where no delay of `LONGEST` cycles more ends the stability. Raises ArgumentError for a gain at which the
-    loop is unstable.
+    This is the least delay at which P L = -1 has a solution. Candidates are the frequencies with |P L| = 1 at steps of
+    a quarter cycle; real and imaginary part are then solved together, with the hold split exactly. Infinite if |P L|
+    stays below one for every delay, or if no delay up to `LONGEST` further cycles makes the loop unstable. Raises
+    ArgumentError if the loop is unstable at this gain.
 
     >>> loop = gt.control.delayed.DelayedLoop(gt.control.delayed.rigid_plant(0.004), cycle=0.004, delay=0.0)
     >>> round(1e3 * gt.control.delayed.delay_margin(loop, 1.0), 6)  # y(k+1) = y(k) - y(k-1): one cycle more [ms]
@@ -120,19 +120,18 @@ def delay_margin(loop: DelayedLoop, gain: float) -> float:
 
 
 def _estimates(loop: DelayedLoop, gain: float, cycles: float) -> list[tuple[float, float]]:
-    """Frequencies at which P L has a size of one with so much more delay, and further delays [cycles] that turn it to
-    -1 there."""
+    """Frequencies with |P L| = 1 after a further delay, and the further delays [cycles] that give P L = -1 there."""
     near = loop.late_by(loop.delay + cycles * loop.cycle)
     w = size_crossings(near, gain)
     turn = np.angle(-gain * near.response(w)) if len(w) else w
-    return [(at, cycles + (phase + 2 * np.pi * whole) / (at * loop.cycle))
-            for at, phase in zip(w.tolist(), turn.tolist(), strict=True) for whole in (-1, 0, 1)]  # fmt: skip
+    return [(omega, cycles + (phase + 2 * np.pi * whole) / (omega * loop.cycle))
+            for omega, phase in zip(w.tolist(), turn.tolist(), strict=True) for whole in (-1, 0, 1)]  # fmt: skip
 
 
 def _first_solution(
     loop: DelayedLoop, gain: float, low: float, high: float, estimates: list[tuple[float, float]]
 ) -> float | None:
-    """The least further delay between these [cycles] at which P L = -1 somewhere; None where there is none."""
+    """The least further delay in (low, high] [cycles] at which P L = -1 at some frequency; None if there is none."""
     solved = _at_the_nyquist_frequency(loop, gain, low, high)
     for omega, late in estimates:
         if 2 * low - high < late < 2 * high - low:
@@ -143,7 +142,7 @@ def _first_solution(
 
 
 def _at_the_nyquist_frequency(loop: DelayedLoop, gain: float, low: float, high: float) -> list[float]:
-    """Further delays between these [cycles] at which P L = -1 there, where L is real for every delay."""
+    """Further delays in [low, high] [cycles] with P L = -1 at the Nyquist frequency, where L is always real."""
     top = np.array([np.pi / loop.cycle])
 
     def above(cycles: float) -> float:
@@ -158,7 +157,7 @@ def _at_the_nyquist_frequency(loop: DelayedLoop, gain: float, low: float, high: 
 
 
 def _solution(loop: DelayedLoop, gain: float, omega: float, late: float) -> float | None:
-    """Further delay [cycles] near `late` at which P L = -1 near `omega`, by Newton's method; None if there is none."""
+    """Further delay [cycles] near `late` with P L = -1 near `omega`, by a root search; None if there is none."""
     top = np.pi / loop.cycle
 
     def off(x: np.ndarray) -> np.ndarray:
@@ -166,16 +165,17 @@ def _solution(loop: DelayedLoop, gain: float, omega: float, late: float) -> floa
         value = np.log(-gain * delayed.response(np.array([x[0] * top]))[0])
         return np.array([value.real, value.imag])
 
-    ended = scipy.optimize.root(off, [omega / top, late], options={"xtol": NEAR})
-    w, delay = (float(x) for x in ended.x)
-    arrived = 0 < w <= 1 and np.abs(off(ended.x)).max() < SOLVED
-    return delay if arrived and abs(delay - late) < 2 * STEP else None
+    root = scipy.optimize.root(off, [omega / top, late], options={"xtol": NEAR})
+    w, delay = (float(x) for x in root.x)
+    converged = 0 < w <= 1 and np.abs(off(root.x)).max() < SOLVED
+    return delay if converged and abs(delay - late) < 2 * STEP else None
 
 
 def disk_margin(loop: DelayedLoop, gain: float) -> float:
-    """2 / max |S - T| over all frequencies, S = 1/(1 + P L), T = P L/(1 + P L): the balanced disk margin (Seiler,
-    Packard and Gahinet 2020), 2 for a loop that bears everything. Raises ArgumentError for a gain at which the loop is
-    unstable.
+    """Return the balanced disk margin (Seiler, Packard and Gahinet 2020), at most 2.
+
+    It is 2 / max |S - T| over all frequencies, S = 1/(1 + P L), T = P L/(1 + P L). Raises ArgumentError if the loop is
+    unstable at this gain.
 
     >>> loop = gt.control.delayed.DelayedLoop(gt.control.delayed.rigid_plant(0.004), cycle=0.004, delay=0.052)
     >>> round(gt.control.delayed.disk_margin(loop, 0.05), 3)
@@ -192,19 +192,19 @@ def disk_margin(loop: DelayedLoop, gain: float) -> float:
     d = distance(w)
     low = np.concatenate([[True], d[1:] <= d[:-1]]) & np.concatenate([d[:-1] <= d[1:], [True]])
     least = float(d.min())
-    # of neighbours the response differs by a quarter at most: a valley that is this much higher holds nothing less
+    # neighbouring responses differ by at most a quarter: valleys higher than this cannot hold the minimum
     for i in np.flatnonzero(low & (d < 2 * least + 2 * APART)).tolist():
         ends = float(w[max(i - 1, 0)]), float(w[min(i + 1, len(w) - 1)])
         least = min(least, least_of(lambda x: float(distance(np.array([x]))[0]), *ends)[1])
     return least
 
 
-def _check_stable(loop: DelayedLoop, gain: float, asked: str) -> None:
+def _check_stable(loop: DelayedLoop, gain: float, margin: str) -> None:
     if not loop.stable(gain):
-        raise ArgumentError(f"the loop is unstable at a gain of {gain:g}: it has no {asked}; take less", "gain")
+        raise ArgumentError(f"the loop is unstable at a gain of {gain:g} and has no {margin}; reduce it", "gain")
 
 
 def _small_for_every_delay(loop: DelayedLoop, gain: float) -> bool:
-    """Whether |P L| < 1 at every frequency, looked at for all parts of a cycle: then no delay matters."""
+    """Whether |P L| < 1 at every frequency, for delays of all parts of a cycle; then no delay makes it unstable."""
     parts = [loop.late_by(loop.cycle * part) for part in np.arange(PARTS) / PARTS]
     return all(float(np.abs(gain * p.sampled[1]).max()) < 1 for p in parts)

@@ -13,12 +13,12 @@ from .limit import gain_limit
 from .loop import DelayedLoop
 from .plants import CorrectedPlant, equivalent_plant, side_by_side
 
-POINTS = 100  # of gains at which a bracket is looked at
-EDGE = 1e-9  # relative, of an end of an interval
+POINTS = 100  # limits along y at which the brackets are tested
+EDGE = 1e-9  # relative tolerance of the ends of intervals
 
 
 def off_axis_plant(x: CorrectedPlant, y: CorrectedPlant, angle: float) -> CorrectedPlant:
-    """The plant along y turned by `angle` [rad] towards x: sin^2 G_x + cos^2 G_y, no coupling between the axes.
+    """Return the plant at an `angle` [rad] from y towards x: sin^2 G_x + cos^2 G_y, without coupling between the axes.
 
     >>> stiff, soft = (gt.control.delayed.equivalent_plant(m, 40.0 * m, 1.2e4 * m, 0.004) for m in (4.0, 0.3))
     >>> len(gt.control.delayed.off_axis_plant(stiff, soft, np.pi / 4))  # states
@@ -29,21 +29,22 @@ def off_axis_plant(x: CorrectedPlant, y: CorrectedPlant, angle: float) -> Correc
 
 
 def off_axis_limits(x: CorrectedPlant, y: CorrectedPlant, angles: ArrayLike, cycle: float, delay: float) -> np.ndarray:
-    """Gain limits (n,) at `angles` (n,) [rad] from y towards x; see `off_axis_plant` and `DelayedLoop`.
+    """Return gain limits (n,) at `angles` (n,) [rad] from y towards x; see `off_axis_plant` and `DelayedLoop`.
 
     >>> stiff, soft = (gt.control.delayed.equivalent_plant(m, 40.0 * m, 1.2e4 * m, 0.004) for m in (4.0, 0.3))
     >>> limits = gt.control.delayed.off_axis_limits(stiff, soft, np.deg2rad([0.0, 45.0, 90.0]), 0.004, 0.052)
-    >>> (limits / limits[0]).round(2)  # the soft axis governs: 1 / cos^2 and a little less
+    >>> (limits / limits[0]).round(2)  # the soft axis dominates: slightly less than 1 / cos^2
     array([ 1.  ,  1.86, 13.33])
     """
-    turned = np.asarray(angles, float).reshape(-1).tolist()
-    return np.array([gain_limit(DelayedLoop(off_axis_plant(x, y, a), cycle, delay)).gain for a in turned])
+    rows = np.asarray(angles, float).reshape(-1).tolist()
+    return np.array([gain_limit(DelayedLoop(off_axis_plant(x, y, a), cycle, delay)).gain for a in rows])
 
 
 def plant_of_limit(frequency: float, damping_ratio: float, limit: float, cycle: float, delay: float) -> CorrectedPlant:
-    """The oscillator of this natural frequency [Hz] and damping ratio [1] whose gain limit is `limit`.
+    """Return the oscillator with this natural frequency [Hz] and damping ratio [1] whose gain limit is `limit`.
 
-    The limit is proportional to the equivalent mass, which follows. Raises ArgumentError for what is not positive.
+    The equivalent mass follows from the limit, which is proportional to it. Raises ArgumentError if a number is not
+    positive.
 
     >>> plant = gt.control.delayed.plant_of_limit(17.0, 0.06, limit=0.25, cycle=0.004, delay=0.052)
     >>> loop = gt.control.delayed.DelayedLoop(plant, 0.004, 0.052)
@@ -54,11 +55,11 @@ def plant_of_limit(frequency: float, damping_ratio: float, limit: float, cycle: 
         if not (np.isfinite(value) and value > 0):
             raise ArgumentError(f"must be a number above 0; found {value!r}", name)
     w = 2 * np.pi * frequency
-    of_one = equivalent_plant(1.0, 2 * damping_ratio * w, w**2, cycle)
-    reached = gain_limit(DelayedLoop(of_one, cycle, delay)).gain
-    if not np.isfinite(reached):
+    unit = equivalent_plant(1.0, 2 * damping_ratio * w, w**2, cycle)
+    unit_limit = gain_limit(DelayedLoop(unit, cycle, delay)).gain
+    if not np.isfinite(unit_limit):
         raise ArgumentError(f"no gain makes a plant of {frequency:g} Hz and this damping unstable", "damping_ratio")
-    m = limit / reached
+    m = limit / unit_limit
     return equivalent_plant(m, 2 * damping_ratio * w * m, w**2 * m, cycle)
 
 
@@ -71,16 +72,16 @@ def limits_that_meet(
     *,
     between: tuple[float, float],
 ) -> list[tuple[float, float]]:
-    """For which limits along y the limits at turned directions lie where an experiment found them.
+    """Find the limits along y for which the limits in other directions agree with experiments.
 
     Args:
-        plant_of: the plant along y of a given limit, as `plant_of_limit` makes it.
-        brackets: by angle [rad] the greatest gain seen stable and the least seen unstable.
+        plant_of: returns the plant along y for a given limit, for example by `plant_of_limit`.
+        brackets: by angle [rad], the greatest gain observed stable and the least observed unstable.
         x: the plant along x.
-        between: the range of limits along y that is looked at.
+        between: range of limits along y to search.
 
-    Returns the intervals, rising; none where no limit meets all brackets. Raises ArgumentError for brackets and ranges
-    that do not rise from above 0.
+    Returns the intervals in increasing order, empty if no limit agrees with all brackets. Raises ArgumentError if a
+    bracket or the range is not positive and increasing.
 
     >>> D = gt.control.delayed
     >>> x = D.plant_of_limit(17.0, 0.06, 0.25, 0.004, 0.052)
@@ -92,12 +93,12 @@ def limits_that_meet(
     """
     for name, (low, high) in [("between", between), *[("brackets", b) for b in brackets.values()]]:
         if not 0 < low < high < np.inf:
-            raise ArgumentError(f"{low:g} to {high:g} does not rise from above 0", name)
+            raise ArgumentError(f"expected a positive, increasing range; found {low:g} to {high:g}", name)
     if not brackets:
         raise ArgumentError("expected one or more angles", "brackets")
 
     def inside(limit: float) -> float:
-        """Positive where all brackets are met."""
+        """Positive if all brackets are met."""
         loops = {a: DelayedLoop(off_axis_plant(x, plant_of(limit), a), cycle, delay) for a in brackets}
         ratios = [gain_limit(loops[a]).gain / np.array(b) for a, b in brackets.items()]
         return float(min(min(np.log(r[0]), -np.log(r[1])) for r in ratios))

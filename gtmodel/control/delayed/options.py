@@ -1,5 +1,4 @@
-"""What a study of a late loop is asked for, timing, axes, what is uncertain, directions and a path, and what it
-answers."""
+"""Options and results of the studies of delayed feedback."""
 
 from __future__ import annotations
 
@@ -19,12 +18,12 @@ if TYPE_CHECKING:
 else:
     CorrectedPlant = hint("gtmodel.control.delayed", "CorrectedPlant")
 
-ACROSS = 1e-6  # of a feed direction's length: what lies across the tool axis at least
+ACROSS = 1e-6  # least share of a feed direction's length across the tool axis
 
 
 @dataclass(frozen=True)
 class FeedbackTiming(Options):
-    """When an external sensor measures and its correction acts.
+    """Cycle and delay of the corrections from an external sensor.
 
     >>> gt.control.delayed.FeedbackTiming().delay
     0.052
@@ -33,22 +32,21 @@ class FeedbackTiming(Options):
     cycle: Annotated[float, Unit("s", written="ms"), Within(above=0.0), "between two corrections"] = 0.004
     delay: Annotated[
         float, Unit("s", written="ms"), Within(least=0.0),
-        "between a measurement and the instant at which its correction acts; any part of a cycle or many",
+        "from a measurement until its correction acts; need not be a whole number of cycles",
     ] = 0.052  # fmt: skip
     accumulate: Annotated[
-        bool, "corrections add up: the arm itself moves by each and stays there; else only their vibration is left"
+        bool, "corrections accumulate: each moves the arm, which stays there; otherwise it only causes vibration"
     ] = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.delay > MOST_CYCLES * self.cycle:
-            raise ArgumentError(f"is {self.delay / self.cycle:.4g} cycles; at most {MOST_CYCLES} are taken", "delay")
+            raise ArgumentError(f"must be at most {MOST_CYCLES} cycles; found {self.delay / self.cycle:.4g}", "delay")
 
 
 @dataclass(frozen=True)
 class FeedbackAxis(Options):
-    """One direction of a vibrating arm by its natural frequency and damping, and how strongly a correction excites it:
-    by the equivalent mass, or by the gain limit that was measured.
+    """One direction of a vibrating arm: natural frequency, damping ratio, and equivalent mass or measured gain limit.
 
     >>> axis = gt.control.delayed.FeedbackAxis(frequency=17.0, damping_ratio=0.06, limit=0.25)
     >>> timing = gt.control.delayed.FeedbackTiming()
@@ -60,31 +58,32 @@ class FeedbackAxis(Options):
     frequency: Annotated[float, Unit("Hz"), Within(above=0.0), "undamped natural frequency"]
     damping_ratio: Annotated[float, Within(above=0.0, below=1.0), "of critical damping"]
     mass: Annotated[float | None, Within(above=0.0), "equivalent mass m of eq. (30), a number without a unit"] = None
-    limit: Annotated[float | None, Within(above=0.0), "gain at which the loop was seen to become unstable"] = None
+    limit: Annotated[float | None, Within(above=0.0), "measured gain at which the loop becomes unstable"] = None
     gain: Annotated[
         float | None,
         Within(above=0.0),
-        "at which margins are asked for; the recommended one if left out, without a box half the limit",
+        "at which margins are computed; by default the recommended gain, or half the limit without a box",
     ] = None
-    gain_step: Annotated[float, Within(above=0.0), "from one gain that can be set to the next"] = 0.01
+    gain_step: Annotated[float, Within(above=0.0), "step of the adjustable gain"] = 0.01
 
     def equivalent_mass(self, timing: FeedbackTiming) -> float:
-        """m. Raises ArgumentError unless one of mass and limit is given, and for a limit where corrections add up."""
+        """Return m. Raises ArgumentError unless exactly one of mass and limit is set, and for a limit with
+        accumulating corrections."""
         if (self.mass is None) == (self.limit is None):
-            given = "both" if self.mass is not None else "none of them"
-            raise ArgumentError(f"expected one of mass and limit; found {given}", "mass")
+            count = "both" if self.mass is not None else "neither"
+            raise ArgumentError(f"expected either mass or limit; found {count}", "mass")
         if self.mass is not None:
             return self.mass
         assert self.limit is not None
         if timing.accumulate:
-            raise ArgumentError("a limit says no mass where corrections add up; give the mass", "limit")
+            raise ArgumentError("does not determine the mass if corrections accumulate; set mass instead", "limit")
         from .off_axis import plant_of_limit
 
         plant = plant_of_limit(self.frequency, self.damping_ratio, self.limit, timing.cycle, timing.delay)
         return float(1 / (plant.B[1] * timing.cycle**2))
 
     def plant(self, timing: FeedbackTiming, *, mass: float | None = None) -> CorrectedPlant:
-        """What a correction acts on; with another equivalent mass where one is given."""
+        """Return the plant, with `mass` instead of the equivalent mass if it is set."""
         from .plants import equivalent_plant
 
         m, w = self.equivalent_mass(timing) if mass is None else mass, 2 * np.pi * self.frequency
@@ -93,21 +92,21 @@ class FeedbackAxis(Options):
 
 @dataclass(frozen=True)
 class SinePath(Options):
-    """y = amplitude sin(2 pi wave_number x) at constant feed; Cvitanic 2021, eq. (33), by default.
+    """The path y = amplitude sin(2 pi wave_number x) at constant feed; by default that of Cvitanic 2021, eq. (33).
 
     >>> gt.control.delayed.SinePath().steering(0.004).max().round(8)  # largest steering in a cycle [m]
     np.float64(5.52e-06)
     """
 
     amplitude: Annotated[float, Unit("m", written="mm"), Within(least=0.0), "of the sine"] = 50.8e-3
-    wave_number: Annotated[float, Unit("1/m", key="wave_number_1_m"), Within(above=0.0), "waves in a metre"] = 9.8
+    wave_number: Annotated[float, Unit("1/m", key="wave_number_1_m"), Within(above=0.0), "waves per metre"] = 9.8
     feed: Annotated[float, Unit("m/s", written="mm/s"), Within(above=0.0), "along the path"] = 42.33e-3
     duration: Annotated[float, Unit("s"), Within(above=0.0), "of the run"] = 15.0
 
     def steering(self, cycle: float) -> np.ndarray:
-        """What each command adds to the motion that the one before would continue, (n,) [m] along y.
+        """Return the change of the commanded step from cycle to cycle, (n,) [m] along y.
 
-        The command less the feed (Cvitanic 2021, eq. (31), (32)): at constant speed it is the change of direction.
+        It is the command minus the feed (Cvitanic 2021, eq. (31), (32)), at constant speed the change of direction.
         """
         count = round(self.duration / cycle)
         w = 2 * np.pi * self.wave_number
@@ -120,7 +119,7 @@ class SinePath(Options):
 
 @dataclass(frozen=True)
 class FeedbackBox(Options):
-    """How far plant and delay may be from what was declared, either way.
+    """Uncertainty of plant and delay: deviations from the declared values in both directions.
 
     >>> gt.control.delayed.FeedbackBox(delay=0.001).mass
     0.15
@@ -136,7 +135,7 @@ class FeedbackBox(Options):
 
 @dataclass(frozen=True)
 class GainMargins(Options):
-    """What a recommended gain keeps at every point of the box that was looked at.
+    """Margins that the recommended gain keeps at every tested point of the box.
 
     >>> round(gt.control.delayed.GainMargins().phase, 4)
     0.5236
@@ -150,60 +149,60 @@ class GainMargins(Options):
 
 @dataclass(frozen=True)
 class OffAxisRun(Options):
-    """A direction between the axes x and y, and what an experiment along it saw, if there was one.
+    """A direction between the axes x and y, with the stable and unstable gains of an experiment, if there is one.
 
     >>> gt.control.delayed.OffAxisRun(angle=np.pi / 4, stable=0.03, unstable=0.05).stable
     0.03
     """
 
     angle: Annotated[float, Unit("rad", written="deg"), "from y towards x"]
-    stable: Annotated[float | None, Within(above=0.0), "greatest gain seen stable; needs `unstable` too"] = None
-    unstable: Annotated[float | None, Within(above=0.0), "least gain seen unstable; needs `stable` too"] = None
+    stable: Annotated[float | None, Within(above=0.0), "greatest gain observed stable; needs `unstable` too"] = None
+    unstable: Annotated[float | None, Within(above=0.0), "least gain observed unstable; needs `stable` too"] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if (self.stable is None) != (self.unstable is None):
-            raise ArgumentError("give both or none of stable and unstable", "stable")
+            raise ArgumentError("set both stable and unstable, or neither", "stable")
         if self.stable is not None and self.unstable is not None and self.stable >= self.unstable:
-            raise ArgumentError(f"{self.stable:g} is not below unstable, {self.unstable:g}", "stable")
+            raise ArgumentError(f"must be below unstable, {self.unstable:g}; found {self.stable:g}", "stable")
 
 
 @dataclass(frozen=True)
 class FeedbackCut(Options):
-    """A tool that is corrected along an axis while it cuts; x, y and z of the world.
+    """A tool that cuts while the loop corrects it along one axis; x, y and z are world axes.
 
     >>> gt.control.delayed.FeedbackCut("y", 25.0, [350.0, 350.0, 250.0], 17.0, 0.03).steps
     20
     """
 
-    axis: Annotated[str, "name of the axis along which it is corrected"]
+    axis: Annotated[str, "name of the corrected axis"]
     speed: Annotated[float, Unit("1/s"), Within(above=0.0), "of the spindle"]
     mass: Annotated[list[float], Unit("kg"), Long(3), Within(above=0.0), "of the tool along x, y, z"]
     z_frequency: Annotated[float, Unit("Hz"), Within(above=0.0), "of the tool along z"]
     z_damping_ratio: Annotated[float, Within(above=0.0, below=1.0), "of the tool along z"]
     feed_direction: Annotated[tuple[float, float, float], "in the plane of the cut"] = (1.0, 0.0, 0.0)
-    shares: Annotated[list[float], Within(least=0.0), "gains, as shares of the limit without a cut"] = (  # type: ignore[assignment]
+    shares: Annotated[list[float], Within(least=0.0), "gains, as shares of the limit without cutting"] = (  # type: ignore[assignment]
         0.0, 0.25, 0.5, 0.75, 0.9,
     )  # fmt: skip
-    deepest: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "depth up to which chatter is sought"] = 5e-3
-    steps: Annotated[int, Within(least=4, most=200), "of a cycle in the map"] = 20
+    deepest: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "greatest depth to search for chatter"] = 5e-3
+    steps: Annotated[int, Within(least=4, most=200), "time steps per cycle in the semi-discretised map"] = 20
 
     def __post_init__(self) -> None:
         super().__post_init__()
         feed = np.asarray(self.feed_direction, float)
         if feed.shape != (3,) or not np.hypot(feed[0], feed[1]) > ACROSS * np.linalg.norm(feed):
             raise ArgumentError(
-                f"{feed.tolist()} does not lie across the tool axis, z; expected three numbers, not x and y both 0",
+                f"expected three numbers with x or y not 0, across the tool axis z; found {feed.tolist()}",
                 "feed_direction",
             )
         if not len(self.shares):
-            raise ArgumentError("is empty; expected one gain or more, as shares of the limit", "shares")
+            raise ArgumentError("is empty; expected one or more gains, as shares of the limit", "shares")
 
 
 @runtime_checkable
 class CutWhileCorrecting(Protocol):
-    """What cuts while the loop corrects, as `gt.milling.CorrectedCut`: its tool on plants and timing, and to which
-    depths it cuts without chatter up to the limit of the gain."""
+    """A cut during the correction, such as `gt.milling.CorrectedCut`: its tool for given plants and timing, and the
+    depths without chatter for gains up to the limit."""
 
     of: FeedbackCut
 
@@ -214,17 +213,17 @@ class CutWhileCorrecting(Protocol):
 
 @dataclass(frozen=True)
 class SyntheticCommands(Options):
-    """Synthetic vibrations after one command in each pose: an arm whose oscillators vary smoothly with its reach.
+    """Synthetic vibrations after one command in each pose, for an arm whose oscillators vary smoothly with its reach.
 
-    The reach is r = cos(joint 2) + cos(joint 2 + joint 3), both as the robot counts them; frequencies fall and
-    equivalent masses grow with it. Ours: no m, c, k of these units are printed.
+    The reach is r = cos(joint 2) + cos(joint 2 + joint 3), with the robot's joint angles; by default frequencies fall
+    and equivalent masses grow with it. The numbers are our own: the thesis prints no m, c, k.
 
     >>> gt.control.delayed.SyntheticCommands(seed=3).size
     0.001
     """
 
     size: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "of the command"] = 1e-3
-    duration: Annotated[float, Unit("s"), Within(least=0.1), "recorded after it"] = 0.6
+    duration: Annotated[float, Unit("s"), Within(least=0.1), "recorded after the command"] = 0.6
     noise: Annotated[float, Unit("m", written="um"), Within(above=0.0), "of the measurement, standard deviation"] = (
         15e-6
     )
@@ -239,17 +238,17 @@ class SyntheticCommands(Options):
     mass: Annotated[tuple[float, ...], Within(above=0.0), "equivalent, of each direction at a reach of 0"] = (3.0, 1.0)
     frequency_slope: Annotated[float, Within(least=-0.5, most=0.5), "change of log frequency with the reach"] = -0.15
     mass_slope: Annotated[float, Within(least=-1.0, most=1.0), "change of log mass with the reach"] = 0.2
-    seed: Annotated[int, Within(least=0), "of noise and repeatability"] = 0
+    seed: Annotated[int, Within(least=0), "of noise and variation between experiments"] = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not len(self.frequency) == len(self.damping_ratio) == len(self.mass):
-            raise ArgumentError("has another number of directions than damping_ratio and mass", "frequency")
+            raise ArgumentError("must have as many numbers as damping_ratio and mass, one per direction", "frequency")
 
 
 @dataclass(frozen=True)
 class GainMap(Options):
-    """Which poses are asked for, and the grid of the map, angles of joints 2 and 3.
+    """Grid of the map over the angles of joints 2 and 3, draws and quantile.
 
     >>> gt.control.delayed.GainMap(points=7).points
     7
@@ -257,7 +256,7 @@ class GainMap(Options):
 
     points: Annotated[int, Within(least=3, most=60), "of the map along each joint"] = 13
     draws: Annotated[int, Within(least=50, most=5000), "of m, c and k in each pose"] = 400
-    quantile: Annotated[float, Within(above=0.0, below=0.5), "of the limits that is shown"] = 0.05
+    quantile: Annotated[float, Within(above=0.0, below=0.5), "of the limits, as shown in map and table"] = 0.05
 
 
 ByName = Mapping[str, float]
@@ -265,7 +264,7 @@ ByName = Mapping[str, float]
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class DelayedFeedbackStudy(Study):
-    """How far the gain of a late correction may be turned up, by axis.
+    """Gain limits, margins and recommended gains of delayed corrections, by axis.
 
     runs: the simulated deviations [m] just below and above each limit, by axis.
     """
@@ -274,12 +273,12 @@ class DelayedFeedbackStudy(Study):
     limit: Annotated[ByName, Quantity("", "gain at which the loop becomes unstable, by axis", "gain limit")] = field(
         default_factory=dict
     )
-    frequency: Annotated[ByName, Quantity("Hz", "at which it then swings, by axis", "frequency at the limit")] = field(
+    frequency: Annotated[ByName, Quantity("Hz", "of the oscillation there, by axis", "frequency at the limit")] = field(
         default_factory=dict
     )
     returns: Annotated[
         Mapping[str, Sequence[Sequence[float]]],
-        "greater gains, from and to, at which it would be stable again, by axis",
+        "ranges of greater gains, from and to, at which the loop is stable again, by axis",
     ] = field(default_factory=dict)
     simulated_limit: Annotated[
         ByName | None,
@@ -288,11 +287,11 @@ class DelayedFeedbackStudy(Study):
     worst_limit: Annotated[
         ByName | None, Quantity("", "least limit over the box, by axis", "worst limit in the box")
     ] = None
-    worst_point: Annotated[Mapping[str, ByName], "where in the box, by axis; shares of the declared, delay in s"] = (
-        field(default_factory=dict)
-    )
+    worst_point: Annotated[
+        Mapping[str, ByName], "point of the box, by axis; ratios to the declared values, delay in s"
+    ] = field(default_factory=dict)
     quantile_limit: Annotated[
-        ByName | None, Quantity("", "5 % of the limits at random points of the box lie below, by axis")
+        ByName | None, Quantity("", "5 % quantile of the limits at random points of the box, by axis")
     ] = None
     margin_limit: Annotated[
         ByName | None,
@@ -300,17 +299,17 @@ class DelayedFeedbackStudy(Study):
             "", "greatest gain that keeps the margins at the worst point of the box, by axis", "limit with margins"
         ),
     ] = None
-    margin_point: Annotated[Mapping[str, ByName], "where in the box, by axis; shares of the declared, delay in s"] = (
-        field(default_factory=dict)
-    )
+    margin_point: Annotated[
+        Mapping[str, ByName], "point of the box, by axis; ratios to the declared values, delay in s"
+    ] = field(default_factory=dict)
     recommended: Annotated[
-        ByName | None, Quantity("", "greatest step of the gain below that, by axis", "recommended gain")
+        ByName | None, Quantity("", "greatest multiple of the gain step below that, by axis", "recommended gain")
     ] = None
-    gain: Annotated[ByName, Quantity("", "at which the margins hold, by axis", "margins at the gain")] = field(
+    gain: Annotated[ByName, Quantity("", "at which margins are computed, by axis", "margins at the gain")] = field(
         default_factory=dict
     )
     gain_margin: Annotated[ByName, Quantity("", "factor to the limit", "gain margin")] = field(default_factory=dict)
-    phase_margin: Annotated[ByName, Quantity("rad", "least turn", "phase margin", "deg", "", "deg")] = field(
+    phase_margin: Annotated[ByName, Quantity("rad", "to the limit", "phase margin", "deg", "", "deg")] = field(
         default_factory=dict
     )
     delay_margin: Annotated[ByName, Quantity("s", "further delay", "delay margin", "ms", "", "ms")] = field(
@@ -321,47 +320,45 @@ class DelayedFeedbackStudy(Study):
     )
     readings: Annotated[
         Mapping[str, ByName],
-        "limit of each axis as the thesis's text may be read: cycle, and whether corrections add up",
+        "limit of each axis for the possible readings of the thesis: cycle, and whether corrections accumulate",
     ] = field(default_factory=dict)
     off_axis_limit: Annotated[
         ByName | None, Quantity("", "by angle in degrees from y towards x", "limit at an angle")
     ] = None
     meeting_limits: Annotated[
         Sequence[Sequence[float]] | None,
-        "limits along y, from and to, with which all directions lie where experiments found them",
+        "ranges of limits along y, from and to, for which all directions agree with the experiments",
     ] = None
     meeting_predictions: Annotated[
-        Mapping[str, Sequence[float]], "limits, from and to, that they predict where nothing was measured, by angle"
+        Mapping[str, Sequence[float]], "predicted limits, from and to, in directions without an experiment, by angle"
     ] = field(default_factory=dict)
     chatter_depth: Annotated[
-        ByName | None, Quantity("m", "at which the cut chatters, by gain", "depth of chatter", "mm", "", "mm")
+        ByName | None, Quantity("m", "from which the cut chatters, by gain", "depth of chatter", "mm", "", "mm")
     ] = None
-    tooth_in_cycles: Annotated[str | None, "period of a tooth over the cycle, the rational number that was taken"] = (
-        None
-    )
-    spindle_speed_error: Annotated[float | None, "relative, of the speed that has that period"] = None
+    tooth_in_cycles: Annotated[str | None, "rational approximation of tooth period over cycle"] = None
+    spindle_speed_error: Annotated[float | None, "relative error of the spindle speed by this approximation"] = None
     chatter_depth_finer: Annotated[
-        ByName | None, Quantity("m", "the same with twice the steps, by gain", "", "", "", "mm")
+        ByName | None, Quantity("m", "depth of chatter with twice the steps, by gain", "", "", "", "mm")
     ] = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class FeedbackMapStudy(Study):
-    """Gain limits over two joints of an arm, from plants that were measured in some poses."""
+    """Gain limits over two joints of an arm, from plants measured in some poses."""
 
-    poses: Annotated[int, Quantity("", "in which plants were measured", "measured poses")] = 0
+    poses: Annotated[int, Quantity("", "with measured plants", "measured poses")] = 0
     asked: Annotated[Sequence[Sequence[float]], Quantity("rad", "joints of the table", "", "", "", "deg")] = ()
     median: Annotated[
         Mapping[str, Sequence[float]],
         Quantity("", "of the limit in the poses of the table, by direction", "median limit"),
     ] = field(default_factory=dict)
     quantile: Annotated[
-        Mapping[str, Sequence[float]], Quantity("", "5 % of the limits lie below, by direction", "5 % quantile")
+        Mapping[str, Sequence[float]], Quantity("", "of the limit in these poses, by direction", "5 % quantile")
     ] = field(default_factory=dict)
     recommended: Annotated[
         Mapping[str, Sequence[float]],
         Quantity(
-            "", "greatest step of the gain with which every draw keeps the margins, by direction", "recommended gain"
+            "", "greatest multiple of the step that keeps the margins in every draw, by direction", "recommended gain"
         ),
     ] = field(default_factory=dict)
     true_limit: Annotated[
@@ -372,5 +369,5 @@ class FeedbackMapStudy(Study):
     ] = field(default_factory=dict)
     inside: Annotated[
         ByName | None,
-        Quantity("", "share of m, c, k whose 95 % interval holds the truth, of synthetic plants", "in intervals"),
+        Quantity("", "share of 95 % intervals of synthetic m, c, k that contain the truth", "in intervals"),
     ] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""A robot whose own servo follows corrected references: from a correction of the tool to the deviation of the tool."""
+"""A robot whose servo follows corrected references, as a plant from tool correction to tool deviation."""
 
 from __future__ import annotations
 
@@ -14,27 +14,28 @@ from ..feedforward import Law
 from ..sampled_poles import at_rest
 from .plants import CorrectedPlant
 
-UNIT = 1e-9  # of a direction's length
-SETTLED = 1e-9  # of the fastest pole: a real part nearer to zero does not bring the robot back
-FLAT = 1e-9  # relative singular value: the references do not move the tool along a direction
+UNIT = 1e-9  # tolerance of a direction's length
+SETTLED = 1e-9  # of the fastest pole: a servo whose poles are nearer to the imaginary axis does not settle
+FLAT = 1e-9  # relative singular value below which references do not move the tool
 
 
 def servo_plant(
     robot: Model, law: Law, start: Mapping[str, Any], direction: ArrayLike, *,
     known: str = "q", targets: str = "tau", tool: str = "T",
 ) -> CorrectedPlant:  # fmt: skip
-    """The robot under its own law, in continuous time, about a point at rest: how a correction moves the tool.
+    """Return the robot under its own continuous-time law, linearised about a point at rest, as a plant.
 
-    A correction u [m] is added to the law's reference such that, held, it moves the tool by u along `direction`; the
-    deviation is the tool's along the same direction [m].
+    A correction u [m] changes the law's reference so that, in steady state, the tool moves by u along `direction`. The
+    deviation [m] is that of the tool along the same direction.
 
     Args:
-        robot: what moves, with positions `known`, forces `targets` and the place `tool` (3,).
-        law: `Feedback`, `Feedforward`, `ComputedTorque` or a `Law` of your own; corrections have no rate.
-        start: the point, by the robot's own names, as for `gt.linearize`.
+        robot: a model with positions `known`, forces `targets` and tool position `tool` (3,).
+        law: `Feedback`, `Feedforward`, `ComputedTorque` or your own `Law`; corrections have no rate.
+        start: the point by the robot's names, as for `gt.linearize`.
         direction: (3,) of unit length.
 
-    Raises ArgumentError for the direction, ModelError as `gt.linearize`.
+    Raises ArgumentError for a wrong direction or an unstable servo, and ModelError as `gt.linearize` or if references
+    do not move the tool along the direction.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> law = gt.control.ComputedTorque(robot, stiffness=900.0, damping=60.0)
@@ -48,16 +49,16 @@ def servo_plant(
     e = np.asarray(direction, float)
     if e.shape != (3,) or not abs(np.linalg.norm(e) - 1) < UNIT:
         raise ArgumentError(f"expected three numbers of unit length; found {e.tolist()}", "direction")
-    linear, by = at_rest(robot, law, [known, f"der({known})", tool], start, targets)
+    linear, jacobians = at_rest(robot, law, [known, f"der({known})", tool], start, targets)
     a, b, c = (np.asarray(m, float) for m in (linear.A, linear.B, linear.C))
     n = linear.ninputs
-    closed = a + b @ (by["position"] @ c[:n] + by["velocity"] @ c[n : 2 * n])
-    entry, place = b @ by["reference"], c[2 * n :]
+    closed = a + b @ (jacobians["position"] @ c[:n] + jacobians["velocity"] @ c[n : 2 * n])
+    entry, place = b @ jacobians["reference"], c[2 * n :]
     poles = np.linalg.eigvals(closed)
     if poles.real.max() > -SETTLED * np.abs(poles).max():
         raise ArgumentError("does not hold the robot at rest here: the servo itself is unstable", "law")
-    held = -place @ np.linalg.solve(closed, entry)  # (3, n): what a held reference moves
-    reference, *_ = np.linalg.lstsq(held, e, rcond=FLAT)
-    if np.linalg.norm(held @ reference - e) > 1e3 * FLAT:
-        raise ModelError(f"held references do not move '{tool}' along {e.tolist()} here")
+    gain = -place @ np.linalg.solve(closed, entry)  # (3, n): from constant references to the tool
+    reference, *_ = np.linalg.lstsq(gain, e, rcond=FLAT)
+    if np.linalg.norm(gain @ reference - e) > 1e3 * FLAT:
+        raise ModelError(f"constant references do not move '{tool}' along {e.tolist()} here")
     return CorrectedPlant(closed, entry @ reference, e @ place)

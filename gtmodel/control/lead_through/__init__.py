@@ -1,21 +1,21 @@
-"""Lead-through with two force sensors, at handle and tool (Dressler 2012, chapter 8). Knows no robot; SI units and rad.
+"""Lead-through with two force sensors, at handle and tool (Dressler 2012, chapter 8). Robot-independent; SI units, rad.
 
 Wrenches
     calibrate_wrench -> WrenchCalibration   bias, mass and centre of a sensor's load from poses; contact wrenches
-    lever_arm -> LeverArm                   where forces act; moment_about another point
-    sign_test -> SignTest                   does the sensor report the force on the tool? asked before anything moves
+    lever_arm -> LeverArm                   point of application of forces; moment_about another point
+    sign_test -> SignTest                   whether the sensor reports the force on the tool, tested before any motion
     WrenchStatus                            why a wrench cannot be used
 
 Surface
-    SurfaceLaw, SurfaceGains, SurfaceState  guided along a surface, force held along its normal: a cycle at a time
-    OscillationWatch                        a contact that oscillates reduces the gain
-    guide -> GuidedRun                      in time against a SyntheticSurface, with a ServoChain
-    force_loop                              the force loop as a delayed loop: limits by eigenvalues, margins
+    SurfaceLaw, SurfaceGains, SurfaceState  guiding along a surface with force control along its normal, per cycle
+    OscillationWatch                        reduces the gain if the contact oscillates
+    guide -> GuidedRun                      simulation against a SyntheticSurface, with a ServoChain
+    force_loop                              the force loop as a delayed loop: limits from eigenvalues, margins
 
 Six degrees of freedom
     MountedSensor                           frame, bias, load and lever arm of a sensor: readings to wrenches
     LeadThroughLaw, LeadThroughState        from the readings of both sensors to a twist: surface, or peg in a hole
-    TurningLaw, TurningGains, TurningState  its rotation: guided by the handle, aligned by the tool's torque
+    TurningLaw, TurningGains, TurningState  the rotation: guided by the handle, aligned by the tool's torque
 """
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,4 @@
-"""A force sensor's bias and the load that it carries, from readings at rest in several poses, and readings on which
-no calibration should be built."""
+"""Calibration of a force sensor's bias and load from readings at rest in several poses, with tests of the readings."""
 
 from __future__ import annotations
 
@@ -23,19 +22,19 @@ from .options import WrenchAlarm
 from .scenes import GRAVITY
 from .wrench import WrenchStatus, axes, rows_of, sigma_of, turns_of, vector_of
 
-ROUNDING = 1e-9  # of the largest reading: below it residuals are no noise
-SAME = 3  # equal readings at an end: noise does not repeat itself
-UNEXPLAINED = 0.2  # rms of what is left over that of the weight: ours; readings of a frame 10 degrees off leave 0.14
-REACH = 3.0  # m, from a sensor to the centre of what it carries, ours: tools are shorter
-KEPT = 2 / 3  # of the poses, the first ones: they predict the others
-LOOK = "look at the row where the residual is largest: contact, motion, a saturated reading, or units"
+ROUNDING = 1e-9  # of the largest reading: smaller residuals are rounding errors
+SAME = 3  # equal extreme readings that suggest saturation
+UNEXPLAINED = 0.2  # largest rms of the residuals over that of the weight, our choice; a frame 10 degrees off gives 0.14
+REACH = 3.0  # m, largest distance from a sensor to the centre of its load, our choice
+KEPT = 2 / 3  # share of the poses, from the first on, that predict the others
+LOOK = "look at the row with the largest residual: contact, motion, a saturated reading, or units"
 FRAMES = "give turns whose columns are the sensor's axes in the world frame, and readings in the sensor's frame"
 
 
 @dataclass(frozen=True, eq=False)
 class FittedReadings:
-    """A linear fit of readings `values` (poses, 3) by J (poses, 3, n), in SI. Its columns `load` are those of the load,
-    `load_of` makes them of gravity in the sensor's frame (poses, 3)."""
+    """A linear fit of readings `values` (poses, 3) with the regressor J (poses, 3, n), in SI. `load`: columns of the
+    load; `load_of`: computes them from gravity in the sensor's frame (poses, 3)."""
 
     word: str
     estimate: Estimate
@@ -46,64 +45,63 @@ class FittedReadings:
     load_of: Callable[[np.ndarray], np.ndarray]
 
     @property
-    def left(self) -> np.ndarray:
+    def rest(self) -> np.ndarray:
         """Residuals (poses, 3) in the unit of the readings."""
         return self.values - self.J @ self.estimate.values
 
     @property
     def least(self) -> float:
-        """Residuals below it are rounding."""
+        """Residuals below this are rounding errors."""
         return ROUNDING * float(np.abs(self.values).max())
 
 
 def suspicions_of(part: FittedReadings, turns: np.ndarray, time: np.ndarray, gravity: np.ndarray) -> list[Suspicion]:
-    """All tests of the forces or of the moments; `time` (poses,) may be the numbers of the poses."""
-    word, e, J, left = part.word, part.estimate, part.J, part.left
+    """Run all tests of the forces or of the moments; `time` (poses,) may be the index of the pose."""
+    word, e, J, rest = part.word, part.estimate, part.J, part.rest
     unit = e.units[0]
     drift = "estimate the drift (drift = true), let the sensor warm up, or take poses in random order"
     outcomes = [
-        residual_tests.drifts(J, left, time, drift, name=f"{word}_drift", unit=unit, least=part.least),
+        residual_tests.drifts(J, rest, time, drift, name=f"{word}_drift", unit=unit, least=part.least),
         residual_tests.coloured(
-            J, left, "estimate a drift, or average each pose over longer; intervals allow for it",
+            J, rest, "estimate a drift, or average longer in each pose; the intervals allow for it",
             name=f"{word}_coloured", least=part.least,
         ),
-        residual_tests.one_far_off(J, left, LOOK, name=f"{word}_largest_residual", least=part.least),
+        residual_tests.one_far_off(J, rest, LOOK, name=f"{word}_largest_residual", least=part.least),
         _held_out(part),
         _other_frame(part, turns, gravity),
         _other_axes(part, turns, gravity),
-        *tested(Data(residuals=left, row="pose")),
+        *tested(Data(residuals=rest, row="pose")),
     ]  # fmt: skip
     if part.sigma is not None:
-        squares = float(np.sum(np.square(left))) / part.sigma**2
-        judged = chi_squared_over_noise(squares, e.degrees_of_freedom)
-        outcomes.append(judged.suspicion(f"{word}_over_noise", LOOK))
+        squares = float(np.sum(np.square(rest))) / part.sigma**2
+        outcomes.append(chi_squared_over_noise(squares, e.degrees_of_freedom).suspicion(f"{word}_over_noise", LOOK))
     return outcomes
 
 
 def beside_the_weight(part: FittedReadings, mass: float, gravity: np.ndarray) -> Suspicion:
-    """Whether forces leave too large a share of the weight; where their noise was stated it is judged by that."""
+    """Test whether the residuals of the forces are too large a share of the weight; not with a stated noise."""
     weight = abs(mass) * float(np.linalg.norm(gravity)) / np.sqrt(3)
-    share = _rms(part.left, part.estimate.degrees_of_freedom) / weight
+    share = _rms(part.rest, part.estimate.degrees_of_freedom) / weight
     beyond = part.sigma is None and share > UNEXPLAINED
     return Suspicion(
-        "force_unexplained_share", f"the forces leave {100 * share:.3g} % of the weight", 0.0 if beyond else 1.0,
-        f"{LOOK}; {FRAMES}; or state the noise if it is as large",
+        "force_unexplained_share", f"the residuals of the forces are {100 * share:.3g} % of the weight",
+        0.0 if beyond else 1.0, f"{LOOK}; {FRAMES}; or state the noise if it is as large",
     )  # fmt: skip
 
 
 def far_centre(centre: Estimate) -> Suspicion:
-    """Whether the centre is farther from the sensor than any tool reaches: moments in N mm."""
-    at, sure = float(np.linalg.norm(centre.values)), float(np.linalg.norm(centre.std))
+    """Test whether the centre is farther from the sensor than any tool reaches, as with moments in N mm."""
+    distance, std = float(np.linalg.norm(centre.values)), float(np.linalg.norm(centre.std))
     return Suspicion(
         "moment_unit",
-        f"the centre of mass would be {at:.3g} m from the sensor; read in N mm the moments have it at {at:.3g} mm",
-        0.0 if at - 3 * sure > REACH else 1.0,
+        f"the centre of mass would be {distance:.3g} m from the sensor; with moments in N mm it is {distance:.3g} mm",
+        0.0 if distance - 3 * std > REACH else 1.0,
         "give the moments in N m",
     )
 
 
 def _held_out(part: FittedReadings) -> Suspicion:
-    """The last poses by a fit of the first ones."""
+    """Predict the last poses from a fit of the first ones."""
     word, J, y = part.word, part.J, part.values
     n, first = J.shape[2], round(KEPT * len(J))
     A, b = J[:first].reshape(-1, n), y[:first].reshape(-1)
@@ -111,94 +109,94 @@ def _held_out(part: FittedReadings) -> Suspicion:
     spare = len(A) - n
     growth, degrees, ratio = np.nan, 0.0, np.nan
     x, _, rank, _ = np.linalg.lstsq(A, b, rcond=None)
-    own = float(np.sum((b - A @ x) ** 2)) / max(spare, 1)
-    if spare > 0 and rank == n and own > part.least**2:
+    variance = float(np.sum((b - A @ x) ** 2)) / max(spare, 1)
+    if spare > 0 and rank == n and variance > part.least**2:
         extra = C @ np.linalg.pinv(A)
         S = extra @ extra.T + np.eye(len(C))
         growth, degrees = float(np.trace(S)) / len(C), freedom_of(float(np.trace(S)), float(np.sum(S**2)))
-        ratio = float(np.sqrt(np.mean((d - C @ x) ** 2) / own))
+        ratio = float(np.sqrt(np.mean((d - C @ x) ** 2) / variance))
     remedy = "the last poses contradict the first ones: look for another load, a drift, a changed bias or contact"
     return held_out_ratio(ratio, growth, spare, degrees).suspicion(f"{word}_held_out", remedy)
 
 
 def _other_frame(part: FittedReadings, turns: np.ndarray, gravity: np.ndarray) -> Suspicion:
-    """Turns read as transposed, readings as those of the world frame, or both: what is left by the same unknowns."""
+    """Compare fits with transposed turns, with readings in the world frame, and with both."""
     world = turns.transpose(0, 2, 1)
-    given = {
+    data = {
         "with transposed turns": (world, part.values),
         "read in the world frame": (turns, np.einsum("nji,nj->ni", turns, part.values)),
         "with transposed turns and read in the world frame": (world, np.einsum("nij,nj->ni", turns, part.values)),
     }
     dof = part.estimate.degrees_of_freedom
 
-    def left(r: OtherReading) -> float:
-        R, values = given[r.when]
+    def residual(r: OtherReading) -> float:
+        R, values = data[r.when]
         A, y = part.J.copy(), values.reshape(-1)
         A[:, :, part.load] = part.load_of(R.transpose(0, 2, 1) @ gravity)
         A = A.reshape(len(y), -1)
         return _rms(y - A @ np.linalg.lstsq(A, y, rcond=None)[0], dof)
 
-    readings = [OtherReading(f"{part.word}_frame", f"{part.word}s {said}", said) for said in given]
-    best = compared(_rms(part.left, dof), readings, left, dof, least=part.least)
+    readings = [OtherReading(f"{part.word}_frame", f"{part.word}s {case}", case) for case in data]
+    best = compared(_rms(part.rest, dof), readings, residual, dof, least=part.least)
     evidence = f"{best.reading.looks}: they fit {best.ratio:.3g} times better ({shown_p(best.p)})"
     return Suspicion(best.reading.name, evidence, best.p, FRAMES)
 
 
-def _rms(left: np.ndarray, degrees_of_freedom: float) -> float:
-    return float(np.sqrt(np.sum(left**2) / max(degrees_of_freedom, 1)))
+def _rms(rest: np.ndarray, degrees_of_freedom: float) -> float:
+    return float(np.sqrt(np.sum(rest**2) / max(degrees_of_freedom, 1)))
 
 
 def _other_axes(part: FittedReadings, turns: np.ndarray, gravity: np.ndarray) -> Suspicion:
-    """Sensor's axes that are turned against those of the turns, or scaled: gravity acts by a full matrix."""
+    """Test whether the sensor's axes are rotated or scaled against the turns, with a full matrix on gravity."""
     g = turns.transpose(0, 2, 1) @ gravity
     every = np.einsum("nk,ij->nijk", g, np.eye(3)).reshape(len(g), 3, 9)
-    test = residual_tests.explained_by(part.J, part.left, every, least=part.least)
-    evidence = "axes: too few rows are left to test"
+    test = residual_tests.explained_by(part.J, part.rest, every, least=part.least)
+    evidence = "axes: there are too few rows to test"
     p = test.p
     if not np.isnan(p):
-        before = float(np.sum(part.left**2)) / (test.more + test.rest)
-        after = float(np.sum((part.left - test.moved) ** 2)) / test.rest
+        before = float(np.sum(part.rest**2)) / (test.more + test.rest)
+        after = float(np.sum((part.rest - test.moved) ** 2)) / test.rest
         times = float(np.sqrt(before / max(after, part.least**2, np.finfo(float).tiny)))
         p = p if times > NEARER else 1.0
-        evidence = f"with axes of its own the sensor's {part.word}s fit {times:.3g} times better"
+        evidence = f"with axes different from the turns the sensor's {part.word}s fit {times:.3g} times better"
         if part.word == "force":
             modelled = part.J @ part.estimate.values + test.moved
             A = np.concatenate([np.delete(part.J, part.load, axis=2), every], axis=2).reshape(3 * len(g), -1)
             B = np.linalg.lstsq(A, modelled.reshape(-1), rcond=None)[0][-9:].reshape(3, 3)
             angle = np.rad2deg(angle_between(nearest_rotation(B), np.eye(3)))
-            evidence += f", turned by {angle:.3g} degrees against those of the turns"
-    return Suspicion(f"{part.word}_axes", evidence, p, f"correct the mounting that the turns assume; {FRAMES}")
+            evidence += f", rotated by {angle:.3g} degrees"
+    return Suspicion(f"{part.word}_axes", evidence, p, f"correct the mounting assumed by the turns; {FRAMES}")
 
 
 def ends_of_range(readings: np.ndarray, name: str) -> list[str]:
-    """Notes on components (rows, 3) that stop at the same number in several poses, below what else they reach."""
+    """Return notes on components (rows, 3) whose extreme reading is the same number in several poses."""
     notes = []
     for axis, values in zip("xyz", readings.T, strict=True):
         for end in (float(values.max()), float(values.min())):
             count = int(np.count_nonzero(values == end))
             if SAME <= count < len(values) and end != 0.0:
                 notes.append(
-                    f"{name} {axis} reads exactly {end:g} in {count} poses, an end of its readings: saturated?"
+                    f"{name} {axis} reads exactly {end:g}, its extreme, in {count} poses: check for saturation"
                 )
     return notes
 
 
-LEVEL = 0.95  # of the interval of the mass that has to exclude zero
-UNSEEN = 1.0  # of a reading's noise: a weight less certain than that was not moved by the poses
+LEVEL = 0.95  # confidence of the interval of the mass that must exclude zero
+UNSEEN = 1.0  # of a reading's noise: if the weight is less certain, the poses do not determine it
 
 
 @dataclass(frozen=True, eq=False)
 class WrenchCalibration:
-    """Bias of a force sensor, and mass and centre of mass of what it carries.
+    """Bias of a force sensor, and mass and centre of mass of its load.
 
     force: Estimate of bias_force_x, _y, _z [N] and mass [kg].
     moment: Estimate of bias_moment_x, _y, _z [N m] and first_moment_x, _y, _z [kg m], mass times centre.
-    centre: Estimate of centre_x, _y, _z [m], from the sensor's origin in the sensor's frame; None where the mass does
-        not differ from zero.
-    status: OK; NO_FORCE where the interval of the mass holds zero: bias is usable, centre is not; WRONG_SIGN where the
-        mass is negative; DOUBTFUL where a test of the readings raises an alarm that was not accepted.
+    centre: Estimate of centre_x, _y, _z [m], from the sensor's origin in the sensor's frame; None if the mass does not
+        differ significantly from zero.
+    status: OK; NO_FORCE if the interval of the mass contains zero: the bias is usable, the centre is not; WRONG_SIGN if
+        the mass is negative; DOUBTFUL if a test of the readings raises an alarm that was not accepted.
     gravity: (3,) [m/s2] in the world frame.
-    suspicions: what each test of the readings found. accepted: names of alarms that change no status.
+    suspicions: result of each test of the readings. accepted: names of alarms that do not change the status.
     """
 
     force: Estimate
@@ -211,34 +209,34 @@ class WrenchCalibration:
 
     @property
     def reversed(self) -> bool:
-        """Whether the mass is negative, with its interval."""
+        """Whether the mass is negative, including its interval."""
         return self.force.interval("mass", LEVEL)[1] < 0
 
     @property
     def alarms(self) -> list[Suspicion]:
-        """What the tests found that clean readings do not show, strongest first, accepted ones too."""
+        """Alarms of the tests, including accepted ones, strongest first."""
         return alarms(self.suspicions)
 
     def weight(self, turns: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Force (poses, 3) [N] and moment (poses, 3) [N m] of the load's weight in the sensor's frame.
+        """Return force (poses, 3) [N] and moment (poses, 3) [N m] of the load's weight in the sensor's frame.
 
-        turns (poses, 3, 3) as of `calibrate_wrench`. Raises ArgumentError for what is no rotation matrix.
+        turns (poses, 3, 3) as in `calibrate_wrench`. Raises ArgumentError if one is not a rotation matrix.
         """
         g = turns_of(turns, "turns").transpose(0, 2, 1) @ self.gravity
         return self.force.value("mass") * g, np.cross(self.moment.values[3:6], g)
 
     def contact(self, turns: ArrayLike, forces: ArrayLike, moments: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Readings without bias and weight: the wrench from outside on the load, at rest, in the sensor's frame.
+        """Return readings without bias and weight: the external wrench on the load, at rest, in the sensor's frame.
 
-        turns (poses, 3, 3), forces and moments (poses, 3) [N], [N m] as of `calibrate_wrench`. Raises ArgumentError for
-        other shapes, numbers that are not finite, and after a calibration with a negative mass.
+        turns (poses, 3, 3), forces and moments (poses, 3) [N], [N m] as in `calibrate_wrench`. Raises ArgumentError if
+        shapes do not fit, if numbers are not finite, or if the calibrated mass is negative.
         """
         if self.reversed:
             why = WrenchStatus.WRONG_SIGN.message
-            raise ArgumentError(f"no contact force can be had from this calibration: {why}")
-        own_force, own_moment = self.weight(turns)
-        f, m = rows_of(forces, "forces", len(own_force)), rows_of(moments, "moments", len(own_force))
-        return f - self.force.values[:3] - own_force, m - self.moment.values[:3] - own_moment
+            raise ArgumentError(f"this calibration gives no contact forces: {why}")
+        weight, weight_moment = self.weight(turns)
+        f, m = rows_of(forces, "forces", len(weight)), rows_of(moments, "moments", len(weight))
+        return f - self.force.values[:3] - weight, m - self.moment.values[:3] - weight_moment
 
     def __str__(self) -> str:
         parts = [str(self.force), str(self.moment), *([str(self.centre)] if self.centre else [])]
@@ -257,31 +255,31 @@ def calibrate_wrench(
     drift: bool = False,
     accept: Collection[str] = (),
 ) -> WrenchCalibration:
-    """Bias, mass and centre of mass of a force sensor's load, ten parameters, by linear least squares with intervals.
+    """Fit bias, mass and centre of mass of a force sensor's load, ten parameters, by linear least squares.
 
-    At rest and free, force = bias_force + mass g and moment = bias_moment + (mass centre) x g, g in the sensor's
-    frame, readings being the wrench *on* the load. The two sets share no parameter and are two fits. With a handle and
-    a tool sensor each is calibrated by its own readings.
+    At rest and without contact, force = bias_force + mass g and moment = bias_moment + (mass centre) x g, with g in
+    the sensor's frame; readings are the wrench *on* the load. The two equations share no parameter and are fitted
+    separately. Handle and tool sensor are each calibrated with their own readings.
 
-    The readings are tested for drift, colour, one far off, the last poses by a fit of the first ones, other frames and
-    axes, moments in N mm, and residuals above the stated noise, or where none was stated above a fifth of the weight.
-    Clean readings raise an alarm in 1 % of all calibrations. Where residuals are coloured, intervals allow for it
-    (`gt.inference.newey_west`).
+    The readings are tested for drift, coloured residuals, a large single residual, prediction of the last poses from
+    the first ones, other frames and axes, moments in N mm, and residuals above the stated noise or, without a stated
+    noise, above a fifth of the weight. Clean readings raise an alarm in 1 % of all calibrations. With coloured
+    residuals the intervals are widened (`gt.inference.newey_west`).
 
     Args:
-        turns: (poses, 3, 3) rotation matrices whose columns are the sensor's axes in the world frame. Gravity must
-            point in three directions or more in the sensor's frame that lie on no line.
+        turns: (poses, 3, 3) rotation matrices whose columns are the sensor's axes in the world frame. In the sensor's
+            frame gravity must have at least three directions whose tips do not lie on a line.
         forces, moments: (poses, 3) readings [N], [N m] about the sensor's origin, in its frame.
         gravity: (3,) [m/s2] in the world frame.
-        sigma_force, sigma_moment: standard deviation of one reading [N], [N m]; left out, the residuals give it.
-        time: (poses,) [s], rising, of each reading; their order counts where it is left out.
-        drift: biases move linearly with time, drift_force_x, ... [N/s] and drift_moment_x, ... [N m/s] are estimated
-            too, and bias is that at the last reading.
-        accept: names of alarms that change no status, such as "force_coloured".
+        sigma_force, sigma_moment: standard deviation of one reading [N], [N m]; by default from the residuals.
+        time: (poses,) [s], increasing, of each reading; by default the index of the pose.
+        drift: also estimate linear drifts of the biases, drift_force_x, ... [N/s] and drift_moment_x, ... [N m/s]; the
+            biases are then those at the last reading.
+        accept: names of alarms that do not change the status, such as "force_coloured".
 
-    The interval of the centre is that of a quotient to first order, Student's with the moments' degrees of freedom.
-    Raises ArgumentError for other shapes, numbers that are not finite, poses that leave a parameter undetermined,
-    by rank or under the noise, and too few poses.
+    The interval of the centre is that of a quotient to first order, from Student's distribution with the degrees of
+    freedom of the moments. Raises ArgumentError if shapes do not fit, if numbers are not finite, if there are too few
+    poses, or if the poses do not determine a parameter, by rank or within the noise.
 
     >>> rng = np.random.default_rng(1)  # synthetic readings, noise 0.05 N and 0.002 N m, seed 1
     >>> turns = np.linalg.qr(rng.normal(size=(30, 3, 3)))[0]
@@ -295,27 +293,27 @@ def calibrate_wrench(
     """
     R, down = turns_of(turns, "turns"), vector_of(gravity, "gravity")
     if not np.any(down):
-        raise ArgumentError("is zero: without weight there is nothing to calibrate with", "gravity")
+        raise ArgumentError("must not be zero: the calibration uses the weight", "gravity")
     f, m = rows_of(forces, "forces", len(R)), rows_of(moments, "moments", len(R))
     sigma_of(sigma_force, "sigma_force")
     sigma_of(sigma_moment, "sigma_moment")
     g = R.transpose(0, 2, 1) @ down
-    at = np.arange(float(len(R))) if time is None else _rising(time, len(R))
+    t = np.arange(float(len(R))) if time is None else _rising(time, len(R))
     if drift and time is None:
         raise ArgumentError("is needed to estimate a drift", "time")
     with naming("turns"):
-        of_force = _fitted("force", "mass", f, g, at, sigma_force, drift)
-        of_moment = _fitted("moment", axes("first_moment"), m, g, at, sigma_moment, drift)
-    outcomes = [*suspicions_of(of_force, R, at, down), *suspicions_of(of_moment, R, at, down)]
+        of_force = _fitted("force", "mass", f, g, t, sigma_force, drift)
+        of_moment = _fitted("moment", axes("first_moment"), m, g, t, sigma_moment, drift)
+    outcomes = [*suspicions_of(of_force, R, t, down), *suspicions_of(of_moment, R, t, down)]
     outcomes += tested(Data({"turn": R, "force": f, "moment": m}, row="pose"))
-    force, moment = (_honest(part, outcomes) for part in (of_force, of_moment))
+    force, moment = (_with_colour(part, outcomes) for part in (of_force, of_moment))
     low, high = force.interval("mass", LEVEL)
     status = WrenchStatus.OK if low > 0 else WrenchStatus.WRONG_SIGN if high < 0 else WrenchStatus.NO_FORCE
     unsure = float(force.std[3] * np.linalg.norm(down))  # [N]
     if status is WrenchStatus.NO_FORCE and unsure > UNSEEN * (sigma_force or force.noise):
         raise ArgumentError(
-            f"hardly change gravity's direction in the sensor's frame: the weight is known to {unsure:.3g} N only, and "
-            "with it the bias; take poses that differ more",
+            f"hardly change gravity's direction in the sensor's frame: the standard deviation of weight and bias is "
+            f"{unsure:.3g} N; take poses that differ more",
             "turns",
         )
     centre = None if status is WrenchStatus.NO_FORCE else _centre(force, moment)
@@ -324,7 +322,7 @@ def calibrate_wrench(
     unknown = [name for name in accept if name not in get_args(WrenchAlarm)]
     if unknown:
         names = ", ".join(get_args(WrenchAlarm))
-        raise ArgumentError(f"'{unknown[0]}' is no alarm of a force sensor; these are: {names}", "accept")
+        raise ArgumentError(f"'{unknown[0]}' is not an alarm of a force sensor; expected {names}", "accept")
     if any(s.name not in accept for s in alarms(outcomes)):
         status = WrenchStatus.DOUBTFUL
     return WrenchCalibration(force, moment, centre, status, down, tuple(outcomes), tuple(accept))
@@ -334,7 +332,7 @@ def _fitted(
     word: Literal["force", "moment"], load: str | Sequence[str], values: np.ndarray, g: np.ndarray, time: np.ndarray,
     sigma: float | None, drift: bool,
 ) -> FittedReadings:  # fmt: skip
-    """Readings (poses, 3) by a bias, the columns of the load and, where asked for, a drift until the last one."""
+    """Fit readings (poses, 3) with a bias, the load and, with `drift`, a drift relative to the last reading."""
     force = word == "force"
     unit = "N" if force else "N m"
     names, units = list(axes(f"bias_{word}")), [unit] * 3
@@ -355,26 +353,26 @@ def _fitted(
     return FittedReadings(word, estimate, sigma, J, values, slice(3, 4 if force else 6), load_of)
 
 
-def _honest(part: FittedReadings, outcomes: Sequence[Suspicion]) -> Estimate:
-    """The estimate, with the covariance of coloured residuals where they are."""
+def _with_colour(part: FittedReadings, outcomes: Sequence[Suspicion]) -> Estimate:
+    """The estimate, with a Newey-West covariance if the residuals are coloured."""
     p = next(s.p for s in outcomes if s.name == f"{part.word}_coloured")
     if not p < SMALL_P:
         return part.estimate
-    return replace(part.estimate, covariance=newey_west(part.J, part.left))
+    return replace(part.estimate, covariance=newey_west(part.J, part.rest))
 
 
 def _rising(time: ArrayLike, count: int) -> np.ndarray:
     t = np.asarray(time, float)
     if t.shape != (count,) or not np.all(np.isfinite(t)) or not np.all(np.diff(t) > 0):
-        raise ArgumentError(f"expected {count} finite numbers that rise, one a pose", "time")
+        raise ArgumentError(f"expected {count} finite, increasing numbers, one per pose", "time")
     return t
 
 
 def _centre(force: Estimate, moment: Estimate) -> Estimate:
     """first moment / mass; the two fits have independent noise."""
     mass, first = force.value("mass"), moment.values[3:6]
-    by = np.column_stack([np.eye(3) / mass, -first / mass**2])
-    covariance = by @ scipy.linalg.block_diag(moment.covariance[3:6, 3:6], force.covariance[3:4, 3:4]) @ by.T
+    J = np.column_stack([np.eye(3) / mass, -first / mass**2])
+    covariance = J @ scipy.linalg.block_diag(moment.covariance[3:6, 3:6], force.covariance[3:4, 3:4]) @ J.T
     return Estimate(
         tuple(axes("centre")), first / mass, (covariance + covariance.T) / 2, moment.degrees_of_freedom, moment.noise,
         moment.known_noise, moment.residuals, (), units=("m",) * 3,

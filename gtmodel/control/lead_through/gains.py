@@ -1,5 +1,4 @@
-"""Gains, thresholds and limits of lead-through along a surface, into a hole and in rotation (Dressler 2012, chapter
-8), the watch on a contact that oscillates, and the operator's hand."""
+"""Gains and limits of lead-through (Dressler 2012, chapter 8), the oscillation watch, the rotation, and the hand."""
 
 from __future__ import annotations
 
@@ -18,7 +17,7 @@ from .wrench import ZERO, Turn, Vector, cross, dot, forth, limited, plus
 class SurfaceGains(Options):
     """Gains, thresholds and limits of lead-through on a surface; the thesis prints only cycle, cone and reference.
 
-    The defaults of the others are ours: examples, not recommendations.
+    The other defaults are our own examples, not recommendations.
 
     >>> gt.control.lead_through.SurfaceGains(force_gain=-0.01)
     Traceback (most recent call last):
@@ -32,32 +31,32 @@ class SurfaceGains(Options):
         float, Unit("N.s/m", key="damping_Ns_m"), Within(above=0.0), "D of (8.6): steady speed is force / D"
     ] = 100.0
     force_gain: Annotated[float, Unit("m/s/N"), Within(above=0.0), "K of (8.4)"] = 0.01
-    force_reference: Annotated[float, Unit("N"), Within(least=0.0), "held along the normal, on the tool"] = 2.0
+    force_reference: Annotated[float, Unit("N"), Within(least=0.0), "force on the tool along the normal"] = 2.0
     any_direction: Annotated[
-        bool, "contact by the size of the tool's force and torque, the force's direction as normal: a peg in a hole"
+        bool, "contact from the magnitude of the tool's force and torque, normal along the force: for a peg in a hole"
     ] = False
     contact_arm: Annotated[
-        float, Unit("m"), Within(above=0.0), "with any_direction: a torque over it counts as a force towards contact"
+        float, Unit("m"), Within(above=0.0), "with any_direction: torque / contact_arm counts as a contact force"
     ] = 0.05
     cone: Annotated[float, Unit("rad", written="deg"), Within(least=0.0, most=math.pi / 2), "phi_L of (8.10)"] = (
         math.radians(10.0)
     )
     normal_filter: Annotated[float, Unit("s"), Within(least=0.0), "time constant of the normal; 0: unfiltered"] = 0.2
     friction: Annotated[
-        float, Within(least=0.0, most=1.0), "Coulomb coefficient taken out of the force's direction"
+        float, Within(least=0.0, most=1.0), "Coulomb coefficient for removing friction from the force's direction"
     ] = 0.0
-    friction_speed: Annotated[float, Unit("m/s"), Within(above=0.0), "below it less friction is taken out"] = 0.01
-    least_force: Annotated[float, Unit("N"), Within(above=0.0), "up to it a tool force has no direction"] = 0.2
-    enter_force: Annotated[float, Unit("N"), Within(above=0.0), "along the nominal normal: contact from it on"] = 1.0
-    leave_force: Annotated[float, Unit("N"), Within(), "contact ends at it and below"] = 0.3
+    friction_speed: Annotated[float, Unit("m/s"), Within(above=0.0), "less friction is removed below this speed"] = 0.01
+    least_force: Annotated[float, Unit("N"), Within(above=0.0), "up to here a tool force has no direction"] = 0.2
+    enter_force: Annotated[float, Unit("N"), Within(above=0.0), "along the nominal normal: contact begins"] = 1.0
+    leave_force: Annotated[float, Unit("N"), Within(), "along the nominal normal: contact ends"] = 0.3
     dwell: Annotated[float, Unit("s"), Within(least=0.0), "least time between two changes of contact"] = 0.1
     release_force: Annotated[float, Unit("N"), Within(above=0.0), "at the handle, along the normal: ends contact"] = (
         10.0
     )
-    speed_limit: Annotated[float, Unit("m/s"), Within(above=0.0), "of what the handle commands"] = 0.25
+    speed_limit: Annotated[float, Unit("m/s"), Within(above=0.0), "of the motion commanded by the handle"] = 0.25
     force_speed_limit: Annotated[float, Unit("m/s"), Within(above=0.0), "of the force control"] = 0.05
     acceleration_limit: Annotated[float, Unit("m/s2"), Within(above=0.0), "of the command"] = 5.0
-    force_range: Annotated[float, Unit("N"), Within(above=0.0), "a component that reaches it is saturated"] = 100.0
+    force_range: Annotated[float, Unit("N"), Within(above=0.0), "a component of this size is saturated"] = 100.0
     age_limit: Annotated[float, Unit("s"), Within(least=0.0), "an older wrench stops the motion"] = 0.012
 
     def __post_init__(self) -> None:
@@ -65,12 +64,12 @@ class SurfaceGains(Options):
         least = self.cycle * self.damping / 2  # (8.7) from cycle to cycle: v' = (1 - cycle D / M) v
         if not self.mass > least:
             raise ArgumentError(
-                f"must be greater than cycle damping / 2, {least:g} kg: else it swings by itself", "mass"
+                f"must be greater than cycle damping / 2, {least:g} kg, or the guided motion is unstable", "mass"
             )
         if not self.leave_force < self.enter_force:
             raise ArgumentError(f"must be less than enter_force, {self.enter_force:g} N", "leave_force")
         if not self.any_direction and not self.enter_force <= self.force_reference:
-            raise ArgumentError(f"is above the force held, {self.force_reference:g} N", "enter_force")
+            raise ArgumentError(f"must not be above force_reference, {self.force_reference:g} N", "enter_force")
 
 
 Watched = tuple[float, float, float]
@@ -81,28 +80,26 @@ CALM: Watched = (0.0, 0.0, 1.0)
 class OscillationWatch(Options):
     """Reduces the gain of the force control while the tool force oscillates.
 
-    The energy of the force above `corner` over a sliding window, with weights that fade with its age: above the square
-    of `level` the gain falls, without contact it recovers. With a level of 0 nothing is watched.
+    It averages the squared force above `corner` over an exponential window. The gain falls while this is above the
+    square of `level`, and recovers without contact. A level of 0 switches the watch off.
 
     >>> watch = gt.control.lead_through.OscillationWatch(level=0.5)
     >>> seen = (0.0, 0.0, 1.0)
     >>> for k in range(250):  # 2 N and an oscillation of 1 N at 62.5 Hz
     ...     seen = watch.step(seen, 2.0 + (0.0, 1.0, 0.0, -1.0)[k % 4], True, 0.004)
-    >>> bool(seen[2] < 0.1)  # share of the gain that is left
+    >>> bool(seen[2] < 0.1)  # remaining share of the gain
     True
     """
 
-    level: Annotated[float, Unit("N"), Within(least=0.0), "root mean square above it is oscillation; 0: off"] = 0.0
+    level: Annotated[float, Unit("N"), Within(least=0.0), "a larger root mean square is oscillation; 0: off"] = 0.0
     corner: Annotated[float, Unit("Hz"), Within(above=0.0), "slower changes of the force do not count"] = 5.0
-    window: Annotated[float, Unit("s"), Within(above=0.0), "time constant of the sliding window"] = 0.3
-    fall: Annotated[float, Unit("s"), Within(above=0.0), "time constant at which the gain falls"] = 0.2
-    recovery: Annotated[float, Unit("s"), Within(above=0.0), "time constant at which it recovers, free of contact"] = (
-        5.0
-    )
-    least_share: Annotated[float, Within(above=0.0, most=1.0), "of the gain that stays"] = 0.02
+    window: Annotated[float, Unit("s"), Within(above=0.0), "time constant of the exponential window"] = 0.3
+    fall: Annotated[float, Unit("s"), Within(above=0.0), "time constant of the falling gain"] = 0.2
+    recovery: Annotated[float, Unit("s"), Within(above=0.0), "time constant of the recovery, without contact"] = 5.0
+    least_share: Annotated[float, Within(above=0.0, most=1.0), "least share of the gain"] = 0.02
 
     def step(self, seen: Watched, force: float, contact: bool, cycle: float) -> Watched:
-        """Slow part of the force [N], energy [N2] and share of the gain, a cycle [s] on."""
+        """Return slow part of the force [N], energy [N2] and share of the gain after a cycle [s]."""
         if self.level == 0.0:
             return seen
         slow, energy, share = seen
@@ -119,13 +116,13 @@ class OscillationWatch(Options):
 
 @dataclass(frozen=True)
 class TurningGains(Options):
-    """Gains and limits of the rotation; the thesis prints none of them: the defaults are ours, examples.
+    """Gains and limits of the rotation. The thesis prints none of them; the defaults are our own examples.
 
     >>> gt.control.lead_through.TurningGains(torque_gain=2.0, about_axis="lock").about_axis
     'lock'
     """
 
-    by_handle: Annotated[bool, "the handle's torque turns the tool, free of contact"] = False
+    by_handle: Annotated[bool, "the handle's torque turns the tool without contact"] = False
     inertia: Annotated[float, Unit("kg.m2", key="inertia_kgm2"), Within(above=0.0), "felt at the handle"] = 0.05
     damping: Annotated[
         float, Unit("N.m.s/rad", key="damping_Nms_rad"), Within(above=0.0), "steady rate is torque / damping"
@@ -134,26 +131,26 @@ class TurningGains(Options):
         float,
         Unit("rad/s/(N.m)", key="torque_gain_rad_s_Nm"),
         Within(least=0.0),
-        "K of (8.4) for torques: turns the tool to none, in contact",
+        "K of (8.4) for torques: in contact the tool turns until its torque is zero",
     ] = 0.0
     about_axis: Annotated[
         Literal["free", "lock", "hold", "guide"],
-        "rotation about the peg's axis, in contact: as the tool's torque says, as printed; none; back to the angle at "
-        "which contact began; by the handle's torque",
+        "rotation about the peg's axis in contact: free: by the tool's torque, as printed; lock: none; hold: back to "
+        "the angle at the beginning of contact; guide: by the handle's torque",
     ] = "free"
     hold_gain: Annotated[float, Unit("1/s"), Within(above=0.0), "of `hold`"] = 5.0
-    rate_limit: Annotated[float, Unit("rad/s"), Within(above=0.0), "of what the handle commands"] = 1.0
+    rate_limit: Annotated[float, Unit("rad/s"), Within(above=0.0), "of the rotation commanded by the handle"] = 1.0
     torque_rate_limit: Annotated[float, Unit("rad/s"), Within(above=0.0), "of the torque control"] = 0.2
     acceleration_limit: Annotated[float, Unit("rad/s2"), Within(above=0.0), "of the command"] = 20.0
-    torque_range: Annotated[float, Unit("N.m"), Within(above=0.0), "a component that reaches it is saturated"] = 10.0
+    torque_range: Annotated[float, Unit("N.m"), Within(above=0.0), "a component of this size is saturated"] = 10.0
 
 
 @dataclass(frozen=True)
 class TurningState:
-    """What a cycle ends with: rate (3,) [rad/s] is the command to the robot, in the world frame.
+    """Rotation state after a cycle. rate (3,) [rad/s] is the command to the robot, in the world frame.
 
-    guided: (3,) [rad/s] for the next cycle. across: (3,) where the direction across the axis pointed when contact
-    began. about: commanded turn about the axis in contact [rad], over all contacts.
+    guided: (3,) [rad/s] for the next cycle. across: (3,) the perpendicular direction at the beginning of contact.
+    about: commanded rotation about the axis in contact [rad], over all contacts.
     """
 
     rate: Vector = ZERO
@@ -164,19 +161,19 @@ class TurningState:
 
 @dataclass(frozen=True)
 class TurningLaw:
-    """The rotation of a cycle: mass-damper by the handle, torque control by the tool, and what holds about the axis.
+    """The rotation in a cycle: inertia and damper at the handle, torque control at the tool, a rule about the axis.
 
-        P_h: free of contact all of w_h where `by_handle`, else nothing; with `guide` in contact its part about the axis
+        P_h: without contact all of w_h if `by_handle`, else zero; in contact with `guide` its part about the axis
         w  = P_h(w_h) + K t, without the part about the axis unless `free`; (8.11), torque reference zero
         w_h' = P_h(w_h) + cycle / inertia (t_h - damping w)      (8.7), with its back-calculation
 
-    axis, across: (3,) of length 1 and across each other, in the tool's frame: of the peg, and one that shows its angle.
+    axis, across: orthogonal unit vectors (3,) in the tool's frame, the peg's axis and a direction that shows its angle.
 
     >>> law = gt.control.lead_through.TurningLaw(gt.control.lead_through.TurningGains(torque_gain=2.0))
     >>> upright = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     >>> nothing = 0.0, 0.0, 0.0
     >>> state = law.step(law.start(), True, nothing, (0.0, 0.01, 0.0), upright, True, 0.004)
-    >>> state.rate  # [rad/s]: it follows the torque on the tool
+    >>> state.rate  # [rad/s]: follows the torque on the tool
     (0.0, 0.02, 0.0)
     """
 
@@ -185,13 +182,13 @@ class TurningLaw:
     across: Vector = (1.0, 0.0, 0.0)
 
     def start(self) -> TurningState:
-        """At rest."""
+        """Return the state at rest."""
         return TurningState()
 
     def step(
         self, state: TurningState, contact: bool, handle: Vector, tool: Vector, turn: Turn, began: bool, cycle: float
     ) -> TurningState:
-        """The state after a cycle [s] with torques [N m] about the tool centre point, in the world frame.
+        """Return the state after a cycle [s] with torques [N m] about the tool centre point, in the world frame.
 
         turn: rows of the rotation matrix whose columns are the tool's axes. began: contact began in this cycle.
         """
@@ -212,8 +209,8 @@ class TurningLaw:
         elif p.by_handle:
             projected = state.guided
         projected = limited(projected, p.rate_limit)
-        wanted = plus(projected, 1.0, aligned)
-        change = limited(plus(wanted, -1.0, state.rate), p.acceleration_limit * cycle)
+        target = plus(projected, 1.0, aligned)
+        change = limited(plus(target, -1.0, state.rate), p.acceleration_limit * cycle)
         rate = plus(state.rate, 1.0, change)
         net = plus(handle, -p.damping, rate)
         guided = plus(projected, cycle / p.inertia, net)
@@ -221,7 +218,7 @@ class TurningLaw:
         return TurningState(rate, guided, reference, about)
 
     def stop(self, state: TurningState, cycle: float) -> TurningState:
-        """The state after a cycle that brakes within acceleration_limit."""
+        """Return the state after a cycle of braking within acceleration_limit."""
         change = limited(plus(ZERO, -1.0, state.rate), self.gains.acceleration_limit * cycle)
         return TurningState(plus(state.rate, 1.0, change), ZERO, state.across, state.about)
 
@@ -233,8 +230,7 @@ LONGEST = 200_000  # cycles
 
 @dataclass(frozen=True)
 class GuidePhase(Options):
-    """What the hand does for a while: a force and a torque at the handle, and, where it has an impedance, a velocity
-    that it wants; in the world frame.
+    """A phase of the hand's action, in the world frame: force, torque and, for a hand with impedance, target velocity.
 
     >>> gt.control.lead_through.GuidePhase(2.0, force=(5.0, 0.0, -3.0)).duration
     2.0
@@ -243,34 +239,36 @@ class GuidePhase(Options):
     duration: Annotated[float, Unit("s"), Within(above=0.0), "of the phase"]
     force: Annotated[Three, Unit("N"), Within(), "of the hand on the handle"] = ZEROS
     moment: Annotated[Three, Unit("N.m"), Within(), "of the hand on the handle, about the grip"] = ZEROS
-    velocity: Annotated[Three, Unit("m/s"), Within(), "of the hand that has an impedance, as it wants it"] = ZEROS
+    velocity: Annotated[Three, Unit("m/s"), Within(), "target velocity of a hand with an impedance"] = ZEROS
 
 
 @dataclass(frozen=True)
 class Hand(Options):
-    """A hand that resists: mass, damping and stiffness between the handle and where the hand wants to be.
+    """Impedance of a hand: mass, and damping and stiffness between the handle and the hand's target.
 
     >>> gt.control.lead_through.Hand(stiffness=300.0).damping
     10.0
     """
 
-    mass: Annotated[float, Unit("kg"), Within(least=0.0), "that moves with the handle"] = 0.5
-    damping: Annotated[float, Unit("N.s/m", key="damping_Ns_m"), Within(least=0.0), "towards the wanted velocity"] = (
+    mass: Annotated[float, Unit("kg"), Within(least=0.0), "moving with the handle"] = 0.5
+    damping: Annotated[float, Unit("N.s/m", key="damping_Ns_m"), Within(least=0.0), "towards the target velocity"] = (
         10.0
     )
-    stiffness: Annotated[float, Unit("N/m"), Within(least=0.0), "towards the wanted position"] = 200.0
+    stiffness: Annotated[float, Unit("N/m"), Within(least=0.0), "towards the target position"] = 200.0
 
     def force(self, off: np.ndarray, relative: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-        """(3,) [N] on the handle: wanted less true position and velocity, (3,) each, and its acceleration."""
+        """Return the force (3,) [N] on the handle, from target minus true position and velocity, and its acceleration,
+        (3,) each."""
         return self.stiffness * off + self.damping * relative - self.mass * acceleration
 
 
 def rows_of_phases(phases: list[GuidePhase], cycle: float) -> np.ndarray:
-    """Force, moment and wanted velocity, (cycles, 3, 3). Raises ArgumentError for none and for too many cycles."""
+    """Return force, moment and target velocity (cycles, 3, 3). Raises ArgumentError without phases, or for too many
+    cycles."""
     if not phases:
         raise ArgumentError("expected one or more phases", "phases")
     counts = [max(round(p.duration / cycle), 1) for p in phases]
     if sum(counts) > LONGEST:
-        raise ArgumentError(f"last {sum(counts)} cycles together; at most {LONGEST} are run", "phases")
-    wanted = np.array([[p.force, p.moment, p.velocity] for p in phases])
-    return np.repeat(wanted, counts, axis=0)
+        raise ArgumentError(f"must last at most {LONGEST} cycles together; found {sum(counts)}", "phases")
+    rows = np.array([[p.force, p.moment, p.velocity] for p in phases])
+    return np.repeat(rows, counts, axis=0)

@@ -1,4 +1,4 @@
-"""Whether lead-through stays stable in a person's hand: a declared range of impedances, by eigenvalues."""
+"""Stability of lead-through with a person's hand on the handle, over a range of impedances, from eigenvalues."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from .gains import Hand, SurfaceGains, TurningGains
 from .options import HANDS_BY, HandRange, ServoChain
 from .tool_run import force_loop
 
-SEARCHES = 3  # from the worst points
-STIFFEST = 1e6  # [N/m], of a hand that is looked for
-ALONG = 40  # hands of other masses and dampings at each stiffness
-HALVINGS = 9  # of a step of 30 %: the stiffness limit is found to a thousandth
+SEARCHES = 3  # local searches from the worst points
+STIFFEST = 1e6  # [N/m], end of the search
+ALONG = 40  # hands with other masses and dampings at each stiffness
+HALVINGS = 9  # of a step of 30 %: the stiffness limit is accurate to a thousandth
 
 
 @dataclass(frozen=True, eq=False)
 class HandStability:
-    """least: damping ratio of the least damped pole over the range; below 0 a hand in the range makes it unstable.
+    """least: damping ratio of the least damped pole over the range; negative if a hand makes the loop unstable.
 
-    worst: the hand of it. frequency [Hz]: of that pole, by which its mode is known. stable: whether all hands tried
-    are. stiffness_limit: [N/m] up to it all hands with masses and dampings of the range are stable, as far as they were
-    tried.
+    worst: the hand with this pole. frequency [Hz]: of this pole, which identifies the mode. stable: whether the loop is
+    stable with all tested hands. stiffness_limit: [N/m] up to which the loop is stable with all tested hands that have
+    masses and dampings of the range.
     """
 
     least: float
@@ -40,11 +40,11 @@ class HandStability:
 def hand_matrix(
     hand: Hand, gains: SurfaceGains, servo: ServoChain, turning: TurningGains | None = None, arm: float = 0.0
 ) -> np.ndarray:
-    """The sampled loop of law, servo and a hand, along one direction in which the hand guides: its matrix (n, n).
+    """Return the matrix (n, n) of the sampled loop of law, servo and hand, along one guided direction.
 
-    turning, arm [m]: where the handle turns the tool, about a tool centre point that far from the grip. States are
-    position of the grip, the servo's others, commands on their way, and the guided velocity, axis by axis; positions
-    that the hand does not feel are left out.
+    turning, arm [m]: if the handle also turns the tool, about a tool centre point at this distance from the grip. The
+    states, axis by axis, are the position of the grip, the servo's other states, pending commands, and the guided
+    velocity; positions that exert no force on the hand are left out.
 
     >>> L = gt.control.lead_through
     >>> z = L.hand_matrix(L.Hand(), L.SurfaceGains(), L.ServoChain())
@@ -59,40 +59,40 @@ def hand_matrix(
     each, count = n + whole + 2, len(axes)
     size = each * count
     z = np.zeros((size, size))
-    felt = np.zeros(size)  # force of the hand
+    force = np.zeros(size)  # of the hand
     for j, (_, _, lever) in enumerate(axes):
-        at = j * each
-        felt[at] -= hand.stiffness * lever
-        felt[at + 1] -= hand.damping * lever
-        felt[at : at + n] -= hand.mass * lever * loop.plant.A[1]
-        felt[at + n + whole] -= hand.mass * lever * loop.plant.B[1]
+        first = j * each
+        force[first] -= hand.stiffness * lever
+        force[first + 1] -= hand.damping * lever
+        force[first : first + n] -= hand.mass * lever * loop.plant.A[1]
+        force[first + n + whole] -= hand.mass * lever * loop.plant.B[1]
     for j, (mass, damping, lever) in enumerate(axes):
-        at, own = j * each, (j + 1) * each - 1
-        z[at : at + n, at : at + n] = a
-        z[at : at + n, at + n + whole] += early
-        z[at : at + n, own if whole == 0 else at + n + whole - 1] += late
-        z[at + n, own] = 1.0
+        first, last = j * each, (j + 1) * each - 1
+        z[first : first + n, first : first + n] = a
+        z[first : first + n, first + n + whole] += early
+        z[first : first + n, last if whole == 0 else first + n + whole - 1] += late
+        z[first + n, last] = 1.0
         for age in range(whole):
-            z[at + n + age + 1, at + n + age] = 1.0
-        z[own, own] = 1.0 - gains.cycle / mass * damping
-        z[own] += gains.cycle / mass * lever * felt
-    places = np.arange(count) * each
+            z[first + n + age + 1, first + n + age] = 1.0
+        z[last, last] = 1.0 - gains.cycle / mass * damping
+        z[last] += gains.cycle / mass * lever * force
+    positions = np.arange(count) * each
     levers = np.array([lever for _, _, lever in axes])
     basis = np.eye(size)
     grip = levers / np.linalg.norm(levers)
-    basis[np.ix_(places, places)] = np.column_stack([grip, scipy.linalg.null_space([levers])])
-    kept = np.delete(np.arange(size), places if hand.stiffness == 0 else places[1:])
-    return (basis.T @ z @ basis)[np.ix_(kept, kept)]
+    basis[np.ix_(positions, positions)] = np.column_stack([grip, scipy.linalg.null_space([levers])])
+    states = np.delete(np.arange(size), positions if hand.stiffness == 0 else positions[1:])
+    return (basis.T @ z @ basis)[np.ix_(states, states)]
 
 
 def least_damped(matrix: np.ndarray) -> tuple[float, float]:
-    """Damping ratio of the least damped pole of a sampled loop, below 0 where it is unstable; and how far it turns in a
-    cycle [rad], undamped."""
+    """Return the damping ratio of the least damped pole of a sampled loop, negative if unstable, and its undamped
+    frequency [rad per cycle]."""
     poles = np.linalg.eigvals(matrix)
-    turns = continuous_poles(poles[np.abs(poles) > np.finfo(float).tiny], 1.0)
-    ratios = frequency_and_damping(turns)[1]
-    at = int(np.argmin(ratios))
-    return float(ratios[at]), float(np.abs(turns[at]))
+    continuous = continuous_poles(poles[np.abs(poles) > np.finfo(float).tiny], 1.0)
+    ratios = frequency_and_damping(continuous)[1]
+    least = int(np.argmin(ratios))
+    return float(ratios[least]), float(np.abs(continuous[least]))
 
 
 def hand_stability(
@@ -102,9 +102,9 @@ def hand_stability(
     turning: TurningGains | None = None,
     arm: float = 0.0,
 ) -> HandStability:
-    """The least damped pole over a range of hands: all vertices, random hands, and local searches from the worst.
+    """Find the least damped pole over a range of hands: all vertices, random hands, local searches from the worst.
 
-    It is what this has seen, not a proof. In contact the directions along a surface are those of free space: the hand
+    The result is not a proven bound. In contact, directions along a surface behave as in free space, because the hand
     does not guide along the normal.
 
     >>> L = gt.control.lead_through
@@ -127,33 +127,33 @@ def hand_stability(
 
     values = np.array([damping(within(s)) for s in shares])
     order = np.argsort(values, kind="stable")
-    least, at = float(values[order[0]]), shares[order[0]]
+    least, worst = float(values[order[0]]), shares[order[0]]
     for begin in shares[order[:SEARCHES]]:
-        ended = scipy.optimize.minimize(
+        search = scipy.optimize.minimize(
             lambda s: damping(within(s)), begin, method="Nelder-Mead", bounds=[(0.0, 1.0)] * 3
         )
-        if float(ended.fun) < least:
-            least, at = float(ended.fun), ended.x
+        if float(search.fun) < least:
+            least, worst = float(search.fun), search.x
 
-    def holds(stiffness: float) -> bool:
-        tried = np.array([within(s) for s in shares[:ALONG]])  # the first are vertices
-        tried[:, 2] = stiffness
-        return all(damping(x) > 0 for x in tried)
+    def stable(stiffness: float) -> bool:
+        rows = np.array([within(s) for s in shares[:ALONG]])  # the first are vertices
+        rows[:, 2] = stiffness
+        return all(damping(x) > 0 for x in rows)
 
-    worst = _hand(within(at))
-    turns = least_damped(hand_matrix(worst, gains, servo, turning, arm))[1]
-    return HandStability(least, worst, turns / (2 * np.pi * gains.cycle), least > 0, _last(holds, float(low[2])))
+    hand = _hand(within(worst))
+    turns = least_damped(hand_matrix(hand, gains, servo, turning, arm))[1]
+    return HandStability(least, hand, turns / (2 * np.pi * gains.cycle), least > 0, _last(stable, float(low[2])))
 
 
-def _last(holds: Callable[[float], bool], low: float) -> float:
-    """The greatest stiffness from `low` upwards that holds; 0 where the first does not."""
-    if not holds(max(low, 1.0)):
+def _last(stable: Callable[[float], bool], low: float) -> float:
+    """The greatest stable stiffness from `low` upwards; 0 if `low` is unstable."""
+    if not stable(max(low, 1.0)):
         return 0.0
     bottom = max(low, 1.0)
     top = bottom
-    while top < STIFFEST and holds(top):
+    while top < STIFFEST and stable(top):
         bottom, top = top, 1.3 * top
-    return float(bisected(holds, bottom, top, HALVINGS)[0]) if top < STIFFEST else bottom
+    return float(bisected(stable, bottom, top, HALVINGS)[0]) if top < STIFFEST else bottom
 
 
 def _hand(values: np.ndarray) -> Hand:
@@ -163,12 +163,12 @@ def _hand(values: np.ndarray) -> Hand:
 def damping_curves(
     gains: SurfaceGains, servo: ServoChain, hands: HandRange, points: int = 60
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Stiffnesses (points,) of a hand up to beyond its range, and the least damping ratio of its loop, by its mass."""
-    at = np.geomspace(50.0, 20.0 * max(hands.stiffness[1], 50.0), points)
+    """Return stiffnesses (points,) of a hand, beyond its range, and the least damping ratio of the loop, by mass."""
+    stiffness = np.geomspace(50.0, 20.0 * max(hands.stiffness[1], 50.0), points)
     middle = sum(hands.damping) / 2
-    return at, {
+    return stiffness, {
         f"{m:g} kg, {middle:g} N s/m": np.array(
-            [least_damped(hand_matrix(Hand(m, middle, float(k)), gains, servo))[0] for k in at]
+            [least_damped(hand_matrix(Hand(m, middle, float(k)), gains, servo))[0] for k in stiffness]
         )
         for m in dict.fromkeys(hands.mass)
     }

@@ -1,5 +1,4 @@
-"""The laws of lead-through, on a surface and in six degrees of freedom (Dressler 2012, chapter 8), a cycle at a time
-in plain numbers."""
+"""Laws of lead-through on a surface and in six degrees of freedom (Dressler 2012, chapter 8), one cycle per call."""
 
 from __future__ import annotations
 
@@ -12,17 +11,17 @@ from .scenes import GRAVITY
 from .sensor import MountedSensor, SignTest, Wrench
 from .wrench import IDENTITY, ZERO, Turn, Vector, WrenchStatus, dot, is_direction, is_turn, length, limited, plus, whole
 
-SHORTEST = 1e-9  # of a mixture of directions: below it they are opposed
+SHORTEST = 1e-9  # length of a mean of directions: below it they are opposite
 
 
 @dataclass(frozen=True)
 class SurfaceState:
-    """What a cycle ends with: velocity (3,) [m/s] is the command to the robot, in the world frame.
+    """State after a cycle. velocity (3,) [m/s] is the command to the robot, in the world frame.
 
     guided: (3,) [m/s] V_h of (8.7) for the next cycle. normal: (3,) in use; filtered: (3,) before the cone. contact,
-    and since: cycles since it changed. watched: see `OscillationWatch`. status: OK or NO_FORCE (in contact: the normal
-    stays as it was) and the robot moves, else it brakes and stands: the first cause stays. allowed: the sign test was
-    passed, and no wrench refused.
+    and since: cycles since it changed. watched: see `OscillationWatch`. status: the robot moves with OK and NO_FORCE
+    (in contact; the normal stays unchanged); with any other status it brakes and stops, and the first cause is kept.
+    allowed: whether the sign test passed and no wrench was rejected.
     """
 
     velocity: Vector
@@ -38,26 +37,27 @@ class SurfaceState:
 
 @dataclass(frozen=True)
 class SurfaceLaw:
-    """Lead-through in three translations: guided along the surface by hand, the force held along its normal.
+    """Lead-through in three translations: the hand guides along the surface, force control acts along its normal.
 
-    Convention: a tool force is the force *on* the tool, the normal points from workpiece to tool, so that in contact
-    f_t . n > 0, and (8.4) reads v = K (f_t . n - reference) n: too large a force lifts the tool. A handle force is the
-    force of the hand on the handle. All in one frame with the robot's command.
+    Convention: a tool force is the force *on* the tool, and the normal points from workpiece to tool. In contact
+    f_t . n > 0, and (8.4) reads v = K (f_t . n - reference) n: a force above the reference lifts the tool. A handle
+    force is the force of the hand on the handle. All vectors are in the frame of the robot's command.
 
-        P_h: all of v_h, in contact its part along the surface; its length at most `speed_limit`
-        V    = P_h(v_h) + v n, changed by `acceleration_limit` times the cycle at most
+        P_h: all of v_h; in contact its part along the surface; at most `speed_limit` long
+        V    = P_h(v_h) + v n, changing by at most `acceleration_limit` times the cycle
         v_h' = P_h(v_h) + cycle / mass (F_h - damping V)         (8.7), with its back-calculation
 
-    In contact n is the direction of the tool force within `cone` of the nominal normal, else the nominal one (8.10),
-    equality included. Contact begins at `enter_force`, ends at `leave_force` or with `release_force` at the handle, and
-    does not change again within `dwell`. A wrench that is not finite, saturated or old ends the motion: see `stop`.
+    In contact n is the direction of the tool force if it is within or on the `cone` around the nominal normal, else
+    the nominal normal (8.10). Contact begins at `enter_force`, ends at `leave_force` or with `release_force` at the
+    handle, and does not change again within `dwell`. A wrench that is not finite, saturated or old ends the motion: see
+    `stop`.
 
-    With `friction` the force of friction, against the commanded motion along the surface, is taken out before. With
-    `any_direction` the size of the force decides about contact, n is its direction, whatever the nominal normal, and
+    With `friction` the friction force, opposite to the commanded motion along the surface, is subtracted first. With
+    `any_direction` the magnitude of the force determines contact, n is its direction whatever the nominal normal, and
     without a force nothing is projected: (8.11).
 
-    normal: the nominal one, of length 1. watch: reduces the gain while the contact oscillates. Raises ArgumentError
-    for another length.
+    normal: nominal normal of length 1. watch: reduces the gain while the contact oscillates. Raises ArgumentError for a
+    normal of another length.
 
     >>> L = gt.control.lead_through
     >>> law, test = L.SurfaceLaw(), L.SignTest(None, L.WrenchStatus.OK)
@@ -66,7 +66,7 @@ class SurfaceLaw:
     ...     state = law.step(state, (5.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     >>> round(state.velocity[0], 4), state.contact  # [m/s]: force / damping
     (0.05, False)
-    >>> law.step(state, (0.0, 0.0, 0.0), (0.0, 0.0, 3.0)).velocity[2] > 0  # too large a force lifts the tool
+    >>> law.step(state, (0.0, 0.0, 0.0), (0.0, 0.0, 3.0)).velocity[2] > 0  # a force above the reference lifts the tool
     True
     """
 
@@ -76,7 +76,7 @@ class SurfaceLaw:
 
     def __post_init__(self) -> None:
         if not is_direction(self.normal):
-            raise ArgumentError(f"expected three numbers of length 1; found {self.normal!r}", "normal")
+            raise ArgumentError(f"expected a unit vector; found {self.normal!r}", "normal")
 
     @property
     def dwell_cycles(self) -> int:
@@ -84,16 +84,17 @@ class SurfaceLaw:
         return math.ceil(self.gains.dwell / self.gains.cycle - 1e-9)
 
     def start(self, test: SignTest) -> SurfaceState:
-        """At rest and free. After a sign test that did not end with OK no step ever moves the robot.
+        """Return the state at rest, without contact. The robot never moves after a sign test with a status other than
+        OK.
 
-        A wrench that cannot be used ends the motion too: see `stop`.
+        An unusable wrench also ends the motion: see `stop`.
         """
         return SurfaceState(ZERO, ZERO, self.normal, self.normal, False, self.dwell_cycles, test.status, test.status.ok)
 
     def step(
         self, state: SurfaceState, handle: Vector, tool: Vector, handle_age: float = 0.0, tool_age: float = 0.0
     ) -> SurfaceState:
-        """The state after a cycle with forces [N] at handle and tool, without bias and weight, and their ages [s]."""
+        """Return the state after a cycle with forces [N] at handle and tool, without bias and weight, and ages [s]."""
         if not state.allowed:
             return self.stop(state, state.status)
         bad = self._refusal(handle, tool, handle_age, tool_age)
@@ -102,7 +103,7 @@ class SurfaceLaw:
         return self.moved(state, handle, tool)
 
     def moved(self, state: SurfaceState, handle: Vector, tool: Vector, torque: float = 0.0) -> SurfaceState:
-        """The state after a cycle with forces that may be used [N]; torque: size of the tool's [N m]."""
+        """Return the state after a cycle with checked forces [N]; torque: magnitude of the tool's torque [N m]."""
         p = self.gains
         force = length(tool) if p.any_direction else dot(tool, self.normal)
         touch = max(force, torque / p.contact_arm) if p.any_direction else force
@@ -116,17 +117,17 @@ class SurfaceLaw:
             pressed = p.force_gain * watched[2] * (dot(tool, normal) - p.force_reference)
             pressed = min(max(pressed, -p.force_speed_limit), p.force_speed_limit)
         projected = limited(projected, p.speed_limit)
-        wanted = plus(projected, pressed, normal)
-        change = limited(plus(wanted, -1.0, state.velocity), p.acceleration_limit * p.cycle)
+        target = plus(projected, pressed, normal)
+        change = limited(plus(target, -1.0, state.velocity), p.acceleration_limit * p.cycle)
         velocity = plus(state.velocity, 1.0, change)
         net = plus(handle, -p.damping, velocity)
         guided = plus(projected, p.cycle / p.mass, net)
-        if not whole(velocity, guided, watched):  # of gains beyond reason
+        if not whole(velocity, guided, watched):  # absurdly large gains
             return self.stop(state, WrenchStatus.NOT_FINITE)
         return SurfaceState(velocity, guided, normal, filtered, contact, since, status, True, watched)
 
     def stop(self, state: SurfaceState, why: WrenchStatus) -> SurfaceState:
-        """The state after a cycle that brakes within acceleration_limit; then it stands, until `start` begins anew."""
+        """Return the state after a cycle of braking within acceleration_limit; then at rest until a new `start`."""
         change = limited(plus(ZERO, -1.0, state.velocity), self.gains.acceleration_limit * self.gains.cycle)
         return replace(state, velocity=plus(state.velocity, 1.0, change), guided=ZERO, status=why, allowed=False)
 
@@ -153,7 +154,7 @@ class SurfaceLaw:
         return (True, 0) if begins else (False, since)
 
     def _normal(self, state: SurfaceState, contact: bool, tool: Vector) -> tuple[Vector, Vector, WrenchStatus]:
-        """Filtered direction of the tool force, the normal in use (8.10), and whether there is a direction."""
+        """Filtered direction of the tool force, normal in use (8.10), and whether the force has a direction."""
         p = self.gains
         if not contact:
             return self.normal, self.normal, WrenchStatus.OK
@@ -164,25 +165,25 @@ class SurfaceLaw:
         if size <= p.least_force:
             return state.filtered, state.normal, WrenchStatus.NO_FORCE
         estimate = (pushed[0] / size, pushed[1] / size, pushed[2] / size)
-        if p.any_direction and not state.contact:  # where it begins, the nominal normal says nothing
+        if p.any_direction and not state.contact:  # at its beginning, independent of the nominal normal
             return estimate, estimate, WrenchStatus.OK
         share = p.cycle / (p.normal_filter + p.cycle)  # first order, implicit: 1 without a filter
         mixed = plus(state.filtered, share, plus(estimate, -1.0, state.filtered))
         mixture = length(mixed)
-        if mixture <= SHORTEST:  # turned right over
+        if mixture <= SHORTEST:  # opposite directions
             return self.normal, self.normal, WrenchStatus.OK
         filtered = (mixed[0] / mixture, mixed[1] / mixture, mixed[2] / mixture)
         inside = p.any_direction or dot(self.normal, filtered) >= math.cos(p.cone)
         return filtered, filtered if inside else self.normal, WrenchStatus.OK
 
 
-ORTHOGONAL = 1e-9  # of axis and direction across
-TURN = 1e-3  # of R R' - I: the orientation of a robot comes with few digits from some controllers
+ORTHOGONAL = 1e-9  # tolerance of axis . across
+TURN = 1e-3  # tolerance of R R' - I: some controllers report orientations with few digits
 
 
 @dataclass(frozen=True)
 class LeadThroughState:
-    """What a cycle ends with: velocity (3,) [m/s] of the tool centre point and rate (3,) [rad/s], in the world frame.
+    """State after a cycle: velocity (3,) [m/s] of the tool centre point and rate (3,) [rad/s], in the world frame.
 
     status and allowed are those of the translation; see `SurfaceState` and `TurningState`.
     """
@@ -207,29 +208,28 @@ class LeadThroughState:
 
     @property
     def status(self) -> WrenchStatus:
-        """OK or NO_FORCE while it may move; else why it stands."""
+        """OK or NO_FORCE while motion is allowed; otherwise the cause of the stop."""
         return self.translation.status
 
     @property
     def allowed(self) -> bool:
-        """False once the sign test or a wrench was refused."""
+        """False after a failed sign test or a rejected wrench."""
         return self.translation.allowed
 
 
 @dataclass(frozen=True)
 class LeadThroughLaw:
-    """Lead-through in six degrees of freedom: the readings of two sensors in, a twist of the tool out, a cycle at a
-    time.
+    """Lead-through in six degrees of freedom: in each cycle from the readings of two sensors to a twist of the tool.
 
-    Order of a cycle: orientation and readings are judged as they came (finite, rotation matrix, range, age); both
-    wrenches are freed of bias and weight and taken about the tool centre point in the world frame; `translation`
-    decides about contact, by the tool's force or, with `any_direction`, by its torque too; then `rotation`. What
-    cannot be used brakes both, for good.
+    Each cycle checks the raw orientation and readings (finite, rotation matrix, range, age) and converts both to
+    wrenches about the tool centre point in the world frame, without bias and weight. Then `translation` determines
+    contact from the tool's force, with `any_direction` also from its torque, and computes the velocity; `rotation`
+    computes the rate. An unusable reading stops both permanently.
 
-    translation, rotation: a surface is followed with `any_direction` off and torque_gain 0; a peg goes into a hole,
-    (8.11), with `any_direction`, force_reference 0 and a torque_gain. handle, tool: the sensors. gravity: (3,) [m/s2].
+    translation, rotation: to follow a surface, `any_direction` is off and torque_gain 0; to insert a peg, (8.11), use
+    `any_direction`, force_reference 0 and a torque_gain. handle, tool: the sensors. gravity: (3,) [m/s2].
 
-    Raises ArgumentError for axes that are not of length 1 or not across each other.
+    Raises ArgumentError if the axes are not orthogonal unit vectors.
 
     >>> L = gt.control.lead_through
     >>> law = L.LeadThroughLaw(tool=L.MountedSensor(mass=0.8))
@@ -251,19 +251,19 @@ class LeadThroughLaw:
     def __post_init__(self) -> None:
         axis, across = self.rotation.axis, self.rotation.across
         if not is_direction(axis):
-            raise ArgumentError(f"expected three numbers of length 1; found {axis!r}", "axis")
+            raise ArgumentError(f"expected a unit vector; found {axis!r}", "axis")
         if not (is_direction(across) and abs(dot(axis, across)) <= ORTHOGONAL):
-            raise ArgumentError(f"expected three numbers of length 1 across the axis; found {across!r}", "across")
+            raise ArgumentError(f"expected a unit vector perpendicular to the axis; found {across!r}", "across")
         if len(self.gravity) != 3 or not whole(self.gravity):
             raise ArgumentError(f"expected three finite numbers; found {self.gravity!r}", "gravity")
 
     @property
     def cycle(self) -> float:
-        """Between two commands [s]."""
+        """Time between two commands [s]."""
         return self.translation.gains.cycle
 
     def start(self, tool: SignTest, handle: SignTest) -> LeadThroughState:
-        """At rest and free. Unless the sign tests of both sensors ended with OK no step ever moves the robot."""
+        """Return the state at rest, without contact. The robot never moves unless both sign tests have status OK."""
         worse = handle if tool.status.ok else tool
         return LeadThroughState(self.translation.start(worse), self.rotation.start())
 
@@ -272,7 +272,7 @@ class LeadThroughLaw:
         turn: Turn = IDENTITY,
         handle_age: float = 0.0, tool_age: float = 0.0,
     ) -> LeadThroughState:  # fmt: skip
-        """The state after a cycle with the sensors' readings (force [N], moment [N m]) and their ages [s].
+        """Return the state after a cycle with the sensors' readings (force [N], moment [N m]) and their ages [s].
 
         turn: rows of the rotation matrix whose columns are the tool's axes in the world frame.
         """
@@ -294,7 +294,7 @@ class LeadThroughLaw:
         return LeadThroughState(moved, turned)
 
     def stop(self, state: LeadThroughState, why: WrenchStatus) -> LeadThroughState:
-        """The state after a cycle that brakes within the acceleration limits; then it stands, until `start`."""
+        """Return the state after a cycle of braking within the acceleration limits; then at rest until `start`."""
         return replace(
             state, translation=self.translation.stop(state.translation, why),
             rotation=self.rotation.stop(state.rotation, self.cycle),

@@ -1,5 +1,4 @@
-"""A force sensor on the robot, its frame, bias and load, what its reading says at the tool, and whether it reports
-the force with sign and weight."""
+"""A mounted force sensor that converts readings to wrenches at the tool, and the test of its sign and load."""
 
 from __future__ import annotations
 
@@ -36,12 +35,12 @@ Wrench = tuple[Vector, Vector]
 
 @dataclass(frozen=True)
 class MountedSensor:
-    """Where a force sensor sits on the tool, what it reads at rest and what it carries; plain numbers for the cycle.
+    """Mounting, bias and load of a force sensor on the tool, in plain numbers for the control cycle.
 
     turn: rows of the rotation matrix whose columns are the sensor's axes in the tool's frame. point: (3,) [m] from the
-    sensor's origin to the tool centre point, in the sensor's frame: about it moments count. force_bias [N],
-    moment_bias [N m], mass [kg], first_moment [kg m]: as of `WrenchCalibration`. Raises ArgumentError for numbers that
-    are not finite, a mass below 0 and what is no rotation matrix.
+    sensor's origin to the tool centre point, in the sensor's frame; moments are converted to this point. force_bias
+    [N], moment_bias [N m], mass [kg], first_moment [kg m]: as in `WrenchCalibration`. Raises ArgumentError if numbers
+    are not finite, the mass is negative, or turn is not a rotation matrix.
 
     >>> sensor = gt.control.lead_through.MountedSensor(mass=1.0, first_moment=(0.0, 0.0, 0.1), point=(0.0, 0.0, 0.2))
     >>> at_rest = (0.0, 0.0, -9.81), (0.0, 0.0, 0.0)
@@ -70,15 +69,16 @@ class MountedSensor:
     def calibrated(
         cls, calibration: WrenchCalibration, turn: ArrayLike = IDENTITY, point: ArrayLike | LeverArm = ZERO
     ) -> MountedSensor:
-        """A sensor with bias and load of a calibration; turn (3, 3), point (3,) or as `lever_arm` gives it.
+        """Return a sensor with bias and load of a calibration; turn (3, 3), point (3,) or a result of `lever_arm`.
 
-        A load without a mass has none here. Raises ArgumentError after a calibration or a lever arm that failed.
+        If the calibrated mass does not differ from zero, the sensor has no load. Raises ArgumentError if the
+        calibration or the lever arm failed.
         """
         if not calibration.status.ok and calibration.centre is not None:
-            raise ArgumentError("no contact force can be had from it: " + calibration.status.message, "calibration")
+            raise ArgumentError("it gives no contact forces: " + calibration.status.message, "calibration")
         if isinstance(point, LeverArm):
             if point.estimate is None:
-                raise ArgumentError("where the forces act is unknown: " + point.status.message, "point")
+                raise ArgumentError("the lever arm is unknown: " + point.status.message, "point")
             point = point.estimate.values
         rows = np.asarray(turn, float)
         if rows.shape != (3, 3):
@@ -92,10 +92,10 @@ class MountedSensor:
         )  # fmt: skip
 
     def wrench(self, reading: Wrench, turn: Turn, gravity: Vector = GRAVITY) -> Wrench:
-        """Force [N] and moment [N m] from outside about the tool centre point, in the world frame.
+        """Return the external force [N] and moment [N m] about the tool centre point, in the world frame.
 
-        reading: force [N] and moment [N m] about the sensor's origin, in its frame, on what it carries. turn: rows of
-        the rotation matrix whose columns are the tool's axes in the world frame. gravity: (3,) [m/s2].
+        reading: force [N] and moment [N m] on the load about the sensor's origin, in its frame. turn: rows of the
+        rotation matrix whose columns are the tool's axes in the world frame. gravity: (3,) [m/s2].
         """
         g = back(self.turn, back(turn, gravity))
         force = plus(plus(reading[0], -1.0, self.force_bias), -self.mass, g)
@@ -108,19 +108,19 @@ def _plain(row: np.ndarray) -> Vector:
     return float(row[0]), float(row[1]), float(row[2])
 
 
-TILTED = np.deg2rad(15.0)  # between the weights of two poses, in the sensor's axes: less tells little of a turn
-OTHER_LOAD = 0.3  # of the weight, ours: 17 degrees of a frame that is turned, or another load
+TILTED = np.deg2rad(15.0)  # least angle between the weights of two poses, in the sensor's axes, to detect a rotation
+OTHER_LOAD = 0.3  # of the weight, our choice: a frame rotated by 17 degrees, or another load
 SURE = 3.0  # standard deviations
 
 
 @dataclass(frozen=True, eq=False)
 class SignTest:
-    """share: Estimate of "share", measured over expected weight, 1 expected [1]; None for a load without a mass.
-    status: OK; WRONG_SIGN; NO_FORCE where noise and drift do not let the weight tell the sign; WRONG_LOAD where the
-    sign is right and a reading is off the expected weight by more than 0.3 of it.
+    """share: Estimate of "share", the measured over the expected weight [1], ideally 1; None for a load without mass.
+    status: OK; WRONG_SIGN; NO_FORCE if noise and drift are too large to determine the sign from the weight; WRONG_LOAD
+    if the sign is right but a reading differs from the expected weight by more than 0.3 of it.
 
-    blind: the weight pulled in one direction of the sensor only, so that a sensor turned about the vertical would have
-    read the same; a second pose, tilted, or a push in a known direction tells it.
+    blind: the weight had only one direction in the sensor's frame, so a sensor rotated about the vertical would read
+    the same. A second, tilted pose or a push in a known direction detects this.
     """
 
     share: Estimate | None
@@ -131,16 +131,16 @@ class SignTest:
 def sign_test(
     calibration: WrenchCalibration, turn: ArrayLike, forces: ArrayLike, *, sigma: float, drift: float = 0.0
 ) -> SignTest:
-    """Compare readings at rest and free of contact with the weight that the calibration expects in those poses.
+    """Test sign and load: compare readings at rest, without contact, with the weight expected from the calibration.
 
     Args:
-        turn: (3, 3) columns are the sensor's axes in the world frame; or (poses, 3, 3), of each reading.
-        forces: (rows, 3) readings [N], as of `calibrate_wrench`. In one pose their mean counts.
+        turn: (3, 3), columns are the sensor's axes in the world frame; or (poses, 3, 3), one for each reading.
+        forces: (rows, 3) readings [N], as in `calibrate_wrench`; in a single pose their mean is used.
         sigma: standard deviation of one reading [N].
-        drift: largest change of the bias since the calibration [N]: it may not decide the sign.
+        drift: largest change of the bias since the calibration [N]; it must not determine the sign.
 
-    The sign is told at 95 %. Raises ArgumentError for other shapes, numbers that are not finite, a negative drift and a
-    sigma that is not positive.
+    The confidence of the sign is 95 %. Raises ArgumentError if shapes do not fit, if numbers are not finite, if drift
+    is negative, or if sigma is not positive.
 
     >>> turns = np.stack([np.eye(3), [[1, 0, 0], [0, 0, -1], [0, 1, 0]], [[0, 0, 1], [0, 1, 0], [-1, 0, 0]]])
     >>> g = turns.transpose(0, 2, 1) @ [0.0, 0.0, -9.81]
@@ -161,14 +161,14 @@ def sign_test(
         raise ArgumentError(f"must be a number, at least 0; found {drift!r}", "drift")
     if not calibration.status.ok:
         return SignTest(None, calibration.status)
-    own = np.asarray(turn, float)
-    if own.shape == (3, 3):
-        own, f, count = own[None], f.mean(axis=0, keepdims=True), len(f)
-    elif own.shape == (len(f), 3, 3):
+    turns = np.asarray(turn, float)
+    if turns.shape == (3, 3):
+        turns, f, count = turns[None], f.mean(axis=0, keepdims=True), len(f)
+    elif turns.shape == (len(f), 3, 3):
         count = 1
     else:
-        raise ArgumentError(f"has the shape {own.shape}; expected (3, 3) or ({len(f)}, 3, 3)", "turn")
-    weight = calibration.weight(own)[0]
+        raise ArgumentError(f"has the shape {turns.shape}; expected (3, 3) or ({len(f)}, 3, 3)", "turn")
+    weight = calibration.weight(turns)[0]
     size = float(np.linalg.norm(weight[0]))
     mean = f - calibration.force.values[:3]
     share = linear_fit(weight.reshape(-1, 1), mean.reshape(-1), ["share"], sigma=sigma / np.sqrt(count))

@@ -1,5 +1,4 @@
-"""Guiding a tool by hand as a study: sensors calibrated and tested before the start, gains within their limits, a
-run, and what it shows."""
+"""Study of guiding a tool by hand: calibration and test of the sensors, gain limits, a run and its checks."""
 
 from __future__ import annotations
 
@@ -38,9 +37,9 @@ AT_REST = 50  # readings before the start
 def calibrated(
     sensor: SyntheticSensor, poses: int, readings: int, turn: np.ndarray, rng: np.random.Generator
 ) -> tuple[WrenchCalibration, MountedSensor, SignTest]:
-    """Calibrated on random poses while its sign was right, as the law knows it; then its sign is tested.
+    """Calibrate a sensor of the right sign in random poses, averaging `readings` in each, then test its true sign.
 
-    In each pose the mean of so many readings counts. turn (3, 3): of the tool before the start.
+    turn (3, 3): of the tool before the start.
     """
     fewer = 1 / np.sqrt(readings)
     right = replace(
@@ -49,17 +48,17 @@ def calibrated(
     turns = scipy.spatial.transform.Rotation.random(poses, rng=rng).as_matrix()
     noise = max(right.force_noise, 1e-6), max(right.moment_noise, 1e-8)
     known = calibrate_wrench(turns, *right.readings_at_rest(turns, rng), sigma_force=noise[0], sigma_moment=noise[1])
-    now = turn @ sensor.matrix
-    forces = sensor.readings_at_rest(np.tile(now, (AT_REST, 1, 1)), rng)[0]
-    test = sign_test(known, now, forces, sigma=max(sensor.force_noise, 1e-6))
+    axes = turn @ sensor.matrix
+    forces = sensor.readings_at_rest(np.tile(axes, (AT_REST, 1, 1)), rng)[0]
+    test = sign_test(known, axes, forces, sigma=max(sensor.force_noise, 1e-6))
     return known, MountedSensor.calibrated(known, sensor.matrix, sensor.point), test
 
 
-SO_FAR = "stopped before the end: this is what was found so far"
-AGREES = 0.05  # relative: limits by eigenvalues and by runs
-SEEN = 5.0  # times the noise: what noise alone does not reach
+SO_FAR = "stopped before the end; the results so far are kept"
+AGREES = 0.05  # relative difference of the limits from eigenvalues and from runs
+SEEN = 5.0  # times the noise: not reached by noise alone
 POINTS = 13  # of the range of stiffnesses
-OF_THE_MODE = 0.1  # relative: a pole that near to the servo's mode is it
+OF_THE_MODE = 0.1  # relative: a pole this close to the servo's mode belongs to it
 SURFACE, GAINS, TURNING, SERVO, SETUP = SyntheticSurface(), SurfaceGains(), TurningGains(), ServoChain(), GuideSetup()
 WATCH, SENSOR, HANDS = OscillationWatch(level=0.5), SyntheticSensor(), HandRange()
 
@@ -82,20 +81,20 @@ def study(
     cones: ConeComparison | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> LeadThroughStudy:
-    """Guiding a tool by hand with two force sensors, against a synthetic contact (Dressler 2012, chapter 8).
+    """Guide a tool by hand with two force sensors, against a synthetic contact (Dressler 2012, chapter 8).
 
     Args:
-        contact: a surface, or a hole for a peg; for a hole gains have `any_direction`.
-        phases: what the hand does. hand: its impedance; without, it presses with the forces of the phases.
-        gains, turning, watch: of the law. stiffness: contacts to be met, from which force_gain follows.
-        servo: how the robot follows. handle, tool: the sensors; both are calibrated and their signs tested before.
-        hands: range of impedances over which the loop with a hand is to be stable.
-        setup: where it starts, and what is asked. cones: also compare widths of the cone of (8.10).
+        contact: a surface, or a hole for a peg; a hole needs gains with `any_direction`.
+        phases: actions of the hand. hand: its impedance; without it the hand applies the forces of the phases.
+        gains, turning, watch: of the law. stiffness: range of contacts, from which force_gain follows.
+        servo: response of the robot. handle, tool: the sensors; both are calibrated and their signs tested first.
+        hands: range of impedances for which the loop with a hand must be stable.
+        setup: start and requirements. cones: also compare cone widths of (8.10).
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Checks: mean force, losses of contact, loop gains below the limit, limits by eigenvalues and by runs, energy at the
-    handle over any window, hands; of a peg its time in contact, its depth, its tilt and the torque that is left. Raises
-    ArgumentError for what does not fit.
+    Checks: mean force, losses of contact, loop gain below the limit, agreement of the limits from eigenvalues and runs,
+    energy at the handle over any window, stability with a hand; for a peg contact time, depth, tilt and remaining
+    torque. Raises ArgumentError if arguments do not fit together.
 
     >>> L = gt.control.lead_through
     >>> s = L.study(L.SyntheticSurface(), [L.GuidePhase(1.0, force=(0.0, 0.0, -3.0)), L.GuidePhase(
@@ -106,15 +105,14 @@ def study(
     work = Work(**work_options)
     peg = isinstance(contact, SyntheticHole)
     if peg != gains.any_direction:
-        said = "a hole wants it" if peg else "a surface has a normal; leave it out"
-        raise ArgumentError(f"{said}: the direction of contact", "gains.any_direction")
+        raise ArgumentError("must be true for a hole and false for a surface", "gains.any_direction")
     if (turning.by_handle or turning.about_axis == "guide") and not gains.cycle * turning.damping < 2 * turning.inertia:
         least = gains.cycle * turning.damping / 2
         raise ArgumentError(
-            f"must be greater than cycle damping / 2, {least:g}: else it swings by itself", "turning.inertia"
+            f"must be greater than cycle damping / 2, {least:g}, or the guided rotation is unstable", "turning.inertia"
         )
     if peg and stiffness is not None:
-        raise ArgumentError("belongs to a surface; a peg's gain is declared", "stiffness")
+        raise ArgumentError("applies only to a surface; for a peg set gains.force_gain", "stiffness")
     work.step("limits")
     limit = gain_limit(force_loop(servo, gains.cycle))
     if stiffness is not None:
@@ -132,53 +130,52 @@ def study(
     run: ToolRun | None = None
     book: PassivityBook | None = None
     good, files = False, dict[str, str | bytes]()
-    shown = _synthetic(work.title or "lead-through")
+    title = _synthetic(work.title or "lead-through")
 
     def answer(status: SolveStatus = SolveStatus.INTERRUPTED) -> LeadThroughStudy:
-        said = SO_FAR if status is SolveStatus.INTERRUPTED or run is None else _message(answers, peg, good, run)
+        message = SO_FAR if status is SolveStatus.INTERRUPTED or run is None else _message(answers, peg, good, run)
         judged = run if good else None
         return LeadThroughStudy(
-            status=status, message=said, title=shown, notes=notes, checks=checks, files=files,
+            status=status, message=message, title=title, notes=notes, checks=checks, files=files,
             run=judged, book=book,
             figures={} if judged is None else
-            _figures(judged, book, answers, contact, gains, servo, setup, cones, hands, shown),
+            _figures(judged, book, answers, contact, gains, servo, setup, cones, hands, title),
             **answers,
         )  # fmt: skip
 
     work.keep(answer)
     try:
         simulated, swings = simulated_limit(gains, servo, limit.gain)
-    except ArgumentError as unseen:
-        notes.append(f"the limit is by eigenvalues alone: {unseen}")
+    except ArgumentError as error:
+        notes.append(f"the limit is from eigenvalues alone: {error}")
     else:
         answers |= {"simulated_limit": simulated, "simulated_frequency": swings}
         checks["limits_apart"] = at_most(
-            abs(simulated / limit.gain - 1), AGREES, "runs and eigenvalues differ; take other times of the servo"
+            abs(simulated / limit.gain - 1), AGREES, "runs and eigenvalues differ; change the servo's lag or delay"
         )
     notes += _limit_notes(answers, contact, stiffness, watch) + _noise_notes(gains, tool)
     work.step("run")
-    law, made, blind = _run(contact, phases, gains, turning, watch, servo, handle, tool, hand, setup)
-    notes += _not_seen(blind)
-    checks["sensors_usable"] = Check(float(made.status), judged=made.allowed, advice=made.status.message)
-    run = made
+    law, run, blind = _run(contact, phases, gains, turning, watch, servo, handle, tool, hand, setup)
+    notes += _untested(blind)
+    checks["sensors_usable"] = Check(float(run.status), judged=run.allowed, advice=run.status.message)
     if run.stopped is not None:
-        notes.append(f"the motion was stopped at {run.stopped:.4g} s, and is not judged: {run.status.message}")
+        notes.append(f"the motion was stopped at {run.stopped:.4g} s and is not judged: {run.status.message}")
     if run.allowed:
         book = at_the_handle(run, gains, turning, servo)
         answers |= {"energy_passed": book.passed, "least_window": book.worst, "energy_deficit": book.deficit}
         notes.append(f"energy at the handle: {book}")
         checks["energy_deficit_share"] = at_most(
-            book.share, TOO_MUCH, "the robot gives more than it stored; raise the damping"
+            book.share, TOO_MUCH, "the robot returns more energy than it stored; raise the damping"
         )
         files["samples.csv"] = _table(run)
-        more, said, judged = (aligned if peg else forces)(run, contact, law, gains, setup, tool)  # type: ignore[arg-type]
-        answers, notes, checks, good = answers | more, notes + said, checks | judged, True
+        more, remarks, judged = (aligned if peg else forces)(run, contact, law, gains, setup, tool)  # type: ignore[arg-type]
+        answers, notes, checks, good = answers | more, notes + remarks, checks | judged, True
     if hands is not None:
         work.step("hands")
-        seen = hand_stability(gains, servo, hands, turning, float(np.linalg.norm(setup.grip)))
-        answers |= _hand_answers(seen)
-        notes.append(_hand_words(seen, hands))
-        checks["hand_damping"] = at_least(seen.least, hands.least_damping, _more_damping(seen, servo))
+        stability = hand_stability(gains, servo, hands, turning, float(np.linalg.norm(setup.grip)))
+        answers |= _hand_answers(stability)
+        notes.append(_hand_words(stability, hands))
+        checks["hand_damping"] = at_least(stability.least, hands.least_damping, _more_damping(stability, servo))
     if cones is not None:
         work.step("cones")
         answers["cone_deviations"] = cone_deviations(gains, servo, cones)
@@ -189,12 +186,12 @@ def _loop_gain(contact: SyntheticSurface | SyntheticHole, gains: SurfaceGains, t
     if isinstance(contact, SyntheticSurface):
         return {"loop_gain": gains.force_gain * contact.stiffness}
     k = peg_stiffness(contact)
-    by = np.diag([gains.force_gain] * 3 + [turning.torque_gain] * 3)
-    _, sizes, ways = np.linalg.svd(k[3:, 3:])
-    free = np.array(ways[sizes < 1e-6 * sizes.max()])
+    gain = np.diag([gains.force_gain] * 3 + [turning.torque_gain] * 3)
+    _, sizes, directions = np.linalg.svd(k[3:, 3:])
+    free = np.array(directions[sizes < 1e-6 * sizes.max()])
     axis = free[0] if len(free) else np.zeros(3)
     return {
-        "loop_gain": float(np.abs(np.linalg.eigvals(by @ k)).max()),
+        "loop_gain": float(np.abs(np.linalg.eigvals(gain @ k)).max()),
         "undetermined": (np.sign(axis @ [1.0, 1.0, 1.0]) * axis + 0.0).round(9).tolist() if len(free) else None,
     }
 
@@ -204,7 +201,7 @@ def _run(
     watch: OscillationWatch, servo: ServoChain, handle: SyntheticSensor, tool: SyntheticSensor, hand: Hand | None,
     setup: GuideSetup,
 ) -> tuple[LeadThroughLaw, ToolRun, list[str]]:  # fmt: skip
-    """The law, its run, and which sensors were tested in a way that leaves a turn about the vertical unseen."""
+    """The law, its run, and the sensors whose test cannot detect a rotation about the vertical."""
     rng = np.random.default_rng(setup.seed)
     turn = rotation_by(setup.turn)
     of_tool = calibrated(tool, setup.poses, setup.readings, turn, rng)
@@ -218,40 +215,41 @@ def _run(
     return law, run, blind
 
 
-def _hand_answers(seen: HandStability) -> dict[str, Any]:
-    worst = {"mass": seen.worst.mass, "damping": seen.worst.damping, "stiffness": seen.worst.stiffness}
+def _hand_answers(hand: HandStability) -> dict[str, Any]:
+    worst = {"mass": hand.worst.mass, "damping": hand.worst.damping, "stiffness": hand.worst.stiffness}
     return {
-        "hand_damping": seen.least, "hand_mode": seen.frequency, "worst_hand": worst,
-        "stiffest_hand": seen.stiffness_limit,
+        "hand_damping": hand.least, "hand_mode": hand.frequency, "worst_hand": worst,
+        "stiffest_hand": hand.stiffness_limit,
     }  # fmt: skip
 
 
-def _hand_words(seen: HandStability, hands: HandRange) -> str:
-    asked = (
+def _hand_words(hand: HandStability, hands: HandRange) -> str:
+    ranges = (
         f"hands of {hands.mass[0]:g} to {hands.mass[1]:g} kg, {hands.damping[0]:g} to {hands.damping[1]:g} N s/m and "
         f"{hands.stiffness[0]:g} to {hands.stiffness[1]:g} N/m"
     )
-    said = "all are stable" if seen.stable else "some are unstable"
-    worst = f"{seen.worst.mass:.3g} kg, {seen.worst.damping:.3g} N s/m and {seen.worst.stiffness:.3g} N/m"
+    verdict = "stable with all of them" if hand.stable else "unstable with some of them"
+    worst = f"{hand.worst.mass:.3g} kg, {hand.worst.damping:.3g} N s/m and {hand.worst.stiffness:.3g} N/m"
     return (
-        f"{asked}: {said}; the least damped mode, at {seen.frequency:.3g} Hz with {worst}, has a damping ratio of "
-        f"{seen.least:.3g}; stable up to {seen.stiffness_limit:.4g} N/m"
+        f"{ranges}: {verdict}; the least damped mode, at {hand.frequency:.3g} Hz with {worst}, has a damping ratio of "
+        f"{hand.least:.3g}; stable up to {hand.stiffness_limit:.4g} N/m"
     )
 
 
-def _more_damping(seen: HandStability, servo: ServoChain) -> str:
-    if servo.mode_frequency and abs(seen.frequency / servo.mode_frequency - 1) < OF_THE_MODE:
+def _more_damping(hand: HandStability, servo: ServoChain) -> str:
+    if servo.mode_frequency and abs(hand.frequency / servo.mode_frequency - 1) < OF_THE_MODE:
         return (
-            f"the mode of the robot at {servo.mode_frequency:g} Hz, with a damping ratio of {servo.mode_damping:g} by "
-            "itself, rings with a hand on the handle; damp or filter it, or declare hands.least_damping and say why"
+            f"the robot's mode at {servo.mode_frequency:g} Hz, with a damping ratio of {servo.mode_damping:g} without "
+            "a hand, is poorly damped with a hand on the handle; damp or filter it, or justify a lower "
+            "hands.least_damping"
         )
-    return "a hand in the range makes the loop ring or unstable; give it more mass or damping"
+    return "the loop is poorly damped or unstable with a hand in the range; raise gains.mass or gains.damping"
 
 
-def _not_seen(blind: Sequence[str]) -> list[str]:
-    """What a test in one pose cannot tell."""
+def _untested(blind: Sequence[str]) -> list[str]:
+    """A note on sensors tested in one pose."""
     return [
-        f"the sign test of {' and '.join(blind)} saw one pose, where a sensor turned about the vertical reads the "
+        f"the sign test of {' and '.join(blind)} used one pose, in which a sensor rotated about the vertical reads the "
         "same: before a person holds the handle, test in a second pose, tilted by 30 degrees or more, or push the tool "
         "in a known direction"
     ] if blind else []  # fmt: skip
@@ -266,22 +264,22 @@ def _limit_notes(
     if stiffness is not None and not stiffness.softest <= contact.stiffness <= stiffness.stiffest:
         notes.append(f"the contact of {contact.stiffness:g} N/m lies outside the declared range of stiffnesses")
     if share >= 1:
-        reduced = "; the gain is reduced when that is seen" if watch.level else ""
+        reduced = "; the watch then reduces the gain" if watch.level else ""
         notes.append(f"the loop gain is {share:.3g} of its limit: this contact oscillates{reduced}")
     if answers.get("undetermined"):
         x, y, z = answers["undetermined"]
-        notes.append(f"the contact determines no rotation about the axis ({x:g}, {y:g}, {z:g}) of the tool")
+        notes.append(f"the contact does not determine the rotation about the tool's axis ({x:g}, {y:g}, {z:g})")
     return notes
 
 
 def _noise_notes(gains: SurfaceGains, tool: SyntheticSensor) -> list[str]:
-    """Contact that noise alone begins."""
+    """Notes on thresholds of contact that noise alone can reach."""
     limits = [(gains.enter_force, tool.force_noise, "N")]
     if gains.any_direction:
         each = float(np.hypot(tool.moment_noise, tool.force_noise * float(np.linalg.norm(tool.point))))
         limits.append((gains.enter_force * gains.contact_arm, each, "N m"))
     return [
-        f"contact begins at {limit:.3g} {unit}, below {SEEN:g} times the noise of the tool's sensor: noise begins it"
+        f"contact begins at {limit:.3g} {unit}, below {SEEN:g} times the noise of the tool's sensor: noise can start it"
         for limit, noise, unit in limits
         if limit < SEEN * noise
     ]
@@ -289,16 +287,16 @@ def _noise_notes(gains: SurfaceGains, tool: SyntheticSensor) -> list[str]:
 
 def _message(answers: dict[str, Any], peg: bool, good: bool, run: ToolRun) -> str:
     if not good:
-        what = "nothing moved" if run.stopped is None else f"it was stopped at {run.stopped:.4g} s"
-        return f"{what}: {run.status.message}"
-    own, most, at = (f"{answers[name]:.3g}" for name in ("loop_gain", "limit", "frequency"))
-    limit = f"loop gain {own} 1/s, limit {most} 1/s at {at} Hz"
+        event = "the tool did not move" if run.stopped is None else f"the motion was stopped at {run.stopped:.4g} s"
+        return f"{event}: {run.status.message}"
+    gain, most, frequency = (f"{answers[name]:.3g}" for name in ("loop_gain", "limit", "frequency"))
+    limit = f"loop gain {gain} 1/s, limit {most} 1/s at {frequency} Hz"
     if peg:
         begin, end = np.rad2deg(answers["misalignment"])
-        return f"the peg was {begin:.3g} deg off its hole and ends {end:.3g} deg off; {limit}"
+        return f"the peg starts {begin:.3g} deg off its hole and ends {end:.3g} deg off; {limit}"
     if answers.get("mean_force") is None:
         return f"the tool did not stay in contact; {limit}"
-    return f"{answers['mean_force']:.4g} N held on average, {answers['contact_losses']} losses of contact; {limit}"
+    return f"mean force {answers['mean_force']:.4g} N, {answers['contact_losses']} losses of contact; {limit}"
 
 
 def _synthetic(title: str) -> str:
@@ -321,7 +319,7 @@ def _figures(
     gains: SurfaceGains, servo: ServoChain, setup: GuideSetup, cones: ConeComparison | None, hands: HandRange | None,
     title: str,
 ) -> dict[str, Callable[[], Any]]:  # fmt: skip
-    """Pictures by name; what they need is computed when they are drawn."""
+    """Pictures by name; their curves are computed on drawing."""
 
     def force() -> Any:
         from ...plot.lead_through import force_figure
@@ -354,10 +352,10 @@ def _figures(
         from ...plot.lead_through import stability_figure
         from .hand_range import damping_curves
 
-        at = np.geomspace(answers["stiffnesses"][0] / 2, 2 * answers["stiffnesses"][-1], 60)
+        stiffness = np.geomspace(answers["stiffnesses"][0] / 2, 2 * answers["stiffnesses"][-1], 60)
         k = contact.stiffness
         return stability_figure(
-            at, answers["limit"] / at, (k, answers["loop_gain"] / k), gains.force_gain,
+            stiffness, answers["limit"] / stiffness, (k, answers["loop_gain"] / k), gains.force_gain,
             damping_curves(gains, servo, hands) if hands else None, title=title,
         )  # fmt: skip
 

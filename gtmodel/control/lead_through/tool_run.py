@@ -1,5 +1,4 @@
-"""Guiding a tool in six degrees of freedom against a synthetic contact, cycle by cycle, with a robot that follows
-velocity commands by delay, lag and mode."""
+"""Simulation of guiding a tool in six degrees of freedom against a synthetic contact, with delay, lag and a mode."""
 
 from __future__ import annotations
 
@@ -20,9 +19,9 @@ from .wrench import Turn, Vector, WrenchStatus, turns_of, vector_of
 
 
 def force_loop(servo: ServoChain, cycle: float = 0.004) -> DelayedLoop:
-    """The force loop along the normal, in contact, whose gain is force_gain times contact stiffness [1/s].
+    """Return the force loop along the normal in contact; its gain is force_gain times contact stiffness [1/s].
 
-    `gt.control.delayed.gain_limit` gives the gain and the frequency at which it oscillates. cycle [s].
+    `gt.control.delayed.gain_limit` returns the gain and the frequency at which it oscillates. cycle [s].
 
     >>> limit = gt.control.delayed.gain_limit(gt.control.lead_through.force_loop(gt.control.lead_through.ServoChain()))
     >>> round(limit.gain, 1), round(limit.frequency, 1)  # [1/s], [Hz]
@@ -32,7 +31,7 @@ def force_loop(servo: ServoChain, cycle: float = 0.004) -> DelayedLoop:
 
 
 class ServoRun:
-    """Axes that follow their commands by one chain, cycle by cycle; `position` (n,) [m], `velocity` (n,) [m/s] and
+    """Axes that follow their commands with the same servo chain; `position` (n,) [m], `velocity` (n,) [m/s] and
     `acceleration` (n,) [m/s2] are those at the sample, before a new command acts."""
 
     def __init__(self, servo: ServoChain, cycle: float, start: np.ndarray) -> None:
@@ -41,7 +40,7 @@ class ServoRun:
         self._parts, self._plant, self._acting = rest > 0, loop.plant, np.zeros_like(start)
         self._x = np.zeros((len(self._a), len(start)))
         self._x[0] = start
-        self._ahead = np.zeros((self._whole + self._parts + 1, len(start)))  # on their way, youngest first
+        self._pending = np.zeros((self._whole + self._parts + 1, len(start)))  # commands, newest first
 
     @property
     def position(self) -> np.ndarray:
@@ -55,28 +54,28 @@ class ServoRun:
 
     @property
     def acceleration(self) -> np.ndarray:
-        """At the sample, under the command that acted up to it."""
+        """At the sample, under the previous command."""
         return self._plant.A[1] @ self._x + self._plant.B[1] * self._acting
 
     def advance(self, command: np.ndarray) -> None:
-        """One cycle, with a new command (n,) given at its beginning."""
-        self._ahead = np.vstack([[command], self._ahead[:-1]])
-        self._acting = self._ahead[self._whole]
+        """Advance by one cycle, with a new command (n,) at its beginning."""
+        self._pending = np.vstack([[command], self._pending[:-1]])
+        self._acting = self._pending[self._whole]
         self._x = self._a @ self._x + np.outer(self._late, self._acting)
         if self._parts:
-            self._x += np.outer(self._early, self._ahead[self._whole + 1])
+            self._x += np.outer(self._early, self._pending[self._whole + 1])
 
 
 @dataclass(frozen=True, eq=False)
 class ToolRun:
     """A synthetic run, a row per cycle: time (n,) [s]; position (n, 3) [m], turn (n, 3, 3), velocity and rate (n, 3)
-    of the tool as it moves; command (n, 6) [m/s, rad/s]; force (n, 3) [N] and moment (n, 3) [N m] of the contact on the
-    tool, without noise; hand_force and hand_moment (n, 3) on the tool, about the tool centre point; read (n, 3) the
-    tool's force as the law has it; spring (n,) [J] in the contact; normal (n, 3), contact (n,), share (n,) of the gain
-    and about (n,) [rad] as of the law.
+    of the tool; command (n, 6) [m/s, rad/s]; force (n, 3) [N] and moment (n, 3) [N m] of the contact on the tool,
+    without noise; hand_force and hand_moment (n, 3) on the tool, about the tool centre point; read (n, 3), the tool's
+    force as the law computes it from the reading; spring (n,) [J] in the contact; normal (n, 3), contact (n,), share
+    (n,) of the gain and about (n,) [rad] from the law.
 
-    status: of the last cycle, or of the sign tests where they failed: then nothing moved. allowed: no sensor was
-    refused, from the sign tests to the end. stopped: [s] when one was refused on the way, else None.
+    status: of the last cycle, or of a failed sign test, after which the tool does not move. allowed: whether no sensor
+    was rejected, from the sign tests to the end. stopped: [s] when one was rejected during the run, else None.
     """
 
     time: np.ndarray
@@ -115,18 +114,18 @@ def guide_tool(
     turn: ArrayLike = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
     seed: int = 0,
 ) -> ToolRun:
-    """Guide a tool by hand through phases, with the readings of both sensors as they truly are.
+    """Simulate guiding a tool by hand through phases, with readings of both true sensors.
 
     Args:
-        law: with the sensors as they were calibrated. tests: sign tests of the tool's and the handle's sensor.
-        contact: `SyntheticSurface`, `SyntheticHole` or any other.
-        handle, tool: the sensors as they are. hand: its impedance; without, it presses with the forces of the phases.
-        grip: (3,) [m] where the hand holds, from the tool centre point, in the tool's frame.
-        start, turn: (3,) [m] and (3, 3), columns are the tool's axes: of the tool at rest.
+        law: with the calibrated sensors. tests: sign tests of the tool's and the handle's sensor.
+        contact: `SyntheticSurface`, `SyntheticHole` or your own `Contact`.
+        handle, tool: the true sensors. hand: its impedance; without it the hand applies the forces of the phases.
+        grip: (3,) [m], position of the hand from the tool centre point, in the tool's frame.
+        start, turn: position (3,) [m] of the tool at rest, and matrix (3, 3) whose columns are the tool's axes.
         seed: of the noise.
 
-    Turns follow the servo as angles about the axes of the world, integrated a cycle at a time. Raises ArgumentError for
-    other shapes, what is not finite and no phases.
+    The rotation follows the servo as angles about the world axes, integrated cycle by cycle. Raises ArgumentError if
+    shapes do not fit, if numbers are not finite, or without phases.
 
     >>> L = gt.control.lead_through
     >>> ok, sensor = L.SignTest(None, L.WrenchStatus.OK), L.SyntheticSensor(mass=0.0)
@@ -138,47 +137,47 @@ def guide_tool(
     """
     servo = servo or ServoChain()
     rows, cycle = rows_of_phases(list(phases), law.cycle), law.cycle
-    at, R = vector_of(start, "start"), turns_of(np.asarray(turn, float)[None], "turn")[0]
+    begin, R = vector_of(start, "start"), turns_of(np.asarray(turn, float)[None], "turn")[0]
     r, count = vector_of(grip, "grip"), len(rows)
     rng = np.random.default_rng(seed)
-    moves, turns = ServoRun(servo, cycle, at), ServoRun(servo, cycle, np.zeros(3))
+    moves, turns = ServoRun(servo, cycle, begin), ServoRun(servo, cycle, np.zeros(3))
     state = law.start(*tests)
     stopped: float | None = None
     vectors = ("position", "velocity", "rate", "force", "moment", "hand_force", "hand_moment", "read", "normal")
-    kept = {name: np.zeros((count, 3)) for name in vectors}
-    kept |= {name: np.zeros(count) for name in ("share", "about", "spring")}
+    columns = {name: np.zeros((count, 3)) for name in vectors}
+    columns |= {name: np.zeros(count) for name in ("share", "about", "spring")}
     orientation, command, touching = np.zeros((count, 3, 3)), np.zeros((count, 6)), np.zeros(count, bool)
-    wanted = at + R @ r
+    target = begin + R @ r
     for k in range(count):
         x, v, w = moves.position, moves.velocity, turns.velocity
         force, moment = contact.wrench(x, R, v, w, k * cycle)
         arm = R @ r
         f_h, m_h = rows[k, 0], rows[k, 1]
         if hand is not None:
-            off, relative = wanted - x - arm, rows[k, 2] - v - np.cross(w, arm)
+            off, relative = target - x - arm, rows[k, 2] - v - np.cross(w, arm)
             f_h = f_h + hand.force(off, relative, moves.acceleration + np.cross(turns.acceleration, arm))
         m_h = m_h + np.cross(arm, f_h)
-        wanted = wanted + cycle * rows[k, 2]
-        both = _wrench(handle.reading(f_h, m_h, R, rng)), _wrench(tool.reading(force, moment, R, rng))
-        before_it, state = state.allowed, law.step(state, *both, _turn(R))
-        if before_it and not state.allowed:
+        target = target + cycle * rows[k, 2]
+        readings = _wrench(handle.reading(f_h, m_h, R, rng)), _wrench(tool.reading(force, moment, R, rng))
+        allowed, state = state.allowed, law.step(state, *readings, _turn(R))
+        if allowed and not state.allowed:
             stopped = k * cycle
-        read = law.tool.wrench(both[1], _turn(R), law.gravity)[0]
+        read = law.tool.wrench(readings[1], _turn(R), law.gravity)[0]
         for name, value in (
             ("position", x), ("velocity", v), ("rate", w), ("force", force), ("moment", moment), ("hand_force", f_h),
             ("hand_moment", m_h), ("read", read), ("normal", state.translation.normal),
             ("share", state.translation.watched[2]), ("about", state.rotation.about),
             ("spring", contact.energy(x, R, k * cycle)),
         ):  # fmt: skip
-            kept[name][k] = value
+            columns[name][k] = value
         orientation[k], touching[k] = R, state.contact
         command[k] = *state.velocity, *state.rate
         before = turns.position.copy()
         moves.advance(np.array(state.velocity))
         turns.advance(np.array(state.rate))
-        by = turns.position - before
-        if by.any():
-            R = rotation_by(by) @ R
+        step = turns.position - before
+        if step.any():
+            R = rotation_by(step) @ R
     return ToolRun(
         cycle * np.arange(count),
         turn=orientation,
@@ -187,7 +186,7 @@ def guide_tool(
         status=state.status,
         allowed=state.allowed,
         stopped=stopped,
-        **kept,
+        **columns,
     )
 
 

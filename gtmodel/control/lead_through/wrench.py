@@ -1,5 +1,4 @@
-"""Wrenches in other frames and about other points, in plain numbers with sums in the order x, y, z, and what a
-wrench is good for."""
+"""Wrenches in other frames and about other points, in plain numbers summed in the order x, y, z, and their status."""
 
 from __future__ import annotations
 
@@ -14,32 +13,32 @@ from ...results.status import NumberedStatus
 
 
 class WrenchStatus(NumberedStatus):
-    """Whether a force sensor's wrench may be used; OK is 0, all others say why not.
+    """Whether a force sensor's wrench may be used; OK is 0, all others give the reason why not.
 
-    `message` is the plain English shown to people; `ok` is True for OK only.
+    `message` is the explanation for people; `ok` is True only for OK.
 
     >>> gt.control.lead_through.WrenchStatus.NO_FORCE.message
-    'the force is not larger than its noise or the declared least force: it has no direction'
+    'the force does not exceed its noise or the declared least force: it has no direction'
     """
 
     OK = 0, "the wrench can be used"
-    NO_FORCE = 1, "the force is not larger than its noise or the declared least force: it has no direction"
-    ONE_DIRECTION = 2, "all forces have nearly one direction: where they act along it is undetermined"
-    WRONG_SIGN = 3, "the sensor reports the force by the tool, or its axes or gravity are turned over"
+    NO_FORCE = 1, "the force does not exceed its noise or the declared least force: it has no direction"
+    ONE_DIRECTION = 2, "all forces are nearly parallel: the lever arm along them is undetermined"
+    WRONG_SIGN = 3, "the sensor reports the force exerted by the tool, or its axes or gravity are reversed"
     NOT_FINITE = 4, "a number of the wrench or its age is not finite"
     SATURATED = 5, "a component of the wrench reaches the end of its range"
     STALE = 6, "the wrench is older than the law allows"
-    SENSOR_FAULT = 7, "the sensor itself reports a fault"
-    NO_ROTATION = 8, "the orientation of the tool is no rotation matrix"
+    SENSOR_FAULT = 7, "the sensor reports a fault"
+    NO_ROTATION = 8, "the orientation of the tool is not a rotation matrix"
     WRONG_LOAD = 9, "at rest the sensor does not read the weight of its calibration: another load, sensor or frame"
-    DOUBTFUL = 10, "the readings do not follow bias and weight: look at the alarms, which say how"
+    DOUBTFUL = 10, "the readings do not follow bias and weight: see the alarms"
 
 
 Vector = tuple[float, float, float]
 Turn = tuple[Vector, Vector, Vector]  # rotation matrix, its rows
 ZERO: Vector = (0.0, 0.0, 0.0)
 IDENTITY: Turn = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-UNIT_LENGTH = 1e-9  # of directions that are declared
+UNIT_LENGTH = 1e-9  # tolerance of the length of declared directions
 
 
 def dot(a: Vector, b: Vector) -> float:
@@ -52,9 +51,9 @@ def length(a: Vector) -> float:
     return math.sqrt(dot(a, a))
 
 
-def plus(a: Vector, by: float, b: Vector) -> Vector:
-    """a + by b."""
-    return (a[0] + by * b[0], a[1] + by * b[1], a[2] + by * b[2])
+def plus(a: Vector, factor: float, b: Vector) -> Vector:
+    """a + factor b."""
+    return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2])
 
 
 def cross(a: Vector, b: Vector) -> Vector:
@@ -63,12 +62,12 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 def limited(a: Vector, most: float) -> Vector:
-    """a, shortened to the length `most` where it is longer."""
+    """a, shortened to the length `most` if it is longer."""
     size = length(a)
     if size <= most:
         return a
-    by = most / size
-    return (by * a[0], by * a[1], by * a[2])
+    factor = most / size
+    return (factor * a[0], factor * a[1], factor * a[2])
 
 
 def forth(turn: Turn, a: Vector) -> Vector:
@@ -97,7 +96,7 @@ def is_turn(turn: Turn, within: float) -> bool:
 
 
 def is_direction(a: Vector) -> bool:
-    """Whether these are three numbers of length 1."""
+    """Whether this is a unit vector (3,)."""
     return len(a) == 3 and abs(length(a) - 1.0) <= UNIT_LENGTH
 
 
@@ -106,13 +105,13 @@ def whole(*vectors: Vector) -> bool:
     return all(math.isfinite(x) for a in vectors for x in a)
 
 
-ORTHONORMAL = 1e-6  # of R'R - I: poses come with six and more digits
+ORTHONORMAL = 1e-6  # tolerance of R'R - I: poses have six or more digits
 
 
 def moment_about(force: ArrayLike, moment: ArrayLike, point: ArrayLike) -> np.ndarray:
-    """The moment (..., 3) [N m] about `point` (3,) [m] of a wrench given about the origin: moment - point x force.
+    """Return the moment (..., 3) [N m] about `point` (3,) [m] of a wrench about the origin: moment - point x force.
 
-    force, moment: (..., 3) [N], [N m], all in one frame. Raises ArgumentError for other shapes.
+    force, moment: (..., 3) [N], [N m], in the same frame. Raises ArgumentError if shapes do not fit.
 
     >>> gt.control.lead_through.moment_about([0.0, 0.0, 10.0], [0.0, -1.0, 0.0], [0.1, 0.0, 0.0])
     array([0., 0., 0.])
@@ -125,18 +124,18 @@ def moment_about(force: ArrayLike, moment: ArrayLike, point: ArrayLike) -> np.nd
 
 
 def rows_of(values: ArrayLike, name: str, count: int | None = None) -> np.ndarray:
-    """Finite rows (n, 3); `count` of them where it is given."""
+    """Return finite rows (n, 3), or raise ArgumentError; n must be `count` if it is set."""
     rows = np.asarray(values, float)
     if rows.ndim != 2 or rows.shape[1] != 3 or not len(rows) or count not in (None, len(rows)):
         raise ArgumentError(f"has the shape {rows.shape}; expected ({count or 'rows'}, 3)", name)
     if not np.all(np.isfinite(rows)):
         row = int(np.argwhere(~np.isfinite(rows))[0, 0])
-        raise ArgumentError(f"is not finite in row {row}; remove the row or mend the data", name)
+        raise ArgumentError(f"is not finite in row {row}; remove the row or repair the data", name)
     return rows
 
 
 def vector_of(values: ArrayLike, name: str) -> np.ndarray:
-    """A finite vector (3,)."""
+    """Return a finite vector (3,), or raise ArgumentError."""
     vector = np.asarray(values, float)
     if vector.shape != (3,) or not np.all(np.isfinite(vector)):
         raise ArgumentError(f"expected three finite numbers; found {values!r}", name)
@@ -144,19 +143,19 @@ def vector_of(values: ArrayLike, name: str) -> np.ndarray:
 
 
 def turns_of(values: ArrayLike, name: str) -> np.ndarray:
-    """Rotation matrices (n, 3, 3)."""
+    """Return rotation matrices (n, 3, 3), or raise ArgumentError."""
     turns = np.asarray(values, float)
     if turns.ndim != 3 or turns.shape[1:] != (3, 3) or not len(turns):
         raise ArgumentError(f"has the shape {turns.shape}; expected (poses, 3, 3)", name)
     off = np.abs(np.swapaxes(turns, 1, 2) @ turns - np.eye(3)).max(axis=(1, 2))
     bad = ~(off <= ORTHONORMAL) | ~(np.einsum("ni,ni->n", np.cross(turns[:, 0], turns[:, 1]), turns[:, 2]) > 0)
     if bad.any():
-        raise ArgumentError(f"row {int(np.argmax(bad))} is no rotation matrix: R'R = I and det R = 1 expected", name)
+        raise ArgumentError(f"row {int(np.argmax(bad))} is not a rotation matrix: R'R = I and det R = 1 expected", name)
     return turns
 
 
 def sigma_of(value: float | None, name: str) -> None:
-    """Refuse a standard deviation that is not positive."""
+    """Raise ArgumentError if a standard deviation is not positive."""
     if value is not None and not (np.isfinite(value) and value > 0):
         raise ArgumentError(f"must be a number above 0; found {value!r}", name)
 

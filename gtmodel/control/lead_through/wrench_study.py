@@ -1,4 +1,4 @@
-"""Calibration of a force sensor as a study, from measured or synthetic readings at rest, and where a force acts."""
+"""Study of a force sensor's calibration from measured or synthetic readings, and the lever arm of forces."""
 
 from __future__ import annotations
 
@@ -20,14 +20,15 @@ from .calibration import WrenchCalibration, calibrate_wrench, ends_of_range
 from .options import SyntheticReadings, WrenchAlarm, WrenchStudy
 from .wrench import WrenchStatus, axes, rows_of, sigma_of, turns_of
 
-ABOVE_NOISE = 50.0  # forces over their noise: noise in forces then draws the arm to zero by 1/2500 at most
-PASSES = 3  # the noise of a torque depends on the arm, weakly
+ABOVE_NOISE = 50.0  # least ratio of forces to their noise, which then biases the arm by at most 1/2500
+PASSES = 3  # the noise of a moment depends weakly on the arm
 
 
 @dataclass(frozen=True, eq=False)
 class LeverArm:
-    """estimate: of arm_x, arm_y, arm_z [m], sensor's origin to the point of the forces, in the sensor's frame; None
-    where status is not OK. status: NO_FORCE, or ONE_DIRECTION where the pushes do not tell the arm along them.
+    """estimate: of arm_x, arm_y, arm_z [m], from the sensor's origin to the point of application, in the sensor's
+    frame; None if status is not OK. status: OK, NO_FORCE, or ONE_DIRECTION if the pushes do not determine the arm
+    along their direction.
     """
 
     estimate: Estimate | None
@@ -43,19 +44,19 @@ def lever_arm(
     calibration: WrenchCalibration | None = None,
     turns: ArrayLike | None = None,
 ) -> LeverArm:
-    """The point at which pure forces act, from wrenches without bias and weight: moment = arm x force.
+    """Fit the point of application of pure forces to wrenches without bias and weight: moment = arm x force.
 
     Args:
-        forces, moments: (pushes, 3) [N], [N m] in the sensor's frame, in two directions at least, for instance pushes
-            of a fixed point against the tip; as `WrenchCalibration.contact` returns them.
+        forces, moments: (pushes, 3) [N], [N m] in the sensor's frame, in at least two directions, for example pushes
+            of the tip against a fixed point, from `WrenchCalibration.contact`.
         sigma_force, sigma_moment: standard deviation of one reading [N], [N m].
-        calibration: by which bias and weight were taken off, and turns (pushes, 3, 3) of the sensor in the world frame
-            at each push: the error of the calibration, alike in all pushes, then widens the intervals.
+        calibration: the calibration used to remove bias and weight; turns: (pushes, 3, 3) of the sensor in the world
+            frame at each push. The error of the calibration, common to all pushes, then widens the intervals.
 
-    Least squares of the moments, weighted with the noise of both (that of the forces acts through the arm). Forces must
-    exceed 50 sigma_force (root mean square, across any one direction too), else the status says so. Raises
-    ArgumentError for other shapes, numbers that are not finite, standard deviations that are not positive, and a
-    calibration without turns.
+    Least squares of the moments, weighted with the noise of moments and, through the arm, of forces. The root mean
+    square of the forces, also perpendicular to any direction, must exceed 50 sigma_force; otherwise the status says so.
+    Raises ArgumentError if shapes do not fit, if numbers are not finite, if a standard deviation is not positive, or if
+    only one of calibration and turns is set.
 
     >>> pushes = np.array([[20.0, 0.0, 0.0], [0.0, 20.0, 0.0], [0.0, 0.0, 20.0]])
     >>> arm = gt.control.lead_through.lever_arm(
@@ -76,7 +77,7 @@ def lever_arm(
     if np.linalg.eigvalsh(np.einsum("nij,nik->jk", A, A))[0] < least:
         return LeverArm(None, WrenchStatus.ONE_DIRECTION)
     if (calibration is None) != (turns is None):
-        raise ArgumentError("calibration and turns are given together", "turns")
+        raise ArgumentError("calibration and turns must be set together", "turns")
     arm, estimate, white = np.zeros(3), None, np.eye(3)
     for _ in range(PASSES):
         through = cross_matrix(arm)
@@ -88,7 +89,7 @@ def lever_arm(
     if calibration is not None and turns is not None and estimate is not None:
         R = turns_of(turns, "turns")
         if len(R) != len(f):
-            raise ArgumentError(f"expected {len(f)} matrices, one a push; found {len(R)}", "turns")
+            raise ArgumentError(f"expected {len(f)} matrices, one per push; found {len(R)}", "turns")
         g = R.transpose(0, 2, 1) @ calibration.gravity
         estimate = replace(estimate, covariance=estimate.covariance + _common(calibration, g, A, white, arm))
     return LeverArm(estimate, WrenchStatus.OK)
@@ -99,11 +100,11 @@ def _common(known: WrenchCalibration, g: np.ndarray, A: np.ndarray, white: np.nd
     through = cross_matrix(arm)
     by_force = np.concatenate([np.broadcast_to(through, (len(g), 3, 3)), (through @ g.T).T[:, :, None]], axis=2)
     by_moment = np.concatenate([np.broadcast_to(-np.eye(3), (len(g), 3, 3)), cross_matrix(g)], axis=2)
-    slopes = white @ np.concatenate([by_force, by_moment], axis=2)
-    own = white @ A
-    gain = np.linalg.solve(np.einsum("nij,nik->jk", own, own), np.einsum("nij,nik->jk", own, slopes))
-    both = scipy.linalg.block_diag(known.force.covariance[:4, :4], known.moment.covariance[:6, :6])
-    return gain @ both @ gain.T
+    J = white @ np.concatenate([by_force, by_moment], axis=2)
+    B = white @ A
+    gain = np.linalg.solve(np.einsum("nij,nik->jk", B, B), np.einsum("nij,nik->jk", B, J))
+    covariance = scipy.linalg.block_diag(known.force.covariance[:4, :4], known.moment.covariance[:6, :6])
+    return gain @ covariance @ gain.T
 
 
 LEVEL = 0.95
@@ -121,19 +122,19 @@ def wrench_study(
     accept: Sequence[WrenchAlarm] = (),
     **work_options: Unpack[WorkOptions],
 ) -> WrenchStudy:
-    """Bias, mass and centre of what a force sensor carries, and the lever arm to where forces act, with intervals.
+    """Calibrate a force sensor: bias, mass and centre of mass of its load, and lever arm of forces, with intervals.
 
     Args:
         readings: "turn" (rotation vector of the sensor's axes in the world frame) [rad], "force" [N], "moment" [N m],
-            a row for each pose at rest and free of contact; or synthetic ones.
-        pushes: the same while a fixed point presses where forces are to act.
-        force_noise [N], moment_noise [N m]: standard deviation of a reading; needed with pushes. Left out, the
-            residuals give it.
-        drift: estimate a linear drift of the biases over the recording too; they are then those at its end.
-        accept: names of alarms about the readings that are notes and fail nothing, as of `calibrate_wrench`.
+            a row for each pose at rest without contact; or options of synthetic readings.
+        pushes: the same signals during pushes against a fixed point.
+        force_noise [N], moment_noise [N m]: standard deviation of a reading; required with pushes, otherwise by
+            default from the residuals.
+        drift: also estimate a linear drift of the biases over the recording; the biases are then those at its end.
+        accept: names of alarms of the readings that become notes and fail no check, as in `calibrate_wrench`.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Raises ArgumentError for signals that are missing and poses that leave a parameter undetermined.
+    Raises ArgumentError if signals are missing, or if the poses do not determine a parameter.
 
     >>> L = gt.control.lead_through
     >>> sensor = L.SyntheticSensor(mass=0.9, centre=(0.01, 0.0, 0.1), point=(0.0, 0.0, 0.2))
@@ -146,12 +147,12 @@ def wrench_study(
     if isinstance(readings, SyntheticReadings):
         for value, name in ((pushes, "pushes"), (drift, "drift"), (accept, "accept")):
             if value:
-                raise ArgumentError("belongs to measured readings, not to synthetic ones", name)
-        given, sensor = readings, readings.sensor
+                raise ArgumentError("applies only to measured readings; leave it out", name)
+        sensor, seed = readings.sensor, readings.seed
         noise = max(sensor.force_noise, 1e-9), max(sensor.moment_noise, 1e-9)
-        known, arm = _synthetic(given, np.random.default_rng(given.seed), noise)
+        known, arm = _synthetic(readings, np.random.default_rng(seed), noise)
         title = _marked(work.title or "wrench calibration")
-        notes.append(f"synthetic: seed {given.seed}, noise {sensor.force_noise:g} N and {sensor.moment_noise:g} N m")
+        notes.append(f"synthetic: seed {seed}, noise {sensor.force_noise:g} N and {sensor.moment_noise:g} N m")
     else:
         noise = force_noise, moment_noise
         rows = [_signal(readings, name, "readings") for name in SIGNALS]
@@ -170,7 +171,7 @@ def wrench_study(
         shares, least = _covered(readings)
         answers["coverage"] = shares
         checks["least_coverage"] = Check(
-            min(shares.values()), least, "the intervals do not hold the truth as often as they say", least=True
+            min(shares.values()), least, "the intervals contain the truth less often than stated", least=True
         )
     if arm is not None and arm.estimate is None:
         notes.append(f"no lever arm: {arm.status.message}")
@@ -178,7 +179,7 @@ def wrench_study(
     estimates = [part for part in parts if part is not None]
     bias, moment = known.force.values[:3], known.moment.values[:3]
     names = [(part, name) for part in estimates for name in part.names]
-    off = [  # a fit with a known noise gives them in its units
+    rest = [  # a fit with known noise has normalised residuals
         (1.0 if sigma is None else sigma) * np.array(part.residuals).reshape(-1, 3)
         for part, sigma in zip((known.force, known.moment), noise, strict=True)
     ]
@@ -186,12 +187,12 @@ def wrench_study(
     def residuals() -> Any:
         from ...plot.lead_through import residuals_figure
 
-        return residuals_figure(*off, title=title)
+        return residuals_figure(*rest, title=title)
 
     return WrenchStudy(
         status=SolveStatus.SOLVED, title=title, notes=notes, checks=checks, estimate=known.force,
         message=_words(known), figures={"residuals": residuals},
-        poses=len(off[0]), mass=known.force.value("mass"), force_bias=bias.tolist(), moment_bias=moment.tolist(),
+        poses=len(rest[0]), mass=known.force.value("mass"), force_bias=bias.tolist(), moment_bias=moment.tolist(),
         centre=None if known.centre is None else known.centre.values.tolist(),
         force_drift=_drift(known.force), moment_drift=_drift(known.moment),
         arm=None if arm is None or arm.estimate is None else arm.estimate.values.tolist(),
@@ -206,8 +207,8 @@ def _drift(estimate: Estimate) -> list[float] | None:
 
 def _signal(readings: Trajectory, name: str, argument: str) -> np.ndarray:
     if name not in readings.names:
-        raise ArgumentError(f"has no '{name}'; there are {', '.join(readings.names)}", argument)
-    rows = np.array(readings[name], float)  # scipy takes no rows that are read-only
+        raise ArgumentError(f"has no '{name}'; it has {', '.join(readings.names)}", argument)
+    rows = np.array(readings[name], float)  # scipy needs writable rows
     if rows.ndim != 2 or rows.shape[1] != 3:
         raise ArgumentError(f"'{name}' has {rows.size // len(rows)} columns; expected 3", argument)
     if readings.units[name] != SIGNALS[name]:
@@ -222,45 +223,45 @@ def _measured_arm(
         return None
     for name, value in (("force_noise", force_noise), ("moment_noise", moment_noise)):
         if value is None:
-            raise ArgumentError("is needed to weigh the pushes", name)
+            raise ArgumentError("is needed to weight the pushes", name)
     if known.reversed:
         return LeverArm(None, WrenchStatus.WRONG_SIGN)
     assert force_noise is not None and moment_noise is not None
     turn, force, moment = (_signal(pushes, name, "pushes") for name in SIGNALS)
-    own = known.contact(rotation_by(turn), force, moment)
+    wrenches = known.contact(rotation_by(turn), force, moment)
     return lever_arm(
-        *own, sigma_force=force_noise, sigma_moment=moment_noise, calibration=known, turns=rotation_by(turn)
+        *wrenches, sigma_force=force_noise, sigma_moment=moment_noise, calibration=known, turns=rotation_by(turn)
     )
 
 
 def _synthetic(
-    given: SyntheticReadings, rng: np.random.Generator, noise: tuple[float, float]
+    options: SyntheticReadings, rng: np.random.Generator, noise: tuple[float, float]
 ) -> tuple[WrenchCalibration, LeverArm | None]:
-    sensor = given.sensor
-    turns = scipy.spatial.transform.Rotation.random(given.poses, rng=rng).as_matrix()
+    sensor = options.sensor
+    turns = scipy.spatial.transform.Rotation.random(options.poses, rng=rng).as_matrix()
     known = calibrate_wrench(turns, *sensor.readings_at_rest(turns, rng), sigma_force=noise[0], sigma_moment=noise[1])
-    if given.pushes == 0 or known.reversed:
+    if options.pushes == 0 or known.reversed:
         return known, None
-    force = rng.standard_normal((given.pushes, 3))
-    force *= given.push / np.linalg.norm(force, axis=1)[:, None]
+    force = rng.standard_normal((options.pushes, 3))
+    force *= options.push / np.linalg.norm(force, axis=1)[:, None]
     upright = sensor.matrix.T  # of the tool, so that the sensor stands upright
-    both = [sensor.reading(f, np.zeros(3), upright, rng) for f in force]
-    still = np.tile(np.eye(3), (given.pushes, 1, 1))
-    own = known.contact(still, [b[0] for b in both], [b[1] for b in both])
-    return known, lever_arm(*own, sigma_force=noise[0], sigma_moment=noise[1], calibration=known, turns=still)
+    wrenches = [sensor.reading(f, np.zeros(3), upright, rng) for f in force]
+    still = np.tile(np.eye(3), (options.pushes, 1, 1))
+    contact = known.contact(still, [w[0] for w in wrenches], [w[1] for w in wrenches])
+    return known, lever_arm(*contact, sigma_force=noise[0], sigma_moment=noise[1], calibration=known, turns=still)
 
 
-def _covered(given: SyntheticReadings) -> tuple[dict[str, float], float]:
-    """Share of intervals that hold the truth, by parameter, and the least that chance allows."""
-    sensor = given.sensor
+def _covered(options: SyntheticReadings) -> tuple[dict[str, float], float]:
+    """Share of intervals that contain the truth, by parameter, and the lower bound expected by chance."""
+    sensor = options.sensor
     noise = max(sensor.force_noise, 1e-9), max(sensor.moment_noise, 1e-9)
     parts: dict[str, list[Estimate]] = {"force": [], "moment": [], "centre": [], "arm": []}
-    for child in np.random.SeedSequence(given.seed + 1).spawn(given.repetitions):
-        again, there = _synthetic(given, np.random.default_rng(child), noise)
+    for child in np.random.SeedSequence(options.seed + 1).spawn(options.repetitions):
+        again, lever = _synthetic(options, np.random.default_rng(child), noise)
         parts["force"].append(again.force)
         parts["moment"].append(again.moment)
         parts["centre"] += [again.centre] if again.centre is not None else []
-        parts["arm"] += [there.estimate] if there is not None and there.estimate is not None else []
+        parts["arm"] += [lever.estimate] if lever is not None and lever.estimate is not None else []
     truth = {
         "force": ("bias_force", sensor.force_bias), "moment": ("bias_moment", sensor.moment_bias),
         "centre": ("centre", sensor.centre), "arm": ("arm", sensor.point),
@@ -268,12 +269,12 @@ def _covered(given: SyntheticReadings) -> tuple[dict[str, float], float]:
     shares: dict[str, float] = {}
     least = 1.0
     for part, (word, true) in truth.items():
-        if len(parts[part]) < given.repetitions:
+        if len(parts[part]) < options.repetitions:
             continue
         values = {f"{word}_{axis}": x for axis, x in zip("xyz", true, strict=True)}
-        seen = coverage(parts[part], values | ({"mass": sensor.mass} if part == "force" else {}), level=LEVEL)
-        shares |= {name: float(hits / seen.runs) for name, hits in zip(seen.names, seen.hits, strict=True)}
-        least = min(least, seen.band[0] / seen.runs)
+        counts = coverage(parts[part], values | ({"mass": sensor.mass} if part == "force" else {}), level=LEVEL)
+        shares |= {name: float(hits / counts.runs) for name, hits in zip(counts.names, counts.hits, strict=True)}
+        least = min(least, counts.band[0] / counts.runs)
     return shares, least
 
 

@@ -1,24 +1,24 @@
-"""Iterative learning control: what a robot repeats it learns, how fast and how far is known before (Dressler 2012, 7).
+"""Iterative learning control of repeated motions; rate and remaining error are predicted first (Dressler 2012, 7).
 
-study            rate and floor before the first iteration, then the runs beside them -> LearningStudy; LearningRobot,
-                 LearningDesign, LearningNoise: what it is asked for; SyntheticExperiment, AxisLearning, design_axis;
+study            rate and floor before the first iteration, then the runs -> LearningStudy; options LearningRobot,
+                 LearningDesign, LearningNoise; SyntheticExperiment, AxisLearning, design_axis;
                  SimulatedMotion, ElasticTip: a robot with its controller and an elastic tool
-next_input       from one measured run the next input -> NextInputStudy
-Lifted           a linear map of whole signals with its adjoint; lifted, toeplitz, shifted, filtered, zero_phase,
-                 symmetric, weighted, matrix, identity: such maps
-LearningLaw      u(k+1) = Q (u(k) + L e(k)); simple_law: that of case 1; ramp_weights, input_window: of (7.12), (7.14)
-largest_gain, spectral_radius, frequency_bound    how fast it converges: (7.16), (7.15), and in the frequency domain
-rate, floor, learn    the rate in words, what learning will leave, and runs; above_cutoff: a share that is not learned
-delayed_lag, ACTUATORS, pulse_response, frequency_response    plants, (6.11) among them
+next_input       from one measured run to the next input -> NextInputStudy
+Lifted           a linear map of whole signals with its adjoint; constructors: lifted, toeplitz, shifted, filtered,
+                 zero_phase, symmetric, weighted, matrix, identity
+LearningLaw      u(k+1) = Q (u(k) + L e(k)); simple_law: case 1; ramp_weights, input_window: (7.12), (7.14)
+largest_gain, spectral_radius, frequency_bound    convergence: (7.16), (7.15), and in the frequency domain
+rate, floor, learn    rate of convergence, remaining error, and runs; above_cutoff: share above a frequency
+delayed_lag, ACTUATORS, pulse_response, frequency_response    plants, including (6.11)
 AxisPlant        motor, tool and acceleration of an axis; flexible_axis: a synthetic one; tool_model: its tool
-ModelledRobot    a robot by plants of its axes; lag_robot: of printed numbers; linear_axis: from a model;
+ModelledRobot    a robot by plants of its axes; lag_robot: from b and a; linear_axis: from a model;
                  identified_robot, identified_axis, identified_tool, begin (of a pulse response): from a log
 SquarePath       the reference of the experiments
-kinematic, measured, complementary_estimate, kalman_estimate    where the tool is: cases 1, 3, 2A, 2B
-ExtendedKalman, most_likely_filter    the filter of (7.21), and its noise by the likelihood of its innovations
-mismatch         how much it errs against how far its model is off -> MismatchStudy
+kinematic, measured, complementary_estimate, kalman_estimate    estimates of the tool position: cases 1, 3, 2A, 2B
+ExtendedKalman, most_likely_filter    the filter of (7.21), and its noise by maximum likelihood of the innovations
+mismatch         error of the estimates against the error of the model -> MismatchStudy
 robust_filter, rests_of, best_shift    Q for a set of models, and the shift
-norm_optimal_law, model_inverse_law, inverse, bounded_update, bounded_limit    laws of least norm, with bounds
+norm_optimal_law, model_inverse_law, inverse, bounded_update, bounded_limit    norm-optimal laws, with bounds
 """
 
 from typing import TYPE_CHECKING

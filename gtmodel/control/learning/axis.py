@@ -24,10 +24,10 @@ Signal = Literal["motor", "tool", "acceleration"]
 
 @dataclass(frozen=True, eq=False)
 class AxisPlant:
-    """From the reference of an axis, to which the learned input is added, to what is measured of it, from rest.
+    """Plants from the reference of an axis, including the learned input, to its measured signals, from rest.
 
-    signals: by name "motor" (z_c, the tool by forward kinematics [m]), "tool" (z [m]) and "acceleration" (of the tool
-    [m/s2]) a plant each; those that are not measured may be missing. sample_time: [s].
+    signals: a plant for each of "motor" (z_c, the tool by forward kinematics [m]), "tool" (z [m]) and "acceleration"
+    (of the tool [m/s2]); signals that are not measured may be missing. sample_time: [s].
 
     >>> axis = gt.control.learning.flexible_axis(frequency=11.5, damping=0.05)
     >>> sorted(axis.signals)
@@ -38,21 +38,21 @@ class AxisPlant:
     sample_time: float = SAMPLE_TIME
 
     def maps(self, size: int) -> dict[str, Lifted]:
-        """Each signal as a map of runs of `size` samples."""
+        """Return each signal's map of runs of `size` samples."""
         return {name: lifted(plant, size) for name, plant in self.signals.items()}
 
     def responses(self, frequency: np.ndarray) -> dict[str, np.ndarray]:
-        """Each signal's response (k,) at frequencies (k,) in Hz."""
+        """Return each signal's response (k,) at frequencies (k,) in Hz."""
         return {name: frequency_response(plant, frequency) for name, plant in self.signals.items()}
 
 
 def flexible_axis(
     frequency: float, damping: float, *, lag: float = 0.02, delay: int = 5, sample_time: float = SAMPLE_TIME
 ) -> AxisPlant:
-    """A motor loop, a lag of first order behind a delay, with a tool on a spring and a damper behind it.
+    """Return an axis with a motor loop (delay and first-order lag) that carries a tool on a spring and damper.
 
-    z'' = w2 (z_c - z) + 2 zeta w (z_c' - z') with the motor side z_c; the tool does not push it back. A model of ours:
-    those of the thesis are not published.
+    z'' = w2 (z_c - z) + 2 zeta w (z_c' - z') with the motor side z_c; the tool does not react on the motor side. The
+    model is our own; those of the thesis are not published.
 
     Args:
         frequency, damping: of the tool [Hz] and [1]. lag: of the loop [s]. delay: of the loop, in samples.
@@ -61,7 +61,7 @@ def flexible_axis(
 
     >>> learning = gt.control.learning
     >>> axis = learning.flexible_axis(11.5, 0.05)
-    >>> bool(abs(learning.pulse_response(axis.signals["tool"], 800).sum() - 1) < 1e-3)  # the tool arrives
+    >>> bool(abs(learning.pulse_response(axis.signals["tool"], 800).sum() - 1) < 1e-3)  # unit static gain
     True
     """
     import control
@@ -70,19 +70,19 @@ def flexible_axis(
         if not value > 0:
             raise ArgumentError(f"expected a number above 0; found {value:g}", name)
     if delay < 0:
-        raise ArgumentError(f"a delay is not negative; found {delay} samples", "delay")
+        raise ArgumentError(f"must not be negative; found {delay} samples", "delay")
     w = 2 * np.pi * frequency
     A = np.array([[-1 / lag, 0, 0], [0, 0, 1], [w**2 - 2 * damping * w / lag, -(w**2), -2 * damping * w]])
     B = np.array([[1 / lag], [0], [2 * damping * w / lag]])
-    C, D, made = np.vstack([np.eye(3)[:2], A[2]]), np.array([[0], [0], [B[2, 0]]]), {}
+    C, D, signals = np.vstack([np.eye(3)[:2], A[2]]), np.array([[0], [0], [B[2, 0]]]), {}
     a, b = held(A, B, sample_time)
     for row, name in enumerate(("motor", "tool", "acceleration")):
-        made[name] = delayed(control.StateSpace(a, b, C[row : row + 1], D[row : row + 1], sample_time), delay)
-    return AxisPlant(made, sample_time)
+        signals[name] = delayed(control.StateSpace(a, b, C[row : row + 1], D[row : row + 1], sample_time), delay)
+    return AxisPlant(signals, sample_time)
 
 
 def delayed(plant: StateSpace, delay: int) -> StateSpace:
-    """A plant of one input whose input comes `delay` samples late."""
+    """Return a plant of one input with its input delayed by `delay` samples."""
     import control
 
     if not delay:
@@ -99,9 +99,9 @@ def delayed(plant: StateSpace, delay: int) -> StateSpace:
 
 
 def tool_model(frequency: float, damping: float, sample_time: float = SAMPLE_TIME) -> StateSpace:
-    """The tool alone, from the motor side at this sample and at the next one, straight in between, to the tool.
+    """Return the model from the motor side at this and the next sample, linear in between, to the tool.
 
-    frequency: [Hz]. What `kalman_estimate` takes, as does a model of one input that was identified.
+    frequency: [Hz]. `kalman_estimate` uses this model, or an identified model of one input.
 
     >>> model = gt.control.learning.tool_model(11.5, 0.05)
     >>> model.ninputs, model.noutputs, model.nstates

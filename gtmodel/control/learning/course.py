@@ -1,5 +1,4 @@
-"""A law run after run on a robot, what a model says of it beforehand, where it ends, and a synthetic robot that
-repeats its motion."""
+"""Runs of a learning law, the rate and remaining error predicted by a model, and a synthetic robot for the runs."""
 
 from __future__ import annotations
 
@@ -17,18 +16,18 @@ from .options import LearningNoise, LearningRobot
 from .references import SquarePath
 from .robot import ModelledRobot
 
-REPEATS = 3  # runs without which the scatter is a guess
-STAYS = 1e-9  # of the modulus of an eigenvalue from 1
-SETTLED = 60  # runs after which what one of them taught has gone, 0.93^60 = 0.013
+REPEATS = 3  # fewest runs for an estimate of the scatter
+STAYS = 1e-9  # distance of an eigenvalue's modulus from 1 below which it counts as 1
+SETTLED = 60  # runs after which the contribution of one run has decayed, 0.93^60 = 0.013
 RISES = (
-    "without the ramps Q_w the rows of L that repeat the last sample count in full, and inputs there hardly reach the "
-    "output of the run; with input_window sigma is that of the frequency bound"
+    "without the ramps Q_w the rows of L that repeat the last sample have full weight, but inputs there hardly reach "
+    "the output of the run; with input_window sigma equals the frequency bound"
 )
-UNEVEN = "a lower cutoff of Q makes it so"
+UNEVEN = "lower the cutoff of Q for monotone convergence"
 
 
 class Rate(NamedTuple):
-    """sigma of (7.16), rho of (7.15) or sigma where that bounds it below 1, and in words what they say."""
+    """sigma of (7.16), rho of (7.15) (or sigma as its bound if that is below 1), and a sentence about them."""
 
     sigma: float
     rho: float
@@ -46,9 +45,9 @@ class Rate(NamedTuple):
 
 
 def rate(law: LearningLaw, seen: Lifted) -> Rate:
-    """How fast a law converges on a plant, from the input to the estimate; said before the first iteration.
+    """Compute the rate of convergence of a law on a plant from the input to the estimate, before any iteration.
 
-    Raises ArgumentError where it would diverge, (7.15).
+    Raises ArgumentError if the law would diverge, (7.15).
 
     >>> learning = gt.control.learning
     >>> b, a = learning.ACTUATORS[0]
@@ -63,28 +62,28 @@ def rate(law: LearningLaw, seen: Lifted) -> Rate:
     rho = spectral_radius(step)
     if abs(rho - 1) < STAYS:
         raise ArgumentError(
-            "an eigenvalue of Q (I - L T) is 1: a part of the input neither grows nor fades, such as the last samples, "
-            "whose effect comes after the run; give the law a Q below 1, in a law of least norm by a weight of the "
+            "an eigenvalue of Q (I - L T) is 1: a part of the input neither grows nor decays, for example the last "
+            "samples, whose effect comes after the run; use a Q below 1, in a norm-optimal law with a weight of the "
             "effort",
             "law",
         )
     if rho >= 1:
         raise ArgumentError(
             f"the law diverges on this plant: an eigenvalue of Q (I - L T) has the modulus {rho:.4g}; lower the cutoff "
-            "of Q or the gain, or let the shift be the delay of what is controlled",
+            "of Q or the gain, or set the shift to the delay of the controlled plant",
             "law",
         )
     ends = law.Q(np.ones(step.size))[[0, -1]]
     why = UNEVEN if not ends.any() else RISES
-    return Rate(sigma, rho, f"converges in the end by {rho:.3f}, but not in every run: sigma is {sigma:.3g}; {why}")
+    return Rate(sigma, rho, f"converges with {rho:.3f} in the end, but not in every run: sigma is {sigma:.3g}; {why}")
 
 
 class Floor(NamedTuple):
-    """What learning leaves of the controlled error, root mean square [m] over the fully corrected samples.
+    """Remaining error after learning, root mean square [m] over the fully corrected samples.
 
-    repeating: the part of the first error that Q does not let through. scatter: of a run against another, with what of
-    it is learned. total: both. course: (runs + 1,) total after each run. before: of the first run. rest: (N,) error of
-    the repeating part [m]. clipped: whether bounds on the input hold where it ends.
+    repeating: part of the first error that Q does not pass. scatter: differences between runs, including the effect of
+    learning from them. total: both. course: (runs + 1,) total after each run. before: error of the first run. rest:
+    (N,) repeating error [m]. clipped: whether the final input is at its bounds.
     """
 
     repeating: float
@@ -97,7 +96,7 @@ class Floor(NamedTuple):
 
     @property
     def share(self) -> float:
-        """The part of the first error that cannot be learned."""
+        """Share of the first error that cannot be learned."""
         return self.repeating / self.before if self.before else 0.0
 
 
@@ -105,17 +104,17 @@ def floor(
     law: LearningLaw, seen: Lifted, first_error: Any, corrected: slice, runs: int, repeats: Any = None, *,
     update: Callable[[Array, Array], Array] | None = None, end: Array | None = None, clipped: bool = False,
 ) -> Floor:  # fmt: skip
-    """What a law will leave, from the error (N,) of the first run, or its mean over several.
+    """Predict the remaining error of a law from the error (N,) of the first run, or the mean over several runs.
 
     Args:
-        seen: from the input to the estimate, by the model. corrected: the samples that count, (7.25).
-        runs: how many iterations. repeats: (m, N) estimates of m identical runs, m at least 3; none if left out.
-        update, end: of a law within bounds, the next input from input and error, and the input (N,) where it ends;
-            clipped: whether it lies at the bounds there.
+        seen: model from the input to the estimate. corrected: the samples to evaluate, (7.25).
+        runs: number of iterations. repeats: (m, N) estimates of m identical runs, m at least 3; optional.
+        update, end: for a law with bounds, the next input from input and error, and the final input (N,); clipped:
+            whether the final input is at the bounds.
 
-    The repeating part is that of the fixed point. The scatter of a run is independent of that of others: learned from
-    one run it adds to the next ones' error, |Q L|^2 / (1 - |Q (1 - L T)|^2) times over frequency, with what T passes.
-    Bounds make the scatter no larger. Raises ArgumentError for fewer repeats, and where the law has no fixed point.
+    The repeating part is the error at the fixed point. The scatter is independent from run to run: what is learned from
+    one run adds to the error of the following runs, by |Q L|^2 / (1 - |Q (1 - L T)|^2) over frequency, passed through
+    T. Bounds do not increase the scatter. Raises ArgumentError if there are fewer repeats or no fixed point.
 
     >>> learning = gt.control.learning
     >>> law = learning.simple_law(300, 0.9, 5, 10.0)
@@ -138,30 +137,30 @@ def floor(
 
 
 def _amplified(law: LearningLaw, seen: Lifted, repeats: Any, corrected: slice, runs: int) -> Array:
-    """Scatter (runs + 2,) of the error in each run, and in the limit [m], from runs that were identical."""
+    """Scatter (runs + 2,) of the error in each run and in the limit [m], from identical runs."""
     if repeats is None:
         return np.zeros(runs + 2)
     rows = np.asarray(repeats, float)
     if rows.ndim != 2 or len(rows) < REPEATS:
-        raise ArgumentError(f"the scatter wants {REPEATS} identical runs or more; found {rows.shape}", "repeats")
+        raise ArgumentError(f"the scatter needs {REPEATS} or more identical runs; found {rows.shape}", "repeats")
     apart = (rows - rows.mean(axis=0)) * np.sqrt(len(rows) / (len(rows) - 1))
-    # each repeat's own scatter as if it were learned from: u(k+1) = Q (I - L T) u(k) - Q L n(k), all n alike
-    # and independent; so the squares of what each one leaves add up
+    # u(k+1) = Q (I - L T) u(k) - Q L n(k), with independent n of the same distribution: their contributions to
+    # the squared error add up
     step = law.map(seen)
-    own = float(np.mean([_rms(n[corrected]) ** 2 for n in apart]))
+    direct = float(np.mean([_rms(n[corrected]) ** 2 for n in apart]))
     learned = -law.Q(law.L(apart.T))
-    squares, total = [own], 0.0
+    squares, total = [direct], 0.0
     for _ in range(SETTLED):
         total += float(np.mean(seen(learned)[corrected] ** 2))
-        squares.append(own + total)
+        squares.append(direct + total)
         learned = step(learned)
-    made = np.sqrt(np.array(squares))
-    return np.append(made[: runs + 1] if runs < SETTLED else np.pad(made, (0, runs + 1 - len(made)), "edge"), made[-1])
+    rms = np.sqrt(np.array(squares))
+    return np.append(rms[: runs + 1] if runs < SETTLED else np.pad(rms, (0, runs + 1 - len(rms)), "edge"), rms[-1])
 
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Runs of a robot: inputs (runs + 1, N), the controlled errors (runs + 1, N), and where it stopped early, why."""
+    """Runs of a robot: inputs (runs + 1, N), controlled errors (runs + 1, N), and the reason of an early stop."""
 
     inputs: Array
     errors: Array
@@ -169,10 +168,10 @@ class Course:
 
 
 def learn(law: LearningLaw, first_error: Any, seen: Lifted, runs: int, noise: Sequence[Any] = ()) -> Course:
-    """Run a law on a linear plant: e(k) = first_error - seen u(k) - noise(k), u(0) = 0.
+    """Simulate a law on a linear plant: e(k) = first_error - seen u(k) - noise(k), u(0) = 0.
 
     Args:
-        first_error: (N,) of the run without input. noise: (runs + 1, N), or none.
+        first_error: (N,) of the run without input. noise: (runs + 1, N), or empty.
 
     >>> learning = gt.control.learning
     >>> law = learning.simple_law(300, 0.9, 5, 10.0)
@@ -192,7 +191,7 @@ def learn(law: LearningLaw, first_error: Any, seen: Lifted, runs: int, noise: Se
 
 
 def above_cutoff(signal: Any, cutoff: float, sample_time: float) -> float:
-    """Share of the amplitude of a signal (N,) above a frequency [Hz], root of the share of its energy.
+    """Return the share of a signal's (N,) amplitude above a frequency [Hz], the square root of the share of energy.
 
     >>> t = 0.004 * np.arange(1000)
     >>> float(round(gt.control.learning.above_cutoff(np.sin(2 * np.pi * 5 * t), 10.0, 0.004), 6))
@@ -209,12 +208,12 @@ def _rms(x: Any) -> float:
     return float(np.sqrt(np.mean(np.square(x))))
 
 
-SLOW = 25  # samples over which the unrepeatable motion is averaged: below 10 Hz at 4 ms
+SLOW = 25  # samples of the moving average of the unrepeatable motion: below 10 Hz at 4 ms
 
 
 class RepeatedMotion(Protocol):
-    """A robot that repeats a motion with another input. names: of its axes; sample_time: [s]; reference: (N, axes) [m];
-    corrected: the samples that count; synthetic: what made its runs."""
+    """Interface of a robot that repeats a motion with different inputs. names: of its axes; sample_time: [s];
+    reference: (N, axes) [m]; corrected: the samples to evaluate; synthetic: origin of synthetic runs."""
 
     @property
     def names(self) -> Sequence[str]: ...
@@ -228,14 +227,15 @@ class RepeatedMotion(Protocol):
     def synthetic(self) -> str: ...
 
     def run(self, inputs: np.ndarray) -> dict[str, np.ndarray]:
-        """Signals by name (N, axes) of the next run, with an input (N, axes) added to the reference."""
+        """Return the signals (N, axes) by name of a run with an input (N, axes) added to the reference."""
         ...
 
 
 class SyntheticExperiment:
-    """Linear axes along a square, with white noise of the sensors and slow motion that differs from run to run.
+    """Linear axes along a square, with white sensor noise and slow motion that differs from run to run.
 
-    robot: as the law knows it; the true tool differs from it as noise says. Each run draws from one generator.
+    robot: the model known to the law; the true tool differs from it according to `noise`. All runs draw from the same
+    generator.
 
     >>> learning = gt.control.learning
     >>> experiment = learning.SyntheticExperiment(learning.LearningRobot(), learning.SquarePath())
@@ -249,8 +249,7 @@ class SyntheticExperiment:
     ) -> None:
         self.noise = noise or LearningNoise()
         self.names, self.sample_time = robot.axes, robot.sample_time
-        both = path.samples(robot.sample_time)
-        self.reference = both[:, list(robot.along)]
+        self.reference = path.samples(robot.sample_time)[:, list(robot.along)]
         self.corrected = slice(path.ramp, path.ramp + path.corrected)
         self.generator = np.random.default_rng(self.noise.seed)
         off = self.generator.uniform(-1, 1, (len(self.names), 2))
@@ -262,20 +261,20 @@ class SyntheticExperiment:
         n = self.noise
         self.deviations = {"motor": n.motor, "tool": n.gauge, "acceleration": n.acceleration}
         self.synthetic = (
-            f"linear axes, seed {n.seed}; noise {1e6 * n.motor:g} um of the motors, {n.acceleration:g} m/s2 of the "
-            f"accelerometer, {1e6 * n.gauge:g} um of the gauges, {1e6 * n.unrepeatable:g} um unrepeatable"
+            f"linear axes, seed {n.seed}; noise: motors {1e6 * n.motor:g} um, accelerometer {n.acceleration:g} m/s2, "
+            f"gauges {1e6 * n.gauge:g} um; unrepeatable motion {1e6 * n.unrepeatable:g} um"
         )
 
     def run(self, inputs: np.ndarray) -> dict[str, np.ndarray]:
-        """Signals by name (N, axes) with an input (N, axes) added to the reference; "true tool" without noise."""
+        """Return the signals (N, axes) by name of a run with an input (N, axes); "true tool" is without noise."""
         draw, size = self.generator, len(self.reference)
-        made: dict[str, list[np.ndarray]] = {}
+        signals: dict[str, list[np.ndarray]] = {}
         for k, maps in enumerate(self.maps):
             slow = np.convolve(draw.normal(size=size + SLOW - 1), np.ones(SLOW) / np.sqrt(SLOW), "valid")
-            at = self.reference[:, k] + inputs[:, k] + self.noise.unrepeatable * slow
+            command = self.reference[:, k] + inputs[:, k] + self.noise.unrepeatable * slow
             for name, T in maps.items():
-                clean = T(at)
-                made.setdefault(name, []).append(clean + self.deviations[name] * draw.normal(size=size))
+                clean = T(command)
+                signals.setdefault(name, []).append(clean + self.deviations[name] * draw.normal(size=size))
                 if name == "tool":
-                    made.setdefault("true tool", []).append(clean)
-        return {name: np.column_stack(columns) for name, columns in made.items()}
+                    signals.setdefault("true tool", []).append(clean)
+        return {name: np.column_stack(columns) for name, columns in signals.items()}

@@ -1,5 +1,5 @@
-"""The law of one axis from its options: estimate, shift, what is known of its convergence, and Q, as near 1 as
-monotone convergence of a set of models allows."""
+"""Design of the learning law of one axis: estimate, shift, and Q as close to 1 as monotone convergence on a set of
+models allows."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from .robot import ModelledRobot
 
 GRID, FINE = 501, 5001  # frequencies of the design, and of its check
 SHIFT_GRID = 200  # frequencies below the cutoff
-LEAST_AT_REST = 0.5  # of Q: below, even a constant error stays
-STEEPNESS = 8  # of the low pass, as of the square of a Butterworth filter of fourth order
+LEAST_AT_REST = 0.5  # least static gain of Q: below it even a constant error remains
+STEEPNESS = 8  # of the low pass, as for the square of a fourth-order Butterworth filter
 
 
 @dataclass(frozen=True, eq=False)
 class RobustFilter:
-    """A zero-phase filter Q and how it was designed.
+    """A zero-phase filter Q with its design data.
 
-    taps: (m + 1,) for the lags 0 to m, both ways. frequency: (k,) [Hz], at which follow response: of the realised Q,
-    and rest: the largest |1 - L T| over the models (k,). bound: sup |Q| |1 - L T| of the realised Q over the set and
-    over frequency; `cutoff` [Hz], above which Q falls.
+    taps: (m + 1,) for the lags 0 to m, symmetric. frequency: (k,) [Hz]; at these, response: of the realised Q (k,), and
+    rest: the largest |1 - L T| over the models (k,). bound: sup |Q| |1 - L T| of the realised Q over frequencies and
+    models. cutoff: [Hz].
     """
 
     taps: np.ndarray
@@ -54,15 +54,15 @@ def robust_filter(
     length: int = LENGTH,
     sample_time: float = SAMPLE_TIME,
 ) -> RobustFilter:
-    """Q near min(low pass, contraction / max |1 - L T|), realised with finite length, its bound checked on the result.
+    """Design a finite Q close to min(low pass, contraction / max |1 - L T|), and check the bound of the result.
 
     Args:
         rests: |1 - L T| of each model (models, k). frequency: (k,) from 0 to half the sampling rate [Hz].
-        cutoff: of the low pass [Hz]. contraction: what the bound shall be, below 1.
+        cutoff: of the low pass [Hz]. contraction: the bound to achieve, below 1.
         length: lags on either side, in samples.
 
-    The taps are the linear program that makes Q largest below those limits, low frequencies first. Raises ArgumentError
-    where the realised filter does not keep the bound below 1 or hardly learns, or for numbers out of range.
+    A linear program maximises Q below these limits, with more weight on low frequencies. Raises ArgumentError if the
+    realised filter does not keep the bound below 1, if its static gain is below 0.5, or if numbers are out of range.
 
     >>> learning = gt.control.learning
     >>> f = learning.frequencies(0.004, 2001)
@@ -79,7 +79,7 @@ def robust_filter(
     if worst.shape != f.shape or not np.all(np.isfinite(worst)):
         raise ArgumentError(f"expected finite numbers at {len(f)} frequencies; found {worst.shape}", "rests")
     grid = np.linspace(0.0, 0.5 / sample_time, GRID)
-    # between two frequencies of the program the limit of the larger one holds
+    # the limit at a frequency of the program uses the largest value around it
     coarse = np.interp(grid, f, scipy.ndimage.maximum_filter1d(worst, max(1, 2 * (len(f) // GRID) + 1)))
     limit = np.minimum(1 / (1 + (grid / cutoff) ** STEEPNESS), contraction / np.maximum(coarse, contraction))
     rows = _cosines(grid, length, sample_time)
@@ -89,20 +89,20 @@ def robust_filter(
         bounds=(None, None), method="highs",
     )  # fmt: skip
     if solved.status != 0:
-        raise ArgumentError(f"no filter of {length} lags keeps the limits; take a longer one", "length")
+        raise ArgumentError(f"no filter of {length} lags keeps the limits; use more lags", "length")
     taps = np.asarray(solved.x)
     response = _cosines(f, length, sample_time) @ taps
     bound = frequency_bound(response, worst, f)
     if bound.value >= 1:
         raise ArgumentError(
             f"|Q| |1 - L T| reaches {bound.value:.3g} at {bound.frequency:.3g} Hz for one of the models, so learning "
-            "would diverge; take more lags, a lower cutoff, or another shift",
+            "would diverge; use more lags, a lower cutoff or another shift",
             "cutoff",
         )
     if response[0] < LEAST_AT_REST:
         raise ArgumentError(
-            f"with {length} lags the models leave a Q of {response[0]:.2g} at rest, which learns next to nothing; take "
-            "more lags, a smaller set of models, or the shift of the delay of what is controlled",
+            f"with {length} lags the static gain of Q is {response[0]:.2g}, which hardly learns; use more lags or a "
+            "smaller set of models, or set the shift to the delay of the controlled plant",
             "length",
         )
     return RobustFilter(taps, f, response, worst, bound, cutoff)
@@ -111,7 +111,7 @@ def robust_filter(
 def rests_of(
     estimates: ToolEstimate, plants: Sequence[AxisPlant], gain: float, shift: int, frequency: np.ndarray
 ) -> np.ndarray:
-    """|1 - gain q^shift (F_u + F_y T)| of each plant (plants, k), at frequencies (k,) [Hz].
+    """Return |1 - gain q^shift (F_u + F_y T)| of each plant (plants, k), at frequencies (k,) [Hz].
 
     >>> learning = gt.control.learning
     >>> f = learning.frequencies(0.004, 11)
@@ -125,35 +125,37 @@ def rests_of(
 def best_shift(
     estimates: ToolEstimate, plants: Sequence[AxisPlant], gain: float, cutoff: float, shifts: Iterable[int] = range(25)
 ) -> int:
-    """The shift with the least |1 - L T| below the cutoff [Hz], squared, of the worst model at each frequency.
+    """Return the shift with the least mean square of |1 - L T| below the cutoff [Hz], for the worst model at each
+    frequency.
 
-    It is the lag of what is controlled: of the motor loop and of the tool behind it.
+    It is about the lag of the controlled plant, of motor loop and tool.
 
     >>> learning = gt.control.learning
     >>> learning.best_shift(learning.kinematic(300), [learning.flexible_axis(11.5, 0.05)], gain=0.9, cutoff=10.0)
     10
     """
     f = np.linspace(0.0, cutoff, SHIFT_GRID)
-    left = {n: float(np.mean(rests_of(estimates, plants, gain, n, f).max(axis=0) ** 2)) for n in shifts}
-    return min(left, key=left.__getitem__)
+    squares = {n: float(np.mean(rests_of(estimates, plants, gain, n, f).max(axis=0) ** 2)) for n in shifts}
+    return min(squares, key=squares.__getitem__)
 
 
 def _cosines(frequency: np.ndarray, length: int, sample_time: float) -> np.ndarray:
-    """Responses (k, length + 1) of taps of 1."""
+    """Responses (k, length + 1) of unit taps."""
     rows = 2 * np.cos(2 * np.pi * np.outer(frequency * sample_time, np.arange(length + 1)))
     rows[:, 0] = 1.0
     return rows
 
 
-SHIFT_BELOW = 6.0  # Hz: the shift is that of slow motion, where nearly all of the error is
-ACTIVE = 1 - 1e-6  # of a bound on the input: as near as the solvers end
+SHIFT_BELOW = 6.0  # Hz: the shift is chosen for slow motion, which causes nearly all of the error
+ACTIVE = 1 - 1e-6  # of a bound on the input: within the solvers' tolerance
 CASE_1_SHIFT = 5  # samples, Dressler 2012, section 7.4
 
 
 @dataclass(frozen=True, eq=False)
 class AxisLearning:
-    """How one axis learns. estimate, law; shift of L in samples; frequency (k,) [Hz] with response of Q and rest, the
-    largest |1 - L T| of the models (k,); bound of both; rate on the nominal model; seen: from input to estimate.
+    """Learning of one axis. estimate, law; shift of L in samples; frequency (k,) [Hz] with response of Q and rest, the
+    largest |1 - L T| of the models (k,); bound of their product; rate on the nominal model; seen: map from input to
+    estimate.
     """
 
     estimate: ToolEstimate
@@ -170,7 +172,7 @@ class AxisLearning:
     sample_time: float
 
     def next_input(self, u: Array, error: Array) -> Array:
-        """u (N,) for the next run, within the bounds of the design."""
+        """Return u (N,) for the next run, within the bounds of the design."""
         d = self.design
         return bounded_update(self.seen, u, error, d.change, d.effort, **self.bounds) if self.bounds else (
             self.law.update(u, error)
@@ -178,13 +180,13 @@ class AxisLearning:
 
     @property
     def bounds(self) -> dict[str, float]:
-        """On the input, as `bounded_update` takes them; empty without any."""
+        """Bounds on the input as keywords of `bounded_update`; empty if there are none."""
         d = self.design
-        given = {} if d.largest is None else {"largest": d.largest}
-        return given if d.largest_speed is None else {**given, "largest_step": d.largest_speed * self.sample_time}
+        bounds = {} if d.largest is None else {"largest": d.largest}
+        return bounds if d.largest_speed is None else {**bounds, "largest_step": d.largest_speed * self.sample_time}
 
     def floor(self, first_error: Array, corrected: slice, runs: int, repeats: Any = None) -> Floor:
-        """What it will leave by the model, within its bounds; arguments as of `gtmodel.control.learning.floor`."""
+        """Predict the remaining error, with bounds; arguments as in `gtmodel.control.learning.floor`."""
         if not self.bounds:
             return floor(self.law, self.seen, first_error, corrected, runs, repeats)
         end = bounded_limit(self.seen, first_error, self.design.effort, **self.bounds)
@@ -200,14 +202,14 @@ def design_axis(
     robot: LearningRobot | ModelledRobot, axis: int, design: LearningDesign, size: int, ramp: int,
     first: Sequence[Mapping[str, Array]] = (), noise: float = 0.07,
 ) -> AxisLearning:  # fmt: skip
-    """The law of an axis for runs of `size` samples, designed on the robot as it is known.
+    """Design the law of an axis for runs of `size` samples, from the model of the robot.
 
     Args:
-        axis: which one, from 0. ramp: samples of lead-in and of lead-out.
-        first: signals (N,) by name of runs without input; case 2B takes the noise of its filter from them.
+        axis: index, from 0. ramp: samples of lead-in and of lead-out.
+        first: signals (N,) by name of runs without input; case 2B estimates the noise of its filter from the first.
         noise: of the accelerometer [m/s2].
 
-    Raises ArgumentError where the law would diverge on one of the models, before anything is run.
+    Raises ArgumentError if the law would diverge on one of the models, before any run.
 
     >>> learning = gt.control.learning
     >>> axis = learning.design_axis(learning.LearningRobot(), 0, learning.LearningDesign(), 825, ramp=100)
@@ -216,9 +218,7 @@ def design_axis(
     """
     nominal, plants, Ts = robot.plant(axis), design.models(robot, axis), robot.sample_time
     if design.case != "1" and "tool" not in nominal.signals:
-        raise ArgumentError(
-            "the robot's model has no tool, as that of the printed actuators: case 1 is theirs", "design.case"
-        )
+        raise ArgumentError("the robot's model has no tool, like the printed actuators: use case 1", "design.case")
     kalman = None
     if design.case == "1":
         estimate = kinematic(size)
@@ -226,13 +226,13 @@ def design_axis(
         estimate = complementary_estimate(size, design.slow_cutoff[min(axis, len(design.slow_cutoff) - 1)], Ts)
     elif design.case == "2B":
         if not first:
-            raise ArgumentError("case 2B takes the noise of its filter from a first run; give one", "first")
+            raise ArgumentError("case 2B needs a first run to estimate the noise of its filter", "first")
         kalman = most_likely_filter(robot.tool(axis), first[0]["motor"], first[0]["acceleration"], noise)
         estimate = kalman_estimate(size, kalman)
     else:
         estimate = measured(size)
     seen, f = estimate.seen(nominal.maps(size)), frequencies(Ts, design.grid(robot, axis))
-    # of the tool besides: an estimate that trusts its model hardly sees that the tool differs
+    # also the true tool, because an estimate that trusts its model hardly shows deviations of the tool
     whole = kinematic(size) if design.case == "1" else measured(size)
     if design.law == "norm_optimal":
         law = norm_optimal_law(seen, size, design.change, design.effort)
@@ -270,33 +270,33 @@ def design_axis(
         response = zero_phase_response(design.low_pass, Ts, f)
         bound = frequency_bound(response, worst, f)
     else:
-        made = robust_filter(
+        filter = robust_filter(
             worst, f, design.low_pass, contraction=design.contraction, length=design.lags, sample_time=Ts
         )  # fmt: skip
-        Q, response, bound = symmetric(made.taps, size), made.response, made.bound
+        Q, response, bound = symmetric(filter.taps, size), filter.response, filter.bound
     window = weighted(input_window(size, ramp)) if design.ramps else identity(size)
     law = LearningLaw(window @ Q, L)
-    said = rate(law, seen)
+    convergence = rate(law, seen)
     if bound.value >= 1:
         raise ArgumentError(
             f"the law diverges in long runs: |Q| |1 - L T| reaches {bound.value:.3g} at {bound.frequency:.3g} Hz; "
-            "lower the cutoff of Q, or let the shift be the delay of what is controlled",
+            "lower the cutoff of Q, or set the shift to the delay of the controlled plant",
             "law",
         )
-    return AxisLearning(estimate, law, shift, f, response, worst, bound, said, seen, kalman, design, Ts)
+    return AxisLearning(estimate, law, shift, f, response, worst, bound, convergence, seen, kalman, design, Ts)
 
 
 def _worst(rests: Iterable[Array]) -> Array:
-    """The largest at each frequency, one model at a time: dense sets of many frequencies are long."""
-    made: Array | None = None
+    """The largest value at each frequency, one model at a time to save memory."""
+    worst: Array | None = None
     for rest in rests:
-        made = rest if made is None else np.maximum(made, rest)
-    assert made is not None
-    return made
+        worst = rest if worst is None else np.maximum(worst, rest)
+    assert worst is not None
+    return worst
 
 
 def zero_phase_response(cutoff: float, sample_time: float, frequency: Array) -> Array:
-    """|Qb|^2 (k,) of the Butterworth filter, forward and backward, at frequencies (k,) in Hz."""
+    """Return |Qb|^2 (k,) of a Butterworth filter run forward and backward, at frequencies (k,) in Hz."""
     from scipy.signal import sosfreqz
 
     return np.abs(sosfreqz(butterworth(cutoff, sample_time), frequency, fs=1 / sample_time)[1]) ** 2

@@ -1,4 +1,4 @@
-"""Where the tool is, from what is measured: Dressler 2012, (7.7), (7.17) and (7.21), as maps of whole runs."""
+"""Estimates of the tool position from measured signals, as maps of whole runs: Dressler 2012, (7.7), (7.17), (7.21)."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from .plants import SAMPLE_TIME
 
 
 def of_motors(sections: Any, size: int) -> Lifted:
-    """M of runs of `size` samples."""
+    """Return M for runs of `size` samples: a straight line plus the low-passed rest."""
     line = fitted_line(size)
     return line + padded_zero_phase(sections, size) @ (identity(size) - line)
 
 
 def of_acceleration(sections: Any, size: int, sample_time: float) -> Lifted:
-    """(I - M) J of runs of `size` samples."""
+    """Return (I - M) J for runs of `size` samples."""
     return (identity(size) - of_motors(sections, size)) @ double_integral(size, sample_time)
 
 
 def fitted_line(size: int) -> Lifted:
-    """P, the projection onto constants and slopes; its own adjoint."""
+    """Return P, the projection onto straight lines, which is its own adjoint."""
     k = np.arange(size) - (size - 1) / 2
     rows = np.vstack([np.ones(size) / np.sqrt(size), k / np.linalg.norm(k)])
 
@@ -39,32 +39,32 @@ def fitted_line(size: int) -> Lifted:
 
 
 def double_integral(size: int, sample_time: float) -> Lifted:
-    """J: positions of accelerations that run straight between samples, from rest at zero."""
+    """Return J, from accelerations, linear between samples, to positions, from rest at zero."""
     from ...filtering.family.complementary import twice_integrated
 
     T = sample_time
 
     def backward(y: Array) -> Array:
-        # w: what a step of position weighs, s: what a step of speed does
+        # w: weight of a step of position, s: weight of a step of speed
         w = np.cumsum(y[:0:-1], axis=0)[::-1]
         s = T * (np.cumsum(w[::-1], axis=0)[::-1] - w)
-        made = np.zeros_like(y)
-        made[:-1] += s * T / 2 + w * T**2 / 3
-        made[1:] += s * T / 2 + w * T**2 / 6
-        return made
+        x = np.zeros_like(y)
+        x[:-1] += s * T / 2 + w * T**2 / 3
+        x[1:] += s * T / 2 + w * T**2 / 6
+        return x
 
     return Lifted(size, lambda x: twice_integrated(x, T), backward)
 
 
 def padded_zero_phase(sections: Any, size: int) -> Lifted:
-    """G as `scipy.signal.sosfiltfilt` runs it: the ends reflected through their last samples, each pass from the steady
+    """Return G, equal to `scipy.signal.sosfiltfilt`: odd extension at the ends, and each pass starts in the steady
     state of its first sample."""
     sos = np.asarray(sections, float)
     taps = 2 * len(sos) + 1
     pad = 3 * (taps - min(int((sos[:, 2] == 0).sum()), int((sos[:, 5] == 0).sum())))
     long = size + 2 * pad
     zi = scipy.signal.sosfilt_zi(sos)
-    steady = scipy.signal.sosfilt(sos, np.zeros(long), zi=zi)[0][:, None]  # the answer to that state alone
+    steady = scipy.signal.sosfilt(sos, np.zeros(long), zi=zi)[0][:, None]  # response to this state alone
 
     def extended(x: Array) -> Array:
         return np.concatenate([2 * x[:1] - x[pad:0:-1], x, 2 * x[-1:] - x[-2 : -pad - 2 : -1]])
@@ -81,9 +81,9 @@ def padded_zero_phase(sections: Any, size: int) -> Lifted:
         return np.asarray(scipy.signal.sosfilt(sos, x, axis=0)) + steady * x[:1]
 
     def once_back(y: Array) -> Array:
-        made = np.asarray(scipy.signal.sosfilt(sos, y[::-1], axis=0))[::-1].copy()
-        made[:1] += steady.T @ y
-        return made
+        x = np.asarray(scipy.signal.sosfilt(sos, y[::-1], axis=0))[::-1].copy()
+        x[:1] += steady.T @ y
+        return x
 
     def forward(x: Array) -> Array:
         return once(once(extended(x))[::-1])[::-1][pad : pad + size]
@@ -96,14 +96,14 @@ def padded_zero_phase(sections: Any, size: int) -> Lifted:
     return Lifted(size, forward, backward)
 
 
-PADDED = 3  # samples of padding for each of a filter's order, and two
+PADDED = 3  # samples of padding, times the filter order plus two
 
 
 @dataclass(frozen=True, eq=False)
 class ToolEstimate:
     """zhat = sum of F_s y_s over the measured signals s: Dressler 2012, (7.7).
 
-    maps: F_s by the name of the signal. responses: the same over frequency, functions of frequencies (k,) in Hz.
+    maps: F_s by signal name. responses: their frequency responses, functions of frequencies (k,) in Hz.
 
     >>> learning = gt.control.learning
     >>> estimate = learning.measured(300)
@@ -116,28 +116,27 @@ class ToolEstimate:
     responses: Mapping[str, Callable[[np.ndarray], np.ndarray]]
 
     def __call__(self, signals: Mapping[str, Any]) -> Array:
-        """zhat (N,) of a run, from its signals (N,) by name. Raises ArgumentError where one is missing."""
+        """Return zhat (N,) of a run from its signals (N,) by name. Raises ArgumentError if one is missing."""
         missing = [name for name in self.maps if name not in signals]
         if missing:
-            raise ArgumentError(f"the estimate wants the signals {', '.join(missing)} as well", "signals")
+            raise ArgumentError(f"the estimate also needs {', '.join(missing)}", "signals")
         return sum((F(signals[name]) for name, F in self.maps.items()), np.zeros(1))
 
     def seen(self, plant: Mapping[str, Lifted]) -> Lifted:
-        """F_u + F_y T_uy of (7.15): from the input to the estimate."""
-        made = [F @ plant[name] for name, F in self.maps.items()]
-        total = made[0]
-        for other in made[1:]:
+        """Return F_u + F_y T_uy of (7.15), from the input to the estimate."""
+        total, *others = [F @ plant[name] for name, F in self.maps.items()]
+        for other in others:
             total = total + other
         return total
 
     def response(self, plant: AxisPlant, frequency: np.ndarray) -> np.ndarray:
-        """The same (k,) at frequencies (k,) in Hz."""
+        """Return the frequency response of `seen` (k,) at frequencies (k,) in Hz."""
         T = plant.responses(frequency)
         return np.sum([F(frequency) * T[name] for name, F in self.responses.items()], axis=0)
 
 
 def kinematic(size: int) -> ToolEstimate:
-    """zhat = z_c, the motors through the forward kinematics: case 1.
+    """Return zhat = z_c, forward kinematics of the motors: case 1.
 
     >>> gt.control.learning.kinematic(3)({"motor": [1.0, 2.0, 3.0]}).tolist()
     [1.0, 2.0, 3.0]
@@ -146,7 +145,7 @@ def kinematic(size: int) -> ToolEstimate:
 
 
 def measured(size: int) -> ToolEstimate:
-    """zhat = z, the tool measured: case 3.
+    """Return zhat = z, the measured tool: case 3.
 
     >>> gt.control.learning.measured(2)({"tool": [1.0, 2.0]}).tolist()
     [1.0, 2.0]
@@ -155,10 +154,10 @@ def measured(size: int) -> ToolEstimate:
 
 
 def complementary_estimate(size: int, cutoff: float, sample_time: float = SAMPLE_TIME, order: int = 2) -> ToolEstimate:
-    """(7.17), motors below the cutoff [Hz] and the integrated acceleration above: case 2A, of whole runs only.
+    """Return (7.17): motors below the cutoff [Hz], integrated acceleration above it: case 2A, for whole runs.
 
-    The map of `gtmodel.filtering.complementary`, by filters. Raises ArgumentError for a cutoff out of range, and for
-    runs no longer than the filter's padding.
+    It equals `gtmodel.filtering.complementary`. Raises ArgumentError if the cutoff is out of range, or if a run is not
+    longer than the filter's padding.
 
     >>> gt.control.learning.complementary_estimate(50, cutoff=4.5).maps["motor"].size
     50
@@ -166,14 +165,14 @@ def complementary_estimate(size: int, cutoff: float, sample_time: float = SAMPLE
     if not 0 < cutoff < 0.5 / sample_time:
         raise ArgumentError(f"expected a cutoff above 0 and below {0.5 / sample_time:g} Hz; found {cutoff:g}", "cutoff")
     if size <= PADDED * (order + 2):
-        raise ArgumentError(f"the filter pads more than the {size} samples of the run; take a longer one", "size")
+        raise ArgumentError(f"the filter's padding exceeds the {size} samples of the run; use a longer run", "size")
     sections = scipy.signal.butter(order, cutoff, fs=1 / sample_time, output="sos")
 
     def low(f: np.ndarray) -> np.ndarray:
         return np.abs(scipy.signal.sosfreqz(sections, f, fs=1 / sample_time)[1]) ** 2
 
     def high(f: np.ndarray) -> np.ndarray:
-        # the integral of straight lines twice, (Ts2 / 6) (z + 4 + 1/z) / (z - 2 + 1/z); 1 - G vanishes faster at rest
+        # double integral, linear between samples: (Ts2 / 6) (z + 4 + 1/z) / (z - 2 + 1/z); 1 - G cancels its pole at 1
         c = np.cos(2 * np.pi * f * sample_time)
         with np.errstate(divide="ignore", invalid="ignore"):
             twice = sample_time**2 / 6 * (2 * c + 4) / (2 * c - 2)
@@ -186,7 +185,7 @@ def complementary_estimate(size: int, cutoff: float, sample_time: float = SAMPLE
 
 
 def kalman_estimate(size: int, filter: ExtendedKalman) -> ToolEstimate:
-    """(7.21) and (7.22), a model from the motor side to the tool corrected by the acceleration: case 2B.
+    """Return (7.21) and (7.22), a model from the motor side to the tool corrected by the acceleration: case 2B.
 
     >>> learning = gt.control.learning
     >>> filter = learning.ExtendedKalman(learning.tool_model(11.5, 0.05), process=1e-12, noise=0.07)

@@ -1,4 +1,4 @@
-"""An axis of a robot from a log, by a subspace method, and the tool alone; each fit is judged before it is used."""
+"""Identification of an axis, or of the tool alone, from a log by a subspace method, with checks of each fit."""
 
 from __future__ import annotations
 
@@ -23,34 +23,33 @@ else:
     StateSpace, Record = hint("control", "StateSpace"), hint("gtmodel.vibration", "Record")
     SubspaceModel = hint("gtmodel.vibration", "SubspaceModel")
 
-TAPS = 60  # of the pulse response by which the delay is looked for
-BEGINS = 0.05  # of its largest sample, at which it does
-POOR = 1e-6  # of the largest singular value of the inputs: below, some frequency is missing
-HIGHEST = 12  # order that is tried
-LEAST = 10  # samples for each tap
-EXPLAINED = 0.5  # of a signal's variance: a model that explains less says less of the signal than it leaves
+TAPS = 60  # of the pulse response used to find the delay
+BEGINS = 0.05  # of its largest sample, where it begins
+POOR = 1e-6  # relative singular value of the inputs below which a frequency is not excited
+HIGHEST = 12  # model order
+LEAST = 10  # samples per tap
+EXPLAINED = 0.5  # least share of a signal's variance that a model must explain
 JUMPS = 100.0  # times the median step from row to row
-COLUMNS = "look at columns, signs and units"
-ACCELEROMETER = "look at the accelerometer's sign, its unit (m/s2 or g) and its column"
+COLUMNS = "check columns, signs and units"
+ACCELEROMETER = "check the accelerometer's sign, unit (m/s2 or g) and column"
 
 
 def identified_axis(
     reference: Any, signals: Mapping[str, Any], sample_time: float = SAMPLE_TIME, order: int | None = None,
     delay: int | None = None,
 ) -> AxisPlant:  # fmt: skip
-    """An axis from its reference, the learned input included, to what is measured of it, identified from one log.
+    """Identify an axis from one log: from its reference, including the learned input, to its measured signals.
 
     Args:
-        reference: (N,) [m], one that excites the loop and the tool, such as a random one. signals: "motor", and where
-            they were measured "tool" [m] and "acceleration" [m/s2], each (N,). order: states, of all signals together,
-            the delay not counted; by the error on held-out samples if left out. delay: samples; where the pulse
-            response begins if left out.
+        reference: (N,) [m], exciting the loop and the tool, for example random. signals: "motor" and, if measured,
+            "tool" [m] and "acceleration" [m/s2], each (N,). order: number of states for all signals together, without
+            the delay; by default chosen on held-out samples. delay: samples; by default the beginning of the pulse
+            response.
 
-    The plant is judged before it is returned: of each signal it explains half of the variance or more, of samples that
-    were held out and by the reference alone; motors and tool go at rest where the reference goes, 0.5 to 2 m per metre;
-    and the accelerometer reads 0.5 to 2 times the second derivative of the tool, where both are in the log.
-    Raises ArgumentError where one of these is not so, for signals that do not match or do not move, and as
-    `gtmodel.vibration.identify_subspace`.
+    The plant is checked before it is returned. It must explain at least half of the variance of each signal, on
+    held-out samples and from the reference alone. The static gain of motor and tool must be 0.5 to 2. If both are in
+    the log, the accelerometer must read 0.5 to 2 times the second derivative of the tool. Raises ArgumentError if a
+    check fails, if signals do not match or do not move, and as `gtmodel.vibration.identify_subspace`.
 
     >>> learning = gt.control.learning
     >>> r = 1e-3 * np.repeat(np.random.default_rng(1).normal(size=300), 10)
@@ -65,25 +64,25 @@ def identified_axis(
 
     u = np.asarray(reference, float)
     if "motor" not in signals:
-        raise ArgumentError("has no 'motor', from which every robot learns", "signals")
+        raise ArgumentError("has no 'motor', which is required", "signals")
     rows = {name: np.asarray(values, float) for name, values in signals.items()}
     for name, values in {"reference": u, **rows}.items():
         if values.shape != (len(u),) or not np.all(np.isfinite(values)) or not np.ptp(values) > 0:
-            raise ArgumentError(f"'{name}' is not {len(u)} finite numbers that move", "signals")
+            raise ArgumentError(f"'{name}' must be {len(u)} finite numbers that are not constant", "signals")
     late = min(begin(u, values) for values in rows.values()) if delay is None else delay
     if not 0 <= late < len(u):
         raise ArgumentError(f"expected a delay of 0 to {len(u) - 1} samples; found {late}", "delay")
-    before = max(late - 1, 0)  # a model without feedthrough is a sample late itself
+    before = max(late - 1, 0)  # a model without feedthrough has a delay of one sample itself
     y = np.column_stack(list(rows.values()))
     scale = y.std(axis=0)
     record = Record(u[: len(u) - before], (y / scale)[before:], sample_time)
-    made = _identified(record, order, feedthrough=late == 0)
-    _explains(made, rows)
-    of = made.system
-    C, D = np.asarray(of.C, float) * scale[:, None], np.asarray(of.D, float) * scale[:, None]
+    model = _identified(record, order, feedthrough=late == 0)
+    _explains(model, rows)
+    system = model.system
+    C, D = np.asarray(system.C, float) * scale[:, None], np.asarray(system.D, float) * scale[:, None]
     plant = AxisPlant(
         {
-            name: delayed(control.StateSpace(of.A, of.B, C[k : k + 1], D[k : k + 1], sample_time), before)
+            name: delayed(control.StateSpace(system.A, system.B, C[k : k + 1], D[k : k + 1], sample_time), before)
             for k, name in enumerate(rows)
         },
         sample_time,
@@ -92,16 +91,14 @@ def identified_axis(
     return plant
 
 
-def _explains(made: SubspaceModel, rows: Mapping[str, np.ndarray]) -> None:
-    """Raises ArgumentError where a model explains too little of one of its outputs in held-out samples."""
+def _explains(model: SubspaceModel, rows: Mapping[str, np.ndarray]) -> None:
+    """Raise ArgumentError if a model explains too little of an output in held-out samples."""
     names = list(rows)
-    share = 1 - (1 - made.held_out_fit / 100) ** 2
+    share = 1 - (1 - model.held_out_fit / 100) ** 2
     k = int(np.argmin(share))
     if not share[k] >= EXPLAINED:
         raise ArgumentError(
-            _unexplained(
-                names[k], float(share[k]), rows[names[k]], f"samples held out, by a model of order {made.order}"
-            ),
+            _unexplained(names[k], float(share[k]), rows[names[k]], f"held-out samples, model of order {model.order}"),
             "signals",
         )
 
@@ -110,19 +107,19 @@ def _unexplained(name: str, share: float, values: np.ndarray, where: str) -> str
     steps = np.abs(np.diff(values))
     k = int(np.argmax(steps))
     unit = "m/s2" if name == "acceleration" else "m"
-    jump = f", which jumps by {steps[k]:.3g} {unit} behind row {k}" if steps[k] > JUMPS * np.median(steps) else ""
+    jump = f", which jumps by {steps[k]:.3g} {unit} after row {k}" if steps[k] > JUMPS * np.median(steps) else ""
     return (
         f"the reference explains {100 * max(share, 0.0):.0f} % of the variance of '{name}'{jump} ({where}); expected "
-        f"{100 * EXPLAINED:.0f} % or more: {COLUMNS}, and at whether the robot followed this reference; leave out a "
-        "signal that is noise, or excite more"
+        f"{100 * EXPLAINED:.0f} % or more: {COLUMNS}, and whether the robot followed this reference; leave out a "
+        "signal that is only noise, or excite more"
     )
 
 
 def _agrees(plant: AxisPlant, u: np.ndarray, rows: Mapping[str, np.ndarray]) -> None:
-    """Raises ArgumentError where the log and a plant that was fitted to it do not belong together."""
+    """Raise ArgumentError if a fitted plant contradicts its log."""
     forced = {name: T(u) for name, T in plant.maps(len(u)).items()}
     for name, values in rows.items():
-        # without the free motion, by which a model follows what no reference moved, such as hum
+        # without the free motion, with which a model can fit motion not caused by the reference, such as hum
         share = 1 - float(np.var(values - forced[name]) / np.var(values))
         if not share >= EXPLAINED:
             raise ArgumentError(_unexplained(name, share, values, "all samples, without free motion"), "signals")
@@ -130,7 +127,7 @@ def _agrees(plant: AxisPlant, u: np.ndarray, rows: Mapping[str, np.ndarray]) -> 
         rest = float(plant.responses(np.zeros(1))[name][0].real)
         if not LEAST_GAIN <= rest <= MOST_GAIN:
             raise ArgumentError(
-                f"at rest '{name}' goes by {rest:.3g} m for each metre of the reference; expected about 1: {COLUMNS}",
+                f"the static gain from the reference to '{name}' is {rest:.3g}; expected about 1: {COLUMNS}",
                 "signals",
             )
     if {"tool", "acceleration"} <= set(rows):
@@ -142,18 +139,18 @@ def _agrees(plant: AxisPlant, u: np.ndarray, rows: Mapping[str, np.ndarray]) -> 
 def accelerometer(
     axis: str, felt: np.ndarray, tool: np.ndarray | None, moved: np.ndarray, sample_time: float
 ) -> Suspicion:
-    """Whether an accelerometer reads (N,) [m/s2] what the tool (N,) [m] of the same log does, or the model where no
-    tool was measured. moved: (N,) [m/s2] the tool's acceleration by the model; axis: in words, " of x"."""
+    """Test whether an accelerometer (N,) [m/s2] agrees with the tool (N,) [m] of the same log, or with the model if no
+    tool was measured. moved: (N,) [m/s2] the tool's acceleration by the model; axis: for the message, as in " of x"."""
     expected = moved if tool is None else second_derivative(tool, sample_time)
-    of = "the tool's acceleration by the model" if tool is None else "the second derivative of the tool in the same log"
+    source = "the tool's acceleration by the model" if tool is None else "the second derivative of the measured tool"
     return gain_off(
-        felt, expected, moved, f"the accelerometer's reading{axis}", of, ACCELEROMETER, name="accelerometer"
+        felt, expected, moved, f"the accelerometer's reading{axis}", source, ACCELEROMETER, name="accelerometer"
     )
 
 
 def _identified(record: Record, order: int | None, feedthrough: bool) -> SubspaceModel:
-    """The model of the order that is asked for; else of the best stable one: high orders follow noise, some of them to
-    poles outside the circle."""
+    """The model of the given order, or of the best order with a stable model: high orders fit noise and may be
+    unstable."""
     from ...vibration import identify_subspace
 
     for largest in [HIGHEST] if order is not None else range(HIGHEST, 0, -1):
@@ -166,9 +163,9 @@ def _identified(record: Record, order: int | None, feedthrough: bool) -> Subspac
 
 
 def begin(reference: Any, motor: Any) -> int:
-    """The sample at which the pulse response from (N,) to (N,) begins, by least squares.
+    """Return the sample at which the pulse response from reference (N,) to motor (N,) begins, by least squares.
 
-    Raises ArgumentError for a log too short, and for a reference that does not excite.
+    Raises ArgumentError if the log is too short or the reference excites too few frequencies.
 
     >>> r = np.random.default_rng(1).normal(size=2000)
     >>> gt.control.learning.begin(r, np.append(np.zeros(7), r[:-7]))
@@ -177,37 +174,37 @@ def begin(reference: Any, motor: Any) -> int:
     u, z = np.asarray(reference, float), np.asarray(motor, float)
     if len(u) < LEAST * TAPS:
         raise ArgumentError(
-            f"the log has {len(u)} samples; {LEAST * TAPS} or more say where a response begins", "motor"
+            f"the log has {len(u)} samples; {LEAST * TAPS} or more are needed to find the delay", "motor"
         )
     g, rank, _ = pulses(u, z)
     if rank < TAPS + 1:
         raise ArgumentError(
-            "the reference excites too few frequencies to show a delay; record a random one, or give the delay", "delay"
+            "the reference excites too few frequencies to find the delay; use a random one, or set the delay", "delay"
         )
     return int(np.argmax(np.abs(g) > BEGINS * np.abs(g).max()))
 
 
 def pulses(u: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, int, float]:
-    """The pulse response (TAPS,) from u (N,) to z (N,) and a constant by least squares, the rank of its equations, and
-    the share of the variance of z that it explains."""
-    # what came before the log is not known, so its first rows count as inputs only
+    """Return the least-squares pulse response (TAPS,) from u (N,) to z (N,), fitted with a constant, the rank of the
+    equations, and the explained share of the variance of z."""
+    # inputs before the log are unknown, so its first rows are used only as inputs
     rows = np.lib.stride_tricks.sliding_window_view(u, TAPS)[:, ::-1]
-    columns, seen = np.column_stack([rows, np.ones(len(rows))]), z[TAPS - 1 :]
-    g, _, rank, _ = np.linalg.lstsq(columns, seen, rcond=POOR)
-    spread = float(np.var(seen))
-    return g[:TAPS], int(rank), 1 - float(np.var(seen - columns @ g)) / spread if spread > 0 else 0.0
+    columns, output = np.column_stack([rows, np.ones(len(rows))]), z[TAPS - 1 :]
+    g, _, rank, _ = np.linalg.lstsq(columns, output, rcond=POOR)
+    spread = float(np.var(output))
+    return g[:TAPS], int(rank), 1 - float(np.var(output - columns @ g)) / spread if spread > 0 else 0.0
 
 
 def identified_tool(motor: Any, tool: Any, sample_time: float = SAMPLE_TIME, order: int | None = None) -> StateSpace:
-    """The model from the motor side to the tool that `ExtendedKalman` takes, identified from one log.
+    """Identify the model from the motor side to the tool for `ExtendedKalman`, from one log.
 
     Args:
-        motor, tool: (N,) [m], under an input that excites both, such as a random one. order: of the model; chosen by
-            the error on held-out samples if left out.
+        motor, tool: (N,) [m], under an input that excites both, for example random. order: of the model; by default
+            chosen on held-out samples.
 
-    The input is the mean of this sample and the next one: held alone the motor side would be half a sample late, which
-    is more than the tool's own error. Raises ArgumentError where the model explains less than half of the variance of
-    the tool, of samples that were held out, and as `gtmodel.vibration.identify_subspace`.
+    The input is the mean of this sample and the next: a zero-order hold would delay the motor side by half a sample,
+    more than the tool's own error. Raises ArgumentError if the model explains less than half of the variance of the
+    tool on held-out samples, and as `gtmodel.vibration.identify_subspace`.
 
     >>> learning = gt.control.learning
     >>> r = 1e-3 * np.repeat(np.random.default_rng(1).normal(size=200), 10)
@@ -220,9 +217,10 @@ def identified_tool(motor: Any, tool: Any, sample_time: float = SAMPLE_TIME, ord
 
     from ...vibration import Record
 
-    at, z = np.asarray(motor, float), np.asarray(tool, float)
-    made = _identified(Record((at[:-1] + at[1:]) / 2, z[:-1], sample_time), order, feedthrough=False)
-    _explains(made, {"tool": z})
-    of = made.system
-    half = np.asarray(of.B, float) / 2
-    return control.StateSpace(of.A, np.hstack([half, half]), of.C, np.zeros((1, 2)), sample_time)
+    zc, z = np.asarray(motor, float), np.asarray(tool, float)
+    model = _identified(Record((zc[:-1] + zc[1:]) / 2, z[:-1], sample_time), order, feedthrough=False)
+    _explains(model, {"tool": z})
+    half = np.asarray(model.system.B, float) / 2
+    return control.StateSpace(
+        model.system.A, np.hstack([half, half]), model.system.C, np.zeros((1, 2)), sample_time
+    )  # fmt: skip

@@ -19,25 +19,25 @@ if TYPE_CHECKING:
 else:
     StateSpace = hint("control", "StateSpace")
 
-DECADES = (-20.0, 0.0)  # of the process noise that is looked for
+DECADES = (-20.0, 0.0)  # range of log10 of the process noise in the search
 
 
 @dataclass(frozen=True, eq=False)
 class ExtendedKalman:
-    """A model x(t + T) = A x + B u, z = C x, extended by the tool's velocity and acceleration.
+    """Kalman filter for a model x(t + T) = A x + B u, z = C x, extended by the tool's velocity and acceleration.
 
     model: discrete, from z_c [m], or from z_c at this and the following samples, to the tool z [m]; `tool_model`, or
-    the system of `gtmodel.vibration.identify_subspace`. process: r of R1 = r I. noise: deviation of a reading of the
+    the system of `gtmodel.vibration.identify_subspace`. process: r of R1 = r I. noise: standard deviation of the
     accelerometer [m/s2].
 
-    x_a is the *backward* second difference of z, one sample late; so it is compared with the reading one sample ago.
-    Only the acceleration corrects: z is not measured (the text of (7.22) prints all outputs). Raises ArgumentError for
-    a model with feedthrough, several outputs, or in continuous time, for numbers that are not positive, and, asked for
-    its gain, where the acceleration does not show a part of the model that does not fade.
+    x_a is the *backward* second difference of z, delayed by one sample, so it is compared with the previous reading.
+    Only the acceleration corrects the state, because z is not measured (the text of (7.22) prints all outputs). Raises
+    ArgumentError for a model with feedthrough, several outputs or in continuous time, if process or noise is not
+    positive, and on computing the gain if the acceleration does not observe an undamped part of the model.
 
     >>> learning = gt.control.learning
     >>> filter = learning.ExtendedKalman(learning.tool_model(11.5, 0.05), process=1e-12, noise=0.07)
-    >>> filter.gain.shape  # of two states, the velocity, the acceleration
+    >>> filter.gain.shape  # two states, velocity, acceleration
     (4,)
     """
 
@@ -47,15 +47,15 @@ class ExtendedKalman:
 
     def __post_init__(self) -> None:
         if not (self.process > 0 and self.noise > 0):
-            raise ArgumentError("expected a process noise and a deviation above 0", "process")
+            raise ArgumentError("process and noise must be above 0", "process")
         if self.model.noutputs != 1 or not self.model.isdtime(strict=True) or not self.model.nstates:
-            raise ArgumentError("the model is in discrete time, with states, and its one output is the tool", "model")
+            raise ArgumentError("expected a discrete-time model with states and one output, the tool", "model")
         if np.any(np.asarray(self.model.D)):
-            raise ArgumentError("the model has a feedthrough; (7.19) has none: identify it without", "model")
+            raise ArgumentError("the model has feedthrough, unlike (7.19); identify it without", "model")
 
     @property
     def sample_time(self) -> float:
-        """[s]."""
+        """Sampling period [s]."""
         return float(self.model.dt)
 
     @cached_property
@@ -72,38 +72,38 @@ class ExtendedKalman:
 
     @cached_property
     def covariance(self) -> np.ndarray:
-        """Of the predicted state, from the Riccati equation."""
+        """Covariance of the predicted state, from the Riccati equation."""
         A, _, H = self.extended
         try:
             return settled_covariance(A, H, self.process * np.eye(len(A)), np.array([self.noise**2]))
         except np.linalg.LinAlgError:
             poles = np.abs(np.linalg.eigvals(np.asarray(self.model.A, float)))
             raise ArgumentError(
-                "the acceleration does not show a part of the model that does not fade, so no filter exists; the "
-                f"largest modulus of its poles is {poles.max():.6g}: take a model without it, as of another order",
+                "the acceleration does not observe an undamped part of the model, so no filter exists; the largest "
+                f"modulus of its poles is {poles.max():.6g}: use a model without this part, for example another order",
                 "model",
             ) from None
 
     @cached_property
     def innovation_variance(self) -> float:
-        """Of the acceleration less its prediction [m2/s4]."""
+        """Variance of the acceleration minus its prediction [m2/s4]."""
         H = self.extended[2]
         return float((H @ self.covariance @ H.T)[0, 0] + self.noise**2)
 
     @cached_property
     def gain(self) -> np.ndarray:
-        """K = A P H' / (H P H' + R), of the predictor form that (7.22) is."""
+        """K = A P H' / (H P H' + R), for the predictor form of (7.22)."""
         A, _, H = self.extended
         return (A @ self.covariance @ H.T)[:, 0] / self.innovation_variance
 
     @cached_property
     def system(self) -> StateSpace:
-        """The filter: from z_c (and what follows it) and the acceleration to zhat and to the predicted acceleration."""
+        """The filter from z_c (this and following samples) and acceleration to zhat and the predicted acceleration."""
         import control
 
         A, B, H = self.extended
         n = len(A)
-        # one state more: the reading one sample ago
+        # one more state: the previous reading
         big = np.zeros((n + 1, n + 1))
         big[:n, :n], big[:n, n] = A - np.outer(self.gain, H[0]), self.gain
         inputs = np.zeros((n + 1, B.shape[1] + 1))
@@ -114,20 +114,23 @@ class ExtendedKalman:
         return control.StateSpace(big, inputs, C, np.zeros((2, B.shape[1] + 1)), self.sample_time)
 
     def pulses(self, size: int) -> list[np.ndarray]:
-        """Pulse responses (size,) of zhat to each input; the last one is the acceleration."""
+        """Return pulse responses (size,) of zhat to each input; the last input is the acceleration."""
         return [pulse_response(self._from(k, 0), size) for k in range(self.system.ninputs)]
 
     def response(self, frequency: np.ndarray, column: int) -> np.ndarray:
-        """Of zhat to an input (k,) at frequencies (k,) in Hz."""
+        """Return the response (k,) of zhat to an input at frequencies (k,) in Hz."""
         return frequency_response(self._from(column, 0), frequency)
 
     def innovations(self, motor: Any, acceleration: Any) -> np.ndarray:
-        """(N,) acceleration one sample ago less its prediction, over its deviation: white of variance 1 where the
-        filter is right. motor, acceleration: (N,) of a run that starts at rest; ArgumentError where they are not."""
+        """Return the innovations (N,): previous acceleration minus its prediction over its standard deviation, white
+        with variance 1 if the filter is right.
+
+        motor, acceleration: (N,) of a run that starts at rest. Raises ArgumentError if they are not finite (N,).
+        """
         zc, a = np.asarray(motor, float), np.asarray(acceleration, float)
         for name, values in (("motor", zc), ("acceleration", a)):
             if values.shape != (len(a),) or not np.all(np.isfinite(values)):
-                raise ArgumentError(f"expected {len(a)} finite numbers; found {values.shape}, or nan among them", name)
+                raise ArgumentError(f"expected {len(a)} finite numbers; found {values.shape}, or not finite", name)
         ahead = [np.append(zc[k:], np.full(k, zc[-1])) for k in range(self.system.ninputs - 1)]
         predicted = np.zeros(len(a))
         for k, u in enumerate([*ahead, a]):
@@ -135,7 +138,7 @@ class ExtendedKalman:
         return (np.append(0.0, a[:-1]) - predicted) / np.sqrt(self.innovation_variance)
 
     def log_likelihood(self, motor: Any, acceleration: Any) -> float:
-        """Of the innovations of a run (N,), without the constant."""
+        """Return the log-likelihood of the innovations of a run (N,), without the constant."""
         v = self.innovations(motor, acceleration)
         return float(-0.5 * (v @ v + len(v) * np.log(self.innovation_variance)))
 
@@ -149,9 +152,9 @@ class ExtendedKalman:
 
 
 def most_likely_filter(model: StateSpace, motor: Any, acceleration: Any, noise: float) -> ExtendedKalman:
-    """The filter whose process noise makes the innovations of a run (N,) most likely, without a look at the tool.
+    """Return the filter with the process noise that maximises the likelihood of the innovations of a run (N,).
 
-    Args: as of `ExtendedKalman`; motor [m], acceleration [m/s2]: (N,), from rest.
+    Arguments as in `ExtendedKalman`; motor [m], acceleration [m/s2]: (N,), from rest. The tool is not used.
 
     >>> learning = gt.control.learning
     >>> rng = np.random.default_rng(1)

@@ -1,8 +1,8 @@
-"""Linear maps of whole signals, with their adjoints: the lifted form of learning control, by filters and not matrices.
+"""Linear maps of whole signals with their adjoints: the lifted form of learning control, with filters, not matrices.
 
-A signal of N samples is a vector (N,), or a column of (N, k). A filter is then a matrix, Dressler 2012, (7.8) and
-(7.9); here it is a `Lifted` map, which runs the filter, and its adjoint, which runs it backward in time from zero
-state. So a long run needs neither N x N numbers nor their product.
+A signal of N samples is a vector (N,), or a column of (N, k). In the lifted form a filter is a matrix, Dressler 2012,
+(7.8) and (7.9). Here it is a `Lifted` map that runs the filter; its adjoint runs the filter backward in time from zero
+state. Long runs therefore need no N x N matrices.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from .plants import Plant, pulse_response, stable
 
 Array = np.ndarray
 Apply = Callable[[Array], Array]
-CIRCLE = 1 + 1e-6  # modulus of a pole: integrators round to either side of 1
-SHORT = 64  # samples below which a sum is faster than a transform
+CIRCLE = 1 + 1e-6  # largest modulus of a pole: integrators are rounded to either side of 1
+SHORT = 64  # samples up to which a direct sum is faster than an FFT
 
 
 @dataclass(frozen=True, eq=False)
 class Lifted:
-    """A linear map of signals of `size` samples. forward, backward: it and its adjoint, of columns (size, k).
+    """A linear map of signals of `size` samples. forward, backward: the map and its adjoint, for columns (size, k).
 
-    Maps are composed as matrices are: `Q @ L`, `A + B`, `A - B`, `2.0 * A`, `A.adjoint`, `A(x)`; `dense()` is the
-    matrix, `operator()` what scipy's iterative methods take.
+    Maps are composed like matrices: `Q @ L`, `A + B`, `A - B`, `2.0 * A`, `A.adjoint`, `A(x)`. `dense()` is the matrix,
+    `operator()` is for scipy's iterative methods.
 
     >>> from gtmodel.control import learning
     >>> shift = learning.shifted(5, gain=0.5, shift=2)
@@ -44,10 +44,10 @@ class Lifted:
     backward: Apply
 
     def __call__(self, x: Any) -> Array:
-        """The map of a signal (size,) or of columns (size, k). Raises ArgumentError for another length."""
+        """Apply the map to a signal (size,) or columns (size, k). Raises ArgumentError for another length."""
         x = np.asarray(x, float)
         if x.ndim not in (1, 2) or len(x) != self.size:
-            raise ArgumentError(f"the map is of signals of {self.size} samples; found the shape {x.shape}", "x")
+            raise ArgumentError(f"expected a signal of {self.size} samples; found the shape {x.shape}", "x")
         return self.forward(x[:, None])[:, 0] if x.ndim == 1 else self.forward(x)
 
     @property
@@ -71,11 +71,11 @@ class Lifted:
         return Lifted(self.size, lambda x: factor * a.forward(x), lambda y: factor * a.backward(y))
 
     def dense(self) -> Array:
-        """The matrix (size, size)."""
+        """Return the matrix (size, size)."""
         return self.forward(np.eye(self.size))
 
     def operator(self) -> Any:
-        """As a `scipy.sparse.linalg.LinearOperator`."""
+        """Return the map as a `scipy.sparse.linalg.LinearOperator`."""
         return scipy.sparse.linalg.LinearOperator(
             (self.size, self.size), matvec=lambda x: self(np.ravel(x)), rmatvec=lambda y: self.adjoint(np.ravel(y)),
             matmat=self.forward, rmatmat=self.backward, dtype=float,
@@ -83,12 +83,12 @@ class Lifted:
 
     def _like(self, other: Lifted) -> Lifted:
         if other.size != self.size:
-            raise ArgumentError(f"one map is of {self.size} samples, the other of {other.size}", "size")
+            raise ArgumentError(f"the maps have different sizes, {self.size} and {other.size} samples", "size")
         return other
 
 
 def identity(size: int) -> Lifted:
-    """The map that leaves signals as they are.
+    """Return the identity map.
 
     >>> gt.control.learning.identity(2)([3.0, 4.0]).tolist()
     [3.0, 4.0]
@@ -97,7 +97,7 @@ def identity(size: int) -> Lifted:
 
 
 def weighted(weights: Any) -> Lifted:
-    """The diagonal map of weights (size,), such as Q_w of Dressler 2012, (7.14).
+    """Return the diagonal map of weights (size,), such as Q_w of Dressler 2012, (7.14).
 
     >>> gt.control.learning.weighted([0.0, 0.5, 1.0])([2.0, 2.0, 2.0]).tolist()
     [0.0, 1.0, 2.0]
@@ -107,7 +107,7 @@ def weighted(weights: Any) -> Lifted:
 
 
 def toeplitz(pulse: Any) -> Lifted:
-    """The lower triangular Toeplitz map of a pulse response (size,): Dressler 2012, (7.9).
+    """Return the lower triangular Toeplitz map of a pulse response (size,): Dressler 2012, (7.9).
 
     >>> learning = gt.control.learning
     >>> learning.toeplitz([1.0, 0.5, 0.25]).dense().tolist()
@@ -126,10 +126,10 @@ def toeplitz(pulse: Any) -> Lifted:
 
 
 def lifted(plant: Plant, size: int) -> Lifted:
-    """A plant of one input and one output from rest, as a map of signals: Dressler 2012, (7.5) and (7.9).
+    """Return the map of a plant with one input and one output, from rest: Dressler 2012, (7.5) and (7.9).
 
-    plant: `control.StateSpace` or `TransferFunction` in discrete time. Raises ArgumentError as `pulse_response`, and
-    for a pole outside the unit circle: transforms round by the largest sample, which then hides all earlier ones.
+    plant: discrete-time `control.StateSpace` or `TransferFunction`. Raises ArgumentError as `pulse_response`, and for a
+    pole outside the unit circle, because rounding errors of the FFT scale with the largest sample.
 
     >>> learning = gt.control.learning
     >>> learning.lifted(learning.delayed_lag(0.5, 0.5, delay=1), 3).dense().tolist()
@@ -139,15 +139,15 @@ def lifted(plant: Plant, size: int) -> Lifted:
 
 
 def shifted(size: int, gain: float, shift: int) -> Lifted:
-    """L = gain q^shift of Dressler 2012, (7.10): what comes `shift` samples later, the last sample repeated.
+    """Return L = gain q^shift of Dressler 2012, (7.10): the signal `shift` samples later, its last sample repeated.
 
-    Raises ArgumentError for a shift that is negative or longer than the signal.
+    Raises ArgumentError if the shift is negative or not shorter than the signal.
 
     >>> gt.control.learning.shifted(3, gain=0.9, shift=1).dense().tolist()
     [[0.0, 0.9, 0.0], [0.0, 0.0, 0.9], [0.0, 0.0, 0.9]]
     """
     if not 0 <= shift < size:
-        raise ArgumentError(f"a shift of a signal of {size} samples is 0 to {size - 1}; found {shift}", "shift")
+        raise ArgumentError(f"must be 0 to {size - 1} for {size} samples; found {shift}", "shift")
     later = np.minimum(np.arange(size) + shift, size - 1)
 
     def backward(y: Array) -> Array:
@@ -160,7 +160,7 @@ def shifted(size: int, gain: float, shift: int) -> Lifted:
 
 
 def filtered(sections: Any, size: int) -> Lifted:
-    """A causal filter of second-order sections (scipy's `sos`) from zero state; its adjoint runs backward in time.
+    """Return the map of a causal filter of second-order sections (scipy's `sos`) from zero state.
 
     >>> learning = gt.control.learning
     >>> learning.filtered([[0.5, 0.5, 0.0, 1.0, 0.0, 0.0]], 3)([1.0, 1.0, 0.0]).tolist()  # the mean of two samples
@@ -174,9 +174,9 @@ def filtered(sections: Any, size: int) -> Lifted:
 
 
 def zero_phase(sections: Any, size: int) -> Lifted:
-    """Qbar = Qb' Qb of Dressler 2012, (7.11): a filter forward from zero state, then its adjoint.
+    """Return Qbar = Qb' Qb of Dressler 2012, (7.11): a filter from zero state, then its adjoint.
 
-    Not `filtfilt`, which pads the ends and is another map there.
+    It differs from `filtfilt` at the ends, because `filtfilt` pads the signal.
 
     >>> Q = gt.control.learning.zero_phase([[0.5, 0.5, 0.0, 1.0, 0.0, 0.0]], 3)  # the mean of two samples
     >>> Q.dense().tolist()
@@ -187,7 +187,7 @@ def zero_phase(sections: Any, size: int) -> Lifted:
 
 
 def symmetric(taps: Any, size: int) -> Lifted:
-    """A zero-phase filter of finite length: taps (m + 1,) at the lags 0 to m, the same at negative ones.
+    """Return a finite zero-phase filter: taps (m + 1,) at the lags 0 to m and, symmetrically, at negative lags.
 
     Signals are zero outside their samples. The map is its own adjoint.
 
@@ -205,7 +205,7 @@ def symmetric(taps: Any, size: int) -> Lifted:
 
 
 def matrix(values: Any) -> Lifted:
-    """The map of a square matrix (size, size).
+    """Return the map of a square matrix (size, size).
 
     >>> gt.control.learning.matrix([[1.0, 2.0], [0.0, 1.0]])([1.0, 1.0]).tolist()
     [3.0, 1.0]

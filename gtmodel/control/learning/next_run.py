@@ -1,4 +1,4 @@
-"""The technician's loop: one measured run in, the next input out, and whether anything is left to learn."""
+"""Study that computes the next input from one measured run, and whether anything remains to be learned."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from .options import LearningDesign, LearningRobot, NextInputStudy
 from .robot import ModelledRobot
 from .study import CASE_1, filter_picture, input_csv, micrometres
 
-AT_THE_FLOOR = 1.2  # times the floor: what is predicted is within 20 % of what is reached
-SCATTERS = 3.0  # times the error of a run: repeats that differ by more are not of one motion
-EXPLAINED = 0.5  # of the error before learning: what the model must make of a run, or rate and floor say nothing of it
-OUTSIDE = 0.5  # of the way of the reference: the part that is judged holds the greater one
-SHORTEN = "most of the motion lies in lead-in and lead-out, where it is not judged; shorten them"
+AT_THE_FLOOR = 1.2  # times the floor: the prediction is accurate to 20 %
+SCATTERS = 3.0  # times the error of a run: repeats that differ by more are not runs of one motion
+EXPLAINED = 0.5  # of the error before learning: largest deviation of a run from the model; else rate and floor mislead
+OUTSIDE = 0.5  # of the path length of the reference: largest share that is not evaluated
+SHORTEN = "most of the motion lies in lead-in and lead-out, which are not evaluated; shorten them"
 ANOTHER = (
-    "the run is not what the model makes of reference and input: look at columns, units, signs and the input that ran, "
-    "or identify the robot anew"
+    "the run does not agree with the model for this reference and input: check columns, units, signs and the input of "
+    "the run, or identify the robot again"
 )
 
 
@@ -44,22 +44,22 @@ def next_input(
     acceleration_noise: Annotated[float, Within(least=0.0)] = 0.07,
     **work_options: Unpack[WorkOptions],
 ) -> NextInputStudy:
-    """The next input of a learning law, from one measured run.
+    """Compute the next input of a learning law from one measured run.
 
     Args:
-        robot: as it is known. design: the law.
-        run: "reference", "input" (zero where left out) and what the case learns from, "motor", "tool" or
-            "acceleration", each (N, axes) or, of one axis, (N,); [m] and [m/s2], at even times. Positions count from
-            where the reference begins; of a run from rest to rest the accelerometer's bias is taken off.
-        repeats: three or more runs of the same reference and one input, with the same signals.
+        robot: its model. design: the law.
+        run: "reference", "input" (zero by default) and the signals of the case, "motor", "tool" or "acceleration",
+            each (N, axes), or (N,) for one axis; [m] and [m/s2], at equal time steps. Positions are relative to the
+            start of the reference. If the run is from rest to rest, the accelerometer's bias is removed.
+        repeats: three or more runs of the same reference with one common input, with the same signals.
         ramp: samples of lead-in and of lead-out. acceleration_noise: of a reading [m/s2].
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Where the error has come near the floor in every axis the input stays as it is, and the message says so. A check
-    fails where the run is not what the model makes of its reference and input, where the accelerometer reads another
-    motion than the tool does (that of the model where no tool was measured), and where most of the motion lies in
-    lead-in and lead-out. Raises ArgumentError where signals are missing or do not match, where fewer than 50 samples
-    are left to judge, where repeats differ in more than their scatter, and for a law that would diverge.
+    If the error of every axis is within 20 % of the floor, the input stays unchanged, and the message says so. A check
+    fails if the run does not agree with the model, if the accelerometer disagrees with the tool (or with the model if
+    no tool was measured), or if most of the motion lies in lead-in and lead-out. Raises ArgumentError if signals are
+    missing or do not match, if fewer than 50 samples remain to evaluate, if repeats are not runs of one motion, or if
+    the law would diverge.
 
     >>> learning = gt.control.learning
     >>> t, r = 0.004 * np.arange(825), learning.SquarePath().samples(0.004)[:, 0]
@@ -85,39 +85,39 @@ def next_input(
     errors, floors, bests, unexplained, slides = [], [], [], [], []
     for k, name in enumerate(names):
         work.step(f"law of {name}", k / len(names))
-        mine = {s: v[:, k] for s, v in signals.items()}
-        axis = design_axis(robot, k, design, size, ramp, [mine], acceleration_noise)
-        hat = axis.estimate(mine)
-        if "acceleration" in mine:
+        log = {s: v[:, k] for s, v in signals.items()}
+        axis = design_axis(robot, k, design, size, ramp, [log], acceleration_noise)
+        hat = axis.estimate(log)
+        if "acceleration" in log:
             moved = robot.plant(k).maps(size)["acceleration"](reference[:, k] + u[:, k])
             doubts.append(
                 accelerometer(
-                    f" of {name}", mine["acceleration"], None if tool is None else tool[:, k], moved, robot.sample_time
+                    f" of {name}", log["acceleration"], None if tool is None else tool[:, k], moved, robot.sample_time
                 )
             )
         e = reference[:, k] - hat
-        seen = np.array([axis.estimate({s: v[:, k] for s, v in other.items()}) for other in others])
-        floors.append(axis.floor(e + axis.seen(u[:, k]), corrected, 1, seen if len(seen) else None))
+        estimates = np.array([axis.estimate({s: v[:, k] for s, v in other.items()}) for other in others])
+        floors.append(axis.floor(e + axis.seen(u[:, k]), corrected, 1, estimates if len(estimates) else None))
         axes.append(axis)
         errors.append(_rms(e[corrected]))
         bests.append(axis.next_input(u[:, k], e))
         before = _rms((reference[:, k] - axis.seen(reference[:, k]))[corrected])
         off = _rms((hat - axis.seen(reference[:, k] + u[:, k]))[corrected])
         unexplained.append(off / before if before else (0.0 if off <= floors[-1].total else np.inf))
-        slides.append(drift(seen[:, corrected]) if len(seen) else False)
+        slides.append(drift(estimates[:, corrected]) if len(estimates) else False)
     wrong, sentences = suspicion_checks(doubts)
     judged = {"moves_outside": at_most(moves_outside(reference, corrected), OUTSIDE, SHORTEN), **wrong}
     learned = all(e <= AT_THE_FLOOR * f.total for e, f in zip(errors, floors, strict=True))
     after = u if learned else np.column_stack(bests)
     notes = [f"{name}: {axis.rate.words}" for name, axis in zip(names, axes, strict=True) if not axis.rate.monotone]
     if not repeats:
-        notes.append("the floor is that of the repeating error alone; record three runs to know their scatter")
+        notes.append("the floor includes only the repeating error; record three repeats to include their scatter")
     if "input" not in run.names:
-        notes.append("the run has no input, so it counts as zero: right for a first run only")
+        notes.append("the run has no input, so zero is assumed: this is right only for a first run")
     if any(abs(b) > acceleration_noise for b in bias):
-        notes.append(f"the accelerometer's mean of {max(bias, key=abs):.3g} m/s2 over the run is taken off")
+        notes.append(f"the accelerometer's mean of {max(bias, key=abs):.3g} m/s2 over the run was subtracted")
     notes += [
-        f"{name}: the repeats slide one way from run to run, which a law can follow: the floor may be lower"
+        f"{name}: the repeats drift from run to run, which a law can follow: the floor may be lower"
         for name, slide in zip(names, slides, strict=True) if slide
     ]  # fmt: skip
     return _answer(
@@ -135,28 +135,28 @@ def _answer(
     if repeated:
         share = max(f.scatter / e if e else (np.inf if f.scatter else 0.0) for e, f in zip(errors, floors, strict=True))
         scattering["scatter_over_error"] = at_most(
-            share, SCATTERS, "the repeats differ by more than the run errs, so they are not of one motion; record anew"
+            share, SCATTERS, "the repeats scatter too much for runs of one motion; record them again"
         )
     over = [e / f.total if f.total else (np.inf if e else 0.0) for e, f in zip(errors, floors, strict=True)]
     worst = int(np.argmax(over))
-    of = f"{micrometres(errors[worst])}, floor {micrometres(floors[worst].total)}"
+    size = f"{micrometres(errors[worst])}, floor {micrometres(floors[worst].total)}"
     rate = max(max(a.bound.value, a.rate.sigma if a.rate.monotone else 0.0) for a in axes)
     message = (
-        f"nothing more can be learned: the error of every axis is at its floor ({names[worst]}: {of}); keep this input"
+        f"nothing more can be learned: every axis is at its floor ({names[worst]}: {size}); keep this input"
         if learned
-        else f"go on: {names[worst]} errs by {of}; what is above it falls to {rate:.2f} or less per iteration"
+        else f"continue: error of {names[worst]} {size}; the excess falls by a factor of {rate:.2f} or better per run"
     )
     trajectory = Trajectory(run.time, {"next_input": after}, {"next_input": "m"}, synthetic=run.synthetic)
-    shown = title or "the next input"
+    title = title or "the next input"
     return NextInputStudy(
-        status=SolveStatus.SOLVED, message=message, title=shown, notes=tuple(notes), trajectory=trajectory,
+        status=SolveStatus.SOLVED, message=message, title=title, notes=tuple(notes), trajectory=trajectory,
         checks={
             "bound": at_most(max(a.bound.value for a in axes), 1 + 1e-9, "lower the cutoff or the contraction"),
             "unexplained": at_most(max(unexplained), EXPLAINED, ANOTHER),
             **scattering, **judged,
         },
         files=MadeFiles({"next_input.csv": partial(input_csv, run.time, names, after, run.synthetic)}),
-        machine_files=("next_input.csv",), figures={"filter": partial(filter_picture, names, axes, shown)},
+        machine_files=("next_input.csv",), figures={"filter": partial(filter_picture, names, axes, title)},
         axes=tuple(names), case=design.case, error=errors, floor=[f.total for f in floors],
         scatter=[f.scatter for f in floors] if repeated else None, unexplained=unexplained,
         sigma=[a.rate.sigma for a in axes], bound=[a.bound.value for a in axes], learned=learned,

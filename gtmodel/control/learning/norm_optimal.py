@@ -1,4 +1,4 @@
-"""Laws that minimise a norm: u(k+1) of least e'We + u'Su + du'R du, with bounds as a quadratic program."""
+"""Norm-optimal laws: u(k+1) minimises e'We + u'Su + du'R du, with bounds as a quadratic program."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from .lifted import Array, Lifted, identity, lifted
 from .plants import Plant, stable
 
 LONGEST = 3000  # samples of a run with bounds: three matrices of 72 MB
-SOLVERS = ("daqp", "osqp")  # an active-set method, exact; where it does not end, one of first order with polishing
+SOLVERS = ("daqp", "osqp")  # an exact active-set method; if it fails, a first-order method with polishing
 OSQP = {"eps_abs": 1e-10, "eps_rel": 1e-10, "max_iter": 50_000, "polish": True, "verbose": False}
 
 
 def norm_optimal_law(plant: Plant | Lifted, size: int, change: float, effort: float = 0.0) -> LearningLaw:
-    """The law of least |e|^2 + effort |u|^2 + change |u(k+1) - u(k)|^2.
+    """Return the law that minimises |e|^2 + effort |u|^2 + change |u(k+1) - u(k)|^2.
 
-    With scalar weights R = change and S = effort: Q = (T'T + S + R)^-1 (T'T + R), L = (T'T + R)^-1 T', so the input
-    contracts by sigma = R / (R + S + s_min(T)^2), which is 1 for S = 0: the last inputs never reach the output through
-    the delay.
+    With scalar weights R = change and S = effort: Q = (T'T + S + R)^-1 (T'T + R), L = (T'T + R)^-1 T'. The input
+    contracts by sigma = R / (R + S + s_min(T)^2). With a delay sigma is 1 for S = 0, because the last inputs do not
+    reach the output within the run.
 
     Args:
-        plant: of one input and output, or its lifted map. size: samples of a run.
+        plant: with one input and one output, or its lifted map. size: samples of a run.
 
-    Raises ArgumentError for weights that are not positive (effort may be 0), and for a plant with a pole on or outside
-    the unit circle, whose lifted map is as good as singular.
+    Raises ArgumentError if a weight is not positive (effort may be 0), or if the plant has a pole on or outside the
+    unit circle, which makes its lifted map nearly singular.
 
     >>> learning = gt.control.learning
     >>> loop = learning.delayed_lag(*learning.ACTUATORS[0], 5)
@@ -45,10 +45,10 @@ def norm_optimal_law(plant: Plant | Lifted, size: int, change: float, effort: fl
 
 
 def model_inverse_law(plant: Plant | Lifted, size: int, regularisation: float, Q: Lifted | None = None) -> LearningLaw:
-    """L = (T'T + regularisation)^-1 T', the inverse of the model where that has a gain, behind a Q of your own.
+    """Return a law with your own Q and L = (T'T + regularisation)^-1 T', the regularised inverse of the model.
 
-    regularisation: of the squared gain; 0.01 leaves out what the plant passes by less than a tenth. Q: a map of runs of
-    `size` samples; the identity if left out. Raises ArgumentError as `norm_optimal_law`.
+    regularisation: of the squared gain; 0.01 leaves out frequencies with a gain below 0.1. Q: a map of runs of `size`
+    samples; the identity by default. Raises ArgumentError as `norm_optimal_law`.
 
     >>> learning = gt.control.learning
     >>> axis = learning.flexible_axis(11.5, 0.05)
@@ -63,9 +63,10 @@ def model_inverse_law(plant: Plant | Lifted, size: int, regularisation: float, Q
 
 
 def inverse(map: Lifted) -> Lifted:
-    """The inverse of a symmetric positive definite map: by Cholesky's factor, for long runs by conjugate gradients.
+    """Return the inverse of a symmetric positive definite map, by Cholesky factorisation or, for long runs, conjugate
+    gradients.
 
-    Raises ArgumentError where it is not positive definite, or hardly.
+    Raises ArgumentError if the map is not, or only barely, positive definite.
 
     >>> learning = gt.control.learning
     >>> learning.inverse(learning.weighted([2.0, 4.0]))([1.0, 1.0]).round(12).tolist()
@@ -81,12 +82,12 @@ def inverse(map: Lifted) -> Lifted:
     operator = map.operator()
 
     def solve(x: Array) -> Array:
-        made = np.empty_like(x)
+        y = np.empty_like(x)
         for k in range(x.shape[1]):
-            made[:, k], info = scipy.sparse.linalg.cg(operator, x[:, k], rtol=SOLVED, atol=0.0, maxiter=20 * map.size)
+            y[:, k], info = scipy.sparse.linalg.cg(operator, x[:, k], rtol=SOLVED, atol=0.0, maxiter=20 * map.size)
             if info:
-                raise ArgumentError("conjugate gradients did not end: raise the weights, or take a shorter run", "map")
-        return made
+                raise ArgumentError("conjugate gradients did not converge: raise the weights or shorten the run", "map")
+        return y
 
     return Lifted(map.size, solve, solve)
 
@@ -95,14 +96,14 @@ def bounded_update(
     plant: Plant | Lifted, u: Any, error: Any, change: float, effort: float = 0.0, *, largest: float | None = None,
     largest_step: float | None = None,
 ) -> Array:  # fmt: skip
-    """The next input (N,) of a norm-optimal law within bounds, as a quadratic program by CasADi.
+    """Return the next input (N,) of a norm-optimal law with bounds, from a quadratic program solved by CasADi.
 
     Args:
-        plant: as of `norm_optimal_law`. u, error: (N,) of the last run. change, effort: the weights.
-        largest: modulus of the input. largest_step: from a sample to the next, from zero at the first one.
+        plant: as in `norm_optimal_law`. u, error: (N,) of the last run. change, effort: the weights.
+        largest: bound on the absolute input. largest_step: bound on its change per sample, from zero before the first.
 
-    Without bounds it is the law's own update. Raises ArgumentError as `norm_optimal_law`, for bounds that are not
-    positive, and where no solver ends.
+    Without bounds the result equals the law's update. Raises ArgumentError as `norm_optimal_law`, if a bound is not
+    positive, or if no solver converges.
 
     >>> learning = gt.control.learning
     >>> loop = learning.delayed_lag(0.5, 0.5, delay=1)
@@ -113,23 +114,23 @@ def bounded_update(
     u, e = np.asarray(u, float), np.asarray(error, float)
     _weights(change, effort)
     M = _dense(plant, len(u))
-    wanted = e + M @ u
-    return _least(M, wanted, change + effort, M.T @ wanted + change * u, u, largest, largest_step)
+    target = e + M @ u
+    return _least(M, target, change + effort, M.T @ target + change * u, u, largest, largest_step)
 
 
 def bounded_limit(
     plant: Plant | Lifted, first_error: Any, effort: float, *, largest: float | None = None,
     largest_step: float | None = None,
 ) -> Array:  # fmt: skip
-    """The input (N,) at which `bounded_update` ends on a plant: of least |e|^2 + effort |u|^2 within the bounds.
+    """Return the limit (N,) of `bounded_update` on a plant, the input that minimises |e|^2 + effort |u|^2 with bounds.
 
-    Each update is a proximal step towards it, so the input comes nearer by R / (R + S + s_min(T)^2) or better, as
-    without bounds (Rockafellar 1976).
+    Each update is a proximal step towards this input, so the distance contracts by R / (R + S + s_min(T)^2) or better,
+    as without bounds (Rockafellar 1976).
 
     Args:
-        first_error: (N,) of the run without input. effort: above 0; the rest as of `bounded_update`.
+        first_error: (N,) of the run without input. effort: above 0; the others as in `bounded_update`.
 
-    Raises ArgumentError as that.
+    Raises ArgumentError as `bounded_update`.
 
     >>> learning = gt.control.learning
     >>> loop = learning.delayed_lag(0.5, 0.5, delay=1)
@@ -139,7 +140,7 @@ def bounded_limit(
     """
     e = np.asarray(first_error, float)
     if not effort > 0:
-        raise ArgumentError(f"the weight of the effort is above 0 here; found {effort:g}", "effort")
+        raise ArgumentError(f"must be above 0 with bounds on the input; found {effort:g}", "effort")
     M = _dense(plant, len(e))
     return _least(M, e, effort, M.T @ e, np.zeros(len(e)), largest, largest_step)
 
@@ -148,25 +149,25 @@ def _dense(plant: Plant | Lifted, size: int) -> Array:
     T = _lifted(plant, size)
     if size > LONGEST:
         raise ArgumentError(
-            f"a law with bounds on the input is a quadratic program of dense matrices, of up to {LONGEST} samples; the "
-            f"run has {size}: leave the bounds out, or learn a shorter run",
+            f"a law with bounds on the input solves a dense quadratic program of at most {LONGEST} samples; the run "
+            f"has {size}: leave out the bounds, or use a shorter run",
             "largest",
         )
     return T.dense()
 
 
 def _least(
-    M: Array, wanted: Array, weight: float, right: Array, u: Array, largest: float | None, largest_step: float | None
+    M: Array, target: Array, weight: float, right: Array, u: Array, largest: float | None, largest_step: float | None
 ) -> Array:
-    """The least of x' (M'M + weight) x / 2 - right' x within bounds."""
+    """Minimise x' (M'M + weight) x / 2 - right' x within bounds."""
     import casadi as ca
 
     for name, bound in (("largest", largest), ("largest_step", largest_step)):
         if bound is not None and not bound > 0:
-            raise ArgumentError(f"a bound is above 0; found {bound:g}", name)
-    n = len(wanted)
+            raise ArgumentError(f"must be above 0; found {bound:g}", name)
+    n = len(target)
     square, linear = M.T @ M + weight * np.eye(n), -right
-    scale = max(float(np.abs(wanted).max()), float(np.abs(u).max()), 1e-300)  # the solvers know no units
+    scale = max(float(np.abs(target).max()), float(np.abs(u).max()), 1e-300)  # solvers use absolute tolerances
     most = np.inf if largest is None else largest / scale
     step = np.inf if largest_step is None else largest_step / scale
     rows = ca.sparsify(ca.DM(np.eye(n) - np.eye(n, k=-1)))
@@ -175,22 +176,22 @@ def _least(
             "update", name, {"h": ca.Sparsity.dense(n, n), "a": rows.sparsity()},
             {"error_on_fail": False, **({"osqp": OSQP} if name == "osqp" else {})},
         )  # fmt: skip
-        made = solver(h=ca.DM(square), g=linear / scale, a=rows, lbx=-most, ubx=most, lba=-step, uba=step)
+        solution = solver(h=ca.DM(square), g=linear / scale, a=rows, lbx=-most, ubx=most, lba=-step, uba=step)
         if solver.stats()["success"]:
-            return np.clip(made["x"].full()[:, 0] * scale, -most * scale, most * scale)
-    raise ArgumentError(f"no solver ended ({', '.join(SOLVERS)}); raise the weights or widen the bounds", "largest")
+            return np.clip(solution["x"].full()[:, 0] * scale, -most * scale, most * scale)
+    raise ArgumentError(f"no solver converged ({', '.join(SOLVERS)}); raise the weights or widen the bounds", "largest")
 
 
 def _lifted(plant: Plant | Lifted, size: int) -> Lifted:
     if not isinstance(plant, Lifted):
         return lifted(stable(plant), size)
     if plant.size != size:
-        raise ArgumentError(f"the map is of {plant.size} samples; expected {size}", "plant")
+        raise ArgumentError(f"the map has {plant.size} samples; expected {size}", "plant")
     return plant
 
 
 def _weights(change: float, effort: float) -> None:
     if not change > 0:
-        raise ArgumentError(f"the weight of the change is above 0; found {change:g}", "change")
+        raise ArgumentError(f"the weight must be above 0; found {change:g}", "change")
     if not effort >= 0:
-        raise ArgumentError(f"the weight of the effort is not negative; found {effort:g}", "effort")
+        raise ArgumentError(f"the weight must not be negative; found {effort:g}", "effort")

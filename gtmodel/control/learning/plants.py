@@ -1,4 +1,4 @@
-"""Plants of learning control: linear loops in discrete time of one input and one output, stable, and known."""
+"""Plants of learning control: stable discrete-time linear systems with one input and one output."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ Plant = StateSpace | TransferFunction
 
 
 def delayed_lag(b: float, a: float, delay: int, sample_time: float = SAMPLE_TIME) -> StateSpace:
-    """b q^-delay / (1 - a q^-1): a controlled actuator, Dressler 2012, (6.10) and (6.11).
+    """Return b q^-delay / (1 - a q^-1), a controlled actuator: Dressler 2012, (6.10) and (6.11).
 
-    delay: in samples; raises ArgumentError where it is negative. sample_time: [s].
+    delay: in samples; raises ArgumentError if it is negative. sample_time: [s].
 
     >>> learning = gt.control.learning
     >>> loop = learning.delayed_lag(*learning.ACTUATORS[0], learning.ACTUATOR_DELAY)
@@ -32,7 +32,7 @@ def delayed_lag(b: float, a: float, delay: int, sample_time: float = SAMPLE_TIME
     import control
 
     if delay < 0:
-        raise ArgumentError(f"a delay is not negative; found {delay} samples", "delay")
+        raise ArgumentError(f"must not be negative; found {delay} samples", "delay")
     if delay == 0:
         return control.StateSpace([[a]], [[1.0]], [[b * a]], [[b]], sample_time)
     A = np.diag(np.ones(delay - 1), -1) if delay > 1 else np.zeros((1, 1))
@@ -43,28 +43,27 @@ def delayed_lag(b: float, a: float, delay: int, sample_time: float = SAMPLE_TIME
 
 
 def discrete(plant: Plant) -> StateSpace:
-    """The plant as a state space. Raises ArgumentError for several inputs or outputs, and for continuous time."""
+    """Return the plant in state-space form. Raises ArgumentError for several inputs or outputs, or continuous time."""
     import control
 
     if not isinstance(plant, (control.StateSpace, control.TransferFunction)):
         raise ArgumentError(
-            f"a plant is a control.StateSpace or a control.TransferFunction; found {type(plant).__name__}", "plant"
+            f"expected a control.StateSpace or control.TransferFunction; found {type(plant).__name__}", "plant"
         )
     if (plant.ninputs, plant.noutputs) != (1, 1):
-        raise ArgumentError(
-            f"a plant has one input and one output, per axis; found {plant.ninputs} and {plant.noutputs}", "plant"
-        )
+        raise ArgumentError(f"expected one input and one output; found {plant.ninputs} and {plant.noutputs}", "plant")
     if not plant.isdtime(strict=True):
-        raise ArgumentError("the plant is in continuous time; sample it by control.c2d(plant, period)", "plant")
-    made = plant if isinstance(plant, control.StateSpace) else control.ss(plant)
-    assert isinstance(made, control.StateSpace)
-    return made
+        raise ArgumentError("the plant is in continuous time; sample it with control.c2d(plant, period)", "plant")
+    system = plant if isinstance(plant, control.StateSpace) else control.ss(plant)
+    assert isinstance(system, control.StateSpace)
+    return system
 
 
 def stable(plant: Plant, below: float = 1.0) -> StateSpace:
-    """The plant as a state space. Raises ArgumentError for a pole on or outside the unit circle: its lifted map grows
-    with the length of the run, and learning is for loops that a controller has made stable (Dressler 2012, (7.1)).
-    below: modulus that is refused.
+    """Return the plant in state-space form. Raises ArgumentError for a pole with a modulus of `below` or more.
+
+    The lifted map of an unstable plant grows with the length of the run; learning control requires a stabilised loop
+    (Dressler 2012, (7.1)).
 
     >>> learning = gt.control.learning
     >>> try:
@@ -73,19 +72,19 @@ def stable(plant: Plant, below: float = 1.0) -> StateSpace:
     ...     print(error.argument)
     plant
     """
-    made = discrete(plant)
-    radius = float(np.max(np.abs(made.poles()), initial=0.0))
+    system = discrete(plant)
+    radius = float(np.max(np.abs(system.poles()), initial=0.0))
     if radius >= below:
         raise ArgumentError(
-            f"the plant has a pole of modulus {radius:.6g}, so its lifted map grows with the length of the run; close "
-            "a stabilising loop around it first",
+            f"the plant has a pole of modulus {radius:.6g}, so its lifted map grows with the length of the run; "
+            "stabilise it first",
             "plant",
         )
-    return made
+    return system
 
 
 def pulse_response(plant: Plant, size: int) -> np.ndarray:
-    """The first `size` samples of the answer to 1, 0, 0, ... from rest (size,). Raises ArgumentError as `discrete`.
+    """Return the response (size,) to 1, 0, 0, ... from rest. Raises ArgumentError as `discrete`.
 
     >>> learning = gt.control.learning
     >>> learning.pulse_response(learning.delayed_lag(0.5, 0.5, delay=1), 4).tolist()
@@ -93,9 +92,9 @@ def pulse_response(plant: Plant, size: int) -> np.ndarray:
     """
     p = discrete(plant)
     A, B, C, D = (np.asarray(m, float) for m in (p.A, p.B, p.C, p.D))
-    made = np.zeros(size)
-    made[:1] = D[0, 0]
-    # C A^k B in blocks: the powers A^0 to A^(m-1) once, then jumps of m
+    response = np.zeros(size)
+    response[:1] = D[0, 0]
+    # C A^k B in blocks: the powers A^0 to A^(m-1) once, then steps of m
     if len(A) and size > 1:
         block = max(1, int(np.sqrt(size)))
         rows = [C[0]]
@@ -104,17 +103,17 @@ def pulse_response(plant: Plant, size: int) -> np.ndarray:
         observed, jump, x = np.array(rows), np.linalg.matrix_power(A, block), B[:, 0]
         for k in range(1, size, block):
             part = observed @ x
-            made[k : k + block] = part[: size - k]
+            response[k : k + block] = part[: size - k]
             x = jump @ x
-    return made
+    return response
 
 
 def frequency_response(plant: Plant, frequency: np.ndarray) -> np.ndarray:
-    """G(e^jw) (k,) at frequencies (k,) in Hz. Raises ArgumentError as `discrete`.
+    """Return G(e^jw) (k,) at frequencies (k,) in Hz. Raises ArgumentError as `discrete`.
 
     >>> learning = gt.control.learning
     >>> loop = learning.delayed_lag(0.5, 0.5, delay=1)
-    >>> abs(learning.frequency_response(loop, np.array([0.0]))).round(12)  # at rest the gain is b / (1 - a)
+    >>> abs(learning.frequency_response(loop, np.array([0.0]))).round(12)  # static gain b / (1 - a)
     array([1.])
     """
     p = discrete(plant)

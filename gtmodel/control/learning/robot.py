@@ -1,4 +1,4 @@
-"""A robot known by plants of its axes: from a model of the language, from one log of all its axes, or written down."""
+"""A robot as plants of its axes: from a model of the language, from a log of all axes, or from printed numbers."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ if TYPE_CHECKING:
 else:
     StateSpace = hint("control", "StateSpace")
 
-LIGHT = 0.5  # damping below which a pair of poles is a mode that may differ
-SLOW = 0.4  # of half the sampling rate: above, no Q lets much through, and poles are those of delays and noise
-DEAD = 1e-3  # modulus below which a pole is a delay
-EXCITED, HELD = 4000, 10  # samples, and those of one level, by which a plant's own tool is identified
+LIGHT = 0.5  # damping ratio below which a pair of poles is an uncertain mode
+SLOW = 0.4  # of half the sampling rate: above it Q passes little, and poles belong to delays and noise
+DEAD = 1e-3  # modulus below which a pole belongs to a delay
+EXCITED, HELD = 4000, 10  # samples of the identification of a plant's tool, and samples per level
 
 
 @dataclass(frozen=True, eq=False)
 class ModelledRobot:
-    """What the law knows of the robot, by a plant for each of one to three axes.
+    """The law's model of the robot, with a plant for each of one to three axes.
 
-    plants: `AxisPlant` each, such as `identified_axis` gives, all at one sampling time and stable. tools: of each axis
-    the model from the motor side to the tool, see `identified_tool`; identified from the plant itself if left out.
+    plants: stable `AxisPlant`s with a common sampling period, for example from `identified_axis`. tools: for each axis
+    the model from the motor side to the tool, see `identified_tool`; by default identified from the plant.
 
-    Modes of the tool, pairs of poles of light damping, may differ from the model; so `plant` moves them, with what
-    passes at rest unchanged. Raises ArgumentError for plants that do not fit together.
+    The tool's modes, lightly damped pairs of poles, may differ from the model; `plant` moves them without changing the
+    static gain. Raises ArgumentError if the plants do not fit together.
 
     >>> learning = gt.control.learning
     >>> robot = learning.ModelledRobot([learning.flexible_axis(7.4, 0.2), learning.flexible_axis(11.5, 0.05)])
@@ -52,34 +52,34 @@ class ModelledRobot:
     def __post_init__(self) -> None:
         if not 1 <= len(self.plants) <= len(AXES) or len(self.tools) not in (0, len(self.plants)):
             raise ArgumentError(
-                f"expected one for each of one to three axes; found {len(self.plants)} plants and {len(self.tools)} "
-                "tools", "plants",
+                f"expected one plant (and one tool or none) for each of one to three axes; found {len(self.plants)} "
+                f"plants and {len(self.tools)} tools", "plants",
             )  # fmt: skip
         if len({p.sample_time for p in self.plants}) > 1:
-            raise ArgumentError("the plants have sampling times of their own; sample them alike", "plants")
+            raise ArgumentError("the plants have different sampling periods; use a common one", "plants")
         for k, plant in enumerate(self.plants):
             if "motor" not in plant.signals:
-                raise ArgumentError("the plant has no signal 'motor', from which every robot learns", f"plants[{k}]")
+                raise ArgumentError("has no signal 'motor', which is required", f"plants[{k}]")
             for system in plant.signals.values():
                 stable(system)
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Names."""
+        """Names of the axes."""
         return AXES[: len(self.plants)]
 
     @property
     def along(self) -> tuple[int, ...]:
-        """Which side of the square each axis follows, 0 for x and 1 for y."""
+        """Direction of the square that each axis follows, 0 for x and 1 for y."""
         return (0, 1, 0)[: len(self.plants)]
 
     @property
     def sample_time(self) -> float:
-        """[s]."""
+        """Sampling period [s]."""
         return self.plants[0].sample_time
 
     def mode(self, axis: int) -> tuple[float, float] | None:
-        """Frequency [Hz] and damping of an axis' lightest mode; None of an axis without one."""
+        """Return frequency [Hz] and damping ratio of an axis' least damped mode; None if it has none."""
         signals = self.plants[axis].signals
         if "tool" not in signals:
             return None
@@ -93,7 +93,7 @@ class ModelledRobot:
         return float(frequency), float(damping)
 
     def tool(self, axis: int) -> StateSpace:
-        """The model from the motor side to the tool."""
+        """Return the model from the motor side to the tool."""
         if self.tools:
             return self.tools[axis]
         levels = np.random.default_rng(0).normal(size=EXCITED // HELD)
@@ -102,42 +102,43 @@ class ModelledRobot:
         return identified_tool(maps["motor"](u), maps["tool"](u), self.sample_time)
 
     def plant(self, axis: int, frequency: float = 1.0, damping: float = 1.0) -> AxisPlant:
-        """The axis, its modes' frequencies and dampings times these numbers."""
-        known = self.plants[axis]
+        """Return the axis, with frequencies and dampings of its modes multiplied by these factors."""
+        nominal = self.plants[axis]
         if frequency == 1.0 and damping == 1.0:
-            return known
-        made = {name: stable(s) for name, s in known.signals.items()}
-        for name in ("tool", "acceleration"):  # the motors do not feel the tool
-            if name in made:
-                made[name] = _moved(made[name], known.sample_time, frequency, damping)
-        return AxisPlant(made, known.sample_time)
+            return nominal
+        signals = {name: stable(s) for name, s in nominal.signals.items()}
+        for name in ("tool", "acceleration"):  # the tool does not react on the motors
+            if name in signals:
+                signals[name] = _moved(signals[name], nominal.sample_time, frequency, damping)
+        return AxisPlant(signals, nominal.sample_time)
 
 
 def lag_robot(b: Sequence[float], a: Sequence[float], delay: int, sample_time: float) -> ModelledRobot:
-    """Controlled actuators b q^-delay / (1 - a q^-1), an axis each, without a tool: Dressler 2012, (6.11).
+    """Return a robot of controlled actuators b q^-delay / (1 - a q^-1), one per axis, without a tool: Dressler 2012,
+    (6.11).
 
-    Raises ArgumentError where a and b differ in number, and as `ModelledRobot`.
+    Raises ArgumentError if a and b differ in length, and as `ModelledRobot`.
 
     >>> gt.control.learning.lag_robot([0.2], [0.8], delay=3, sample_time=0.004).axes
     ('x',)
     """
     if len(a) != len(b):
-        raise ArgumentError(f"expected as many as b, {len(b)}; found {len(a)}", "a")
+        raise ArgumentError(f"must have as many numbers as b, {len(b)}; found {len(a)}", "a")
     return ModelledRobot(
-        [AxisPlant({"motor": delayed_lag(*one, delay, sample_time)}, sample_time) for one in zip(b, a, strict=True)]
+        [AxisPlant({"motor": delayed_lag(*pair, delay, sample_time)}, sample_time) for pair in zip(b, a, strict=True)]
     )
 
 
 def linear_axis(
     model: gt.Model, reference: str, signals: Mapping[str, str], sample_time: float = SAMPLE_TIME, delay: int = 0
 ) -> AxisPlant:  # fmt: skip
-    """An axis of a model of the language, linear about where it starts, its reference held between samples.
+    """Linearise a model of the language about its start values, with the reference held between samples.
 
     Args:
-        reference: name of the input. signals: "motor", and "tool" and "acceleration" where the robot is to learn from
-            them, each with the name of a variable of the model. delay: until a reference acts, in samples.
+        reference: name of the input. signals: the model's variables for "motor" and, if the robot learns from them,
+            "tool" and "acceleration". delay: of the reference, in samples.
 
-    Raises ModelError as `gtmodel.linearize`, and ArgumentError for a delay that is negative.
+    Raises ModelError as `gtmodel.linearize`, and ArgumentError if the delay is negative.
 
     >>> class Loop(gt.Model):
     ...     lag = gt.parameter(0.02, unit="s")
@@ -154,11 +155,11 @@ def linear_axis(
     from ...simulation import linearize
 
     if delay < 0:
-        raise ArgumentError(f"a delay is not negative; found {delay} samples", "delay")
+        raise ArgumentError(f"must not be negative; found {delay} samples", "delay")
     linear = control.c2d(linearize(model, reference, list(signals.values())), sample_time)
     A, B, C, D = (np.asarray(m, float) for m in (linear.A, linear.B, linear.C, linear.D))
     if C.shape[0] != len(signals) or B.shape[1] != 1:
-        raise ArgumentError("expected one input, and one number for each signal; name components", "signals")
+        raise ArgumentError("expected one input and scalar signals; name components of vectors", "signals")
     return AxisPlant(
         {
             name: delayed(control.StateSpace(A, B, C[k : k + 1], D[k : k + 1], sample_time), delay)
@@ -169,43 +170,43 @@ def linear_axis(
 
 
 def _light(system: StateSpace, sample_time: float) -> list[complex]:
-    """Poles of the upper half plane of light modes."""
-    made = []
+    """Poles of lightly damped modes in the upper half plane."""
+    poles = []
     for pole in np.linalg.eigvals(np.asarray(system.A, float)):
         if pole.imag > 0 and abs(pole) > DEAD:
             frequency, damping = frequency_and_damping(continuous_poles(pole, sample_time))
             if damping < LIGHT and frequency < SLOW * 0.5 / sample_time:
-                made.append(complex(pole))
-    return made
+                poles.append(complex(pole))
+    return poles
 
 
 def _moved(system: StateSpace, sample_time: float, frequency: float, damping: float) -> StateSpace:
-    """The system behind a filter that takes its light modes away and puts them where they are to be; 1 at rest."""
+    """The system in series with a filter of unit static gain that moves its lightly damped modes."""
     import control
 
-    made = system
+    moved = system
     for pole in _light(system, sample_time):
         f, z = frequency_and_damping(continuous_poles(pole, sample_time))
         z = min(z * damping, 1 - 1e-9)
         new = np.exp(2 * np.pi * f * frequency * complex(-z, np.sqrt(1 - z**2)) * sample_time)
         before, after = (np.array([1.0, -2 * p.real, abs(p) ** 2]) for p in (pole, new))
         move = control.ss(control.TransferFunction(before / before.sum() * after.sum(), after, sample_time))
-        made = stable(control.series(made, move))
-    return made
+        moved = stable(control.series(moved, move))
+    return moved
 
 
 def identified_robot(
     reference: Any, signals: Mapping[str, Any], sample_time: float = SAMPLE_TIME, order: int | None = None,
     delay: int | None = None,
 ) -> ModelledRobot:  # fmt: skip
-    """A robot by plants of its axes, each identified from its own columns of one log, see `identified_axis`.
+    """Identify a robot from one log, each axis from its own columns; see `identified_axis`.
 
     Args:
-        reference: (N, axes) [m], the learned input included. signals: "motor", and where they were measured "tool" [m]
-            and "acceleration" [m/s2], each (N, axes). order, delay: of every axis, as of `identified_axis`.
+        reference: (N, axes) [m], including the learned input. signals: "motor" and, if measured, "tool" [m] and
+            "acceleration" [m/s2], each (N, axes). order, delay: of every axis, as in `identified_axis`.
 
-    Raises ArgumentError where a column follows the reference of another axis and not its own, for columns that do not
-    match, and as `identified_axis`.
+    Raises ArgumentError if a column follows the reference of another axis instead of its own, if columns do not match,
+    and as `identified_axis`.
 
     >>> learning = gt.control.learning
     >>> r = 1e-3 * np.repeat(np.random.default_rng(1).normal(size=(200, 2)), 10, axis=0)
@@ -221,21 +222,21 @@ def identified_robot(
     u = np.asarray(reference, float)
     rows = {name: np.asarray(values, float) for name, values in signals.items()}
     if u.ndim != 2 or not 1 <= u.shape[1] <= len(AXES):
-        raise ArgumentError(f"expected (N, axes) of one to three axes; found {u.shape}", "reference")
+        raise ArgumentError(f"expected (N, axes) with one to three axes; found {u.shape}", "reference")
     for name, values in rows.items():
         if values.shape != u.shape:
-            raise ArgumentError(f"'{name}' is {values.shape}; expected {u.shape}, as the reference", "signals")
+            raise ArgumentError(f"'{name}' is {values.shape}; expected {u.shape}, like the reference", "signals")
         _own_reference(u, values, name)
     axes = []
     for k in range(u.shape[1]):
-        mine = {name: values[:, k] for name, values in rows.items()}
+        columns = {name: values[:, k] for name, values in rows.items()}
         with naming({}, before=f"axis {AXES[k]}: "):
-            axes.append(identified_axis(u[:, k], mine, sample_time, order, delay))
+            axes.append(identified_axis(u[:, k], columns, sample_time, order, delay))
     return ModelledRobot(axes)
 
 
 def _own_reference(u: np.ndarray, values: np.ndarray, name: str) -> None:
-    """Raises ArgumentError where a column follows the reference of another axis and not its own."""
+    """Raise ArgumentError if a column follows the reference of another axis instead of its own."""
     if u.shape[1] < 2 or len(u) < LEAST * TAPS or not (np.all(np.isfinite(u)) and np.all(np.isfinite(values))):
         return
     share = np.array([[pulses(r, y)[2] for r in u.T] for y in values.T])
@@ -244,6 +245,6 @@ def _own_reference(u: np.ndarray, values: np.ndarray, name: str) -> None:
         if row[k] < EXPLAINED <= row[j]:
             raise ArgumentError(
                 f"'{name}' of {AXES[k]} follows the reference of {AXES[j]}, which explains {100 * row[j]:.0f} % of its "
-                f"variance; its own explains {100 * row[k]:.0f} %: exchange the columns, or {COLUMNS}",
+                f"variance; the reference of {AXES[k]} explains {100 * row[k]:.0f} %: swap the columns, or {COLUMNS}",
                 "signals",
             )

@@ -1,4 +1,4 @@
-"""A robot with an elastic tool under a law at samples, friction included, as an experiment that repeats a motion."""
+"""A simulated robot with friction and an elastic tool under a sampled law, which repeats a motion."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ TOLERANCE = 1e-6  # of the integrator
 
 
 class SimulatedMotion:
-    """A square of the tool of a robot, in x and y, simulated with its controller at samples; it repeats exactly.
+    """A simulated robot with a sampled controller that moves its tool along a square in x and y; runs repeat exactly.
 
-    The tool is a mass on a spring at the plate, which pushes the plate back. The input is added to the reference of
-    the plate; the controller gets it by inverse kinematics.
+    The tool is a mass on a spring at the plate and reacts on the plate. The input is added to the reference of the
+    plate, which is converted to the actuators by inverse kinematics.
 
     Args:
-        robot: a model with "T", "q", "tau" and a part `plate` with a `frame`, such as a Gantry-Tau with its masses and
-            friction; the controller knows it, but not the tool.
-        tip: the tool and the controller. path: the square. noise: gauge and seed are taken of it.
+        robot: a model with "T", "q", "tau" and a part `plate` with a `frame`, such as a Gantry-Tau with masses and
+            friction; the controller's model is this robot without the tool.
+        tip: the tool and the controller. path: the square. noise: only gauge and seed are used.
 
-    Raises ArgumentError for another robot, and where the path leaves the workspace.
+    Raises ArgumentError if the robot lacks one of these, or if the path leaves the workspace.
 
     >>> learning = gt.control.learning
     >>> robot = gt.robots.gantry_tau("l1_tape", inertia="model_2")
@@ -50,7 +50,7 @@ class SimulatedMotion:
         scatter = noise or LearningNoise()
         for name in ("T", "q", "tau", "plate"):
             if not hasattr(robot, name):
-                raise ArgumentError(f"the robot has no '{name}'; expected one with a plate, such as l1_tape", "robot")
+                raise ArgumentError(f"the robot has no '{name}'; use one with a plate, such as l1_tape", "robot")
         mass, frequency, damping = tip.mass, tip.frequency, tip.damping
         stiffness = mass * (2 * np.pi * frequency) ** 2
         base: Any = type(robot)
@@ -77,16 +77,16 @@ class SimulatedMotion:
         self.noise, self.generator = scatter.gauge, np.random.default_rng(scatter.seed)
         self.synthetic = (
             f"a simulated robot with friction and a tool of {mass:g} kg on a spring at {frequency:g} Hz, "
-            f"{1e6 * scatter.gauge:g} um of noise of the gauges, seed {scatter.seed}"
+            f"gauge noise {1e6 * scatter.gauge:g} um, seed {scatter.seed}"
         )
 
     def run(self, inputs: np.ndarray) -> dict[str, np.ndarray]:
-        """Signals by name (N, 2) of a run with an input (N, 2) added to the reference."""
+        """Return the signals (N, 2) by name of a run with an input (N, 2) added to the reference."""
         from ... import simulation
 
-        at = np.zeros((len(self.reference), 3))
-        at[:, :2] = self.reference + inputs
-        q, status = self.positions(self.start + at)
+        offset = np.zeros((len(self.reference), 3))
+        offset[:, :2] = self.reference + inputs
+        q, status = self.positions(self.start + offset)
         if np.any(status != Status.OK):
             raise ArgumentError("the path leaves the workspace of the robot; move its start", "start")
         count = q.shape[1]
@@ -95,7 +95,7 @@ class SimulatedMotion:
         loop = sampled_loop(self.plant, self.law, self.sample_time, self.delay, first=first)
         time = self.sample_time * np.arange(len(q))
         table = Trajectory(time, {"reference": q}, {"reference": "m"})
-        made = simulation.simulate(
+        motion = simulation.simulate(
             loop, float(time[-1]), inputs={"reference": (table, "cubic")}, step=self.sample_time, tolerance=TOLERANCE,
             start={
                 "plant.q": q[0], "der(plant.q)": 0.0, "plant.spring.offset": [0.0, 0.0, -self.sag],
@@ -103,7 +103,7 @@ class SimulatedMotion:
             },
             outputs=["plant.T", "plant.spring.offset"],
         ).trajectory  # fmt: skip
-        plate = made["plant.T"][: len(q)] - self.start
-        tool = plate + made["plant.spring.offset"][: len(q)]
+        plate = motion["plant.T"][: len(q)] - self.start
+        tool = plate + motion["plant.spring.offset"][: len(q)]
         measured = tool[:, :2] + self.noise * self.generator.normal(size=(len(q), 2))
         return {"motor": plate[:, :2], "tool": measured, "true tool": tool[:, :2]}

@@ -1,5 +1,4 @@
-"""The learning study: rate and floor before the first iteration, the runs beside them, what a wrong model costs, and
-what it all says in words."""
+"""The learning study: rate and floor before the first iteration, the runs, notes, and the effect of a wrong model."""
 
 from __future__ import annotations
 
@@ -27,18 +26,18 @@ from .plants import SAMPLE_TIME
 from .references import SquarePath
 from .robot import ModelledRobot
 
-SLOWLY = 1.5  # times the floor: beyond, more runs would help
-SHARE = 0.05  # of the energy on either side of the band in which a signal lies
-SLOWEST = 0.5  # Hz: what lies below is no matter of a Q that is 1 at rest
-PASSES = 0.995  # of |Q|: where it lets this much through, Q is not why an error stays
-APART = 0.01  # of sigma above the bound over frequency: the run's ends are then what is slow
+SLOWLY = 1.5  # times the floor: above it more runs would help
+SHARE = 0.05  # of the energy on either side of the band of a signal
+SLOWEST = 0.5  # Hz: an error below it is not caused by Q, which is about 1 there
+PASSES = 0.995  # mean |Q| over an error from which on Q is not the cause of this error
+APART = 0.01  # excess of sigma over the frequency bound: the ends of the run are then the slowest part
 
 
 def sentence(
     axes: Sequence[AxisLearning], floors: Sequence[Floor], design: LearningDesign, names: Sequence[str],
     corrected: slice,
 ) -> str:  # fmt: skip
-    """Rate and floor in words, of the slowest axis and of the one of which most stays."""
+    """Return a sentence with the rate of the slowest axis and the largest share of the error that remains."""
     slow = max(axes, key=lambda a: a.bound.value)
     k = int(np.argmax([f.share for f in floors]))
     monotone = all(a.rate.monotone for a in axes)
@@ -52,25 +51,25 @@ def sentence(
     )
 
 
-def why(axis: AxisLearning, left: Floor, design: LearningDesign, corrected: slice) -> str:
-    """What keeps the error that is not learned."""
-    if left.clipped:
-        return "the bounds on the input keep it"
+def why(axis: AxisLearning, end: Floor, design: LearningDesign, corrected: slice) -> str:
+    """Return the cause of the remaining error."""
+    if end.clipped:
+        return "the bounds on the input prevent it"
     if design.law == "norm_optimal":
-        return "the weight of the effort keeps it"
-    low, high = band(left.rest[corrected], axis.sample_time)
-    energy = np.abs(np.fft.rfft(left.rest[corrected])) ** 2
-    f = np.fft.rfftfreq(len(left.rest[corrected]), axis.sample_time)
+        return "the weight of the effort prevents it"
+    low, high = band(end.rest[corrected], axis.sample_time)
+    energy = np.abs(np.fft.rfft(end.rest[corrected])) ** 2
+    f = np.fft.rfftfreq(len(end.rest[corrected]), axis.sample_time)
     passed = np.interp(f, axis.frequency, np.abs(axis.response))
     if low < SLOWEST or (energy.sum() > 0 and float(energy @ passed / energy.sum()) > PASSES):
-        return "it belongs to the lead-in and the lead-out, where the windows hold the input back"
+        return "it comes from the lead-in and the lead-out, where the windows reduce the input"
     if design.case == "1":
-        return f"the reference holds it above {low:.2g} Hz, where Q with its low pass at {design.low_pass:g} Hz falls"
-    return f"it lies between {low:.2g} and {high:.2g} Hz, where Q lets less than all of it through"
+        return f"it is above {low:.2g} Hz, where Q with its low pass at {design.low_pass:g} Hz attenuates"
+    return f"it is between {low:.2g} and {high:.2g} Hz, where Q attenuates"
 
 
 def band(signal: Array, sample_time: float) -> tuple[float, float]:
-    """Frequencies [Hz] between which nine tenths of the energy of a signal (N,) lie."""
+    """Return the frequencies [Hz] between which nine tenths of the energy of a signal (N,) lie."""
     energy = np.abs(np.fft.rfft(signal)) ** 2
     f = np.fft.rfftfreq(len(signal), sample_time)
     below = np.cumsum(energy)
@@ -83,28 +82,28 @@ def band(signal: Array, sample_time: float) -> tuple[float, float]:
 def notes(
     design: LearningDesign, axes: Sequence[AxisLearning], floors: Sequence[Floor], errors: Array, names: Sequence[str]
 ) -> tuple[str, ...]:
-    """Of errors (runs, axes): what is slow, what scatters, what an estimate hides."""
-    made = []
-    for name, axis, left, course in zip(names, axes, floors, errors.T, strict=True):
+    """Return notes on errors (runs, axes): slow convergence, scatter, and errors of the estimate."""
+    remarks = []
+    for name, axis, end, course in zip(names, axes, floors, errors.T, strict=True):
         if not axis.rate.monotone:
-            made.append(f"{name}: {axis.rate.words}")
-        if len(course) and 0 < SLOWLY * left.total < course[-1]:
-            runs = int(np.ceil(np.log(left.total / course[-1]) / np.log(min(axis.bound.value, 0.999))))
-            made.append(
-                f"{name}: after {len(course) - 1} iterations {100 * course[-1] / course[0]:.2g} % of the error is left "
-                f"where {100 * left.total / left.before:.2g} % would be possible: at {axis.bound.value:.2f} per "
-                f"iteration near {axis.bound.frequency:.3g} Hz that takes some {runs} more, for there the loop passes "
-                "too little of the input"
+            remarks.append(f"{name}: {axis.rate.words}")
+        if len(course) and 0 < SLOWLY * end.total < course[-1]:
+            runs = int(np.ceil(np.log(end.total / course[-1]) / np.log(min(axis.bound.value, 0.999))))
+            remarks.append(
+                f"{name}: {100 * course[-1] / course[0]:.2g} % of the error left after {len(course) - 1} iterations, "
+                f"{100 * end.total / end.before:.2g} % would be possible: at {axis.bound.value:.2f} per iteration "
+                f"near {axis.bound.frequency:.3g} Hz this takes about {runs} more, because the loop attenuates the "
+                "input there"
             )
-        if left.scatter > left.repeating:
-            made.append(f"{name}: most of the floor is what differs from run to run; more iterations do not help")
+        if end.scatter > end.repeating:
+            remarks.append(f"{name}: most of the floor is scatter between runs; more iterations do not help")
     if design.case in ("2A", "2B"):
-        made.append("what the estimate gets wrong is learned into the tool: its error may stay above that shown")
-    return tuple(made)
+        remarks.append("errors of the estimate are learned: the error of the tool may be larger than shown")
+    return tuple(remarks)
 
 
 def micrometres(value: float) -> str:
-    """A length [m] as people read it: four digits, no powers of ten."""
+    """Format a length [m] in um, without powers of ten."""
     um = 1e6 * value
     return f"{um:.0f} um" if um >= 1000 else f"{um:.3g} um"
 
@@ -117,9 +116,9 @@ SLOW_CUTOFF = 2.63  # Hz, Dressler 2012, (7.18)
 class MismatchStudy(Study):
     """Errors of estimates of the tool, root mean squares over the fully corrected samples of one run."""
 
-    off: Annotated[Sequence[float], "share by which the model's frequency differs from the tool's"] = ()
-    kalman: Annotated[Sequence[float], Quantity("m", "error of the Kalman filter at each of these", written="um")] = ()
-    normalised: Annotated[Sequence[float], "mean square of its innovations over what it expects, 1 where right"] = ()
+    off: Annotated[Sequence[float], "relative deviation of the model's frequency from the tool's"] = ()
+    kalman: Annotated[Sequence[float], Quantity("m", "error of the Kalman filter for each", written="um")] = ()
+    normalised: Annotated[Sequence[float], "mean square of its normalised innovations, 1 for a right model"] = ()
     kinematics: Annotated[float, Quantity("m", "error of the motors alone", written="um")] = 0.0
     complementary: Annotated[float, Quantity("m", "error of the complementary filter", written="um")] = 0.0
 
@@ -140,16 +139,16 @@ def mismatch(
     cutoff: float = SLOW_CUTOFF, ramp: int = RAMP, sample_time: float = SAMPLE_TIME,
     **work_options: Unpack[WorkOptions],
 ) -> MismatchStudy:  # fmt: skip
-    """How much an estimate of the tool errs, against how far the frequency of its model is off.
+    """Compute the error of estimates of the tool for models with a wrong frequency.
 
     Args:
-        run: "motor" [m], "acceleration" [m/s2] and the true "tool" [m], each (N,), from rest; such as a synthetic one.
-        frequency, damping: of the tool [Hz] and [1]. off: shares of the frequency. noise: of the accelerometer [m/s2].
-        cutoff: of the complementary filter [Hz]. ramp: samples at either end that do not count.
+        run: "motor" [m], "acceleration" [m/s2] and the true "tool" [m], each (N,), from rest; for example synthetic.
+        frequency, damping: of the tool [Hz] and [1]. off: relative deviations of the frequency. noise: of the
+            accelerometer [m/s2]. cutoff: of the complementary filter [Hz]. ramp: samples left out at either end.
         title, progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    At each the filter's process noise is what makes its innovations most likely, without a look at the tool. Raises
-    ArgumentError where signals are missing or of other lengths, and for numbers out of range.
+    For each model the filter's process noise maximises the likelihood of its innovations, without using the tool.
+    Raises ArgumentError if signals are missing or differ in length, or if numbers are out of range.
 
     >>> learning = gt.control.learning
     >>> r = learning.SquarePath().samples(0.004)[:, 1]
@@ -162,14 +161,14 @@ def mismatch(
     work = Work(**work_options)
     missing = [name for name in ("motor", "acceleration", "tool") if name not in run]
     if missing:
-        raise ArgumentError(f"has no {', '.join(missing)}; the errors are those of all three", "run")
+        raise ArgumentError(f"has no {', '.join(missing)}; expected motor, acceleration and tool", "run")
     signals = {name: np.asarray(run[name], float) for name in ("motor", "acceleration", "tool")}
     size = len(signals["motor"])
     if any(x.shape != (size,) or not np.all(np.isfinite(x)) for x in signals.values()):
-        raise ArgumentError("expected signals of one length, all of them finite", "run")
+        raise ArgumentError("expected finite signals of equal length", "run")
     check_judged(size, ramp, "run")
     if any(not d > -1 for d in off) or not len(off):
-        raise ArgumentError("expected one share or more above -1", "off")
+        raise ArgumentError("expected one or more numbers above -1", "off")
     corrected = slice(ramp, size - ramp)
 
     def error(estimate: ToolEstimate) -> float:
@@ -185,13 +184,13 @@ def mismatch(
     alone = error(kinematic(size))
     both = error(complementary_estimate(size, cutoff, sample_time))
     best = int(np.argmin(kalman))
-    shown = work.title or "error of the estimate against mismatch of the model"
+    title = work.title or "error of the estimate against mismatch of the model"
     return MismatchStudy(
-        status=SolveStatus.SOLVED, title=shown,
-        message=f"the Kalman filter errs by {micrometres(kalman[best])} where its model is off by "
-        f"{100 * off[best]:+.0f} %, and by {micrometres(max(kalman))} at worst; the motors "
-        f"alone by {micrometres(alone)}",
-        figures={"mismatch": partial(_mismatch, np.array(off), np.array(kalman), alone, both, shown)},
+        status=SolveStatus.SOLVED, title=title,
+        message=f"the error of the Kalman filter is {micrometres(kalman[best])} with a model that is "
+        f"{100 * off[best]:+.0f} % off, and {micrometres(max(kalman))} at worst; the error of the motors alone is "
+        f"{micrometres(alone)}",
+        figures={"mismatch": partial(_mismatch, np.array(off), np.array(kalman), alone, both, title)},
         off=list(off), kalman=kalman, normalised=normalised, kinematics=alone, complementary=both,
     )  # fmt: skip
 
@@ -202,8 +201,8 @@ def _mismatch(off: Array, kalman: Array, alone: float, both: float, title: str) 
     return mismatch_figure(off, kalman, alone, both, title=title)
 
 
-LAST = 5  # runs of the mean of Table 7.2, k = 5 .. 10
-REACHED = 1.5  # times the predicted course: beyond, the model is another robot's
+LAST = 5  # first run of the mean in Table 7.2, k = 5 .. 10
+REACHED = 1.5  # times the predicted error: above it the model does not describe the robot
 CASE_1, SQUARE = LearningDesign(), SquarePath()
 
 
@@ -217,15 +216,15 @@ def study(
     experiment: Any = None,
     **work_options: Unpack[WorkOptions],
 ) -> LearningStudy:
-    """Iterative learning control on a robot that repeats a motion: Dressler 2012, chapter 7.
+    """Run iterative learning control on a robot that repeats a motion: Dressler 2012, chapter 7.
 
     Args:
-        robot: as the law knows it. path: the square that is learned. design: the law. noise: how runs differ.
-        experiment: what runs, a `RepeatedMotion` with the axes of `robot`; `SyntheticExperiment` of these if left out.
+        robot: the law's model. path: the square to learn. design: the law. noise: differences between runs.
+        experiment: a `RepeatedMotion` with the axes of `robot`; by default a `SyntheticExperiment` of these options.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    First come identical runs without input, whose mean and scatter give floor and course of what follows. Raises
-    ArgumentError for a law that would diverge on one of its models, before anything is learned.
+    Identical runs without input come first; their mean and scatter predict the error of each run and the floor. Raises
+    ArgumentError if the law would diverge on one of its models, before any learning.
 
     >>> learning = gt.control.learning
     >>> s = learning.study(learning.LearningRobot(), design=learning.LearningDesign(case="3", iterations=6))
@@ -237,7 +236,9 @@ def study(
     with naming("path"):
         runs = experiment or SyntheticExperiment(robot, path, noise)
     if tuple(runs.names) != tuple(robot.axes):
-        raise ArgumentError(f"its axes are {', '.join(runs.names)}; of the robot {', '.join(robot.axes)}", "experiment")
+        raise ArgumentError(
+            f"expected the robot's axes, {', '.join(robot.axes)}; found {', '.join(runs.names)}", "experiment"
+        )
     size, reference, corrected = len(runs.reference), runs.reference, runs.corrected
     repeats = list[dict[str, Array]]()
     for n in range(noise.repeats):
@@ -251,9 +252,9 @@ def study(
         axes.append(design_axis(robot, k, design, size, corrected.start, first, noise.acceleration))
     floors, firsts = [], []
     for k, axis in enumerate(axes):
-        seen = np.array([axis.estimate({s: v[:, k] for s, v in run.items()}) for run in repeats])
-        firsts.append(reference[:, k] - seen.mean(axis=0))
-        floors.append(axis.floor(firsts[-1], corrected, design.iterations, seen))
+        estimates = np.array([axis.estimate({s: v[:, k] for s, v in run.items()}) for run in repeats])
+        firsts.append(reference[:, k] - estimates.mean(axis=0))
+        floors.append(axis.floor(firsts[-1], corrected, design.iterations, estimates))
     work.step("learning")
     u = np.zeros_like(reference)
     inputs, errors, tools, run, hats = [], [], [], repeats[0], np.zeros_like(reference)
@@ -276,7 +277,7 @@ def study(
 
 
 def _designed(design: LearningDesign, names: Sequence[str], axes: Sequence[AxisLearning], title: str) -> LearningStudy:
-    """The laws that are designed when a study is ended before it learned."""
+    """The laws designed so far, if the study is interrupted before learning."""
     return LearningStudy(
         status=SolveStatus.INTERRUPTED, title=title or "learning control", case=design.case,
         axes=tuple(names[: len(axes)]), shift=[a.shift for a in axes], sigma=[a.rate.sigma for a in axes],
@@ -300,7 +301,7 @@ def _answer(
     checks = {"bound": at_most(max(a.bound.value for a in axes), 1.0 + 1e-9, "lower the cutoff or the contraction")}
     if complete:
         checks["reached_over_predicted"] = Check(
-            max(over), REACHED, "the runs err more than the model says; identify the model anew, or widen its set"
+            max(over), REACHED, "the errors exceed the prediction; identify the model again, or widen its set"
         )
     largest = np.max(np.abs(inputs[-1]), axis=0)
     time = runs.sample_time * np.arange(len(runs.reference))
@@ -342,7 +343,7 @@ def _answer(
 
 
 def _over(value: float, of: float) -> float:
-    """A quotient, 0 of nothing by nothing."""
+    """The quotient, with 0 / 0 = 0."""
     return value / of if of else (0.0 if not value else np.inf)
 
 
@@ -355,7 +356,7 @@ def _input(time: Array, names: Sequence[str], inputs: Sequence[Array], synthetic
 
 
 def input_csv(time: Array, names: Sequence[str], u: Array, synthetic: str | None) -> str:
-    """An input (N, axes) as a table for the loop's replay law and for the next iteration: all digits."""
+    """Format an input (N, axes) as a table with all digits, for the loop's replay law and the next iteration."""
     lines = [f"# synthetic: {synthetic}"] if synthetic else []
     lines.append(",".join(["time [s]", *(f"input_{name.replace(' ', '_')} [m]" for name in names)]))
     lines += [",".join([f"{t:.9g}", *(repr(float(x) + 0.0) for x in row)]) for t, row in zip(time, u, strict=True)]
@@ -369,7 +370,7 @@ def _errors(*arguments: Any) -> Any:
 
 
 def filter_picture(names: Sequence[str], axes: Sequence[AxisLearning], title: str) -> Any:
-    """|1 - L T| against 1/|Q| of each axis."""
+    """Draw |1 - L T| and 1/|Q| of each axis."""
     from ...plot.learning import filter_figure
 
     return filter_figure(names, [(a.frequency, a.response, a.rest) for a in axes], title=title)

@@ -163,8 +163,8 @@ def test_readings_that_do_not_fit_are_refused_by_their_name(call: Any, argument:
 
 
 def test_contact_that_noise_begins_is_said(standing: Any) -> None:
-    assert not any("noise begins it" in n for n in standing.notes)
-    assert any("noise begins it" in n for n in of(tool=L.SyntheticSensor(force_noise=0.5)).notes)
+    assert not any("noise can start it" in n for n in standing.notes)
+    assert any("noise can start it" in n for n in of(tool=L.SyntheticSensor(force_noise=0.5)).notes)
 
 
 def test_a_limit_that_runs_do_not_show_is_no_limit_of_runs() -> None:

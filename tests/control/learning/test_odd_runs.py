@@ -87,8 +87,8 @@ def test_repeats_that_differ_by_more_than_the_run_errs_do_not_end_learning() -> 
 
 def test_repeats_that_slide_are_noted_and_those_that_scatter_are_not() -> None:
     sliding = [run(motor=g["motor"] + 1e-4 * k) for k, g in enumerate(repeats(5))]
-    assert any("slide" in note for note in learning.next_input(ROBOT, run(), repeats=sliding).notes)
-    assert not any("slide" in note for note in learning.next_input(ROBOT, run(), repeats=repeats(5)).notes)
+    assert any("drift" in note for note in learning.next_input(ROBOT, run(), repeats=sliding).notes)
+    assert not any("drift" in note for note in learning.next_input(ROBOT, run(), repeats=repeats(5)).notes)
 
 
 @pytest.mark.parametrize("case", ["1", "2A", "2B", "3"])
