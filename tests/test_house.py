@@ -5,9 +5,12 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
+
+from tests.support import sources
 
 HOUSE = Path(__file__).resolve().parents[1] / "gtmodel"
 # a line imports only lines above it, and names of its own line where no circle comes of it
@@ -24,22 +27,35 @@ LIBRARIES = [name for name in LEVEL if LEVEL[name] < LEVEL["problem_files"]]
 
 def imports(path: Path, nested: bool = True, types: bool = False) -> Iterator[tuple[str, int]]:
     """Modules that a file imports, absolute, with the line; `nested` also inside functions, `types` also for types."""
-    tree = ast.parse(path.read_text())
-    skipped = set() if types else {id(n) for b in ast.walk(tree) if _for_types(b) for n in ast.walk(b)}
-    inside = {id(n) for f in ast.walk(tree) if isinstance(f, ast.FunctionDef) for n in ast.walk(f)}
-    package = ["gtmodel", *path.relative_to(HOUSE).with_suffix("").parts[:-1]]
-    for node in ast.walk(tree):
-        if id(node) in skipped or (not nested and id(node) in inside):
-            continue
+    for module, line, inside, for_types in every_import(path, HOUSE):
+        if (nested or not inside) and (types or not for_types):
+            yield module, line
+
+
+@cache
+def every_import(path: Path, house: Path) -> list[tuple[str, int, bool, bool]]:
+    """Modules that a file imports, with the line, whether inside a function, and whether only for types or a hint."""
+    nodes = sources.nodes_of(path)
+    blocks, bodies = ([range(n.lineno, n.end_lineno + 1) for n in nodes if is_one(n)]
+                      for is_one in (_for_types, lambda n: isinstance(n, ast.FunctionDef)))  # fmt: skip
+    package = ["gtmodel", *path.relative_to(house).with_suffix("").parts[:-1]]
+    made = []
+    for node in nodes:
         if isinstance(node, ast.Import):
-            yield from ((a.name, node.lineno) for a in node.names)
+            modules = [a.name for a in node.names]
         elif isinstance(node, ast.ImportFrom):
             base = package[: len(package) + 1 - node.level] if node.level else []
             module = ".".join([*base, *([node.module] if node.module else [])])
-            yield module, node.lineno
-            yield from ((f"{module}.{a.name}", node.lineno) for a in node.names)
-        elif types and isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "hint":
-            yield ast.literal_eval(node.args[0]), node.lineno
+            modules = [module, *(f"{module}.{a.name}" for a in node.names)]
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "hint":
+            modules = [ast.literal_eval(node.args[0])]
+        else:
+            continue
+        line = node.lineno
+        inside = any(line in body for body in bodies)
+        for_types = isinstance(node, ast.Call) or any(line in block for block in blocks)
+        made += [(module, line, inside, for_types) for module in modules]
+    return made
 
 
 def _for_types(node: ast.AST) -> bool:
@@ -104,7 +120,7 @@ def test_robots_are_not_compared_by_name_outside_robots():
     for path in sorted(HOUSE.rglob("*.py")):
         if "robots" in path.relative_to(HOUSE).parts:
             continue
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in sources.nodes_of(path):
             if isinstance(node, ast.Compare):
                 sides = [node.left, *node.comparators]
                 named = any(getattr(s, "id", getattr(s, "attr", "")) == "robot" for s in sides)

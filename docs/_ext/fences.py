@@ -12,7 +12,7 @@ import os
 import re
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -71,13 +71,20 @@ def files_of(page: Path) -> dict[str, str]:
     return {name: text for saved in [*files, own] for name, text in saved.items()}
 
 
-def run_page(page: Path, work: Path, *, long: bool, python: bool = True) -> list[tuple[Fence, str, int, str]]:
+Run = Callable[[Path, list[str]], tuple[int, str]]
+
+
+def run_page(
+    page: Path, work: Path, *, long: bool, python: bool = True, run: Run | None = None
+) -> list[tuple[Fence, str, int, str]]:
     """Run a page in a folder, and return its commands with exit codes and what they printed.
 
     long: False leaves out what takes long, and all Python below it.
+    run: what runs a command, given as its words, in a folder; each is a process of its own unless it is given.
     """
     from .runs import run_in
 
+    run = run or run_in
     for name in ("problems", "notebooks"):
         if not (work / name).exists():
             (work / name).symlink_to(CLONE / name)
@@ -92,15 +99,15 @@ def run_page(page: Path, work: Path, *, long: bool, python: bool = True) -> list
             if fence.long and not long:
                 python = False
                 continue
-            with contextlib.chdir(work), _importable(work):
+            with contextlib.chdir(work), importable(work):
                 exec(compile("\n" * fence.line + fence.text, str(page), "exec"), scope)
         elif long or not fence.long:
-            ran += [(fence, command, *run_in(work, shlex.split(command)[1:])) for command in fence.commands]
+            ran += [(fence, command, *run(work, shlex.split(command)[1:])) for command in fence.commands]
     return ran
 
 
 @contextlib.contextmanager
-def _importable(folder: Path) -> Iterator[None]:
+def importable(folder: Path) -> Iterator[None]:
     """Modules of a folder may be imported, and are forgotten afterwards."""
     before = set(sys.modules)
     sys.path.insert(0, str(folder))

@@ -104,7 +104,7 @@ def find_faults(
         if progress is not None and progress(k / len(suspects)):
             untried = noises[k:]
             break
-        rows.append(_noise(system, name, log, initial, inputs))
+        rows.append(_noise(system, name, log, initial, inputs)[1]())
     rows.sort(key=lambda s: -s.improvement)
     unseen = tuple(s.name for s in rows if not s.seen)
     strong = [s for s in rows if s.seen and s.p < P_LIMIT]
@@ -206,9 +206,10 @@ def _noise(
     inputs: Trajectory | None,
     tolerance: float = 0.05,
     declared: float | None = None,
-) -> Suspect:
-    """A factor on the deviation of a sensor, or on a density of the process, by the likelihood of the innovations;
-    `declared` is its negative logarithm with a factor of 1, where that is known."""
+) -> tuple[float, Callable[[], Suspect]]:
+    """A factor on the deviation of a sensor, or on a density of the process, by the likelihood of the innovations: what
+    it improves, and the suspect with its error, which takes two more runs. `declared` is the negative logarithm of the
+    likelihood with a factor of 1, where that is known."""
     owner, _, what = name.rpartition(".")
     if what == "density" and owner not in system.process.noise:
         raise ArgumentError(f"the process has no noise '{owner}'", "suspects")
@@ -228,11 +229,14 @@ def _noise(
 
     best: Any = minimize_scalar(loss, bounds=(-LOG_RANGE, LOG_RANGE), method="bounded", options={"xatol": tolerance})
     improvement = max(0.0, 2 * ((loss(0.0) if declared is None else declared) - float(best.fun)))
-    h = 0.1
-    curvature = (loss(best.x + h) - 2 * float(best.fun) + loss(best.x - h)) / h**2
-    factor = float(np.exp(best.x))
-    deviation = factor / np.sqrt(curvature) if curvature > 0 else np.inf
-    return _suspect(name, np.array([factor]), np.array([deviation]), improvement, curvature > 1.0)
+
+    def suspect(h: float = 0.1) -> Suspect:
+        curvature = (loss(best.x + h) - 2 * float(best.fun) + loss(best.x - h)) / h**2
+        factor = float(np.exp(best.x))
+        deviation = factor / np.sqrt(curvature) if curvature > 0 else np.inf
+        return _suspect(name, np.array([factor]), np.array([deviation]), improvement, curvature > 1.0)
+
+    return improvement, suspect
 
 
 def noise_in_doubt(run: Filtered) -> tuple[Suspect, ...]:
@@ -258,10 +262,10 @@ def noise_in_doubt(run: Filtered) -> tuple[Suspect, ...]:
     start, inputs = run.replay.start, run.replay.inputs
     again = ErrorState(run.system).run(log, start, inputs=inputs, keep=False)
     declared = -float(again.log_likelihood.sum()) if again.status.ok else np.inf
-    rows_ = [_noise(run.system, n, log, start, inputs, COARSE, declared) for n in names]
-    rows_.sort(key=lambda s: -s.improvement)
-    strong = [s for s in rows_ if s.p < P_LIMIT]
-    return tuple(s for s in strong if s.improvement >= strong[0].improvement - ALIKE)
+    sought = [_noise(run.system, n, log, start, inputs, COARSE, declared) for n in names]
+    sought.sort(key=lambda s: -s[0])
+    strong = [(gain, suspect) for gain, suspect in sought if float(chi_squared_chance(gain, 1)) < P_LIMIT]
+    return tuple(suspect() for gain, suspect in strong if gain >= strong[0][0] - ALIKE)
 
 
 def _earlier(name: str, given: Any, lag: float) -> Any:

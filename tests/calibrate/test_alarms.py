@@ -15,6 +15,8 @@ from tests.calibrate.shipped import measured, solved, written
 from tests.calibrate.synthetic import disturbed
 from tests.calibrate.test_misread import order
 
+# every second one here, the others in `make proof`: five of the 25 once failed
+SEEDS = [pytest.param(n, marks=[] if n % 2 == 0 else pytest.mark.proof) for n in range(25)]
 NINE = Fit(free=["v"], sensitivity_step=0.0)
 
 
@@ -28,7 +30,7 @@ def few_poses(seed: int, poses: int, noise: float = 2e-3) -> Measurements:
     return Measurements({"q": q, "T": T + noise * rng.standard_normal(T.shape)})
 
 
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_correct_data_of_nine_parameters_and_few_poses_raise_no_alarm(seed: int) -> None:
     """Five of these 25 were refused: "look exchanged: links are left with no solution as given and with 55.4 mm"."""
     s = study(gt.robots.gantry_tau("l1_tape"), few_poses(seed, 5), NINE, held_out=0)

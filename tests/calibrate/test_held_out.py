@@ -72,9 +72,9 @@ def test_as_many_unknowns_as_equations_prove_nothing() -> None:
 
 @pytest.mark.parametrize("cost", ["length", "orthogonal"])
 def test_what_was_known_before_counts_with_its_errors(cost: Cost) -> None:
-    """Nine poses of 21 unknowns known to 0.2 mm: what a sound model has of held-out errors, beside 60 draws of
+    """Nine poses of 21 unknowns known to 0.2 mm: what a sound model has of held-out errors, beside 30 draws of
     start values and of noise."""
-    robot, known, runs = true_robot("three_link"), 2e-4, 60
+    robot, known, runs = true_robot("three_link"), 2e-4, 30
     true = geometry(robot, GEOMETRY["three_link"])
     ratios, said = [], []
     for seed in range(runs):

@@ -12,7 +12,7 @@ import pytest
 
 from tests.calibrate.drawn import KINDS, Seen, judged, look
 
-DRAWN = 3  # of each kind: 21 correct data sets and 21 with a fault, an exchange, a unit and a sign
+DRAWN = 2  # of each kind: 14 correct data sets and 14 with a fault, an exchange, a unit and a sign
 MANY = 80  # of each of seven kinds: 560 correct ones and 560 wrong ones
 POSES = 40
 SOUND = 0.95

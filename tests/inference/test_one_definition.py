@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import ast
 import itertools
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Iterable, Iterator
 
 import pytest
 
-HOUSE = Path(__file__).parents[2] / "gtmodel"
+from tests.support import sources
+
+HOUSE = sources.HOUSE
 DESCENTS = {"least_squares", "leastsq", "curve_fit", "lsq_linear"}  # of scipy.optimize
 F = {
     "fdtr",
@@ -29,20 +30,20 @@ EQUATIONS = {"compiler/newton.py", "calibrate/closure.py"}
 F_HOMES = {"inference/chance.py"}
 
 
-def called(tree: ast.AST) -> Iterator[tuple[int, str]]:
-    """Lines and dotted names of what is used as an attribute or imported from SciPy."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Attribute):
+def called(nodes: Iterable[ast.AST], words: set[str]) -> Iterator[tuple[int, str]]:
+    """Lines and dotted names of what is used as an attribute or imported from SciPy, if it ends with one of the words;
+    what stands before the last word is a node of its own."""
+    for node in nodes:
+        if isinstance(node, ast.Attribute) and node.attr in words:
             yield node.lineno, ast.unparse(node)
         elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("scipy"):
             yield from ((node.lineno, f"{node.module}.{name.name}") for name in node.names)
 
 
-def descents(text: str) -> list[int]:
+def descents(nodes: list[ast.AST]) -> list[int]:
     """Lines of calls of SciPy's fits, and of loops that scale one variable both up and down by factors."""
-    tree = ast.parse(text)
-    lines = [n for n, name in called(tree) if name.split(".")[-1] in DESCENTS and "." in name]
-    for loop in (n for n in ast.walk(tree) if isinstance(n, (ast.For, ast.While))):
+    lines = [n for n, name in called(nodes, DESCENTS) if name.split(".")[-1] in DESCENTS and "." in name]
+    for loop in (n for n in nodes if isinstance(n, (ast.For, ast.While))):
         factors: dict[str, set[str]] = {}
         for node in ast.walk(loop):
             if isinstance(node, ast.AugAssign):
@@ -71,10 +72,10 @@ def scalings(value: ast.expr, name: str) -> Iterator[str]:
                     yield f"{type(node.op)}{ast.unparse(factor)}"
 
 
-def f_distributions(text: str) -> list[int]:
+def f_distributions(nodes: list[ast.AST]) -> list[int]:
     """Lines that use the F distribution, or another one that has its home, of SciPy."""
     lines = set()
-    for line, name in called(ast.parse(text)):
+    for line, name in called(nodes, F | OF_STATS):
         parts = name.split(".")
         if parts[-1] in F or any(a == "stats" and b in OF_STATS for a, b in itertools.pairwise(parts)):
             lines.add(line)
@@ -82,8 +83,12 @@ def f_distributions(text: str) -> list[int]:
 
 
 def found(finder, homes: set[str]) -> list[str]:
-    files = [p for p in sorted(HOUSE.rglob("*.py")) if p.relative_to(HOUSE).as_posix() not in homes]
-    return [f"{p.relative_to(HOUSE)}:{line}" for p in files for line in finder(p.read_text())]
+    files = {p.relative_to(HOUSE).as_posix(): nodes for p, nodes in sources.house().items()}
+    return [f"{p}:{line}" for p, nodes in files.items() if p not in homes for line in finder(nodes)]
+
+
+def nodes_of(text: str) -> list[ast.AST]:
+    return list(ast.walk(ast.parse(text)))
 
 
 def test_fits_go_down_by_one_descent():
@@ -95,8 +100,8 @@ def test_the_f_distribution_has_one_home():
 
 
 def test_the_homes_are_found():
-    assert all(descents((HOUSE / name).read_text()) for name in (*DESCENT_HOMES, *EQUATIONS))
-    assert all(f_distributions((HOUSE / name).read_text()) for name in F_HOMES)
+    assert all(descents(sources.nodes_of(HOUSE / name)) for name in (*DESCENT_HOMES, *EQUATIONS))
+    assert all(f_distributions(sources.nodes_of(HOUSE / name)) for name in F_HOMES)
 
 
 PLANTED = {
@@ -110,11 +115,11 @@ PLANTED = {
 
 @pytest.mark.parametrize("name", PLANTED)
 def test_a_planted_descent_is_found(name):
-    assert descents(PLANTED[name])
+    assert descents(nodes_of(PLANTED[name]))
 
 
 def test_halving_a_step_and_growing_a_bracket_are_no_descents():
-    assert descents("for _ in range(9):\n    step /= 2\n    high *= 1.5\n") == []
+    assert descents(nodes_of("for _ in range(9):\n    step /= 2\n    high *= 1.5\n")) == []
 
 
 @pytest.mark.parametrize(
@@ -128,8 +133,8 @@ def test_halving_a_step_and_growing_a_bracket_are_no_descents():
     ],
 )
 def test_a_planted_f_test_is_found(text):
-    assert f_distributions(text)
+    assert f_distributions(nodes_of(text))
 
 
 def test_another_f_is_not():
-    assert f_distributions("y = self.f(x) + stats.kurtosis(r) + block.f.sf\n") == []
+    assert f_distributions(nodes_of("y = self.f(x) + stats.kurtosis(r) + block.f.sf\n")) == []

@@ -8,14 +8,14 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cache
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import scipy
 
-HOUSE = Path(__file__).resolve().parents[2] / "gtmodel"
+from tests.support import sources
+
 NAMES = re.compile(r"bisect|zoh|zero_order|c2d|held?_input$|discreti[sz]ed?_(system|plant|matri)", re.I)
 NAMED = {"linear/roots.py:bisected", "cgen/proof.py:_bisected"}  # the second cuts a box in two, and finds no root
 # matrix exponentials without an input, and Van Loan's of noise, are no hold
@@ -33,14 +33,18 @@ PLAIN = (ast.BinOp, ast.Name, ast.Constant, ast.Load, ast.Add, ast.Sub, ast.Mult
 Functions = dict[str, ast.FunctionDef]
 
 
-def functions(text: str, file: str = "") -> Functions:
-    return {f"{file}:{n.name}": n for n in ast.walk(ast.parse(text)) if isinstance(n, ast.FunctionDef)}
+def functions(nodes: Iterable[ast.AST], file: str = "") -> Functions:
+    return {f"{file}:{n.name}": n for n in nodes if isinstance(n, ast.FunctionDef)}
+
+
+def of_text(text: str) -> list[ast.FunctionDef]:
+    return list(functions(ast.walk(ast.parse(text))).values())
 
 
 @cache
 def house() -> Functions:
-    texts = {p.relative_to(HOUSE).as_posix(): p.read_text() for p in HOUSE.rglob("*.py")}
-    return {place: f for file, text in texts.items() for place, f in functions(text, file).items()}
+    files = {p.relative_to(sources.HOUSE).as_posix(): nodes for p, nodes in sources.house().items()}
+    return {place: f for file, nodes in files.items() for place, f in functions(nodes, file).items()}
 
 
 def named(f: ast.FunctionDef) -> bool:
@@ -48,7 +52,8 @@ def named(f: ast.FunctionDef) -> bool:
 
 
 def exponential(f: ast.FunctionDef) -> bool:
-    return any(isinstance(n, ast.Call) and ast.unparse(n.func).split(".")[-1] == "expm" for n in ast.walk(f))
+    called = (n.func for n in ast.walk(f) if isinstance(n, ast.Call))
+    return any(getattr(n, "attr", getattr(n, "id", "")) == "expm" for n in called)
 
 
 def halves(f: ast.FunctionDef) -> bool:
@@ -157,19 +162,17 @@ ROOTS = [
 @pytest.mark.parametrize("body", ROOTS)
 def test_a_second_bisection_is_found(body: str) -> None:
     text = f"def edge(f: Callable[[float], float], low: float, high: float):\n{body}    return low\n"
-    (planted,) = functions(text).values()
+    (planted,) = of_text(text)
     exec(compile(text, "planted", "exec"), room := {"np": np, "Callable": Callable})
     assert halves(planted) and may_bisect(planted) and is_bisection(room["edge"], 3)
-    assert not halves(*functions(text.replace("/ 2", "/ 3").replace("0.5", "0.3")).values())
+    assert not halves(*of_text(text.replace("/ 2", "/ 3").replace("0.5", "0.3")))
 
 
 def test_a_second_hold_is_found_and_others_are_left_alone() -> None:
-    (planted,) = functions(HOLD).values()
+    (planted,) = of_text(HOLD)
     exec(compile(HOLD, "planted", "exec"), room := {"np": np})
     assert may_hold(planted) and is_hold(room["sampled"]) and not exponential(planted)
-    (another,) = functions("def zoh(a, b, t):\n    return scipy.linalg.expm(a * t)\n").values()
+    (another,) = of_text("def zoh(a, b, t):\n    return scipy.linalg.expm(a * t)\n")
     assert named(another) and exponential(another) and not halves(another)
-    (mean,) = functions(
-        "def f(a, b):\n    for c in a:\n        m = (a + b) / 2\n        c = m\n    return c\n"
-    ).values()
+    (mean,) = of_text("def f(a, b):\n    for c in a:\n        m = (a + b) / 2\n        c = m\n    return c\n")
     assert not halves(mean)

@@ -146,7 +146,7 @@ def test_a_clutch_and_a_brake_at_rest(
     np.testing.assert_allclose([run.trajectory[n][-1] for n in ("w1", "w2")], [first, second], atol=1e-12)
 
 
-@pytest.mark.parametrize("seed", [6, 8, *(pytest.param(n, marks=pytest.mark.proof) for n in (0, 1, 2, 3, 4, 5, 7, 9))])
+@pytest.mark.parametrize("seed", [8, *(pytest.param(n, marks=pytest.mark.proof) for n in (0, 1, 2, 3, 4, 5, 6, 7, 9))])
 def test_drawn_chains_of_three(tmp_path: Path, seed: int) -> None:
     """Synthetic chains, drawn with this seed and without noise; by a regularised friction too."""
     rng = np.random.default_rng(seed)

@@ -10,7 +10,7 @@ from gtmodel import der
 from gtmodel.optimize import Mesh, SolverOptions, multi_start, refine, resimulate, solve, solve_phases, transcribe
 from gtmodel.optimize.judgement.discretisation import COST, NAME, discretisation
 from gtmodel.results import SolveStatus
-from tests.optimize import problems
+from tests.optimize import features, problems
 
 # the estimate is of first order in the error, and the re-simulation is at the edges only
 FIRST_ORDER = 0.25
@@ -217,7 +217,7 @@ class TestRoads:
         assert not found.failures and found.best.status is SolveStatus.CHECK_FAILED
 
     def test_shooting_has_none(self):
-        s = solve(problems.VanDerPol(), Mesh(10), method="shooting")
+        s = solve(features.Tank(), Mesh(8, 3, control="constant"), method="shooting")
         assert s.status.ok and s.checks[NAME].passed
 
     def test_refinement_goes_on_until_it_holds(self):

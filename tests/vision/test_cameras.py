@@ -150,17 +150,18 @@ def test_boards_that_look_the_same_from_both_ends_are_refused(size) -> None:
     assert Board(*size, identified=True).points.shape == (size[0] * size[1], 3)
 
 
-def test_intersection_and_its_covariance_against_many_runs() -> None:
+@pytest.mark.parametrize("count", [120, pytest.param(400, marks=pytest.mark.proof)])
+def test_intersection_and_its_covariance_against_many_runs(count: int) -> None:
     rng = np.random.default_rng(8)
     p = points(12) @ np.diag([0.4, 0.4, 1.0]) + [0.2, 0, 0]
     lenses = np.stack([LENS, LENS])
     exact = np.stack([project(p @ matrices_of(c[None])[0].T + c[4:], LENS)[0] for c in SIDE], axis=1)
     assert np.abs(intersect(exact, lenses, SIDE, 0.1).p - p).max() < 1e-10
     one = intersect(exact, lenses, SIDE, 0.2)
-    runs = np.stack([intersect(exact + rng.normal(0, 0.2, exact.shape), lenses, SIDE, 0.2).p for _ in range(400)])
-    spread = np.einsum("rni,rnj->nij", runs - p, runs - p) / 400
+    runs = np.stack([intersect(exact + rng.normal(0, 0.2, exact.shape), lenses, SIDE, 0.2).p for _ in range(count)])
+    spread = np.einsum("rni,rnj->nij", runs - p, runs - p) / count
     ratio = np.sqrt(np.einsum("nii->ni", spread) / np.einsum("nii->ni", one.covariance))
-    assert np.all(np.abs(ratio - 1) < 4 / np.sqrt(2 * 400))  # four standard deviations of a standard deviation
+    assert np.all(np.abs(ratio - 1) < 4 / np.sqrt(2 * count))  # four standard deviations of a standard deviation
 
 
 def test_cameras_own_errors_enter_the_covariance() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -284,6 +285,13 @@ def test_two_steps_with_right_cameras_reach_the_noise():
 RUNS = V.SyntheticRobotCameras(counts=[3, 4, 3], seed=5)
 
 
+@lru_cache(maxsize=16)
+def calibrated(run: int):
+    """The pictures of one draw of noise, and the calibration by them."""
+    made = V.made_pictures(replace(RUNS, noise_seed=run))
+    return made.pictures, V.joint_fit(ROBOT, made.pictures, made.cameras, V.RobotCameras(removal=0.0))
+
+
 def repeated(runs: int, both: bool):
     """One robot and cameras under so many draws of noise: hits of 95 % intervals by name, and positions."""
     made = V.made_pictures(replace(RUNS, noise_seed=0))
@@ -295,8 +303,7 @@ def repeated(runs: int, both: bool):
     q = made.pictures.actuators[::5]
     held = V.RobotCameras(estimate=[], removal=0.0)
     for run in range(runs):
-        p = V.made_pictures(replace(RUNS, noise_seed=run)).pictures
-        joint = V.joint_fit(ROBOT, p, made.cameras, V.RobotCameras(removal=0.0))
+        p, joint = calibrated(run)
         e = joint.estimate
         for name in e.names:
             if name in truth:
@@ -378,8 +385,7 @@ def test_the_predicted_error_is_that_of_repeated_calibrations(runs):
     assert made.pictures.truth is not None
     errors = []
     for run in range(runs):
-        p = V.made_pictures(replace(RUNS, noise_seed=run)).pictures
-        joint = V.joint_fit(ROBOT, p, made.cameras, V.RobotCameras(removal=0.0))
+        _, joint = calibrated(run)
         errors.append(V.aligned_errors(joint.positions(q), made.pictures.truth) ** 2)
     predicted = V.predicted_positions(V.joint_fit(ROBOT, made.pictures, made.cameras), q).rms
     assert np.sqrt(np.mean(errors)) == pytest.approx(predicted, rel=0.25)  # runs of few strong directions

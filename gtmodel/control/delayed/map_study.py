@@ -261,7 +261,8 @@ def feedback_map(
     >>> rng = np.random.default_rng(1)
     >>> joints = np.deg2rad(rng.uniform([-65.0, 60.0], [-20.0, 115.0], (10, 2)))
     >>> study = gt.control.delayed.feedback_map(
-    ...     gt.control.delayed.SyntheticCommands(), joints.tolist(), [[-0.7, 1.6]], gain_steps={"x": 0.1, "y": 0.01})
+    ...     gt.control.delayed.SyntheticCommands(), joints.tolist(), [[-0.7, 1.6]], gain_steps={"x": 0.1, "y": 0.01},
+    ...     options=gt.control.delayed.GainMap(draws=50))
     >>> study.status.ok, bool(0.05 < study.quantile["x"][0] < study.true_limit["x"][0])
     (True, True)
     """

@@ -107,6 +107,9 @@ REWEIGHTS = 4  # the two noise levels settle in so many turns
 RIDGE = 1e-10  # of the largest diagonal: where neither recording has a row the curve is of no matter
 SETTLED = 0.02  # change of the logarithm of a noise level
 SMALL = 1e-9  # of the residuals' length: the step that changes them by less is the end
+# where so many tries lowered the sum of squares by no more than this part: a row that enters an interval of its own
+# bends the sum by as much, and steps would be shortened again and again
+TRIED, LEVEL = 10, 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,13 +192,20 @@ def shown(series: Sequence[Series], warp: Warp, spacing: float) -> list[float]:
 def _descended(
     series: Sequence[Series], warp: Warp, spacing: float, freed: Freed, level: Array, probes: Array
 ) -> tuple[Warp, CurveFit]:
+    costs: list[float] = []
+
     def rows(x: Array) -> list[Array]:
         fit = _evaluated(series, _moved(warp, x, freed), spacing, freed, level, None)
+        costs.append(fit.sum_of_squares)
         return [np.column_stack([-fit.border, fit.residuals])]
+
+    def level_now() -> bool:
+        best = min(costs)
+        return len(costs) > TRIED and min(costs[:-TRIED]) - best <= LEVEL * best
 
     start = np.zeros(1 + freed.drift + (int(freed.scale) + int(freed.shift)) * len(series))
     size = scales(None, len(start), rows(start)[0][:, :-1])
-    warp = _moved(warp, descend(rows, start, size, limit=ITERATIONS, tolerance=SMALL).x, freed)
+    warp = _moved(warp, descend(rows, start, size, limit=ITERATIONS, tolerance=SMALL, stop=level_now).x, freed)
     return warp, _evaluated(series, warp, spacing, freed, level, probes)
 
 

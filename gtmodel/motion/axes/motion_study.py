@@ -341,7 +341,7 @@ def axis_study(
     >>> from gtmodel.motion import AxisEnd, AxisLimits, AxisMesh
     >>> start, goal = AxisEnd([0.72, 0.26, 0.21], [0.0, 0.0, 0.0]), AxisEnd([0.9, 0.5, 0.35], [0.2, -0.2, -0.15])
     >>> limits = AxisLimits(force=1000.0, torque=40.0)
-    >>> s = gt.motion.axis_study(gt.robots.catalogue.make("f1"), start, goal, limits=limits, mesh=AxisMesh(6, 6))
+    >>> s = gt.motion.axis_study(gt.robots.catalogue.make("f1"), start, goal, limits=limits, mesh=AxisMesh(4, 4))
     >>> s.tcp.shape
     (2, 3)
     """

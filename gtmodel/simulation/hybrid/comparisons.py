@@ -180,6 +180,8 @@ MOST = 60
 CORRECTIONS = 4
 # halvings of an interval until it is seen on which side it begins
 HALVINGS = 40
+# part of a rate that a comparison may be off the straight line of it, which it follows from one end to the other
+STRAIGHT = 0.01
 # of a comparison's distance from zero: what its rates at two ends leave of its change between them
 EXPLAINED = 0.3
 
@@ -233,6 +235,9 @@ def first_root(signed: Signed, n: int, low: float, high: float) -> float | None:
                 low, a, da = probe, float(at[0][n]), float(at[1][n])
                 break
             high, b, db = probe, float(at[0][n]), float(at[1][n])
+            steady = STRAIGHT * -da
+            if da < 0 and abs(db - da) <= steady and abs(b - a - da * (high - low)) <= steady * (high - low):
+                return low  # it falls from there on, in a straight line
         else:
             return low
     span = high - low

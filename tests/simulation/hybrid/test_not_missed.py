@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 import gtmodel as gt
-from gtmodel.simulation.hybrid.comparisons import dips
+from gtmodel.simulation.hybrid.comparisons import dips, first_root
 
 PERIOD = 2 * np.pi
 
@@ -255,3 +257,22 @@ def test_a_dip_within_round_off_is_none(rate: float, dips_there: bool) -> None:
     share = dips(np.ones(1), np.zeros((2, 1)), np.array([[-rate], [rate]]), np.full(1, 1e-13))
     assert np.isfinite(share).all() == dips_there
     assert not dips_there or share == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(("value", "root", "most"), [
+    (lambda t: (-t, -1.0), 0.0, 4),
+    (lambda t: (-t - 0.3 * t**2, -1.0 - 0.6 * t), 0.0, 10),
+    (lambda t: (t * (0.2 - t), 0.2 - 2 * t), 0.2, 20),
+    (lambda t: (-np.sin(9 * t), -9 * np.cos(9 * t)), 2 * np.pi / 9, 20),
+])  # fmt: skip
+def test_what_falls_at_once_is_seen_to_in_a_few_looks(value: Any, root: float, most: int) -> None:
+    """A comparison that was zero and fell was looked at in forty places, ever nearer to its begin."""
+    looks: list[float] = []
+
+    def signed(t: float) -> tuple[np.ndarray, np.ndarray]:
+        looks.append(t)
+        v, rate = value(t)
+        return np.array([v]), np.array([rate])
+
+    assert first_root(signed, 0, 0.0, 0.8) == pytest.approx(root, abs=1e-12)
+    assert len(looks) <= most
