@@ -119,9 +119,7 @@ def estimate(solution: Solution | PhasesSolution) -> Estimate:
     try:
         covariance = scipy.sparse.linalg.splu(kkt).solve(selection)[columns]
     except RuntimeError:
-        raise ModelError(
-            f"{title}: constraints are redundant at the solution; remove the dependent ones"
-        ) from None
+        raise ModelError(f"{title}: constraints are redundant at the solution; remove the dependent ones") from None
     _require_determined(title, covariance, small, names)
     noise = float(np.sqrt(r @ r / degrees_of_freedom)) if degrees_of_freedom else 1.0
     covariance = (covariance + covariance.T) / 2 * np.outer(scale, scale) * (1.0 if known else noise**2)

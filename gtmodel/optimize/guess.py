@@ -67,8 +67,10 @@ def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
     missing = [n for n, (_, in_guess) in enumerate(inputs) if n >= layout.nu and not in_guess]
     known = layout.nu + len(problem.delayed)
     if any(n >= known for n in missing):
-        flat_x = xs[:, 1:].reshape(points.size, layout.nx)[:, : len(problem.state_pairs)]
-        solved = solve_point_variables(problem, flat_x, np.clip(us[:, :known], u.low[:known], u.high[:known]), free, points)
+        states_x = xs[:, 1:].reshape(points.size, layout.nx)[:, : len(problem.state_pairs)]
+        solved = solve_point_variables(
+            problem, states_x, np.clip(us[:, :known], u.low[:known], u.high[:known]), free, points
+        )
         for n in missing:
             if n >= known:
                 us[:, n] = np.where(np.isfinite(solved[:, n - known]), solved[:, n - known], us[:, n])

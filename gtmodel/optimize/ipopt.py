@@ -98,7 +98,7 @@ class SolverRun:
 
     @property
     def reservation(self) -> str:
-        """What remains open about a solved problem: the stationary point may be a saddle or a maximum; "" if nothing."""
+        """What remains open about a solved problem: the stationary point may be no minimum; "" if nothing."""
         if self.indifferent and self.status.ok:
             return "the objective is constant, so every feasible point is optimal"
         if self.curved or not self.status.ok:
