@@ -106,8 +106,8 @@ def point_kernels(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale
     with_rate = [n for n, r in enumerate(problem.rates) if r is not None]
     path_scale = np.array([r.scale for r in problem.path])
     x, slope, u = ca.SX.sym("x", nx), ca.SX.sym("slope", nx), ca.SX.sym("u", layout.nu + layout.nz)
-    P, d, free_length = ca.SX.sym("P", nP), ca.SX.sym("d", 4), ca.SX.sym("own", 2 if free else 0)
-    h, left = (free_length[0], free_length[1]) if free else (d[0], d[1])
+    P, d, own = ca.SX.sym("P", nP), ca.SX.sym("d", 4), ca.SX.sym("own", 2 if free else 0)
+    h, left = (own[0], own[1]) if free else (d[0], d[1])
     physical = P * ca.DM(p_scale) if nP else P
     t0, tf = ca.Function("times", [problem.P], [problem.t0, problem.tf])(physical)
     length, t = h * (tf - t0), t0 + (left + h * d[2]) * (tf - t0)
@@ -125,7 +125,7 @@ def point_kernels(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale
     c, r = np.meshgrid(np.arange(K), np.arange(first + npath), indexing="ij")
     place = np.where(r < first, layout.nl + c * first + r, inner + edge_count + c * npath + r - first)
     kernel = PointKernel(
-        "point", (free, ()), ca.vertcat(x, slope, u, free_length), P, d, ca.vertcat(*parts), cost, mesh.table.points,
+        "point", (free, ()), ca.vertcat(x, slope, u, own), P, d, ca.vertcat(*parts), cost, mesh.table.points,
         mesh.table.weights, _taken(layout), place.ravel(), m,
     )  # fmt: skip
     if not edge_count:
@@ -133,7 +133,7 @@ def point_kernels(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale
     nothing = ca.SX.zeros(nx), ca.SX.zeros(problem.u.numel())
     at_edge = point(x, *nothing, physical, t)[2][element.at_edge] / ca.DM(path_scale[element.at_edge])
     edge = PointKernel(
-        "edge", (free, tuple(element.at_edge)), ca.vertcat(x, free_length), P, d, at_edge, ca.SX(1, 1), np.ones(1), np.zeros(1),
+        "edge", (free, tuple(element.at_edge)), ca.vertcat(x, own), P, d, at_edge, ca.SX(1, 1), np.ones(1), np.zeros(1),
         _taken_end(layout), inner + np.arange(edge_count), m,
     )  # fmt: skip
     return [kernel, edge]

@@ -83,7 +83,7 @@ class Solution:
         return dict(zip(self.problem.tunable, (slope / nlp.p_scale[len(self.free) :]).tolist(), strict=True))
 
     def multiplier(self, name: str) -> np.ndarray | float:
-        """Return the multipliers of a constraint in SI units and IPOPT's sign: cost per unit by which its row is raised.
+        """Return the multipliers of a constraint in SI units and IPOPT's sign: cost per unit increase of its row.
 
         name: a name from `multiplier_names`, or its first whole words ("constraint 1" does not match the tenth). Shape:
         a number for a point constraint, (elements,) for the continuity of a state ("continuity of x": the costate at
