@@ -192,7 +192,7 @@ class TestRefusals:
         o = solved(problem, Work(progress=progress))
         assert o.status in (SolveStatus.ITERATION_LIMIT, SolveStatus.INFEASIBLE)
         assert "a slow motion along the straight line already needs " in o.message
-        assert "the nearest to its constraints" in o.message
+        assert "which has the smallest violation" in o.message
         kept = o.checks["constraint_violation"]
         assert not kept.passed and kept.value <= 1.01 * min(seen[1:]) and max(seen) > 10 * kept.value
         assert o.trajectory is not None and np.all(np.isfinite(o.trajectory["T"]))

@@ -145,7 +145,7 @@ class TestSquaredSpeeds:
     def test_wrong_shapes(self):
         x = ca.SX.sym("x")
         f = ca.Function("f", [x, ca.SX.sym("v"), ca.SX.sym("a")], [x])
-        with pytest.raises(ValueError, match="the quantities have 1 rows"):
+        with pytest.raises(ValueError, match="the number of rows of the quantities"):
             solve_path(PathTask(lambda s: (s, s, s), f, np.zeros(2), np.zeros(2), np.zeros(2)))
 
     def test_nodes(self):
