@@ -162,7 +162,7 @@ class TestDelay:
         cases = {
             r"the delay of 0.5 s is not a whole number of elements": (Delayed(), Mesh(5, 2)),
             "needs a fixed horizon and fixed element lengths": (Delayed(), Mesh(4, 2, length_ratio=(0.5, 2.0))),
-            "horizon and element": (type("F", (Delayed,), {"final_time": gt.free(2.0, min=1.0)})(), Mesh(4, 2)),
+            "fixed horizon": (type("F", (Delayed,), {"final_time": gt.free(2.0, min=1.0)})(), Mesh(4, 2)),
         }
         for sentence, (model, mesh) in cases.items():
             with pytest.raises(ModelError, match=sentence):

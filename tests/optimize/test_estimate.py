@@ -189,7 +189,7 @@ class TestRefused:
     @pytest.mark.parametrize(
         "changes, sentence",
         [
-            ({"objective": lambda self: self.x.at(2.0) ** 2}, r"objective holds no gt.misfit\(...\)"),
+            ({"objective": lambda self: self.x.at(2.0) ** 2}, r"objective contains no gt.misfit\(...\)"),
             (
                 {"objective": lambda self: gt.misfit(self.x, [0.5, 1.0, 1.5], [1, 2, 4]) + self.b**2},
                 "the objective contains terms other than misfits",

@@ -133,7 +133,7 @@ class TestRefine:
         assert not refine(Layer(), Mesh(3, 2), tolerance=1e-9, most_elements=10).reached
         with pytest.raises(ValueError, match=r"tolerance of refine\(\) must be positive; found 0"):
             refine(Layer(), tolerance=0.0)
-        with pytest.raises(ValueError, match="blocks count them"):
+        with pytest.raises(ValueError, match="remove blocks"):
             blocks = gt.Blocks(sizes=(1, 1))
             refine(problems.VanDerPol(), Mesh(2, 2, control="constant", blocks=blocks), tolerance=1.0)
 

@@ -204,7 +204,7 @@ WRONG = {
         lambda: Phases({"a": Fall(), "b": Rise()}, free={"c": ["v"]}),
         "'c' is not a phase after the first; these are: b",
     ),
-    "first phase": (lambda: Phases({"a": Fall(), "b": Rise()}, links={"a": lambda x, y: []}), "no phase 'a' begins"),
+    "first phase": (lambda: Phases({"a": Fall(), "b": Rise()}, links={"a": lambda x, y: []}), "'a' is not a phase after the first"),
     "no state": (
         lambda: solve_phases(Phases({"a": Fall(), "b": Rise()}, free={"b": ["der(v)"]})),
         r"'der\(v\)' may jump into phase 'b', but is not a state there; states are q, der\(q\)",
@@ -277,8 +277,8 @@ def test_links_take_any_name():
     [
         ({"mesh": 7}, "the mesh must be a gt.Mesh"),
         ({"mesh": {"first": 7}}, "the mesh must be a gt.Mesh"),
-        ({"guess": 7}, "a guess is"),
-        ({"guess": {"first": 7}}, "a guess is"),
+        ({"guess": 7}, "the guess must be"),
+        ({"guess": {"first": 7}}, "the guess must be"),
     ],
 )
 def test_wrong_arguments(wrong, sentence):

@@ -87,19 +87,19 @@ WRONG = {
     ),
     "bounds cross": (
         lambda: case(constraints=lambda self: [self.x <= 0.5, self.x >= 0.7]),
-        "the bounds of 'x' cross: at least 0.7 and at most 0.5",
+        "the bounds of 'x' contradict each other: at least 0.7 and at most 0.5",
     ),
     "start out of bounds": (
         lambda: case(constraints=lambda self: [self.x <= 0.5]),
-        "the bounds of 'x' cross at the start: at least 1 and at most 0.5",
+        "the bounds of 'x' contradict each other at the start: at least 1 and at most 0.5",
     ),
     "end out of bounds": (
         lambda: case(constraints=lambda self: [self.x <= 2.0, self.x.at(self.final_time) == 3.0]),
-        "the bounds of 'x' cross at the end: at least 3 and at most 2",
+        "the bounds of 'x' contradict each other at the end: at least 3 and at most 2",
     ),
     "bounds of a free constant cross": (
         lambda: case(k=gt.free(1.0, min=2.0, max=1.5)),
-        "the bounds of 'k' cross: at least 2 and at most 1.5",
+        "the bounds of 'k' contradict each other: at least 2 and at most 1.5",
     ),
     "free final time that begins with none": (
         lambda: case(final_time=gt.free(0.0)),

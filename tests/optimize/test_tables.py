@@ -147,9 +147,9 @@ class TestMesh:
             (dict(control="spline"), "control must be one of polynomial, bernstein, linear, constant; found 'spline'"),
             (
                 dict(length_ratio=(0.0, 2.0)),
-                r"length_ratio is \(low, high\) with 0 < low <= 1 <= high.*found \(0.0, 2.0\)",
+                r"length_ratio must be \(low, high\) with 0 < low <= 1 <= high.*found \(0.0, 2.0\)",
             ),
-            (dict(length_ratio=(1.2, 2.0)), r"length_ratio is .*found \(1.2, 2.0\)"),
+            (dict(length_ratio=(1.2, 2.0)), r"length_ratio must be .*found \(1.2, 2.0\)"),
             (
                 dict(elements=4, control="constant", blocks=Blocks(sizes=(2, 3))),
                 "block sizes sum to 5, but the mesh has 4",

@@ -85,8 +85,8 @@ def _take(flat: FlatModel, whens: Sequence[FlatWhen], values: Sequence[ca.SX], j
             if key in owner and not ca.is_equal(changes[key], value, 100):  # type: ignore[index]
                 name = flat.symbol_name(*key) if isinstance(key, tuple) else flat.parameters[key].name
                 raise ModelError(
-                    f"{owner[key].name} ({owner[key].where}) and {when.name} both set '{name}' at one instant; let only "
-                    "one of them set it",
+                    f"{owner[key].name} ({owner[key].where}) and {when.name} both set '{name}' at one instant; let one "
+                    "of them decide",
                     when.where,
                 )
             owner[key] = when
