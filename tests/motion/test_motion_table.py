@@ -77,7 +77,7 @@ class TestTable:
         assert shown["free, w = 0: final time [s]"][1] == "published 0.9074"
         assert shown["line, w = 0: iterations"][1] == "published 70"
         assert shown["free, w = 0.01: optima"][0] == "1.509980 1.511666"
-        assert shown["free, w = 0 saves"][0] == pytest.approx(14.3, abs=0.1)
+        assert shown["time saving of free, w = 0"][0] == pytest.approx(14.3, abs=0.1)
 
     def test_files_and_pictures(self):
         o = outcome()

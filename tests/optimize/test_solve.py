@@ -79,7 +79,7 @@ WRONG = {
     ),
     "path and instant in one constraint": (
         lambda: case(constraints=lambda self: [self.x <= self.x.at(0.0)]),
-        r"constraint 1 \(optimize/test_solve.py:\d+\) contains x along the whole path, together with a value at an instant",
+        r"constraint 1 \(optimize/test_solve.py:\d+\) contains x along the whole path, together with a value",
     ),
     "constraint on nothing": (
         lambda: case(rate=gt.parameter(2.0), constraints=lambda self: [self.rate <= 1]),
