@@ -94,9 +94,9 @@ def on_this_mesh(
 def _outcome(
     plan: MotionPlan, search: MotionSearch, solution: Solution, optima: list[float]
 ) -> MotionOutcome | MotionFailure:
-    tried = resimulate(solution)
-    if tried.trajectory is None:
-        message = f"the optimum cannot be re-simulated: {tried.message}; {solution.message}"
+    resimulation = resimulate(solution)
+    if resimulation.trajectory is None:
+        message = f"the optimum cannot be re-simulated: {resimulation.message}; {solution.message}"
         return MotionFailure(solution, message)
     second = None
     if plan.path is not None and not plan.smooth:
@@ -107,16 +107,16 @@ def _outcome(
             return MotionFailure(solution, message)
         exported = _followed(plan, motion)
     else:
-        constant, run = search.exportable_tried(solution, tried)
+        constant, run = search.exportable_tried(solution, resimulation)
         if not constant.status.converged:
             return MotionFailure(constant, f"{NO_EXPORT}: {constant.message}")
         if run.trajectory is None:
             message = f"the exported motion cannot be re-simulated: {run.message}; {constant.message}"
             return MotionFailure(constant, message)
         exported = _resimulated(plan, constant, run)
-    checks = _checks(plan, solution, tried, exported, second)
+    checks = _checks(plan, solution, resimulation, exported, second)
     return MotionOutcome(
-        plan=plan, solution=solution, tried=tried, exported=exported, second=second, optima=optima, checks=checks
+        plan=plan, solution=solution, tried=resimulation, exported=exported, second=second, optima=optima, checks=checks
     )
 
 
@@ -220,11 +220,11 @@ def _peak(run: Resimulation) -> float:
 
 
 def _checks(
-    plan: MotionPlan, solution: Solution, tried: Resimulation, exported: Exported, second: float | None
+    plan: MotionPlan, solution: Solution, resimulation: Resimulation, exported: Exported, second: float | None
 ) -> dict[str, Check]:
-    assert tried.trajectory is not None
+    assert resimulation.trajectory is not None
     problem = plan.problem
-    end_error = _distance(tried.trajectory["robot.T"][-1], plan.goal)
+    end_error = _distance(resimulation.trajectory["robot.T"][-1], plan.goal)
     checks: dict[str, Check] = {
         "constraint_violation": solution.checks["constraint_violation"],
         "end_error_m": at_most(end_error, END_ERROR_BOUND_M, FINER),

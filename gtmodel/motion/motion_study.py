@@ -118,11 +118,11 @@ def solved(
     return _study_of(problem, outcome, search.iterations, finer, notes, number)
 
 
-def _failed(search: MotionSearch, missed: MotionFailure) -> MotionStudy:
-    problem, solution = search.problem, missed.solution
+def _failed(search: MotionSearch, failure: MotionFailure) -> MotionStudy:
+    problem, solution = search.problem, failure.solution
     return MotionStudy(
         status=SolveStatus.FAILED if solution.status.converged else solution.status,
-        message=missed.message,
+        message=failure.message,
         objective=solution.objective if np.isfinite(solution.objective) else None,
         iterations=search.iterations,
         checks={name: solution.checks[name] for name in ("constraint_violation",)},
@@ -133,7 +133,12 @@ def _failed(search: MotionSearch, missed: MotionFailure) -> MotionStudy:
 
 
 def _study_of(
-    asked: MotionProblem, outcome: MotionOutcome, iterations: int, finer: str, more: list[str], number: int | None
+    original: MotionProblem,
+    outcome: MotionOutcome,
+    iterations: int,
+    finer: str,
+    sentences: list[str],
+    number: int | None,
 ) -> MotionStudy:
     """finer: sentence on a refined mesh. more: further sentences of the message."""
     plan, solution, exported = outcome.plan, outcome.solution, outcome.exported
@@ -158,12 +163,12 @@ def _study_of(
         checks = {**checks, "reference_samples_out_of_reach": unreachable}
     return MotionStudy(
         status=SolveStatus.SOLVED,
-        message="; ".join(filter(None, [f"{how(solution)} and re-simulated{finer}", *more, solution.reservation])),
+        message="; ".join(filter(None, [f"{how(solution)} and re-simulated{finer}", *sentences, solution.reservation])),
         objective=solution.objective,
         iterations=iterations,
         checks=checks,
         trajectory=trajectory,
-        asked=asked,
+        asked=original,
         final_time=solution.final_time,
         energy=energy_of(solution, problem.cost.force_unit),
         saturation=outcome.saturation,

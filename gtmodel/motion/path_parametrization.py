@@ -318,8 +318,8 @@ class PathParametrization:
                 t: float, y: np.ndarray, begin: float = begin, step: float = step, polynomial: np.ndarray = polynomial
             ) -> list[np.ndarray]:
                 tau = ((t - begin) / step) ** np.arange(DEGREE + 1) @ polynomial
-                given = {("T", 0): y[:3], ("T", 1): y[3:], ("tau", 0): tau}
-                return [given[_base(signal.name), signal.pairs[0][1]] for signal in forward.f.inputs]
+                values = {("T", 0): y[:3], ("T", 1): y[3:], ("tau", 0): tau}
+                return [values[_base(signal.name), signal.pairs[0][1]] for signal in forward.f.inputs]
 
             def rates(t: float, y: np.ndarray, arguments: Callable[..., Any] = arguments) -> np.ndarray:
                 return np.concatenate([y[3:], forward(*arguments(t, y))])

@@ -69,8 +69,8 @@ class CircleArc:
         return self.center + c + d, self.angle * (f - e), -(self.angle**2) * (c + d)
 
     def expression(self, s: Any, metre: Any) -> Any:
-        turned = gt.cos(self.angle * s), gt.sin(self.angle * s)
-        return gt.vector([metre * (self.center[i] + self.a[i] * turned[0] + self.b[i] * turned[1]) for i in range(3)])
+        cos_sin = gt.cos(self.angle * s), gt.sin(self.angle * s)
+        return gt.vector([metre * (self.center[i] + self.a[i] * cos_sin[0] + self.b[i] * cos_sin[1]) for i in range(3)])
 
 
 def path_of(shape: Shape, start: np.ndarray, goal: np.ndarray) -> Path:
@@ -222,8 +222,8 @@ def spline(points: np.ndarray) -> Path:
 
 def taught(points: np.ndarray, tolerance: float) -> Path:
     """Return a smooth curve with an RMS distance of `tolerance` [m] from recorded points."""
-    moved = np.concatenate([[True], np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-9])
-    points = points[moved]  # a robot led by hand pauses at times
+    distinct = np.concatenate([[True], np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-9])
+    points = points[distinct]  # a robot led by hand pauses at times
     if len(points) < 6:
         raise ArgumentError(f"has {len(points)} distinct points; a taught path needs at least 6", "path.points")
     (fitted, _) = scipy.interpolate.make_splprep(points.T, k=3, s=len(points) * tolerance**2)  # type: ignore[arg-type]

@@ -162,18 +162,18 @@ def _check_reach(problem: MotionProblem) -> None:
     robot, least = problem.robot, problem.limits.link_along_guideway
     for key, point in (("start.tcp", problem.begin), ("goal.tcp", problem.end)):
         joints, tips, status = link_ends(robot, point[None, :])
-        shown = ", ".join(f"{x:g}" for x in point)
+        place = ", ".join(f"{x:g}" for x in point)
         if status[0] != Status.OK:
             names = [name for name in ("q", "tau") if name in flat_of(robot).groups]
             inverse = compile_causal(robot, known="T", targets=names[0])
             reason = inverse.diagnose(*inverse.arguments_along(point))
-            raise ArgumentError(f"the pose ({shown}) m is out of reach: {reason}", key)
+            raise ArgumentError(f"the pose ({place}) m is out of reach: {reason}", key)
         along = along_guideways(robot, tips, joints)[0]
         if np.any(along < least):
             k = int(np.argmin(along))
             links = [name.removesuffix(".rod.a.r") for name in link_names(robot)]
             raise ArgumentError(
-                f"the pose ({shown}) m lies at the boundary of the workspace: the component of {links[k]} along its "
+                f"the pose ({place}) m lies at the boundary of the workspace: the component of {links[k]} along its "
                 f"guideway is {along[k]:.4g} m, less than limits.link_along_guideway_m = {least:g}",
                 key,
             )

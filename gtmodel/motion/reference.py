@@ -212,9 +212,9 @@ def rapid_text(robot: Model, reference: Trajectory, title: str, number: int | No
     motions, which may be loaded together.
     """
     step = float(reference.time[1] - reference.time[0]) if len(reference) > 1 else 0.0
-    more = "" if number is None else str(number)
+    suffix = "" if number is None else str(number)
     return module(
-        f"GtMotion{more}",
+        f"GtMotion{suffix}",
         [
             title or "optimal motion",
             "Written by gtmodel; not tested on a controller. Check workspace, work object and tool first.",
@@ -225,7 +225,7 @@ def rapid_text(robot: Model, reference: Trajectory, title: str, number: int | No
         "GtTargets",
         robtargets(poses(robot, reference["T"]), reference["q"]),
         [
-            f"PROC GtMove{more}(PERS tooldata tool, PERS wobjdata wobj)",
+            f"PROC GtMove{suffix}(PERS tooldata tool, PERS wobjdata wobj)",
             "  MoveL GtTargets{1}, v100, fine, tool \\WObj:=wobj;",
             "  FOR i FROM 2 TO GtCount - 1 DO",
             "    MoveL GtTargets{i}, v1000 \\T:=GtStep, z1, tool \\WObj:=wobj;",

@@ -177,9 +177,9 @@ class MotionTable(Study):
         for row, s in zip(self.asked, self.motions, strict=True):
             printed = row.published
             rows += [
-                Row(f"{row.name}: final time [s]", s.final_time, _beside(printed and printed.final_time)),
-                Row(f"{row.name}: energy [s]", s.energy, _beside(printed and printed.energy)),
-                Row(f"{row.name}: iterations", s.attempt_iterations, _beside(printed and printed.iterations)),
+                Row(f"{row.name}: final time [s]", s.final_time, _published(printed and printed.final_time)),
+                Row(f"{row.name}: energy [s]", s.energy, _published(printed and printed.energy)),
+                Row(f"{row.name}: iterations", s.attempt_iterations, _published(printed and printed.iterations)),
                 Row(f"{row.name}: motors at their limit [%]", " ".join(f"{100 * x:.0f}" for x in s.saturation or ())),
             ]
             if len(s.optima or ()) > 1:
@@ -191,5 +191,5 @@ class MotionTable(Study):
         ]
 
 
-def _beside(value: float | None) -> str:
+def _published(value: float | None) -> str:
     return "" if value is None else f"published {value:g}"

@@ -76,7 +76,7 @@ class MotionSearch:
     def optimum(self) -> Solution:
         """Return the optimum with the problem's control; if there is none, the best attempt."""
         problem, control = self.problem, self.problem.mesh.control
-        tried: list[Solution] = []
+        solutions: list[Solution] = []
         attempts = [(True, self.guess, "adaptive"), (True, self.guess, "monotone"), (True, self.bare, "adaptive")]
         if problem.solver.barrier != "auto":
             attempts.pop(1)
@@ -85,9 +85,9 @@ class MotionSearch:
         elif not self.bounded:
             attempts.insert(0, (False, self.guess, "adaptive"))
         for guarded, guess, barrier in attempts:
-            tried.append(self._attempt(self.guarded if guarded else self.plain, control, guess, barrier))
-            if self._done(tried[-1]):
-                return self._best(tried)
+            solutions.append(self._attempt(self.guarded if guarded else self.plain, control, guess, barrier))
+            if self._finished(solutions[-1]):
+                return self._best(solutions)
             self.bounded = True
         start: Trajectory | Solution = self.bare
         for weight in CONTINUATION:
@@ -96,9 +96,9 @@ class MotionSearch:
                 heavier = replace(problem, cost=replace(problem.cost, energy=energy))
                 step = self._attempt(motion(heavier, self.guard, self.path, guarded=True), control, start)
                 if self._over(step):
-                    return self._best(tried)  # a continuation step is not an optimum of the problem
+                    return self._best(solutions)  # a continuation step is not an optimum of the problem
                 start = step if step.status.converged else start
-        return self._best([*tried, self._attempt(self.guarded, control, start)])
+        return self._best([*solutions, self._attempt(self.guarded, control, start)])
 
     def from_starts(self, starts: Iterable[FurtherStart]) -> list[Solution]:
         """Return optima from further starts, with the bound on the links, and record them in `reached`.
@@ -159,7 +159,7 @@ class MotionSearch:
             solution = self._attempt(self.guarded if guarded else self.plain, "constant", guess, barrier)
             if best is None or _better(solution, best):
                 best = solution
-            if self._over(solution) or (self._done(solution) and _loss(solution, optimum) <= EXPORT_LOSS):
+            if self._over(solution) or (self._finished(solution) and _loss(solution, optimum) <= EXPORT_LOSS):
                 break
             self.bounded = True
         assert best is not None
@@ -202,21 +202,21 @@ class MotionSearch:
         stopped = solution.status is SolveStatus.INTERRUPTED
         return stopped or self.work.interrupted() or self.left == 0
 
-    def _done(self, solution: Solution) -> bool:
+    def _finished(self, solution: Solution) -> bool:
         """Return whether the attempt is solved within reach, or no further attempt is possible."""
         return (solution.status.converged and self._within(solution)) or self._over(solution)
 
-    def _best(self, tried: list[Solution]) -> Solution:
+    def _best(self, solutions: list[Solution]) -> Solution:
         """Return the last attempt solved within reach, else the one with the smallest violation."""
-        good = [s for s in tried if s.status.converged and self._within(s)]
-        if good or tried[-1].status is SolveStatus.INTERRUPTED:
-            return good[-1] if good else tried[-1]
-        failed = [s for s in reversed(tried) if not s.status.converged]
+        good = [s for s in solutions if s.status.converged and self._within(s)]
+        if good or solutions[-1].status is SolveStatus.INTERRUPTED:
+            return good[-1] if good else solutions[-1]
+        failed = [s for s in reversed(solutions) if not s.status.converged]
         if not failed:
             sentence = (
                 "an optimum was found, but it violates limits.link_along_guideway_m at the boundary of the workspace"
             )
-            return replace(tried[-1], status=SolveStatus.FAILED, message=sentence)
+            return replace(solutions[-1], status=SolveStatus.FAILED, message=sentence)
         nearest = min(failed, key=lambda s: s.checks["constraint_violation"].value)
         if self.left == 0 and nearest.status is not SolveStatus.ITERATION_LIMIT:
             limit = SolveStatus.ITERATION_LIMIT

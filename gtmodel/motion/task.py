@@ -158,16 +158,16 @@ def motion(
 
         def constraints(self) -> Any:
             yield gt.between(-self.force_limit, self.robot.tau, self.force_limit)
-            moved = self.robot.T if path is None else self.s
+            coordinates = self.robot.T if path is None else self.s
             begin, end = (self.from_T, self.to_T) if path is None else (0.0, 1.0)
-            yield moved.at(self.start_time) == begin
-            yield moved.at(self.final_time) == end
+            yield coordinates.at(self.start_time) == begin
+            yield coordinates.at(self.final_time) == end
             if path is not None:
                 yield gt.der(self.s) >= 0
             for instant, rest in ((self.start_time, problem.start.rest), (self.final_time, problem.goal.rest)):
                 for k, name in ((1, "velocity"), (2, "acceleration")):
                     if name in rest:
-                        yield gt.der(moved, k).at(instant) == 0
+                        yield gt.der(coordinates, k).at(instant) == 0
 
     declared = guard.declarations(robot if order is None else dependent(robot, "tau"), bounded=True)
     if links:

@@ -172,12 +172,12 @@ def make_element(problem: DynamicProblem, mesh: Mesh) -> Element:
     if edges:
         # bounds on states are imposed at the edges, which are not Gauss points; so are these rows
         at_edge = point(end, ca.SX.zeros(nx), ca.SX.zeros(problem.u.numel()), P, t0 + (left + h) * horizon)[2]
-        chosen = [problem.path[n] for n in edges]
-        scales = np.array([r.scale for r in chosen])
+        edge_rows = [problem.path[n] for n in edges]
+        scales = np.array([r.scale for r in edge_rows])
         rows.append(at_edge[edges] / ca.DM(scales))
-        names += [(f"at the edge: {r.label}", -1) for r in chosen]
-        low.append(np.array([r.low for r in chosen]) / scales)
-        high.append(np.array([r.high for r in chosen]) / scales)
+        names += [(f"at the edge: {r.label}", -1) for r in edge_rows]
+        low.append(np.array([r.low for r in edge_rows]) / scales)
+        high.append(np.array([r.high for r in edge_rows]) / scales)
     rows += path_rows
     names += path_names
     low += [np.array([r.low / r.scale for r in problem.path])] * k

@@ -108,7 +108,7 @@ def estimate(solution: Solution | PhasesSolution) -> Estimate:
     known = fit.misfits[0].known
     if degrees_of_freedom < 0 or (degrees_of_freedom == 0 and not known):
         raise ModelError(f"{title}: {len(r)} measured values for {n - held_rows} unknowns; add data, or give sigma")
-    names, columns, scale, values, held = _quantities(fit, variables)
+    names, columns, scale, values, at_bounds = _quantities(fit, variables)
     if not names:
         raise ModelError(f"{title} has no quantity to estimate; declare gt.free constants or leave a start value free")
     information = (J.T @ J).tocsc()
@@ -123,7 +123,7 @@ def estimate(solution: Solution | PhasesSolution) -> Estimate:
     _require_determined(title, covariance, small, names)
     noise = float(np.sqrt(r @ r / degrees_of_freedom)) if degrees_of_freedom else 1.0
     covariance = (covariance + covariance.T) / 2 * np.outer(scale, scale) * (1.0 if known else noise**2)
-    return Estimate(tuple(names), values, covariance, degrees_of_freedom, noise, known, r, tuple(held))
+    return Estimate(tuple(names), values, covariance, degrees_of_freedom, noise, known, r, tuple(at_bounds))
 
 
 def _data(misfits: list[Misfit]) -> np.ndarray:
@@ -206,20 +206,20 @@ def _quantities(fit: _Fit, variables: np.ndarray) -> tuple[list[str], np.ndarray
     names_so_far: set[str] = set()
     shared = fit.program.shared if isinstance(fit.program, Joined) else ()
     links = {r.label for r in fit.program.links} if isinstance(fit.program, Joined) else set()
-    for prefix, s, at in fit.parts:
+    for prefix, s, offset in fit.parts:
         nlp, problem = s.nlp, s.problem
         for k, name in enumerate(problem.free_names):
             if name not in names_so_far or not any(is_of(c, name) for c in shared):
-                candidates.append((at + nlp.constants + k, f"{prefix}{name}", float(nlp.p_scale[k])))
+                candidates.append((offset + nlp.constants + k, f"{prefix}{name}", float(nlp.p_scale[k])))
             names_so_far.add(name)
         for k, name in enumerate(problem.state_names[: len(problem.state_pairs)]):
             if f"{name} continues into '{prefix.removesuffix(': ')}'" not in links:
-                candidates.append((at + k, f"{prefix}{name} at the start", float(problem.x_scale[k])))
+                candidates.append((offset + k, f"{prefix}{name} at the start", float(problem.x_scale[k])))
     x, low, high = fit.whole.x, fit.program.lbx, fit.program.ubx
     rows = [(name, column[i], s, x[i] * s) for i, name, s in candidates if i in column]
-    held = [name for i, name, _ in candidates if i not in column and low[i] != high[i]]
+    at_bounds = [name for i, name, _ in candidates if i not in column and low[i] != high[i]]
     columns, scales, values = (np.array([f[k] for f in rows]) for k in (1, 2, 3))
-    return [f[0] for f in rows], columns.astype(int), scales, values, held
+    return [f[0] for f in rows], columns.astype(int), scales, values, at_bounds
 
 
 def _require_determined(title: str, covariance: np.ndarray, small: float, names: list[str]) -> None:

@@ -95,8 +95,8 @@ class Border:
         requested = [e for _, expressions in self._taken for e in expressions]
         expressions = problem.builder.express(requested)
         if not self._nlp.mesh.is_point(self._place):
-            off = problem.builder.off_points(requested, expressions)
-            expressions = [e if o is None else o for e, o in zip(expressions, off, strict=True)]
+            between = problem.builder.off_points(requested, expressions)
+            expressions = [e if o is None else o for e, o in zip(expressions, between, strict=True)]
         f = ca.Function("end", problem.arguments, [ca.vertcat(*expressions)])
         return symbols, f(*self._point())
 
@@ -137,9 +137,9 @@ class Joined(Program):
 
 def join(model: PhaseLinks, nlps: dict[str, Nlp]) -> Joined:
     sizes, counts = [n.size for n in nlps.values()], [len(n.lbg) for n in nlps.values()]
-    at, rows = (np.concatenate([[0], np.cumsum(a)]).astype(int) for a in (sizes, counts))
-    total = int(at[-1])
-    symbols, places, links = _links(model, nlps, at)
+    offsets, rows = (np.concatenate([[0], np.cumsum(a)]).astype(int) for a in (sizes, counts))
+    total = int(offsets[-1])
+    symbols, places, links = _links(model, nlps, offsets)
     expression = ca.vertcat(*[r.expression for r in links]) if links else ca.SX(0, 1)
     # only the unknowns that occur, in order
     order = np.argsort(places, kind="stable")
@@ -153,7 +153,7 @@ def join(model: PhaseLinks, nlps: dict[str, Nlp]) -> Joined:
     curvature = ca.Function("links_hessian", [z, lam], [stacked(nonzeros(hessian))])
 
     X, p = ca.MX.sym("X", total), ca.MX.sym("p", 0)
-    parts = [X[int(a) : int(b)] for a, b in pairwise(at)]
+    parts = [X[int(a) : int(b)] for a, b in pairwise(offsets)]
     zx = X[index.tolist()] if index.size else ca.MX(0, 1)
     each = list(nlps.values())
     evaluated = [n.nlp(x, p) for n, x in zip(each, parts, strict=True)]
@@ -178,10 +178,12 @@ def join(model: PhaseLinks, nlps: dict[str, Nlp]) -> Joined:
     low = np.concatenate([*[n.lbg for n in each], [r.low for r in links]])
     high = np.concatenate([*[n.ubg for n in each], [r.high for r in links]])
     lbx, ubx = np.concatenate([n.lbx for n in each]), np.concatenate([n.ubx for n in each])
-    return Joined(functions, nlp, lbx, ubx, low, high, nlps, links, at, rows, model.shared)
+    return Joined(functions, nlp, lbx, ubx, low, high, nlps, links, offsets, rows, model.shared)
 
 
-def _links(model: PhaseLinks, nlps: dict[str, Nlp], at: np.ndarray) -> tuple[ca.SX, np.ndarray, list[ConstraintRow]]:
+def _links(
+    model: PhaseLinks, nlps: dict[str, Nlp], offsets: np.ndarray
+) -> tuple[ca.SX, np.ndarray, list[ConstraintRow]]:
     """Return symbols of the unknowns at all ends, their indices, and the linking rows."""
     symbols: list[ca.SX] = []
     places: list[np.ndarray] = []
@@ -194,32 +196,32 @@ def _links(model: PhaseLinks, nlps: dict[str, Nlp], at: np.ndarray) -> tuple[ca.
         ends[first].append(before)
         ends[second].append(after)
         ends_here = PhaseEnd(before.take, before.value), PhaseEnd(after.take, after.value)
-        relations = _written(model.links[second], second, *ends_here) if second in model.links else []
-        written = relation_rows(relations, f"the link to '{second}'", f"link to '{second}'")
-        written += _continuity(model, nlps[first], nlps[second], second, before, after)
+        relations = _relations_of(model.links[second], second, *ends_here) if second in model.links else []
+        link_rows = relation_rows(relations, f"the link to '{second}'", f"link to '{second}'")
+        link_rows += _continuity(model, nlps[first], nlps[second], second, before, after)
         old, new = (ca.vertcat(*v) for v in zip(before.values(), after.values(), strict=True))
-        for row in written:
+        for row in link_rows:
             e = ca.substitute([row.expression], [old], [new])[0] if old.numel() else row.expression
             rows.append(_sized(replace(row, expression=e)))
         (_, tf), (start, _) = before.times(), after.times()
         if not nlps[second].problem.t0.is_constant():
             rows.append(ConstraintRow(start - tf, 0.0, 0.0, f"'{second}' begins when '{first}' ends", None))
-        for end, offset in ((before, at[k]), (after, at[k + 1])):
+        for end, offset in ((before, offsets[k]), (after, offsets[k + 1])):
             s, p = end.unknowns
             symbols.append(s)
             places.append(p + offset)
     rows += _shared(model, nlps, ends)
     # one symbol for each unknown: a phase in the middle has two ends
     column, positions = ca.vertcat(*symbols), np.concatenate(places).astype(int)
-    chosen, first_position, inverse = np.unique(positions, return_index=True, return_inverse=True)
+    used, first_position, inverse = np.unique(positions, return_index=True, return_inverse=True)
     unique_symbols = column[first_position.tolist()]
-    if len(chosen) < len(positions) and rows:
+    if len(used) < len(positions) and rows:
         expressions = ca.substitute([r.expression for r in rows], [column], [unique_symbols[inverse.tolist()]])
         rows = [replace(r, expression=e) for e, r in zip(expressions, rows, strict=True)]
-    return unique_symbols, chosen, rows
+    return unique_symbols, used, rows
 
 
-def _written(link: Link, name: str, before: PhaseEnd, after: PhaseEnd) -> list[Any]:
+def _relations_of(link: Link, name: str, before: PhaseEnd, after: PhaseEnd) -> list[Any]:
     """Return the relations of a link. Raises ModelError if it does not return an iterable."""
     links: Any = link(before, after)
     if not isinstance(links, Iterable):
@@ -251,8 +253,10 @@ def _continuity(
         _, indices, order = flat.lookup(free)
         pairs = {alias.resolve(i, order)[1:] for i in indices}
         if not pairs & set(states):
-            shown = ", ".join(flat.symbol_name(*p) for p in states)
-            raise ModelError(f"'{free}' may jump into phase '{name}', but is not a state there; states are {shown}")
+            state_names = ", ".join(flat.symbol_name(*p) for p in states)
+            raise ModelError(
+                f"'{free}' may jump into phase '{name}', but is not a state there; states are {state_names}"
+            )
         jump |= pairs
     aliases = continuing(first, second)
     rows = []

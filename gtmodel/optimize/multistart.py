@@ -169,11 +169,11 @@ def multi_start(
         if not s.status.converged:
             failures.append(s)
             continue
-        for n, (other, times) in enumerate(distinct):
-            close = abs(s.objective - other.objective) <= SAME_COST * max(abs(s.objective), abs(other.objective), floor)
-            states, controls, constants = _distances(s, other)
+        for n, (known, times) in enumerate(distinct):
+            close = abs(s.objective - known.objective) <= SAME_COST * max(abs(s.objective), abs(known.objective), floor)
+            states, controls, constants = _distances(s, known)
             if close and max(states, constants) <= SAME_PATH and controls <= SAME_CONTROL:
-                distinct[n] = (min(s, other, key=lambda v: v.objective), times + 1)
+                distinct[n] = (min(s, known, key=lambda v: v.objective), times + 1)
                 break
         else:
             distinct.append((s, 1))
@@ -185,9 +185,9 @@ def multi_start(
     return MultiStart(optima, tuple(s.message for s in failures), seed)
 
 
-def _with_count(solution: Solution, here: int, starts: int) -> Solution:
+def _with_count(solution: Solution, count: int, starts: int) -> Solution:
     """Append to the message how many of the starts ended there."""
-    message = f"{solution.message}; {local_optimum(here, starts)}"
+    message = f"{solution.message}; {local_optimum(count, starts)}"
     return replace(solution, message=message) if starts > 1 else solution
 
 

@@ -48,5 +48,5 @@ class OptimizationStudy(Study):
         """The table for people."""
         rows = [Row("objective", self.objective), Row("final time", self.final_time, "s")]
         rows += [Row(name, value) for name, value in self.free.items() if name != "final_time"]
-        tried = ((name, getattr(self, name)) for name in TRIED)
-        return rows + [Row(name.replace("_", " "), value) for name, value in tried if value is not None]
+        resimulated = ((name, getattr(self, name)) for name in TRIED)
+        return rows + [Row(name.replace("_", " "), value) for name, value in resimulated if value is not None]

@@ -171,8 +171,8 @@ def solve_phases(
     if options.solver != "ipopt":
         raise ModelError(f"linked phases need solver 'ipopt'; found '{options.solver}'")
     nlps: dict[str, Nlp] = {}
-    for given, what in ((mesh, "mesh"), (guess, "guess")):
-        for name in given if isinstance(given, Mapping) else ():
+    for by_phase, what in ((mesh, "mesh"), (guess, "guess")):
+        for name in by_phase if isinstance(by_phase, Mapping) else ():
             if name not in model.phases:
                 raise ModelError(f"there is no phase '{name}' for a {what}; phases are {', '.join(model.phases)}")
     for name, phase in model.phases.items():
@@ -184,8 +184,8 @@ def solve_phases(
     joined = join(model, nlps)
     if guess is not None and not isinstance(guess, (PhasesSolution, Mapping)):
         raise ModelError(f"the guess must be trajectories by phase name, or an earlier solution; found {guess!r}")
-    given = guess.phases if isinstance(guess, PhasesSolution) else guess
-    solution = _best_of(model, joined, [given] if given else model.guesses() or [{}], options, progress)
+    by_phase = guess.phases if isinstance(guess, PhasesSolution) else guess
+    solution = _best_of(model, joined, [by_phase] if by_phase else model.guesses() or [{}], options, progress)
     if throw and not solution.status.converged:  # a failed check does not raise
         raise NotSolved(solution)
     return solution

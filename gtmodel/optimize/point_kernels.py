@@ -126,7 +126,7 @@ def point_kernels(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale
     place = np.where(r < first, layout.nl + c * first + r, inner + edge_count + c * npath + r - first)
     kernel = PointKernel(
         "point", (free, ()), ca.vertcat(x, slope, u, own), P, d, ca.vertcat(*parts), cost, mesh.table.points,
-        mesh.table.weights, _taken(layout), place.ravel(), m,
+        mesh.table.weights, _point_matrix(layout), place.ravel(), m,
     )  # fmt: skip
     if not edge_count:
         return [kernel]
@@ -134,7 +134,7 @@ def point_kernels(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale
     at_edge = point(x, *nothing, physical, t)[2][element.at_edge] / ca.DM(path_scale[element.at_edge])
     edge = PointKernel(
         "edge", (free, tuple(element.at_edge)), ca.vertcat(x, own), P, d, at_edge, ca.SX(1, 1), np.ones(1), np.zeros(1),
-        _taken_end(layout), inner + np.arange(edge_count), m,
+        _edge_matrix(layout), inner + np.arange(edge_count), m,
     )  # fmt: skip
     return [kernel, edge]
 
@@ -152,7 +152,7 @@ def linear_rows(layout: Layout, m: int) -> SparseMatrix:
     return SparseMatrix.of(rows, columns, values, (m, layout.size))
 
 
-def _taken(layout: Layout) -> SparseMatrix:
+def _point_matrix(layout: Layout) -> SparseMatrix:
     """Map y to each collocation point's states, slopes, inputs and, if the lengths are free, length and left end."""
     mesh, nx = layout.mesh, layout.nx
     table, nodes = mesh.table, [layout.left[:nx], *layout.x]
@@ -165,15 +165,15 @@ def _taken(layout: Layout) -> SparseMatrix:
             _combined(slope, nx, layout),
             _combined(list(zip(by_u[c], layout.u, strict=True)), layout.nu, layout),
             _combined(list(zip(by_z[c], layout.z, strict=True)), layout.nz, layout),
-            _own(layout),
+            _lengths_of(layout),
         ]
     return stacked_rows(blocks)
 
 
-def _taken_end(layout: Layout) -> SparseMatrix:
+def _edge_matrix(layout: Layout) -> SparseMatrix:
     nodes = [layout.left[: layout.nx], *layout.x]
     state = _combined(list(zip(layout.mesh.table.end, nodes, strict=True)), layout.nx, layout)
-    return stacked_rows([state, _own(layout)])
+    return stacked_rows([state, _lengths_of(layout)])
 
 
 def _combined(terms: Sequence[tuple[float, np.ndarray]], size: int, layout: Layout) -> SparseMatrix:
@@ -185,7 +185,7 @@ def _combined(terms: Sequence[tuple[float, np.ndarray]], size: int, layout: Layo
     return SparseMatrix.of(rows, columns, values, (size, layout.size))
 
 
-def _own(layout: Layout) -> SparseMatrix:
+def _lengths_of(layout: Layout) -> SparseMatrix:
     columns = [layout.h, layout.edge] if layout.h >= 0 else []
     return SparseMatrix.of(np.arange(len(columns)), columns, layout.scale[columns], (len(columns), layout.size))
 
@@ -306,8 +306,8 @@ def _placed(kernel: PointKernel, functions: Functions, by_rows: Pattern, by_unkn
 
 def _with_identity(matrix: SparseMatrix, size: int) -> SparseMatrix:
     """Return the block-diagonal matrix of `matrix` and the identity."""
-    (m, n), own = matrix.shape, np.arange(size)
-    pairs = (matrix.rows, m + own), (matrix.columns, n + own), (matrix.values, np.ones(size))
+    (m, n), diagonal = matrix.shape, np.arange(size)
+    pairs = (matrix.rows, m + diagonal), (matrix.columns, n + diagonal), (matrix.values, np.ones(size))
     rows, columns, values = (np.concatenate(pair) for pair in pairs)
     return SparseMatrix(rows, columns, values, (m + size, n + size))
 
@@ -320,14 +320,14 @@ def _by_columns(entries: Entries) -> tuple[Pattern, list[int]]:
 
 
 def _scattered(
-    own: Pattern, rows: np.ndarray, take: Sequence[SparseMatrix], height: int
+    pattern: Pattern, rows: np.ndarray, take: Sequence[SparseMatrix], height: int
 ) -> tuple[Pattern, SparseMatrix]:
     """Sum R J A over the points: the element's pattern, and the matrix from the points' entries to its entries.
 
     rows: (points, rows of each), the row indices in the element.
     """
     targets, sources, values = [], [], []
-    i, j = own
+    i, j = pattern
     for c, (own_rows, A) in enumerate(zip(rows, take, strict=True)):
         number, columns, weights = A.of_rows(j)
         targets.append(own_rows[i[number]] + columns * height)
@@ -336,10 +336,10 @@ def _scattered(
     return _gathered(targets, sources, values, height, len(i) * len(take))
 
 
-def _squared(own: Pattern, take: Sequence[SparseMatrix], n: int) -> tuple[Pattern, SparseMatrix]:
+def _squared(pattern: Pattern, take: Sequence[SparseMatrix], n: int) -> tuple[Pattern, SparseMatrix]:
     """Sum the upper triangle of A'HA over the points, from H's upper triangle."""
     targets, sources, values = [], [], []
-    i, j = own
+    i, j = pattern
     for c, A in enumerate(take):
         number, a, wa = A.of_rows(i)
         pair, b, wb = A.of_rows(j[number])

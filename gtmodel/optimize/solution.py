@@ -93,7 +93,7 @@ class Solution:
         """
         nlp = self.nlp
         m, N = nlp.element.rows.numel(), nlp.mesh.elements
-        label = _chosen(name, self.multiplier_names)
+        label = _matching_labels(name, self.multiplier_names)
         points = [n for n, row in enumerate(self.problem.points) if row.label in label]
         if points:
             sizes = np.array([self.problem.points[n].scale for n in points])
@@ -177,7 +177,7 @@ class Solution:
         return evaluate(self.nlp, self.x, np.asarray(s, float))
 
 
-def _chosen(name: str, labels: tuple[str, ...]) -> set[str]:
+def _matching_labels(name: str, labels: tuple[str, ...]) -> set[str]:
     """Return the labels of the row, or of the entries of the vector, that begin with `name`. Raises KeyError."""
     matches = [n for n in labels if n == name]
     matches = matches or [n for n in labels if n.startswith(name) and not re.match(r"[\w.]", n[len(name) :])]
@@ -189,8 +189,8 @@ def _chosen(name: str, labels: tuple[str, ...]) -> set[str]:
 def read_solution(nlp: Nlp, run: SolverRun, status: SolveStatus, message: str) -> Solution:
     """Return physical values of all names from the scaled unknowns."""
     x = run.x
-    chosen = constants(nlp, x)[: len(nlp.problem.free_names)]
-    free = dict(zip(nlp.problem.free_names, chosen.tolist(), strict=True))
+    values = constants(nlp, x)[: len(nlp.problem.free_names)]
+    free = dict(zip(nlp.problem.free_names, values.tolist(), strict=True))
     violation = run.miss
     if violation is None:
         violation = float(np.max(np.maximum(nlp.lbg - run.g, run.g - nlp.ubg), initial=0.0))
@@ -258,14 +258,14 @@ def evaluate(nlp: Nlp, x: np.ndarray, s: np.ndarray) -> Trajectory:
     """
     problem, P = nlp.problem, constants(nlp, x)
     xs, rates, us, times = states_and_controls(nlp, x, s)
-    off = np.flatnonzero(~at_points(placed(nlp, x), s))
-    if off.size and problem.loose:
+    between = np.flatnonzero(~at_points(placed(nlp, x), s))
+    if between.size and problem.loose:
         known = nlp.element.layout.nu + len(problem.delayed)
-        system, rows, inputs_given = RateSystem.of(problem), xs[off], us[off, :known]
-        z = system.solved(rows, inputs_given, system.near(problem, us[off], rates[off]), P, times[off])
-        new_rates, new_inputs = system.at(rows, inputs_given, z, P, times[off])
+        system, rows, inputs_given = RateSystem.of(problem), xs[between], us[between, :known]
+        z = system.solved(rows, inputs_given, system.near(problem, us[between], rates[between]), P, times[between])
+        new_rates, new_inputs = system.at(rows, inputs_given, z, P, times[between])
         good = np.all(np.isfinite(new_rates), axis=1) & np.all(np.isfinite(new_inputs), axis=1)
-        rates[off[good]], us[off[good]] = new_rates[good], new_inputs[good]
+        rates[between[good]], us[between[good]] = new_rates[good], new_inputs[good]
     return named(problem, xs, rates, us, times, P, totals(nlp, x, s))
 
 

@@ -73,11 +73,11 @@ def optimization_study(
     notes: list[str] = []
     solution = solved(guess)
     if solution.status in TRIED_AGAIN and second_guess is not None and (start := second_guess()) is not None:
-        again = solved(start)
-        if again.status.converged:
+        second = solved(start)
+        if second.status.converged:
             notes.append(f"solved from the second guess, a simulation; from the first guess: {solution.status.message}")
-            solution = again
-    tried, message = _tried(solution) if solution.status.converged else ({}, solution.message)
+            solution = second
+    numbers, message = _resimulated(solution) if solution.status.converged else ({}, solution.message)
     return OptimizationStudy(
         status=solution.status,
         message=message,
@@ -92,7 +92,7 @@ def optimization_study(
         where=None if solution.where is None else str(solution.where),
         free=dict(solution.free),
         figures={"states": partial(_figure, solution, work.title or solution.problem.flat.title)},
-        **tried,
+        **numbers,
     )
 
 
@@ -108,7 +108,7 @@ def _figure(solution: Solution, title: str) -> Any:
                           title=title)  # fmt: skip
 
 
-def _tried(solution: Solution) -> tuple[dict[str, Any], str]:
+def _resimulated(solution: Solution) -> tuple[dict[str, Any], str]:
     """Re-simulate the optimal input; return its numbers (empty if it cannot run) and the message."""
     try:
         run = resimulate(solution)

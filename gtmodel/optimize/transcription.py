@@ -141,8 +141,8 @@ class Transcription:
                 guess, start = None, s
                 continue
             if not solved or halvings == 0:
-                shown = ", ".join(f"{k} = {v}" for k, v in values.items())
-                message = f"the continuation stopped before {shown}: {s.message}"
+                assignments = ", ".join(f"{k} = {v}" for k, v in values.items())
+                message = f"the continuation stopped before {assignments}: {s.message}"
                 if throw:
                     raise NotSolved(replace(s, message=message))
                 return Continuation((*solved, (values, s)), message)

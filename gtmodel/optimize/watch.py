@@ -145,7 +145,7 @@ class IterationWatch(ca.Callback):
 
     def _stops(self, outputs: dict[str, np.ndarray]) -> bool:
         count, self.count = self.count, self.count + 1
-        late = self.stop_at is not None and time.monotonic() > self.stop_at
+        timed_out = self.stop_at is not None and time.monotonic() > self.stop_at
         stop_requested = False
         g, f = outputs.get("g", np.zeros(0)), float(outputs["f"][0])
         violation = self.program.violation(g)
@@ -158,8 +158,8 @@ class IterationWatch(ca.Callback):
             except BaseException as error:  # CasADi would swallow it: raised again after IPOPT has returned
                 self.raised = error
                 return True
-        if late or stop_requested:
-            self.stopped = "time limit reached" if late else "stopped by the caller"
+        if timed_out or stop_requested:
+            self.stopped = "time limit reached" if timed_out else "stopped by the caller"
             return True
         multiplier = float(np.max(np.abs(outputs["lam_g"]), initial=0.0)) if "lam_g" in outputs else 0.0
         if self.patience is not None and self.gains(f, violation, multiplier) >= self.patience:

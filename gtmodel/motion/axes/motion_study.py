@@ -148,14 +148,14 @@ def on_this_mesh(plan: AxisPlan, mesh: AxisMesh, guess: Solution | None, work: W
 def _judged(plan: AxisPlan, mesh: AxisMesh, solution: Solution, work: Work) -> AxisStudy:
     if not solution.status.converged:
         return _failed(plan, solution, "")
-    tried = resimulate(solution)
-    if tried.trajectory is None:
-        return _failed(plan, solution, f"the optimum cannot be re-simulated: {tried.message}; ")
-    trajectory, apart = _placed(plan, tried.trajectory)
+    run = resimulate(solution)
+    if run.trajectory is None:
+        return _failed(plan, solution, f"the optimum cannot be re-simulated: {run.message}; ")
+    trajectory, pose_error = _placed(plan, run.trajectory)
     if trajectory is None:
         lead = "the forward kinematics from the home pose cannot follow the optimum's axes; "
         return _failed(plan, solution, lead)
-    return _tried(plan, mesh, solution, trajectory, apart, tried.defect, work)
+    return _evaluated(plan, mesh, solution, trajectory, pose_error, run.defect, work)
 
 
 def _failed(plan: AxisPlan, solution: Solution, lead: str) -> AxisStudy:
@@ -207,7 +207,7 @@ def _energy(plan: AxisPlan, solution: Solution) -> float:
     return float(weights @ np.sum((tau / plan.motors) ** 2, axis=1))
 
 
-def _tried(
+def _evaluated(
     plan: AxisPlan, mesh: AxisMesh, solution: Solution, trajectory: Trajectory, pose_apart: float, defect: float,
     work: Work,
 ) -> AxisStudy:  # fmt: skip
@@ -215,9 +215,9 @@ def _tried(
     work.progress("simulating all six axes", None, {})
     free = free_run(plan.robot, trajectory, SUBSTEPS, work.interrupted)
     (T0, T1, T), (e0, e1, e), status = plan.poses(np.array([plan.start, plan.goal, free.q]))
-    reached = not free.message and status[2] == Status.OK
+    complete = not free.message and status[2] == Status.OK
     share = np.abs(trajectory["tau"]) / plan.motors
-    end, angle = (float(np.linalg.norm(T - T1)), float(angle_between(e, e1))) if reached else (np.inf, np.inf)
+    end, angle = (float(np.linalg.norm(T - T1)), float(angle_between(e, e1))) if complete else (np.inf, np.inf)
     # at the start, quantities that are not states are extrapolated
     margins = plan.guard.least(trajectory["margin"][1:]) if plan.guard.margins else {}
     followed = _along(plan, trajectory, work)
@@ -260,9 +260,9 @@ def _tried(
         peak_share=peaks,
         tcp=np.array([T0, T1]),
         turned=float(angle_between(e0, e1)),
-        end_error=end if reached else None,
-        end_angle=angle if reached else None,
-        uncoupled=free.uncoupled if problem.degrees_of_freedom == 5 and reached else None,
+        end_error=end if complete else None,
+        end_angle=angle if complete else None,
+        uncoupled=free.uncoupled if problem.degrees_of_freedom == 5 and complete else None,
         pose_apart=pose_apart,
         defect=defect,
         **followed,

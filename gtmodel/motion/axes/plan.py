@@ -230,7 +230,7 @@ class AxisPlan:
         limits = self.problem.limits
 
         def of_all(carts: list[float] | None, axes: list[float] | None, free: float) -> Array:
-            return np.concatenate([[free] * CARTS if given is None else given for given in (carts, axes)])
+            return np.concatenate([[free] * CARTS if values is None else values for values in (carts, axes)])
 
         return of_all(limits.cart_low, limits.axis_low, -np.inf), of_all(limits.cart_high, limits.axis_high, np.inf)
 
@@ -310,7 +310,7 @@ class AxisPlan:
         r = np.linspace(0.0, 1.0, GUESS_ROWS)[:, None]
         shape = (10 * r**3 - 15 * r**4 + 6 * r**5, 30 * r**2 - 60 * r**3 + 30 * r**4,
                  60 * r - 180 * r**2 + 120 * r**3, 60 - 360 * r + 360 * r**2)  # fmt: skip
-        duration = GUESS_TIME_S * next((f for f in SLOWER if self._kept(shape, f * GUESS_TIME_S)), SLOWER[-1])
+        duration = GUESS_TIME_S * next((f for f in SLOWER if self._within_limits(shape, f * GUESS_TIME_S)), SLOWER[-1])
         profile = [x / duration**k for k, x in enumerate(shape)]
         if self.course is not None:
             s = [x[:, 0] for x in profile]
@@ -332,7 +332,7 @@ class AxisPlan:
             values["der(s,2)"] = s[2]
         return Trajectory(duration * r[:, 0], values, {})
 
-    def _kept(self, shape: Sequence[Array], duration: float) -> bool:
+    def _within_limits(self, shape: Sequence[Array], duration: float) -> bool:
         """Return whether that motion along the path satisfies the further limits; True for a free motion."""
         if self.course is None or not self.guard.margins:
             return True

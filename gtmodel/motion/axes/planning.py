@@ -145,7 +145,7 @@ def _course(problem: AxisProblem, robot: F1) -> PathOrientation:
             raise ArgumentError(
                 "leaves the plate's rotation undetermined with six degrees of freedom; remove it", "tool.through"
             )
-        R = [place.R if end.tcp is None else other.R for place, end, other in
+        R = [place.R if end.tcp is None else opposite.R for place, end, opposite in
              ((start, problem.start, goal), (goal, problem.goal, start))]  # fmt: skip
         e = quaternion_of(np.array(R))
         return PathOrientation(path_of(shape, start.T, goal.T), turning(np.array([0.0, 1.0]), e, "goal"), None)
@@ -153,12 +153,14 @@ def _course(problem: AxisProblem, robot: F1) -> PathOrientation:
             ((start, problem.start), (goal, problem.goal))]  # fmt: skip
     first_direction = next((d for d in ends if d is not None), start.R @ tool)
     first_direction, last_direction = (first_direction if d is None else d for d in ends)
-    at = np.array([0.0, *(t.at for t in tool_course.through), 1.0])
-    if np.any(np.diff(at) <= 0):
+    fractions = np.array([0.0, *(t.at for t in tool_course.through), 1.0])
+    if np.any(np.diff(fractions) <= 0):
         raise ArgumentError("has fractions that do not increase along the path", "tool.through")
     between = [_unit(np.array(t.direction), f"tool.through[{n}].direction") for n, t in enumerate(tool_course.through)]
     course = turning(
-        at, np.array([first_direction, *between, last_direction]), "tool.through" if tool_course.through else "goal"
+        fractions,
+        np.array([first_direction, *between, last_direction]),
+        "tool.through" if tool_course.through else "goal",
     )
     return PathOrientation(path_of(shape, start.T, goal.T), course, tool)
 
@@ -186,20 +188,20 @@ def _unit(v: Array, argument: str) -> Array:
 def _ends_of(problem: AxisProblem, along: CausalFunction, start: Array, goal: Array) -> tuple[Array, Array]:
     """Return the axes at both ends of the path; the problem's, if given."""
     ends = []
-    for which, s, given in (("start", 0.0, start), ("goal", 1.0, goal)):
+    for which, s, prescribed in (("start", 0.0, start), ("goal", 1.0, goal)):
         *values, status = along.along(s)
         q = values[FOLLOWED.index("robot.q")]
-        argument = which if np.all(np.isfinite(given)) else f"{which}.tcp"
+        argument = which if np.all(np.isfinite(prescribed)) else f"{which}.tcp"
         if status != Status.OK:
             raise ArgumentError(f"the pose is out of reach: {along.diagnose(*along.arguments_along(s))}", argument)
-        if np.max(np.abs(q - given), initial=0.0, where=np.isfinite(given)) > SAME_AXES:
+        if np.max(np.abs(q - prescribed), initial=0.0, where=np.isfinite(prescribed)) > SAME_AXES:
             axes_text = ", ".join(f"{x:.4g}" for x in (*q[:CARTS], *np.degrees(q[CARTS:])))
             raise ArgumentError(
                 f"the path reaches this tool centre point and tool direction with other axes, ({axes_text}) in m and "
                 "degrees; give these, or the tool centre point",
                 argument,
             )
-        ends.append(np.where(np.isfinite(given), given, q))
+        ends.append(np.where(np.isfinite(prescribed), prescribed, q))
     return ends[0], ends[1]
 
 
@@ -221,12 +223,12 @@ def _carrier(robot: F1, start: Array, arm: int, end: str) -> Carrier | None:
         return None
     u2, u3, inner = (quaternion_matrix(np.asarray(u, float)) for u in (robot.u1_2, robot.u1_3, robot.u2_3))
 
-    def turned(q: Any) -> Any:
+    def rotation(q: Any) -> Any:
         if arm < 3:
             return u2 @ rotation_about(Y, q[3])
         return u3 @ rotation_about(Y, q[4]) @ inner @ rotation_about(X, q[5])
 
-    return Carrier(lambda m: turned(m.robot.q), np.array(turned(start)))
+    return Carrier(lambda m: rotation(m.robot.q), np.array(rotation(start)))
 
 
 def _check_strokes(plan: AxisPlan) -> None:

@@ -63,9 +63,9 @@ def _along(nlp: Nlp, x: np.ndarray, expressions: Sequence[ca.SX]) -> tuple[np.nd
 def _expressed(nlp: Nlp, expressions: Sequence[ca.SX]) -> list[ca.SX]:
     """Express the model in the quantities of a phase at any instant."""
     builder = nlp.problem.builder
-    written = builder.express(list(expressions))
-    off = builder.off_points(list(expressions), written)
-    return [e if o is None else o for e, o in zip(written, off, strict=True)]
+    at_points = builder.express(list(expressions))
+    between = builder.off_points(list(expressions), at_points)
+    return [e if o is None else o for e, o in zip(at_points, between, strict=True)]
 
 
 class _Check:
@@ -158,9 +158,9 @@ def _jumps(model: EventPhases, joined: Joined, x: np.ndarray) -> list[str]:
     nlps = list(joined.nlps.values())
     for k, (old, new) in enumerate(pairwise(nlps)):
         flat, jump = model.order.flat, model.pieces[k].jump
-        moved = set(jump.restarted) if jump else set()
+        restarted = set(jump.restarted) if jump else set()
         before_it, alias = old.problem.base.alias, new.problem.base.alias
-        resolved = {alias.resolve(*p)[1:] for p in moved}
+        resolved = {alias.resolve(*p)[1:] for p in restarted}
         # the old state that each new state continues
         linked = {state: before_it.resolve(*name)[1:] for state, name in continuing(old, new).items()}
         names = names_of(differentiated(old.problem.flat), before_it)
@@ -177,7 +177,7 @@ def _jumps(model: EventPhases, joined: Joined, x: np.ndarray) -> list[str]:
         after = _along(new, x[joined.at[k + 1] : joined.at[k + 2]], symbols)[1][:, 0]
         end = horizon(old, x[joined.at[k] : joined.at[k + 1]])[1]
         for pair, a, b in zip(pairs, before, after, strict=True):
-            below = pair[1] > 0 and any(order > 0 for _, order in moved)
+            below = pair[1] > 0 and any(order > 0 for _, order in restarted)
             if abs(b - a) > JUMPED * max(flat.variables[pair[0]].nominal, abs(a)) and not below:
                 name = flat.symbol_name(*pair)
                 remarks.append(f"'{name}' jumps from {a:.6g} to {b:.6g} at {end:.6g} s without a gt.reinit")

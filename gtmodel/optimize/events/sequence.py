@@ -143,8 +143,8 @@ def side_after(
     size = float(np.max(np.abs(value[happens])))
     nonzero = np.abs(value) > np.maximum(ZERO * size, 10 * np.abs(g))
     signs = np.where(nonzero, np.sign(value), np.where(np.abs(new_rate) > ZERO * np.abs(slope), np.sign(new_rate), 0.0))
-    chosen = np.unique(signs[happens])
-    return int(chosen[0]) if len(chosen) == 1 and chosen[0] else None
+    sides = np.unique(signs[happens])
+    return int(sides[0]) if len(sides) == 1 and sides[0] else None
 
 
 def _explicit(flat: FlatModel, expressions: list[ca.SX]) -> tuple[CausalPlan, list[ca.SX]]:
@@ -331,22 +331,24 @@ class EventOrder:
                     event.where,
                 )
             condition = piece.waits[event.when] if event.when is not None else piece.mode_waits[event.mode or 0]
-            shown = event.shown(self.events)
+            event_text = event.shown(self.events)
             if isinstance(condition, bool):
                 word = "holds" if condition else "does not hold"
                 raise ModelError(
-                    f"{shown} {word} throughout phase {k}, whatever the motion, so it cannot happen at its end",
+                    f"{event_text} {word} throughout phase {k}, whatever the motion, so it cannot happen at its end",
                     event.where,
                 )
             side = condition.side if event.when is not None else -piece.sides[condition.threshold]
             if piece.kept.get(condition.threshold) == side:
                 raise ModelError(
-                    f"{shown} already holds in phase {k} and cannot end there without another event, so it cannot "
+                    f"{event_text} already holds in phase {k} and cannot end there without another event, so it cannot "
                     "happen at its end",
                     event.where,
                 )
             if piece.ends.setdefault(condition.threshold, side) != side:
-                raise ModelError(f"{shown} and another event at the end of phase {k} exclude each other", event.where)
+                raise ModelError(
+                    f"{event_text} and another event at the end of phase {k} exclude each other", event.where
+                )
         truth = self.thresholds.discrete_truth(piece.numbers)
         sides = {t: s for t, s in piece.sides.items() if t in piece.kept}
         truth_before = self.thresholds.sided(truth, sides | {t: -s for t, s in piece.ends.items()})

@@ -117,10 +117,10 @@ class ProblemBuilder:
         result: list[ca.SX | None] = [None] * len(values)
         if not needed:
             return result
-        other, form = self.other(), self.explicit()
-        expressions = other.express([written[n] for n in needed])
+        explicit_builder, form = self.other(), self.explicit()
+        expressions = explicit_builder.express([written[n] for n in needed])
         if self.given.numel():
-            expressions = ca.substitute(expressions, [other.given], [self.given])
+            expressions = ca.substitute(expressions, [explicit_builder.given], [self.given])
         if form.unknowns:
             # Newton steps from the unknowns' polynomials, whose error they square
             z, r = ca.vertcat(*form.unknowns), ca.vertcat(*form.residuals)
@@ -134,14 +134,14 @@ class ProblemBuilder:
 
     def explicit(self) -> Explicit:
         """Return rates and point variables as functions of x, the given inputs, P and t."""
-        base, other = self.base, self.other()
+        base, explicit_builder = self.base, self.other()
         scope = self.flat.scope
         unknowns = [s for b in base.newton for s in b.unknowns]
         residuals = [r for b in base.newton for r in b.residuals]
         targets = [scope.symbol(i, k + 1) for i, k in self.states] + [scope.symbol(*p) for p in self.z_pairs]
-        expressions = other.express([*targets, *residuals])
+        expressions = explicit_builder.express([*targets, *residuals])
         if expressions and self.given.numel():
-            expressions = ca.substitute(expressions, [other.given], [self.given])
+            expressions = ca.substitute(expressions, [explicit_builder.given], [self.given])
         n, m = len(self.states), len(targets)
         return Explicit(expressions[:n], expressions[n:m], unknowns, expressions[m:])
 
@@ -173,9 +173,9 @@ class ProblemBuilder:
             rows += [self.u[n] - e for n, e in enumerate(computed)]
             labels += [f"{flat.variables[i].name} by the motion" for i in self.controls]
         elif self.kind == "dae":
-            written = differentiated(plan)
-            rows += self.express([r for _, r in written])
-            labels += [label for label, _ in written]
+            equations_dae = differentiated(plan)
+            rows += self.express([r for _, r in equations_dae])
+            labels += [label for label, _ in equations_dae]
         elif self.kind == "torn":
             rows += self.express([r for b in plan.newton for r in b.residuals])
             for block in plan.blocks:

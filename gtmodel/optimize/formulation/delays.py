@@ -74,8 +74,8 @@ def delay_rows(problem: DynamicProblem, mesh: Mesh, layout: Layout) -> DelayRows
     for j, (source, item) in enumerate(problem.delayed):
         shift = item.tau / (tf - t0)
         earlier = mesh.edges - shift
-        off = [e for e in earlier if -ROUND_OFF < e and np.min(np.abs(mesh.edges - e)) > ROUND_OFF]
-        if off or (shift < 1.0 and np.min(np.abs(earlier)) > ROUND_OFF):
+        off_edge = [e for e in earlier if -ROUND_OFF < e and np.min(np.abs(mesh.edges - e)) > ROUND_OFF]
+        if off_edge or (shift < 1.0 and np.min(np.abs(earlier)) > ROUND_OFF):
             raise ModelError(
                 f"{title}: the delay of {item.tau:g} s is not a whole number of elements; choose the mesh so that "
                 f"{item.tau:g} s before each edge there is an edge too",

@@ -42,18 +42,18 @@ def _by_symbol(flat: FlatModel, alias: AliasResult) -> dict[Pair, list[tuple[str
 
 def nominal_of(flat: FlatModel, alias: AliasResult, pair: Pair) -> float:
     """Return the nominal of the symbol or of an alias; a derivative without one takes its variable's."""
-    own = flat.variables[pair[0]].nominal
+    nominal = flat.variables[pair[0]].nominal
     declared = [v.nominal for v in flat.variables if v.nominal != 1.0 and alias.resolve(v.index, 0)[1:] == pair]
-    if pair[1] == 0 and own != 1.0:
-        return own
-    return declared[0] if declared else own
+    if pair[1] == 0 and nominal != 1.0:
+        return nominal
+    return declared[0] if declared else nominal
 
 
 def start_of(flat: FlatModel, alias: AliasResult, pair: Pair) -> float:
     """Return the start value of the symbol or of an alias; 0 if none is declared."""
-    own = flat.variables[pair[0]].start
-    if pair[1] == 0 and own is not None:
-        return own
+    start = flat.variables[pair[0]].start
+    if pair[1] == 0 and start is not None:
+        return start
     for v in flat.variables:
         sign, kept, order = alias.resolve(v.index, 0)
         if (kept, order) == pair and v.start is not None:
@@ -79,18 +79,18 @@ class ConstraintRow:
 
 def relations(source: Iterable[Any] | None, flat: FlatModel) -> list[ConstraintRow]:
     """Return the rows of constraints(). Raises ModelError if it yields anything but relations."""
-    written = line_of(getattr(type(flat.root), "constraints", None))
+    line = line_of(getattr(type(flat.root), "constraints", None))
     if source is None:
         raise ModelError(
-            f"constraints() of {flat.title} returned nothing; expected 'yield' in front of each relation", written
+            f"constraints() of {flat.title} returned nothing; expected 'yield' in front of each relation", line
         )
     if not isinstance(source, Iterable):
         raise ModelError(
             f"constraints() of {flat.title} returned one {type(source).__name__}; expected 'yield' in front of each "
             "relation",
-            written,
+            line,
         )
-    return relation_rows(source, f"{flat.title}.constraints()", written=written)
+    return relation_rows(source, f"{flat.title}.constraints()", written=line)
 
 
 def relation_rows(

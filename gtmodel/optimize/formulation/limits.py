@@ -141,10 +141,10 @@ def check_bounds(b: ProblemBuilder, x: Bounds, u: Bounds, P: Bounds, start: Boun
 
 def bounded_end(b: ProblemBuilder, ends: Horizon, shortest: float, P: Bounds) -> bool:
     """Impose a shortest length as a bound of one end, if that is a free constant and the other end a number."""
-    for end, other, sign in ((ends.tf, ends.t0, 1.0), (ends.t0, ends.tf, -1.0)):
-        if end.is_symbolic() and other.is_constant():
+    for end, opposite, sign in ((ends.tf, ends.t0, 1.0), (ends.t0, ends.tf, -1.0)):
+        if end.is_symbolic() and opposite.is_constant():
             n = [s.element_hash() for s in ca.vertsplit(b.P)].index(end.element_hash())
-            limit = float(other) + sign * shortest
+            limit = float(opposite) + sign * shortest
             P.tighten(n, *((limit, np.inf) if sign > 0 else (-np.inf, limit)))
             return True
     return False

@@ -46,7 +46,7 @@ def assembled(
     ends = horizon(b.flat, b.P, b.parameters)
     instants = point_values(b.flat, ends, b.flat.scope.instants, b.parameters)
     limits = limits_of(b, constraints, instants, {q.index for q in quadratures})
-    written = limits.path
+    original_path = limits.path
     path = _expressed(b, limits, instants)
     names, bounds_P, guess = _constants(b)
     shortest = shortest_length(b.flat, ends, constraints, guess, b.P[b.n_free :])
@@ -61,7 +61,7 @@ def assembled(
     u_scale = within(b.nominals(b.input_pairs), limits.u.low, limits.u.high)
     jacobian = b.jacobian(x_scale, u_scale, guess)
     _size(path, jacobian)
-    at_start = rows_at_start(b, written, path, limits.x, limits.u, limits.start, ends.t0)
+    at_start = rows_at_start(b, original_path, path, limits.x, limits.u, limits.start, ends.t0)
     scale = jacobian.at_one(algebraic)
     if b.kind == "inverse":
         scale[: len(b.controls)] = u_scale[: len(b.controls)]
@@ -92,8 +92,8 @@ def _expressed(b: ProblemBuilder, limits: TrajectoryBounds, instants: list[Point
     """Express the path rows and the values at instants in states, inputs and constants."""
     expressions = [i.expression for i in instants]
     values = b.express(expressions + [r.expression for r in limits.path])
-    for i, e, off in zip(instants, values, b.off_points(expressions, values[: len(instants)]), strict=False):
-        i.expression, i.off = e, off
+    for i, e, between in zip(instants, values, b.off_points(expressions, values[: len(instants)]), strict=False):
+        i.expression, i.off = e, between
     return [replace(r, expression=e) for r, e in zip(limits.path, values[len(instants) :], strict=True)]
 
 
@@ -310,7 +310,7 @@ def _inverse_plan(
     flat: FlatModel,
     controls: list[int],
     states: list[Pair],
-    asked: list[Pair],
+    needed: list[Pair],
     branches: Mapping[str, int],
     fold: ca.SX,
     apart: Collection[int],
@@ -321,7 +321,7 @@ def _inverse_plan(
     if any((i, k) not in states for i, top in states for k in range(top)):
         return None
     try:
-        plan = make_plan(flat, coordinates, asked, branches=branches, fold=fold, apart=apart)
+        plan = make_plan(flat, coordinates, needed, branches=branches, fold=fold, apart=apart)
     except ModelError:
         return None  # not every motion of these coordinates is possible; use the explicit form
     top = {i: max(k for j, k in states if j == i) + 1 for i in coordinates}

@@ -124,10 +124,10 @@ def check_equalities(problem: DynamicProblem, element: Element) -> None:
     if not over:
         return
     names = list(dict.fromkeys(element.row_names[int(equal[n])][0] for n in over))
-    shown = "; ".join(names[:MOST_NAMED]) + ("; ..." if len(names) > MOST_NAMED else "")
+    names_text = "; ".join(names[:MOST_NAMED]) + ("; ..." if len(names) > MOST_NAMED else "")
     raise ModelError(
         f"{problem.flat.title} has more equations along the path than unknowns; these are contradictory or redundant: "
-        f"{shown}; remove one, or add a control"
+        f"{names_text}; remove one, or add a control"
     )
 
 
@@ -245,7 +245,7 @@ def _first(expression: ca.SX, numbers: dict[int, float], infinite_slope: bool) -
         else:
             value = float(ca.DM.unary(op, arguments[0]) if len(reads) == 1 else ca.DM.binary(op, *arguments))
             if all(np.isfinite(arguments)) and (_steep(op, arguments) if infinite_slope else not np.isfinite(value)):
-                return _written(op, arguments)
+                return _operation_text(op, arguments)
         memory.append(float(value))
     return ""
 
@@ -261,7 +261,7 @@ def _steep(op: int, a: list[float]) -> bool:
     return op == ca.OP_ATAN2 and a[0] == a[1] == 0.0
 
 
-def _written(op: int, a: list[float]) -> str:
+def _operation_text(op: int, a: list[float]) -> str:
     if op in SIGNS:
         return f"({a[0]:.4g}) {SIGNS[op]} ({a[1]:.4g})"
     if op == ca.OP_INV:

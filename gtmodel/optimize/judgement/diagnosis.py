@@ -23,9 +23,11 @@ def ended(run: SolverRun, nlp: Nlp) -> Remark:
     equation, a term that is not finite, a diverging unknown or the worst row."""
     if run.status.ok:
         return Remark(solved_word(run), objective_place(nlp.problem) if run.reservation else None)
-    more = [surplus(nlp), not_finite(nlp, run.x), runaway(nlp, run.x) or worst(nlp, run)]
+    remarks = [surplus(nlp), not_finite(nlp, run.x), runaway(nlp, run.x) or worst(nlp, run)]
     class_line = class_place(nlp.problem)
-    return failure(run, more, class_line if run.status in LIMITS or all(r.where is None for r in more if r) else None)
+    return failure(
+        run, remarks, class_line if run.status in LIMITS or all(r.where is None for r in remarks if r) else None
+    )
 
 
 def solved_word(run: SolverRun) -> str:
@@ -59,14 +61,14 @@ def surplus(nlp: Nlp) -> Remark:
         return Remark("")
     fixed = nlp.lbx == nlp.ubx
     ends = [(range(layout.nx), "start"), (range(nlp.end, nlp.end + layout.nx), "end")]
-    fixed_states = [(n, place) for at, place in ends for k, n in zip(at, problem.state_names, strict=True) if fixed[k]]
-    names = [f"{n} is fixed at the {place}" for n, place in fixed_states]
+    held = [(n, place) for side, place in ends for k, n in zip(side, problem.state_names, strict=True) if fixed[k]]
+    names = [f"{n} is fixed at the {place}" for n, place in held]
     equations = [r for r in problem.points if r.low == r.high]
     names += [f"{r.label} is an equation" for r in equations]
     element = [nlp.element.row_names[r][0] for r in np.flatnonzero(nlp.element.low == nlp.element.high)]
     along = [r.label for r in problem.path if r.label in element]
     names += [f"{label} is an equation at every point" for label in dict.fromkeys(along)]
-    places = [*(r.where for r in equations), *(variable_place(problem, n) for n, _ in fixed_states)]
+    places = [*(r.where for r in equations), *(variable_place(problem, n) for n, _ in held)]
     return Remark(
         f"{equal} equations for {free} unknowns on {N} elements: {', '.join(names)}; remove one",
         next((p for p in places if p is not None), class_place(problem)),

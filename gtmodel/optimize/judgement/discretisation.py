@@ -75,9 +75,9 @@ def passed_over(
     def sums(values: np.ndarray) -> np.ndarray:
         return np.einsum("ic,icx->ix", weights, values.reshape(*weights.shape, values.shape[-1]))
 
-    reached = np.cumsum(sums(rates), axis=0)[np.searchsorted(cuts, fine.points) - 1]
-    seen = np.linalg.solve(fine.derivative[1:].T, length * at_nodes)
-    return reached - seen, sums(integrands).sum(axis=0)
+    exact = np.cumsum(sums(rates), axis=0)[np.searchsorted(cuts, fine.points) - 1]
+    by_rule = np.linalg.solve(fine.derivative[1:].T, length * at_nodes)
+    return exact - by_rule, sums(integrands).sum(axis=0)
 
 
 NAME, COST = "discretisation_error", "integral_error"
@@ -138,22 +138,22 @@ def judged(solution: Solution, bound: float | None, exact: bool = False, scale: 
 def coarse(estimate: Discretisation, bound: float | None, nlp: Nlp) -> Remark:
     """Return the remark on a mesh that is too coarse."""
     problem = nlp.problem
-    more = f"use more elements (mesh.elements is {nlp.mesh.elements}), or gt.optimize.refine"
+    advice = f"use more elements (mesh.elements is {nlp.mesh.elements}), or gt.optimize.refine"
     if not np.isfinite(estimate.error + estimate.integral):
         return Remark(
-            f"the model's equations are not finite between the collocation points, so the error is unknown; {more}",
+            f"the model's equations are not finite between the collocation points, so the error is unknown; {advice}",
             class_place(problem),
         )
     if bound is not None and estimate.error <= bound:
         return Remark(
             f"the mesh does not resolve the integral in the objective: its error is {estimate.missed.sum():.4g}, "
-            f"{estimate.integral:.2g} of the integral of its absolute value (bound {bound:g}); {more}",
+            f"{estimate.integral:.2g} of the integral of its absolute value (bound {bound:g}); {advice}",
             objective_place(problem),
         )
     than = "the nearest motion of the model" if estimate.shadow else "the model's response to the input"
     return Remark(
         f"the mesh does not resolve the model: '{estimate.state}' deviates by {estimate.error:.2g} of its range from "
-        f"{than} at {estimate.time:.4g} s (bound {bound:g}); {more}",
+        f"{than} at {estimate.time:.4g} s (bound {bound:g}); {advice}",
         variable_place(problem, estimate.state),
     )
 
@@ -192,15 +192,15 @@ def _estimate(along: _Along, problem: DynamicProblem, mesh: Mesh, t0: float, dur
     # the solver's residuals at the collocation points are not errors of the mesh
     at_points = np.einsum("nix,ij->njx", xs[:, [K, *range(K)]], rule.derivative)
     noise = np.einsum("c,ncx->x", rule.weights, np.abs(at_points - length[:, None, None] * rates[:, :K])) / size
-    missed = np.einsum("nix,ij->njx", xs[:, K:], fine.derivative) - length[:, None, None] * rates[:, K + 1 :]
-    missed, jacobian = missed / scale, jacobian * (scale / scale[:, None]) * length[:, None, None, None]
-    for k, (more, _) in along.unseen.items():  # its effect within the same element
-        missed[k] -= np.einsum("jxy,jy->jx", jacobian[k], more / scale)
-    grid = _errors(fine, missed, jacobian)
+    defects = np.einsum("nix,ij->njx", xs[:, K:], fine.derivative) - length[:, None, None] * rates[:, K + 1 :]
+    defects, jacobian = defects / scale, jacobian * (scale / scale[:, None]) * length[:, None, None, None]
+    for k, (unseen, _) in along.unseen.items():  # its effect within the same element
+        defects[k] -= np.einsum("jxy,jy->jx", jacobian[k], unseen / scale)
+    grid = _errors(fine, defects, jacobian)
     if grid is None:
         return None
-    for k, (more, _) in along.unseen.items():
-        grid.own[k] += more / scale
+    for k, (unseen, _) in along.unseen.items():
+        grid.own[k] += unseen / scale
     if not np.all(np.isfinite(grid.own)):
         return None
     parts, e = scale / size, _from_start(grid)
@@ -210,12 +210,12 @@ def _estimate(along: _Along, problem: DynamicProblem, mesh: Mesh, t0: float, dur
         e = _nearest(grid, parts)
     places = np.append(rule.points, 1.0)
     node_basis = basis(fine.nodes, places)
-    own = np.einsum("pm,nmx->npx", node_basis[:, 1:], grid.own)
+    own_errors = np.einsum("pm,nmx->npx", node_basis[:, 1:], grid.own)
     carried = np.einsum("pm,nmxy->npxy", node_basis[:, 1:], grid.carried) + node_basis[:, 0, None, None] * np.eye(
         len(scale)
     )
-    each = np.maximum(np.abs(own) * parts - noise, 0.0).max(axis=(1, 2))
-    errors = np.maximum(np.abs(own + np.einsum("npxy,ny->npx", carried, e[:-1])) * parts - noise, 0.0)
+    each = np.maximum(np.abs(own_errors) * parts - noise, 0.0).max(axis=(1, 2))
+    errors = np.maximum(np.abs(own_errors + np.einsum("npxy,ny->npx", carried, e[:-1])) * parts - noise, 0.0)
     errors = np.where(np.isfinite(errors), errors, np.inf)
     k, p, n = (int(i) for i in np.unravel_index(int(np.argmax(errors)), errors.shape))
     time = float(t0 + (mesh.edges[k] + mesh.h[k] * places[p]) * duration)
@@ -303,7 +303,7 @@ def _along(nlp: Nlp, x: np.ndarray, mesh: Mesh, t0: float, duration: float) -> _
         jacobian = system.jacobian(rows[at_nodes], given_inputs[at_nodes], z[at_nodes], P, times[at_nodes])
     rates, length = rates.reshape(N, n, nx), mesh.h * duration
 
-    def at(element: int, where: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def rates_at(element: int, where: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return rates and integrands at fractions of one element."""
         states = basis(mesh.table.nodes, where) @ y[element, nodes]
         inputs = layout.inputs(y[element], where)[:, : given_inputs.shape[1]]
@@ -314,7 +314,7 @@ def _along(nlp: Nlp, x: np.ndarray, mesh: Mesh, t0: float, duration: float) -> _
         return r, integrated(states, r, everything, times=instants) if problem.integrals else np.zeros((len(where), 0))
 
     unseen = {
-        k: passed_over(bent, fine, float(length[k]), rates[k, first:], k, at)
+        k: passed_over(bent, fine, float(length[k]), rates[k, first:], k, rates_at)
         for k, bent in bends(system, f, P, mesh.edges, t0, duration).items()
     }
     return _Along(fine, length, xs, rates, integrands.reshape(N, n, -1), jacobian.reshape(N, n - first, nx, nx), unseen)
@@ -324,14 +324,14 @@ def _integrands(problem: DynamicProblem) -> ca.Function:
     return ca.Function("integrals", problem.arguments, [ca.vertcat(ca.SX(0, 1), *[e for _, e, _ in problem.integrals])])
 
 
-def _errors(fine: CollocationTable, missed: np.ndarray, jacobian: np.ndarray) -> _Grid | None:
+def _errors(fine: CollocationTable, defects: np.ndarray, jacobian: np.ndarray) -> _Grid | None:
     """Take one Newton step of the finer rule from the defects (N, M, nx), with Jacobians (N, M, nx, nx)."""
-    N, M, nx = missed.shape
+    N, M, nx = defects.shape
     matrix = np.einsum("ji,xy->ixjy", fine.derivative[1:], np.eye(nx))[None].repeat(N, 0)
     for j in range(M):
         matrix[:, j, :, j] -= jacobian[:, j]
     right = np.concatenate(
-        [-missed[..., None], np.broadcast_to(-fine.derivative[0][:, None, None] * np.eye(nx), (N, M, nx, nx))], axis=-1
+        [-defects[..., None], np.broadcast_to(-fine.derivative[0][:, None, None] * np.eye(nx), (N, M, nx, nx))], axis=-1
     )
     try:
         errors = np.linalg.solve(matrix.reshape(N, M * nx, M * nx), right.reshape(N, M * nx, nx + 1))
@@ -352,23 +352,25 @@ def _from_start(grid: _Grid) -> np.ndarray:
 def _nearest(grid: _Grid, parts: np.ndarray) -> np.ndarray:
     """Return the errors (N + 1, nx) at the edges relative to the nearest motion of the model: least squares of the
     errors in units of the ranges."""
-    own, carried = grid.own[:, -1] * parts, grid.carried[:, -1] * (parts[:, None] / parts)
-    eye = np.eye(own.shape[1])
+    own_errors, carried = grid.own[:, -1] * parts, grid.carried[:, -1] * (parts[:, None] / parts)
+    eye = np.eye(own_errors.shape[1])
     # least norm subject to e[k + 1] - carried[k] e[k] = own[k]: block tridiagonal elimination from the start
     upper: list[np.ndarray] = []
     pivots: list[np.ndarray] = []
     right: list[np.ndarray] = []
     for k, phi in enumerate(carried):
-        pivot, r = phi @ phi.T + eye, own[k]
+        pivot, r = phi @ phi.T + eye, own_errors[k]
         if k:
             factor = np.linalg.solve(pivots[-1], upper[-1]).T
             pivot, r = pivot - factor @ upper[-1], r - factor @ right[-1]
         pivots.append(pivot)
         right.append(r)
         upper.append(-carried[k + 1].T if k + 1 < len(carried) else eye)
-    multipliers = np.zeros((len(own) + 1, own.shape[1]))
-    for k in range(len(own) - 1, -1, -1):
-        multipliers[k] = np.linalg.solve(pivots[k], right[k] - upper[k] @ multipliers[k + 1] * (k + 1 < len(own)))
+    multipliers = np.zeros((len(own_errors) + 1, own_errors.shape[1]))
+    for k in range(len(own_errors) - 1, -1, -1):
+        multipliers[k] = np.linalg.solve(
+            pivots[k], right[k] - upper[k] @ multipliers[k + 1] * (k + 1 < len(own_errors))
+        )
     e = np.zeros_like(multipliers)
     e[1:] = multipliers[:-1]
     e[:-1] -= np.einsum("nyx,ny->nx", carried, multipliers[:-1])

@@ -126,7 +126,7 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     # both ends of every element: a control may jump at an edge
     s = (edges[:-1, None] + h[:, None] * fine).reshape(-1)
     s[-1] = 1.0
-    xs, us = np.vstack(states), np.concatenate(_given(nlp, solution.x, fine))
+    xs, us = np.vstack(states), np.concatenate(_external_inputs(nlp, solution.x, fine))
     times = t0 + s * (tf - t0)
     system, zs = RateSystem.of(problem), np.vstack(unknowns)
     rates, us = system.at(xs, us, zs, P, times)
@@ -141,7 +141,7 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
         k, t = mesh.element_at(s), t0 + s * (tf - t0)
         x, local = path(k)(np.array([t]))[0], (s - edges[k]) / h[k]
         z = np.array([np.interp(local, fine, column) for column in unknowns[k].T])
-        xd, u = system.at(x[None], _given(nlp, solution.x, np.array([local]))[k], z[None], P, np.array([t]))
+        xd, u = system.at(x[None], _external_inputs(nlp, solution.x, np.array([local]))[k], z[None], P, np.array([t]))
         return x, xd[0], u[0], np.array(t)
 
     violation, name = _violation(problem, xs, rates, us, times, P, low, high)
@@ -164,7 +164,7 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     )
 
 
-def _given(nlp: Nlp, x: np.ndarray, local: np.ndarray) -> np.ndarray:
+def _external_inputs(nlp: Nlp, x: np.ndarray, local: np.ndarray) -> np.ndarray:
     """Return controls and delayed inputs (elements, len(local), n) at fractions of each element."""
     return nlp.inputs(x, local)[..., : nlp.element.layout.nu + len(nlp.problem.delayed)]
 
@@ -213,7 +213,7 @@ def _first_unknowns(solution: Solution, x: np.ndarray, t0: float, P: np.ndarray)
     first = placed(nlp, solution.x).h[0] * nlp.mesh.table.points[0]
     _, slope, inputs, _ = states_and_controls(nlp, solution.x, np.array([first]))
     z = system.near(problem, inputs, slope)
-    return system.solved(x[None], _given(nlp, solution.x, np.zeros(1))[0], z, P, np.array([t0]))[0]
+    return system.solved(x[None], _external_inputs(nlp, solution.x, np.zeros(1))[0], z, P, np.array([t0]))[0]
 
 
 def _mayer(solution: Solution, integrated: Callable[[float], tuple[np.ndarray, ...]], P: np.ndarray) -> float:
@@ -232,7 +232,7 @@ def _steps(nlp: Nlp, x: np.ndarray) -> float:
     blocks = nlp.mesh.blocks
     if blocks is None:
         return 0.0
-    controls = _given(nlp, x, np.zeros(1))[:, 0]
+    controls = _external_inputs(nlp, x, np.zeros(1))[:, 0]
     each = {name: np.sum(np.diff(controls[:, j]) ** 2) for j, name in enumerate(nlp.problem.control_names)}
     return float(sum(weight * each[name] for name, weight in blocks.step_penalty.items()))
 
