@@ -235,10 +235,7 @@ class PathParametrization:
             if bad.size and k == bad[0]:
                 return f"the path leaves the workspace at {place}"
             if least_along[k] < least:
-                return (
-                    f"the path reaches the boundary of the workspace at {place}: the component of a link along its "
-                    f"guideway is {least_along[k]:.3g} m, less than {least:g} m"
-                )
+                return f"the path reaches the workspace boundary at {place}: link_along_guideway {least_along[k]:.3g} m"
         margins = motion_function(self.problem.robot, self.guard).along(T)[-2] if self.guard.margins else None
         broken = None if margins is None else self.guard.broken(margins)
         return f"the path {broken[1]}, {100 * s[broken[0]]:.0f} % of the way" if broken else ""

@@ -59,17 +59,17 @@ def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
     xs = np.stack([np.clip(f(s.ravel()), x.low[j], x.high[j]) for j, (f, _) in enumerate(states)], -1) if states else (
         np.zeros((s.size, 0)))  # fmt: skip
     xs = xs.reshape(*s.shape, layout.nx)
-    points = s[:, 1:].ravel()
-    us = np.stack([f(points) for f, _ in inputs], -1) if inputs else np.zeros((points.size, 0))
+    s_at = s[:, 1:].ravel()
+    us = np.stack([f(s_at) for f, _ in inputs], -1) if inputs else np.zeros((s_at.size, 0))
     if first_fraction:  # point variables have no value at the start: hold the first one
         for n in range(layout.nu, us.shape[1]):
-            us[:, n] = inputs[n][0](np.maximum(points, first_fraction))
+            us[:, n] = inputs[n][0](np.maximum(s_at, first_fraction))
     missing = [n for n, (_, in_guess) in enumerate(inputs) if n >= layout.nu and not in_guess]
     known = layout.nu + len(problem.delayed)
     if any(n >= known for n in missing):
-        states_x = xs[:, 1:].reshape(points.size, layout.nx)[:, : len(problem.state_pairs)]
+        x_rows = xs[:, 1:].reshape(s_at.size, layout.nx)[:, : len(problem.state_pairs)]
         solved = solve_point_variables(
-            problem, states_x, np.clip(us[:, :known], u.low[:known], u.high[:known]), free, points
+            problem, x_rows, np.clip(us[:, :known], u.low[:known], u.high[:known]), free, s_at
         )
         for n in missing:
             if n >= known:

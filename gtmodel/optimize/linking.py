@@ -165,10 +165,8 @@ def join(model: PhaseLinks, nlps: dict[str, Nlp]) -> Joined:
     jac = ca.vertcat(ca.diagcat(*jacobians), below)
     grad = ca.vertcat(*[n.functions["grad_f"](x, p)[1] for n, x in zip(each, parts, strict=True)])
     sigma, lams = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", int(rows[-1]) + len(links))
-    multipliers = [lams[int(a) : int(b)] for a, b in pairwise(rows)]
-    hess = ca.diagcat(
-        *[n.functions["hess_lag"](x, p, sigma, v) for n, x, v in zip(each, parts, multipliers, strict=True)]
-    )
+    split = [lams[int(a) : int(b)] for a, b in pairwise(rows)]
+    hess = ca.diagcat(*[n.functions["hess_lag"](x, p, sigma, v) for n, x, v in zip(each, parts, split, strict=True)])
     if hessian.nnz():
         r, c = (np.array(a, int) for a in hessian.sparsity().get_triplet())
         values = curvature(zx, lams[int(rows[-1]) :])
@@ -253,10 +251,8 @@ def _continuity(
         _, indices, order = flat.lookup(free)
         pairs = {alias.resolve(i, order)[1:] for i in indices}
         if not pairs & set(states):
-            state_names = ", ".join(flat.symbol_name(*p) for p in states)
-            raise ModelError(
-                f"'{free}' may jump into phase '{name}', but is not a state there; states are {state_names}"
-            )
+            names = ", ".join(flat.symbol_name(*p) for p in states)
+            raise ModelError(f"'{free}' may jump into phase '{name}', but is not a state there; states are {names}")
         jump |= pairs
     aliases = continuing(first, second)
     rows = []

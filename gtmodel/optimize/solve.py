@@ -241,13 +241,11 @@ def solve_nlp(
         staged = Staged(nlp, scale)
         run = run_ipopt(staged, x0, options)
         return _answer(nlp, staged.turned(run), options, throw, scale)
-    merged_nlp = merged(nlp) if nlp.mesh.elements >= MERGED_FROM else None
-    if merged_nlp is None:
+    form = merged(nlp) if nlp.mesh.elements >= MERGED_FROM else None
+    if form is None:
         return _answer(nlp, run_ipopt(nlp, x0, options, progress, warm, scale), options, throw, scale)
-    x0, warm = merged_nlp.start(x0, warm)
-    return _answer(
-        nlp, merged_nlp.turned(run_ipopt(merged_nlp, x0, options, progress, warm, scale)), options, throw, scale
-    )
+    x0, warm = form.start(x0, warm)
+    return _answer(nlp, form.turned(run_ipopt(form, x0, options, progress, warm, scale)), options, throw, scale)
 
 
 def _answer(

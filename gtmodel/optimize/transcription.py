@@ -227,13 +227,11 @@ def transcribe(
     [1.0, 0.5, 0.25]
     """
     flat, options = flat_of(model), solver or SolverOptions()
-    declared = [n for n, item in type(model)._declared.items() if isinstance(item, Parameter)]
+    known = [n for n, item in type(model)._declared.items() if isinstance(item, Parameter)]
     names: dict[str, list[str]] = {}
-    for name in declared if parameters is None else parameters:
-        if name not in declared:
-            raise ModelError(
-                f"{flat.title} declares no parameter '{name}'; it declares {', '.join(declared) or 'none'}"
-            )
+    for name in known if parameters is None else parameters:
+        if name not in known:
+            raise ModelError(f"{flat.title} declares no parameter '{name}'; it declares {', '.join(known) or 'none'}")
         elements = [q.name for q in flat.parameters if q.name == name or q.name.startswith(f"{name}[")]
         if elements:  # a parameter bound to others has no symbol of its own
             names[name] = elements

@@ -83,7 +83,7 @@ WRONG = {
     ),
     "constraint on nothing": (
         lambda: case(rate=gt.parameter(2.0), constraints=lambda self: [self.rate <= 1]),
-        r"constraint 1 .* contains neither a variable nor a free constant",
+        r"constraint 1 .* contains no variable or free constant",
     ),
     "bounds cross": (
         lambda: case(constraints=lambda self: [self.x <= 0.5, self.x >= 0.7]),
@@ -121,7 +121,7 @@ WRONG = {
     ),
     "instant that moves": (
         lambda: case(final_time=gt.free(2.0, min=1.0), constraints=lambda self: [self.x.at(0.5) <= 1]),
-        r"an instant of .at\(\) is not a fixed fraction of the horizon; use its ends",
+        r"an instant of .at\(\) is not fixed in the horizon; use its ends",
     ),
     "fixed start of no state": (
         lambda: case(Doubled, y=gt.variable(start=2.0, fixed=True)),

@@ -75,10 +75,8 @@ class PathOrientation:
         target = gt.piecewise(s, self.turning.x, self.turning.c)
         if self.tool is None:
             w, x = target[0], gt.vector([target[k] for k in (1, 2, 3)])
-            vector_part = gt.vector([robot.e[k] for k in (1, 2, 3)])
-            yield w * vector_part - robot.e[0] * x - gt.cross(x, vector_part) == np.zeros(
-                3
-            )  # vector part of conj(target) e
+            vector = gt.vector([robot.e[k] for k in (1, 2, 3)])
+            yield w * vector - robot.e[0] * x - gt.cross(x, vector) == np.zeros(3)  # of conj(target) e
             return
         normal = gt.cross(target, self._reference_axis)
         direction = robot.R @ self.tool

@@ -136,12 +136,12 @@ def _check_end(problem: AxisProblem, end: AxisEnd, which: str) -> None:
 
 def _course(problem: AxisProblem, robot: F1) -> PathOrientation:
     """Return the path with the plate's orientation along it."""
-    shape, tool_course = problem.path, problem.tool
+    shape, tool_options = problem.path, problem.tool
     assert shape is not None
-    tool = _unit(np.array(tool_course.axis), "tool.axis")
+    tool = _unit(np.array(tool_options.axis), "tool.axis")
     start, goal = (_place(robot, end, which) for which, end in problem.ends)
     if problem.degrees_of_freedom == 6:
-        if tool_course.through:
+        if tool_options.through:
             raise ArgumentError(
                 "leaves the plate's rotation undetermined with six degrees of freedom; remove it", "tool.through"
             )
@@ -151,17 +151,13 @@ def _course(problem: AxisProblem, robot: F1) -> PathOrientation:
         return PathOrientation(path_of(shape, start.T, goal.T), turning(np.array([0.0, 1.0]), e, "goal"), None)
     ends = [place.direction if end.tcp is not None else place.R @ tool for place, end in
             ((start, problem.start), (goal, problem.goal))]  # fmt: skip
-    first_direction = next((d for d in ends if d is not None), start.R @ tool)
-    first_direction, last_direction = (first_direction if d is None else d for d in ends)
-    fractions = np.array([0.0, *(t.at for t in tool_course.through), 1.0])
+    first = next((d for d in ends if d is not None), start.R @ tool)
+    first, last = (first if d is None else d for d in ends)
+    fractions = np.array([0.0, *(t.at for t in tool_options.through), 1.0])
     if np.any(np.diff(fractions) <= 0):
         raise ArgumentError("has fractions that do not increase along the path", "tool.through")
-    between = [_unit(np.array(t.direction), f"tool.through[{n}].direction") for n, t in enumerate(tool_course.through)]
-    course = turning(
-        fractions,
-        np.array([first_direction, *between, last_direction]),
-        "tool.through" if tool_course.through else "goal",
-    )
+    between = [_unit(np.array(t.direction), f"tool.through[{n}].direction") for n, t in enumerate(tool_options.through)]
+    course = turning(fractions, np.array([first, *between, last]), "tool.through" if tool_options.through else "goal")
     return PathOrientation(path_of(shape, start.T, goal.T), course, tool)
 
 

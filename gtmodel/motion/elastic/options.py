@@ -112,9 +112,7 @@ class ElasticStudy(Study):
         ),
     ] = None
     frequency: Annotated[float | None, Quantity("Hz", "natural frequency of the tool with the plate fixed")] = None
-    static: Annotated[float | None, Quantity("m", "static deflection of the tool under its weight", written="mm")] = (
-        None
-    )
+    static: Annotated[float | None, Quantity("m", "static deflection of the tool", written="mm")] = None
     elements: Annotated[
         int | None, Quantity("", "number of mesh elements; more than requested if the mesh was refined")
     ] = None

@@ -223,9 +223,7 @@ def too_coarse(tool: ElasticTool, mesh: ElasticMesh, duration: float) -> list[st
     fact = f"mesh.elements = {elements} gives {elements / (duration * frequency):.2g} elements per vibration period"
     if required <= MOST_ELEMENTS:
         return [f"{fact}, too few for the elastic plan; use at least {required} elements"]
-    return [
-        f"{fact}, too few for the elastic plan with any mesh; such a stiff tool hardly vibrates, treat it as payload"
-    ]
+    return [f"{fact}, too few with any mesh; such a stiff tool hardly vibrates, so treat it as payload"]
 
 
 def three_link(robot: Model) -> GantryTau:
@@ -319,14 +317,11 @@ def _judged(
             "residual_10_percent_mm": 1e3 * float(detuned.max()), "peak_force_N": m.peak,
         }  # fmt: skip
     run = resimulate(elastic)
-    equilibrium = np.array([0.0, 0.0, -tool.sag])
-    left = (
-        np.inf if run.trajectory is None else float(np.linalg.norm(run.trajectory["spring.offset"][-1] - equilibrium))
-    )
-    rigid_residual = table["rigid"]["residual_mm"]
+    rest = np.array([0.0, 0.0, -tool.sag])
+    left = np.inf if run.trajectory is None else float(np.linalg.norm(run.trajectory["spring.offset"][-1] - rest))
+    rigid_mm = table["rigid"]["residual_mm"]
     checks = {
-        f"{n}_share_of_rigid": at_most(table[n]["residual_mm"] / rigid_residual, SHARE)
-        for n in ("ZV", "ZVD", "elastic")
+        f"{n}_share_of_rigid": at_most(table[n]["residual_mm"] / rigid_mm, SHARE) for n in ("ZV", "ZVD", "elastic")
     }
     checks["resimulated_end_mm"] = at_most(1e3 * left, 1e3 * RESIMULATED_M)
     return Plans(task, mesh, rigid, elastic, motions, table, left, checks)

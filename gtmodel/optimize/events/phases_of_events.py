@@ -105,11 +105,9 @@ def _inputs(flat: FlatModel) -> dict[str, Any]:
     """Return guesses of the inputs: their start value, else 0, clipped to their bounds."""
     inputs: dict[str, Any] = {}
     for name, (shape, indices) in flat.groups.items():
-        variables = [flat.variables[i] for i in indices]
-        if variables and variables[0].role == "input":
-            values = np.clip(
-                [v.start or 0.0 for v in variables], [v.min for v in variables], [v.max for v in variables]
-            )
+        entries = [flat.variables[i] for i in indices]
+        if entries and entries[0].role == "input":
+            values = np.clip([v.start or 0.0 for v in entries], [v.min for v in entries], [v.max for v in entries])
             inputs[name] = values.reshape(shape) if shape else float(values[0])
     return inputs
 
@@ -149,10 +147,8 @@ class EventPhases(Phases):
         free = stacked([q.symbol for q in flat.parameters if q.free])
         self._conditions = parts[-1].conditions() if ca.depends_on(end, free) else []
         for k, (name, piece, share) in enumerate(zip(names, pieces, parts, strict=True)):
-            instant_guesses = [
-                (s, t) for s, t in zip(symbols, times, strict=True) if any(s is e for e in ends[k : k + 2])
-            ]
-            phase_flat = self._flat_of(piece, instant_guesses, first=k == 0)
+            guesses = [(s, t) for s, t in zip(symbols, times, strict=True) if any(s is e for e in ends[k : k + 2])]
+            phase_flat = self._flat_of(piece, guesses, first=k == 0)
             for t, side in piece.ends.items():
                 quantity = self.in_modes(order.thresholds.expressions[t], piece)
                 share.rows.append(self._relation(share.at_end(quantity, ends[k + 1]), "==", self._where(k)))

@@ -346,9 +346,7 @@ class EventOrder:
                     event.where,
                 )
             if piece.ends.setdefault(condition.threshold, side) != side:
-                raise ModelError(
-                    f"{event_text} and another event at the end of phase {k} exclude each other", event.where
-                )
+                raise ModelError(f"{event_text} and another event of phase {k} exclude each other", event.where)
         truth = self.thresholds.discrete_truth(piece.numbers)
         sides = {t: s for t, s in piece.sides.items() if t in piece.kept}
         truth_before = self.thresholds.sided(truth, sides | {t: -s for t, s in piece.ends.items()})

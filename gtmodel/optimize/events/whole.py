@@ -181,11 +181,7 @@ class _Whole:
                 what = "an integral over the whole horizon" if integrals else "values at both ends of the horizon"
                 raise ModelError(
                     f"this constraint contains {what}, which spans several phases; replace "
-                    + (
-                        "it by a variable whose derivative is the integrand"
-                        if integrals
-                        else "one of them by a gt.free"
-                    ),
+                    + ("it by a variable whose derivative is the integrand" if integrals else "one by a gt.free"),
                     row.where,
                 )
             along = self._flat.scope.symbols_in(entry.residual) or ca.depends_on(entry.residual, self._flat.scope.time)

@@ -153,7 +153,7 @@ class ProblemBuilder:
         """Return rates, algebraic rows that must vanish, and the labels of these rows."""
         flat, plan = self.flat, self.plan
         rates: list[ca.SX | None] = []
-        unexpressed = []
+        missing = []
         for i, k in self.states:
             if (i, k + 1) in self.states:
                 rates.append(flat.scope.symbol(i, k + 1))
@@ -161,10 +161,8 @@ class ProblemBuilder:
                 rates.append(None)
             else:
                 rates.append(flat.scope.symbol(i, k + 1))
-                unexpressed.append(len(rates) - 1)
-        for n, e in zip(
-            unexpressed, self.express([r for n in unexpressed if (r := rates[n]) is not None]), strict=True
-        ):
+                missing.append(len(rates) - 1)
+        for n, e in zip(missing, self.express([r for n in missing if (r := rates[n]) is not None]), strict=True):
             rates[n] = e
         rows: list[ca.SX] = []
         labels: list[str] = []
@@ -272,9 +270,7 @@ def cost_of(
         e = b.numbers(r.expression)
         b.require(e, at_points, f"{r.label} contains", ", together with a value at an instant or an integral")
         if not ca.symvar(e):
-            raise ModelError(
-                f"{r.label} contains neither a variable nor a free constant: {r.low:g} <= {e} <= {r.high:g}"
-            )
+            raise ModelError(f"{r.label} contains no variable or free constant: {r.low:g} <= {e} <= {r.high:g}")
         terms.points.append(replace(r, expression=e))
     values = [sizes_of[i.symbol.element_hash()] for i in terms.instants]
     symbols = ca.vertcat(*[i.symbol for i in terms.instants])

@@ -44,9 +44,7 @@ def delays_of(flat: FlatModel) -> dict[int, tuple[int, Delayed]]:
             delayed_name, source_name = join(path, name), join(path, item.source.name)
             shape, indices = flat.groups.get(source_name, (None, []))
             if shape is None or flat.variables[indices[0]].role != "input":
-                raise ModelError(
-                    f"'{delayed_name}' delays '{source_name}', which is not an input of {flat.title}", item.where
-                )
+                raise ModelError(f"'{delayed_name}' delays '{source_name}', not an input of {flat.title}", item.where)
             for delayed, source in zip(flat.groups[delayed_name][1], indices, strict=True):
                 delays[delayed] = (source, item)
     return delays

@@ -286,9 +286,7 @@ def point_values(flat: FlatModel, h: Horizon, instants: Sequence[Instant], param
             free = {q.name for q in flat.parameters if q.free}
             tuned = sorted({v.name() for v in ca.symvar((time - h.t0) / h.length)} - free)
             hint = f", or leave {', '.join(tuned)} out of transcribe(parameters=...)" if tuned else ""
-            raise ModelError(
-                f"{flat.title}: an instant of .at() is not a fixed fraction of the horizon; use its ends{hint}"
-            )
+            raise ModelError(f"{flat.title}: an instant of .at() is not fixed in the horizon; use its ends{hint}")
         if not -ROUND_OFF <= first <= 1 + ROUND_OFF:
             name = f"the instant {float(time):g} s" if time.is_constant() else "an instant"
             raise ModelError(f"{flat.title}: {name} of .at() lies outside the horizon")

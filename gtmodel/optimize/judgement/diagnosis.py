@@ -23,11 +23,9 @@ def ended(run: SolverRun, nlp: Nlp) -> Remark:
     equation, a term that is not finite, a diverging unknown or the worst row."""
     if run.status.ok:
         return Remark(solved_word(run), objective_place(nlp.problem) if run.reservation else None)
-    remarks = [surplus(nlp), not_finite(nlp, run.x), runaway(nlp, run.x) or worst(nlp, run)]
-    class_line = class_place(nlp.problem)
-    return failure(
-        run, remarks, class_line if run.status in LIMITS or all(r.where is None for r in remarks if r) else None
-    )
+    causes = [surplus(nlp), not_finite(nlp, run.x), runaway(nlp, run.x) or worst(nlp, run)]
+    place = class_place(nlp.problem)
+    return failure(run, causes, place if run.status in LIMITS or all(r.where is None for r in causes if r) else None)
 
 
 def solved_word(run: SolverRun) -> str:

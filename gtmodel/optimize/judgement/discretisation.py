@@ -209,11 +209,9 @@ def _estimate(along: _Along, problem: DynamicProblem, mesh: Mesh, t0: float, dur
     if shadow:
         e = _nearest(grid, parts)
     places = np.append(rule.points, 1.0)
-    node_basis = basis(fine.nodes, places)
-    own_errors = np.einsum("pm,nmx->npx", node_basis[:, 1:], grid.own)
-    carried = np.einsum("pm,nmxy->npxy", node_basis[:, 1:], grid.carried) + node_basis[:, 0, None, None] * np.eye(
-        len(scale)
-    )
+    values = basis(fine.nodes, places)
+    own_errors = np.einsum("pm,nmx->npx", values[:, 1:], grid.own)
+    carried = np.einsum("pm,nmxy->npxy", values[:, 1:], grid.carried) + values[:, 0, None, None] * np.eye(len(scale))
     each = np.maximum(np.abs(own_errors) * parts - noise, 0.0).max(axis=(1, 2))
     errors = np.maximum(np.abs(own_errors + np.einsum("npxy,ny->npx", carried, e[:-1])) * parts - noise, 0.0)
     errors = np.where(np.isfinite(errors), errors, np.inf)
@@ -352,25 +350,23 @@ def _from_start(grid: _Grid) -> np.ndarray:
 def _nearest(grid: _Grid, parts: np.ndarray) -> np.ndarray:
     """Return the errors (N + 1, nx) at the edges relative to the nearest motion of the model: least squares of the
     errors in units of the ranges."""
-    own_errors, carried = grid.own[:, -1] * parts, grid.carried[:, -1] * (parts[:, None] / parts)
-    eye = np.eye(own_errors.shape[1])
+    local, carried = grid.own[:, -1] * parts, grid.carried[:, -1] * (parts[:, None] / parts)
+    eye = np.eye(local.shape[1])
     # least norm subject to e[k + 1] - carried[k] e[k] = own[k]: block tridiagonal elimination from the start
     upper: list[np.ndarray] = []
     pivots: list[np.ndarray] = []
     right: list[np.ndarray] = []
     for k, phi in enumerate(carried):
-        pivot, r = phi @ phi.T + eye, own_errors[k]
+        pivot, r = phi @ phi.T + eye, local[k]
         if k:
             factor = np.linalg.solve(pivots[-1], upper[-1]).T
             pivot, r = pivot - factor @ upper[-1], r - factor @ right[-1]
         pivots.append(pivot)
         right.append(r)
         upper.append(-carried[k + 1].T if k + 1 < len(carried) else eye)
-    multipliers = np.zeros((len(own_errors) + 1, own_errors.shape[1]))
-    for k in range(len(own_errors) - 1, -1, -1):
-        multipliers[k] = np.linalg.solve(
-            pivots[k], right[k] - upper[k] @ multipliers[k + 1] * (k + 1 < len(own_errors))
-        )
+    multipliers = np.zeros((len(local) + 1, local.shape[1]))
+    for k in range(len(local) - 1, -1, -1):
+        multipliers[k] = np.linalg.solve(pivots[k], right[k] - upper[k] @ multipliers[k + 1] * (k + 1 < len(local)))
     e = np.zeros_like(multipliers)
     e[1:] = multipliers[:-1]
     e[:-1] -= np.einsum("nyx,ny->nx", carried, multipliers[:-1])
