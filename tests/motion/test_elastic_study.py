@@ -163,4 +163,4 @@ def test_a_mesh_too_coarse_for_the_swing_is_named(found, coarse) -> None:
     assert len(coarse.notes) == 1 and coarse.notes[0] in str(coarse)
     assert "24" in coarse.notes[0] and "34" in coarse.notes[0] and not found.notes
     (stiff,) = plans.too_coarse(replace(TOOL, frequency=1000.0), ElasticMesh(40), 1.1)
-    assert "so stiff" in stiff and plans.too_coarse(TOOL, ElasticMesh(40), 1.1) == []
+    assert "such a stiff tool" in stiff and plans.too_coarse(TOOL, ElasticMesh(40), 1.1) == []

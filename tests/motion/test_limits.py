@@ -147,7 +147,7 @@ class TestFiles:
         text = outcome().files["motion.mod"]
         lines = text.splitlines()
         assert lines[0] == "MODULE GtMotion" and lines[-1] == "ENDMODULE"
-        assert "tested against no controller" in text
+        assert "not tested on a controller" in text
         targets = [line for line in lines if line.startswith("    [[")]
         count = int(next(line for line in lines if "GtCount :=" in line).split(":=")[1].strip(" ;"))
         assert len(targets) == count and f"GtTargets{{{count}}} := [" in text
@@ -168,12 +168,12 @@ class TestRefusals:
         [
             ({"limits__tcp_low": [0.0, 0.0, 0.0], "limits__tcp_high": [1.0, -1.0, 1.0]}, "limits.tcp_low",
              "entry 2 is 0 m, not below -1 m in tcp_high"),
-            ({"limits__tcp_high": [0.5, 0.0, 1.0]}, "goal.tcp", "breaks limits.tcp_high_m by 0.4 m"),
+            ({"limits__tcp_high": [0.5, 0.0, 1.0]}, "goal.tcp", "violates limits.tcp_high_m by 0.4 m"),
             ({"limits__joint_cones": [JointCone(3, "cart", [1.0, 0.0, 0.0], 0.8)]}, "limits.joint_cones[0].arm",
              "expected an arm from 0 to 2"),
             ({"limits__joint_cones": [JointCone(0, "cart", [0.0, 0.0, 0.0], 0.8)]}, "limits.joint_cones[0].axis",
              "is zero"),
-            ({"limits__obstacles": [Obstacle(GOAL, [0.1, 0.1, 0.1])]}, "goal.tcp", "breaks limits.obstacles[0] by"),
+            ({"limits__obstacles": [Obstacle(GOAL, [0.1, 0.1, 0.1])]}, "goal.tcp", "violates limits.obstacles[0] by"),
         ],
     )  # fmt: skip
     def test_one_sentence(self, changes, argument, words):

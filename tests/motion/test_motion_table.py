@@ -46,7 +46,7 @@ def outcome() -> MotionTable:
 class TestTable:
     def test_costs_and_iterations(self):
         o = outcome()
-        assert o.status is SolveStatus.SOLVED and o.message.startswith("4 rows solved and re-simulated")
+        assert o.status is SolveStatus.SOLVED and o.message.startswith("4 rows: solved and re-simulated")
         assert set(o.values) == set(described(MotionTable))
         rows = o.entries
         for n, costs in FREE.items():

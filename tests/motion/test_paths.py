@@ -207,7 +207,7 @@ class TestRefusals:
 
     def test_an_obstacle_on_the_path(self):
         error = refused(path=Line(), limits__obstacles=[Obstacle([0.45, -0.9, 0.275], [0.1, 0.1, 0.1])])
-        assert error.argument == "path" and error.message.startswith("the path breaks limits.obstacles[0] by ")
+        assert error.argument == "path" and error.message.startswith("the path violates limits.obstacles[0] by ")
         assert error.message.endswith("% of the way")
 
     @pytest.mark.parametrize(
