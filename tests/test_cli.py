@@ -312,7 +312,7 @@ REFUSED = [
     (["solve", "l1_min_time", "--set", "limits.force_N=-1"], "limits.force_N: must be greater than 0 N; found -1"),
     (
         ["solve", "l1_min_time", "--set", "goal.tcp_m=[9.0, 9.0, 9.0]"],
-        "goal.tcp_m: the pose (9, 9, 9) m cannot be",
+        "goal.tcp_m: the pose (9, 9, 9) m is out of reach",
     ),
     (["solve", "l1_min_time", "--set", "robot=l1_tap"], "robot: there is no robot 'l1_tap'; did you mean 'l1_tape'?"),
     (["solve", "swing.toml", "--set", "nonsense"], "--set nonsense: expected key=value"),

@@ -1,13 +1,13 @@
-"""Motions of a robot's tool centre point: limits, obstacles, paths, search, and the reference of a controller.
+"""Optimal motions of a robot's tool centre point: limits, obstacles, paths, search, and references for a controller.
 
 study           the optimal motion between two poses, free or along a path: `MotionStudy`
-End, Limits, JointCone, Obstacle, Cost, MotionMesh, Starts, Solver, Export   what a motion is asked to be
-Line, Polyline, Arc, Spline, Taught   paths to follow; read_points, of a file
+End, Limits, JointCone, Obstacle, Cost, MotionMesh, Starts, Solver, Export   options of a motion
+Line, Polyline, Arc, Spline, Taught   paths to follow; read_points reads them from a file
 axis_study      the optimal motion of a robot with three carts and three rotary axes: `AxisStudy`; AxisEnd, AxisLimits,
                 ToolDirection, ToolCourse, AxisCost, AxisMesh, AxisSolver; the rest in `gtmodel.motion.axes`
-table_study     several motions beside published numbers: `MotionTable`; a `TableRow` for each `MotionProblem`
-elastic_study   how an elastic tool swings after motions planned rigid, shaped, and elastic: `ElasticStudy`; its options
-                stand in `gtmodel.motion.elastic`
+table_study     several motions compared with published numbers: `MotionTable`; a `TableRow` per `MotionProblem`
+elastic_study   vibration of an elastic tool after rigid, shaped and elastic plans: `ElasticStudy`; its options are in
+                `gtmodel.motion.elastic`
 motion          the motion of a `MotionProblem` as an Optimization
 """
 

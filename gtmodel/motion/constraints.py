@@ -1,7 +1,7 @@
-"""What a motion must keep besides its forces: margins, each written once, >= 0 where it is kept.
+"""Further constraints of a motion as margins, which are >= 0 if the constraint is satisfied.
 
-The optimisation bounds them at its points, the fast engine along a path evaluates them by name, and the report looks
-at the least of each over the exported motion.
+The optimisation bounds them at its collocation points, the path parametrisation evaluates them by name, and the study
+reports the smallest margin over the exported motion.
 """
 
 from __future__ import annotations
@@ -17,20 +17,17 @@ from ..results import ArgumentError
 from ..results.options import declared, written_name
 from .options import JointCone, MotionLimits, Obstacle
 
-SHARPNESS_PER_M = (
-    200.0  # of the smooth maximum over separating directions: at most log(6) / 200 = 9 mm on the safe side
-)
+SHARPNESS_PER_M = 200.0  # of the smooth maximum over separating directions: conservative by at most log(6) / 200 = 9 mm
 ROUNDING_M = 1e-4  # of smooth absolute values
-CARTS, ROTARY = range(3), range(3, 6)  # of the coordinates q
+CARTS, ROTARY = range(3), range(3, 6)  # indices in q
 ROUND_OFF = 1e-9  # of margins
-MARGIN_TOLERANCE = 0.01  # limits hold at collocation points; between them a jump of the force shows
-FAR_M = 1.0  # a separation beyond this is far enough; keeps exponentials finite
+MARGIN_TOLERANCE = 0.01  # limits are imposed at collocation points; force jumps may exceed them in between
+FAR_M = 1.0  # larger separations are clipped to keep exponentials finite
 
 
 @dataclass(frozen=True)
 class Constraint:
-    """One scalar margin: the limit it comes from, by its name in results, its unit, and its expression in a model that
-    has `robot`."""
+    """One scalar margin: its limit's name in results, its unit, and its expression in a model with a `robot`."""
 
     key: str
     unit: str
@@ -39,33 +36,33 @@ class Constraint:
 
 @dataclass(frozen=True)
 class MotionConstraints:
-    """Margins and the parameters that their expressions use."""
+    """Margins and the parameters in their expressions."""
 
     margins: list[Constraint]
     parameters: dict[str, Any]
     made: dict[int, tuple[gt.Model, gt.Model]] = field(default_factory=dict, repr=False, compare=False)
 
     def declarations(self, robot: gt.Model, bounded: bool = False) -> dict[str, Any]:
-        """Class attributes of a model that holds the robot and its margins."""
+        """Return the class attributes of a model with the robot and its margins."""
         declared: dict[str, Any] = {"robot": gt.part(robot), "metre": gt.parameter(1.0, unit="m"), **self.parameters}
         if self.margins:
             declared["margin"] = gt.variable(len(self.margins), min=0.0 if bounded else None)
         return declared
 
     def equations(self, model: Any) -> Any:
-        """Equations of the margins."""
+        """Yield the equations of the margins."""
         for k, margin in enumerate(self.margins):
             yield model.margin[k] == margin.expression(model)
 
     def least(self, values: np.ndarray) -> dict[str, float]:
-        """The least of margins (n, k) by the key that they come from."""
+        """Return the smallest of margins (n, k) by key of the limit."""
         least: dict[str, float] = {}
         for k, margin in enumerate(self.margins):
             least[margin.key] = min(float(np.min(values[:, k])), least.get(margin.key, np.inf))
         return least
 
     def broken(self, values: np.ndarray) -> tuple[int, str] | None:
-        """The first row of margins (n, k) that breaks a limit, and which one by how much; None where none does."""
+        """Return the first row of margins (n, k) that violates a limit, and a sentence on it; None if there is none."""
         rows = np.flatnonzero(np.min(values, axis=1, initial=np.inf) < -ROUND_OFF)
         if not rows.size:
             return None
@@ -73,16 +70,16 @@ class MotionConstraints:
         k = int(np.argmin(values[row]))
         return (
             row,
-            f"breaks limits.{self.margins[k].key} by {-values[row, k]:.4g}{' m' * (self.margins[k].unit == 'm')}",
+            f"violates limits.{self.margins[k].key} by {-values[row, k]:.4g}{' m' * (self.margins[k].unit == 'm')}",
         )
 
     @property
     def prefix(self) -> str:
-        """What stands before the robot's own names in `model`."""
+        """Prefix of the robot's names in `model`."""
         return "robot." if self.margins else ""
 
     def model(self, robot: gt.Model) -> gt.Model:
-        """The robot with its margins, for functions of the motion; made once per robot, so functions are too."""
+        """Return the robot with its margins; cached per robot, so that compiled functions are reused."""
         if not self.margins:
             return robot
         guard = self
@@ -102,7 +99,7 @@ NO_GUARD = MotionConstraints([], {})
 
 @dataclass(frozen=True)
 class Carrier:
-    """A body that turns and carries joints: its rotation in a model that has `robot`, and the one at the start."""
+    """A rotating body that carries joints: its rotation in a model with a `robot`, and its rotation at the start."""
 
     rotation: Callable[[Any], Any]
     at_start: np.ndarray
@@ -114,13 +111,13 @@ Carriers = Callable[[int, str], Carrier | None]
 def guard_of(
     limits: MotionLimits, arms: list[tuple[str, int]], carriers: Carriers = lambda arm, end: None
 ) -> MotionConstraints:
-    """The margins of these limits.
+    """Return the margins of limits.
 
     Args:
         arms: (part, index) of the robot's links.
-        carriers: what turns the joint at an end of an arm; None where it keeps its direction.
+        carriers: the body that rotates the joint at an end of an arm; None if the joint keeps its direction.
 
-    Raises ArgumentError for bounds that cross or name what the robot has not.
+    Raises ArgumentError for contradictory bounds and for arms that the robot does not have.
     """
     p: dict[str, Any] = {}
     margins: list[Constraint] = []
@@ -141,7 +138,7 @@ def guard_of(
             )
 
     def axes(limit: str, order: int, unit: str, which: range) -> None:
-        value = getattr(limits, limit, None)  # a robot without rotary axes has none for them
+        value = getattr(limits, limit, None)  # Limits has no fields for rotary axes
         if value is not None:
             name = parameter(known(limit), value, unit)
             for i in which:
@@ -188,20 +185,20 @@ def guard_of(
 
 
 def check_strokes(limits: MotionLimits, *bodies: str) -> None:
-    """Raises ArgumentError where a lower bound of "cart", "axis" or "tcp" is not below the upper one."""
+    """Raise ArgumentError if a lower bound of "cart", "axis" or "tcp" is not below the upper one."""
     for body in bodies:
         low, high = (getattr(limits, f"{body}_{side}") for side in ("low", "high"))
-        if low is not None and high is not None and not np.all(apart := np.array(low) < np.array(high)):
-            k = int(np.argmin(apart))
-            shown, unit = (np.degrees, "deg") if body == "axis" else (float, "m")
+        if low is not None and high is not None and not np.all(ordered := np.array(low) < np.array(high)):
+            k = int(np.argmin(ordered))
+            convert, unit = (np.degrees, "deg") if body == "axis" else (float, "m")
             raise ArgumentError(
-                f"its number {k + 1}, {shown(low[k]):g} {unit}, is not below {shown(high[k]):g} of {body}_high",
+                f"entry {k + 1} is {convert(low[k]):g} {unit}, not below {convert(high[k]):g} {unit} in {body}_high",
                 f"limits.{body}_low",
             )
 
 
 def _link(model: Any, arm: tuple[str, int]) -> Any:
-    """The rod of a link; the link itself where it has no other parts."""
+    """Return the rod of a link, or the link itself if it has no rod."""
     link = getattr(model.robot, arm[0])[arm[1]]
     return link.rod if hasattr(link, "rod") else link
 
@@ -214,29 +211,29 @@ def _cone(
     parameter: Callable[[str, Any, str], str],
 ) -> Constraint:
     if cone.arm >= len(arms):
-        raise ArgumentError(f"is {cone.arm}; the robot has the arms 0 to {len(arms) - 1}", f"limits.{key}.arm")
+        raise ArgumentError(f"is {cone.arm}; expected an arm from 0 to {len(arms) - 1}", f"limits.{key}.arm")
     axis = np.array(cone.axis)
     if not np.any(axis):
-        raise ArgumentError("is zero; a direction is expected", f"limits.{key}.axis")
+        raise ArgumentError("is zero; expected a direction", f"limits.{key}.axis")
     axis = axis / np.linalg.norm(axis)
     carrier = carriers(cone.arm, cone.end)
-    own = axis if carrier is None else np.linalg.solve(carrier.at_start, axis)
-    name = parameter(key.replace("[", "_").replace("]", "_axis"), own, "1")
+    direction = axis if carrier is None else np.linalg.solve(carrier.at_start, axis)
+    name = parameter(key.replace("[", "_").replace("]", "_axis"), direction, "1")
     arm, least = arms[cone.arm], float(np.cos(cone.half_angle))
 
     def expression(m: Any) -> Any:
         rod = _link(m, arm)
-        now = getattr(m, name) if carrier is None else carrier.rotation(m) @ getattr(m, name)
-        return gt.dot(rod.b.r - rod.a.r, now) / rod.L - least
+        axis_now = getattr(m, name) if carrier is None else carrier.rotation(m) @ getattr(m, name)
+        return gt.dot(rod.b.r - rod.a.r, axis_now) / rod.L - least
 
     return Constraint(key, "1", expression)
 
 
 def _separation(model: Any, arm: tuple[str, int] | None, center: Any, half: np.ndarray) -> Any:
-    """Separation [m] of a link, or of the TCP where arm is None, from a box; a smooth lower bound.
+    """Return a smooth lower bound of the separation [m] of a link, or of the TCP if arm is None, from a box.
 
-    Of two convex polytopes a box and a segment are apart when one of six directions separates them: three normals of
-    the box, three products of an edge with the segment.
+    A box and a segment are disjoint if one of six directions separates them: the three normals of the box and the
+    three cross products of an edge with the segment.
     """
     metre = model.metre
     if arm is None:
@@ -250,7 +247,7 @@ def _separation(model: Any, arm: tuple[str, int] | None, center: Any, half: np.n
         reach = half[i] if along is None else half[i] + _above(along[i]) / 2
         gaps.append(_below(middle[i]) - reach)
     if along is not None:
-        for j, k in ((1, 2), (2, 0), (0, 1)):  # edge i = the third; its product with the segment
+        for j, k in ((1, 2), (2, 0), (0, 1)):  # cross product of the third edge with the segment
             size = gt.sqrt(along[j] ** 2 + along[k] ** 2 + ROUNDING_M**2)
             gap = _below(middle[j] * along[k] - middle[k] * along[j])
             gaps.append((gap - half[j] * _above(along[k]) - half[k] * _above(along[j])) / size)
@@ -261,19 +258,19 @@ def _separation(model: Any, arm: tuple[str, int] | None, center: Any, half: np.n
 
 
 def _above(x: Any) -> Any:
-    """Smooth, not below |x|."""
+    """Return a smooth upper bound of |x|."""
     return gt.sqrt(x**2 + ROUNDING_M**2)
 
 
 def _below(x: Any) -> Any:
-    """Smooth, not above |x|."""
+    """Return a smooth lower bound of |x|."""
     return gt.sqrt(x**2 + ROUNDING_M**2) - ROUNDING_M
 
 
 def clearances(
     obstacles: Sequence[Obstacle], T: np.ndarray, links: Sequence[tuple[np.ndarray, np.ndarray]]
 ) -> list[float]:
-    """Least distance [m] of the tool centre point T (n, 3) and of all links, both ends (n, 3) each, from each box."""
+    """Return the smallest distance [m] of the TCP T (n, 3) and all links (both ends (n, 3) each) from each box."""
     distances = []
     for obstacle in obstacles:
         box = np.array(obstacle.center), np.array(obstacle.size)
@@ -282,7 +279,7 @@ def clearances(
 
 
 def clearance(points: np.ndarray, ends: np.ndarray, center: np.ndarray, size: np.ndarray, samples: int = 401) -> float:
-    """Least distance [m] of segments, from points (n, 3) to ends (n, 3), from a box, by sampling: 0 inside."""
+    """Return the smallest distance [m] of segments, points (n, 3) to ends (n, 3), from a box; sampled, 0 inside."""
     least = np.inf
     for f in np.linspace(0.0, 1.0, samples):
         outside = np.maximum(np.abs(points + f * (ends - points) - center) - size / 2, 0.0)

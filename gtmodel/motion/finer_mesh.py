@@ -1,4 +1,4 @@
-"""When a motion fails a check that a finer mesh can mend: how fine, for how long, and what the message says."""
+"""Automatic mesh refinement of a motion that fails a check: the next mesh, when to stop, and the message."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any, Protocol, TypeVar
 
-# forces that jump leave errors that fall as the square of the elements' length, smooth ones faster
+# with forces that jump the error is of second order in the element length, with smooth forces of higher order
 ORDER = 2
-SPARE = 1.2  # beyond what that order asks for
-LEAST, MOST = 1.5, 4.0  # times as many elements at once
+SPARE = 1.2  # safety factor
+LEAST, MOST = 1.5, 4.0  # limits of the refinement factor per pass
 PASSES = 4
 M = TypeVar("M", bound=Any)
-BETTER = 0.9  # of the worst excess over a bound before: a mesh that leaves more is not what the check lacks
+BETTER = 0.9  # refinement stops if the worst excess over a bound stays above this share of the previous one
 
 
 def missed(checks: Mapping[str, Any], mended: Iterable[str]) -> float:
-    """The worst of the failed checks named in `mended`, as a multiple of its bound; 0 where none failed."""
+    """Return the worst of the failed checks named in `mended` as a multiple of its bound; 0 if none failed."""
     failed = [checks[name] for name in mended if name in checks and not checks[name].passed]
     return max(
         (MOST**ORDER if not math.isfinite(c.value) or not c.bound else c.value / c.bound for c in failed), default=0.0
@@ -25,7 +25,7 @@ def missed(checks: Mapping[str, Any], mended: Iterable[str]) -> float:
 
 
 def finer_mesh(mesh: M, checks: Mapping[str, Any], mended: Iterable[str]) -> M | None:
-    """A mesh with more elements, at most `most_elements`, where one of the checks named in `mended` failed; else None.
+    """Return a mesh with more elements, at most `most_elements`, if a check named in `mended` failed; else None.
 
     mesh: a dataclass with `elements` and `most_elements`.
     """
@@ -37,13 +37,13 @@ def finer_mesh(mesh: M, checks: Mapping[str, Any], mended: Iterable[str]) -> M |
 
 
 def helped(before: Mapping[str, Any], after: Mapping[str, Any]) -> bool:
-    """Whether what failed on the coarser mesh is clearly nearer to its bounds on the finer one."""
+    """Return whether the checks that failed on the coarser mesh are clearly closer to their bounds on the finer one."""
     names = [name for name, check in before.items() if not check.passed]
     return missed(after, names) - 1 <= BETTER * (missed(before, names) - 1)
 
 
 class Checked(Protocol):
-    """What came of one mesh."""
+    """A result on one mesh."""
 
     @property
     def checks(self) -> Mapping[str, Any]: ...
@@ -59,11 +59,10 @@ def refined(
     again: Callable[[F, P], F | str],
     interrupted: Callable[[], bool],
 ) -> tuple[F, str]:
-    """The outcome on finer meshes, as long as a check fails that they can mend, and a sentence on what ended the
-    refinement too early.
+    """Refine while a check fails that a finer mesh can improve; return the outcome and why refinement ended early.
 
-    finer: the problem on a finer mesh, None where none can help. again: the outcome there, begun from the one before,
-    or a sentence that says why there is none.
+    finer: returns the problem on a finer mesh, None if none can help. again: solves it from the previous outcome;
+    returns the new outcome, or a sentence on why it failed.
     """
     for _ in range(PASSES):
         problem = finer(outcome)
@@ -79,12 +78,12 @@ def refined(
 
 
 def refinement_note(given: int, used: int, failed: Iterable[str]) -> str:
-    """What the message adds where the mesh was refined: which checks failed on the given one."""
+    """Return the addition to the message if the mesh was refined: the checks that failed on the given one."""
     if used == given:
         return ""
     return f" on {used} elements: on the given {given} {' and '.join(failed)} failed"
 
 
 def how(solution: Any) -> str:
-    """How it was solved, without what is not known of the answer."""
+    """Return the solution's message without its reservation."""
     return str(solution.message).removesuffix(f": {solution.reservation}" if solution.reservation else "")

@@ -1,4 +1,4 @@
-"""What comes of one mesh: the collocation optimum, the motion that is exported, and the checks of both."""
+"""The result on one mesh: the collocation optimum, the exported motion, and the checks of both."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from .planning import MotionPlan
 from .reference import between_rows
 from .search import MotionSearch
 
-# the printed accuracy of these robots is a fraction of a millimetre; an input that misses by more is no plan
+# far above the published accuracy of these robots, a fraction of a millimetre
 END_ERROR_BOUND_M = 5e-3
 FINER = "use more mesh.elements"
 NO_EXPORT = "the optimum was found, but not the exportable motion"
-FORCE_TOLERANCE = 1e-9  # relative: the exported force keeps its limit at every instant
-SATURATED = 0.99  # of its limit: a motor is at it
-CROSS_CHECK_TOLERANCE = 1e-3  # relative: of the final time along a path, by collocation and by squared speeds
+FORCE_TOLERANCE = 1e-9  # relative tolerance of the force limit, which the exported force satisfies at every instant
+SATURATED = 0.99  # share of its limit from which a motor is saturated
+CROSS_CHECK_TOLERANCE = 1e-3  # relative difference of the final times by collocation and by squared speeds
 MOST_INTERVALS = 3200
-CROSS_CHECK_INTERVALS = 400  # 5e-7 of the time on a line
+CROSS_CHECK_INTERVALS = 400  # relative error 5e-7 of the time on a line
 
 
 @dataclass(frozen=True, kw_only=True)
 class Exported:
-    """The motion that is exported, its cost, and what a re-simulation of its force found."""
+    """The exported motion, its cost, and the results of re-simulating its force."""
 
     trajectory: Trajectory
     moving: Callable[[np.ndarray], Trajectory]
@@ -46,7 +46,7 @@ class Exported:
 
 @dataclass(frozen=True)
 class MotionFailure:
-    """There is no motion to export: the solution that comes nearest, and what was missed."""
+    """No exportable motion: the closest solution and the reason."""
 
     solution: Solution
     message: str
@@ -54,8 +54,8 @@ class MotionFailure:
 
 @dataclass(frozen=True, kw_only=True)
 class MotionOutcome:
-    """What came of one mesh. optima: costs of the different optima, best first. second: final time along the path
-    by squared speeds [s]."""
+    """The result on one mesh. optima: costs of the distinct optima, best first. second: final time along the path by
+    squared speeds [s]."""
 
     plan: MotionPlan
     solution: Solution
@@ -75,7 +75,7 @@ class MotionOutcome:
 
     @property
     def saturation(self) -> list[float]:
-        """Share of the time in which each motor is at its limit."""
+        """Share of time in which each motor is at its limit."""
         tau, weights = at_points(self.solution)
         limit = self.plan.problem.limits.force
         return (weights @ (np.abs(tau) >= SATURATED * limit) / weights.sum()).tolist()
@@ -84,7 +84,7 @@ class MotionOutcome:
 def on_this_mesh(
     plan: MotionPlan, search: MotionSearch, solution: Solution, optima: list[float]
 ) -> MotionOutcome | MotionFailure:
-    """The optimum re-simulated, and the exported motion."""
+    """Re-simulate the optimum and compute the exported motion."""
     try:
         return _outcome(plan, search, solution, optima)
     except NotReached as missed:
@@ -94,9 +94,9 @@ def on_this_mesh(
 def _outcome(
     plan: MotionPlan, search: MotionSearch, solution: Solution, optima: list[float]
 ) -> MotionOutcome | MotionFailure:
-    tried = resimulate(solution)
-    if tried.trajectory is None:
-        message = f"the optimum cannot be re-simulated: {tried.message}; {solution.message}"
+    resimulation = resimulate(solution)
+    if resimulation.trajectory is None:
+        message = f"the optimum cannot be re-simulated: {resimulation.message}; {solution.message}"
         return MotionFailure(solution, message)
     second = None
     if plan.path is not None and not plan.smooth:
@@ -107,21 +107,21 @@ def _outcome(
             return MotionFailure(solution, message)
         exported = _followed(plan, motion)
     else:
-        constant, run = search.exportable_tried(solution, tried)
+        constant, run = search.exportable_tried(solution, resimulation)
         if not constant.status.converged:
             return MotionFailure(constant, f"{NO_EXPORT}: {constant.message}")
         if run.trajectory is None:
             message = f"the exported motion cannot be re-simulated: {run.message}; {constant.message}"
             return MotionFailure(constant, message)
         exported = _resimulated(plan, constant, run)
-    checks = _checks(plan, solution, tried, exported, second)
+    checks = _checks(plan, solution, resimulation, exported, second)
     return MotionOutcome(
-        plan=plan, solution=solution, tried=tried, exported=exported, second=second, optima=optima, checks=checks
+        plan=plan, solution=solution, tried=resimulation, exported=exported, second=second, optima=optima, checks=checks
     )
 
 
 def on_finer_meshes(outcome: MotionOutcome, search: MotionSearch) -> tuple[MotionOutcome, str]:
-    """The outcome on finer meshes, and what ended the refinement too early; iterations of the search are counted on."""
+    """Refine the mesh; return the outcome and why refinement ended early. The search keeps counting iterations."""
 
     def again(before: MotionOutcome, problem: MotionProblem) -> MotionOutcome | str:
         search.go_on(problem, before.solution)
@@ -136,7 +136,7 @@ def on_finer_meshes(outcome: MotionOutcome, search: MotionSearch) -> tuple[Motio
 
 
 def _finer(outcome: MotionOutcome) -> MotionProblem | None:
-    """The problem on a finer mesh, or on more intervals of its path, where a check failed; None where none can help."""
+    """Return the problem on a finer mesh or with more path intervals if a check failed; None if neither can help."""
     problem, checks = outcome.plan.problem, outcome.checks
     followed = outcome.second is not None
     mended = [name for name in checks if name != "constraint_violation" and not (followed and "exported" in name)]
@@ -150,7 +150,7 @@ def _finer(outcome: MotionOutcome) -> MotionProblem | None:
 
 
 def short_names(trajectory: Trajectory, title: str) -> Trajectory:
-    """The robot's own names: robot.T becomes T."""
+    """Remove the prefix from the robot's names: robot.T becomes T."""
     values, units = {}, {}
     for name in trajectory.names:
         short = name.replace("robot.", "")
@@ -159,13 +159,13 @@ def short_names(trajectory: Trajectory, title: str) -> Trajectory:
 
 
 def energy_of(solution: Solution, unit: float) -> float:
-    """sum int (F / unit)^2 dt by the quadrature of the collocation points [s]."""
+    """Return sum int (F / unit)^2 dt [s] by collocation quadrature."""
     tau, weights = at_points(solution)
     return float(np.sum(weights[:, None] * (tau / unit) ** 2))
 
 
 def at_points(solution: Solution) -> tuple[np.ndarray, np.ndarray]:
-    """Forces at all collocation points and their quadrature weights [s]."""
+    """Return forces at all collocation points and their quadrature weights [s]."""
     mesh = solution.nlp.mesh
     weights = np.outer(mesh.h, mesh.table.weights).reshape(-1) * solution.final_time
     return solution.trajectory["robot.tau"][1 : 1 + len(weights)], weights
@@ -177,7 +177,7 @@ def _resimulated(plan: MotionPlan, exported: Solution, run: Resimulation) -> Exp
     if plan.path is not None:
         s, v, a = (trajectory[name] for name in ("s", "der(s)", "der(s,2)"))
         margins = {"margin": trajectory["margin"]} if "margin" in trajectory else {}
-        trajectory = plan.follower.along(trajectory.time, s, v, a).with_values(margins)  # they may need the jerk
+        trajectory = plan.follower.along(trajectory.time, s, v, a).with_values(margins)  # margins may need the jerk
     else:
         T, v, a = (trajectory[name] for name in ("T", "der(T)", "der(T,2)"))
         carts = sampled(plan.robot, trajectory.time, T, v, a, plan.guard)["der(q)"]
@@ -220,11 +220,11 @@ def _peak(run: Resimulation) -> float:
 
 
 def _checks(
-    plan: MotionPlan, solution: Solution, tried: Resimulation, exported: Exported, second: float | None
+    plan: MotionPlan, solution: Solution, resimulation: Resimulation, exported: Exported, second: float | None
 ) -> dict[str, Check]:
-    assert tried.trajectory is not None
+    assert resimulation.trajectory is not None
     problem = plan.problem
-    end_error = _distance(tried.trajectory["robot.T"][-1], plan.goal)
+    end_error = _distance(resimulation.trajectory["robot.T"][-1], plan.goal)
     checks: dict[str, Check] = {
         "constraint_violation": solution.checks["constraint_violation"],
         "end_error_m": at_most(end_error, END_ERROR_BOUND_M, FINER),
@@ -239,5 +239,5 @@ def _checks(
 
 
 def margins_of(plan: MotionPlan, exported: Exported) -> dict[str, float]:
-    """Least margin to each further limit along the exported motion."""
+    """Return the smallest margin to each further limit along the exported motion."""
     return plan.guard.least(exported.trajectory["margin"]) if plan.guard.margins else {}

@@ -1,5 +1,4 @@
-"""The motion study, time- or energy-optimal between two poses, free or along a path, for any robot, and several
-motions beside published numbers."""
+"""The motion study (time- or energy-optimal between two poses, free or along a path), and tables of several motions."""
 
 from __future__ import annotations
 
@@ -51,20 +50,20 @@ def study(
     earlier: Trajectory | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> MotionStudy:
-    """The optimal motion of a robot between two poses, its force re-simulated and bounded at every instant.
+    """Compute the optimal motion of a robot between two poses, re-simulate it, and bound its force at every instant.
 
     Args:
         robot: declares T, the tool centre point (3,) [m], and tau, the motor forces (3,) [N].
-        start, goal: tool centre points (3,) [m], reached at rest; `End` says otherwise.
-        limits: what the motion must keep: forces, speeds, strokes, cones of joints, obstacles.
-        path: `Line`, `Polyline`, `Arc`, `Spline` or `Taught`; the motion is free if left out.
-        cost: weights of time and energy; time alone if left out.
-        mesh, starts, solver: how it is searched. Where a check fails that a finer mesh can mend, one is taken.
-        export: intervals of reference.csv and motion.mod.
-        earlier: the trajectory of an earlier study to start from.
+        start, goal: tool centre points (3,) [m] at rest, or `End` for other end conditions.
+        limits: forces, speeds, strokes, joint cones, obstacles.
+        path: `Line`, `Polyline`, `Arc`, `Spline` or `Taught`; None: a free motion.
+        cost: weights of time and energy; default time only.
+        mesh, starts, solver: options of the search. The mesh is refined if that can make a failed check pass.
+        export: sampling of reference.csv and motion.mod.
+        earlier: the trajectory of an earlier study, used as the guess.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Interrupted, it holds the best iterate as its trajectory, and no values but a final time. Raises ArgumentError.
+    An interrupted study contains the best iterate as its trajectory and only a final time. Raises ArgumentError.
 
     >>> import gtmodel as gt
     >>> from gtmodel.motion import Limits, MotionMesh, study
@@ -86,8 +85,10 @@ def study(
 def solved(
     problem: MotionProblem, work: Work, earlier: Trajectory | None = None, number: int | None = None
 ) -> MotionStudy:
-    """Optimise, re-simulate, and make the exported motion whose force is bounded at every instant; on a finer mesh
-    where a check fails that it can mend. number: of one motion of several. Raises ArgumentError."""
+    """Optimise, re-simulate and export a motion; refine the mesh if a check fails.
+
+    number: of this motion in a table. Raises ArgumentError.
+    """
     work.progress("equations")
     plan = plan_of(problem, earlier)
     work.progress("first guess")
@@ -104,8 +105,8 @@ def solved(
     notes = [reached.message(solution.objective)]
     if search.started < len(starts) and not work.interrupted():
         repeated = reached.repeated >= REPEATED
-        why = f"as {reached.repeated} found nothing new" if repeated else "for solver.max_iterations"
-        notes.append(f"{len(starts) - search.started} of {len(starts)} further starts left out, {why}")
+        why = f"because {reached.repeated} found no new optimum" if repeated else "to keep solver.max_iterations"
+        notes.append(f"{len(starts) - search.started} of {len(starts)} further starts skipped {why}")
     outcome = on_this_mesh(plan, search, solution, reached.different)
     if isinstance(outcome, MotionFailure):
         return _failed(search, outcome)
@@ -117,11 +118,11 @@ def solved(
     return _study_of(problem, outcome, search.iterations, finer, notes, number)
 
 
-def _failed(search: MotionSearch, missed: MotionFailure) -> MotionStudy:
-    problem, solution = search.problem, missed.solution
+def _failed(search: MotionSearch, failure: MotionFailure) -> MotionStudy:
+    problem, solution = search.problem, failure.solution
     return MotionStudy(
         status=SolveStatus.FAILED if solution.status.converged else solution.status,
-        message=missed.message,
+        message=failure.message,
         objective=solution.objective if np.isfinite(solution.objective) else None,
         iterations=search.iterations,
         checks={name: solution.checks[name] for name in ("constraint_violation",)},
@@ -132,9 +133,14 @@ def _failed(search: MotionSearch, missed: MotionFailure) -> MotionStudy:
 
 
 def _study_of(
-    asked: MotionProblem, outcome: MotionOutcome, iterations: int, finer: str, more: list[str], number: int | None
+    original: MotionProblem,
+    outcome: MotionOutcome,
+    iterations: int,
+    finer: str,
+    sentences: list[str],
+    number: int | None,
 ) -> MotionStudy:
-    """finer: what is to be said of a refined mesh. more: further sentences of the message."""
+    """finer: sentence on a refined mesh. more: further sentences of the message."""
     plan, solution, exported = outcome.plan, outcome.solution, outcome.exported
     problem = plan.problem
     run = exported.trajectory
@@ -153,16 +159,16 @@ def _study_of(
             "motion.mod": rapid_text(plan.robot, targets, problem.title, number),
         }
     except NotReached as missed:
-        left_out = at_most(missed.samples, 0, "the motion leaves the reach between its rows: use more mesh.elements")
-        checks = {**checks, "reference_samples_out_of_reach": left_out}
+        unreachable = at_most(missed.samples, 0, "the motion leaves the reach between its rows: use more mesh.elements")
+        checks = {**checks, "reference_samples_out_of_reach": unreachable}
     return MotionStudy(
         status=SolveStatus.SOLVED,
-        message="; ".join(filter(None, [f"{how(solution)} and re-simulated{finer}", *more, solution.reservation])),
+        message="; ".join(filter(None, [f"{how(solution)} and re-simulated{finer}", *sentences, solution.reservation])),
         objective=solution.objective,
         iterations=iterations,
         checks=checks,
         trajectory=trajectory,
-        asked=asked,
+        asked=original,
         final_time=solution.final_time,
         energy=energy_of(solution, problem.cost.force_unit),
         saturation=outcome.saturation,
@@ -206,25 +212,25 @@ def table_study(
     rows: Sequence[TableRow],
     **work_options: Unpack[WorkOptions],
 ) -> MotionTable:
-    """Several optimal motions one after the other; ends at the first that is not solved.
+    """Compute several optimal motions in order; stop at the first that is not solved.
 
     Args:
-        rows: at least two; the last one is what the others are compared with.
+        rows: at least two; the first is compared with the last.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Raises ArgumentError, before the first row is solved.
+    Raises ArgumentError before the first row is solved.
 
     >>> import gtmodel as gt
     >>> from gtmodel.motion import Cost, End, Limits, MotionMesh, MotionProblem, TableRow, table_study
     >>> ends = {"start": End([0.0, -0.9, 0.1]), "goal": End([0.2, -0.9, 0.2])}
     >>> robot, mesh = gt.robots.gantry_tau("l1_tape"), MotionMesh(elements=10)
-    >>> asked = {"robot": robot, "limits": Limits(force=700.0), "mesh": mesh}
-    >>> fast, thrifty = (MotionProblem(**ends, **asked, cost=Cost(energy=w)) for w in (0.0, 1e-5))
-    >>> table_study([TableRow("fast", fast), TableRow("thrifty", thrifty)]).saving > 0
+    >>> common = {"robot": robot, "limits": Limits(force=700.0), "mesh": mesh}
+    >>> fastest, efficient = (MotionProblem(**ends, **common, cost=Cost(energy=w)) for w in (0.0, 1e-5))
+    >>> table_study([TableRow("time-optimal", fastest), TableRow("energy-efficient", efficient)]).saving > 0
     True
     """
     if len(rows) < 2:
-        raise ArgumentError(f"expected two rows or more; found {len(rows)}", "rows")
+        raise ArgumentError(f"expected at least two rows; found {len(rows)}", "rows")
     work = Work(**work_options)
     for n, row in enumerate(rows):
         try:
@@ -232,44 +238,44 @@ def table_study(
         except ArgumentError as error:
             where = f"rows[{n}].problem.{error.argument}" if error.argument else f"rows[{n}]"
             raise ArgumentError(error.message, where) from error
-    done: list[MotionStudy] = []
+    studies: list[MotionStudy] = []
     for n, row in enumerate(rows):
         work.progress(f"row {n + 1} of {len(rows)}: {row.name}", n / len(rows), None)
-        done.append(solved(row.problem, work, number=n + 1))
-        if not done[-1].status.converged:
+        studies.append(solved(row.problem, work, number=n + 1))
+        if not studies[-1].status.converged:
             break
-    return _table_of(rows, done, work.title)
+    return _table_of(rows, studies, work.title)
 
 
-def _table_of(rows: Sequence[TableRow], done: list[MotionStudy], title: str) -> MotionTable:
-    first, last = done[0], done[-1]
+def _table_of(rows: Sequence[TableRow], studies: list[MotionStudy], title: str) -> MotionTable:
+    first, last = studies[0], studies[-1]
     entries = []
-    for row, s in zip(rows, done, strict=False):
-        kept = {key: s.values.get(key) for key in MEASURED}
-        entries.append({"name": row.name, "cost": s.objective, "iterations": s.attempt_iterations, **kept})
+    for row, s in zip(rows, studies, strict=False):
+        values = {key: s.values.get(key) for key in MEASURED}
+        entries.append({"name": row.name, "cost": s.objective, "iterations": s.attempt_iterations, **values})
     if first.final_time is None or last.final_time is None or first.energy is None or last.energy is None:
         return MotionTable(
             status=last.status,
-            message=f"row {len(done)}, {rows[len(done) - 1].name}: {last.message}",
-            title=title, asked=rows, motions=done, entries=entries, trajectory=last.trajectory,
+            message=f"row {len(studies)}, {rows[len(studies) - 1].name}: {last.message}",
+            title=title, asked=rows, motions=studies, entries=entries, trajectory=last.trajectory,
         )  # fmt: skip
     checks = {}
-    for n, (row, s) in enumerate(zip(rows, done, strict=True), 1):
+    for n, (row, s) in enumerate(zip(rows, studies, strict=True), 1):
         checks |= {f"row_{n}_{name}": check for name, check in s.checks.items()}
         if row.most_iterations is not None:
             checks[f"row_{n}_iterations"] = at_most(s.attempt_iterations or 0, float(row.most_iterations))
-    runs = [(row.name, s.trajectory) for row, s in zip(rows, done, strict=True) if s.trajectory is not None]
-    reserved = [f"row {n}: {s.message}" for n, s in enumerate(done, 1) if s.message != first.message]
+    runs = [(row.name, s.trajectory) for row, s in zip(rows, studies, strict=True) if s.trajectory is not None]
+    differing = [f"row {n}: {s.message}" for n, s in enumerate(studies, 1) if s.message != first.message]
     return MotionTable(
         status=SolveStatus.SOLVED,
-        message="; ".join([f"{len(done)} rows {first.message}", *reserved]),
+        message="; ".join([f"{len(studies)} rows: {first.message}", *differing]),
         title=title,
         objective=first.objective,
-        iterations=sum(s.iterations or 0 for s in done),
+        iterations=sum(s.iterations or 0 for s in studies),
         checks=checks,
         trajectory=first.trajectory,
         asked=rows,
-        motions=done,
+        motions=studies,
         entries=entries,
         saving=1 - first.final_time / last.final_time,
         energy_ratio=first.energy / last.energy,
@@ -277,8 +283,8 @@ def _table_of(rows: Sequence[TableRow], done: list[MotionStudy], title: str) -> 
             "paths": partial(_paths, runs),
             "forces": partial(_forces, runs, rows[0].problem.limits.force),
         },
-        files={f"row_{n}_{name}": content for n, s in enumerate(done, 1) for name, content in s.files.items()},
-        machine_files=[f"row_{n}_{name}" for n, s in enumerate(done, 1) for name in s.machine_files],
+        files={f"row_{n}_{name}": content for n, s in enumerate(studies, 1) for name, content in s.files.items()},
+        machine_files=[f"row_{n}_{name}" for n, s in enumerate(studies, 1) for name in s.machine_files],
     )
 
 

@@ -1,5 +1,4 @@
-"""What a motion is asked to be: its ends, what it must keep, its path, its cost, how it is solved, and all of it in
-one object."""
+"""Options of a motion: ends, limits, path, cost, mesh, solver, export, and the problem that contains them all."""
 
 from __future__ import annotations
 
@@ -20,16 +19,16 @@ else:
 At = Literal["velocity", "acceleration"]
 Barrier = Annotated[
     Literal["auto", "adaptive", "monotone"],
-    "how IPOPT lowers its barrier; auto: adaptive, and monotone where that fails",
+    "IPOPT's barrier strategy; auto: adaptive, then monotone if that fails",
 ]
 MostElements = Annotated[
-    int, Within(above=0, most=10000), "where a check fails the mesh is refined, to at most so many elements"
+    int, Within(above=0, most=10000), "largest number of elements; the mesh is refined up to this if a check fails"
 ]
 
 
 @dataclass(frozen=True)
 class End(Options):
-    """An end of the motion: where the tool centre point is, and which of its derivatives vanish there.
+    """An end of the motion: the tool centre point and which of its derivatives vanish there.
 
     >>> gt.motion.End([0.9, -0.9, 0.45], rest=["speed"])
     Traceback (most recent call last):
@@ -38,14 +37,14 @@ class End(Options):
     """
 
     tcp: Annotated[list[float], Unit("m"), Long(3), "tool centre point, three coordinates in the robot's frame"]
-    rest: Annotated[list[At], "what vanishes there: velocity, acceleration"] = field(
+    rest: Annotated[list[At], "derivatives that vanish there: velocity, acceleration"] = field(
         default_factory=lambda: ["velocity"]
     )
 
 
 @dataclass(frozen=True)
 class JointCone(Options):
-    """How far a link may lean in the ball joint at one of its ends.
+    """Largest tilt of a link in the ball joint at one of its ends.
 
     >>> cone = gt.motion.JointCone(arm=0, end="plate", axis=[0.0, 0.0, 1.0], half_angle=np.radians(35.0))
     >>> limits = gt.motion.Limits(force=700.0, joint_cones=[cone])
@@ -55,11 +54,11 @@ class JointCone(Options):
     gtmodel.results.refusal.ArgumentError: half_angle: must be more than 0 and at most 1.5708; found 35
     """
 
-    arm: Annotated[int, Within(least=0), "number of the arm, from 0"]
+    arm: Annotated[int, Within(least=0), "index of the arm, from 0"]
     end: Annotated[Literal["cart", "plate"], "the end of the link at which the joint sits"]
     axis: Annotated[
         list[float], Long(3),
-        "mounting direction of the joint in the robot's frame, from cart towards plate; of a joint that "
+        "mounting direction of the joint in the robot's frame, from cart towards plate; for a joint that "
         "turns with the plate or a rotary axis, its direction at the start",
     ]  # fmt: skip
     half_angle: Annotated[
@@ -70,7 +69,7 @@ class JointCone(Options):
 
 @dataclass(frozen=True)
 class Obstacle(Options):
-    """A box, parallel to the axes, that the tool centre point and all links stay out of.
+    """An axis-aligned box that the tool centre point and all links must avoid.
 
     >>> box = gt.motion.Obstacle(center=[0.45, -0.9, 0.3], size=[0.2, 0.2, 0.2], clearance=0.05)
     >>> limits = gt.motion.Limits(force=700.0, obstacles=[box])
@@ -83,13 +82,13 @@ class Obstacle(Options):
     center: Annotated[list[float], Unit("m"), Long(3), "its centre in the robot's frame"]
     size: Annotated[list[float], Unit("m"), Within(above=0.0), Long(3), "its edge lengths"]
     clearance: Annotated[
-        float, Unit("m"), Within(least=0.0), "distance kept from it, radii of tool and links included"
+        float, Unit("m"), Within(least=0.0), "required distance from it, including the radii of tool and links"
     ] = 0.0
 
 
 @dataclass(frozen=True)
 class MotionLimits(Options):
-    """What the motion of a robot on three carts must keep; what is left out is unlimited."""
+    """Limits of the motion of a robot on three carts; None: unlimited."""
 
     force: Annotated[float, Unit("N"), Within(above=0.0), "largest motor force of each cart, friction included"]
     tcp_velocity: Annotated[
@@ -106,24 +105,24 @@ class MotionLimits(Options):
         float | None, Unit("m/s2"), Within(above=0.0), "largest acceleration of each cart"
     ] = None  # fmt: skip
     cart_low: Annotated[
-        list[float] | None, Unit("m"), Long(3), "least position of each cart on its guideway"
+        list[float] | None, Unit("m"), Long(3), "smallest position of each cart on its guideway"
     ] = None  # fmt: skip
     cart_high: Annotated[
         list[float] | None, Unit("m"), Long(3), "largest position of each cart on its guideway"
     ] = None  # fmt: skip
     tcp_low: Annotated[
-        list[float] | None, Unit("m"), Long(3), "lower corner of the box that holds the tool centre point"
+        list[float] | None, Unit("m"), Long(3), "lower corner of a box that the tool centre point must not leave"
     ] = None
     tcp_high: Annotated[
-        list[float] | None, Unit("m"), Long(3), "upper corner of the box that holds the tool centre point"
+        list[float] | None, Unit("m"), Long(3), "upper corner of a box that the tool centre point must not leave"
     ] = None
     joint_cones: Annotated[list[JointCone], "cones of the ball joints"] = field(default_factory=list)
-    obstacles: Annotated[list[Obstacle], "boxes to stay out of"] = field(default_factory=list)
+    obstacles: Annotated[list[Obstacle], "boxes to avoid"] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
 class Limits(MotionLimits):
-    """What the motion of a robot on three carts must keep; what is left out is unlimited.
+    """Limits of the motion of a robot on three carts; None: unlimited.
 
     >>> limits = gt.motion.Limits(force=700.0, tcp_velocity=2.0, cart_low=[-1.0, -1.0, -1.0])
     >>> limits.link_along_guideway
@@ -136,13 +135,13 @@ class Limits(MotionLimits):
 
     link_along_guideway: Annotated[
         float, Unit("m"), Within(least=0.0),
-        "least component of each link along its guideway: how far to stay off the edge of reach",
+        "smallest component of each link along its guideway: the distance from the boundary of the workspace",
     ] = 0.02  # fmt: skip
 
 
 @dataclass(frozen=True)
 class AxisLimits(MotionLimits):
-    """What the motion of a robot with three carts and three rotary axes must keep; what is left out is unlimited.
+    """Limits of the motion of a robot with three carts and three rotary axes; None: unlimited.
 
     >>> limits = gt.motion.AxisLimits(force=1000.0, torque=40.0, axis_velocity=np.radians(180.0))
     >>> gt.motion.AxisLimits(force=1000.0, torque=0.0)
@@ -155,7 +154,7 @@ class AxisLimits(MotionLimits):
         float, Unit("N.m"), Within(above=0.0), "largest motor torque of each rotary axis"
     ] = field(kw_only=True)  # fmt: skip
     axis_low: Annotated[
-        list[float] | None, Unit("rad", written="deg"), Long(3), "least angle of each rotary axis"
+        list[float] | None, Unit("rad", written="deg"), Long(3), "smallest angle of each rotary axis"
     ] = None  # fmt: skip
     axis_high: Annotated[
         list[float] | None, Unit("rad", written="deg"), Long(3), "largest angle of each rotary axis"
@@ -170,8 +169,7 @@ class AxisLimits(MotionLimits):
 
 @dataclass(frozen=True)
 class Shape(Options):
-    """Base of the paths that a motion can follow from its start to its goal: `Line`, `Polyline`, `Arc`, `Spline`,
-    `Taught`.
+    """Base class of paths from start to goal: `Line`, `Polyline`, `Arc`, `Spline`, `Taught`.
 
     >>> gt.motion.Line(intervals=0)
     Traceback (most recent call last):
@@ -181,7 +179,7 @@ class Shape(Options):
 
     intervals: Annotated[
         int, Within(above=0),
-        "intervals of the motion by squared speeds, the exported one where the carts alone move the robot",
+        "number of intervals of the motion by squared speeds, which is exported if the robot has carts only",
     ] = field(default=400, kw_only=True)  # fmt: skip
 
 
@@ -198,9 +196,9 @@ class Line(Shape):
 
 @dataclass(frozen=True)
 class Polyline(Shape):
-    """Straight pieces whose corners are rounded by curves of continuous curvature.
+    """Straight segments with corners rounded by curves of continuous curvature.
 
-    via: its corners (n, 3) [m] between start and goal. The length that a study gives is that of the rounded path.
+    via: its corners (n, 3) [m] between start and goal. The length in a study is that of the rounded path.
 
     >>> start, goal = np.array([0.0, -0.9, 0.1]), np.array([0.2, -0.9, 0.1])
     >>> path = gt.motion.Polyline(via=[[0.1, -0.9, 0.3]], blend=0.05)
@@ -220,7 +218,7 @@ class Polyline(Shape):
 
 @dataclass(frozen=True)
 class Arc(Shape):
-    """The arc of a circle from start to goal through a third point. Raises ArgumentError where the three lie on a line.
+    """The circular arc from start to goal through a third point. Raises ArgumentError if the three are collinear.
 
     >>> start, goal = np.array([0.0, -0.9, 0.1]), np.array([0.2, -0.9, 0.1])
     >>> half = gt.motion.Arc(through=[0.1, -0.9, 0.2])
@@ -233,9 +231,9 @@ class Arc(Shape):
 
 @dataclass(frozen=True)
 class Spline(Shape):
-    """The smooth curve through points (n, 3) [m], n >= 3; the first and the last of them are start and goal.
+    """The natural cubic spline through points (n, 3) [m], n >= 3, over the length of their polygon.
 
-    It is the natural cubic spline over the length of their polygon. The length that a study gives is that of the curve.
+    The first and last points are start and goal. The length in a study is that of the curve.
 
     >>> start, goal = np.array([0.0, -0.9, 0.1]), np.array([0.2, -0.9, 0.1])
     >>> curve = gt.motion.Spline(points=np.array([start, [0.1, -0.85, 0.2], goal]))
@@ -243,14 +241,14 @@ class Spline(Shape):
     array([[ 0.1 , -0.85,  0.2 ]])
     """
 
-    points: Annotated[np.ndarray, Unit("m"), Long(3), "on the path, three coordinates each"]
+    points: Annotated[np.ndarray, Unit("m"), Long(3), "points on the path, three coordinates each"]
 
 
 @dataclass(frozen=True)
 class Taught(Shape):
-    """A recorded path, points (n, 3) [m] with at least six different ones, which is smoothed.
+    """A recorded path that is smoothed: points (n, 3) [m], at least six of them distinct.
 
-    The path may miss start and goal by three times the tolerance.
+    The path may deviate from start and goal by three times the tolerance.
 
     >>> start, goal = np.array([0.0, -0.9, 0.1]), np.array([0.2, -0.9, 0.1])
     >>> s = np.linspace(0.0, 1.0, 50)[:, None]
@@ -260,16 +258,15 @@ class Taught(Shape):
     0.2
     """
 
-    points: Annotated[np.ndarray, Unit("m"), Long(3), "as they were recorded, three coordinates each"]
+    points: Annotated[np.ndarray, Unit("m"), Long(3), "recorded points, three coordinates each"]
     tolerance: Annotated[
-        float, Unit("m"), Within(above=0.0), "root mean square distance left by the smoothing"
+        float, Unit("m"), Within(above=0.0), "RMS distance of the smoothed path from the points"
     ] = 5e-4  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Cost(Options):
-    """What is minimised: time * T + energy * sum int (F / force_unit_N)^2 dt, the sum over the motors, T the final
-    time.
+    """The cost time * T + energy * sum int (F / force_unit_N)^2 dt, summed over the motors; T is the final time.
 
     >>> gt.motion.Cost(energy=0.01, force_unit=112.9).time  # time and energy together
     1.0
@@ -281,29 +278,29 @@ class Cost(Options):
 
     time: Annotated[float, Within(least=0.0), "weight of the final time"] = 1.0
     energy: Annotated[float, Within(least=0.0), "weight of the energy"] = 0.0
-    force_unit: Annotated[float, Unit("N"), Within(above=0.0), "force that counts as one in the energy"] = 1.0
+    force_unit: Annotated[float, Unit("N"), Within(above=0.0), "reference force in the energy"] = 1.0
 
 
 @dataclass(frozen=True)
 class Starts(Options):
-    """Further starts of the search; of all optima found the best one counts, and the message says how many starts ended
-    there.
+    """Further starts of the search. The best optimum is used; the message says how many starts ended in it.
 
-    In turn from the line bent to a drawn side, bent to the other side, with the other barrier strategy, and without a
-    profile of speed; then from further bends. They end early where the last four found no new optimum.
+    The guesses are, in order: the line bent to a random side, bent to the opposite side, the line with the other
+    barrier strategy, the line without a speed profile, then further random bends. The search stops early if four
+    consecutive starts find no new optimum.
 
     >>> gt.motion.Starts(count=4).bend  # [m]
     0.15
     """
 
     count: Annotated[int, Within(least=0), "number of further starts"] = 0
-    seed: Annotated[int, "seed of their drawing"] = 1
-    bend: Annotated[float, Unit("m"), Within(above=0.0), "how far a line is bent"] = 0.15
+    seed: Annotated[int, "random seed of the bends"] = 1
+    bend: Annotated[float, Unit("m"), Within(above=0.0), "largest lateral offset of a bent line"] = 0.15
 
 
 @dataclass(frozen=True)
 class MotionMesh(Options):
-    """Where the equations are collocated (Radau).
+    """The collocation mesh (Radau).
 
     A polynomial force may exceed its limit between collocation points; the exported motion does not.
 
@@ -318,13 +315,13 @@ class MotionMesh(Options):
     points: Annotated[int, Within(least=1, most=9), "collocation points per element"] = 3
     control: Annotated[
         Literal["polynomial", "constant"],
-        "force polynomial per element, bounded at its points only, or one value",
+        "force on each element: a polynomial, bounded at the collocation points only, or a constant",
     ] = "polynomial"
 
 
 @dataclass(frozen=True)
 class Solver(Options):
-    """When the solver stops, and which equations it is given.
+    """Limits and formulation of the solver.
 
     >>> gt.motion.Solver(barrier="mehrotra")
     Traceback (most recent call last):
@@ -332,28 +329,28 @@ class Solver(Options):
     gtmodel.results.agreement.WrongKind: barrier: expected one of auto, adaptive, monotone; found 'mehrotra'
     """
 
-    tolerance: Annotated[float, Within(above=0.0), "on the scaled optimality conditions"] = 1e-8
+    tolerance: Annotated[float, Within(above=0.0), "tolerance of the scaled optimality conditions"] = 1e-8
     max_iterations: Annotated[
         int, Within(above=0),
-        "limit of iterations: of all attempts together, further starts and the exported motion included",
+        "limit of iterations over all attempts, further starts and the exported motion",
     ] = 1000  # fmt: skip
     barrier: Barrier = "auto"
     formulation: Annotated[
         Literal["auto", "inverse", "explicit", "torn", "dae"],
-        "which equations are collocated; dae: all as they stand, for robots without closed forms",
+        "formulation of the collocated equations; dae: nothing eliminated, for robots without closed forms",
     ] = "auto"
 
 
 @dataclass(frozen=True)
 class Export(Options):
-    """Sampling of the files for a controller: reference.csv, and the RAPID module motion.mod.
+    """Sampling of the controller files: reference.csv and the RAPID module motion.mod.
 
     >>> gt.motion.Export().sample, gt.motion.Export().target  # [s]
     (0.004, 0.04)
     """
 
-    sample: Annotated[float, Unit("s"), Within(least=1e-5), "interval of reference.csv"] = 0.004
-    target: Annotated[float, Unit("s"), Within(least=1e-4), "interval of the targets in motion.mod"] = 0.04
+    sample: Annotated[float, Unit("s"), Within(least=1e-5), "sampling period of reference.csv"] = 0.004
+    target: Annotated[float, Unit("s"), Within(least=1e-4), "time between targets in motion.mod"] = 0.04
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -361,8 +358,8 @@ class MotionProblem(Options):
     """A robot's motion from one pose to another.
 
     robot: declares T, the tool centre point (3,) [m], and tau, the motor forces (3,) [N].
-    start, goal: its ends. limits: what it must keep. path: what it follows; free if None.
-    cost, mesh, starts, solver: what is minimised, and how it is searched. export: of the files for a controller.
+    start, goal: ends. limits: see `Limits`. path: the path to follow; None: a free motion.
+    cost, mesh, starts, solver: objective and options of the search. export: sampling of the controller files.
 
     Raises ArgumentError for objects of other classes.
 
@@ -398,9 +395,10 @@ class MotionProblem(Options):
 
     @property
     def order(self) -> int | None:
-        """The derivative of the motion that is the control; None: the forces are.
+        """Order of the derivative of the motion that is the control; None: the forces are the control.
 
-        A constant force on an element holds neither an acceleration nor a speed: friction changes within milliseconds.
+        With a force that is constant per element, limits on acceleration and speed could not be kept, since friction
+        changes within milliseconds.
         """
         limits = self.limits
         if limits.tcp_jerk is not None:

@@ -1,5 +1,5 @@
-"""Along a path: functions of its coordinate for the fast engine, causal functions that follow their branch, where
-links stand, and the motion of given squared speeds."""
+"""Path parametrisation: functions of the path coordinate, branch-following causal functions, link positions, and the
+motion from squared path speeds."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ if TYPE_CHECKING:
 else:
     Path = hint("gtmodel.motion.paths", "Path")
 
-STEPS = 8  # of Newton from the instant before; more say that it is not near
-SAME = 1e-6  # relative and absolute: of values that Newton found from two sides
-CONVERGED = 1e-12  # relative: corrections this small are round-off
+STEPS = 8  # limit of Newton steps from the previous instant
+SAME = 1e-6  # relative and absolute tolerance for equal solutions from two starts
+CONVERGED = 1e-12  # relative size of a correction that counts as converged
 
 
 class FollowedBranch:
-    """The first target of a function at instants that follow one another closely, as an integrator asks for them.
+    """The first target of a causal function at closely spaced instants, as in an integrator.
 
-    From the home pose on the function itself finds its unknowns, which takes several times as long: it is asked only at
-    the first instant, and where Newton does not converge from the last one. What it says of margins, and whether it is
-    on the same branch, is asked of all instants that were kept at once.
+    Newton's method starts from the previous instant. The function's own solution from the home pose, which takes
+    several times as long, is used only at the first instant and if Newton's method fails. `statuses` evaluates margins
+    and the branch at all recorded instants at once.
 
     >>> class Cubic(gt.Model):
     ...     x, u = gt.variable(), gt.input()
@@ -55,37 +55,37 @@ class FollowedBranch:
         self._kept: list[tuple[tuple[np.ndarray, ...], np.ndarray]] = []
 
     def __call__(self, *arguments: Any) -> np.ndarray:
-        """The target (n,); NaN where the function fails."""
+        """Return the target (n,); NaN if the function fails."""
         columns = [np.asarray(a, float).reshape(-1) for a in arguments]
-        given, unknowns = np.concatenate(columns), []
+        known, unknowns = np.concatenate(columns), []
         for kernel, z in zip(self.f.kernels, self.near, strict=bool(self.near)):
-            corrected = _corrected(kernel, z, given)
+            corrected = _corrected(kernel, z, known)
             if corrected is None:
                 break
             unknowns.append(corrected)
-            given = np.concatenate([given, corrected])
+            known = np.concatenate([known, corrected])
         if len(unknowns) < len(self.f.kernels):
             unknowns = [z.reshape(-1) for z in self.f.unknowns(*arguments)[0]]
         self.near = unknowns if all(np.all(np.isfinite(z)) for z in unknowns) else []
         return np.asarray(self.f.closed.call([ca.DM(a) for a in (*columns, *unknowns)])[0]).reshape(-1)
 
     def kept(self, *arguments: Any) -> np.ndarray:
-        """The target at an instant that `statuses` will look at."""
+        """Return the target and record the instant for `statuses`."""
         value = self(*arguments)
         self._kept.append((tuple(np.asarray(a, float) for a in arguments), value))
         return value
 
     def statuses(self) -> np.ndarray:
-        """The function's own status at all instants that were kept, WRONG_BRANCH where it finds another value."""
+        """Return the function's own status at all recorded instants; WRONG_BRANCH if its value differs."""
         value, *_, status = self.f(*(np.array(column) for column in zip(*(a for a, _ in self._kept), strict=True)))
-        own = np.array([v for _, v in self._kept])
-        same = np.isclose(own, np.reshape(value, own.shape), rtol=SAME, atol=SAME).all(axis=1)
+        recorded = np.array([v for _, v in self._kept])
+        same = np.isclose(recorded, np.reshape(value, recorded.shape), rtol=SAME, atol=SAME).all(axis=1)
         return np.where((status == Status.OK) & ~same, Status.WRONG_BRANCH, status)
 
 
-def _corrected(kernel: NewtonKernel, z: np.ndarray, given: np.ndarray) -> np.ndarray | None:
-    """A solution from z by Newton; None where it is not reached in a few steps."""
-    a, last = ca.DM(given), np.inf
+def _corrected(kernel: NewtonKernel, z: np.ndarray, known: np.ndarray) -> np.ndarray | None:
+    """Solve by Newton's method from z; None if it does not converge in a few steps."""
+    a, last = ca.DM(known), np.inf
     for _ in range(STEPS):
         r, jacobian = (v.full() for v in kernel.residual(z, a))
         try:
@@ -95,31 +95,30 @@ def _corrected(kernel: NewtonKernel, z: np.ndarray, given: np.ndarray) -> np.nda
         z, size = z - step, float(np.max(np.abs(step) / kernel.scale))
         if size <= CONVERGED:
             return z
-        if not size < last:  # round-off, or not near
+        if not size < last:  # rounding, or no convergence
             return z if size <= 1e3 * CONVERGED else None
         last = size
     return None
 
 
 def motion_function(robot: gt.Model, guard: MotionConstraints = NO_GUARD) -> CausalFunction:
-    """(T, T', T'') -> forces, carts, their speeds, joints of the links (`joint_names`), and the guard's margins: one
-    function for all questions."""
+    """Return (T, T', T'') -> forces, carts, cart speeds, link joints (`joint_names`), and the guard's margins."""
     p = guard.prefix
     names = [f"{p}tau", f"{p}q", f"der({p}q)", *(f"{p}{name}" for name in joint_names(robot))]
     return compile_causal(guard.model(robot), known=f"{p}T", targets=[*names, *(["margin"] if guard.margins else [])])
 
 
 def joint_names(robot: gt.Model) -> list[str]:
-    """The cart joints of the links in `link_names` order, and behind them their plate joints."""
+    """Return the names of the cart joints of the links in `link_names` order, then those of the plate joints."""
     names = link_names(robot)
     return [*names, *(name.removesuffix("a.r") + "b.r" for name in names)]
 
 
 def link_ends(robot: gt.Model, T: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cart and plate joints (rows, n, 3) [m] of the links in `link_names` order at TCP positions (rows, 3), and the
-    status of each row; without links only the status counts."""
+    """Return cart and plate joints (rows, n, 3) [m] of the links in `link_names` order at TCP positions (rows, 3), and
+    the status of each row."""
     names = joint_names(robot)
-    # forces and all: where there are none, the positions are asked for alone
+    # reuse the function with forces; if it fails, solve for the positions alone
     _, _, _, *points, status = motion_function(robot).along(T)
     if np.any(status != Status.OK):
         *points, status = compile_causal(robot, known="T", targets=names or ["q"]).along(T)
@@ -127,7 +126,7 @@ def link_ends(robot: gt.Model, T: np.ndarray) -> tuple[np.ndarray, np.ndarray, n
 
 
 def joints_of(names: Sequence[str], points: Sequence[np.ndarray], rows: int) -> tuple[np.ndarray, np.ndarray]:
-    """Cart and plate joints (rows, n, 3) of the values of `joint_names`."""
+    """Return cart and plate joints (rows, n, 3) from the values of `joint_names`."""
     if not names:
         return np.zeros((rows, 0, 3)), np.zeros((rows, 0, 3))
     half = len(names) // 2
@@ -135,8 +134,8 @@ def joints_of(names: Sequence[str], points: Sequence[np.ndarray], rows: int) -> 
 
 
 def along_guideways(robot: gt.Model, tips: np.ndarray, joints: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
-    """Components (..., n) [m] of n links along their guideways, for plate and cart joints (..., n, 3) in the order of
-    `link_names`; where all links meet in one point, tips may be that point."""
+    """Return the components (..., n) [m] of n links along their guideways, from plate and cart joints (..., n, 3) in
+    `link_names` order. If all links meet in one point, tips may be that point."""
     flat = flat_of(robot)
     directions = [flat.bindings[name.removesuffix("rod.a.r") + "v"] for name in link_names(robot)]
     if not directions:
@@ -149,11 +148,11 @@ MIDDLE = np.array([0.5])
 
 
 def rows_along(f: CausalFunction, curve: Curve) -> tuple[ca.Function, Curve]:
-    """(x, x', x'') and Newton's unknowns -> the targets of f, and the curve with those unknowns beside it.
+    """Return (x, x', x'', Newton unknowns) -> targets of f, and the curve extended by these unknowns.
 
     f: a function of one known variable and its derivatives up to the second. curve: s -> that variable and its
-    two derivatives, (n, d) each. Positions need Newton where the robot has no closed form; they are solved once at
-    each node, and all that is left is explicit: exact derivatives, and no root finder inside the optimisation.
+    two derivatives, (n, d) each. Positions without a closed form are solved once at each node. The remaining functions
+    are explicit, with exact derivatives and no root finder inside the optimisation.
 
     Raises ArgumentError for a model whose Newton blocks depend on velocities.
     """
@@ -165,28 +164,28 @@ def rows_along(f: CausalFunction, curve: Curve) -> tuple[ca.Function, Curve]:
     outputs = f.closed.call([*f.arguments_along(*x), *z])
     rows = ca.Function("rows", [*x, *z], outputs[: len(f.outputs)], {"cse": True})
 
-    def along(s: np.ndarray) -> tuple[np.ndarray, ...]:
+    def extended(s: np.ndarray) -> tuple[np.ndarray, ...]:
         return (*curve(s), *_unknowns(f, curve, s, moving=False)[0])
 
-    return rows, along
+    return rows, extended
 
 
 def task_along(
     f: CausalFunction, curve: Curve, margins_from: int, limit: np.ndarray, squares: np.ndarray, **more: Any
 ) -> PathTask:
-    """The task of a robot along a path.
+    """Return the PathTask of a robot along a path.
 
-    f: as for `rows_along`; its first target are the motor forces, those from `margins_from` on are kept above zero.
-    limit: (m,) of the motor forces. squares: (m,) their weights in the energy. more: of PathTask.
+    f: as for `rows_along`; its first target is the motor forces, targets from `margins_from` on must be >= 0.
+    limit: (m,) of the motor forces. squares: (m,) their weights in the energy. more: fields of PathTask.
     """
     rows, along = rows_along(f, curve)
-    given = rows.sx_in()
-    values = rows.call(given)
+    inputs = rows.sx_in()
+    values = rows.call(inputs)
     bounded = ca.vertcat(values[0], *values[margins_from:])
     extra = bounded.numel() - len(limit)
     return PathTask(
         along,
-        ca.Function("rows", given, [bounded], {"cse": True}),
+        ca.Function("rows", inputs, [bounded], {"cse": True}),
         np.concatenate([-limit, np.zeros(extra)]),
         np.concatenate([limit, np.full(extra, np.inf)]),
         np.concatenate([squares, np.zeros(extra)]),
@@ -195,7 +194,7 @@ def task_along(
 
 
 def _unknowns(f: CausalFunction, curve: Curve, s: np.ndarray, moving: bool) -> tuple[list[np.ndarray], np.ndarray]:
-    """At rest, or with the path's derivative as velocity."""
+    """Solve Newton's unknowns at rest, or with the path's derivative as velocity."""
     x, slope, _ = curve(s)
     arguments = f.arguments_along(*((x, slope) if moving else (x,)))
     shaped = [a if signal.shape else a[:, 0] for a, signal in zip(arguments, f.inputs, strict=True)]
@@ -205,26 +204,26 @@ def _unknowns(f: CausalFunction, curve: Curve, s: np.ndarray, moving: bool) -> t
 def _check(f: CausalFunction, curve: Curve) -> None:
     at_rest, moving = (_unknowns(f, curve, MIDDLE, moving)[0] for moving in (False, True))
     if any(not np.array_equal(a, b, equal_nan=True) for a, b in zip(at_rest, moving, strict=True)):
-        raise ArgumentError("a position of the robot depends on its velocity; a path cannot be followed by it", "robot")
+        raise ArgumentError("has positions that depend on velocities, so it cannot follow a path", "robot")
 
 
-FORCE_RESERVE = 1e-5  # of the limit: what the root's rounding at rest and the curvature between nodes may take
-TIGHTENINGS = 4  # each takes what the curvature of the path adds between nodes, some 0.1 %, off the limit
-PER_INTERVAL = 4  # forces between nodes are looked at so often
+FORCE_RESERVE = 1e-5  # of the limit: for rounding at rest and curvature between nodes
+TIGHTENINGS = 4  # each lowers the limit by the observed excess between nodes, about 0.1 %
+PER_INTERVAL = 4  # samples per interval
 FOLLOWING = 1e-9  # tolerance of the integrator, relative and absolute
-DEGREE = 5  # of the polynomial that stands for a force within one interval when it is integrated
+DEGREE = 5  # of the polynomial that interpolates a force within one interval for integration
 
 
 @dataclass(frozen=True, eq=False)
 class PathParametrization:
-    """The robot of a problem, which follows a path within its limits and further margins."""
+    """A robot that follows a path within its limits and further margins."""
 
     problem: MotionProblem
     guard: MotionConstraints
     path: Path
 
     def trouble(self, samples: int = 401) -> str:
-        """One sentence on a place that the path cannot pass; empty where there is none."""
+        """Return one sentence on a point that the path cannot pass; empty if there is none."""
         s = np.linspace(0.0, 1.0, samples)
         T = self.path(s)[0]
         joints, tips, status = link_ends(self.problem.robot, T)
@@ -232,17 +231,17 @@ class PathParametrization:
         bad = np.flatnonzero(status != Status.OK)
         least = self.problem.limits.link_along_guideway
         for k in range(samples):
-            shown = f"({', '.join(f'{x:.4g}' for x in T[k])}) m, {100 * s[k]:.0f} % of the way"
+            place = f"({', '.join(f'{x:.4g}' for x in T[k])}) m, {100 * s[k]:.0f} % of the way"
             if bad.size and k == bad[0]:
-                return f"the path leaves the workspace at {shown}"
+                return f"the path leaves the workspace at {place}"
             if least_along[k] < least:
-                return f"the path comes to the edge of reach at {shown}: a link stands {least_along[k]:.3g} m along"
+                return f"the path reaches the workspace boundary at {place}: link_along_guideway {least_along[k]:.3g} m"
         margins = motion_function(self.problem.robot, self.guard).along(T)[-2] if self.guard.margins else None
         broken = None if margins is None else self.guard.broken(margins)
         return f"the path {broken[1]}, {100 * s[broken[0]]:.0f} % of the way" if broken else ""
 
     def guess(self) -> Trajectory:
-        """The trapezoid of 1 s along the path."""
+        """Return a trapezoidal profile of 1 s along the path."""
         t, s, ds, dds = trapezoid()
         return Trajectory(t, {"s": s, "der(s)": ds, "der(s,2)": dds, "drive": dds})
 
@@ -254,7 +253,7 @@ class PathParametrization:
         bounded: Literal["middle", "ends"] = "ends",
         reserve: float = 0.0,
     ) -> PathMotion:
-        """The optimal motion; its limits hold on both sides of every node, and so in between, or in the middles."""
+        """Return the optimal motion with limits imposed on both sides of every node, or in the middle of intervals."""
         problem, cost = self.problem, self.problem.cost
         f = motion_function(problem.robot, self.guard)
         task = task_along(
@@ -266,7 +265,10 @@ class PathParametrization:
         return solve_path(task, intervals, bounded=bounded, progress=progress, max_seconds=max_seconds)
 
     def within(self, intervals: int, progress: Progress | None = None, max_seconds: float | None = None) -> PathMotion:
-        """The fastest motion whose forces keep their limit between the nodes too: lowered by what was seen there."""
+        """Return the optimal motion whose forces keep their limit between the nodes too.
+
+        The limit is lowered by the observed excess.
+        """
         reserve = FORCE_RESERVE
         motion = self.fastest(intervals, progress, max_seconds, reserve=reserve)
         for _ in range(TIGHTENINGS):
@@ -278,32 +280,32 @@ class PathParametrization:
         return motion
 
     def sample(self, motion: PathMotion, times: np.ndarray) -> Trajectory:
-        """Everything at the given instants [s]: the motion itself, and what inverse dynamics says of it."""
+        """Return the motion at instants [s], with inverse kinematics and dynamics."""
         return self.along(times, *motion.at(times))
 
     def along(self, times: np.ndarray, s: np.ndarray, v: np.ndarray, a: np.ndarray) -> Trajectory:
-        """Everything at the given instants [s] for a path coordinate and its two derivatives."""
+        """Return the motion at instants [s] for a path coordinate and its two derivatives."""
         x, slope, bend = self.path(s)
         T, dT = x, slope * v[:, None]
         ddT = bend * v[:, None] ** 2 + slope * a[:, None]
         return sampled(self.problem.robot, times, T, dT, ddT, self.guard).with_values({"s": s})
 
     def trajectory(self, motion: PathMotion) -> Trajectory:
-        """The motion at its nodes and between them; at a node what holds just after it."""
+        """Return the motion at its nodes and between them; at a node the value just after it."""
         fractions = np.arange(PER_INTERVAL) / PER_INTERVAL
         times = (motion.t[:-1, None] + fractions * np.diff(motion.t)[:, None]).reshape(-1)
         end = np.nextafter(motion.final_time, 0.0)  # just before the end: the last interval's force
         return self.sample(motion, np.unique(np.append(times, end)))
 
     def integrated_end(self, motion: PathMotion) -> np.ndarray:
-        """TCP position [m] at the end when the forces alone act, by an error-controlled integrator."""
+        """Return the final TCP position [m] if only the forces act, from an error-controlled integrator."""
         nodes = (1 - np.cos(np.pi * (2 * np.arange(DEGREE + 1) + 1) / (2 * DEGREE + 2))) / 2
         steps = np.diff(motion.t)
         times = motion.t[:-1, None] + nodes * steps[:, None]
         tau = self.sample(motion, times.reshape(-1))["tau"].reshape(len(steps), DEGREE + 1, 3)
         power = np.linalg.inv(np.vander(nodes, increasing=True))
         c = np.einsum("pn,knm->kpm", power, tau)
-        import scipy  # here: a free motion starts sooner without it
+        import scipy  # local import: free motions start faster without it
 
         forward = FollowedBranch(compile_causal(self.problem.robot, known="tau", targets="der(T,2)", prefer="T"))
         y = np.concatenate([self.path(np.zeros(1))[0][0], self.path(np.zeros(1))[1][0] * np.sqrt(motion.b[0])])
@@ -313,8 +315,8 @@ class PathParametrization:
                 t: float, y: np.ndarray, begin: float = begin, step: float = step, polynomial: np.ndarray = polynomial
             ) -> list[np.ndarray]:
                 tau = ((t - begin) / step) ** np.arange(DEGREE + 1) @ polynomial
-                given = {("T", 0): y[:3], ("T", 1): y[3:], ("tau", 0): tau}
-                return [given[_base(signal.name), signal.pairs[0][1]] for signal in forward.f.inputs]
+                values = {("T", 0): y[:3], ("T", 1): y[3:], ("tau", 0): tau}
+                return [values[_base(signal.name), signal.pairs[0][1]] for signal in forward.f.inputs]
 
             def rates(t: float, y: np.ndarray, arguments: Callable[..., Any] = arguments) -> np.ndarray:
                 return np.concatenate([y[3:], forward(*arguments(t, y))])
@@ -335,7 +337,7 @@ def _base(name: str) -> str:
 
 
 class NotReached(Exception):
-    """A motion goes where the robot cannot be: at `samples` instants."""
+    """A motion leaves the robot's workspace at `samples` instants."""
 
     def __init__(self, samples: int) -> None:
         super().__init__(f"the motion leaves the robot's reach at {samples} instants: use more mesh.elements")
@@ -345,9 +347,9 @@ class NotReached(Exception):
 def sampled(
     robot: Model, times: np.ndarray, T: np.ndarray, dT: np.ndarray, ddT: np.ndarray, guard: MotionConstraints
 ) -> Trajectory:
-    """A TCP motion with carts, forces, links and margins, by inverse kinematics and dynamics.
+    """Return a TCP motion with carts, forces, links and margins by inverse kinematics and dynamics.
 
-    Raises NotReached where the robot cannot be at an instant.
+    Raises NotReached if the robot cannot reach an instant.
     """
     p, f = guard.prefix, motion_function(robot, guard)
     *columns, status = f.along(T, dT, ddT)

@@ -1,4 +1,4 @@
-"""What a motion is asked to be, checked before anything is optimised."""
+"""Checks of a motion problem before the optimisation."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 else:
     Path = hint("gtmodel.motion.paths", "Path")
 
-SLOW_M_S = 0.1  # of a motion that only friction and weight resist
+SLOW_M_S = 0.1  # speed of a motion that needs forces against friction and weight only
 
 
 @dataclass(frozen=True, eq=False)
 class MotionPlan:
-    """A checked problem: its margins and path, and the guess to start from."""
+    """A checked problem with its margins, path and guess."""
 
     problem: MotionProblem
     guard: MotionConstraints
@@ -52,13 +52,13 @@ class MotionPlan:
 
     @property
     def smooth(self) -> bool:
-        """The second derivative of the motion must not jump: at an end, or anywhere because the jerk is limited."""
+        """Whether the second derivative of the motion must not jump, at an end or because the jerk is limited."""
         rest = [*self.problem.start.rest, *self.problem.goal.rest]
         return self.problem.limits.tcp_jerk is not None or "acceleration" in rest
 
     @property
     def restricted(self) -> bool:
-        """The forces follow from another control."""
+        """Whether a derivative of the motion is the control, so that the forces follow from it."""
         return self.problem.order is not None
 
     @cached_property
@@ -67,7 +67,7 @@ class MotionPlan:
         return PathParametrization(self.problem, self.guard, self.path)
 
     def search(self, work: Work) -> MotionSearch:
-        """The search, from an earlier result or from the trapezoid along the line or the path."""
+        """Return the search from an earlier result, or from the trapezoidal profile along the line or path."""
         if self.path is not None:
             guess = self.follower.guess()
             return MotionSearch(self.problem, work, self.earlier or guess, guess, self.guard, self.path)
@@ -77,12 +77,12 @@ class MotionPlan:
 
     @cached_property
     def line(self) -> Trajectory:
-        """The trapezoid along the straight line, with its forces."""
+        """The trapezoidal profile along the straight line, with its forces."""
         inverse = motion_function(self.robot, self.guard)
         return line_guess(inverse, self.start, self.goal, self.problem.limits.force)
 
     def likely_cause(self) -> str:
-        """What may be wrong with a problem that was not solved; empty where nothing shows."""
+        """Return the likely reason why a problem was not solved; empty if unknown."""
         limit = self.problem.limits.force
         _, s, _, _ = trapezoid(21)
         step = self.goal - self.start
@@ -93,58 +93,58 @@ class MotionPlan:
         if needed.size and np.max(needed) > limit:
             k = int(np.argmax(np.max(needed, axis=0)))
             return (
-                f"; a slow motion along the straight line already needs {np.max(needed):.4g} N of motor {k + 1}, "
-                f"the limit is {limit:g}"
+                f"; even a slow motion along the straight line needs {np.max(needed):.4g} N from motor {k + 1}, but "
+                f"the limit is {limit:g} N"
             )
         return ""
 
     def further_starts(self) -> list[FurtherStart]:
-        """So many as are asked for; none along a path."""
+        """Return the requested number of further starts; none along a path."""
         starts = self.problem.starts
         rng = np.random.default_rng(starts.seed)
         count = starts.count if self.path is None else 0
         return list(islice(further_starts(self.start, self.goal, self.line, rng, starts.bend), count))
 
     def followed(self, work: Work) -> PathMotion:
-        """The exported motion along the path."""
+        """Compute the exported motion along the path."""
         assert self.problem.path is not None
 
         return self.follower.within(self.problem.path.intervals, work.iterations("exporting"), work.seconds_left())
 
     def cross_check(self, intervals: int) -> float:
-        """The final time along the path by squared speeds, limits in the middles of the intervals [s]."""
+        """Return the final time [s] along the path by squared speeds, with limits in the middle of intervals."""
         return self.follower.fastest(intervals, bounded="middle").final_time
 
     def links(self, run: Trajectory) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Both ends of every link along a motion, (n, 3) each [m]."""
+        """Return both ends of every link along a motion, (n, 3) each [m]."""
         joints, tips, _ = link_ends(self.robot, run["T"])
         return [(joints[:, k], tips[:, k]) for k in range(joints.shape[1])]
 
 
 def plan_of(problem: MotionProblem, earlier: Trajectory | None = None) -> MotionPlan:
-    """The plan of a problem, which may begin at an earlier motion. Raises ArgumentError."""
+    """Check a problem and return its plan; earlier: a motion used as guess. Raises ArgumentError."""
     robot, start, goal = problem.robot, problem.begin, problem.end
     if problem.cost.time == 0.0 and problem.cost.energy == 0.0:
-        raise ArgumentError("both weights are zero, so nothing is minimised; give cost.time or cost.energy", "cost")
+        raise ArgumentError("has zero weights only; give cost.time or cost.energy", "cost")
     _check_robot(robot)
     if np.array_equal(start, goal):
-        raise ArgumentError("the goal equals the start; give another goal", "goal.tcp")
+        raise ArgumentError("equals the start; give another goal", "goal.tcp")
     _check_reach(problem)
     guard = guard_of(problem.limits, links_of(robot), lambda arm, end: _carrier(robot, end, start))
     _check_statics(problem, guard)
     path = None
     if problem.path is not None:
-        from .paths import path_of  # here: a free motion needs no splines
+        from .paths import path_of  # local import: free motions need no splines
 
         path = path_of(problem.path, start, goal)
     plan = MotionPlan(problem, guard, path, None if earlier is None else _renamed(earlier, path))
-    if path is not None and (trouble := plan.follower.trouble()):
-        raise ArgumentError(trouble, "path")
+    if path is not None and (problem_on_path := plan.follower.trouble()):
+        raise ArgumentError(problem_on_path, "path")
     return plan
 
 
 def _carrier(robot: gt.Model, end: str, start: np.ndarray) -> Carrier | None:
-    """The plate, where it turns: a robot with its rotation R as a variable."""
+    """Return the plate if it rotates, that is if the robot has the rotation R as a variable."""
     if end != "plate" or flat_of(robot).groups.get("R", ((), []))[0] != (3, 3):
         return None
     R, _ = compile_causal(robot, known="T", targets="R")(start)
@@ -155,40 +155,39 @@ def _check_robot(robot: gt.Model) -> None:
     flat = flat_of(robot)
     for name in ("T", "tau"):
         if flat.groups.get(name, ((), []))[0] != (3,):
-            raise ArgumentError(f"the robot must declare '{name}' as a vector of 3; it has {flat.top()}", "robot")
+            raise ArgumentError(f"must declare '{name}' as a vector of 3; it has {flat.top()}", "robot")
 
 
 def _check_reach(problem: MotionProblem) -> None:
     robot, least = problem.robot, problem.limits.link_along_guideway
     for key, point in (("start.tcp", problem.begin), ("goal.tcp", problem.end)):
         joints, tips, status = link_ends(robot, point[None, :])
-        shown = ", ".join(f"{x:g}" for x in point)
+        place = ", ".join(f"{x:g}" for x in point)
         if status[0] != Status.OK:
             names = [name for name in ("q", "tau") if name in flat_of(robot).groups]
             inverse = compile_causal(robot, known="T", targets=names[0])
             reason = inverse.diagnose(*inverse.arguments_along(point))
-            raise ArgumentError(f"the pose ({shown}) m cannot be reached: {reason}", key)
+            raise ArgumentError(f"the pose ({place}) m is out of reach: {reason}", key)
         along = along_guideways(robot, tips, joints)[0]
         if np.any(along < least):
             k = int(np.argmin(along))
             links = [name.removesuffix(".rod.a.r") for name in link_names(robot)]
             raise ArgumentError(
-                f"the pose ({shown}) m lies at the edge of reach: {links[k]} stands "
-                f"{along[k]:.4g} m along its guideway, less than limits.link_along_guideway_m = {least:g}",
+                f"the pose ({place}) m lies at the boundary of the workspace: the component of {links[k]} along its "
+                f"guideway is {along[k]:.4g} m, less than limits.link_along_guideway_m = {least:g}",
                 key,
             )
 
 
 def _check_statics(problem: MotionProblem, guard: MotionConstraints) -> None:
-    """At both ends the robot can stand still, and keeps the limits that hold for positions."""
+    """Check that the robot can stand still at both ends within the limits of positions."""
     limit = problem.limits.force
     for key, point in (("start.tcp", problem.begin), ("goal.tcp", problem.end)):
         tau, *_, last, _ = motion_function(problem.robot, guard).along(point)
         k = int(np.argmax(np.abs(tau)))
         if abs(tau[k]) > limit:
             raise ArgumentError(
-                f"{limit:g} N is not enough: the weight alone needs {abs(tau[k]):.4g} N of motor {k + 1} to stand at "
-                f"{key}",
+                f"{limit:g} N is too small: holding the weight at {key} needs {abs(tau[k]):.4g} N from motor {k + 1}",
                 "limits.force",
             )
         if guard.margins and (broken := guard.broken(last[None])):
@@ -196,7 +195,7 @@ def _check_statics(problem: MotionProblem, guard: MotionConstraints) -> None:
 
 
 def _renamed(earlier: Trajectory, path: Path | None) -> Trajectory:
-    """An earlier result's motion under the names of the optimisation."""
+    """Return an earlier result's motion under the names of the optimisation."""
     if "T" not in earlier or np.shape(earlier["T"])[1:] != (3,):
         fault = f"has shape {np.shape(earlier['T'])}" if "T" in earlier else "is missing"
         raise ArgumentError(f"its T {fault}; expected three coordinates for each of {len(earlier)} times", "earlier")

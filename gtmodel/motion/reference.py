@@ -1,5 +1,4 @@
-"""The exported motion for a controller: a sampled reference and a RAPID module; text only, tested against no
-controller."""
+"""The exported motion for a controller: a sampled reference and a RAPID module (not tested on a controller)."""
 
 from __future__ import annotations
 
@@ -21,16 +20,16 @@ from .constraints import MotionConstraints
 from .path_parametrization import sampled
 
 WIDTH = 110
-FARTHEST = 1e6  # mm or degrees: a num is of single precision, and a target so far away is none
+FARTHEST = 1e6  # mm or degrees: larger values are invalid; a num has single precision
 
 
 def orientation(robot: Model) -> list[str]:
-    """The variable of a plate's turn, where the robot has one."""
+    """Return the name of the plate's quaternion, if the robot has one."""
     return ["e"] if "e" in flat_of(robot).groups else []
 
 
 def poses(robot: Model, T: np.ndarray) -> np.ndarray:
-    """Rows of T (n, 3) [m] with the quaternion of the plate behind them where it turns; T as it is without.
+    """Append the plate's quaternion to rows of T (n, 3) [m] if the plate rotates.
 
     Raises ArgumentError for rows out of reach.
     """
@@ -44,7 +43,7 @@ def poses(robot: Model, T: np.ndarray) -> np.ndarray:
 
 
 def comment(text: str) -> list[str]:
-    """Lines of comment, in ASCII."""
+    """Return comment lines in ASCII."""
     plain = " ".join(text.split()).encode("ascii", "backslashreplace").decode("ascii")
     return [f"  ! {line}" for line in textwrap.wrap(plain, WIDTH)]
 
@@ -53,9 +52,9 @@ def module(
     name: str, notes: Sequence[str], declarations: Sequence[str], targets: str, rows: Sequence[str],
     procedure: Sequence[str],
 ) -> str:  # fmt: skip
-    """A module of one procedure and its array `targets` of robtargets, `rows`.
+    """Return a RAPID module with one procedure and the array `targets` of the robtargets `rows`.
 
-    notes: paragraphs of comment. declarations: of data. procedure: its lines, without PROC's indentation.
+    notes: comment paragraphs. declarations: data declarations. procedure: its lines, not indented.
     """
     lines = [
         f"MODULE {name}",
@@ -71,15 +70,15 @@ def module(
 
 
 def number_text(value: float) -> str:
-    """A num: of single precision, so nine digits are all that it has."""
+    """Format a num; single precision has at most nine significant digits."""
     return f"{value:.9g}"
 
 
 def robtargets(T: np.ndarray, q: np.ndarray) -> list[str]:
-    """A robtarget per row of T (n, 3) [m], with a quaternion behind where the plate turns (n, 7); as external axes
-    carts q (n, 3) [m] in mm, and rotary ones behind (n, 6) [rad] in degrees.
+    """Return a robtarget per row of T (n, 3) [m], or (n, 7) with the plate's quaternion.
 
-    Raises ArgumentError for a number that no target has.
+    External axes: carts q (n, 3) [m] in mm, with rotary axes (n, 6) [rad] in degrees. Raises ArgumentError for numbers
+    that are invalid in a target.
     """
     axes = np.hstack([1e3 * q[:, :3], np.degrees(q[:, 3:])])
     wrong = np.flatnonzero(~np.all(np.abs(np.hstack([1e3 * T[:, :3], axes])) < FARTHEST, axis=1))
@@ -89,15 +88,15 @@ def robtargets(T: np.ndarray, q: np.ndarray) -> list[str]:
     if len(wrong):
         k = wrong[0]
         raise ArgumentError(
-            f"target {k} is no pose: {T[k].tolist()} with the actuators {q[k].tolist()}; expected finite numbers and a "
-            "quaternion of length 1",
+            f"target {k} is invalid: {T[k].tolist()} with the actuators {q[k].tolist()}; expected finite numbers and "
+            "a unit quaternion",
             "targets",
         )
-    turned = T[:, 3:] / length[:, None] if T.shape[1] == 7 else []
+    orientation = T[:, 3:] / length[:, None] if T.shape[1] == 7 else []
     lines = []
     for k, (pose, actuators) in enumerate(zip(T, axes, strict=True)):
         x, carts = (_list(v[:3], 4) for v in (1e3 * pose, actuators))
-        turn = _list(turned[k], 9) if len(turned) else "1, 0, 0, 0"
+        turn = _list(orientation[k], 9) if len(orientation) else "1, 0, 0, 0"
         rotary = _list(actuators[3:], 4) or "9E9, 9E9, 9E9"
         lines.append(f"[[{x}], [{turn}], [0, 0, 0, 0], [{carts}, {rotary}]]")
     return lines
@@ -112,14 +111,14 @@ COLUMNS = (("T", "m"), ("der(T)", "m/s"), ("der(T,2)", "m/s2"), ("q", "m"), ("de
 
 
 def grid(final_time: float, step: float) -> np.ndarray:
-    """Instants 0, step, 2 step ... up to the first at or after the end."""
+    """Return the instants 0, step, 2 step, ... up to the first at or after the end."""
     return step * np.arange(int(np.ceil(final_time / step - ROUND_OFF)) + 1)
 
 
 def at_rest(
     robot: Model, guard: MotionConstraints, final_time: float, step: float, moving: Callable[[np.ndarray], Trajectory]
 ) -> Trajectory:
-    """The motion at multiples of `step` [s]; from its end on the robot stands where the motion ends."""
+    """Return the motion at multiples of `step` [s]; after its end the robot rests at the final position."""
     times = grid(final_time, step)
     on_the_way = times[times < final_time * (1 - ROUND_OFF)]
     run = moving(on_the_way)
@@ -137,10 +136,11 @@ Accelerations = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # of
 def between_rows(
     robot: Model, guard: MotionConstraints, order: int | None, run: Trajectory, solution: Solution
 ) -> Callable[[np.ndarray], Trajectory]:
-    """A re-simulated motion at any instant: cubic between its rows; the force is that of the row after the instant
-    where forces are the control, constant per element, and the acceleration follows from it.
+    """Return a function that evaluates a re-simulated motion at any instant: cubic between its rows.
 
-    order: of the derivative of the motion that is the control, None where forces are. solution: what was re-simulated.
+    If forces are the control they are constant per element: the force is that of the next row, and the acceleration
+    follows from it. order: derivative of the motion that is the control, None for forces. solution: the re-simulated
+    solution.
     """
     T, dT = run["T"], run["der(T)"]
     curve = CubicHermite(run.time, T, dT)
@@ -162,8 +162,11 @@ def between_rows(
 
 
 def accelerations_of(robot: Model, solution: Solution) -> Accelerations:
-    """By the equations that the solution is re-simulated with, where T and T' are their states and all has a closed
-    form; else by forward dynamics of the robot."""
+    """Return the accelerations as a function of T, T' and tau.
+
+    They come from the solution's equations if T and T' are the states and these have a closed form, else from the
+    robot's forward dynamics.
+    """
     problem, system = solution.problem, RateSystem.of(solution.problem)
     T, tau = (problem.flat.groups[f"robot.{name}"][1] for name in ("T", "tau"))
     pairs = [(i, order) for order in (0, 1) for i in T]
@@ -179,21 +182,21 @@ def accelerations_of(robot: Model, solution: Solution) -> Accelerations:
 
         def by_system(x: np.ndarray, v: np.ndarray, force: np.ndarray) -> np.ndarray:
             n = len(x)
-            rows, given = np.hstack([x, v])[:, states], force[:, forces]
-            return system.at(rows, given, np.zeros((n, 0)), P, np.zeros(n))[0][:, back]
+            rows, values = np.hstack([x, v])[:, states], force[:, forces]
+            return system.at(rows, values, np.zeros((n, 0)), P, np.zeros(n))[0][:, back]
 
         return by_system
     forward = compile_causal(robot, known="tau", targets="der(T,2)", prefer="T")
 
     def by_robot(x: np.ndarray, v: np.ndarray, force: np.ndarray) -> np.ndarray:
-        given = {("T", 0): x, ("T", 1): v, ("tau", 0): force}
-        return forward(*(given["T" if "T" in s.name else "tau", s.pairs[0][1]] for s in forward.inputs))[0]
+        values = {("T", 0): x, ("T", 1): v, ("tau", 0): force}
+        return forward(*(values["T" if "T" in s.name else "tau", s.pairs[0][1]] for s in forward.inputs))[0]
 
     return by_robot
 
 
 def reference_text(reference: Trajectory, title: str) -> str:
-    """reference.csv: a comment line, a header with units, one row per sample; as Trajectory.from_csv reads it."""
+    """Return reference.csv: a comment line, a header with units, one row per sample; for Trajectory.from_csv."""
     columns = {"time [s]": reference.time}
     for name, unit in COLUMNS:
         for k in range(3):
@@ -203,18 +206,18 @@ def reference_text(reference: Trajectory, title: str) -> str:
 
 
 def rapid_text(robot: Model, reference: Trajectory, title: str, number: int | None = None) -> str:
-    """A RAPID module: robtargets in mm, carts as external axes a, b, c in mm, one MoveL with its time per target.
+    """Return a RAPID module: robtargets in mm, carts as external axes a, b, c in mm, one timed MoveL per target.
 
-    The orientation is that of the plate; [1, 0, 0, 0] where it does not turn. number: of one motion of several, whose
-    modules may all be loaded at once.
+    The orientation is the plate's, [1, 0, 0, 0] if it does not rotate. number: distinguishes the modules of several
+    motions, which may be loaded together.
     """
     step = float(reference.time[1] - reference.time[0]) if len(reference) > 1 else 0.0
-    more = "" if number is None else str(number)
+    suffix = "" if number is None else str(number)
     return module(
-        f"GtMotion{more}",
+        f"GtMotion{suffix}",
         [
             title or "optimal motion",
-            "Written by gtmodel; tested against no controller. Check workspace, work object and tool first.",
+            "Written by gtmodel; not tested on a controller. Check workspace, work object and tool first.",
             f"Positions in mm; external axes a, b, c are the carts in mm; one target every {step:g} s, the first at "
             "the start.",
         ],
@@ -222,7 +225,7 @@ def rapid_text(robot: Model, reference: Trajectory, title: str, number: int | No
         "GtTargets",
         robtargets(poses(robot, reference["T"]), reference["q"]),
         [
-            f"PROC GtMove{more}(PERS tooldata tool, PERS wobjdata wobj)",
+            f"PROC GtMove{suffix}(PERS tooldata tool, PERS wobjdata wobj)",
             "  MoveL GtTargets{1}, v100, fine, tool \\WObj:=wobj;",
             "  FOR i FROM 2 TO GtCount - 1 DO",
             "    MoveL GtTargets{i}, v1000 \\T:=GtStep, z1, tool \\WObj:=wobj;",

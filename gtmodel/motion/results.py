@@ -1,4 +1,4 @@
-"""What a study of one motion answers, or of several beside what a source prints of them."""
+"""Results of a motion study, and of a table of motions compared with published numbers."""
 
 from __future__ import annotations
 
@@ -13,73 +13,70 @@ from .options import MotionProblem
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MotionStudy(Study):
-    """An optimal motion; where none was solved, all values but the final time are None.
+    """An optimal motion; if it was not solved, all values but the final time are None.
 
-    The trajectory and the files are those of the exported motion, whose motor forces keep their limit at every instant;
-    the optimum itself keeps it at the collocation points only. asked: the problem, with its mesh as it was given.
+    Trajectory and files are those of the exported motion, whose motor forces keep their limit at every instant; the
+    optimum itself keeps it at the collocation points only. asked: the problem with its original mesh.
     """
 
     asked: MotionProblem
     final_time: Annotated[
         float | None,
-        Quantity(
-            "s", "final time of the collocation optimum, control as [mesh] says; the motion's is the exported one"
-        ),
+        Quantity("s", "final time of the collocation optimum with mesh.control; for the motion see the exported one"),
     ] = None
     energy: Annotated[
-        float | None, Quantity("", "sum over motors of int (F / force_unit_N)^2 dt of that optimum [s]")
+        float | None, Quantity("", "sum over motors of int (F / force_unit_N)^2 dt of the optimum [s]")
     ] = None
     saturation: Annotated[
-        Sequence[float] | None, Quantity("", "share of the time in which each motor is within 1 % of its limit")
+        Sequence[float] | None, Quantity("", "share of time in which each motor is within 1 % of its limit")
     ] = None
     optima: Annotated[
-        Sequence[float] | None, Quantity("", "costs of the different optima that the starts ended in, best first")
+        Sequence[float] | None, Quantity("", "costs of the distinct optima that the starts ended in, best first")
     ] = None
     end_error: Annotated[
-        float | None, Quantity("m", "distance to the goal after re-simulating that optimum's force")
+        float | None, Quantity("m", "distance to the goal after re-simulating the optimum's force")
     ] = None
     peak_force_between_nodes: Annotated[
-        float | None, Quantity("N", "largest force of that optimum between its collocation points")
+        float | None, Quantity("N", "largest force of the optimum between its collocation points")
     ] = None
     elements: Annotated[
-        int | None, Quantity("", "elements of the mesh: those of the file, or more where a check failed on them")
+        int | None, Quantity("", "number of mesh elements; more than requested if the mesh was refined")
     ] = None
     attempt_iterations: Annotated[
         int | None,
-        Quantity("", "iterations of the attempt that ended in that optimum; those of all are `iterations`"),
+        Quantity("", "iterations of the attempt that ended in the optimum; `iterations` is the sum over all attempts"),
     ] = None
     path_length: Annotated[
-        float | None, Quantity("m", "length of the path to follow; null for a free motion")
+        float | None, Quantity("m", "length of the path; null for a free motion")
     ] = None  # fmt: skip
     cross_check_time: Annotated[
         float | None,
-        Quantity("s", "final time along the path with squared speeds as unknowns; null without a path"),
+        Quantity("s", "final time along the path with squared speeds as unknowns; null for a free motion"),
     ] = None
     exported_final_time: Annotated[
         float | None,
-        Quantity("s", "final time of the exported motion, which keeps its force limit at every instant"),
+        Quantity("s", "final time of the exported motion, whose forces keep their limit at every instant"),
     ] = None
-    exported_energy: Annotated[float | None, Quantity("", "its energy [s]")] = None
+    exported_energy: Annotated[float | None, Quantity("", "energy of the exported motion [s]")] = None
     exported_end_error: Annotated[
         float | None, Quantity("m", "distance to the goal after re-simulating the exported force")
     ] = None
-    exported_peak_force: Annotated[
-        float | None, Quantity("N", "largest exported force: within the limit at every instant")
-    ] = None
+    exported_peak_force: Annotated[float | None, Quantity("N", "largest exported force at any instant")] = None
     exported_defect: Annotated[
         float | None,
         Quantity("", "largest difference between collocated and re-simulated states at an element edge [m, m/s]"),
     ] = None
     exported_link_along_guideway: Annotated[
-        float | None, Quantity("m", "least component of any link along its guideway; 0 at the edge of reach")
+        float | None,
+        Quantity("m", "smallest component of any link along its guideway; 0 at the boundary of the workspace"),
     ] = None
     exported_margins: Annotated[
         Mapping[str, float] | None,
-        Quantity("", "least margin to each further limit, by key: in m for positions, else a share of the limit"),
+        Quantity("", "smallest margin to each further limit, by key: in m for positions, else relative to the limit"),
     ] = None
     exported_clearance: Annotated[
         Sequence[float] | None,
-        Quantity("m", "least distance of tool centre point and links from each obstacle"),
+        Quantity("m", "smallest distance of tool centre point and links from each obstacle"),
     ] = None
 
     @property
@@ -110,9 +107,9 @@ class MotionStudy(Study):
         if self.cross_check_time is not None:
             rows.append(Row("optimum: final time by squared speeds", self.cross_check_time, "s"))
         if self.asked.mesh.control != "constant":
-            rows.append(Row("optimum: largest force between its points", self.peak_force_between_nodes, "N"))
+            rows.append(Row("optimum: largest force between nodes", self.peak_force_between_nodes, "N"))
         if self.elements != self.asked.mesh.elements:
-            rows.append(Row("elements of the mesh, refined", self.elements))
+            rows.append(Row("mesh elements after refinement", self.elements))
         return rows
 
 
@@ -122,8 +119,8 @@ def _scaled(factor: float, value: float | None) -> float | None:
 
 @dataclass(frozen=True)
 class Published(Options):
-    """Numbers that a source prints for a row of the table. They stand beside the computed ones and are never a check,
-    because the poses and limits of the source are unpublished.
+    """Published numbers for a row of the table. They are only reported, never checked, because the source does not give
+    its poses and limits.
 
     >>> printed = gt.motion.Published(final_time=0.89, energy=27.0, iterations=36)
     >>> ends = {"start": gt.motion.End([0.0, -0.9, 0.1]), "goal": gt.motion.End([0.9, -0.9, 0.45])}
@@ -134,7 +131,7 @@ class Published(Options):
     """
 
     final_time: Annotated[float, Unit("s"), "final time"]
-    energy: Annotated[float, "energy, in the source's own unit"]
+    energy: Annotated[float, "energy in the source's unit"]
     iterations: Annotated[int, "number of iterations"]
 
 
@@ -142,8 +139,8 @@ class Published(Options):
 class TableRow:
     """One motion of a table.
 
-    name: what the row is called. problem: the motion. most_iterations: bound on the iterations of the attempt that
-    found the motion; a check fails where it takes more. published: what a source prints.
+    name: name of the row. problem: the motion. most_iterations: bound of the check on the iterations of the attempt
+    that ended in the optimum. published: published numbers.
     """
 
     name: str
@@ -154,7 +151,7 @@ class TableRow:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MotionTable(Study):
-    """Several optimal motions beside each other; `motions` are their studies up to the first that was not solved."""
+    """A comparison of several optimal motions; `motions` are their studies up to the first that was not solved."""
 
     asked: Sequence[TableRow]
     motions: Sequence[MotionStudy]
@@ -166,11 +163,9 @@ class MotionTable(Study):
             key="rows",
         ),
     ]
-    saving: Annotated[
-        float | None, Quantity("", "time that the first row saves against the last, as a share of the last")
-    ] = None
+    saving: Annotated[float | None, Quantity("", "time saving of the first row relative to the last")] = None
     energy_ratio: Annotated[
-        float | None, Quantity("", "energy of the first row over that of the last")
+        float | None, Quantity("", "energy of the first row divided by that of the last")
     ] = None  # fmt: skip
 
     @property
@@ -182,19 +177,19 @@ class MotionTable(Study):
         for row, s in zip(self.asked, self.motions, strict=True):
             printed = row.published
             rows += [
-                Row(f"{row.name}: final time [s]", s.final_time, _beside(printed and printed.final_time)),
-                Row(f"{row.name}: energy [s]", s.energy, _beside(printed and printed.energy)),
-                Row(f"{row.name}: iterations", s.attempt_iterations, _beside(printed and printed.iterations)),
+                Row(f"{row.name}: final time [s]", s.final_time, _published(printed and printed.final_time)),
+                Row(f"{row.name}: energy [s]", s.energy, _published(printed and printed.energy)),
+                Row(f"{row.name}: iterations", s.attempt_iterations, _published(printed and printed.iterations)),
                 Row(f"{row.name}: motors at their limit [%]", " ".join(f"{100 * x:.0f}" for x in s.saturation or ())),
             ]
             if len(s.optima or ()) > 1:
                 rows.append(Row(f"{row.name}: optima", " ".join(f"{x:.6f}" for x in s.optima or ())))
         return [
             *rows,
-            Row(f"{self.asked[0].name} saves", 100 * self.saving, f"% of the time of {self.asked[-1].name}"),
-            Row("and takes", self.energy_ratio, "times its energy"),
+            Row(f"time saving of {self.asked[0].name}", 100 * self.saving, f"% relative to {self.asked[-1].name}"),
+            Row(f"energy ratio of {self.asked[0].name}", self.energy_ratio, f"to {self.asked[-1].name}"),
         ]
 
 
-def _beside(value: float | None) -> str:
+def _published(value: float | None) -> str:
     return "" if value is None else f"published {value:g}"

@@ -1,4 +1,4 @@
-"""The search for an optimal motion: which problems are tried one after the other, from which guess."""
+"""The search for an optimal motion: the sequence of attempts and their guesses."""
 
 from __future__ import annotations
 
@@ -24,31 +24,30 @@ if TYPE_CHECKING:
 else:
     Path = hint("gtmodel.motion.paths", "Path")
 
-# iterations without progress after which an attempt has lost its way, and another one is the better bet: of 200 drawn
-# attempts that ended in an optimum one waited longer, those that ended in none mostly never came back
+# iterations without progress after which an attempt is abandoned: of 200 random attempts that reached an optimum one
+# needed more, and most of those that failed never recovered
 PATIENCE = 60
-REPEATED = 4  # so many starts without a new optimum, of every kind at first, end the search for others
-RESERVE = 200  # iterations that further starts leave to the exported motion; it takes 10 to 70
-EXPORT_LOSS = 0.05  # a constant force per element costs less than this; more is a sign of another, worse optimum
+REPEATED = 4  # consecutive starts without a new optimum that end the search
+RESERVE = 200  # iterations reserved for the exported motion, which takes 10 to 70
+EXPORT_LOSS = 0.05  # relative cost of a constant force per element; a larger loss indicates another, worse optimum
 TIGHTENINGS = 3
-TIGHTENED = 1e-4  # relative, beyond what was seen
-CONTINUATION = (0.01, 0.001)  # weights of the energy, in units of the time's, on the way to the problem's own
+TIGHTENED = 1e-4  # relative tightening beyond the observed excess
+CONTINUATION = (0.01, 0.001)  # weights of the energy, relative to the time's, before the problem's own
 
 Control = Literal["polynomial", "constant"]
 
 
 @dataclass
 class MotionSearch:
-    """Attempts in turn, until one is solved and keeps its links off the edge of reach.
+    """Successive attempts until one is solved with its links away from the boundary of the workspace.
 
-    First without that bound, which an optimum seldom feels; then with it, and with it and the other barrier strategy;
-    on a finer mesh before these with the barrier begun near its end;
-    then from the bare line, since the forces of a profile may lie far outside the limits; then along a continuation
-    from a heavier weight of the energy. An attempt that gets nowhere makes room for the next. All attempts, those from
-    further starts and at the exported motion too, share `solver.max_iterations`, which `iterations` counts, and the
-    time limit.
+    The attempts are: without that bound, which is rarely active; with it; with it and the other barrier strategy; from
+    the line without a speed profile, since the forces of a profile may be far outside the limits; along a continuation
+    from a larger weight of the energy. On a finer mesh, an attempt with a small initial barrier comes first. An attempt
+    without progress is abandoned. All attempts, including further starts and the exported motion, share
+    `solver.max_iterations` (counted in `iterations`) and the time limit.
 
-    bounded: whether an attempt without the bound of the links failed, so that none is made again.
+    bounded: whether an attempt without the bound on the links failed; then it is always imposed.
     """
 
     problem: MotionProblem
@@ -71,24 +70,24 @@ class MotionSearch:
         return motion(self.problem, self.guard, self.path, guarded=True)
 
     def go_on(self, problem: MotionProblem, guess: Solution) -> None:
-        """From here on with another mesh, from what was solved; iterations are counted on."""
+        """Continue with another mesh from a solution; iterations keep counting."""
         self.problem, self.guess = problem, guess
 
     def optimum(self) -> Solution:
-        """The optimum with the control that the problem asks for; where none is found, the best attempt."""
+        """Return the optimum with the problem's control; if there is none, the best attempt."""
         problem, control = self.problem, self.problem.mesh.control
-        tried: list[Solution] = []
-        ways = [(True, self.guess, "adaptive"), (True, self.guess, "monotone"), (True, self.bare, "adaptive")]
+        solutions: list[Solution] = []
+        attempts = [(True, self.guess, "adaptive"), (True, self.guess, "monotone"), (True, self.bare, "adaptive")]
         if problem.solver.barrier != "auto":
-            ways.pop(1)
+            attempts.pop(1)
         if isinstance(self.guess, Solution):  # of a coarser mesh
-            ways.insert(0, (self.bounded, self.guess, "low"))
+            attempts.insert(0, (self.bounded, self.guess, "low"))
         elif not self.bounded:
-            ways.insert(0, (False, self.guess, "adaptive"))
-        for guarded, guess, barrier in ways:
-            tried.append(self._attempt(self.guarded if guarded else self.plain, control, guess, barrier))
-            if self._done(tried[-1]):
-                return self._best(tried)
+            attempts.insert(0, (False, self.guess, "adaptive"))
+        for guarded, guess, barrier in attempts:
+            solutions.append(self._attempt(self.guarded if guarded else self.plain, control, guess, barrier))
+            if self._finished(solutions[-1]):
+                return self._best(solutions)
             self.bounded = True
         start: Trajectory | Solution = self.bare
         for weight in CONTINUATION:
@@ -97,15 +96,15 @@ class MotionSearch:
                 heavier = replace(problem, cost=replace(problem.cost, energy=energy))
                 step = self._attempt(motion(heavier, self.guard, self.path, guarded=True), control, start)
                 if self._over(step):
-                    return self._best(tried)  # a step is no optimum of the problem itself
+                    return self._best(solutions)  # a continuation step is not an optimum of the problem
                 start = step if step.status.converged else start
-        return self._best([*tried, self._attempt(self.guarded, control, start)])
+        return self._best([*solutions, self._attempt(self.guarded, control, start)])
 
     def from_starts(self, starts: Iterable[FurtherStart]) -> list[Solution]:
-        """Optima from further starts, links kept off the edge of reach, noted in `reached`.
+        """Return optima from further starts, with the bound on the links, and record them in `reached`.
 
-        Starts that end in none are left out, and those for which there is no time or no iteration left, and all further
-        ones after `REPEATED` in a row that only repeat.
+        Failed starts are left out. The search ends after `REPEATED` consecutive starts without a new optimum, or when
+        time or iterations run out.
         """
         solutions: list[Solution] = []
         for start in starts:
@@ -121,12 +120,15 @@ class MotionSearch:
 
     @property
     def left(self) -> int:
-        """Iterations left for all that is still to be tried."""
+        """Remaining iterations."""
         return max(0, self.problem.solver.max_iterations - self.iterations)
 
     def exportable_tried(self, optimum: Solution, tried: Resimulation) -> tuple[Solution, Resimulation]:
-        """The exported motion and its re-simulation. Where forces are not the control they may pass their limit between
-        the points: then once more, with the limit lowered by what was seen."""
+        """Return the exported motion and its re-simulation.
+
+        If forces are not the control they may exceed their limit between the points; the limit is then lowered by the
+        observed excess and the motion solved again.
+        """
         if self.problem.mesh.control == "constant":
             solution, run = optimum, tried
         else:
@@ -150,14 +152,14 @@ class MotionSearch:
         return solution, run
 
     def exportable(self, optimum: Solution) -> Solution:
-        """The optimum among forces that are constant on each element: the best of some attempts."""
+        """Return the optimum with forces constant on each element: the best of several attempts."""
         best: Solution | None = None
-        ways = [(self.bounded, optimum, "low"), (True, optimum, "auto"), (True, self.guess, "auto")]
-        for guarded, guess, barrier in ways:
+        attempts = [(self.bounded, optimum, "low"), (True, optimum, "auto"), (True, self.guess, "auto")]
+        for guarded, guess, barrier in attempts:
             solution = self._attempt(self.guarded if guarded else self.plain, "constant", guess, barrier)
             if best is None or _better(solution, best):
                 best = solution
-            if self._over(solution) or (self._done(solution) and _loss(solution, optimum) <= EXPORT_LOSS):
+            if self._over(solution) or (self._finished(solution) and _loss(solution, optimum) <= EXPORT_LOSS):
                 break
             self.bounded = True
         assert best is not None
@@ -171,9 +173,9 @@ class MotionSearch:
         barrier: str = "auto",
         most: int | None = None,
     ) -> Solution:
-        """One attempt, with a barrier strategy where the problem leaves it open."""
-        wanted = control == self.problem.mesh.control
-        stage = "optimising" if wanted else "bounding the force between the nodes"
+        """Make one attempt; barrier: used if the problem's strategy is "auto"."""
+        own_control = control == self.problem.mesh.control
+        stage = "optimising" if own_control else "bounding the force between the nodes"
         mesh, solver = self.problem.mesh, self.problem.solver
         self.work.progress("collocation")
         solution = collocate(
@@ -196,29 +198,29 @@ class MotionSearch:
         return solution
 
     def _over(self, solution: Solution) -> bool:
-        """Nothing more can be tried."""
+        """Return whether no further attempt is possible."""
         stopped = solution.status is SolveStatus.INTERRUPTED
         return stopped or self.work.interrupted() or self.left == 0
 
-    def _done(self, solution: Solution) -> bool:
-        """Solved within reach, or nothing more can be tried."""
+    def _finished(self, solution: Solution) -> bool:
+        """Return whether the attempt is solved within reach, or no further attempt is possible."""
         return (solution.status.converged and self._within(solution)) or self._over(solution)
 
-    def _best(self, tried: list[Solution]) -> Solution:
-        """The last one that is solved within reach; else that nearest to keeping its constraints."""
-        good = [s for s in tried if s.status.converged and self._within(s)]
-        if good or tried[-1].status is SolveStatus.INTERRUPTED:
-            return good[-1] if good else tried[-1]
-        failed = [s for s in reversed(tried) if not s.status.converged]
+    def _best(self, solutions: list[Solution]) -> Solution:
+        """Return the last attempt solved within reach, else the one with the smallest violation."""
+        good = [s for s in solutions if s.status.converged and self._within(s)]
+        if good or solutions[-1].status is SolveStatus.INTERRUPTED:
+            return good[-1] if good else solutions[-1]
+        failed = [s for s in reversed(solutions) if not s.status.converged]
         if not failed:
             sentence = (
-                "an optimum was found, but it comes nearer to the edge of reach than limits.link_along_guideway_m"
+                "an optimum was found, but it violates limits.link_along_guideway_m at the boundary of the workspace"
             )
-            return replace(tried[-1], status=SolveStatus.FAILED, message=sentence)
+            return replace(solutions[-1], status=SolveStatus.FAILED, message=sentence)
         nearest = min(failed, key=lambda s: s.checks["constraint_violation"].value)
         if self.left == 0 and nearest.status is not SolveStatus.ITERATION_LIMIT:
             limit = SolveStatus.ITERATION_LIMIT
-            message = f"{limit.message}; the attempt that came nearest: {nearest.message}"
+            message = f"{limit.message}; the attempt with the smallest violation: {nearest.message}"
             nearest = replace(nearest, status=limit, message=message)
         return nearest
 

@@ -1,5 +1,5 @@
-"""A robot's motion from one pose to another as an Optimization, and guesses of it: the line with a trapezoidal
-profile, bare and bent."""
+"""A robot's motion from one pose to another as an Optimization, and its guesses: the straight line with or without a
+trapezoidal profile, and bent lines."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ GUESS_TIME_S = 1.0
 
 @dataclass(frozen=True, eq=False)
 class FurtherStart:
-    """A guess, and the barrier strategy that it is tried with where the problem leaves that open."""
+    """A guess, and the barrier strategy used with it if the problem's strategy is "auto"."""
 
     guess: Trajectory
     barrier: Literal["adaptive", "monotone"] = "adaptive"
 
 
 def trapezoid(rows: int = 201) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Times [s], fraction of the way, and its two derivatives: trapezoidal speed (1/4, 1/2, 1/4) over 1 s."""
+    """Return times [s], path fraction and its two derivatives for a trapezoidal speed (1/4, 1/2, 1/4) over 1 s."""
     t = np.linspace(0.0, GUESS_TIME_S, rows)
     r = t / GUESS_TIME_S
     top = 4.0 / 3.0
@@ -48,7 +48,7 @@ def trapezoid(rows: int = 201) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.n
 def line_guess(
     inverse_dynamics: CausalFunction, start: np.ndarray, goal: np.ndarray, force: float, rows: int = 201
 ) -> Trajectory:
-    """Straight line with a trapezoidal profile (1/4, 1/2, 1/4) of 1 s; forces by inverse dynamics, clipped."""
+    """Return the straight line with a trapezoidal profile (1/4, 1/2, 1/4) of 1 s and clipped inverse dynamics."""
     t, s, ds, dds = trapezoid(rows)
     step = goal - start
     T, dT, ddT = start + s[:, None] * step, ds[:, None] * step, dds[:, None] * step
@@ -59,12 +59,13 @@ def line_guess(
 
 
 def bare_guess(start: np.ndarray, goal: np.ndarray) -> Trajectory:
-    """The straight line at constant speed, nothing said of velocities and forces."""
+    """Return the straight line at constant speed, without velocities and forces."""
     return Trajectory([0.0, GUESS_TIME_S], {"robot.T": np.array([start, goal])}, {"robot.T": "m"})
 
 
 def bent_guess(start: np.ndarray, goal: np.ndarray, rng: np.random.Generator, bend: float) -> Trajectory:
-    """The line of `line_guess` bent sideways, in a drawn direction by 0.3 to 1 times `bend` [m]: half a sine wave."""
+    """Return the line of `line_guess` with a half-sine lateral offset of 0.3 to 1 times `bend` [m] in a random
+    direction."""
     t, s, _, _ = trapezoid()
     step = goal - start
     side = np.cross(step, rng.normal(size=3))
@@ -76,23 +77,23 @@ def bent_guess(start: np.ndarray, goal: np.ndarray, rng: np.random.Generator, be
 def further_starts(
     start: np.ndarray, goal: np.ndarray, line: Trajectory, rng: np.random.Generator, bend: float
 ) -> Iterator[FurtherStart]:
-    """Starts without end: bent to a drawn side and to the other one; the line of the first start, for the other barrier
-    strategy; the bare line; then bent by further draws, with one strategy and the other."""
-    straight = [FurtherStart(line, "monotone"), FurtherStart(bare_guess(start, goal))]
+    """Yield starts without end: the line bent to a random side and to the opposite side, the line with the other
+    barrier strategy, the line without a profile, then further random bends with alternating strategies."""
+    straight_starts = [FurtherStart(line, "monotone"), FurtherStart(bare_guess(start, goal))]
     for barrier in cycle(("adaptive", "monotone")):
         bent = bent_guess(start, goal, rng, bend)
         _, s, _, _ = trapezoid()
-        other = 2 * (start + s[:, None] * (goal - start)) - bent["robot.T"]
+        mirrored = 2 * (start + s[:, None] * (goal - start)) - bent["robot.T"]
         yield FurtherStart(bent, barrier)
-        yield FurtherStart(bent.with_values({"robot.T": other}, {"robot.T": "m"}), barrier)
-        yield from straight
-        straight = []
+        yield FurtherStart(bent.with_values({"robot.T": mirrored}, {"robot.T": "m"}), barrier)
+        yield from straight_starts
+        straight_starts = []
 
 
 def progress_of(earlier: Trajectory) -> Trajectory:
-    """Of an earlier motion along a path the path coordinate, never back, and its rate. Raises ArgumentError."""
+    """Return the non-decreasing path coordinate and its rate of an earlier motion. Raises ArgumentError."""
     if "s" not in earlier:
-        raise ArgumentError("is a free motion; this problem follows a path", "earlier")
+        raise ArgumentError("is a free motion, but this problem follows a path", "earlier")
     s = np.maximum.accumulate(earlier["s"])
     return Trajectory(earlier.time, {"s": s, "der(s)": np.gradient(s, earlier.time)}, {"s": earlier.unit("s")})
 
@@ -103,16 +104,16 @@ SHORTEST_TIME_S = 0.05  # a free final time needs a lower bound; no motion of th
 def motion(
     problem: MotionProblem, guard: MotionConstraints = NO_GUARD, path: Path | None = None, *, guarded: bool = False
 ) -> gt.Optimization:
-    """The optimal motion as an Optimization, along `path` or free, with the margins of `guard` as constraints.
+    """Return the optimal motion as an Optimization, along `path` or free, with the margins of `guard` as constraints.
 
-    guarded: with the bound that keeps the links off the edge of reach as well.
+    guarded: also keep the links away from the boundary of the workspace.
 
     The robot must declare T (TCP position, m) and tau (motor forces, N). `along_guideway` are the components [m] of the
-    links along their guideways, from cart to plate: at 0 the robot stands at the edge of its reach; `margin` those of
-    the guard. The control of a free motion is tau. Along a path the model is restricted to T == path(s), and its one
+    links along their guideways, from cart to plate, 0 at the boundary of the workspace; `margin` are those of the
+    guard. The control of a free motion is tau. Along a path the model is restricted to T == path(s), and its only
     control `drive` is the second or third derivative of the path coordinate s (Dressler 2012, section 3.5); the motor
-    forces are dependent variables. They are dependent as well in a free motion whose problem has an `order`: then
-    `drive` is that derivative of T.
+    forces are dependent variables. They are also dependent in a free motion whose problem has an `order`; `drive` is
+    then that derivative of T.
 
     >>> problem = gt.motion.MotionProblem(
     ...     robot=gt.robots.gantry_tau("l1_tape"), limits=gt.motion.Limits(force=700.0),
@@ -157,16 +158,16 @@ def motion(
 
         def constraints(self) -> Any:
             yield gt.between(-self.force_limit, self.robot.tau, self.force_limit)
-            moved = self.robot.T if path is None else self.s
+            coordinates = self.robot.T if path is None else self.s
             begin, end = (self.from_T, self.to_T) if path is None else (0.0, 1.0)
-            yield moved.at(self.start_time) == begin
-            yield moved.at(self.final_time) == end
+            yield coordinates.at(self.start_time) == begin
+            yield coordinates.at(self.final_time) == end
             if path is not None:
                 yield gt.der(self.s) >= 0
             for instant, rest in ((self.start_time, problem.start.rest), (self.final_time, problem.goal.rest)):
                 for k, name in ((1, "velocity"), (2, "acceleration")):
                     if name in rest:
-                        yield gt.der(moved, k).at(instant) == 0
+                        yield gt.der(coordinates, k).at(instant) == 0
 
     declared = guard.declarations(robot if order is None else dependent(robot, "tau"), bounded=True)
     if links:
@@ -181,7 +182,7 @@ def motion(
 
 
 def dependent(robot: gt.Model, name: str) -> gt.Model:
-    """The same robot, whose input of that name is a variable that the motion determines."""
+    """Return the robot with the named input turned into a dependent variable."""
     cls: Any = type(robot)
     item = cls._declared[name]
     attributes = {k: v for k, v in item.attributes.items() if v is not None}

@@ -1,6 +1,6 @@
-"""Optimal control: direct collocation of any Optimization. Knows no robot.
+"""Optimal control by direct collocation, for any Optimization; independent of robots.
 
-solve gives a Solution; optimization_study tries it in an integrator too: an OptimizationStudy.
+solve returns a Solution; optimization_study also re-simulates it and returns an OptimizationStudy.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""One collocation element as SX functions: rows, costs and their derivatives. Everything is mapped over the mesh."""
+"""One collocation element as SX functions (rows and costs), which are mapped over the mesh."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ from .mesh import Mesh, basis, basis_slope, coefficients, control_basis
 
 @dataclass(eq=False)
 class Layout:
-    """Where things stand in the unknowns of one element: y = [left end; points; the rest], divided by nominals.
+    """Indices into the unknowns of one element: y = [left end; points; length], divided by nominals.
 
-    `left`: what continues from element to element: the states (`left[:nx]`), the control where it is continuous or
-    blocked, the place of the edge on the horizon where lengths are free. `x` (points, nx); `z` (points, nz) what is
-    free at each point: delayed inputs and algebraic variables; `u` (coefficients, nu); `h` the length, or -1.
+    `left`: quantities continuous across elements: the states (`left[:nx]`), the control if it is continuous or
+    blocked, and the position of the edge on the horizon if the lengths are free. `x` (points, nx): states. `z`
+    (points, nz): variables free at each point (delayed inputs, algebraic variables). `u` (coefficients, nu): controls.
+    `h`: the element length, -1 if it is fixed.
     """
 
     problem: DynamicProblem
@@ -35,24 +36,24 @@ class Layout:
         self.carried = nx + np.arange(nu) if carried else np.zeros(0, int)
         self.edge = nx + len(self.carried) if free else -1
         self.left = np.arange(nx + len(self.carried) + free)
-        at = len(self.left)
+        position = len(self.left)
         m = coefficients(mesh.control, mesh.table)
-        own = m if not carried else m - 1  # coefficients that belong to this element alone
+        unshared = m if not carried else m - 1  # coefficients that belong to this element alone
         self.x, self.z = np.zeros((k, nx), int), np.zeros((k, nz), int)
         u = [self.carried] if carried else []
-        if own < k:
-            u += [at + c * nu + np.arange(nu) for c in range(own)]
-            at += own * nu
+        if unshared < k:
+            u += [position + c * nu + np.arange(nu) for c in range(unshared)]
+            position += unshared * nu
         for c in range(k):
-            self.x[c] = at + np.arange(nx)
-            self.z[c] = at + nx + np.arange(nz)
-            at += nx + nz
-            if own == k:
-                u.append(at + np.arange(nu))
-                at += nu
+            self.x[c] = position + np.arange(nx)
+            self.z[c] = position + nx + np.arange(nz)
+            position += nx + nz
+            if unshared == k:
+                u.append(position + np.arange(nu))
+                position += nu
         self.u = np.array(u, int).reshape(m, nu)
-        self.h = at if free else -1
-        self.size = at + free
+        self.h = position if free else -1
+        self.size = position + free
         self.scale = np.ones(self.size)
         self.scale[self.left[:nx]] = p.x_scale
         self.scale[self.x] = p.x_scale
@@ -63,16 +64,16 @@ class Layout:
 
     @property
     def nl(self) -> int:
-        """How many unknowns continue from element to element."""
+        """Number of unknowns that are continuous across elements."""
         return len(self.left)
 
     @property
     def nodes(self) -> np.ndarray:
-        """Where the states at the left end and the points stand (points + 1, nx)."""
+        """Indices of the states at the left end and the points (points + 1, nx)."""
         return np.vstack([self.left[: self.nx], self.x])
 
     def inputs(self, y: np.ndarray, local: np.ndarray) -> np.ndarray:
-        """Controls and point variables (..., len(local), nu + nz) of elements with physical unknowns y (..., size)."""
+        """Return controls and point variables (..., len(local), nu + nz) at fractions of elements, from physical y."""
         mesh = self.mesh
         u = control_basis(mesh.control, mesh.table, local) @ y[..., self.u]
         return np.concatenate([u, basis(mesh.table.points, local) @ y[..., self.z]], -1)
@@ -92,7 +93,7 @@ class Element:
     row_names: list[tuple[str, int]]
     cost: ca.SX
     integrals: ca.SX
-    at_edge: list[int]  # path rows that hold at the right edge too, where that is no collocation point
+    at_edge: list[int]  # path rows also imposed at the right edge, if the edge is not a collocation point
 
 
 def pointwise(problem: DynamicProblem) -> ca.Function:
@@ -111,11 +112,14 @@ def pointwise(problem: DynamicProblem) -> ca.Function:
 
 
 def make_element(problem: DynamicProblem, mesh: Mesh) -> Element:
-    """Rows of one element: [end state - next left state's share; collocation; path], scaled by nominals."""
+    """Build the rows of one element: [continuity; collocation; path], scaled by nominals.
+
+    The continuity rows hold the end state only; the next element's left state is subtracted in nlp.
+    """
     layout = Layout(problem, mesh)
     if layout.size == 1 and layout.nx == 0:
         raise ModelError(
-            f"{problem.flat.title}: no state, and one unknown in each element; take a mesh of two points or more"
+            f"{problem.flat.title} has no state and only one unknown per element; use a mesh with at least two points"
         )
     table = mesh.table
     k, nx = mesh.points, layout.nx
@@ -166,14 +170,14 @@ def make_element(problem: DynamicProblem, mesh: Mesh) -> Element:
     if table.points[-1] < 1.0:
         edges = [n for n, r in enumerate(problem.path) if r.low != r.high and of_states(problem, r)]
     if edges:
-        # bounds on states hold at the edges, which are no Gauss points, and so do these
+        # bounds on states are imposed at the edges, which are not Gauss points; so are these rows
         at_edge = point(end, ca.SX.zeros(nx), ca.SX.zeros(problem.u.numel()), P, t0 + (left + h) * horizon)[2]
-        chosen = [problem.path[n] for n in edges]
-        scales = np.array([r.scale for r in chosen])
+        edge_rows = [problem.path[n] for n in edges]
+        scales = np.array([r.scale for r in edge_rows])
         rows.append(at_edge[edges] / ca.DM(scales))
-        names += [(f"at the edge: {r.label}", -1) for r in chosen]
-        low.append(np.array([r.low for r in chosen]) / scales)
-        high.append(np.array([r.high for r in chosen]) / scales)
+        names += [(f"at the edge: {r.label}", -1) for r in edge_rows]
+        low.append(np.array([r.low for r in edge_rows]) / scales)
+        high.append(np.array([r.high for r in edge_rows]) / scales)
     rows += path_rows
     names += path_names
     low += [np.array([r.low / r.scale for r in problem.path])] * k
@@ -185,7 +189,7 @@ def make_element(problem: DynamicProblem, mesh: Mesh) -> Element:
 
 
 def of_states(problem: DynamicProblem, row: ConstraintRow) -> bool:
-    """Do states, constants and time alone tell it?"""
+    """Return whether the row depends only on states, constants and time, with at least one state."""
     keys = {s.element_hash() for s in ca.symvar(row.expression)}
     states = {s.element_hash() for s in ca.vertsplit(problem.x)}
     return bool(keys & states) and keys <= {
@@ -194,7 +198,7 @@ def of_states(problem: DynamicProblem, row: ConstraintRow) -> bool:
 
 
 def _inputs(layout: Layout, physical: ca.SX, local: np.ndarray) -> list[ca.SX]:
-    """Controls and point variables at fractions of the element, symbolic."""
+    """Return symbolic controls and point variables at fractions of the element."""
     mesh = layout.mesh
     inputs = []
     for by_u, by_z in zip(
@@ -209,7 +213,7 @@ def _inputs(layout: Layout, physical: ca.SX, local: np.ndarray) -> list[ca.SX]:
 
 
 def _entries(column: ca.SX, index: np.ndarray) -> ca.SX:
-    """A column of entries; none of a single number would be a row in CasADi."""
+    """Return the entries as a column; an empty selection from a scalar would be a row in CasADi."""
     return column[index.tolist()] if index.size else ca.SX(0, 1)
 
 
@@ -218,7 +222,7 @@ def _share(weight: float, value: ca.SX) -> ca.SX:
 
 
 def value_at(problem: DynamicProblem, mesh: Mesh, layout: Layout, y: ca.SX, P: ca.SX, h: float, left: float, s: float):
-    """x, xd, u and t at the fraction s of an element: polynomials evaluated; u at the left end is extrapolated."""
+    """Evaluate x, xd, u and t at the fraction s of an element; u at the left end is extrapolated."""
     table = mesh.table
     k, nx = mesh.points, layout.nx
     physical = y * ca.DM(layout.scale)

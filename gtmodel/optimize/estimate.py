@@ -1,4 +1,4 @@
-"""Estimated constants and initial states with their covariance, from the least-squares problem that was solved."""
+"""Estimated constants and initial states with their covariance, from a solved least-squares problem."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from .nlp import Nlp, instants, placed
 from .phases import PhasesSolution
 from .solution import Solution
 
-# added to the information, relative to its largest entry: what the data do not determine shows as this alone
+# regularisation of the information matrix, relative to its largest diagonal entry
 REGULAR = 1e-13
-# variances that this part of the regularisation gives are not determined by the data
+# a quantity is undetermined if the regularisation supplies at least this share of the information about it
 UNDETERMINED = 1e-3
-AT_BOUND = 1e-6  # of a scaled unknown: it stands at its bound, where it is held
-LEAST_SQUARES = 1e-6  # relative: the objective is the misfit and nothing else
-ROUNDING = 1e-24  # of the data's squares: more than the squared rounding of a residual that vanishes
-# at random values of all that the objective holds, the rest besides misfits has no derivatives beyond rounding
+AT_BOUND = 1e-6  # a scaled unknown this close to its bound is active
+LEAST_SQUARES = 1e-6  # relative tolerance for objective == misfit
+ROUNDING = 1e-24  # of the sum of squared data: above the squared rounding error of a vanishing residual
+# objective - misfit must have no derivatives beyond rounding, tested at random values
 SAME, SEED, TRIALS = 1e-9, 0, 2
 
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """What was solved: one problem, or linked phases with the place where the unknowns of each begin."""
+    """The solved problem: one Optimization, or linked phases with the index of the first unknown of each."""
 
     title: str
     parts: tuple[tuple[str, Solution, int], ...]
@@ -48,8 +48,8 @@ class _Fit:
         title = solution.problem.flat.title
         if solution.linked:
             raise ModelError(
-                f"{title} is one of several phases, whose links and shared constants hold it too; take "
-                "gt.estimate(...) of the whole that solve_phases() returned"
+                f"{title} is one of several linked phases; its links and shared constants are missing here. Call "
+                "gt.estimate(...) with the PhasesSolution from solve_phases()"
             )
         return cls(title, (("", solution, 0),), solution.nlp, solution)
 
@@ -59,13 +59,14 @@ class _Fit:
 
 
 def estimate(solution: Solution | PhasesSolution) -> Estimate:
-    """What the data say of the constants that an Optimization has estimated: values with their covariance.
+    """Return the constants that an Optimization estimated, with their covariance.
 
-    solution: of an Optimization whose objective is gt.misfit(...) and nothing else, or of linked phases together. In
-    phases, names are "phase: name"; a shared constant stands under the first of its phases.
+    solution: the solution of an Optimization whose objective consists of gt.misfit(...) only, or the PhasesSolution of
+    linked phases. With phases, names are "phase: name"; a shared constant is listed under its first phase.
 
-    Raises ModelError if the solve failed, the objective is no misfit or holds more, too few values were measured, or
-    the data do not determine some of the quantities; these are named. So it does for a single one of linked phases.
+    Raises ModelError if the solve failed, the objective contains no misfit or other terms as well, too few values were
+    measured, the data do not determine some quantities (the message names them), or the solution is that of a single
+    linked phase.
 
     >>> times = np.linspace(0.1, 1.0, 10)
     >>> rng = np.random.default_rng(3)
@@ -87,18 +88,18 @@ def estimate(solution: Solution | PhasesSolution) -> Estimate:
     fit = _Fit.of(solution)
     title = fit.title
     if not solution.status.ok:
-        raise ModelError(f"{title}: there is no estimate without a solution: {solution.message}")
+        raise ModelError(f"{title} was not solved, so there is no estimate: {solution.message}")
     if not fit.misfits:
-        raise ModelError(f"{title}: the objective holds no gt.misfit(...), so there is nothing to estimate from")
+        raise ModelError(f"{title}: the objective contains no gt.misfit(...); add one to estimate constants")
     if len({m.known for m in fit.misfits}) > 1:
         raise ModelError(f"{title}: give sigma to all misfits, or to none")
     r, J = _residuals(fit)
     data = _data(fit.misfits)
     rounding = ROUNDING * float(data @ data)
-    beside = abs(r @ r - solution.objective) > LEAST_SQUARES * (abs(solution.objective) + r @ r) + rounding
-    if beside or any(_holds_more(s) for _, s, _ in fit.parts):
+    mismatch = abs(r @ r - solution.objective) > LEAST_SQUARES * (abs(solution.objective) + r @ r) + rounding
+    if mismatch or any(_holds_more(s) for _, s, _ in fit.parts):
         raise ModelError(
-            f"{title}: the objective holds more than misfits; the covariance is that of least squares only"
+            f"{title}: the objective contains terms other than misfits; the covariance holds for least squares only"
         )
     A, variables = _active(fit)
     J, n = scipy.sparse.csc_matrix(J[:, variables]), len(variables)
@@ -106,36 +107,34 @@ def estimate(solution: Solution | PhasesSolution) -> Estimate:
     degrees_of_freedom = len(r) - (n - held_rows)
     known = fit.misfits[0].known
     if degrees_of_freedom < 0 or (degrees_of_freedom == 0 and not known):
-        raise ModelError(f"{title}: {len(r)} measured values for {n - held_rows} unknowns; measure more, or give sigma")
-    names, columns, scale, values, held = _quantities(fit, variables)
+        raise ModelError(f"{title}: {len(r)} measured values for {n - held_rows} unknowns; add data, or give sigma")
+    names, columns, scale, values, at_bounds = _quantities(fit, variables)
     if not names:
-        raise ModelError(f"{title}: nothing is free to be estimated; declare gt.free constants or leave a start free")
+        raise ModelError(f"{title} has no quantity to estimate; declare gt.free constants or leave a start value free")
     information = (J.T @ J).tocsc()
     small = REGULAR * float(information.diagonal().max(initial=0.0))
     kkt = scipy.sparse.bmat([[information + small * scipy.sparse.identity(n), A.T], [A, None]], format="csc")
-    chosen = np.zeros((n + held_rows, len(columns)))
-    chosen[columns, np.arange(len(columns))] = 1.0
+    selection = np.zeros((n + held_rows, len(columns)))
+    selection[columns, np.arange(len(columns))] = 1.0
     try:
-        covariance = scipy.sparse.linalg.splu(kkt).solve(chosen)[columns]
+        covariance = scipy.sparse.linalg.splu(kkt).solve(selection)[columns]
     except RuntimeError:
-        raise ModelError(
-            f"{title}: the constraints are redundant at the solution; remove those that repeat others"
-        ) from None
+        raise ModelError(f"{title}: constraints are redundant at the solution; remove the dependent ones") from None
     _require_determined(title, covariance, small, names)
     noise = float(np.sqrt(r @ r / degrees_of_freedom)) if degrees_of_freedom else 1.0
     covariance = (covariance + covariance.T) / 2 * np.outer(scale, scale) * (1.0 if known else noise**2)
-    return Estimate(tuple(names), values, covariance, degrees_of_freedom, noise, known, r, tuple(held))
+    return Estimate(tuple(names), values, covariance, degrees_of_freedom, noise, known, r, tuple(at_bounds))
 
 
 def _data(misfits: list[Misfit]) -> np.ndarray:
-    """The measured values in units of the residuals."""
+    """Return the measured values in the units of the residuals."""
     r = ca.vertcat(*[m.residual for m in misfits])
     symbols = ca.symvar(r)
     return np.asarray(ca.Function("data", symbols, [r])(*[0.0] * len(symbols))).reshape(-1)
 
 
 def _holds_more(solution: Solution) -> bool:
-    """Does the objective differ from the misfits anywhere in its derivatives, though it may agree at the optimum?"""
+    """Return whether the objective has terms besides misfits, even ones that vanish at the optimum."""
     problem, blocks = solution.problem, solution.nlp.mesh.blocks
     if any(weight != 0.0 for _, _, weight in problem.integrals):
         return True
@@ -148,46 +147,46 @@ def _holds_more(solution: Solution) -> bool:
     rest = problem.mayer - misfit
     derivatives = []
     for e in (rest, misfit):
-        bend, slope = ca.hessian(e, symbols)
-        derivatives += [ca.densify(ca.horzcat(bend, slope))]
+        hessian, gradient = ca.hessian(e, symbols)
+        derivatives += [ca.densify(ca.horzcat(hessian, gradient))]
     f = ca.Function("rest", [symbols], derivatives)
     rng = np.random.default_rng(SEED)
     for _ in range(TRIALS):
-        more, own = (np.abs(v.full()) for v in f(rng.uniform(0.5, 1.5, symbols.numel())))
-        if not np.all(more <= SAME * own):
+        excess, reference = (np.abs(v.full()) for v in f(rng.uniform(0.5, 1.5, symbols.numel())))
+        if not np.all(excess <= SAME * reference):
             return True
     return False
 
 
 def _residuals(fit: _Fit) -> tuple[np.ndarray, scipy.sparse.csc_matrix]:
-    """Residuals, and their Jacobian in all unknowns."""
+    """Return the residuals and their Jacobian with respect to all unknowns."""
     values: list[np.ndarray] = []
     blocks: list[scipy.sparse.csc_matrix] = []
     for _, s, _ in fit.parts:
         nlp, problem = s.nlp, s.problem
-        held = instants(problem, placed(nlp, s.x), nlp.element.layout, nlp.p_scale, [])
+        values_at = instants(problem, placed(nlp, s.x), nlp.element.layout, nlp.p_scale, [])
         r = ca.vertcat(*[m.residual for m in problem.misfits]) if problem.misfits else ca.SX(0, 1)
-        if held.old.numel():
-            r = ca.substitute([r], [held.old], [held.new])[0]
-        touched = np.array(sorted(set(ca.jacobian_sparsity(r, held.z).get_triplet()[1])), int)
-        f = ca.Function("residuals", [held.z], [r, ca.densify(ca.jacobian(r, held.z))])
-        value, slope = (np.asarray(v.full()) for v in f(s.x[held.index]))
+        if values_at.old.numel():
+            r = ca.substitute([r], [values_at.old], [values_at.new])[0]
+        columns = np.array(sorted(set(ca.jacobian_sparsity(r, values_at.z).get_triplet()[1])), int)
+        f = ca.Function("residuals", [values_at.z], [r, ca.densify(ca.jacobian(r, values_at.z))])
+        value, jacobian = (np.asarray(v.full()) for v in f(s.x[values_at.index]))
         values.append(value.reshape(-1))
         n = len(values[-1])
-        row, column = np.repeat(np.arange(n), len(touched)), np.tile(held.index[touched], n)
-        blocks.append(scipy.sparse.csc_matrix((slope[:, touched].ravel(), (row, column)), shape=(n, nlp.size)))
+        row, column = np.repeat(np.arange(n), len(columns)), np.tile(values_at.index[columns], n)
+        blocks.append(scipy.sparse.csc_matrix((jacobian[:, columns].ravel(), (row, column)), shape=(n, nlp.size)))
     return np.concatenate(values), scipy.sparse.csc_matrix(scipy.sparse.block_diag(blocks))
 
 
 def _active(fit: _Fit) -> tuple[scipy.sparse.csc_matrix, np.ndarray]:
-    """Jacobian of all rows that hold with equality, in the unknowns that are free to move."""
+    """Return the Jacobian of all active rows with respect to the unknowns not at a bound, and those unknowns."""
     nlp, solution, x = fit.program, fit.whole, fit.whole.x
     g, jacobian = nlp.functions["jac_g"](x, [])
     g = np.asarray(g).reshape(-1)
     near = (np.abs(g - nlp.lbg) <= AT_BOUND) | (np.abs(g - nlp.ubg) <= AT_BOUND)
     slight = AT_BOUND / objective_scale(nlp, x, fit.misfits)  # multipliers are in the objective's units
-    pressed = np.abs(solution.multipliers) > slight
-    rows = np.flatnonzero((nlp.lbg == nlp.ubg) | (near & pressed))
+    loaded = np.abs(solution.multipliers) > slight
+    rows = np.flatnonzero((nlp.lbg == nlp.ubg) | (near & loaded))
     at_bound = (np.minimum(x - nlp.lbx, nlp.ubx - x) <= AT_BOUND) & (np.abs(solution.bound_multipliers) > slight)
     variables = np.flatnonzero(~((nlp.lbx == nlp.ubx) | at_bound))
     sparsity = jacobian.sparsity()
@@ -198,39 +197,39 @@ def _active(fit: _Fit) -> tuple[scipy.sparse.csc_matrix, np.ndarray]:
 
 
 def _quantities(fit: _Fit, variables: np.ndarray) -> tuple[list[str], np.ndarray, np.ndarray, np.ndarray, list[str]]:
-    """Names, columns among the free unknowns, scales and values of what is estimated; names of what is held.
+    """Return names, columns, scales and values of the estimated quantities, and names of those held at a bound.
 
-    States that continue from the phase before are those at its end: left out.
+    Start states that continue the previous phase are left out.
     """
     column = {int(v): n for n, v in enumerate(variables)}
-    asked: list[tuple[int, str, float]] = []
-    known: set[str] = set()
+    candidates: list[tuple[int, str, float]] = []
+    names_so_far: set[str] = set()
     shared = fit.program.shared if isinstance(fit.program, Joined) else ()
     links = {r.label for r in fit.program.links} if isinstance(fit.program, Joined) else set()
-    for prefix, s, at in fit.parts:
+    for prefix, s, offset in fit.parts:
         nlp, problem = s.nlp, s.problem
         for k, name in enumerate(problem.free_names):
-            if name not in known or not any(is_of(c, name) for c in shared):
-                asked.append((at + nlp.constants + k, f"{prefix}{name}", float(nlp.p_scale[k])))
-            known.add(name)
+            if name not in names_so_far or not any(is_of(c, name) for c in shared):
+                candidates.append((offset + nlp.constants + k, f"{prefix}{name}", float(nlp.p_scale[k])))
+            names_so_far.add(name)
         for k, name in enumerate(problem.state_names[: len(problem.state_pairs)]):
             if f"{name} continues into '{prefix.removesuffix(': ')}'" not in links:
-                asked.append((at + k, f"{prefix}{name} at the start", float(problem.x_scale[k])))
+                candidates.append((offset + k, f"{prefix}{name} at the start", float(problem.x_scale[k])))
     x, low, high = fit.whole.x, fit.program.lbx, fit.program.ubx
-    rows = [(name, column[i], s, x[i] * s) for i, name, s in asked if i in column]
-    held = [name for i, name, _ in asked if i not in column and low[i] != high[i]]
+    rows = [(name, column[i], s, x[i] * s) for i, name, s in candidates if i in column]
+    at_bounds = [name for i, name, _ in candidates if i not in column and low[i] != high[i]]
     columns, scales, values = (np.array([f[k] for f in rows]) for k in (1, 2, 3))
-    return [f[0] for f in rows], columns.astype(int), scales, values, held
+    return [f[0] for f in rows], columns.astype(int), scales, values, at_bounds
 
 
 def _require_determined(title: str, covariance: np.ndarray, small: float, names: list[str]) -> None:
-    """Raises ModelError naming the quantities whose variance is the regularisation's."""
+    """Raise ModelError naming the quantities whose variance comes from the regularisation."""
     values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
     if small > 0 and values[-1] * small < UNDETERMINED:
         return
     weight = np.abs(vectors[:, -1])
-    shown = [n for n, w in zip(names, weight, strict=True) if w > 0.05 * weight.max()]
+    undetermined = [n for n, w in zip(names, weight, strict=True) if w > 0.05 * weight.max()]
     raise ModelError(
-        f"{title}: the data do not determine {' and '.join(shown)}"
-        f"{' apart from each other' if len(shown) > 1 else ''}; fix one of them, or measure something else"
+        f"{title}: the data do not determine {' and '.join(undetermined)}"
+        f"{' separately' if len(undetermined) > 1 else ''}; fix one of them, or add other measurements"
     )

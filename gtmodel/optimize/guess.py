@@ -1,4 +1,4 @@
-"""Initial guesses: from a trajectory by name, from an earlier solution, or from start attributes."""
+"""Initial guesses from a trajectory, an earlier solution, or start attributes."""
 
 from __future__ import annotations
 
@@ -21,20 +21,21 @@ Series = Callable[[np.ndarray], np.ndarray]
 
 
 def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
-    """Scaled unknowns. A trajectory's time span is the guess of a free horizon; it is stretched over the horizon.
+    """Return scaled unknowns from a guess.
 
-    States and controls are found under any of their names. Algebraic variables that the guess does not hold are
-    solved from its states and inputs where that is possible. Raises ModelError if a trajectory holds none of the
-    states, or a signal in another unit than the model's; "1" counts as not said.
+    A trajectory is stretched over the horizon; its start and end times are the guess of free ones. States and controls
+    are looked up under all their aliases. Algebraic variables missing from the guess are solved from its states and
+    inputs if possible. Raises ModelError if a trajectory contains none of the states, or a signal whose unit has
+    another dimension than the model's; a signal with unit "1" is not checked.
     """
     problem, mesh, layout = nlp.problem, nlp.mesh, nlp.element.layout
     if guess is not None and not isinstance(guess, (Trajectory, Solution)):
-        raise ModelError(f"a guess is a gt.Trajectory or an earlier solution; found {guess!r}")
+        raise ModelError(f"the guess must be a gt.Trajectory or an earlier solution; found {guess!r}")
     free = problem.P_guess.copy()
-    extrapolated = 0.0
+    first_fraction = 0.0
     if isinstance(guess, Solution):
         time = guess.trajectory.time
-        extrapolated = (time[1] - time[0]) / (time[-1] - time[0]) if len(time) > 1 else 0.0
+        first_fraction = (time[1] - time[0]) / (time[-1] - time[0]) if len(time) > 1 else 0.0
         for n, name in enumerate(problem.free_names):
             free[n] = guess.free.get(name, free[n])
         guess = guess.trajectory
@@ -48,8 +49,8 @@ def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
         for pair in (*problem.state_pairs, *problem.input_pairs):
             _same_unit(guess, names_of(flat, alias, pair), flat.unit_of(*pair))
     states = [_series(guess, names_of(flat, alias, p), start_of(flat, alias, p)) for p in problem.state_pairs]
-    if guess is not None and states and not any(given for _, given in states):
-        raise ModelError(f"the guess holds none of the states {', '.join(problem.state_names)}")
+    if guess is not None and states and not any(in_guess for _, in_guess in states):
+        raise ModelError(f"the guess contains none of the states {', '.join(problem.state_names)}")
     states += [_series(None, [], 0.0)] * (layout.nx - len(states))
     inputs = [_series(guess, names_of(flat, alias, p), start_of(flat, alias, p)) for p in problem.input_pairs]
     x, u = problem.x_bounds, problem.u_bounds
@@ -58,16 +59,18 @@ def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
     xs = np.stack([np.clip(f(s.ravel()), x.low[j], x.high[j]) for j, (f, _) in enumerate(states)], -1) if states else (
         np.zeros((s.size, 0)))  # fmt: skip
     xs = xs.reshape(*s.shape, layout.nx)
-    at = s[:, 1:].ravel()
-    us = np.stack([f(at) for f, _ in inputs], -1) if inputs else np.zeros((at.size, 0))
-    if extrapolated:  # what is free at each point has no value at the start: hold the first one
+    s_at = s[:, 1:].ravel()
+    us = np.stack([f(s_at) for f, _ in inputs], -1) if inputs else np.zeros((s_at.size, 0))
+    if first_fraction:  # point variables have no value at the start: hold the first one
         for n in range(layout.nu, us.shape[1]):
-            us[:, n] = inputs[n][0](np.maximum(at, extrapolated))
-    missing = [n for n, (_, given) in enumerate(inputs) if n >= layout.nu and not given]
+            us[:, n] = inputs[n][0](np.maximum(s_at, first_fraction))
+    missing = [n for n, (_, in_guess) in enumerate(inputs) if n >= layout.nu and not in_guess]
     known = layout.nu + len(problem.delayed)
     if any(n >= known for n in missing):
-        flat_x = xs[:, 1:].reshape(at.size, layout.nx)[:, : len(problem.state_pairs)]
-        solved = solve_point_variables(problem, flat_x, np.clip(us[:, :known], u.low[:known], u.high[:known]), free, at)
+        x_rows = xs[:, 1:].reshape(s_at.size, layout.nx)[:, : len(problem.state_pairs)]
+        solved = solve_point_variables(
+            problem, x_rows, np.clip(us[:, :known], u.low[:known], u.high[:known]), free, s_at
+        )
         for n in missing:
             if n >= known:
                 us[:, n] = np.where(np.isfinite(solved[:, n - known]), solved[:, n - known], us[:, n])
@@ -77,7 +80,7 @@ def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
     blocks[:, layout.left[: layout.nx]] = xs[:, 0]
     blocks[:, layout.x.ravel()] = xs[:, 1:].reshape(N, -1)
     blocks[:, layout.z.ravel()] = us[:, :, layout.nu :].reshape(N, -1)
-    if mesh.control == "polynomial":  # its coefficients are its values at the points
+    if mesh.control == "polynomial":  # the coefficients are the values at the points
         blocks[:, layout.u] = us[:, :, : layout.nu]
     else:
         for k in range(N):
@@ -98,7 +101,7 @@ def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
 
 
 def _coefficients(nlp: Nlp, at_points: np.ndarray, series: list[Series], k: int) -> np.ndarray:
-    """Control coefficients (m, nu) of element k from values at its points, or at its ends."""
+    """Return control coefficients (m, nu) of element k from values at its points or ends."""
     mesh = nlp.mesh
     if mesh.control == "constant":
         block = mesh.blocks
@@ -117,7 +120,7 @@ def _coefficients(nlp: Nlp, at_points: np.ndarray, series: list[Series], k: int)
 def solve_point_variables(
     problem: DynamicProblem, x: np.ndarray, u: np.ndarray, free: np.ndarray, s: np.ndarray
 ) -> np.ndarray:
-    """Algebraic variables (n, nz) that the equations give for rows of states and inputs; NaN where they do not."""
+    """Solve the algebraic variables (n, nz) for rows of states and inputs; NaN where the solution fails."""
     flat, plan = problem.flat, problem.base
     inputs = [("x", problem.state_pairs), ("u", problem.input_pairs[: u.shape[1]])]
     built = functions_of(plan, inputs, [("z", problem.z_pairs)], "point_variables", parametric=True)
@@ -127,19 +130,19 @@ def solve_point_variables(
         p[names.index(name)] = value
     t0, tf = (float(v) for v in ca.Function("ends", [problem.P], [problem.t0, problem.tf])(free))
     n = len(s)
-    given = (
+    arguments = (
         [x.T, u.T] + ([(t0 + s * (tf - t0))[None, :]] if plan.uses_time else []) + [np.repeat(p[:, None], n, axis=1)]
     )
     unknowns: list[np.ndarray] = []
     with np.errstate(all="ignore"):
         for kernel in built.kernels:
-            unknowns.append(kernel.solve(np.vstack([*given, *unknowns]))[0])
-        value = built.closed.map(n).call([ca.DM(a) for a in (*given, *unknowns)])[0]
+            unknowns.append(kernel.solve(np.vstack([*arguments, *unknowns]))[0])
+        value = built.closed.map(n).call([ca.DM(a) for a in (*arguments, *unknowns)])[0]
     return np.asarray(value.full()).reshape(len(problem.z_pairs), n).T
 
 
 def _series(guess: Trajectory | None, names: list[tuple[str, int]], default: float) -> tuple[Series, bool]:
-    """s in [0, 1] -> values, and whether the guess holds one of the names."""
+    """Return a function s in [0, 1] -> values, and whether the guess contains one of the names."""
     for name, sign in names:
         values = None if guess is None else _column(guess, name)
         if guess is not None and values is not None:
@@ -149,18 +152,18 @@ def _series(guess: Trajectory | None, names: list[tuple[str, int]], default: flo
 
 
 def _same_unit(guess: Trajectory, names: list[tuple[str, int]], unit: str) -> None:
-    """Raises ModelError where the signal that `_series` takes is no such quantity."""
+    """Raise ModelError if the unit of the signal that `_series` takes has another dimension."""
     name = next((name for name, _ in names if _column(guess, name) is not None), None)
     if name is None or unit == "?":
         return
     head, _, tail = name.rpartition("[")
-    own = guess.unit(name if name in guess else head + tail.partition("]")[2])
-    if own != "1" and parse_unit(own).dimension != parse_unit(unit).dimension:
-        raise ModelError(f"the guess has {name} in {own}; the model has it in {unit}: take another guess")
+    guess_unit = guess.unit(name if name in guess else head + tail.partition("]")[2])
+    if guess_unit != "1" and parse_unit(guess_unit).dimension != parse_unit(unit).dimension:
+        raise ModelError(f"the guess has {name} in {guess_unit}, but the model has it in {unit}; convert the guess")
 
 
 def _column(guess: Trajectory, name: str) -> np.ndarray | None:
-    """A scalar by its name: `der(robot.T[0])` is also found as column 0 of `der(robot.T)`."""
+    """Look up a scalar by name; `der(robot.T[0])` is also column 0 of `der(robot.T)`."""
     if name in guess and np.ndim(guess[name]) == 1:
         return guess[name]
     head, bracket, tail = name.rpartition("[")

@@ -1,5 +1,4 @@
-"""Handing an NLP over to IPOPT: options, a second try with the other barrier strategy, and warnings of CasADi that a
-solution says better."""
+"""Run IPOPT on an NLP: options, a second try with the other barrier strategy, and suppression of CasADi's warnings."""
 
 from __future__ import annotations
 
@@ -20,11 +19,11 @@ from .watch import FEASIBLE, NEARER, RUNAWAY, Iterate, IterationWatch, Multiplie
 if TYPE_CHECKING:
     from .solve import SolverOptions
 
-BEGIN, END = "CasADi - ", "]\n"  # CasADi writes a warning piece by piece: date, text, [file:line]
+BEGIN, END = "CasADi - ", "]\n"  # CasADi writes a warning in pieces: date, text, [file:line]
 
 
 class _Sieve:
-    """A stream without the warnings that one thread writes; all else passes."""
+    """A stream that drops CasADi's warnings from one thread and passes everything else."""
 
     def __init__(self, stream: Any) -> None:
         self._stream, self._thread, self._within = stream, threading.get_ident(), False
@@ -43,43 +42,43 @@ class _Sieve:
 
 @contextmanager
 def without_warnings() -> Iterator[None]:
-    """Leaves out what CasADi warns of meanwhile; what others write to stderr passes."""
+    """Suppress CasADi's warnings in this thread; other writes to stderr pass."""
     with redirect_stderr(_Sieve(sys.stderr)):  # type: ignore[type-var]
         yield
 
 
 HESSIANS = {"exact": "exact", "lbfgs": "limited-memory"}
-STRATEGIES = ("adaptive", "monotone")  # IPOPT's mu_strategy; where one fails the other may need a tenth of iterations
+STRATEGIES = ("adaptive", "monotone")  # IPOPT's mu_strategy
 BARRIERS = ("auto", *STRATEGIES, "low")
 FATROP = {True: "Solve_Succeeded", False: "fatrop did not converge"}
-# a warm start trusts its point: the barrier begins near where it ended. The best of some tried on four problems; a
-# larger change of parameters may take more iterations than a cold start
+# a warm start begins the barrier near where it ended. Values tuned on four problems; after a large change of
+# parameters a warm start may take more iterations than a cold start
 WARM_PUSH, WARM_BARRIER = 1e-3, 1e-6
-# a guess near the optimum without multipliers, as that of a coarser mesh: pushed off its bounds no further than the
-# barrier asks for
+# for a guess near the optimum without multipliers, such as the optimum on a coarser mesh: IPOPT pushes it only this
+# far off its bounds
 NEAR_PUSH = 1e-6
-# iterations without progress after which a first try makes room for the second; converging runs stay below a third
+# iterations without progress after which the first try is abandoned; converging runs stay below a third of this
 LOST = 150
-# from so many unknowns on MUMPS takes the order QAMD, which knows the dense rows of free constants, and asks for twice
-# the memory that it expects to need instead of IPOPT's eleven times, whose pages are new to it at every iteration:
-# together a third of it; where memory does not suffice IPOPT doubles it
+# from this many unknowns, MUMPS uses the ordering QAMD, which handles the dense rows of free constants, and reserves
+# twice its estimated memory instead of IPOPT's eleven times: a third of the time. If memory is short, IPOPT doubles it
 LARGE = 2500
 OF_LARGE: dict[str, Any] = {"mumps_pivot_order": 6, "mumps_mem_percent": 100}
-# ends after which the other strategy is tried: what stopped the run was neither the caller nor a limit of his
+# statuses after which the other strategy is tried: neither the caller nor a limit stopped the run
 TRIED_AGAIN = (SolveStatus.FAILED, SolveStatus.INFEASIBLE, SolveStatus.DIVERGED, SolveStatus.NOT_FINITE)
 
 
 @dataclass(frozen=True, eq=False)
 class SolverRun:
-    """How a run of IPOPT ended: the last iterate, its multipliers, and IPOPT's own word for it.
+    """Result of an IPOPT run: the last iterate, its multipliers, and IPOPT's return status (`word`).
 
-    best: of a run that failed, an earlier iterate much nearer to its constraints, or one that keeps them for less.
-    miss: of a run that solved its problem, the largest violation of a row beside the size of its terms (at least 1).
-    barrier: the strategy that it was run with; "" with another solver. iterations: of both tries, where there were two.
-    other: how the try with the other strategy ended, as (strategy, word); None where there was none.
-    curved: whether the reduced Hessian was positive definite in the last step, so that the answer is a minimum and no
-        saddle; None where that was not asked: without a step, or without second derivatives.
-    indifferent: whether the objective is a constant, so that there is nothing to minimise.
+    iterations: sum over both tries if there were two.
+    best: after a failed run, an earlier iterate with a much smaller violation, or a feasible one with a lower cost.
+    miss: after a successful run, the largest violation of a row relative to the size of its terms (at least 1).
+    barrier: the barrier strategy; "" with another solver.
+    other: (strategy, word) of the try with the other strategy; None if there was none.
+    curved: whether the reduced Hessian was positive definite in the last step, so that the point is a minimum and not
+        a saddle; None if unknown: no step, or no second derivatives.
+    indifferent: whether the objective is constant.
     """
 
     x: np.ndarray
@@ -99,17 +98,17 @@ class SolverRun:
 
     @property
     def reservation(self) -> str:
-        """What is not known of an answer: a stationary point may be a saddle or a maximum. Empty where it is none."""
+        """What remains open about a solved problem: the stationary point may be no minimum; "" if nothing."""
         if self.indifferent and self.status.ok:
-            return "the objective is a constant, and any motion that keeps the constraints is as good"
+            return "the objective is constant, so every feasible point is optimal"
         if self.curved or not self.status.ok:
             return ""
         if self.curved is None:
-            return "first-order conditions hold, whether it is a minimum was not tested"
-        return "first-order conditions hold, but it need be no minimum: the reduced Hessian is not positive definite"
+            return "first-order conditions hold; second-order conditions were not tested"
+        return "first-order conditions hold, but the reduced Hessian is not positive definite: possibly not a minimum"
 
     def at_best(self) -> SolverRun:
-        """The run with its best iterate in place of the last; what a failure says is about the last."""
+        """Return the run with its best iterate in place of the last one; status and word stay those of the last."""
         b = self.best
         return self if b is None else replace(self, x=b.x, g=b.g, objective=b.objective, multipliers=b.multipliers)
 
@@ -122,26 +121,26 @@ def run_ipopt(
     warm: Multipliers | None = None,
     scale: float = 1.0,
 ) -> SolverRun:
-    """Run IPOPT from x0, and from multipliers too where they are given; or fatrop.
+    """Run IPOPT (or fatrop) from x0 and, for a warm start, from multipliers.
 
-    With barrier "auto" a failure is followed by a try with the other strategy, both within one limit of iterations and
-    time; a warm start begins with the monotone one, from its multipliers, and the second try is cold. Where neither
-    solves the problem the answer is the one that came clearly nearer to its constraints, else the first.
+    With barrier "auto", a failed run is followed by a try with the other strategy; both share the limits of iterations
+    and time. A warm start begins with the monotone strategy; its second try is cold. If both fail, the second result
+    is returned if its violation is clearly smaller, else the first.
 
-    scale: what IPOPT multiplies the objective by; the answer is without it.
+    scale: factor of the objective inside IPOPT; results are unscaled.
     """
     stop_at = None if options.max_seconds is None else time.monotonic() + options.max_seconds
     order = STRATEGIES[::-1] if warm is not None else STRATEGIES
     strategy = order[0] if options.barrier == "auto" else options.barrier
     patience = options.patience if options.patience is not None or options.barrier != "auto" else LOST
-    # multipliers of an infeasible problem run away too, and a run that nobody hurries may prove that it is one
+    # multipliers of an infeasible problem diverge too; without a patience limit the run may prove infeasibility
     runaway = np.inf if options.patience is None else RUNAWAY
     watch = IterationWatch(program, progress, stop_at, patience, runaway=runaway)
     first = _once(program, x0, options, strategy, watch, warm, scale)
-    left = options.max_iterations - first.iterations
-    # at iteration 0 it is the start that is no number, for both alike; fatrop has no such strategies
-    again = options.barrier == "auto" and first.barrier and first.status in TRIED_AGAIN
-    if not again or first.iterations == 0 or left <= 0:
+    remaining = options.max_iterations - first.iterations
+    # a failure at iteration 0 means that the start is not finite, for both strategies; fatrop has no strategies
+    retry = options.barrier == "auto" and first.barrier and first.status in TRIED_AGAIN
+    if not retry or first.iterations == 0 or remaining <= 0:
         return first
     watch = IterationWatch(program, progress, stop_at, options.patience, first.iterations, runaway)
     second = _once(program, x0, options, order[1], watch, None, scale)
@@ -149,18 +148,18 @@ def run_ipopt(
 
 
 def _either(program: Program, first: SolverRun, second: SolverRun) -> SolverRun:
-    """The solved one of two tries, or the nearer, with the iterations of both."""
+    """Return the solved one of two tries, or the one with the smaller violation, with the iterations of both."""
     seconds = {name: first.seconds[name] + second.seconds[name] for name in first.seconds}
 
     def violation(run: SolverRun) -> float:
         return max(program.violation(run.at_best().g), FEASIBLE)
 
     nearer = second.status.ok or violation(second) < NEARER * violation(first)
-    kept, other = (second, first) if nearer else (first, second)
+    best, rejected = (second, first) if nearer else (first, second)
     if second.status is SolveStatus.INTERRUPTED:
-        kept = replace(kept, status=second.status, word=second.word)
-    outcome = other.barrier, other.word
-    return replace(kept, iterations=first.iterations + second.iterations, seconds=seconds, other=outcome)
+        best = replace(best, status=second.status, word=second.word)
+    outcome = rejected.barrier, rejected.word
+    return replace(best, iterations=first.iterations + second.iterations, seconds=seconds, other=outcome)
 
 
 def _once(
@@ -180,12 +179,12 @@ def _once(
         "print_level": 0,
         "sb": "yes",
         "hessian_approximation": HESSIANS[options.hessian],
-        "honor_original_bounds": "yes",  # IPOPT relaxes bounds by 1e-8 while it works
-        "mumps_pivot_order": 0,  # AMD: 18 % per iteration on these banded systems
+        "honor_original_bounds": "yes",  # IPOPT relaxes bounds by 1e-8 while iterating
+        "mumps_pivot_order": 0,  # AMD: saves 18 % per iteration on these banded systems
         **(OF_LARGE if len(program.lbx) >= LARGE else {}),
     }
     if options.hessian == "lbfgs":
-        # one larger factorisation in place of a solve for each of the last steps: half of the time per iteration
+        # one larger factorisation instead of one solve per stored step: half the time per iteration
         ipopt["limited_memory_aug_solver"] = "extended"
     if scale != 1.0:
         ipopt["obj_scaling_factor"] = scale
@@ -207,7 +206,7 @@ def _once(
     plugin = options.solver
     if plugin == "fatrop":
         settings.pop("ipopt")
-        settings.pop("iteration_callback")  # fatrop has none
+        settings.pop("iteration_callback")  # not supported by fatrop
         for name in ("no_nlp_grad", *program.functions):
             settings.pop(name)
         settings |= {
@@ -217,11 +216,11 @@ def _once(
             "fatrop": {"tol": options.tolerance, "max_iter": options.max_iterations, "print_level": 0},
         }
     start = time.perf_counter()
-    given = {} if warm is None else {"lam_g0": warm.rows, "lam_x0": warm.bounds}
+    multipliers = {} if warm is None else {"lam_g0": warm.rows, "lam_x0": warm.bounds}
     with without_warnings():
         run = ca.nlpsol("solver", plugin, program.nlp, settings)
         setup = time.perf_counter() - start
-        result = run(x0=x0, lbx=program.lbx, ubx=program.ubx, lbg=program.lbg, ubg=program.ubg, **given)
+        result = run(x0=x0, lbx=program.lbx, ubx=program.ubx, lbg=program.lbg, ubg=program.ubg, **multipliers)
     stats = run.stats()
     if watch.raised is not None:
         raise watch.raised
@@ -235,31 +234,34 @@ def _once(
     f, seconds = float(result["f"]), {"setup": setup, "solve": time.perf_counter() - start - setup}
     miss = None
     if isinstance(program.nlp, ca.Function):
-        # what IPOPT tells of its answer was before it brought x back to the bounds that it relaxes
+        # IPOPT's own values are from before it moved x back within the relaxed bounds
         f, g = (np.asarray(v).reshape(-1) for v in program.nlp(x, []))
         f = float(f[0])
         miss = _miss(program, x, g) if status.ok else None
     if miss is not None and not miss <= FEASIBLE:
         status, word = SolveStatus.FAILED, (
-            f"IPOPT's answer misses its rows by {miss:.2g} of their size within the bounds, which it relaxes by 1e-8; "
-            "give what is small a nominal, or bounds on both sides"
+            f"IPOPT's solution, moved back within the bounds that IPOPT relaxes by 1e-8, violates the constraints by "
+            f"{miss:.2g} of their size; give small variables a nominal, or bounds on both sides"
         )  # fmt: skip
     best = None if status.ok else watch.better_than(g, f)
-    used = strategy if plugin == "ipopt" else ""
-    curved = _curved(stats) if used and options.hessian == "exact" else None
-    count = int(stats["iter_count"])
-    return SolverRun(x, g, f, Multipliers(rows, bounds), count, status, word, seconds, best, miss, used, curved=curved)
+    barrier = strategy if plugin == "ipopt" else ""
+    curved = _curved(stats) if barrier and options.hessian == "exact" else None
+    n = int(stats["iter_count"])
+    return SolverRun(x, g, f, Multipliers(rows, bounds), n, status, word, seconds, best, miss, barrier, curved=curved)
 
 
 def _curved(stats: dict[str, Any]) -> bool | None:
-    """IPOPT counts the negative eigenvalues of every step's equations and adds to the Hessian until they are as many as
-    there are rows: what it added in the last step is zero where the reduced Hessian is positive definite as it is."""
+    """Return whether the reduced Hessian was positive definite in the last step.
+
+    IPOPT regularises the Hessian until the KKT matrix has as many negative eigenvalues as there are rows; zero
+    regularisation means that the reduced Hessian is positive definite.
+    """
     added = stats.get("iterations", {}).get("regularization_size", [])
     return added[-1] == 0.0 if len(added) > 1 else None
 
 
 def _miss(program: Program, x: np.ndarray, g: np.ndarray) -> float:
-    """Largest violation of a row, divided by the sum of its derivatives times the unknowns where that is above 1."""
+    """Return the largest violation of a row, divided by the sum |derivative * unknown| of the row if that exceeds 1."""
     excess = np.maximum(program.lbg - g, g - program.ubg)
     worst = float(np.max(excess, initial=0.0))
     if worst <= FEASIBLE or "jac_g" not in program.functions:

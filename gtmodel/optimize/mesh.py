@@ -1,5 +1,4 @@
-"""The mesh, elements and how the control runs within them, and collocation tables, Radau and Gauss points on (0, 1]
-of any order."""
+"""The mesh: elements, control parametrisation, and Radau and Gauss collocation tables of any order on (0, 1]."""
 
 from __future__ import annotations
 
@@ -19,10 +18,10 @@ SCHEMES = ("radau", "gauss")
 
 @dataclass(frozen=True)
 class CollocationTable:
-    """Collocation on one element scaled to [0, 1] with K points.
+    """Collocation with K points on one element scaled to [0, 1].
 
-    `points` (K,); `derivative` (K + 1, K): derivative at point c of the state polynomial through node 0 and the
-    points; `weights` (K,): quadrature; `end` (K + 1,): value at 1 of that polynomial.
+    The state polynomial interpolates node 0 and the points. `points` (K,); `derivative` (K + 1, K): its derivative at
+    the points; `weights` (K,): quadrature weights; `end` (K + 1,): its value at 1.
     """
 
     scheme: str
@@ -38,39 +37,39 @@ class CollocationTable:
 
 
 def points(scheme: str, count: int) -> np.ndarray:
-    """Radau IIA ("radau", ends at 1) or Gauss-Legendre ("gauss") points on [0, 1]."""
+    """Return Radau IIA ("radau", last point at 1) or Gauss-Legendre ("gauss") points on [0, 1]."""
     if count < 1:
         raise ValueError(f"a collocation element needs at least one point; found {count}")
     if scheme == "gauss":
         return (legendre.leggauss(count)[0] + 1) / 2
     if scheme == "radau":
-        # roots of P_K - P_(K-1) on [-1, 1] hold 1
+        # roots of P_K - P_(K-1) on [-1, 1] include 1
         c = np.zeros(count + 1)
         c[count], c[count - 1] = 1.0, -1.0
         roots = np.sort(legendre.legroots(c).real)
         roots[-1] = 1.0
-        for _ in range(3):  # Newton polish: companion roots lose digits at high order
+        for _ in range(3):  # Newton steps: roots of the companion matrix lose digits at high order
             f, df = legendre.legval(roots, c), legendre.legval(roots, legendre.legder(c))
             roots[:-1] -= f[:-1] / df[:-1]
         return (roots + 1) / 2
-    raise ValueError(f"there is no collocation scheme '{scheme}'; there are {' and '.join(SCHEMES)}")
+    raise ValueError(f"unknown collocation scheme '{scheme}'; expected {' or '.join(SCHEMES)}")
 
 
 @cache
 def table(scheme: str, count: int) -> CollocationTable:
-    """Points, differentiation matrix, weights and end values; read-only."""
+    """Return the read-only collocation table."""
     c = points(scheme, count)
     nodes = np.concatenate([[0.0], c])
-    x, w = legendre.leggauss(count + 1)  # exact for the basis, without monomials that lose digits
+    x, w = legendre.leggauss(count + 1)  # exact for the basis; monomials would lose digits
     weights = (w / 2) @ basis(c, (x + 1) / 2)
-    made = CollocationTable(scheme, c, basis_slope(nodes, c).T, weights, basis(nodes, np.array([1.0]))[0])
-    for array in (made.points, made.derivative, made.weights, made.end):
+    result = CollocationTable(scheme, c, basis_slope(nodes, c).T, weights, basis(nodes, np.array([1.0]))[0])
+    for array in (result.points, result.derivative, result.weights, result.end):
         array.setflags(write=False)
-    return made
+    return result
 
 
 def basis(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Values (len(at), len(nodes)) of the Lagrange polynomials that are 1 at one node and 0 at the others."""
+    """Return values (len(at), len(nodes)) of the Lagrange polynomials of the nodes."""
     at = np.asarray(at, float)
     n = len(nodes)
     values = np.ones((len(at), n))
@@ -82,7 +81,7 @@ def basis(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 
 def basis_slope(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Derivatives (len(at), len(nodes)) of the Lagrange polynomials, by the product rule."""
+    """Return derivatives (len(at), len(nodes)) of the Lagrange polynomials."""
     at = np.asarray(at, float)
     n = len(nodes)
     jacobian = np.zeros((len(at), n))
@@ -98,8 +97,8 @@ def basis_slope(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
     return jacobian
 
 
-# "polynomial": free at each point and bounded there only; "bernstein": the same polynomials, bounded everywhere;
-# "linear": continuous over the whole horizon; "constant" on each element
+# "polynomial": bounded at the points only; "bernstein": polynomials bounded everywhere; "linear": continuous over the
+# whole horizon; "constant" on each element
 CONTROLS = ("polynomial", "bernstein", "linear", "constant")
 
 
@@ -108,12 +107,11 @@ class Blocks:
     """Move blocking: the control is constant over given numbers of elements.
 
     Args:
-        sizes: elements of each block; they sum to the mesh's.
-        step_max: largest step between neighbouring blocks, by the control's name, in its SI unit.
-        step_penalty: weight of the squared step in the objective, by the control's name.
+        sizes: number of elements in each block; the sum equals the number of elements of the mesh.
+        step_max: largest step between neighbouring blocks in SI units, by name of the control.
+        step_penalty: weight of the squared step in the objective, by name of the control.
 
-    Raises ValueError for a size that is no whole number of at least one, a bound that is not positive or a negative
-    weight.
+    Raises ValueError for a size that is not a positive integer, a bound that is not positive, or a negative weight.
 
     >>> blocks = gt.Blocks(sizes=(2, 3), step_max={"force": 200.0})
     >>> gt.Mesh(5, control="constant", blocks=blocks).elements
@@ -127,27 +125,27 @@ class Blocks:
     def __post_init__(self) -> None:
         object.__setattr__(self, "sizes", tuple(self.sizes))
         if not self.sizes or not all(isinstance(n, (int, np.integer)) and n >= 1 for n in self.sizes):
-            raise ValueError(f"each block holds a whole number of elements, at least one; found sizes {self.sizes}")
+            raise ValueError(f"each block size must be a positive integer; found {self.sizes}")
         for name, value in self.step_max.items():
             if not value > 0:
-                raise ValueError(f"the largest step of '{name}' between blocks is positive; found {value:g}")
+                raise ValueError(f"step_max of '{name}' must be positive; found {value:g}")
         for name, value in self.step_penalty.items():
             if not value >= 0:
-                raise ValueError(f"the penalty on steps of '{name}' is not negative; found {value:g}")
+                raise ValueError(f"step_penalty of '{name}' must not be negative; found {value:g}")
 
     @property
     def borders(self) -> list[int]:
-        """Numbers of the elements that begin a new block, the first left out."""
+        """Indices of the elements that begin a block, except the first."""
         return np.cumsum(self.sizes)[:-1].tolist()
 
 
 def coefficients(control: str, table: CollocationTable) -> int:
-    """How many numbers describe one control on one element."""
+    """Return the number of coefficients of one control on one element."""
     return {"constant": 1, "linear": 2}.get(control, len(table.points))
 
 
 def control_basis(control: str, table: CollocationTable, s: np.ndarray) -> np.ndarray:
-    """Values (len(s), coefficients) of the functions that the coefficients multiply; each row sums to 1."""
+    """Return values (len(s), coefficients) of the control's basis functions; each row sums to 1."""
     s = np.asarray(s, float)
     if control == "constant":
         return np.ones((len(s), 1))
@@ -159,25 +157,25 @@ def control_basis(control: str, table: CollocationTable, s: np.ndarray) -> np.nd
     return basis(table.points, s)
 
 
-ROUND_OFF = 1e-9  # of fractions of the horizon: sums of lengths and times over durations miss an edge by as much
+ROUND_OFF = 1e-9  # of fractions of the horizon: rounding of summed lengths and of times divided by durations
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """Mesh of a direct collocation: `elements` elements with `points` points each.
+    """Mesh for direct collocation: `elements` elements with `points` points each.
 
     Args:
         elements: number of elements.
         points: collocation points per element.
-        scheme: "radau" (ends at the element's end) or "gauss".
-        control: "polynomial" (free at each point, bounded there only), "bernstein" (the same polynomials, bounded
-            at every instant through their Bernstein coefficients), "linear" (continuous) or "constant" on each element.
+        scheme: "radau" (last point at the element's end) or "gauss".
+        control: "polynomial" (bounded at the points only), "bernstein" (the same polynomials, bounded at every instant
+            through their Bernstein coefficients), "linear" (continuous) or "constant" on each element.
         lengths: relative element lengths; equal if None.
-        length_ratio: (low, high) makes the lengths free: each lies between low and high times its given length, and
-            they still fill the horizon. A control "polynomial" would use its overshoots then: take another one.
-        blocks: the control is constant over several elements; with control "constant".
+        length_ratio: (low, high) makes the lengths free: each may vary between low and high times its nominal length;
+            their sum stays the horizon. Do not combine it with control "polynomial", whose overshoots it exploits.
+        blocks: keep the control constant over several elements; needs control "constant".
 
-    Raises ValueError for numbers and words that make no mesh.
+    Raises ValueError for values out of range and unknown words.
 
     >>> mesh = gt.Mesh(20, control="linear", length_ratio=(0.2, 3.0))
     >>> mesh.elements, mesh.points, mesh.scheme
@@ -196,29 +194,29 @@ class Mesh:
         for name in ("elements", "points"):
             value = getattr(self, name)
             if not isinstance(value, (int, np.integer)) or isinstance(value, bool):
-                raise ModelError(f"{name} of a mesh is a whole number; found {value!r}")
+                raise ModelError(f"{name} of a mesh must be an integer; found {value!r}")
         if self.elements < 1 or self.points < 1:
             raise ValueError(f"a mesh needs at least one element and one point; found {self.elements} x {self.points}")
         if self.scheme not in SCHEMES:
-            raise ValueError(f"scheme is 'radau' or 'gauss'; found '{self.scheme}'")
+            raise ValueError(f"scheme must be 'radau' or 'gauss'; found '{self.scheme}'")
         if self.control not in CONTROLS:
-            raise ValueError(f"control is one of {', '.join(CONTROLS)}; found '{self.control}'")
+            raise ValueError(f"control must be one of {', '.join(CONTROLS)}; found '{self.control}'")
         if self.lengths is not None and (
             np.shape(self.lengths) != (self.elements,) or not all(0 < h < np.inf for h in self.lengths)
         ):
             raise ModelError(
-                f"a mesh of {self.elements} elements takes as many positive lengths, all of them finite; "
+                f"a mesh of {self.elements} elements needs {self.elements} positive, finite lengths; "
                 f"found {self.lengths}"
             )
         if self.length_ratio is not None and not 0 < self.length_ratio[0] <= 1 <= self.length_ratio[1]:
             raise ValueError(
-                f"length_ratio is (low, high) with 0 < low <= 1 <= high: shortest and longest length of an element "
-                f"over its given one; found {self.length_ratio}"
+                f"length_ratio must be (low, high) with 0 < low <= 1 <= high: shortest and longest element length "
+                f"relative to the nominal one; found {self.length_ratio}"
             )
         if self.blocks is not None and self.control != "constant":
-            raise ValueError(f"blocks take control 'constant'; found '{self.control}'")
+            raise ValueError(f"blocks need control 'constant'; found '{self.control}'")
         if self.blocks is not None and sum(self.blocks.sizes) != self.elements:
-            raise ValueError(f"blocks hold {sum(self.blocks.sizes)} elements, but the mesh has {self.elements}")
+            raise ValueError(f"block sizes sum to {sum(self.blocks.sizes)}, but the mesh has {self.elements} elements")
 
     @property
     def table(self) -> CollocationTable:
@@ -226,17 +224,17 @@ class Mesh:
 
     @property
     def h(self) -> np.ndarray:
-        """Element lengths, sum 1; where they are free, those they start from."""
+        """Element lengths with sum 1; the initial ones if the lengths are free."""
         h = np.ones(self.elements) if self.lengths is None else np.array(self.lengths, float)
         return h / h.sum()
 
     def element_at(self, s: float) -> int:
-        """Number of the element that holds the fraction s of the horizon; at an edge the one on its right."""
+        """Return the index of the element that contains the fraction s of the horizon; at an edge, the right one."""
         edge = int(np.searchsorted(self.edges, s + ROUND_OFF, side="right"))
         return min(self.elements - 1, max(0, edge - 1))
 
     def is_point(self, local: float) -> bool:
-        """Is a fraction of an element one of its collocation points?"""
+        """Return whether a fraction of an element is one of its collocation points."""
         return bool(np.any(np.abs(self.table.points - local) <= ROUND_OFF))
 
     @property
@@ -246,9 +244,9 @@ class Mesh:
 
 
 def given_mesh(mesh: Mesh | None) -> Mesh:
-    """The mesh that was given, or the default one. Raises ModelError for what is no mesh."""
+    """Return the mesh, or the default one for None. Raises ModelError for another type."""
     if mesh is None:
         return Mesh()
     if not isinstance(mesh, Mesh):
-        raise ModelError(f"a mesh is a gt.Mesh(elements, points); found {mesh!r}")
+        raise ModelError(f"the mesh must be a gt.Mesh(elements, points); found {mesh!r}")
     return mesh

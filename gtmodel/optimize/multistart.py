@@ -1,5 +1,4 @@
-"""Many starts and the distinct optima that they lead to, deterministic by seed, and when starts only repeat each
-other."""
+"""Multi-start optimisation: distinct optima from perturbed guesses, reproducible by seed."""
 
 from __future__ import annotations
 
@@ -16,12 +15,12 @@ from .solution import Solution
 from .solve import NotSolved, SolverOptions, solve_nlp
 from .transcription import Transcription
 
-# costs that differ by a smaller part of them are of one optimum
+# relative difference below which two costs belong to the same optimum
 SAME_COST = 1e-5
 
 
 def local_optimum(here: int, starts: int) -> str:
-    """What is known of an optimum that several starts looked for: no more than where they ended.
+    """Return the sentence on how many starts ended in an optimum.
 
     >>> local_optimum(3, 4)
     'local optimum; 3 of 4 starts ended here'
@@ -31,9 +30,9 @@ def local_optimum(here: int, starts: int) -> str:
 
 @dataclass
 class ReachedOptima:
-    """Costs of the optima that starts ended in, one after the other, None for a start that ended in none.
+    """Costs of the optima that successive starts ended in; None for a start that failed.
 
-    repeated: how many of the last ones brought no optimum that was not known.
+    repeated: number of the most recent starts without a new optimum.
 
     >>> reached = ReachedOptima()
     >>> for cost in (2.0, None, 1.0, 2.0, 2.0):
@@ -51,7 +50,7 @@ class ReachedOptima:
         self.costs.append(cost)
 
     def ended_at(self, cost: float) -> int:
-        """Number of the starts that ended at this cost."""
+        """Return the number of starts that ended at this cost."""
         return sum(c is not None and abs(c - cost) <= SAME_COST * max(abs(c), abs(cost)) for c in self.costs)
 
     @property
@@ -64,23 +63,23 @@ class ReachedOptima:
         return optima
 
     def message(self, cost: float) -> str:
-        """Of the optimum with this cost; empty after a single start."""
+        """Return the message for the optimum with this cost; empty after a single start."""
         return local_optimum(self.ended_at(cost), len(self.costs)) if len(self.costs) > 1 else ""
 
 
-WAVES = 3  # a perturbation is a sum of so many half waves over the horizon: smooth, as motions are
-# optima are one where their costs, their states and constants, and their controls agree to this part; the cost tells
-# controls less sharply than the states that they move
+WAVES = 3  # a perturbation is a sum of this many half waves over the horizon, so it is smooth
+# two optima are the same if their costs, states, constants and controls agree within these tolerances; the cost
+# determines controls less sharply than states
 SAME_PATH, SAME_CONTROL = 1e-3, 1e-2
-NOTHING = 1e-3  # of its room: a constant below this has no size of its own
+NOTHING = 1e-3  # constants smaller than this share of their range are compared on that scale
 
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
     """One of the optima that `multi_start` found.
 
-    count: starts that led there. distance: from the best one, the largest of the root mean square differences of states
-    and of controls over the horizon, in nominals, and of the relative differences of free constants.
+    count: number of starts that ended here. distance: from the best optimum; the largest of the RMS differences of
+    states and of controls over the horizon, in nominals, and of the relative differences of free constants.
     """
 
     solution: Solution
@@ -94,9 +93,9 @@ class Optimum:
 
 @dataclass(frozen=True, eq=False)
 class MultiStart:
-    """What `multi_start` returns: distinct optima, the best first, each with its starts in its message.
+    """Result of `multi_start`: distinct optima, best first; each message says how many starts ended there.
 
-    `failures` are the messages of the starts that led nowhere; print the object for a table.
+    `failures`: messages of the starts that failed. Printing the object shows a table.
     """
 
     optima: tuple[Optimum, ...]
@@ -129,18 +128,18 @@ def multi_start(
     guess: Trajectory | Solution | None = None,
     solver: SolverOptions | None = None,
 ) -> MultiStart:
-    """Solve from the guess and from count - 1 perturbations of it: does another start lead to another optimum?
+    """Solve from the guess and from count - 1 random perturbations of it to look for other optima.
 
     Args:
-        problem: as `transcribe` makes it.
+        problem: the result of `transcribe`.
         count: number of starts.
-        seed: of the perturbations.
-        spread: size of the smooth random change of states and controls, as a part of the room between their bounds (of
-            the nominal where there are none). Free constants change by about this part of their value, or of the room
-            between their bounds where these have two signs, or of 1 where the guess is 0.
+        seed: seed of the perturbations.
+        spread: size of the smooth random perturbation of states and controls, relative to the range between their
+            bounds (to the nominal if unbounded). Free constants change by about this share of their value; of the range
+            between their bounds if these have opposite signs; of 1 if the guess is 0.
         parameters: values by name, as for `Transcription.solve`. guess, solver: as for `solve`.
 
-    Raises NotSolved if no start arrives, and ArgumentError for no start or a spread that is not positive.
+    Raises NotSolved if every start fails, and ArgumentError for a count below one or a spread that is not positive.
 
     >>> class Wells(gt.Optimization):  # two places to rest, x = -1 and x = 1; the right one costs less
     ...     x = gt.free(-0.2, min=-2.0, max=2.0)
@@ -159,7 +158,7 @@ def multi_start(
     nlp = problem._with(parameters or {})
     first = problem.first_guess(nlp, guess)
     options = solver or problem.options
-    # costs that differ by less than this part of the guess's are equal, also where the optimal cost is 0
+    # absolute scale for comparing costs, needed if the optimal cost is 0
     floor = abs(float(nlp.nlp(first, [])[0]))
     floor = floor if np.isfinite(floor) else 0.0
     distinct: list[tuple[Solution, int]] = []
@@ -170,11 +169,11 @@ def multi_start(
         if not s.status.converged:
             failures.append(s)
             continue
-        for n, (other, times) in enumerate(distinct):
-            close = abs(s.objective - other.objective) <= SAME_COST * max(abs(s.objective), abs(other.objective), floor)
-            states, controls, constants = _distances(s, other)
+        for n, (known, times) in enumerate(distinct):
+            close = abs(s.objective - known.objective) <= SAME_COST * max(abs(s.objective), abs(known.objective), floor)
+            states, controls, constants = _distances(s, known)
             if close and max(states, constants) <= SAME_PATH and controls <= SAME_CONTROL:
-                distinct[n] = (min(s, other, key=lambda v: v.objective), times + 1)
+                distinct[n] = (min(s, known, key=lambda v: v.objective), times + 1)
                 break
         else:
             distinct.append((s, 1))
@@ -186,20 +185,20 @@ def multi_start(
     return MultiStart(optima, tuple(s.message for s in failures), seed)
 
 
-def _with_count(solution: Solution, here: int, starts: int) -> Solution:
-    """Its message says how many of the starts ended there."""
-    said = f"{solution.message}; {local_optimum(here, starts)}"
-    return replace(solution, message=said) if starts > 1 else solution
+def _with_count(solution: Solution, count: int, starts: int) -> Solution:
+    """Append to the message how many of the starts ended there."""
+    message = f"{solution.message}; {local_optimum(count, starts)}"
+    return replace(solution, message=message) if starts > 1 else solution
 
 
 def distance(a: Solution, b: Solution) -> float:
-    """The largest of: root mean square difference over the horizon, in nominals, of the states and of the controls, and
-    relative difference of a free constant; of two solutions on one mesh."""
+    """Return the distance of two solutions on one mesh: the largest of the RMS differences over the horizon of states
+    and of controls, in nominals, and of the relative difference of a free constant."""
     return max(_distances(a, b))
 
 
 def _distances(a: Solution, b: Solution) -> tuple[float, float, float]:
-    """Of states, of controls and of free constants."""
+    """Return the distances of states, of controls and of free constants."""
     nlp, layout = a.nlp, a.nlp.element.layout
     ya, yb = (s.x[: nlp.end].reshape(-1, layout.size) for s in (a, b))
     each = []
@@ -212,13 +211,13 @@ def _distances(a: Solution, b: Solution) -> tuple[float, float, float]:
 
 
 def _room(nlp: Nlp, free: slice, size: np.ndarray) -> np.ndarray:
-    """Room between the bounds of free constants, or else their size, or else 1."""
+    """Return the range between the bounds of free constants, else their size, else 1."""
     room = nlp.ubx[free] - nlp.lbx[free]
     return np.where(np.isfinite(room) & (room > 0), room, np.where(size > 0, size, 1.0))
 
 
 def _perturbed(nlp: Nlp, x0: np.ndarray, spread: float, rng: np.random.Generator) -> np.ndarray:
-    """A start some smooth waves away, within the bounds."""
+    """Return the start plus smooth random waves, clipped to the bounds."""
     mesh, layout = nlp.mesh, nlp.element.layout
     x = x0.copy()
     blocks = x[: nlp.end].reshape(mesh.elements, layout.size)
@@ -242,7 +241,7 @@ def _perturbed(nlp: Nlp, x0: np.ndarray, spread: float, rng: np.random.Generator
         blocks[:, layout.u[:, j]] += f(places)
     free = nlp.free
     low, high, p, change = nlp.lbx[free], nlp.ubx[free], x[free], spread * rng.standard_normal(len(x[free]))
-    # a factor changes no sign and no zero
+    # a factor can change neither a sign nor a zero
     added = (p == 0.0) | ((low < 0) & (high > 0) & np.isfinite(high - low))
     x[free] = np.where(added, p + change * _room(nlp, free, np.abs(p)), p * np.exp(change))
     return np.clip(x, nlp.lbx, nlp.ubx)

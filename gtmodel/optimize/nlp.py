@@ -1,6 +1,6 @@
-"""The NLP: derivatives of one element mapped over the mesh and scattered into sparse matrices.
+"""The NLP: derivatives of one element, mapped over the mesh and scattered into sparse matrices.
 
-Differentiating the whole NLP costs a set-up that grows with the mesh; one element is differentiated instead.
+Differentiating a single element keeps the set-up time independent of the mesh.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from .watch import Program
 
 @dataclass(eq=False)
 class Nlp(Program):
-    """Functions for nlpsol, bounds, and where each unknown and row stands.
+    """Functions for nlpsol, bounds, and the layout of unknowns and rows.
 
-    Unknowns X = [y_0, ..., y_(N-1), right end, P], scaled by nominals (P by its own scale).
+    Unknowns X = [y_0, ..., y_(N-1), right end, P], scaled by nominals (P by p_scale).
     """
 
     problem: DynamicProblem
@@ -35,8 +35,8 @@ class Nlp(Program):
     p_scale: np.ndarray
     linear_names: list[str]
     compile_seconds: float | None = None  # None: CasADi's virtual machine evaluates the elements
-    derivatives: list[Derivatives] = field(default_factory=list)  # held as long as the functions
-    cache: dict[str, Any] = field(default_factory=dict)  # what is made of its functions when first asked for
+    derivatives: list[Derivatives] = field(default_factory=list)  # must live as long as the functions
+    cache: dict[str, Any] = field(default_factory=dict)  # objects built from the functions on first use
 
     @property
     def size(self) -> int:
@@ -44,30 +44,30 @@ class Nlp(Program):
 
     @property
     def end(self) -> int:
-        """Where the right end of the last element begins among the unknowns."""
+        """Index of the first unknown of the last element's right end."""
         return self.mesh.elements * self.element.layout.size
 
     @property
     def constants(self) -> int:
-        """Where the free constants begin among the unknowns."""
+        """Index of the first free constant among the unknowns."""
         return self.end + self.element.layout.nl
 
     @property
     def free(self) -> slice:
-        """Places of the free constants among the unknowns; behind them stand the tunable parameters."""
+        """Indices of the free constants among the unknowns; the tunable parameters follow them."""
         return slice(self.constants, self.constants + len(self.problem.free_names))
 
     def physical(self, x: np.ndarray) -> np.ndarray:
-        """The unknowns of each element in SI units (elements, n)."""
+        """Return the unknowns of each element in SI units (elements, n)."""
         layout = self.element.layout
         return x[: self.end].reshape(self.mesh.elements, layout.size) * layout.scale
 
     def inputs(self, x: np.ndarray, local: np.ndarray) -> np.ndarray:
-        """Controls and point variables (elements, len(local), n) at fractions of each element."""
+        """Return controls and point variables (elements, len(local), n) at fractions of each element."""
         return self.element.layout.inputs(self.physical(x), local)
 
     def row_label(self, row: int) -> str:
-        """What a constraint row says."""
+        """Return the label of a constraint row."""
         m, mc = self.element.rows.numel(), len(self.problem.points)
         last = row - m * self.mesh.elements
         if last >= mc:
@@ -75,7 +75,7 @@ class Nlp(Program):
         return self.problem.points[last].label if last >= 0 else self.element.row_names[row % m][0]
 
     def row_name(self, row: int) -> str:
-        """The same with element and collocation point."""
+        """Return the label of a row with its element and collocation point."""
         name, m = self.row_label(row), self.element.rows.numel()
         if row >= m * self.mesh.elements:
             return name
@@ -84,7 +84,7 @@ class Nlp(Program):
         return f"{name} in {place}"
 
     def row_fraction(self, row: int, x: np.ndarray) -> float | None:
-        """Where on the horizon, as a fraction, a row stands; None for a row that belongs to no element."""
+        """Return the position of a row as a fraction of the horizon; None for a row that belongs to no element."""
         m = self.element.rows.numel()
         if row >= m * self.mesh.elements:
             return None
@@ -95,7 +95,7 @@ class Nlp(Program):
 
 
 def placed(nlp: Nlp, x: np.ndarray) -> Mesh:
-    """The mesh with the lengths that the unknowns x hold; the mesh itself where lengths are given."""
+    """Return the mesh with the element lengths in x; the mesh itself if its lengths are fixed."""
     layout, mesh = nlp.element.layout, nlp.mesh
     if layout.h < 0:
         return mesh
@@ -104,7 +104,10 @@ def placed(nlp: Nlp, x: np.ndarray) -> Mesh:
 
 
 def make_nlp(problem: DynamicProblem, mesh: Mesh, machine_code: bool = False) -> Nlp:
-    """Transcribe a dynamic problem on a mesh; machine_code: compile the element functions. Raises CompilerMissing."""
+    """Transcribe a dynamic problem on a mesh; machine_code: compile the element functions.
+
+    Raises CompilerMissing.
+    """
     element = make_element(problem, mesh)
     n, m, N = element.layout.size, element.rows.numel(), mesh.elements
     nx, nP = element.layout.nl, problem.P.numel()
@@ -122,22 +125,22 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh, machine_code: bool = False) ->
     sigma = ca.MX.sym("lam_f_x")
 
     Y, P = ca.reshape(X[: N * n], n, N), X[N * n + nx :]
-    at = [part.arguments(Y, P) for part in parts]
+    arguments = [part.arguments(Y, P) for part in parts]
     continued = linear_rows(element.layout, m)
     through = continued.dm @ Y
     link = _link(X, n, m, nx, N)
     mayer, rows_p = point.value(z)
-    held = delays.matrix.dm @ X[: N * n] if md else ca.MX(0, 1)
+    delayed = delays.matrix.dm @ X[: N * n] if md else ca.MX(0, 1)
 
     def all_rows(values: list[ca.MX]) -> ca.MX:
         rows = sum((part.rows(v) for part, v in zip(parts, values, strict=True)), through)
-        return ca.vertcat(ca.vec(rows) - link, rows_p, held)
+        return ca.vertcat(ca.vec(rows) - link, rows_p, delayed)
 
-    g = all_rows([part.mapped("rows")(*a) for part, a in zip(parts, at, strict=True)])
-    with_cost = [(part, a) for part, a in zip(parts, at, strict=True) if part.each.cost is not None]
+    g = all_rows([part.mapped("rows")(*a) for part, a in zip(parts, arguments, strict=True)])
+    with_cost = [(part, a) for part, a in zip(parts, arguments, strict=True) if part.each.cost is not None]
     f = sum((ca.sum2(part.mapped("share").call(a)[0]) for part, a in with_cost), mayer)
 
-    first = [part.mapped("first")(*a) for part, a in zip(parts, at, strict=True)]
+    first = [part.mapped("first")(*a) for part, a in zip(parts, arguments, strict=True)]
     g_first = all_rows([v[0] for v in first])
     entries = [part.entries(part.each.by_rows, v[1], m) for part, v in zip(parts, first, strict=True)]
     jac = _jacobian(continued, entries, point, z, n, m, nx, nP, N, total, mc, delays)
@@ -155,7 +158,7 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh, machine_code: bool = False) ->
         )
         grad_f = grad_f + spread @ mayer_z
     multipliers = ca.reshape(lam_all[: N * m], m, N)
-    second = [part.second(*a, sigma, multipliers) for part, a in zip(parts, at, strict=True)]
+    second = [part.second(*a, sigma, multipliers) for part, a in zip(parts, arguments, strict=True)]
     hess = _hessian(second, point, z, sigma, lam_all[N * m : N * m + mc], n, nx, N, total)
 
     parameters = ca.MX.sym("p", 0)
@@ -176,7 +179,7 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh, machine_code: bool = False) ->
 def _open_end(
     problem: DynamicProblem, mesh: Mesh, element: Element, lbg: np.ndarray, ubg: np.ndarray
 ) -> None:  # fmt: skip
-    """Rows along the path that do not hold at the end of the horizon."""
+    """Remove the bounds, at the end of the horizon, of path rows that do not hold there."""
     labels = {r.label for r in problem.path if not r.ends[1]}
     last = mesh.points - 1 if mesh.table.points[-1] == 1.0 else -1
     names = {(f"{place}{label}", last) for label in labels for place in ("", "at the edge: ")}
@@ -187,7 +190,7 @@ def _open_end(
 
 @dataclass(eq=False)
 class _Part:
-    """The derivatives of one kernel at all its places on the mesh."""
+    """The derivatives of one kernel at all its points on the mesh."""
 
     each: Derivatives
     mesh: Mesh
@@ -197,7 +200,7 @@ class _Part:
         return self.mesh.elements * self.each.kernel.count
 
     def arguments(self, Y: ca.MX, P: ca.MX) -> tuple[ca.MX, ca.MX, ca.DM]:
-        """w, P and d of all places, of the unknowns (n, N) of all elements and the constants."""
+        """Return w, P and d at all points, from the unknowns (n, N) of all elements and the constants."""
         kernel = self.each.kernel
         w = ca.reshape(kernel.take.dm @ Y, kernel.w.numel(), self.places)
         return w, ca.repmat(P, 1, self.places), ca.DM(kernel.data(self.mesh))
@@ -206,33 +209,33 @@ class _Part:
         return self.each.map(name, self.places)
 
     def beside(self, values: ca.MX) -> ca.MX:
-        """What all places give, those of one element one below the other (., N)."""
+        """Reshape values at all points to one column per element (., N)."""
         return ca.reshape(values, values.numel() // self.mesh.elements, self.mesh.elements)
 
     def rows(self, values: ca.MX) -> ca.MX:
         return self.each.kernel.rows.dm @ self.beside(values)
 
     def entries(self, to: tuple[Pattern, SparseMatrix], values: ca.MX, height: int) -> tuple[Pattern, ca.MX]:
-        """Where in the matrix of an element they stand, and the entries of all elements (., N)."""
+        """Return the pattern within the matrix of an element, and the entries of all elements (., N)."""
         pattern, matrix = to
         return pattern, matrix.dm @ self.beside(values)
 
     def second(self, w: ca.MX, P: ca.MX, d: ca.DM, sigma: ca.MX, lam: ca.MX) -> tuple[Pattern, ca.MX]:
-        """The upper triangle of the Hessian by [y, P]: where, and the entries of all elements."""
+        """Return pattern and entries, for all elements, of the upper triangle of the Hessian with respect to [y, P]."""
         kernel = self.each.kernel
-        own = ca.reshape(kernel.rows.T.dm @ lam, kernel.value.numel(), self.places)
-        values = self.mapped("second")(w, P, d, ca.repmat(sigma, 1, self.places), own)
+        multipliers = ca.reshape(kernel.rows.T.dm @ lam, kernel.value.numel(), self.places)
+        values = self.mapped("second")(w, P, d, ca.repmat(sigma, 1, self.places), multipliers)
         return self.entries(self.each.by_unknowns, values, 0)
 
 
 def _parts(
     problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.ndarray, machine_code: bool
 ) -> tuple[list[_Part], float | None]:
-    """Derivatives of all kernels, and the seconds that compiling them took; None where nothing is compiled."""
+    """Return the derivatives of all kernels and the compile time [s]; None if nothing is compiled."""
     each, seconds = [derivatives(problem, k) for k in point_kernels(problem, mesh, element, p_scale)], None
     if machine_code:
-        made, seconds = compiled([f for d in each for f in d.functions])
-        known = {f.name(): f for f in made}
+        functions, seconds = compiled([f for d in each for f in d.functions])
+        known = {f.name(): f for f in functions}
         each = [d.exchanged([known[f.name()] for f in d.functions]) for d in each]
     return [_Part(d, mesh) for d in each], seconds
 
@@ -240,8 +243,8 @@ def _parts(
 def functions_of(
     X: ca.MX, p: ca.MX, sigma: ca.MX, lam: ca.MX, f: ca.MX, g: ca.MX, gradient: ca.MX, jacobian: ca.MX, hessian: ca.MX
 ) -> dict[str, ca.Function]:
-    """Derivatives by the names of nlpsol's options; the Hessian of sigma f + lam g is its upper triangle."""
-    gradient = ca.densify(gradient)  # IPOPT reads every entry, also of a phase whose objective is constant
+    """Return derivatives by nlpsol's option names; the Hessian of sigma f + lam g as its upper triangle."""
+    gradient = ca.densify(gradient)  # IPOPT reads every entry, even if the objective of a phase is constant
     return {
         "jac_g": ca.Function("nlp_jac_g", [X, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
         "grad_f": ca.Function("nlp_grad_f", [X, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
@@ -252,18 +255,18 @@ def functions_of(
 
 
 def _check_names(problem: DynamicProblem, mesh: Mesh) -> None:
-    """Blocks name controls that exist. Raises ModelError."""
+    """Raise ModelError if the blocks name an unknown control."""
     for what in (mesh.blocks.step_max, mesh.blocks.step_penalty) if mesh.blocks is not None else ():
         for name in what:
             if name not in problem.control_names:
                 raise ModelError(
-                    f"blocks name a control '{name}', but {problem.flat.title} has "
+                    f"blocks name the unknown control '{name}'; controls of {problem.flat.title} are "
                     f"{', '.join(problem.control_names) or 'none'}"
                 )
 
 
 def _step_bounds(problem: DynamicProblem, mesh: Mesh, layout: Layout, m: int, lbg: np.ndarray, ubg: np.ndarray) -> None:
-    """Where a block ends the control may step: the row that continues it becomes a bound on the step."""
+    """Turn the continuity row of a control at the border of two blocks into a bound on the step."""
     if mesh.blocks is None:
         return
     for j, name in enumerate(problem.control_names):
@@ -274,7 +277,7 @@ def _step_bounds(problem: DynamicProblem, mesh: Mesh, layout: Layout, m: int, lb
 
 
 def _link(X: ca.MX, n: int, m: int, nx: int, N: int) -> ca.MX:
-    """Left states of the next elements at their place in the rows."""
+    """Return the left states of the next elements, placed in the continuity rows."""
     columns = [(k + 1) * n + i for k in range(N) for i in range(nx)]
     rows = [k * m + i for k in range(N) for i in range(nx)]
     pick = ca.DM.triplet(rows, list(range(len(rows))), [1.0] * len(rows), N * m, len(rows))
@@ -283,7 +286,7 @@ def _link(X: ca.MX, n: int, m: int, nx: int, N: int) -> ca.MX:
 
 @dataclass(eq=False)
 class _Point:
-    """Mayer term and point constraints as functions of the unknowns they touch."""
+    """Mayer term and point constraints as functions of the unknowns that occur in them."""
 
     index: np.ndarray
     value: ca.Function
@@ -296,8 +299,8 @@ class _Point:
 
 @dataclass(eq=False)
 class Instants:
-    """Values at instants in the unknowns: `old` symbols are `new` expressions of `z`, which stand at `index`; `ys`
-    are the elements among z."""
+    """Values at instants: the symbols `old` equal the expressions `new` of the unknowns `z` at `index`; `ys` are the
+    elements in z."""
 
     old: ca.SX
     new: ca.SX
@@ -307,24 +310,27 @@ class Instants:
 
 
 def instants(problem: DynamicProblem, mesh: Mesh, layout: Layout, p_scale: np.ndarray, more: Sequence[int]) -> Instants:
-    """Unknowns of the elements that hold instants, and of the elements `more`. Raises ModelError."""
+    """Express values at instants in the unknowns of their elements; z also contains the elements `more`.
+
+    Raises ModelError for an instant within a horizon whose element lengths are free.
+    """
     N, n, nx, nP = mesh.elements, layout.size, layout.nl, problem.P.numel()
     edges, h = mesh.edges, mesh.h
     inner = [i.s for i in problem.instants if 0.0 < i.s < 1.0]
     if inner and mesh.length_ratio is not None:
         raise ModelError(
-            f"{problem.flat.title}: a value is asked for at {inner[0]:g} of the horizon, but with free element lengths "
-            "(length_ratio) no element stays there; use the ends, or given lengths"
+            f"{problem.flat.title} uses a value at {inner[0]:g} of the horizon, but with free element lengths "
+            "(length_ratio) no edge stays there; use values at the ends, or fixed lengths"
         )
-    where = [mesh.element_at(i.s) for i in problem.instants]
-    used = sorted({*where, *more})
+    elements = [mesh.element_at(i.s) for i in problem.instants]
+    used = sorted({*elements, *more})
     ys = {k: ca.SX.sym(f"y{k}", n) for k in used}
     xN = ca.SX.sym("xN", nx)
     Ps = ca.SX.sym("Ps", nP)
     P = Ps * ca.DM(p_scale) if nP else Ps
-    points: dict[float, tuple[ca.SX, ...]] = {}  # several values may be asked for at one instant
+    points: dict[float, tuple[ca.SX, ...]] = {}  # several values may share one instant
     values = []
-    for i, k in zip(problem.instants, where, strict=True):
+    for i, k in zip(problem.instants, elements, strict=True):
         if i.s not in points:
             s = (i.s - edges[k]) / h[k]
             x, xd, u, t = value_at(problem, mesh, layout, ys[k], P, float(h[k]), float(edges[k]), float(s))
@@ -345,31 +351,31 @@ def _points(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.n
     layout = element.layout
     stepped = mesh.blocks is not None and any(mesh.blocks.step_penalty.values())
     borders = mesh.blocks.borders if stepped and mesh.blocks is not None else []
-    held = instants(problem, mesh, layout, p_scale, [*borders, *(k - 1 for k in borders)])
-    z, index, ys = held.z, held.index, held.ys
+    values_at = instants(problem, mesh, layout, p_scale, [*borders, *(k - 1 for k in borders)])
+    z, index, ys = values_at.z, values_at.index, values_at.ys
     exprs = [
         problem.mayer,
         ca.vertcat(*[r.expression / r.scale for r in problem.points]) if problem.points else ca.SX(0, 1),
     ]
-    if held.old.numel():
-        exprs = ca.substitute(exprs, [held.old], [held.new])
+    if values_at.old.numel():
+        exprs = ca.substitute(exprs, [values_at.old], [values_at.new])
     mayer, rows = exprs
     for k in borders:
         assert mesh.blocks is not None
         for j, name in enumerate(problem.control_names):
             step = (ys[k][int(layout.u[0, j])] - ys[k - 1][int(layout.u[0, j])]) * problem.u_scale[j]
             mayer += mesh.blocks.step_penalty.get(name, 0.0) * step**2
-    # keep only what is really touched
-    touched = sorted(set(ca.jacobian_sparsity(ca.vertcat(mayer, rows), z).get_triplet()[1])) if z.numel() else []
-    zs = [z[j] for j in touched]
-    symbol = ca.SX.sym("z", len(touched))
-    if touched:
+    # keep only the unknowns that occur
+    columns = sorted(set(ca.jacobian_sparsity(ca.vertcat(mayer, rows), z).get_triplet()[1])) if z.numel() else []
+    zs = [z[j] for j in columns]
+    symbol = ca.SX.sym("z", len(columns))
+    if columns:
         mayer, rows = ca.substitute([mayer, rows], [ca.vertcat(*zs)], [symbol])
     lam_f, lam = ca.SX.sym("lam_f"), ca.SX.sym("lam", rows.numel())
     jac = ca.jacobian(rows, symbol)
     hess = ca.triu(ca.hessian(lam_f * mayer + ca.dot(lam, rows), symbol)[0])
     return _Point(
-        index[touched],
+        index[columns],
         ca.Function("points", [symbol], [mayer, rows]),
         ca.Function("points_gradient", [symbol], [ca.densify(ca.gradient(mayer, symbol))]),
         ca.Function("points_jacobian", [symbol], [stacked(nonzeros(jac))]),
@@ -380,7 +386,7 @@ def _points(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.n
 
 
 def scatter(rows: np.ndarray, cols: np.ndarray, values: ca.MX, shape: tuple[int, int]) -> ca.MX:
-    """Sparse matrix from triplets without duplicates: one gather at run time."""
+    """Return a sparse matrix from triplets without duplicates: one gather at run time."""
     order = np.lexsort((rows, cols))
     sparsity = ca.Sparsity.triplet(*shape, rows.astype(int).tolist(), cols.astype(int).tolist())
     return ca.MX(sparsity, values[order.tolist()])
@@ -399,9 +405,9 @@ def _jacobian(
     rows, cols, values = [r], [c], [ca.MX(ca.DM(np.tile(continued.values, N)))]
     for (r, c), v in entries:
         by_P = np.tile(c >= n, N)
-        r, own = _tile(r, c, N, m, n)
+        r, columns = _tile(r, c, N, m, n)
         rows.append(r)
-        cols.append(np.where(by_P, np.tile(c, N) - n + N * n + nx, own))
+        cols.append(np.where(by_P, np.tile(c, N) - n + N * n + nx, columns))
         values.append(ca.vec(v))
     rows.append(np.array([k * m + i for k in range(N) for i in range(nx)], int))
     cols.append(np.array([(k + 1) * n + i for k in range(N) for i in range(nx)], int))
@@ -422,15 +428,15 @@ def _hessian(
 ) -> ca.MX:  # fmt: skip
     result = ca.MX(total, total)
     for (r, c), values in second:
-        own = r < n  # the others are of constants alone, which all elements share
-        rows, cols = _tile(r[own], c[own], N, n, n)
-        by_P = np.tile(c[own] >= n, N)
-        cols = np.where(by_P, np.tile(c[own], N) - n + N * n + nx, cols)
-        result = result + scatter(rows, cols, ca.vec(values[np.flatnonzero(own).tolist(), :]), (total, total))
-        if not np.all(own):
-            shared = ca.sum2(values[np.flatnonzero(~own).tolist(), :])
+        local = r < n  # the remaining entries belong to the constants, shared by all elements
+        rows, cols = _tile(r[local], c[local], N, n, n)
+        by_P = np.tile(c[local] >= n, N)
+        cols = np.where(by_P, np.tile(c[local], N) - n + N * n + nx, cols)
+        result = result + scatter(rows, cols, ca.vec(values[np.flatnonzero(local).tolist(), :]), (total, total))
+        if not np.all(local):
+            shared = ca.sum2(values[np.flatnonzero(~local).tolist(), :])
             offset = N * n + nx - n
-            result = result + scatter(r[~own] + offset, c[~own] + offset, shared, (total, total))
+            result = result + scatter(r[~local] + offset, c[~local] + offset, shared, (total, total))
     if point.hess_sparsity.nnz():
         rp, cp = (np.array(a, int) for a in point.hess_sparsity.get_triplet())
         rows, cols = point.index[rp], point.index[cp]

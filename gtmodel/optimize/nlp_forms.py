@@ -1,5 +1,4 @@
-"""An NLP in other forms: with one unknown for each state where an element ends and the next begins, and stage by
-stage as fatrop wants it."""
+"""Alternative forms of an NLP: `Merged`, with one unknown per continuous state at an edge, and `Staged`, for fatrop."""
 
 from __future__ import annotations
 
@@ -16,14 +15,14 @@ from .nlp import Nlp, functions_of, scatter
 from .watch import Iterate, Multipliers, Program
 
 Run = TypeVar("Run", SolverRun, Iterate)
-ALONE, MERGED = 1.0, np.sqrt(0.5)  # of an unknown in its z
+ALONE, MERGED = 1.0, np.sqrt(0.5)  # weight of an unknown in its z
 
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """Unknowns that are one: X[kept] - X[gone] == 0 say the rows `rows`; `others` are the rows that stay.
+    """Pairs of equal unknowns: the rows `rows` state X[kept] - X[gone] == 0; the rows `others` stay.
 
-    place: the z of each unknown; weight: of the z, in X = weight[place] * z[place].
+    X = weight[place] * z[place], with the index `place` of the z of each unknown.
     """
 
     rows: np.ndarray
@@ -35,8 +34,10 @@ class Pairs:
 
     @classmethod
     def of(cls, nlp: Nlp) -> Pairs:
-        """States at the end of an element, and continuous controls: none where the end is no collocation point, and no
-        controls where they may step."""
+        """Pair states at element ends, and continuous controls, with the next element's left values.
+
+        There are no pairs if the end is not a collocation point, and none of controls that may step.
+        """
         layout, mesh, m = nlp.element.layout, nlp.mesh, nlp.element.rows.numel()
         last = layout.x[-1].tolist() if mesh.table.points[-1] == 1.0 else []
         if len(last) == layout.nx and layout.carried.size and mesh.blocks is None:
@@ -53,20 +54,20 @@ class Pairs:
 
     @property
     def spread(self) -> SparseMatrix:
-        """E."""
+        """The matrix E of X = E z."""
         n = len(self.place)
         return SparseMatrix.of(np.arange(n), self.place, self.weight[self.place], (n, len(self.weight)))
 
     def taken(self, x: np.ndarray) -> np.ndarray:
-        """E'x."""
+        """Return E' x."""
         return np.bincount(self.place, self.weight[self.place] * x, len(self.weight))
 
 
 class Merged(Program):
-    """An NLP without the rows that say that two unknowns are one, and its answer in that NLP's unknowns and rows."""
+    """An NLP in which equal unknowns are merged and their rows removed; solutions are mapped back to the full NLP."""
 
     def __init__(self, full: Nlp, pairs: Pairs, nlp: ca.Function, functions: dict[str, ca.Function]) -> None:
-        """nlp, functions: of z, see `merged`."""
+        """nlp, functions: in terms of z, see `merged`."""
         self.full, self.pairs, self.nlp, self.functions = full, pairs, nlp, functions
         size = len(pairs.weight)
         self.lbx, self.ubx = np.full(size, -np.inf), np.full(size, np.inf)
@@ -76,45 +77,45 @@ class Merged(Program):
         self.lbg, self.ubg = full.lbg[pairs.others], full.ubg[pairs.others]
 
     def start(self, x: np.ndarray, warm: Multipliers | None) -> tuple[np.ndarray, Multipliers | None]:
-        """A guess of the NLP, and multipliers for a warm start, in z and the rows that stay."""
+        """Map a guess of the full NLP, and multipliers for a warm start, to z and the remaining rows."""
         p = self.pairs
         return p.taken(x), None if warm is None else Multipliers(warm.rows[p.others], p.taken(warm.bounds))
 
     def turned(self, run: SolverRun) -> SolverRun:
-        """The run in the unknowns and rows of the NLP itself."""
+        """Map the run back to the unknowns and rows of the full NLP."""
         return replace(self._lifted(run), best=None if run.best is None else self._lifted(run.best))
 
     def _lifted(self, run: Run) -> Run:
         full, p = self.full, self.pairs
-        x = np.clip((p.weight * run.x)[p.place], full.lbx, full.ubx)  # by a rounding
+        x = np.clip((p.weight * run.x)[p.place], full.lbx, full.ubx)  # rounding only
         g, rows = np.zeros(len(full.lbg)), np.zeros(len(full.lbg))
         g[p.others], rows[p.others] = run.g, run.multipliers.rows
         bounds = (run.multipliers.bounds / p.weight)[p.place]
-        # of two equal bounds each holds as much as the other; a narrower one at the end of the horizon all
+        # two equal bounds share the multiplier; if they differ (at the end of the horizon) the narrower one takes it
         same = (full.lbx[p.kept] == full.lbx[p.gone]) & (full.ubx[p.kept] == full.ubx[p.gone])
         bounds[p.gone] *= np.where(same, 0.5, 1.0)
         bounds[p.kept] -= bounds[p.gone]
         gradient = np.asarray(full.functions["grad_f"](x, [])[1]).reshape(-1)
         jacobian = full.functions["jac_g"](x, [])[1]
         slope = gradient + np.asarray((jacobian.T @ ca.DM(rows)).full()).reshape(-1) + bounds
-        rows[p.rows] = -slope[p.kept]  # the row holds the element's end with +1
+        rows[p.rows] = -slope[p.kept]  # the element's end has the coefficient +1 in its row
         return replace(run, x=x, g=g, multipliers=Multipliers(rows, bounds))
 
 
 def merged(nlp: Nlp) -> Merged | None:
-    """The merged form of an NLP; None where nothing is to be merged. Its functions are made once."""
+    """Return the merged form of an NLP, built once; None if there is nothing to merge."""
     if "merged" not in nlp.cache:
-        own = Pairs.of(nlp)
-        nlp.cache["merged"] = (own, *_functions(nlp, own)) if len(own.rows) else None
-    made: tuple[Pairs, ca.Function, dict[str, ca.Function]] | None = nlp.cache["merged"]
-    if made is None:
+        equal = Pairs.of(nlp)
+        nlp.cache["merged"] = (equal, *_functions(nlp, equal)) if len(equal.rows) else None
+    form: tuple[Pairs, ca.Function, dict[str, ca.Function]] | None = nlp.cache["merged"]
+    if form is None:
         return None
-    pairs, program, functions = made
+    pairs, program, functions = form
     return Merged(nlp, pairs, program, functions)
 
 
 def _functions(full: Nlp, pairs: Pairs) -> tuple[ca.Function, dict[str, ca.Function]]:
-    """The program and its derivatives by z: E'g, JE and E'HE."""
+    """Return the program and its derivatives with respect to z: E'g, JE and E'HE."""
     size, others, weight, place = len(pairs.weight), pairs.others, pairs.weight, pairs.place
     z, p, sigma, lam = ca.MX.sym("z", size), ca.MX.sym("p", 0), ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(others))
     E = pairs.spread
@@ -127,19 +128,19 @@ def _functions(full: Nlp, pairs: Pairs) -> tuple[ca.Function, dict[str, ca.Funct
     (hessian,) = full.functions["hess_lag"].call([X, p, sigma, ca.vertcat(lam, 0)[row.tolist()]], True, False)
 
     i, j = (np.array(a, int) for a in jacobian.sparsity().get_triplet())
-    at = np.flatnonzero(row[i] >= 0)
-    r, c = row[i[at]], place[j[at]]
-    jac = _gathered(r, c, jacobian.nz[at.tolist()], weight[c], (len(others), size))
+    entries = np.flatnonzero(row[i] >= 0)
+    r, c = row[i[entries]], place[j[entries]]
+    jac = _gathered(r, c, jacobian.nz[entries.tolist()], weight[c], (len(others), size))
     i, j = (np.array(a, int) for a in hessian.sparsity().get_triplet())
     r, c = place[i], place[j]
-    twice = np.where((i != j) & (r == c), 2.0, 1.0)  # two unknowns that become one: their entry stood in both triangles
+    twice = np.where((i != j) & (r == c), 2.0, 1.0)  # off-diagonal entry of two merged unknowns: in both triangles
     hess = _gathered(np.minimum(r, c), np.maximum(r, c), hessian.nz[:], twice * weight[r] * weight[c], (size, size))
     nlp = ca.Function("nlp", [z, p], [f, g[others.tolist()]], ["x", "p"], ["f", "g"])
     return nlp, functions_of(z, p, sigma, lam, f, g_first[others.tolist()], E.T.dm @ gradient, jac, hess)
 
 
 def _gathered(r: np.ndarray, c: np.ndarray, values: ca.MX, weights: np.ndarray, shape: tuple[int, int]) -> ca.MX:
-    """Sparse matrix from triplets; weighted entries at one place are summed."""
+    """Return a sparse matrix from weighted triplets; duplicates are summed."""
     if not len(r):
         return ca.MX(*shape)
     entries, where = np.unique(r + shape[0] * c, return_inverse=True)
@@ -148,22 +149,19 @@ def _gathered(r: np.ndarray, c: np.ndarray, values: ca.MX, weights: np.ndarray, 
 
 
 class Staged(Program):
-    """The same NLP with the signs of its links turned round, and rows at the start moved to the first element.
+    """The NLP with the signs of its continuity rows reversed and rows at the start moved to the first element.
 
-    fatrop finds the stages by itself.
+    fatrop detects the stages itself.
     """
 
     def __init__(self, nlp: Nlp, scale: float = 1.0) -> None:
-        """scale: of the objective.
-
-        Raises ModelError where something couples the elements otherwise than by their states.
-        """
+        """scale: factor of the objective. Raises ModelError if anything but states couples the elements."""
         self.signs, self.order, self.scale = _signs(nlp), _order(nlp), scale
         order = self.order.tolist()
         X, p, sigma = ca.MX.sym("X", nlp.size), ca.MX.sym("p", 0), ca.MX.sym("lam_f")
         lam = ca.MX.sym("lam_g", len(nlp.lbg))
         s = ca.DM(self.signs)
-        place = np.argsort(self.order).tolist()  # where fatrop has each row
+        place = np.argsort(self.order).tolist()  # position of each row in fatrop's order
         f, g = nlp.nlp(X, p)
         g_j, jac = nlp.functions["jac_g"](X, p)
         turned = ca.mtimes(ca.diag(s), jac)[order, :]
@@ -186,27 +184,27 @@ class Staged(Program):
         self.ubg = np.where(self.signs > 0, nlp.ubg, -nlp.lbg)[self.order]
 
     def rows(self, staged: np.ndarray) -> np.ndarray:
-        """Values of the rows, or their multipliers, with the NLP's signs and in its order."""
+        """Map values or multipliers of the rows back to the NLP's signs and order."""
         result = np.empty_like(staged)
         result[self.order] = staged
         return result * self.signs
 
     def turned(self, run: SolverRun) -> SolverRun:
-        """The run in the signs, the order and the scale of the NLP itself."""
+        """Map the run back to the signs, order and scale of the NLP."""
         rows, bounds = self.rows(run.multipliers.rows) / self.scale, run.multipliers.bounds / self.scale
         objective = run.objective / self.scale
         return replace(run, g=self.rows(run.g), objective=objective, multipliers=Multipliers(rows, bounds))
 
 
 def _start_rows(nlp: Nlp) -> list[int]:
-    """Point constraints that read values at the start alone."""
+    """Return the point constraints that depend only on values at the start."""
     place = {i.symbol.element_hash(): i.s for i in nlp.problem.instants}
-    read = [[place.get(s.element_hash()) for s in ca.symvar(r.expression)] for r in nlp.problem.points]
-    return [n for n, at in enumerate(read) if at and all(s == 0.0 for s in at)]
+    instants = [[place.get(s.element_hash()) for s in ca.symvar(r.expression)] for r in nlp.problem.points]
+    return [n for n, times in enumerate(instants) if times and all(s == 0.0 for s in times)]
 
 
 def _order(nlp: Nlp) -> np.ndarray:
-    """The NLP's rows in the order of fatrop: those at the start behind the first element's."""
+    """Return the NLP's rows in fatrop's order: rows at the start follow the first element's."""
     first, N = nlp.element.rows.numel(), nlp.mesh.elements
     early = first * N + np.array(_start_rows(nlp), int)
     rest = np.setdiff1d(np.arange(len(nlp.lbg)), early)
@@ -228,8 +226,8 @@ def _signs(nlp: Nlp) -> np.ndarray:
     if mesh.blocks is not None:
         couples.append("blocks of the control")
     if couples:
-        raise ModelError(f"{title}: fatrop wants elements that only their states link; found {' and '.join(couples)}; "
-                         "use solver 'ipopt'")  # fmt: skip
+        raise ModelError(f"{title}: solver 'fatrop' needs elements coupled by states only; found "
+                         f"{' and '.join(couples)}; use solver 'ipopt'")  # fmt: skip
     m = nlp.element.rows.numel()
     signs = np.ones(len(nlp.lbg))
     signs[: m * mesh.elements].reshape(mesh.elements, m)[:, : layout.nl] = -1.0

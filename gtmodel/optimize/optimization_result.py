@@ -1,4 +1,4 @@
-"""What a study of an optimisation answers."""
+"""The result of an optimisation study."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ TRIED = ("defect", "violation_between_nodes", "cost_error")
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class OptimizationStudy(Study):
-    """A solved optimal control problem. solution: what `solve` gave. where: file and line that the message is about."""
+    """Result of an optimal control study. solution: from `solve`. where: file and line the message refers to."""
 
     solution: Solution
     final_time: Annotated[float, Quantity("s", "end of the horizon")]
     where: Annotated[
         str | None,
-        Quantity("", "file and line of what the message is about; null where it was solved without a reservation"),
+        Quantity("", "file and line the message refers to; null if the problem was solved without reservation"),
     ] = None
     free: Annotated[
         Mapping[str, float],
-        Quantity("", "every constant that the optimisation chose, by its name in the class, in SI"),
+        Quantity("", "every optimised constant in SI units, by its name in the class"),
     ] = field(default_factory=dict)
     defect: Annotated[
         float | None,
-        Quantity("", "largest difference of re-simulated and collocated states at an element's edge, in nominals"),
+        Quantity("", "largest difference of re-simulated and collocated states at an element edge, in nominals"),
     ] = None
     violation_between_nodes: Annotated[
         float | None,
@@ -48,5 +48,5 @@ class OptimizationStudy(Study):
         """The table for people."""
         rows = [Row("objective", self.objective), Row("final time", self.final_time, "s")]
         rows += [Row(name, value) for name, value in self.free.items() if name != "final_time"]
-        tried = ((name, getattr(self, name)) for name in TRIED)
-        return rows + [Row(name.replace("_", " "), value) for name, value in tried if value is not None]
+        resimulated = ((name, getattr(self, name)) for name in TRIED)
+        return rows + [Row(name.replace("_", " "), value) for name, value in resimulated if value is not None]

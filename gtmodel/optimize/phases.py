@@ -35,15 +35,15 @@ class Phases:
 
     Args:
         phases: configured Optimizations by name, in order.
-        free: by the name of a phase, states that may jump where it begins. All other states that both neighbours have
-            under one name are continuous.
-        links: by the name of a phase, a function of (before, after) that yields relations where it begins:
-            `lambda before, after: [after.v == -0.8 * before.v]`; `before.x` is a value at the end of the phase before
-            and `after.x` one at the start; parts' names as before["robot.T"].
-        shared: free constants that have one value in all phases that declare them.
+        free: names of states that may jump at the start of a phase, by name of the phase. All other states that both
+            neighbours have under one name are continuous.
+        links: functions (before, after) -> relations at the start of a phase, by name of the phase:
+            `lambda before, after: [after.v == -0.8 * before.v]`. `before.x` is a value at the end of the previous phase
+            and `after.x` one at the start of this phase; names of parts are written before["robot.T"].
+        shared: free constants with one value in all phases that declare them.
 
-    A phase whose start_time is free begins when the one before ends; one whose start_time is a number has a clock of
-    its own. Raises ModelError for fewer than two phases and for names that no phase has. Example: see `solve_phases`.
+    A phase with a free start_time begins when the previous one ends; a phase with a numeric start_time has its own
+    clock. Raises ModelError for fewer than two phases and for unknown names. Example: see `solve_phases`.
     """
 
     def __init__(
@@ -57,38 +57,38 @@ class Phases:
         self.phases = dict(phases)
         for name, phase in self.phases.items():
             if not isinstance(phase, (Model, type)):
-                raise ModelError(f"phase '{name}' is a configured Optimization; found {phase!r}")
+                raise ModelError(f"phase '{name}' must be a configured Optimization; found {phase!r}")
         for word, names in (*(("free", v) for v in (free or {}).values()), ("shared", shared)):
             if isinstance(names, str):
                 raise ModelError(f"{word} takes a list of names; found '{names}'")
         self.free = {k: tuple(v) for k, v in (free or {}).items()}
         self.links = dict(links or {})
         self.shared = tuple(shared)
-        # what a phase must keep inside, beside its own constraints
+        # further path constraints of a phase
         self.sides: dict[str, tuple[ConstraintRow, ...]] = {}
         if len(self.phases) < 2:
-            raise ModelError(f"phases are linked from two on; found {len(self.phases)}")
+            raise ModelError(f"Phases needs at least two phases; found {len(self.phases)}")
         later = list(self.phases)[1:]
         for what in (self.free, self.links):
             for name in what:
                 if name not in later:
-                    raise ModelError(f"no phase '{name}' begins after another one; these do: {', '.join(later)}")
+                    raise ModelError(f"'{name}' is not a phase after the first; these are: {', '.join(later)}")
 
     def guesses(self) -> Sequence[Mapping[str, Trajectory | Solution]]:
-        """Starts of a solve that is given no guess, each of phases by name."""
+        """Return default guesses, each by name of the phase, for a solve without a guess."""
         return ()
 
     def doubts(self, joined: Joined, x: np.ndarray) -> list[str]:
-        """Sentences on what speaks against a solution x that the solver has found; none where nothing does."""
+        """Return reasons to reject a converged solution x; empty if there are none."""
         return []
 
 
 @dataclass(frozen=True, eq=False)
 class PhasesSolution:
-    """Result of solving Phases: a Solution for each phase, by name, and the whole.
+    """Result of solving Phases: the whole, and a Solution for each phase by name.
 
-    A phase's own Solution has the whole's status and message, and its own share of the cost and of the multipliers.
-    `link_multipliers`: by the name of each link's row, in SI units and IPOPT's sign. `where`: see `Solution`.
+    A phase's Solution has the status and message of the whole, and its own share of the cost and the multipliers.
+    `link_multipliers`: by name of the linking row, in SI units and IPOPT's sign. `where`: see `Solution`.
     """
 
     status: SolveStatus
@@ -122,15 +122,16 @@ def solve_phases(
     progress: Progress | None = None,
     throw: bool = True,
 ) -> PhasesSolution:
-    """Solve linked phases as one problem; returns a `PhasesSolution`, with a Solution for each phase.
+    """Solve linked phases as one problem.
 
     Args:
         model: see `Phases`.
-        mesh: one for all phases, or one for each by its name; default 50 x 3 Radau.
-        guess: by the name of a phase a trajectory or a solution; or an earlier result.
-        branches, solver, progress, throw: as of `solve`.
+        mesh: one mesh for all phases, or one per phase by name; default 50 x 3 Radau.
+        guess: a trajectory or solution per phase by name, or an earlier result.
+        branches, solver, progress, throw: as for `solve`.
 
-    Raises ModelError for a wrong problem and NotSolved unless throw is False.
+    Returns a `PhasesSolution` with a Solution for each phase. Raises ModelError for a wrong problem, and NotSolved if
+    the solver fails, unless throw is False.
 
     >>> class Fall(gt.Optimization):  # from 2 m to the ground
     ...     g = gt.parameter(9.81, unit="m/s2")
@@ -164,28 +165,28 @@ def solve_phases(
     """
     if not isinstance(model, Phases):
         raise ModelError(
-            f"gt.solve_phases takes gt.Phases; found {type(model).__name__}; one phase is solved by gt.solve"
+            f"gt.solve_phases takes gt.Phases; found {type(model).__name__}. Use gt.solve for a single phase"
         )
     options = solver or SolverOptions()
     if options.solver != "ipopt":
-        raise ModelError(f"linked phases are solved by solver 'ipopt' only; found '{options.solver}'")
+        raise ModelError(f"linked phases need solver 'ipopt'; found '{options.solver}'")
     nlps: dict[str, Nlp] = {}
-    for given, what in ((mesh, "mesh"), (guess, "guess")):
-        for name in given if isinstance(given, Mapping) else ():
+    for by_phase, what in ((mesh, "mesh"), (guess, "guess")):
+        for name in by_phase if isinstance(by_phase, Mapping) else ():
             if name not in model.phases:
                 raise ModelError(f"there is no phase '{name}' for a {what}; phases are {', '.join(model.phases)}")
     for name, phase in model.phases.items():
-        own = given_mesh(mesh.get(name) if isinstance(mesh, Mapping) else mesh)
+        phase_mesh = given_mesh(mesh.get(name) if isinstance(mesh, Mapping) else mesh)
         sides = model.sides.get(name, ())
         problem = build(phase, options.formulation, options.prefer, branches, linked=True, sides=sides)
-        nlps[name] = make_nlp(problem, own, options.compile)
+        nlps[name] = make_nlp(problem, phase_mesh, options.compile)
         check_equalities(problem, nlps[name].element)
     joined = join(model, nlps)
     if guess is not None and not isinstance(guess, (PhasesSolution, Mapping)):
-        raise ModelError(f"a guess is a trajectory for each phase by its name, or an earlier solution; found {guess!r}")
-    given = guess.phases if isinstance(guess, PhasesSolution) else guess
-    solution = _best_of(model, joined, [given] if given else model.guesses() or [{}], options, progress)
-    if throw and not solution.status.converged:  # a failed check raises nothing
+        raise ModelError(f"the guess must be trajectories by phase name, or an earlier solution; found {guess!r}")
+    by_phase = guess.phases if isinstance(guess, PhasesSolution) else guess
+    solution = _best_of(model, joined, [by_phase] if by_phase else model.guesses() or [{}], options, progress)
+    if throw and not solution.status.converged:  # a failed check does not raise
         raise NotSolved(solution)
     return solution
 
@@ -197,16 +198,16 @@ def _best_of(
     options: SolverOptions,
     progress: Progress | None,
 ) -> PhasesSolution:
-    """The best of what several guesses lead to, within one limit of iterations and time."""
+    """Solve from each guess, with shared limits of iterations and time, and return the best solution."""
     stop_at = None if options.max_seconds is None else time.monotonic() + options.max_seconds
     solutions: list[PhasesSolution] = []
     reached = ReachedOptima()
     for guess in guesses:
         if solutions:
-            left = None if stop_at is None else max(0.0, stop_at - time.monotonic())
+            seconds_left = None if stop_at is None else max(0.0, stop_at - time.monotonic())
             spent = options.max_iterations - solutions[-1].iterations
-            options = replace(options, max_iterations=max(0, spent), max_seconds=left)
-            if spent <= 0 or left == 0.0 or solutions[-1].status is SolveStatus.INTERRUPTED:
+            options = replace(options, max_iterations=max(0, spent), max_seconds=seconds_left)
+            if spent <= 0 or seconds_left == 0.0 or solutions[-1].status is SolveStatus.INTERRUPTED:
                 break
         x0 = np.concatenate([initial_guess(nlp, guess.get(name)) for name, nlp in joined.nlps.items()])
         scale = objective_scale(joined, x0, [m for n in joined.nlps.values() for m in n.problem.misfits])
@@ -217,21 +218,21 @@ def _best_of(
     iterations = sum(s.iterations for s in solutions)
     seconds = {name: sum(s.seconds[name] for s in solutions) for name in best.seconds}
     best = replace(best, iterations=iterations, seconds=seconds)
-    if not best.status.ok or not (said := reached.message(best.objective)):
+    if not best.status.ok or not (starts_message := reached.message(best.objective)):
         return best
-    message = f"{best.message}; {said}"
+    message = f"{best.message}; {starts_message}"
     return replace(best, message=message, phases={n: replace(s, message=message) for n, s in best.phases.items()})
 
 
 def _read(model: Phases, joined: Joined, run: SolverRun, options: SolverOptions, scale: float) -> PhasesSolution:
     status = run.status
-    said = Remark(solved_word(run)) if status.ok else failure(run, [*_infinite(joined, run), _worst(joined, run)])
+    remark = Remark(solved_word(run)) if status.ok else failure(run, [*_infinite(joined, run), _worst(joined, run)])
     if status.ok:
         for k, (name, nlp) in enumerate(joined.nlps.items()):
             if elsewhere := astray(nlp, run.x[joined.at[k] : joined.at[k + 1]]):
-                status, said = SolveStatus.FAILED, replace(elsewhere, text=f"phase '{name}': {elsewhere.text}")
+                status, remark = SolveStatus.FAILED, replace(elsewhere, text=f"phase '{name}': {elsewhere.text}")
                 break
-    message, where = str(said), said.where
+    message, where = str(remark), remark.where
     run = run.at_best()
     solutions = {}
     for k, (name, nlp) in enumerate(joined.nlps.items()):
@@ -239,8 +240,8 @@ def _read(model: Phases, joined: Joined, run: SolverRun, options: SolverOptions,
         x = run.x[columns]
         multipliers = Multipliers(run.multipliers.rows[rows], run.multipliers.bounds[columns])
         cost = float(nlp.nlp(x, [])[0])
-        own = replace(run, x=x, g=run.g[rows], objective=cost, multipliers=multipliers, status=status)
-        solution = replace(read_solution(nlp, own, status, message), linked=True, where=where)
+        phase_run = replace(run, x=x, g=run.g[rows], objective=cost, multipliers=multipliers, status=status)
+        solution = replace(read_solution(nlp, phase_run, status, message), linked=True, where=where)
         solutions[name] = judged(solution, options.error_bound, scale=scale)
     failed = [f"phase '{n}': {s.message}" for n, s in solutions.items() if s.status is not status]
     if failed:
@@ -262,19 +263,19 @@ def _read(model: Phases, joined: Joined, run: SolverRun, options: SolverOptions,
 def _infinite(joined: Joined, run: SolverRun) -> list[Remark]:
     parts = zip(joined.nlps.items(), joined.at[:-1], joined.at[1:], strict=True)
     texts = [(name, not_finite(nlp, run.x[a:b])) for (name, nlp), a, b in parts]
-    return [replace(said, text=f"phase '{name}': {said.text}") for name, said in texts if said]
+    return [replace(remark, text=f"phase '{name}': {remark.text}") for name, remark in texts if remark]
 
 
 def _worst(joined: Joined, run: SolverRun) -> Remark:
-    said: list[Remark] = []
+    remarks: list[Remark] = []
     for row, amount in violated(joined.lbg, joined.ubg, run.g):
         k = int(np.searchsorted(joined.rows, row, side="right")) - 1
         if k >= len(joined.nlps):
             link = joined.links[row - joined.rows[-1]]
-            said.append(Remark(f"{link.label} by {amount:.2g}", link.where))
+            remarks.append(Remark(f"{link.label} by {amount:.2g}", link.where))
             continue
         name, nlp = list(joined.nlps.items())[k]
         x = run.x[joined.at[k] : joined.at[k + 1]]
-        row_said = named_row(nlp, x, row - int(joined.rows[k]), amount)
-        said.append(replace(row_said, text=f"{name}: {row_said.text}"))
-    return worst_of(said)
+        remark = named_row(nlp, x, row - int(joined.rows[k]), amount)
+        remarks.append(replace(remark, text=f"{name}: {remark.text}"))
+    return worst_of(remarks)

@@ -1,5 +1,4 @@
-"""One collocation point differentiated, elements put together from points by constant matrices, and their functions
-as machine code."""
+"""Derivatives of one collocation point, assembled into elements by constant matrices, and their machine code."""
 
 from __future__ import annotations
 
@@ -23,15 +22,15 @@ from .mesh import Mesh, basis, control_basis
 
 
 def compiled(functions: Sequence[ca.Function]) -> tuple[list[ca.Function], float]:
-    """The same functions from one shared library, and the seconds that compiling took: 0.0 if it was there.
+    """Return the functions compiled into one shared library, and the compile time [s]; 0.0 if it was cached.
 
-    The library's name is a hash of the source, the flags, the compiler's path and the machine; beside it lies the hash
-    of its own bytes: one that is cut, or exchanged, or does not load, is built anew. Libraries are loaded from folders
-    that none but their owner can write. Externals have no derivatives. Raises CompilerMissing.
+    The library's name is a hash of the source, the flags, the compiler's path and the machine. A file with the hash of
+    its bytes detects truncated or replaced libraries; these, and any that do not load, are rebuilt. Libraries are only
+    loaded from folders that nobody but their owner can write. Externals have no derivatives. Raises CompilerMissing.
     """
     chain = find()
     if isinstance(chain, str):
-        raise CompilerMissing(f"compile=True needs a compiler, and {chain}; compile=False gives the same optimum")
+        raise CompilerMissing(f"compile=True needs a compiler, but {chain}; compile=False gives the same optimum")
     generator = ca.CodeGenerator("element.c", {"with_header": False})
     for f in functions:
         generator.add(f)
@@ -42,32 +41,32 @@ def compiled(functions: Sequence[ca.Function]) -> tuple[list[ca.Function], float
         try:
             return _loaded(functions, library), 0.0
         except RuntimeError:
-            pass  # whole as it was written, but for another system or another CasADi
+            pass  # intact, but built for another system or CasADi version
     build(chain, source, library, FLAGS)
     try:
         return _loaded(functions, library), time.perf_counter() - begin
     except RuntimeError as error:
-        said = " ".join(str(error).split())[:SHOWN]
-        raise CompilerMissing(f"the element functions compiled by {chain.cc} do not load: {said}") from None
+        message = " ".join(str(error).split())[:SHOWN]
+        raise CompilerMissing(f"the element functions compiled by {chain.cc} do not load: {message}") from None
 
 
 def _loaded(functions: Sequence[ca.Function], library: Path) -> list[ca.Function]:
     return [ca.external(f.name(), str(library)) for f in functions]
 
 
-# operations of a point from which CasADi's own differentiation, and its search for what occurs twice, take seconds
+# number of operations of a point from which CasADi's differentiation and common-subexpression search take seconds
 LARGE = 3000
-POINT_FUNCTIONS = "point functions"  # under which, with more, a problem keeps them
+POINT_FUNCTIONS = "point functions"  # prefix of their keys in the problem's cache
 Pattern = tuple[np.ndarray, np.ndarray]  # rows and columns of the entries of a matrix, column by column
 
 
 @dataclass(eq=False)
 class PointKernel:
-    """Scaled rows and cost at `count` places of each element, as functions of (w, P, d).
+    """Scaled rows and cost at `count` points of each element, as functions of (w, P, d).
 
-    d = [length of the element, its left end, the place in it, its weight in the cost]. take: (count nw, n) that gives
-    the places' w, one below the other, of an element's scaled unknowns y; place: (count mr) where their rows stand
-    among the `height` rows of the element. key: what the functions depend on besides the problem, not the mesh.
+    d = [element length, its left end, fraction of the point, its quadrature weight]. take (count nw, n): maps an
+    element's scaled unknowns y to the stacked w of its points. place (count mr): indices of the points' rows among the
+    `height` rows of the element. key: what the functions depend on besides the problem.
     """
 
     name: str
@@ -85,7 +84,7 @@ class PointKernel:
 
     @property
     def rows(self) -> SparseMatrix:
-        """(height, count mr), which puts the rows of the places among those of the element."""
+        """Matrix (height, count mr) that places the points' rows among the element's rows."""
         return SparseMatrix.picked(self.place, self.height)
 
     @property
@@ -93,14 +92,14 @@ class PointKernel:
         return len(self.places)
 
     def data(self, mesh: Mesh) -> np.ndarray:
-        """d at all places of all elements (4, N count)."""
+        """Return d at all points of all elements (4, N count)."""
         N, K = mesh.elements, self.count
         each = [np.repeat(mesh.h, K), np.repeat(mesh.edges[:-1], K), np.tile(self.places, N), np.tile(self.weights, N)]
         return np.vstack(each)
 
 
 def point_kernels(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.ndarray) -> list[PointKernel]:
-    """The kernel of the collocation points, and where an element has rows at its right edge that of the edge."""
+    """Return the kernel of the collocation points and, if an element has rows at its right edge, that of the edge."""
     layout, K = element.layout, mesh.points
     nx, nP, free = layout.nx, problem.P.numel(), layout.h >= 0
     point = pointwise(problem)
@@ -121,27 +120,27 @@ def point_kernels(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale
     weights = ca.DM([w for _, _, w in problem.integrals]) if problem.integrals else ca.DM(0, 1)
     cost = length * d[3] * ca.dot(weights, integrand) if problem.integrals else ca.SX(1, 1)
     first, npath, m = len(with_rate) + algebraic.numel(), path.numel(), element.rows.numel()
-    inner = layout.nl + first * K  # behind the rates and equations of all points those at the edge, then the path's
-    own_edge = len(element.at_edge)
+    inner = layout.nl + first * K  # order: rates and equations of all points, rows at the edge, path rows
+    edge_count = len(element.at_edge)
     c, r = np.meshgrid(np.arange(K), np.arange(first + npath), indexing="ij")
-    place = np.where(r < first, layout.nl + c * first + r, inner + own_edge + c * npath + r - first)
+    place = np.where(r < first, layout.nl + c * first + r, inner + edge_count + c * npath + r - first)
     kernel = PointKernel(
         "point", (free, ()), ca.vertcat(x, slope, u, own), P, d, ca.vertcat(*parts), cost, mesh.table.points,
-        mesh.table.weights, _taken(layout), place.ravel(), m,
+        mesh.table.weights, _point_matrix(layout), place.ravel(), m,
     )  # fmt: skip
-    if not own_edge:
+    if not edge_count:
         return [kernel]
     nothing = ca.SX.zeros(nx), ca.SX.zeros(problem.u.numel())
     at_edge = point(x, *nothing, physical, t)[2][element.at_edge] / ca.DM(path_scale[element.at_edge])
     edge = PointKernel(
         "edge", (free, tuple(element.at_edge)), ca.vertcat(x, own), P, d, at_edge, ca.SX(1, 1), np.ones(1), np.zeros(1),
-        _taken_end(layout), inner + np.arange(own_edge), m,
+        _edge_matrix(layout), inner + np.arange(edge_count), m,
     )  # fmt: skip
     return [kernel, edge]
 
 
 def linear_rows(layout: Layout, m: int) -> SparseMatrix:
-    """(m, n): what continues, at an element's right end; the other rows are the kernels'."""
+    """Return the continuity rows (m, n) at an element's right end; the kernels' rows are empty."""
     nx, end = layout.nx, layout.mesh.table.end
     entries = [(np.arange(nx), layout.nodes[j], np.full(nx, end[j])) for j in np.flatnonzero(end)]
     if layout.carried.size:
@@ -153,8 +152,8 @@ def linear_rows(layout: Layout, m: int) -> SparseMatrix:
     return SparseMatrix.of(rows, columns, values, (m, layout.size))
 
 
-def _taken(layout: Layout) -> SparseMatrix:
-    """Each collocation point's states, slopes per element length, inputs and, where it is free, length and left end."""
+def _point_matrix(layout: Layout) -> SparseMatrix:
+    """Map y to each collocation point's states, slopes, inputs and, if the lengths are free, length and left end."""
     mesh, nx = layout.mesh, layout.nx
     table, nodes = mesh.table, [layout.left[:nx], *layout.x]
     by_u, by_z = control_basis(mesh.control, table, table.points), basis(table.points, table.points)
@@ -166,40 +165,41 @@ def _taken(layout: Layout) -> SparseMatrix:
             _combined(slope, nx, layout),
             _combined(list(zip(by_u[c], layout.u, strict=True)), layout.nu, layout),
             _combined(list(zip(by_z[c], layout.z, strict=True)), layout.nz, layout),
-            _own(layout),
+            _lengths_of(layout),
         ]
     return stacked_rows(blocks)
 
 
-def _taken_end(layout: Layout) -> SparseMatrix:
+def _edge_matrix(layout: Layout) -> SparseMatrix:
     nodes = [layout.left[: layout.nx], *layout.x]
     state = _combined(list(zip(layout.mesh.table.end, nodes, strict=True)), layout.nx, layout)
-    return stacked_rows([state, _own(layout)])
+    return stacked_rows([state, _lengths_of(layout)])
 
 
 def _combined(terms: Sequence[tuple[float, np.ndarray]], size: int, layout: Layout) -> SparseMatrix:
-    """(size, n): the sum of weights times the columns of y, in SI units."""
-    kept = [(weight, columns) for weight, columns in terms if size and abs(weight) > 0.0]
-    columns = np.concatenate([c for _, c in kept]) if kept else np.zeros(0, int)
-    values = np.repeat([weight for weight, _ in kept], size) * layout.scale[columns]
-    rows = np.tile(np.arange(size), len(kept))
+    """Return the matrix (size, n) of a weighted sum of entries of y, in SI units."""
+    nonzero = [(weight, columns) for weight, columns in terms if size and abs(weight) > 0.0]
+    columns = np.concatenate([c for _, c in nonzero]) if nonzero else np.zeros(0, int)
+    values = np.repeat([weight for weight, _ in nonzero], size) * layout.scale[columns]
+    rows = np.tile(np.arange(size), len(nonzero))
     return SparseMatrix.of(rows, columns, values, (size, layout.size))
 
 
-def _own(layout: Layout) -> SparseMatrix:
+def _lengths_of(layout: Layout) -> SparseMatrix:
     columns = [layout.h, layout.edge] if layout.h >= 0 else []
     return SparseMatrix.of(np.arange(len(columns)), columns, layout.scale[columns], (len(columns), layout.size))
 
 
 @dataclass(eq=False)
 class Derivatives:
-    """Functions of one place, and where in the matrices of one element what they give belongs.
+    """Functions of one point, and the positions of their results in the matrices of one element.
 
-    rows: (w, P, d) -> rows; share: -> cost; cost: -> cost, d cost/dw, d cost/dP; first: -> rows, nonzeros of their
-    derivatives by [w, P]; second: (w, P, d, lam_f, lam) -> nonzeros of the upper triangle of the Hessian by [w, P].
-    jacobian, hessian: the element's entries by [y, P], from those of all its places.
+    rows: (w, P, d) -> rows; share: -> cost; cost: -> cost, d cost/dw, d cost/dP; first: -> rows and the nonzeros of
+    their derivatives with respect to [w, P]; second: (w, P, d, lam_f, lam) -> nonzeros of the upper triangle of the
+    Hessian with respect to [w, P]. by_rows, by_unknowns: pattern of the element's Jacobian and Hessian with respect to
+    [y, P], and the matrix that computes their entries from those of all points.
 
-    Hold it as long as what maps its functions is in use. rows and share have derivatives.
+    The object must live as long as the maps of its functions. rows and share have derivatives.
     """
 
     kernel: PointKernel
@@ -210,10 +210,10 @@ class Derivatives:
     second: TapeFunction | ca.Function
     by_rows: tuple[Pattern, SparseMatrix]
     by_unknowns: tuple[Pattern, SparseMatrix]
-    maps: list[ca.Function] = field(default_factory=list)  # held: a Batch lives no longer than somebody holds it
+    maps: list[ca.Function] = field(default_factory=list)  # keeps the mapped functions alive
 
     def map(self, name: str, points: int) -> ca.Function:
-        """The function of that name at many points; of rows and share with derivatives."""
+        """Return the function of that name mapped over points; rows and share have derivatives."""
         f = getattr(self, name)
         if name in ("rows", "share") or isinstance(f, TapeFunction):
             return f.map(points)
@@ -222,12 +222,12 @@ class Derivatives:
 
     @property
     def functions(self) -> list[ca.Function]:
-        """As functions of CasADi of one place."""
-        made = [self.rows, self.first, self.second, *([] if self.cost is None else [self.cost])]
-        return [f.casadi if isinstance(f, TapeFunction) else f for f in made]
+        """The functions of one point as CasADi functions."""
+        functions = [self.rows, self.first, self.second, *([] if self.cost is None else [self.cost])]
+        return [f.casadi if isinstance(f, TapeFunction) else f for f in functions]
 
     def exchanged(self, functions: Sequence[ca.Function]) -> Derivatives:
-        """The same with other functions of the same names."""
+        """Return a copy with other functions of the same names."""
         rows, first, second, *costs = functions
         cost = costs[0] if costs else None
         return Derivatives(self.kernel, rows, cost, cost, first, second, self.by_rows, self.by_unknowns)
@@ -235,11 +235,11 @@ class Derivatives:
 
 Evaluated = TapeFunction | ca.Function
 Functions = tuple[ca.Function, ca.Function | None, Evaluated | None, Evaluated, Evaluated]  # as in `Derivatives`
-Differentiated = tuple[Functions, Pattern, Pattern]  # and where the entries of first and second derivatives stand
+Differentiated = tuple[Functions, Pattern, Pattern]  # with the patterns of first and second derivatives
 
 
 def derivatives(problem: DynamicProblem, kernel: PointKernel) -> Derivatives:
-    """Differentiate a kernel, a large one on a tape: once for a problem, whatever meshes it is put on."""
+    """Differentiate a kernel, on a tape if it is large; cached per problem for all meshes."""
     key = f"{POINT_FUNCTIONS} {kernel.name} {kernel.key}"
     if key not in problem.cache:
         operations = ca.Function("f", [kernel.w, kernel.P, kernel.d], [kernel.value, kernel.cost]).n_instructions()
@@ -296,48 +296,50 @@ def _on_tape(kernel: PointKernel) -> Differentiated:
 
 
 def _placed(kernel: PointKernel, functions: Functions, by_rows: Pattern, by_unknowns: Pattern) -> Derivatives:
-    """With where what the functions give belongs, from where it stands in the matrices of one place."""
+    """Derive the positions in the element's matrices from those in the matrices of one point."""
     k, nw, nP, mr, n = kernel, kernel.w.numel(), kernel.P.numel(), kernel.value.numel(), kernel.take.shape[1]
-    # y and behind it P, of one place and of the element
+    # [y, P] of the element -> [w, P] of one point
     take = [_with_identity(k.take.among(c * nw, (c + 1) * nw), nP) for c in range(k.count)]
     scattered = _scattered(by_rows, k.place.reshape(k.count, mr), take, k.height)
     return Derivatives(k, *functions, scattered, _squared(by_unknowns, take, n + nP))
 
 
 def _with_identity(matrix: SparseMatrix, size: int) -> SparseMatrix:
-    """The matrix, and below and beside it the identity."""
-    (m, n), own = matrix.shape, np.arange(size)
-    pairs = (matrix.rows, m + own), (matrix.columns, n + own), (matrix.values, np.ones(size))
+    """Return the block-diagonal matrix of `matrix` and the identity."""
+    (m, n), diagonal = matrix.shape, np.arange(size)
+    pairs = (matrix.rows, m + diagonal), (matrix.columns, n + diagonal), (matrix.values, np.ones(size))
     rows, columns, values = (np.concatenate(pair) for pair in pairs)
     return SparseMatrix(rows, columns, values, (m + size, n + size))
 
 
 def _by_columns(entries: Entries) -> tuple[Pattern, list[int]]:
-    """Where they stand, column by column, and their numbers on the tape."""
+    """Return their pattern, column by column, and their numbers on the tape."""
     places = sorted(entries, key=lambda place: place[::-1])
     rows, columns = (np.array([place[n] for place in places], int) for n in (0, 1))
     return (rows, columns), [entries[place] for place in places]
 
 
 def _scattered(
-    own: Pattern, rows: np.ndarray, take: Sequence[SparseMatrix], height: int
+    pattern: Pattern, rows: np.ndarray, take: Sequence[SparseMatrix], height: int
 ) -> tuple[Pattern, SparseMatrix]:
-    """R J A for each place: the element's entries, and the matrix that gives them of the places'. rows: (places, rows
-    of each) where they stand in the element."""
-    to, at, values = [], [], []
-    i, j = own
+    """Sum R J A over the points: the element's pattern, and the matrix from the points' entries to its entries.
+
+    rows: (points, rows of each), the row indices in the element.
+    """
+    targets, sources, values = [], [], []
+    i, j = pattern
     for c, (own_rows, A) in enumerate(zip(rows, take, strict=True)):
         number, columns, weights = A.of_rows(j)
-        to.append(own_rows[i[number]] + columns * height)
-        at.append(c * len(i) + number)
+        targets.append(own_rows[i[number]] + columns * height)
+        sources.append(c * len(i) + number)
         values.append(weights)
-    return _gathered(to, at, values, height, len(i) * len(take))
+    return _gathered(targets, sources, values, height, len(i) * len(take))
 
 
-def _squared(own: Pattern, take: Sequence[SparseMatrix], n: int) -> tuple[Pattern, SparseMatrix]:
-    """The upper triangle of A'HA for each place, of H's upper triangle."""
-    to, at, values = [], [], []
-    i, j = own
+def _squared(pattern: Pattern, take: Sequence[SparseMatrix], n: int) -> tuple[Pattern, SparseMatrix]:
+    """Sum the upper triangle of A'HA over the points, from H's upper triangle."""
+    targets, sources, values = [], [], []
+    i, j = pattern
     for c, A in enumerate(take):
         number, a, wa = A.of_rows(i)
         pair, b, wb = A.of_rows(j[number])
@@ -346,18 +348,18 @@ def _squared(own: Pattern, take: Sequence[SparseMatrix], n: int) -> tuple[Patter
         r, s = np.concatenate([r, s[both]]), np.concatenate([s, r[both]])
         number, v = np.concatenate([number, number[both]]), np.concatenate([v, v[both]])
         upper = r <= s
-        to.append(r[upper] + s[upper] * n)
-        at.append(c * len(i) + number[upper])
+        targets.append(r[upper] + s[upper] * n)
+        sources.append(c * len(i) + number[upper])
         values.append(v[upper])
-    return _gathered(to, at, values, n, len(i) * len(take))
+    return _gathered(targets, sources, values, n, len(i) * len(take))
 
 
 def _gathered(
-    to: list[np.ndarray], at: list[np.ndarray], values: list[np.ndarray], height: int, width: int
+    targets: list[np.ndarray], sources: list[np.ndarray], values: list[np.ndarray], height: int, width: int
 ) -> tuple[Pattern, SparseMatrix]:
-    """Entries (row + height column) that several places give are summed."""
-    if not to:
+    """Sum the entries (row + height * column) that several points contribute to."""
+    if not targets:
         return (np.zeros(0, int), np.zeros(0, int)), SparseMatrix.of([], [], [], (0, width))
-    entries, where = np.unique(np.concatenate(to), return_inverse=True)
-    matrix = SparseMatrix.of(where, np.concatenate(at), np.concatenate(values), (len(entries), width))
+    entries, rows = np.unique(np.concatenate(targets), return_inverse=True)
+    matrix = SparseMatrix.of(rows, np.concatenate(sources), np.concatenate(values), (len(entries), width))
     return (entries % height, entries // height), matrix

@@ -30,14 +30,13 @@ else:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """What `solve` returns.
+    """Result of `solve`.
 
-    `trajectory` holds every top-level quantity at the mesh edges and collocation points, in SI units; a control
-    polynomial is extrapolated to the start. `free` are the constants the optimisation chose, by name; `seconds` is wall
-    time. `status` and `message` say how it ended, `checks` what was tested. `reservation`: what a solved problem leaves
-    open, such as whether a stationary point is a minimum; empty for none. `where`: file and line of what the message is
-    about, which it names too: a declaration, an equation, a constraint, the objective or the class; None where it was
-    solved without a reservation.
+    `trajectory`: every top-level quantity at the start and the collocation points, in SI units; a control polynomial is
+    extrapolated to the start. `free`: the optimised constants by name. `seconds`: wall time by stage. `status` and
+    `message`: how the solve ended. `checks`: the checks made. `reservation`: what remains open about a solved problem,
+    such as whether the stationary point is a minimum; else empty. `where`: file and line the message refers to (a
+    declaration, an equation, a constraint, the objective or the class); None if solved without reservation.
     """
 
     status: SolveStatus
@@ -54,13 +53,13 @@ class Solution:
     bound_multipliers: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
     reservation: str = ""
     where: SourceLocation | None = None
-    linked: bool = False  # one of several phases: its rows are not all that hold it
+    linked: bool = False  # one of several phases: the linking rows are not part of it
 
     def with_checks(self, **checks: Check) -> Solution:
         return replace(self, checks={**self.checks, **checks})
 
     def plot(self, *names: str) -> Figure:
-        """The named signals of the optimum over time, all if none is named; see `Trajectory.plot`."""
+        """Plot the named signals of the optimum over time, all if none is named; see `Trajectory.plot`."""
         return self.trajectory.plot(*names)
 
     @property
@@ -69,7 +68,7 @@ class Solution:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Values of the tunable parameters that this was solved for."""
+        """Values of the tunable parameters in this solve."""
         values = constants(self.nlp, self.x)[len(self.problem.free_names) :]
         return dict(zip(self.problem.tunable, values.tolist(), strict=True))
 
@@ -84,25 +83,25 @@ class Solution:
         return dict(zip(self.problem.tunable, (slope / nlp.p_scale[len(self.free) :]).tolist(), strict=True))
 
     def multiplier(self, name: str) -> np.ndarray | float:
-        """Multipliers of a constraint in SI units, in IPOPT's sign: cost per unit by which its row is raised.
+        """Return the multipliers of a constraint in SI units and IPOPT's sign: cost per unit increase of its row.
 
-        name: whole words that begin a row's name, which `multiplier_names` lists ("constraint 1" is not the tenth): a
-        number for a point constraint, (elements,) for the continuity of a state ("continuity of x": the costate at
-        the element's end), (elements, points) for what holds along the path; with a last axis for the entries of a
-        vector. Divided by quadrature weight times element length, those along the path approach the multiplier
-        functions of time. Raises KeyError with the names.
+        name: a name from `multiplier_names`, or its first whole words ("constraint 1" does not match the tenth). Shape:
+        a number for a point constraint, (elements,) for the continuity of a state ("continuity of x": the costate at
+        the element's end), (elements, points) for a path constraint; a vector adds a last axis. Divided by quadrature
+        weight times element length, path multipliers approach the multiplier functions of time. Raises KeyError, which
+        lists the names.
         """
         nlp = self.nlp
         m, N = nlp.element.rows.numel(), nlp.mesh.elements
-        label = _chosen(name, self.multiplier_names)
+        label = _matching_labels(name, self.multiplier_names)
         points = [n for n, row in enumerate(self.problem.points) if row.label in label]
         if points:
             sizes = np.array([self.problem.points[n].scale for n in points])
             values = self.multipliers[m * N + np.array(points)] / sizes
             return float(values[0]) if len(points) == 1 else values
-        rows = [r for r, (own, _) in enumerate(nlp.element.row_names) if own in label]
+        rows = [r for r, (row_name, _) in enumerate(nlp.element.row_names) if row_name in label]
         instants = list(dict.fromkeys(nlp.element.row_names[r][1] for r in rows))
-        # entries of a vector stand side by side at each point
+        # entries of a vector side by side at each point
         rows.sort(key=lambda r: instants.index(nlp.element.row_names[r][1]))
         values = self.multipliers[: m * N].reshape(N, m)[:, rows] / self._row_scale()[rows]
         values = values.reshape(N, len(instants), -1)
@@ -110,7 +109,7 @@ class Solution:
         return values[..., 0] if values.shape[-1] == 1 else values
 
     def _row_scale(self) -> np.ndarray:
-        """SI size of one unit of each row of an element, in their order: see element.make_element."""
+        """Return the scale of each row of an element in SI units; order as in collocation.make_element."""
         problem, layout = self.problem, self.nlp.element.layout
         with_rate = [n for n, r in enumerate(problem.rates) if r is not None]
         each = np.concatenate([problem.x_scale[with_rate], problem.algebraic_scale])
@@ -122,17 +121,17 @@ class Solution:
 
     @property
     def multiplier_names(self) -> tuple[str, ...]:
-        """What multiplier() knows."""
+        """The names that multiplier() accepts."""
         points = [r.label for r in self.problem.points]
         return tuple(dict.fromkeys([*points, *(n for n, _ in self.nlp.element.row_names)]))
 
     def bound_multiplier(self, name: str) -> np.ndarray:
-        """Multipliers (elements, points) of the bounds of a state, control or algebraic variable at the collocation
-        points (of a control's coefficients, where it is no polynomial), in SI units; positive at an upper bound.
+        """Return the multipliers of the bounds of a variable in SI units; positive at an upper bound.
 
-        What two elements share counts once, at the end of the earlier one: a linear control's first coefficient has 0
-        in all elements but the first. A state that is given at the end of the horizon has no bound there. Of a free
-        constant it is one number, (1, 1). Raises KeyError with the names.
+        Shape (elements, points) for a state, algebraic variable or polynomial control at the collocation points,
+        (elements, coefficients) for another control, (1, 1) for a free constant. A value shared by two elements counts
+        once, at the end of the earlier one: a linear control's first coefficient has 0 in all elements but the first.
+        A state fixed at the end of the horizon has no bound there. Raises KeyError, which lists the names.
         """
         problem, layout = self.problem, self.nlp.element.layout
         if name in problem.free_names:
@@ -142,12 +141,12 @@ class Solution:
         columns |= dict(zip(problem.control_names, layout.u.T, strict=True))
         columns |= dict(zip(problem.point_names, layout.z.T, strict=True))
         if name not in columns:
-            raise KeyError(f"'{name}' has no bounds of its own; there are {', '.join([*columns, *problem.free_names])}")
+            raise KeyError(f"no bounds belong to '{name}'; names are {', '.join([*columns, *problem.free_names])}")
         values = self.bound_multipliers[: self.nlp.end].reshape(-1, layout.size)
         multipliers = values[:, columns[name]] / layout.scale[columns[name]]
         twin = self._twin(name, int(columns[name][-1]))
         if twin is not None:
-            # an element's end and the next one's left are one quantity with two bounds
+            # an element's end and the next one's left end are one quantity with two bounds
             scale, end = layout.scale[twin], self.nlp.end + twin
             if twin not in columns[name]:
                 multipliers[:-1, -1] += values[1:, twin] / scale
@@ -159,7 +158,7 @@ class Solution:
         return multipliers
 
     def _twin(self, name: str, last: int) -> int | None:
-        """Where the next element holds again what is `last` in this one; None where nothing is shared."""
+        """Return the index, in the next element, of the value that is `last` in this one; None if it is not shared."""
         problem, layout, mesh = self.problem, self.nlp.element.layout, self.nlp.mesh
         if name in problem.state_names:
             ends = mesh.table.points[-1] == 1.0
@@ -174,24 +173,24 @@ class Solution:
         return float(self.trajectory.time[-1])
 
     def sample(self, s: np.ndarray) -> Trajectory:
-        """The collocation polynomials at fractions s of the horizon (increasing), with every named quantity."""
+        """Evaluate every named quantity on the collocation polynomials at increasing fractions s of the horizon."""
         return evaluate(self.nlp, self.x, np.asarray(s, float))
 
 
-def _chosen(name: str, labels: tuple[str, ...]) -> set[str]:
-    """Labels of the row, or of the entries of the vector, that a name begins. Raises KeyError."""
+def _matching_labels(name: str, labels: tuple[str, ...]) -> set[str]:
+    """Return the labels of the row, or of the entries of the vector, that begin with `name`. Raises KeyError."""
     matches = [n for n in labels if n == name]
     matches = matches or [n for n in labels if n.startswith(name) and not re.match(r"[\w.]", n[len(name) :])]
     if len({re.sub(r"\[\d+(?:, ?\d+)*\]", "", n[len(name) :]) for n in matches}) != 1:
-        raise KeyError(f"{len(matches)} rows begin with '{name}'; there are {', '.join(labels)}")
+        raise KeyError(f"{len(matches)} rows begin with '{name}'; names are {', '.join(labels)}")
     return set(matches)
 
 
 def read_solution(nlp: Nlp, run: SolverRun, status: SolveStatus, message: str) -> Solution:
-    """Physical values of all names from the scaled unknowns."""
+    """Return physical values of all names from the scaled unknowns."""
     x = run.x
-    chosen = constants(nlp, x)[: len(nlp.problem.free_names)]
-    free = dict(zip(nlp.problem.free_names, chosen.tolist(), strict=True))
+    values = constants(nlp, x)[: len(nlp.problem.free_names)]
+    free = dict(zip(nlp.problem.free_names, values.tolist(), strict=True))
     violation = run.miss
     if violation is None:
         violation = float(np.max(np.maximum(nlp.lbg - run.g, run.g - nlp.ubg), initial=0.0))
@@ -204,7 +203,7 @@ def read_solution(nlp: Nlp, run: SolverRun, status: SolveStatus, message: str) -
 
 
 def mesh_fractions(mesh: Mesh) -> np.ndarray:
-    """Fractions of the horizon of the start and all collocation points (and the end, for Gauss)."""
+    """Return the fractions of the horizon of the start, all collocation points and, for Gauss, the end."""
     s = np.append(0.0, mesh.edges[:-1, None] + mesh.h[:, None] * mesh.table.points)
     if s[-1] < 1.0 - 1e-12:
         s = np.append(s, 1.0)
@@ -213,12 +212,12 @@ def mesh_fractions(mesh: Mesh) -> np.ndarray:
 
 
 def constants(nlp: Nlp, x: np.ndarray) -> np.ndarray:
-    """Free constants in SI units."""
+    """Return the free constants and tunable parameters in SI units."""
     return x[nlp.constants :] * nlp.p_scale
 
 
 def horizon(nlp: Nlp, x: np.ndarray) -> tuple[float, float]:
-    """Start and end time [s]."""
+    """Return start and end time [s]."""
     f = ca.Function("times", [nlp.problem.P], [nlp.problem.t0, nlp.problem.tf])
     t0, tf = f(constants(nlp, x))
     return float(t0), float(tf)
@@ -227,22 +226,21 @@ def horizon(nlp: Nlp, x: np.ndarray) -> tuple[float, float]:
 def states_and_controls(
     nlp: Nlp, x: np.ndarray, s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """States, state rates, inputs (len(s), n) and times at fractions s, from the polynomials.
+    """Return states, state rates, inputs (len(s), n) and times at fractions s, from the polynomials.
 
-    Inputs are the controls and behind them what is free at each point (delayed inputs, algebraic variables).
-
-    At an element's edge the element on the left is used, except at s = 0.
+    Inputs are the controls followed by the point variables (delayed inputs, algebraic variables). At an edge the
+    element on the left is used, except at s = 0.
     """
     mesh, layout = placed(nlp, x), nlp.element.layout
     t0, tf = horizon(nlp, x)
     table, edges = mesh.table, mesh.edges
-    # a little to the left: time / duration may round past the edge it came from
+    # slightly to the left: time / duration may round past its edge
     k = np.clip(np.searchsorted(edges, s - 1e-12, side="left") - 1, 0, mesh.elements - 1)
     length, local = mesh.h[k], np.clip((s - edges[k]) / mesh.h[k], 0.0, 1.0)
     y = nlp.physical(x)[k]
 
     def combined(weights: np.ndarray, places: np.ndarray) -> np.ndarray:
-        """Of each row its own weights times its own unknowns."""
+        """Return, for each row, the sum of its weights times its unknowns."""
         return np.einsum("ri,rij->rj", weights, y[:, places])
 
     xs = combined(basis(table.nodes, local), layout.nodes)
@@ -253,23 +251,26 @@ def states_and_controls(
 
 
 def evaluate(nlp: Nlp, x: np.ndarray, s: np.ndarray) -> Trajectory:
-    """All top-level names at fractions s: states and controls by their polynomials; off the collocation points rates
-    of states and algebraic variables by the model's equations, where these give a number there."""
+    """Return all top-level names at fractions s: states and controls from their polynomials.
+
+    Between collocation points, state rates and algebraic variables come from the model's equations if these have a
+    finite solution there, else from the polynomials.
+    """
     problem, P = nlp.problem, constants(nlp, x)
     xs, rates, us, times = states_and_controls(nlp, x, s)
-    off = np.flatnonzero(~at_points(placed(nlp, x), s))
-    if off.size and problem.loose:
+    between = np.flatnonzero(~at_points(placed(nlp, x), s))
+    if between.size and problem.loose:
         known = nlp.element.layout.nu + len(problem.delayed)
-        system, rows, given = RateSystem.of(problem), xs[off], us[off, :known]
-        z = system.solved(rows, given, system.near(problem, us[off], rates[off]), P, times[off])
-        own, inputs = system.at(rows, given, z, P, times[off])
-        good = np.all(np.isfinite(own), axis=1) & np.all(np.isfinite(inputs), axis=1)
-        rates[off[good]], us[off[good]] = own[good], inputs[good]
+        system, rows, inputs_given = RateSystem.of(problem), xs[between], us[between, :known]
+        z = system.solved(rows, inputs_given, system.near(problem, us[between], rates[between]), P, times[between])
+        new_rates, new_inputs = system.at(rows, inputs_given, z, P, times[between])
+        good = np.all(np.isfinite(new_rates), axis=1) & np.all(np.isfinite(new_inputs), axis=1)
+        rates[between[good]], us[between[good]] = new_rates[good], new_inputs[good]
     return named(problem, xs, rates, us, times, P, totals(nlp, x, s))
 
 
 def totals(nlp: Nlp, x: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """Values (len(s), n) of the costs that are written as states at fractions s."""
+    """Return the values (len(s), n) at fractions s of the states that the objective replaced by integrals."""
     problem, mesh = nlp.problem, placed(nlp, x)
     if not problem.quadratures:
         return np.zeros((len(s), 0))
@@ -281,7 +282,7 @@ def totals(nlp: Nlp, x: np.ndarray, s: np.ndarray) -> np.ndarray:
 
 
 def at_points(mesh: Mesh, s: np.ndarray) -> np.ndarray:
-    """Which fractions s of the horizon are collocation points (bool, as s)."""
+    """Return which fractions s of the horizon are collocation points (bool, shape of s)."""
     points = (mesh.edges[:-1, None] + mesh.h[:, None] * mesh.table.points).ravel()
     right = np.clip(np.searchsorted(points, s), 0, len(points) - 1)
     miss = np.minimum(np.abs(points[right] - s), np.abs(points[np.maximum(right - 1, 0)] - s))
@@ -292,9 +293,9 @@ def named(
     problem: DynamicProblem, xs: np.ndarray, rates: np.ndarray, us: np.ndarray, times: np.ndarray, P: np.ndarray,
     summed_up: np.ndarray,
 ) -> Trajectory:  # fmt: skip
-    """A trajectory of every quantity declared at the top or one level below, and of the states' derivatives.
+    """Return a trajectory of every quantity declared at the top or one level below, and of the states' derivatives.
 
-    summed_up: values of the costs that are written as states, see totals().
+    summed_up: see totals().
     """
     names, f = _outputs(problem)
     (values,) = on_rows(f, (xs, rates, us), P, times, summed_up)
@@ -305,7 +306,7 @@ def named(
         block = values[row : row + size]
         row += size
         if not np.all(np.isfinite(block)):
-            continue  # a quantity that the best iterate of a failed solve cannot give
+            continue  # not computable at the best iterate of a failed solve
         result[name] = block[0] if shape == () else block.T
         if unit not in (None, "?"):
             units[name] = unit
@@ -324,7 +325,7 @@ def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], 
             continue
         if len(shape) < 2:
             groups.append((name, shape, list(indices)))
-        else:  # a Trajectory holds vectors: the entries of a matrix stand by themselves, as simulate() records them
+        else:  # a Trajectory holds vectors only: entries of a matrix are separate signals, as in simulate()
             groups += [(flat.variables[i].name, (), [i]) for i in indices]
     for order in (0, 1, 2):
         for name, shape, indices in groups:
@@ -332,11 +333,11 @@ def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], 
                 entries.append((derivative_name(name, order), shape, [(i, order) for i in indices]))
     builder = problem.builder
     sums = ca.SX.sym("sums", len(problem.quadratures))
-    apart = {(q.index, 0): sums[n] for n, q in enumerate(problem.quadratures)}
-    apart |= {(q.index, 1): q.integrand for q in problem.quadratures}
-    asked = [p for _, _, pairs in entries for p in pairs]
-    expressed = iter(builder.express([flat.scope.symbol(*p) for p in asked if p not in apart]))
-    expressions = [apart[p] if p in apart else next(expressed) for p in asked]
+    replaced = {(q.index, 0): sums[n] for n, q in enumerate(problem.quadratures)}
+    replaced |= {(q.index, 1): q.integrand for q in problem.quadratures}
+    pairs_needed = [p for _, _, pairs in entries for p in pairs]
+    expressed = iter(builder.express([flat.scope.symbol(*p) for p in pairs_needed if p not in replaced]))
+    expressions = [replaced[p] if p in replaced else next(expressed) for p in pairs_needed]
     f = ca.Function("outputs", [*problem.arguments, sums], [ca.vertcat(*expressions)])
     table = [(n, shape, len(pairs), flat.unit_of(pairs[0][0], pairs[0][1])) for n, shape, pairs in entries]
     problem.cache["outputs"] = (table, f)
@@ -344,7 +345,7 @@ def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], 
 
 
 def _known(problem: DynamicProblem, states: set[tuple[int, int]], index: int, order: int) -> bool:
-    """A derivative that is a state or a state's rate, or what a cost that is written as a state integrates."""
+    """Return whether a derivative is a state, a state's rate, or the integrand of a state replaced by an integral."""
     if any(q.index == index for q in problem.quadratures):
         return order == 1
     _, kept, k = problem.plan.alias.resolve(index, order)

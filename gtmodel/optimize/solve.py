@@ -1,4 +1,4 @@
-"""Solve an Optimization: transcribe, hand over to IPOPT, read the solution back by name."""
+"""Solve an Optimization: transcribe it, run IPOPT, and read the solution back by name."""
 
 from __future__ import annotations
 
@@ -31,39 +31,41 @@ from .watch import Multipliers, Progress
 
 SOLVERS = ("ipopt", "fatrop")
 METHODS = ("collocation", "shooting")
-# elements; on coarser meshes making the merged form takes as long as it spares, and of the time-optimal motions of
-# bench_optimize.py IPOPT then takes more iterations on 50 elements (80 for 70, 71 for 54)
+# elements; on coarser meshes building the merged form takes as long as it saves, and for the time-optimal motions in
+# bench_optimize.py on 50 elements IPOPT then takes more iterations (80 instead of 70, 71 instead of 54)
 MERGED_FROM = 100
 
 
 @dataclass(frozen=True)
 class SolverOptions:
-    """How `solve` is to solve.
+    """Options of `solve`.
 
     Args:
         tolerance: IPOPT's overall tolerance on the scaled problem.
-        max_iterations: limit; reached means status iteration_limit with the iterate nearest to its constraints.
-        max_seconds: wall-clock limit [s]; reached means status interrupted with the iterate nearest to its constraints.
+        max_iterations: limit. If it is reached, the status is iteration_limit and the iterate with the smallest
+            violation is returned.
+        max_seconds: wall-clock limit [s]. If it is reached, the status is interrupted and the iterate with the smallest
+            violation is returned.
         formulation: "inverse": controls as functions of the motion, for fully actuated models; "explicit": explicit
             rates; "torn": unknowns without a closed form are kept, with their equations as constraints; "dae": nothing
             is eliminated. "auto" chooses; see optimize.formulation.problem.build.
         prefer: names to keep as states.
-        hessian: "exact", or "lbfgs" from gradients alone.
-        barrier: how IPOPT lowers its barrier, "adaptive" or "monotone": where one fails, the other may solve in a tenth
-            of the iterations. "auto" tries the adaptive one and, where it fails or gets nowhere, the monotone one from
-            the same guess; the message says so, and `max_iterations` and `max_seconds` hold for both together. "low"
-            begins near the end, for a guess near the optimum, such as that of a coarser mesh.
-        patience: iterations without progress, in violation or objective, after which a try fails; one with multipliers
-            beyond 1e10 counts as ten. None: no try fails so, but for the first of "auto", after 150.
-        solver: "ipopt"; or "fatrop", where states alone link the elements (no free constants, a horizon that is given),
-            without progress and time limit.
-        error_bound: of the check `discretisation_error` of each solution: the largest estimated error of a state at a
-            mesh edge or collocation point, as a part of the state's range (entries of a vector share theirs). A
-            solution above it has status check_failed. The same bound holds for `integral_error`: what the mesh misses
-            of the integrals in the objective, as a part of the integral of their absolute value. None only reports.
-        compile: evaluate the elements by machine code instead of CasADi's virtual machine: the same optimum, and a
-            second or two of the C compiler at the first solve, which `seconds["compile"]` shows. The library is kept
-            in $GTMODEL_CACHE, by default ~/.cache/gtmodel. For problems that are solved again and again.
+        hessian: "exact", or "lbfgs" (from gradients only).
+        barrier: IPOPT's barrier strategy, "adaptive" or "monotone"; if one fails, the other may solve the problem in a
+            tenth of the iterations. "auto" tries the adaptive strategy and, if it fails or makes no progress, the
+            monotone one from the same guess; the message says so, and both share `max_iterations` and `max_seconds`.
+            "low" starts with a small barrier, for a guess near the optimum, such as a solution on a coarser mesh.
+        patience: number of iterations without progress in violation or objective after which a try fails; an iteration
+            with multipliers above 1e10 counts as ten. None: no limit, except 150 for the first try of "auto".
+        solver: "ipopt"; or "fatrop" if only states couple the elements (no free constants, fixed horizon). fatrop has
+            neither progress nor a time limit.
+        error_bound: bound of the check `discretisation_error`: the largest estimated error of a state at a mesh edge or
+            collocation point, relative to the state's range (entries of a vector share one range). A solution above it
+            has status check_failed. The same bound applies to `integral_error`: the estimated error of the integrals
+            in the objective, relative to the integral of their absolute value. None: report only.
+        compile: compile the element functions to machine code: the same optimum, for a second or two of compilation
+            at the first solve (`seconds["compile"]`). The library is cached in $GTMODEL_CACHE, by default
+            ~/.cache/gtmodel. Worthwhile for problems that are solved repeatedly.
 
     Raises ModelError, which is a ValueError, for a number out of range or an unknown word.
 
@@ -91,34 +93,34 @@ class SolverOptions:
         numbers = (self.tolerance, self.max_iterations, 0 if self.max_seconds is None else self.max_seconds)
         if not all(isinstance(n, (int, float, np.number)) for n in numbers) or self.max_iterations % 1:
             raise ModelError(
-                "tolerance and max_seconds are numbers and max_iterations is a whole one; found "
+                "tolerance and max_seconds must be numbers and max_iterations an integer; found "
                 f"{self.tolerance!r}, {self.max_seconds!r} and {self.max_iterations!r}"
             )
         if not 0 < self.tolerance < 1:
-            raise ModelError(f"the solver's tolerance is between 0 and 1; found {self.tolerance:g}")
+            raise ModelError(f"tolerance must lie between 0 and 1; found {self.tolerance:g}")
         if self.max_iterations < 0 or (self.max_seconds is not None and not self.max_seconds >= 0):
             raise ModelError(
-                f"max_iterations and max_seconds are not negative; found {self.max_iterations} and {self.max_seconds}"
+                f"max_iterations and max_seconds must be >= 0; found {self.max_iterations} and {self.max_seconds}"
             )
         bound = self.error_bound
         if bound is not None and (not isinstance(bound, (int, float, np.number)) or not bound > 0):
-            raise ModelError(f"error_bound is a positive number, or None; found {bound!r}")
+            raise ModelError(f"error_bound must be a positive number or None; found {bound!r}")
         if isinstance(self.prefer, str):
             raise ModelError(f"prefer takes a list of names; found '{self.prefer}'")
         if self.patience is not None and not (isinstance(self.patience, (int, np.integer)) and self.patience > 0):
-            raise ModelError(f"patience is a positive number of iterations, or None; found {self.patience!r}")
+            raise ModelError(f"patience must be a positive number of iterations or None; found {self.patience!r}")
         known = (("formulation", FORMULATIONS), ("hessian", HESSIANS), ("barrier", BARRIERS), ("solver", SOLVERS))
         for name, words in known:
             if getattr(self, name) not in words:
                 raise ModelError(f"{name} is one of {', '.join(words)}; found '{getattr(self, name)}'")
         if self.solver == "fatrop" and (self.hessian != "exact" or self.max_seconds is not None or self.compile):
-            raise ModelError("fatrop takes the exact hessian, no max_seconds and no compile; use solver 'ipopt'")
+            raise ModelError("fatrop supports neither lbfgs nor max_seconds nor compile; use solver 'ipopt'")
         if self.solver == "fatrop" and (self.barrier != "auto" or self.patience is not None):
             raise ModelError("fatrop has neither barrier strategies nor patience; use solver 'ipopt'")
 
 
 class NotSolved(RuntimeError):
-    """Raised by solve() when the problem was not solved; the message says why, and `.solution` holds the best iterate.
+    """Raised by solve() if the problem was not solved; the message says why, `.solution` is the best iterate.
 
     >>> class Unreachable(gt.Optimization):
     ...     x = gt.variable(start=0.0, fixed=True)
@@ -156,27 +158,27 @@ def solve(
 ) -> Solution:
     """Solve an optimisation by direct collocation, or by multiple shooting as a cross-check.
 
-    Each solution estimates by how much its states miss the model's on this mesh. Above the options' `error_bound` its
-    status is check_failed, which does not raise: the solution is whole, but not the model's; take a finer mesh, or
-    `gt.refine`.
+    Each solution includes an estimate of its discretisation error. If this exceeds the options' `error_bound`, the
+    status is check_failed. That does not raise: the solution is complete, but the mesh does not resolve the model; use
+    a finer mesh, or `gt.refine`.
 
     Args:
         model: an Optimization with values for its parameters.
         mesh: elements, points, scheme and control; default 50 x 3 Radau.
         guess: a trajectory with names of states and controls, or an earlier solution.
-        scaling: a trajectory, or an earlier solution, whose largest magnitudes take the place of the nominals of the
-            variables that it holds, in the solver and wherever "in nominals" is said; constants of a solution too.
-        branches: sign +1 or -1 by the name of a declared branch, +1 by default; a solution that leaves it at any
+        scaling: a trajectory or an earlier solution; the largest magnitudes of its variables (and, of a solution, its
+            constants) replace their nominals in the solver and in all quantities reported "in nominals".
+        branches: sign +1 or -1 by name of a declared branch, +1 by default; a solution that leaves its branch at any
             point has status failed.
         solver: tolerance, limits and methods, see `SolverOptions`.
-        progress: called with (iteration, objective, constraint violation); returning True stops the solve,
-            keeping the iterate (status interrupted).
+        progress: called with (iteration, objective, constraint violation); returning True stops the solve and keeps
+            the iterate (status interrupted).
         method: "shooting" integrates the equations with CVODES on each element instead (explicit form, Radau points,
-            L-BFGS): slower, but without collocation's error.
-        throw: raise NotSolved for a problem that was not solved; False: return the best iterate, with its status.
+            L-BFGS): slower, but without collocation error.
+        throw: raise NotSolved if the problem was not solved; False: return the best iterate with its status.
 
     Raises ModelError for a wrong problem, NotSolved (with the best iterate) unless throw is False, and CompilerMissing
-    where machine code is wanted and cannot be made.
+    if compile is set and compilation fails.
 
     >>> class Move(gt.Optimization):  # 1 m in 1 s from rest to rest, with the least squared acceleration
     ...     x = gt.variable(unit="m", start=0.0, fixed=True)
@@ -198,13 +200,13 @@ def solve(
     """
     if not isinstance(model, Model) and not isinstance(model, type):
         raise ModelError(
-            f"gt.solve takes a configured Optimization; found {type(model).__name__}; linked phases are solved by "
-            "gt.solve_phases"
+            f"gt.solve takes a configured Optimization; found {type(model).__name__}. Use gt.solve_phases for linked "
+            "phases"
         )
     mesh = given_mesh(mesh)
     options = solver or SolverOptions()
     if method not in METHODS:
-        raise ValueError(f"method is one of {', '.join(METHODS)}; found '{method}'")
+        raise ValueError(f"method must be one of {', '.join(METHODS)}; found '{method}'")
     shooting = method == "shooting"
     form = "explicit" if shooting and options.formulation == "auto" else options.formulation
     problem = build(model, form, options.prefer, branches, sizes=scaled_by(scaling))
@@ -213,13 +215,13 @@ def solve(
     x0 = initial_guess(nlp, guess)
     if shooting:
         if options.solver != "ipopt":
-            raise ModelError(f"{problem.flat.title}: shooting takes solver 'ipopt' only; found '{options.solver}'")
+            raise ModelError(f"{problem.flat.title}: shooting needs solver 'ipopt'; found '{options.solver}'")
         return _answer(nlp, run_shooting(nlp, x0, options, progress), options, throw, exact=True)
     return solve_nlp(nlp, x0, options, progress, throw)
 
 
 def scaled_by(scaling: Trajectory | Solution | None) -> tuple[tuple[str, float], ...]:
-    """Sizes by name, for build(). Raises ModelError for what is neither."""
+    """Return sizes by name, for build(). Raises ModelError for another type."""
     if isinstance(scaling, Solution):
         return of_trajectory(scaling.trajectory, scaling.free)
     return of_trajectory(scaling, {})
@@ -239,26 +241,26 @@ def solve_nlp(
         staged = Staged(nlp, scale)
         run = run_ipopt(staged, x0, options)
         return _answer(nlp, staged.turned(run), options, throw, scale)
-    one = merged(nlp) if nlp.mesh.elements >= MERGED_FROM else None
-    if one is None:
+    form = merged(nlp) if nlp.mesh.elements >= MERGED_FROM else None
+    if form is None:
         return _answer(nlp, run_ipopt(nlp, x0, options, progress, warm, scale), options, throw, scale)
-    x0, warm = one.start(x0, warm)
-    return _answer(nlp, one.turned(run_ipopt(one, x0, options, progress, warm, scale)), options, throw, scale)
+    x0, warm = form.start(x0, warm)
+    return _answer(nlp, form.turned(run_ipopt(form, x0, options, progress, warm, scale)), options, throw, scale)
 
 
 def _answer(
     nlp: Nlp, run: SolverRun, options: SolverOptions, throw: bool, scale: float = 1.0, exact: bool = False
 ) -> Solution:
-    """The solution by name, with a sentence on how it ended. Raises NotSolved."""
+    """Return the solution by name, with a message on how the solve ended. Raises NotSolved."""
     run = replace(run, indifferent=nlp.problem.indifferent)
-    status, said = run.status, ended(run, nlp)
+    status, remark = run.status, ended(run, nlp)
     if status.ok and (elsewhere := astray(nlp, run.x)):
-        status, said = SolveStatus.FAILED, elsewhere
+        status, remark = SolveStatus.FAILED, elsewhere
     if nlp.compile_seconds is not None:
         run = replace(run, seconds={**run.seconds, "compile": nlp.compile_seconds})
-    solution = replace(read_solution(nlp, run.at_best(), status, str(said)), where=said.where)
+    solution = replace(read_solution(nlp, run.at_best(), status, str(remark)), where=remark.where)
     began = time.perf_counter()
     solution = judged(solution, options.error_bound, exact, scale)
-    if throw and not status.ok:  # a failed check raises nothing: the whole solution is there
+    if throw and not status.ok:  # a failed check does not raise: the solution is complete
         raise NotSolved(solution)
     return replace(solution, seconds={**solution.seconds, "check": time.perf_counter() - began})

@@ -1,4 +1,4 @@
-"""An optimal control problem as a study: solved by collocation, its input tried in an error-controlled integrator."""
+"""Optimal control study: solve by collocation, then re-simulate the input with an error-controlled integrator."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ def optimization_study(
     solver: SolverOptions | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> OptimizationStudy:
-    """Solve an optimal control problem, and re-simulate the optimum's input where it converged.
+    """Solve an optimal control problem and, if the solver converged, re-simulate the optimal input.
 
     Args:
-        problem: the Optimization. mesh, guess, solver: as of `solve`.
-        second_guess: makes another guess, or None, where the solver fails from the first; a note says so.
-        progress, max_seconds, stop: see `gtmodel.results.Work`; a time limit of the solver itself holds too.
+        problem: the Optimization. mesh, guess, solver: as for `solve`.
+        second_guess: called if the solver fails from the first guess; returns another guess, or None. A note says so.
+        progress, max_seconds, stop: see `gtmodel.results.Work`; the solver's own time limit applies too.
 
-    Interrupted, it holds the best iterate. Raises ArgumentError, and ModelError for a wrong problem.
+    An interrupted study contains the best iterate. Raises ArgumentError, and ModelError for a wrong problem.
 
     >>> import gtmodel as gt
     >>> from gtmodel import der
@@ -61,10 +61,10 @@ def optimization_study(
         return work.interrupted()
 
     def solved(start: Trajectory | None) -> Solution:
-        left = [x for x in (solver.max_seconds, work.seconds_left()) if x is not None]
+        limits = [x for x in (solver.max_seconds, work.seconds_left()) if x is not None]
         try:
             return solve(
-                problem, mesh or Mesh(), guess=start, solver=replace(solver, max_seconds=min(left, default=None)),
+                problem, mesh or Mesh(), guess=start, solver=replace(solver, max_seconds=min(limits, default=None)),
                 progress=reported, throw=False,
             )  # fmt: skip
         except CompilerMissing as error:
@@ -73,11 +73,11 @@ def optimization_study(
     notes: list[str] = []
     solution = solved(guess)
     if solution.status in TRIED_AGAIN and second_guess is not None and (start := second_guess()) is not None:
-        again = solved(start)
-        if again.status.converged:
-            notes.append(f"solved from the second guess, a simulation; from the first: {solution.status.message}")
-            solution = again
-    tried, message = _tried(solution) if solution.status.converged else ({}, solution.message)
+        second = solved(start)
+        if second.status.converged:
+            notes.append(f"solved from the second guess, a simulation; from the first guess: {solution.status.message}")
+            solution = second
+    numbers, message = _resimulated(solution) if solution.status.converged else ({}, solution.message)
     return OptimizationStudy(
         status=solution.status,
         message=message,
@@ -92,7 +92,7 @@ def optimization_study(
         where=None if solution.where is None else str(solution.where),
         free=dict(solution.free),
         figures={"states": partial(_figure, solution, work.title or solution.problem.flat.title)},
-        **tried,
+        **numbers,
     )
 
 
@@ -108,8 +108,8 @@ def _figure(solution: Solution, title: str) -> Any:
                           title=title)  # fmt: skip
 
 
-def _tried(solution: Solution) -> tuple[dict[str, Any], str]:
-    """What the optimum's input does in an error-controlled integrator, and the message; no numbers if it cannot run."""
+def _resimulated(solution: Solution) -> tuple[dict[str, Any], str]:
+    """Re-simulate the optimal input; return its numbers (empty if it cannot run) and the message."""
     try:
         run = resimulate(solution)
     except ModelError as error:

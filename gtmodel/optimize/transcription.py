@@ -1,4 +1,4 @@
-"""A transcribed problem that is solved again and again: other parameters, warm starts, continuation."""
+"""A transcribed problem for repeated solves: other parameters, warm starts, continuation."""
 
 from __future__ import annotations
 
@@ -27,15 +27,14 @@ from .solve import NotSolved, SolverOptions, scaled_by, solve_nlp
 from .watch import Multipliers, Progress
 
 ATTRIBUTES = ("nominal", "min", "max", "start", "fixed")
-HALVINGS = 4  # a step of a continuation is halved so often before it is given up
+HALVINGS = 4  # how often a continuation step is halved before giving up
 
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """What `Transcription.continuation` returns: the solutions in order, halved steps among them, with the parameters
-    of each.
+    """Result of `Transcription.continuation`: (parameters, solution) of each step in order, halved steps included.
 
-    `message` says where and why it ended early; empty where it did not.
+    `message`: where and why the continuation stopped early; else empty.
     """
 
     steps: tuple[tuple[dict[str, Any], Solution], ...]
@@ -43,7 +42,7 @@ class Continuation:
 
     @property
     def solution(self) -> Solution:
-        """The last one."""
+        """The last solution."""
         return self.steps[-1][1]
 
     @property
@@ -53,15 +52,15 @@ class Continuation:
     def __str__(self) -> str:
         lines = ["step  iterations  objective       parameters"]
         for n, (values, s) in enumerate(self.steps, 1):
-            shown = ", ".join(f"{k} = {np.array2string(np.asarray(v), precision=6)}" for k, v in values.items())
-            lines.append(f"{n:4d}  {s.iterations:10d}  {s.objective:<14.8g}  {shown}")
+            assignments = ", ".join(f"{k} = {np.array2string(np.asarray(v), precision=6)}" for k, v in values.items())
+            lines.append(f"{n:4d}  {s.iterations:10d}  {s.objective:<14.8g}  {assignments}")
         return "\n".join([*lines, *([self.message] if self.message else [])])
 
 
 class Transcription:
-    """A model on a mesh with derivatives ready, made by `transcribe`: solve it again and again with other parameters.
+    """A model transcribed on a mesh by `transcribe`, with its derivatives, for repeated solves.
 
-    `solve` takes one set of parameters, `continuation` a sequence of them, each started from the last solution.
+    `solve` takes one set of parameters; `continuation` takes a sequence and starts each solve from the last solution.
     """
 
     def __init__(self, model: Optimization, nlp: Nlp, names: Mapping[str, list[str]], options: SolverOptions) -> None:
@@ -74,7 +73,7 @@ class Transcription:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the parameters that solve() takes."""
+        """Names of the parameters that solve() accepts."""
         return tuple(self._names)
 
     def solve(
@@ -87,15 +86,15 @@ class Transcription:
         progress: Progress | None = None,
         throw: bool = True,
     ) -> Solution:
-        """Solve with other values of parameters; nothing is built again.
+        """Solve with other values of parameters, without building anything again.
 
         Args:
-            parameters: values in SI units by name; those not named keep the model's.
+            parameters: values in SI units by name; the others keep the model's values.
             guess: as for gt.solve.
-            start: a warm start from a solution and, where it was made by this transcription, from its multipliers.
+            start: a solution for a warm start; its multipliers are used if it comes from this transcription.
 
-        Raises ModelError for an unknown name or a value that the model refuses, or one that changes attributes such
-        as bounds; NotSolved unless throw is False.
+        Raises ModelError for an unknown name, an invalid value, or a value that changes attributes such as bounds, and
+        NotSolved unless throw is False.
         """
         nlp = self._with(parameters or {})
         if guess is not None and start is not None:
@@ -109,7 +108,7 @@ class Transcription:
         return solve_nlp(nlp, x0, solver or self.options, progress, throw, warm)
 
     def first_guess(self, nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
-        """Scaled unknowns from a guess, with the parameters that the NLP holds."""
+        """Return scaled unknowns from a guess, with the parameters of the NLP."""
         x0 = initial_guess(nlp, guess)
         x0[nlp.free.stop :] = nlp.lbx[nlp.free.stop :]
         return x0
@@ -123,11 +122,11 @@ class Transcription:
         solver: SolverOptions | None = None,
         throw: bool = True,
     ) -> Continuation:
-        """Solve for one set of parameters after the other, each started from the last solution.
+        """Solve for a sequence of parameter sets, each from the last solution.
 
-        A step that fails is halved, up to four times, between the last good parameters and the wanted ones; one that
-        the mesh does not resolve (status check_failed) is gone on from. Raises NotSolved where halving does not help
-        (unless throw is False) and ModelError as solve() does.
+        A failed step is halved, up to four times, between the last successful parameters and the requested ones. A
+        solution that the mesh does not resolve (status check_failed) counts as a success. Raises NotSolved if halving
+        does not help, unless throw is False, and ModelError as solve() does.
         """
         solved: list[tuple[dict[str, Any], Solution]] = []
         todo = [(dict(s), HALVINGS) for s in reversed(steps)]
@@ -142,8 +141,8 @@ class Transcription:
                 guess, start = None, s
                 continue
             if not solved or halvings == 0:
-                shown = ", ".join(f"{k} = {v}" for k, v in values.items())
-                message = f"the continuation ends before {shown}: {s.message}"
+                assignments = ", ".join(f"{k} = {v}" for k, v in values.items())
+                message = f"the continuation stopped before {assignments}: {s.message}"
                 if throw:
                     raise NotSolved(replace(s, message=message))
                 return Continuation((*solved, (values, s)), message)
@@ -158,7 +157,7 @@ class Transcription:
         return default if len(default) > 1 else default[0]
 
     def _with(self, parameters: Mapping[str, Any]) -> Nlp:
-        """The NLP with other values of the tunable parameters."""
+        """Return the NLP with other values of the tunable parameters."""
         nlp, problem = self.nlp, self.problem
         if not parameters:
             return nlp
@@ -185,8 +184,8 @@ class Transcription:
             for name in ATTRIBUTES:
                 if getattr(old, name) != getattr(new, name):
                     raise ModelError(
-                        f"{name} of '{old.name}' follows {names}, but attributes are fixed by transcribe(); write it "
-                        "in constraints(), or transcribe the changed model",
+                        f"{name} of '{old.name}' depends on {names}, but transcribe() fixes attributes; write it as a "
+                        "constraint in constraints(), or transcribe the changed model",
                         old.where,
                     )
 
@@ -200,16 +199,16 @@ def transcribe(
     branches: Mapping[str, int] | None = None,
     solver: SolverOptions | None = None,
 ) -> Transcription:
-    """Transcribe a model once, to be solved for many values of its parameters.
+    """Transcribe a model once, to solve it for many values of its parameters.
 
     Args:
         mesh: as for `solve`.
-        parameters: names, of the model's own class, that may change between solves; by default all of them. The others
-            are folded into the equations, where zeros vanish.
+        parameters: names of parameters, declared in the model's own class, that may change between solves; default all.
+            The values of all others are folded into the equations.
         scaling, branches, solver: as for `solve`.
 
-    Returns a `Transcription`, whose `solve({"name": value})` builds nothing again. Raises ModelError for a wrong
-    model or an unknown name.
+    Returns a `Transcription`; its `solve({"name": value})` builds nothing again. Raises ModelError for a wrong model or
+    an unknown name.
 
     >>> class Fastest(gt.Optimization):
     ...     limit = gt.parameter(1.0, positive=True)
@@ -228,13 +227,13 @@ def transcribe(
     [1.0, 0.5, 0.25]
     """
     flat, options = flat_of(model), solver or SolverOptions()
-    own = [n for n, item in type(model)._declared.items() if isinstance(item, Parameter)]
+    known = [n for n, item in type(model)._declared.items() if isinstance(item, Parameter)]
     names: dict[str, list[str]] = {}
-    for name in own if parameters is None else parameters:
-        if name not in own:
-            raise ModelError(f"{flat.title} declares no parameter '{name}'; it declares {', '.join(own) or 'none'}")
+    for name in known if parameters is None else parameters:
+        if name not in known:
+            raise ModelError(f"{flat.title} declares no parameter '{name}'; it declares {', '.join(known) or 'none'}")
         elements = [q.name for q in flat.parameters if q.name == name or q.name.startswith(f"{name}[")]
-        if elements:  # one that is bound to others has no symbol of its own
+        if elements:  # a parameter bound to others has no symbol of its own
             names[name] = elements
     tunable = tuple(e for n in names.values() for e in n)
     problem = build(model, options.formulation, options.prefer, branches, tunable, scaled_by(scaling))

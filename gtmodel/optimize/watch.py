@@ -1,4 +1,4 @@
-"""What is seen of IPOPT while it runs: progress, limits, the best iterate, and whether it still gets anywhere."""
+"""Monitor IPOPT while it runs: progress, limits, the best iterate, and stagnation."""
 
 from __future__ import annotations
 
@@ -11,20 +11,21 @@ import casadi as ca
 import numpy as np
 
 Progress = Callable[[int, float, float], bool]
-FEASIBLE = 1e-6  # violations of scaled rows below this are none
-NEARER = 0.5  # of the violation: an earlier iterate of a failed run is kept if it is so much nearer to its constraints
-# an iterate is progress where no earlier one is within this of both its violation and its objective, or better
+FEASIBLE = 1e-6  # scaled rows with a smaller violation count as feasible
+NEARER = 0.5  # an earlier iterate of a failed run is preferred if its violation is at most this share of the last one's
+# an iterate is progress if, compared with every earlier one, its violation is below CLOSER times that one's or its
+# objective is lower by CHEAPER, relative
 CLOSER, CHEAPER = 0.9, 1e-4
-# multipliers beyond this, beside the objective, belong to rows that nearly depend on each other where the iterate is:
-# pivots are put off there, so that a step costs many others, and products of the multipliers with derivatives round off
-# by 1e-6, which is more than the 1e-8 that ends a run
+# multipliers this large relative to the objective belong to rows that are nearly dependent at the iterate. Delayed
+# pivots then make a step as expensive as many others, and rounding of multiplier times derivative (1e-6) exceeds the
+# tolerance (1e-8)
 RUNAWAY = 1e10
-WEIGHT = 10  # so many iterations without progress is one with such multipliers
+WEIGHT = 10  # an iteration with such multipliers counts as this many without progress
 
 
 @dataclass(eq=False)
 class Program:
-    """What IPOPT needs of an NLP: derivatives by nlpsol's names, and bounds."""
+    """An NLP as IPOPT needs it: functions, derivatives by nlpsol's names, and bounds."""
 
     functions: dict[str, ca.Function]
     nlp: Any  # a function, or the expressions of one by their names
@@ -34,14 +35,14 @@ class Program:
     ubg: np.ndarray
 
     def violation(self, g: np.ndarray) -> float:
-        """Largest excess of a row over its bounds; infinite where a row is no number."""
+        """Return the largest violation of the rows' bounds; infinite if a row is NaN."""
         worst = float(np.max(np.maximum(self.lbg - g, g - self.ubg), initial=0.0))
         return np.inf if np.isnan(worst) else worst
 
 
 @dataclass(frozen=True, eq=False)
 class Multipliers:
-    """Of constraint rows and of bounds, in IPOPT's signs: for a warm start."""
+    """Multipliers of constraint rows and of bounds, in IPOPT's signs, for a warm start."""
 
     rows: np.ndarray
     bounds: np.ndarray
@@ -49,7 +50,7 @@ class Multipliers:
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """A point on the way, by its number, with the largest violation of its rows."""
+    """An iterate with its number and the largest violation of its rows."""
 
     number: int
     x: np.ndarray
@@ -60,20 +61,20 @@ class Iterate:
 
 
 class Patience:
-    """Whether a run still gets anywhere: an iterate counts that no earlier one beats in violation and objective.
+    """Detects stagnation with a filter: an iterate is progress if no earlier one dominates it.
 
-    Both at once, since iterates of an interior-point method trade one for the other on their way. `since` is the number
-    of iterations without one that counts; those that keep their rows are not lost, what they lack is optimality alone.
-    An iterate with a multiplier beyond `runaway` counts as none, and weighs more: its step is as dear as many.
+    The filter uses violation and objective together, since an interior-point method trades one for the other. `since`
+    counts iterations without progress; feasible iterates do not count, since only optimality is missing. An iterate
+    with a multiplier above `runaway` is never progress and counts WEIGHT times, since its step is expensive.
     """
 
     def __init__(self, runaway: float = np.inf) -> None:
         self.runaway = runaway
-        self.filter: list[tuple[float, float]] = []  # of iterates that none beats
+        self.filter: list[tuple[float, float]] = []  # (violation, objective) of undominated iterates
         self.since = 0
 
     def __call__(self, objective: float, violation: float, multiplier: float = 0.0) -> int:
-        """Take in an iterate, with the largest of its rows' multipliers; returns `since`."""
+        """Add an iterate with its largest row multiplier; return `since`."""
         if violation > FEASIBLE and multiplier > self.runaway * max(1.0, abs(objective)):
             self.since += WEIGHT
             return self.since
@@ -89,7 +90,7 @@ class Patience:
 
 
 class IterationWatch(ca.Callback):
-    """IPOPT's iteration callback: progress, time limit, a stop that keeps the best iterate."""
+    """IPOPT's iteration callback: reports progress, stops at limits and keeps the best iterate."""
 
     def __init__(
         self,
@@ -100,8 +101,8 @@ class IterationWatch(ca.Callback):
         done: int = 0,
         runaway: float = np.inf,
     ) -> None:
-        """stop_at: by time.monotonic(). patience: iterations without progress before it stops. done: by runs before.
-        runaway: see `Patience`."""
+        """stop_at: in time.monotonic(). patience: iterations without progress before stopping. done: iterations of
+        previous runs. runaway: see `Patience`."""
         ca.Callback.__init__(self)
         self.progress = progress
         self.stop_at = stop_at
@@ -111,7 +112,7 @@ class IterationWatch(ca.Callback):
         self.stopped = ""
         self.stalled = ""
         self.raised: BaseException | None = None
-        # violation, objective, number, outputs of IPOPT of the best
+        # violation, objective, number and IPOPT outputs of the best iterate
         self._best: tuple[float, float, int, dict[str, np.ndarray]] | None = None
         self.program = nlp
         self.names = ca.nlpsol_out()
@@ -138,27 +139,27 @@ class IterationWatch(ca.Callback):
         return True
 
     def eval_buffer(self, arg: Sequence[memoryview | None], res: Sequence[memoryview]) -> int:
-        """In IPOPT's own memory, which is used again at the next iterate."""
+        """Read the iterate in IPOPT's memory, which the next iterate overwrites."""
         np.frombuffer(res[0])[0] = self._stops({n: np.frombuffer(m) for n, m in zip(self.names, arg, strict=True) if m})
         return 0
 
     def _stops(self, outputs: dict[str, np.ndarray]) -> bool:
         count, self.count = self.count, self.count + 1
-        late = self.stop_at is not None and time.monotonic() > self.stop_at
-        asked = False
+        timed_out = self.stop_at is not None and time.monotonic() > self.stop_at
+        stop_requested = False
         g, f = outputs.get("g", np.zeros(0)), float(outputs["f"][0])
         violation = self.program.violation(g)
         better = self._best is None or rank(violation, f) < rank(*self._best[:2])
-        if count > self.done and better and np.isfinite([violation, f]).all():  # the guess itself is no answer
+        if count > self.done and better and np.isfinite([violation, f]).all():  # the guess is not a candidate
             self._best = violation, f, count, {name: values.copy() for name, values in outputs.items()}
         if self.progress is not None:
             try:
-                asked = bool(self.progress(count, f, violation))
-            except BaseException as error:  # CasADi would print it and go on: it is raised when IPOPT has returned
+                stop_requested = bool(self.progress(count, f, violation))
+            except BaseException as error:  # CasADi would swallow it: raised again after IPOPT has returned
                 self.raised = error
                 return True
-        if late or asked:
-            self.stopped = "its time was over" if late else "it was asked to stop"
+        if timed_out or stop_requested:
+            self.stopped = "time limit reached" if timed_out else "stopped by the caller"
             return True
         multiplier = float(np.max(np.abs(outputs["lam_g"]), initial=0.0)) if "lam_g" in outputs else 0.0
         if self.patience is not None and self.gains(f, violation, multiplier) >= self.patience:
@@ -167,7 +168,7 @@ class IterationWatch(ca.Callback):
         return False
 
     def better_than(self, g: np.ndarray, f: float) -> Iterate | None:
-        """The best iterate where it is clearly better than the last one, given by its rows and objective."""
+        """Return the best iterate if it is clearly better than the last one (rows g, objective f), else None."""
         last, best = self.program.violation(g), self._best
         if best is None or rank(*best[:2]) >= rank(last, f):
             return None
@@ -175,16 +176,16 @@ class IterationWatch(ca.Callback):
 
     @property
     def best(self) -> Iterate | None:
-        """The iterate nearest to its constraints, and of those that keep them the one of the least objective."""
+        """The iterate with the smallest violation; among feasible iterates, the one with the smallest objective."""
         if self._best is None:
             return None
         violation, f, count, outputs = self._best
         x, g, rows, bounds = (outputs.get(n, np.zeros(0)) for n in ("x", "g", "lam_g", "lam_x"))
-        # IPOPT brings only its last iterate back to the bounds that it relaxed
+        # IPOPT moves only its last iterate back within the relaxed bounds
         x = np.clip(x, self.program.lbx, self.program.ubx)
         return Iterate(count, x, g, f, Multipliers(rows, bounds), violation)
 
 
 def rank(violation: float, objective: float) -> tuple[float, float]:
-    """By violation, and among those that keep their rows by the objective."""
+    """Return the sort key of an iterate: violation, then objective among feasible ones."""
     return max(violation, FEASIBLE), objective

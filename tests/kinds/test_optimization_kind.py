@@ -93,4 +93,4 @@ def test_no_compiler_is_one_sentence(gtmodel: Commands, monkeypatch: pytest.Monk
 
 def test_a_tolerance_out_of_range(gtmodel: Commands) -> None:
     done = gtmodel("solve", problem(), "--set", "solver.tolerance=2")
-    assert done.code == 2 and "the solver's tolerance is between 0 and 1; found 2" in done.err
+    assert done.code == 2 and "tolerance must lie between 0 and 1; found 2" in done.err

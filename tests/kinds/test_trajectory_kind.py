@@ -166,7 +166,7 @@ class TestTable:
         loaded = load(TABLE, ['row.2.set={"limits.force_N"=20.0}'])
         with pytest.raises(InputError) as caught:
             answer(loaded, context_of(loaded))
-        assert caught.value.key == "limits.force_N" and "20 N is not enough" in caught.value.message
+        assert caught.value.key == "limits.force_N" and "20 N is too small" in caught.value.message
 
     def test_explain(self):
         loaded = load(TABLE)

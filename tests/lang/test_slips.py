@@ -343,7 +343,7 @@ class TestSlipsOfOptimica:
             def constraint(self) -> Any:
                 yield self.x.at(self.final_time) == 0.0
 
-        with pytest.raises(gt.ModelError, match=r"constraint\(\) is not asked for any: its name has to be constraints"):
+        with pytest.raises(gt.ModelError, match=r"constraint\(\) is never called; rename it to constraints"):
             gt.transcribe(Arrives(), gt.Mesh(2))
 
     def test_a_helper_of_that_name_is_free(self) -> None:

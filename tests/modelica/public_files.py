@@ -270,7 +270,7 @@ def shortened(reason: str, where: str) -> str:
     text = re.sub(
         r"(?: with the \w+ barrier strategy, after the \w+ one failed)? \((?:IPOPT|no progress)[^()]*\)", "", text
     )
-    text = re.sub(r"kept is iterate \d+, the nearest to its constraints; ", "", text)
+    text = re.sub(r"returned iterate \d+, which has the smallest violation; ", "", text)
     if len(text) > LONGEST:
         text = f"{text[:LONGEST].rpartition(' ')[0]} ..."
     return text + (place if where and reason else "")

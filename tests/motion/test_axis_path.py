@@ -85,7 +85,7 @@ def test_courses_of_directions():
     assert np.all(constant(inner) == [0.0, 0.0, -1.0]) and not np.any(constant(inner, 1))
     e = np.array([[1.0, 0.0, 0.0, 0.0], [-1.0, 0.1, 0.0, 0.0]])  # the nearer sign of a quaternion
     assert turning(at[[0, 2]], e, "goal")(1.0)[0] > 0.9
-    with pytest.raises(ArgumentError, match="turns by 180 degrees from 0 % to 30 % of the way"):
+    with pytest.raises(ArgumentError, match="turns by 180 degrees between 0 % and 30 % of the path"):
         turning(at, np.array([[0, 0, 1.0], [0, 0, -1.0], [0, 1.0, -1.0]]), "tool.through")
 
 

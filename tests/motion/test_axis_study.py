@@ -176,9 +176,9 @@ def test_stopped_it_holds_the_best_iterate(coarse):
     late = studied(
         free(mesh=AxisMesh(3), cost=SMOOTH, earlier=coarse.trajectory,
              progress=lambda stage=None, *_: told.append(stage),
-             stop=lambda: "moving all six axes by the forces" in told)
+             stop=lambda: "simulating all six axes" in told)
     )  # fmt: skip
-    assert late.status is SolveStatus.INTERRUPTED and "stopped before the forces were tried" in late.message
+    assert late.status is SolveStatus.INTERRUPTED and "stopped before it was simulated" in late.message
     assert late.final_time and late.end_error is None and "end_error_m" not in late.checks
     stopped = studied(free(mesh=AxisMesh(3), cost=SMOOTH, progress=progress, stop=lambda: iterations[-1] >= 2))
     assert stopped.status is SolveStatus.INTERRUPTED and stopped.trajectory is not None

@@ -154,7 +154,7 @@ def test_starts_that_only_repeat_are_the_last():
     study = solved(asked(cost__energy=0.01, starts=Starts(count=20, bend=0.4)), Work())
     assert study.status is SolveStatus.SOLVED and study.optima is not None and len(study.optima) == 2
     told = re.search(
-        r"; local optimum; (\d+) of (\d+) starts ended here; (\d+) of 20 further starts left out", study.message
+        r"; local optimum; (\d+) of (\d+) starts ended here; (\d+) of 20 further starts skipped", study.message
     )
     assert told is not None, study.message
     here, starts, left_out = map(int, told.groups())

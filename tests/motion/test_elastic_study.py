@@ -86,7 +86,7 @@ def test_shaped_and_elastic_motions_end_at_rest(found) -> None:
 def test_plans_keep_the_force_limit_at_every_instant_and_shaped_motions_that_pass_it_are_named(found) -> None:
     m = found.motions
     assert all(m[name]["peak_force_N"] <= FORCE * (1 + 1e-6) for name in ("rigid", "elastic"))  # IPOPT's tolerance
-    named = {row.label.split()[0] for row in found.rows if "passes the force limit" in row.label}
+    named = {row.label.split()[0] for row in found.rows if "exceeds the force limit" in row.label}
     assert named == {name for name, x in m.items() if x["peak_force_N"] > 1.001 * FORCE}
 
 
@@ -163,4 +163,4 @@ def test_a_mesh_too_coarse_for_the_swing_is_named(found, coarse) -> None:
     assert len(coarse.notes) == 1 and coarse.notes[0] in str(coarse)
     assert "24" in coarse.notes[0] and "34" in coarse.notes[0] and not found.notes
     (stiff,) = plans.too_coarse(replace(TOOL, frequency=1000.0), ElasticMesh(40), 1.1)
-    assert "so stiff" in stiff and plans.too_coarse(TOOL, ElasticMesh(40), 1.1) == []
+    assert "such a stiff tool" in stiff and plans.too_coarse(TOOL, ElasticMesh(40), 1.1) == []

@@ -147,7 +147,7 @@ class TestFiles:
         text = outcome().files["motion.mod"]
         lines = text.splitlines()
         assert lines[0] == "MODULE GtMotion" and lines[-1] == "ENDMODULE"
-        assert "tested against no controller" in text
+        assert "not tested on a controller" in text
         targets = [line for line in lines if line.startswith("    [[")]
         count = int(next(line for line in lines if "GtCount :=" in line).split(":=")[1].strip(" ;"))
         assert len(targets) == count and f"GtTargets{{{count}}} := [" in text
@@ -161,19 +161,19 @@ class TestRefusals:
     def test_force_below_the_weight(self):
         error = refused(limits__force=20.0)
         assert error.argument == "limits.force"
-        assert error.message.startswith("20 N is not enough: the weight alone needs ")
+        assert error.message.startswith("20 N is too small: holding the weight at ")
 
     @pytest.mark.parametrize(
         ("changes", "argument", "words"),
         [
             ({"limits__tcp_low": [0.0, 0.0, 0.0], "limits__tcp_high": [1.0, -1.0, 1.0]}, "limits.tcp_low",
-             "its number 2, 0 m, is not below -1 of tcp_high"),
-            ({"limits__tcp_high": [0.5, 0.0, 1.0]}, "goal.tcp", "breaks limits.tcp_high_m by 0.4 m"),
+             "entry 2 is 0 m, not below -1 m in tcp_high"),
+            ({"limits__tcp_high": [0.5, 0.0, 1.0]}, "goal.tcp", "violates limits.tcp_high_m by 0.4 m"),
             ({"limits__joint_cones": [JointCone(3, "cart", [1.0, 0.0, 0.0], 0.8)]}, "limits.joint_cones[0].arm",
-             "the robot has the arms 0 to 2"),
+             "expected an arm from 0 to 2"),
             ({"limits__joint_cones": [JointCone(0, "cart", [0.0, 0.0, 0.0], 0.8)]}, "limits.joint_cones[0].axis",
              "is zero"),
-            ({"limits__obstacles": [Obstacle(GOAL, [0.1, 0.1, 0.1])]}, "goal.tcp", "breaks limits.obstacles[0] by"),
+            ({"limits__obstacles": [Obstacle(GOAL, [0.1, 0.1, 0.1])]}, "goal.tcp", "violates limits.obstacles[0] by"),
         ],
     )  # fmt: skip
     def test_one_sentence(self, changes, argument, words):
@@ -191,8 +191,8 @@ class TestRefusals:
         problem = asked(**{**COARSE, "mesh__elements": 8}, limits__force=150.0, solver__max_iterations=100)
         o = solved(problem, Work(progress=progress))
         assert o.status in (SolveStatus.ITERATION_LIMIT, SolveStatus.INFEASIBLE)
-        assert "a slow motion along the straight line already needs " in o.message
-        assert "the nearest to its constraints" in o.message
+        assert "even a slow motion along the straight line needs " in o.message
+        assert "which has the smallest violation" in o.message
         kept = o.checks["constraint_violation"]
         assert not kept.passed and kept.value <= 1.01 * min(seen[1:]) and max(seen) > 10 * kept.value
         assert o.trajectory is not None and np.all(np.isfinite(o.trajectory["T"]))

@@ -246,7 +246,7 @@ class TestRefusals:
     def test_out_of_reach(self, end):
         error = refused(**{f"{end}__tcp": [0.9, -3.0, 0.45]})
         assert error.argument == f"{end}.tcp"
-        assert error.message.startswith("the pose (0.9, -3, 0.45) m cannot be reached: the input lies outside")
+        assert error.message.startswith("the pose (0.9, -3, 0.45) m is out of reach: the input lies outside")
         assert "no real solution" in error.message
 
     def test_edge_of_reach(self):
@@ -262,7 +262,7 @@ class TestRefusals:
         error = refused(goal__tcp=[0.5, y, 0.45])
         link = f"arm[{np.argmin(nearest(y))}]"
         assert error.argument == "goal.tcp"
-        assert f"lies at the edge of reach: {link} stands 0.01 m along its guideway" in error.message
+        assert f"the component of {link} along its guideway is 0.01 m" in error.message
 
     def test_goal_is_start(self):
         assert refused(goal__tcp=START).argument == "goal.tcp"

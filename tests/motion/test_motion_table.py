@@ -46,7 +46,7 @@ def outcome() -> MotionTable:
 class TestTable:
     def test_costs_and_iterations(self):
         o = outcome()
-        assert o.status is SolveStatus.SOLVED and o.message.startswith("4 rows solved and re-simulated")
+        assert o.status is SolveStatus.SOLVED and o.message.startswith("4 rows: solved and re-simulated")
         assert set(o.values) == set(described(MotionTable))
         rows = o.entries
         for n, costs in FREE.items():
@@ -77,7 +77,7 @@ class TestTable:
         assert shown["free, w = 0: final time [s]"][1] == "published 0.9074"
         assert shown["line, w = 0: iterations"][1] == "published 70"
         assert shown["free, w = 0.01: optima"][0] == "1.509980 1.511666"
-        assert shown["free, w = 0 saves"][0] == pytest.approx(14.3, abs=0.1)
+        assert shown["time saving of free, w = 0"][0] == pytest.approx(14.3, abs=0.1)
 
     def test_files_and_pictures(self):
         o = outcome()

@@ -145,7 +145,7 @@ class TestSquaredSpeeds:
     def test_wrong_shapes(self):
         x = ca.SX.sym("x")
         f = ca.Function("f", [x, ca.SX.sym("v"), ca.SX.sym("a")], [x])
-        with pytest.raises(ValueError, match="the quantities have 1 rows"):
+        with pytest.raises(ValueError, match="the number of rows of the quantities"):
             solve_path(PathTask(lambda s: (s, s, s), f, np.zeros(2), np.zeros(2), np.zeros(2)))
 
     def test_nodes(self):
@@ -207,7 +207,7 @@ class TestRefusals:
 
     def test_an_obstacle_on_the_path(self):
         error = refused(path=Line(), limits__obstacles=[Obstacle([0.45, -0.9, 0.275], [0.1, 0.1, 0.1])])
-        assert error.argument == "path" and error.message.startswith("the path breaks limits.obstacles[0] by ")
+        assert error.argument == "path" and error.message.startswith("the path violates limits.obstacles[0] by ")
         assert error.message.endswith("% of the way")
 
     @pytest.mark.parametrize(

@@ -70,7 +70,7 @@ def test_the_orientation_is_that_of_the_plate() -> None:
     ],
 )
 def test_what_is_no_pose_is_refused(T: list[list[float]], q: list[list[float]]) -> None:
-    with pytest.raises(ArgumentError, match="target 0 is no pose"):
+    with pytest.raises(ArgumentError, match="target 0 is invalid"):
         rapid.robtargets(np.array(T, float), np.array(q, float))
 
 

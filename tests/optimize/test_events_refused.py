@@ -14,15 +14,25 @@ WRONG = {
         Throw,
         ["event 2"],
         {},
-        r"no event 'event 2' in Throw; events are event 1 \(.*test_events.py:\d+\): ",
+        r"Throw has no event 'event 2'; events are event 1 \(.*test_events.py:\d+\): ",
     ),
-    "no event": (Throw, [], {}, r"order is a list of the names of events, at least one.*events are event 1"),
-    "a number": (Throw, [1], {}, r"order is a list of the names of events.*found \[1\]"),
-    "twice at one instant": (Throw, [("event 1", "event 1")], {}, r"event 1 .*named twice for the end of phase 1"),
-    "held unknown": (Throw, ["event 1"], {"held": ["bounce"]}, r"held names no event 'bounce'; events are event 1"),
+    "no event": (Throw, [], {}, r"order must be a non-empty list of event names.*events are event 1"),
+    "a number": (Throw, [1], {}, r"order must be a non-empty list of event names.*found \[1\]"),
+    "twice at one instant": (Throw, [("event 1", "event 1")], {}, r"event 1 .*named twice at the end of phase 1"),
+    "held unknown": (
+        Throw,
+        ["event 1"],
+        {"held": ["bounce"]},
+        r"held contains the unknown event 'bounce'; events are event 1",
+    ),
     "held one word": (Throw, ["event 1"], {"held": "event 1"}, r"held takes a list of names; found 'event 1'"),
-    "held otherwise": (Throw, ["event 1"], {"held": ["event 1"]}, r"held says otherwise.*test_events.*does not hold"),
-    "instants": (Throw, ["event 1"], {"instants": [0.4, 0.3]}, r"guesses of the times of 1 events.*\[0.4, 0.3\]"),
+    "held otherwise": (
+        Throw,
+        ["event 1"],
+        {"held": ["event 1"]},
+        r"held is inconsistent: .*test_events.*does not hold",
+    ),
+    "instants": (Throw, ["event 1"], {"instants": [0.4, 0.3]}, r"instants must be 1 increasing times.*\[0.4, 0.3\]"),
 }
 
 
@@ -44,7 +54,7 @@ def test_no_events_no_phases() -> None:
         def objective(self):
             return self.x.at(self.final_time)
 
-    with pytest.raises(gt.ModelError, match=r"Still has no events; gt.solve takes it as it is"):
+    with pytest.raises(gt.ModelError, match=r"Still has no events; use gt.solve"):
         gt.phases_of_events(Still(), ["event 1"])
     with pytest.raises(gt.ModelError, match="takes a configured Optimization"):
         gt.phases_of_events(Still, ["event 1"])
@@ -91,11 +101,11 @@ def test_what_joins_phases_is_refused() -> None:
 
     assert re.search(r"lies between the ends", refusal(objective=at))
     sentence = refusal(objective=product)
-    assert re.search(r"multiplies what is at the start with what is at the end.*test_events", sentence)
-    assert re.search(r"no weighted sum of gt.integral.*test_events", refusal(objective=squared))
-    assert re.search(r"holds both ends of the whole.*test_events", refusal(constraints=both))
-    assert re.search(r"holds an integral over the whole.*test_events", refusal(constraints=total))
-    assert re.search(r"gt.If stands in objective\(\) or constraints\(\).*test_events", refusal(objective=branch))
+    assert re.search(r"multiplies values at the start and at the end.*test_events", sentence)
+    assert re.search(r"must be a weighted sum of gt.integral.*test_events", refusal(objective=squared))
+    assert re.search(r"contains values at both ends.*test_events", refusal(constraints=both))
+    assert re.search(r"contains an integral over the whole.*test_events", refusal(constraints=total))
+    assert re.search(r"gt.If is not allowed in objective.*test_events", refusal(objective=branch))
 
 
 def test_conditions_that_no_order_tells_are_refused() -> None:
@@ -113,9 +123,13 @@ def test_conditions_that_no_order_tells_are_refused() -> None:
         yield self.f == 0.0
         yield gt.when(self.x <= 0.0, gt.reinit(self.v, -0.5 * self.v, impulse=self.f), self.n == 1.0)
 
-    assert re.search(r"joins what moves independently.*test_events", refusal(equations=joined))
-    assert re.search(r"gt.sample\(\) or gt.initial\(\), whose instants are many.*test_events", refusal(equations=clock))
-    assert re.search(r"acts by an impulse.*test_events", refusal(equations=impulse, v=gt.variable(), f=gt.variable()))
+    assert re.search(r"which vary independently.*test_events", refusal(equations=joined))
+    assert re.search(
+        r"gt.sample\(\) or gt.initial\(\), which phases do not support.*test_events", refusal(equations=clock)
+    )
+    assert re.search(
+        r"acts by a force impulse.*test_events", refusal(equations=impulse, v=gt.variable(), f=gt.variable())
+    )
 
 
 def test_a_sampled_block_is_refused() -> None:
@@ -132,7 +146,7 @@ def test_a_sampled_block_is_refused() -> None:
         yield gt.when(self.x <= 0.0, self.n == 1.0)
 
     law = gt.part(Law, period=0.1)
-    assert re.search(r"a sampled block, whose instants are many.*test_events", refusal(equations=looped, law=law))
+    assert re.search(r"a sampled block, which phases do not support.*test_events", refusal(equations=looped, law=law))
     Looped = type("Looped", (Fall,), {"equations": looped, "law": law})
     with pytest.raises(gt.ModelError, match=r"the sampled block 'law', whose steps are no equations.*test_events"):
         gt.solve(Looped())

@@ -84,7 +84,7 @@ class TestAtTheStart:
             def constraints(self):
                 return ()
 
-        with pytest.raises(gt.ModelError, match=r"values fixed at the start miss 'bounds of y' by 0\.25"):
+        with pytest.raises(gt.ModelError, match=r"fixed start values violate 'bounds of y' by 0\.25"):
             solve(Fixed(), MESH)
 
     def test_an_equation_along_the_path_with_a_fixed_start(self):

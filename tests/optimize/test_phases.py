@@ -199,25 +199,25 @@ def test_failure_names_phase_element_and_time():
 
 
 WRONG = {
-    "one phase": (lambda: Phases({"a": Fall()}), "phases are linked from two on; found 1"),
+    "one phase": (lambda: Phases({"a": Fall()}), "at least two phases; found 1"),
     "unknown phase": (
         lambda: Phases({"a": Fall(), "b": Rise()}, free={"c": ["v"]}),
-        "no phase 'c' begins after another one; these do: b",
+        "'c' is not a phase after the first; these are: b",
     ),
-    "first phase": (lambda: Phases({"a": Fall(), "b": Rise()}, links={"a": lambda x, y: []}), "no phase 'a' begins"),
+    "first phase": (lambda: Phases({"a": Fall(), "b": Rise()}, links={"a": lambda x, y: []}), "'a' is not a phase"),
     "no state": (
         lambda: solve_phases(Phases({"a": Fall(), "b": Rise()}, free={"b": ["der(v)"]})),
-        r"'der\(v\)' may jump into 'b', but it is no state there; states are q, der\(q\)",
+        r"'der\(v\)' may jump into phase 'b', but is not a state there; states are q, der\(q\)",
     ),
     "no variable": (
         lambda: solve_phases(Phases({"a": Fall(), "b": Rise()}, free={"b": ["w"]})),
         "Rise has no variable 'w'",
     ),
-    "to the other function": (lambda: solve(bounce(0.5)), "found Phases; linked phases are solved by gt.solve_phases"),
-    "one phase to this function": (lambda: solve_phases(Fall()), "takes gt.Phases; found Fall; one phase is solved by"),
+    "to the other function": (lambda: solve(bounce(0.5)), "found Phases. Use gt.solve_phases"),
+    "one phase to this function": (lambda: solve_phases(Fall()), "takes gt.Phases; found Fall. Use gt.solve"),
     "no relation": (
         lambda: solve_phases(Phases({"a": Fall(), "b": Rise()}, links={"b": lambda x, y: [x.v]})),
-        "the link to 'b' yielded Expr, which is no relation",
+        "the link to 'b' yielded Expr; expected a relation",
     ),
     "a link without relations": (
         lambda: solve_phases(Phases({"a": Fall(), "b": Rise()}, links={"b": lambda x, y: None})),
@@ -229,12 +229,12 @@ WRONG = {
     ),
     "another solver": (
         lambda: solve_phases(bounce(0.5), Mesh(3), solver=SolverOptions(solver="fatrop")),
-        "linked phases are solved by solver 'ipopt' only; found 'fatrop'",
+        "linked phases need solver 'ipopt'; found 'fatrop'",
     ),
     "mesh of no phase": (lambda: solve_phases(bounce(0.5), {"up": Mesh()}), "no phase 'up' for a mesh; phases are"),
     "nothing shared": (
         lambda: solve_phases(Phases({"a": Fall(), "b": Rise()}, shared=["k"])),
-        "'k' is shared, but 0 of the phases have such a free constant",
+        "'k' is shared, but only 0 of the phases",
     ),
 }  # fmt: skip
 
@@ -275,10 +275,10 @@ def test_links_take_any_name():
 @pytest.mark.parametrize(
     "wrong, sentence",
     [
-        ({"mesh": 7}, "a mesh is a gt.Mesh"),
-        ({"mesh": {"first": 7}}, "a mesh is a gt.Mesh"),
-        ({"guess": 7}, "a guess is"),
-        ({"guess": {"first": 7}}, "a guess is"),
+        ({"mesh": 7}, "the mesh must be a gt.Mesh"),
+        ({"mesh": {"first": 7}}, "the mesh must be a gt.Mesh"),
+        ({"guess": 7}, "the guess must be"),
+        ({"guess": {"first": 7}}, "the guess must be"),
     ],
 )
 def test_wrong_arguments(wrong, sentence):
@@ -287,7 +287,7 @@ def test_wrong_arguments(wrong, sentence):
 
 
 def test_what_is_no_phase_and_no_list():
-    with pytest.raises(ModelError, match="phase 'second' is a configured Optimization; found 3"):
+    with pytest.raises(ModelError, match="phase 'second' must be a configured Optimization; found 3"):
         Phases({"first": Named(), "second": 3})  # type: ignore[dict-item]
     with pytest.raises(ModelError, match="free takes a list of names; found 'values'"):
         Phases({"first": Named(), "second": Named()}, free={"second": "values"})

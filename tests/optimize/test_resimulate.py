@@ -266,5 +266,5 @@ class TestSmallProblems:
         first = solve(Funnel(), Mesh(5, 3), throw=False, solver=SolverOptions(max_iterations=0))
         run = resimulate(first)
         assert run.status is SolveStatus.FAILED and run.trajectory is None
-        assert run.message == "the integrator stopped after 0.2 s: the input leads out of the model's range"
+        assert run.message == "the integrator stopped at 0.2 s: the input drives the model out of its range"
         assert run.defect == np.inf and run.control_range["inflow"] == pytest.approx((-3.0, -3.0))

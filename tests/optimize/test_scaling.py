@@ -97,5 +97,5 @@ def test_vectors_and_signs():
 
 
 def test_what_is_no_trajectory():
-    with pytest.raises(ModelError, match=r"scaling takes a gt\.Trajectory or an earlier solution; found 3"):
+    with pytest.raises(ModelError, match=r"scaling must be a gt\.Trajectory or an earlier solution; found 3"):
         solve(Long(), MESH, scaling=3)  # type: ignore[arg-type]

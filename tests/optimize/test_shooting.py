@@ -59,9 +59,9 @@ def test_state_bounds_between_the_edges():
 @pytest.mark.parametrize(
     "model, mesh, options, sentence",
     [
-        (problems.VanDerPol, Mesh(4, 2, "gauss"), {}, "VanDerPol: shooting takes scheme 'radau'"),
-        (problems.ImplicitBlock, Mesh(4, 2), {}, "no closed form, and formulation 'explicit'"),
-        (problems.VanDerPol, Mesh(4, 2), {"formulation": "dae"}, "takes an explicit formulation .* found 'dae'"),
+        (problems.VanDerPol, Mesh(4, 2, "gauss"), {}, "VanDerPol: shooting needs scheme 'radau'"),
+        (problems.ImplicitBlock, Mesh(4, 2), {}, "no closed form, which formulation 'explicit' needs"),
+        (problems.VanDerPol, Mesh(4, 2), {"formulation": "dae"}, "needs an explicit formulation .* found 'dae'"),
     ],
 )
 def test_refused(model, mesh, options, sentence):
@@ -70,14 +70,14 @@ def test_refused(model, mesh, options, sentence):
 
 
 def test_unknown_method():
-    with pytest.raises(ValueError, match="method is one of collocation, shooting; found 'single'"):
+    with pytest.raises(ValueError, match="method must be one of collocation, shooting; found 'single'"):
         solve(problems.VanDerPol(), method="single")  # type: ignore[arg-type]
 
 
 def test_a_failure_keeps_the_best_iterate_and_says_so():
     options = SolverOptions(max_iterations=2)
     s = solve(problems.StirredTank(), Mesh(8), method="shooting", solver=options, throw=False)
-    assert "kept is iterate 1, the nearest to its constraints; worst rows: continuity of" in s.message
+    assert "returned iterate 1, which has the smallest violation; worst rows: continuity of" in s.message
     kept = solve(
         problems.StirredTank(), Mesh(8), method="shooting", solver=SolverOptions(max_iterations=1), throw=False
     )

@@ -143,20 +143,20 @@ class TestMesh:
         [
             (dict(elements=0), "a mesh needs at least one element and one point; found 0 x 3"),
             (dict(points=0), "a mesh needs at least one element and one point; found 50 x 0"),
-            (dict(scheme="lobatto"), "scheme is 'radau' or 'gauss'; found 'lobatto'"),
-            (dict(control="spline"), "control is one of polynomial, bernstein, linear, constant; found 'spline'"),
+            (dict(scheme="lobatto"), "scheme must be 'radau' or 'gauss'; found 'lobatto'"),
+            (dict(control="spline"), "control must be one of polynomial, bernstein, linear, constant; found 'spline'"),
             (
                 dict(length_ratio=(0.0, 2.0)),
-                r"length_ratio is \(low, high\) with 0 < low <= 1 <= high.*found \(0.0, 2.0\)",
+                r"length_ratio must be \(low, high\) with 0 < low <= 1 <= high.*found \(0.0, 2.0\)",
             ),
-            (dict(length_ratio=(1.2, 2.0)), r"length_ratio is .*found \(1.2, 2.0\)"),
+            (dict(length_ratio=(1.2, 2.0)), r"length_ratio must be .*found \(1.2, 2.0\)"),
             (
                 dict(elements=4, control="constant", blocks=Blocks(sizes=(2, 3))),
-                "blocks hold 5 elements, but the mesh has 4",
+                "block sizes sum to 5, but the mesh has 4",
             ),
-            (dict(elements=5, blocks=Blocks(sizes=(2, 3))), "blocks take control 'constant'; found 'polynomial'"),
-            (dict(elements=3, lengths=(1.0, 2.0)), "a mesh of 3 elements takes as many positive lengths"),
-            (dict(elements=2, lengths=(1.0, 0.0)), "a mesh of 2 elements takes as many positive lengths"),
+            (dict(elements=5, blocks=Blocks(sizes=(2, 3))), "blocks need control 'constant'; found 'polynomial'"),
+            (dict(elements=3, lengths=(1.0, 2.0)), "a mesh of 3 elements needs 3 positive"),
+            (dict(elements=2, lengths=(1.0, 0.0)), "a mesh of 2 elements needs 2 positive"),
         ],
     )
     def test_wrong_meshes(self, arguments, sentence):
@@ -165,7 +165,7 @@ class TestMesh:
 
     @pytest.mark.parametrize(
         "scheme, count, sentence",
-        [("lobatto", 3, "there is no collocation scheme 'lobatto'"), ("radau", 0, "at least one point; found 0")],
+        [("lobatto", 3, "unknown collocation scheme 'lobatto'"), ("radau", 0, "at least one point; found 0")],
     )
     def test_wrong_tables(self, scheme, count, sentence):
         with pytest.raises(ValueError, match=sentence):

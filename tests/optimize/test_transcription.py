@@ -105,7 +105,7 @@ class TestRefused:
                 yield self.inner.y == self.x
 
         t = transcribe(Rim(), Mesh(4, 2))
-        with pytest.raises(ModelError, match=r"max of 'inner.y' follows top, but attributes are fixed by transcribe"):
+        with pytest.raises(ModelError, match=r"max of 'inner.y' depends on top, but transcribe"):
             t.solve({"top": 1.7})
 
     def test_names_and_values(self, tank):
@@ -146,7 +146,7 @@ class TestContinuation:
         assert c.solution.objective == pytest.approx(first.objective * np.sqrt(9.80665 / 200.0), rel=1e-5)
 
     def test_it_ends_where_nothing_helps(self, tank):
-        with pytest.raises(NotSolved, match=r"the continuation ends before end = \S+: .*"):
+        with pytest.raises(NotSolved, match=r"the continuation stopped before end = \S+: .*"):
             tank.continuation([{"end": 0.1}, {"end": 50.0}])  # out of reach
         c = tank.continuation([{"end": 0.1}, {"end": 50.0}], throw=False)
         assert c.message and not c.solution.status.ok and c.steps[0][1].status.ok

@@ -1,11 +1,11 @@
-"""Motions of all axes of a robot, carts and rotary ones, as forces of its motors.
+"""Optimal motions of all axes of a robot, carts and rotary axes, with the forces of its motors.
 
-axis_study           the optimal motion of the F1, tried with all six axes free: `AxisStudy`
-AxisEnd, ToolDirection, ToolCourse, AxisCost, AxisMesh, AxisSolver   what it is asked to be, besides `AxisLimits`
+axis_study           the optimal motion of the F1, verified with all six axes free: `AxisStudy`
+AxisEnd, ToolDirection, ToolCourse, AxisCost, AxisMesh, AxisSolver   its options, with `AxisLimits`
 
-AxisProblem, plan_of, AxisPlan   all that is asked; checked, as an Optimization with its guess
-PathOrientation, turning      the way of a plate along a path, as equations
-free_run             forces of a motion applied with all axes free
+AxisProblem, plan_of, AxisPlan   the whole problem; its check; the checked problem as an Optimization with a guess
+PathOrientation, turning      the orientation of a plate along a path, as equations
+free_run             forward dynamics of all axes under the forces of a motion
 """
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,4 @@
-"""The study of a motion of six axes: optimise, re-simulate, try the forces with all axes free, on a finer mesh where
-that is needed."""
+"""The study of a motion of six axes: optimise, re-simulate, apply the forces to all axes free, refine the mesh."""
 
 from __future__ import annotations
 
@@ -31,14 +30,14 @@ from .plan import AxisPlan, AxisProblem
 from .planning import LINKS, plan_of
 
 Array = np.ndarray
-TOLERANCE = 1e-8  # relative and absolute, far below what the sampled forces leave
+TOLERANCE = 1e-8  # relative and absolute, far below the error of the sampled forces
 AXES = 6
 INTERRUPTED = "interrupted"
 
 
 @dataclass(frozen=True)
 class FreeRun:
-    """Axes (6,) [m, rad] and their velocities at the end, and the largest |q4 + q5| [rad] at any step; or why not."""
+    """Axes (6,) [m, rad] and their velocities at the end, and the largest |q4 + q5| [rad]; message: why it failed."""
 
     q: Array
     velocity: Array
@@ -49,11 +48,11 @@ class FreeRun:
 def free_run(
     robot: Model, run: Trajectory, rows_per_element: int, interrupted: Callable[[], bool] = lambda: False
 ) -> FreeRun:
-    """Forward dynamics of all six axes under the forces `tau` of a motion, element by element.
+    """Integrate the forward dynamics of all six axes under the forces `tau` of a motion, element by element.
 
-    Nothing holds q4 = -q5 here but the forces. Between its rows a force is a cubic spline, one per element: rows are
-    the start and then `rows_per_element` equally spaced ones of each element. The row at an element's left edge belongs
-    to the element before it, so that a force may jump there.
+    The coupling q4 = -q5 is not imposed. On each element the force is a cubic spline through its rows: the start, then
+    `rows_per_element` equally spaced rows per element. The row at an element's left edge belongs to the previous
+    element, so that a force may jump there.
 
     >>> class SixSprings(gt.Model):
     ...     q = gt.variable(6)
@@ -70,8 +69,8 @@ def free_run(
     y = np.concatenate([run["q"][0], run["der(q)"][0]])
     worst, times = abs(y[3] + y[4]), list[float]()
     for first in range(0, len(run) - 1, rows_per_element):
-        own = slice(first + 1, first + rows_per_element + 1)
-        force = scipy.interpolate.CubicSpline(run.time[own], run["tau"][own])
+        rows = slice(first + 1, first + rows_per_element + 1)
+        force = scipy.interpolate.CubicSpline(run.time[rows], run["tau"][rows])
         trouble: list[str] = []
 
         def rates(
@@ -83,17 +82,17 @@ def free_run(
             return np.concatenate([y[AXES:], a])
 
         span = (run.time[first], run.time[first + rows_per_element])
-        with np.errstate(invalid="ignore"):  # a failed row is nan, and reported below
-            done = scipy.integrate.solve_ivp(rates, span, y, method="DOP853", rtol=TOLERANCE, atol=TOLERANCE)
-        for t, row in zip(done.t, done.y.T, strict=True):
+        with np.errstate(invalid="ignore"):  # failed rows are NaN and reported below
+            result = scipy.integrate.solve_ivp(rates, span, y, method="DOP853", rtol=TOLERANCE, atol=TOLERANCE)
+        for t, row in zip(result.t, result.y.T, strict=True):
             forward.kept(row[:AXES], row[AXES:], force(t))
-        times += done.t.tolist()
+        times += result.t.tolist()
         if interrupted():
             trouble.append(INTERRUPTED)
-        if trouble or not done.success:
-            return FreeRun(y[:AXES], y[AXES:], np.inf, (trouble or [str(done.message)])[0])
-        y = done.y[:, -1]
-        worst = max(worst, float(np.max(np.abs(done.y[3] + done.y[4]))))
+        if trouble or not result.success:
+            return FreeRun(y[:AXES], y[AXES:], np.inf, (trouble or [str(result.message)])[0])
+        y = result.y[:, -1]
+        worst = max(worst, float(np.max(np.abs(result.y[3] + result.y[4]))))
     statuses = forward.statuses()
     bad = np.flatnonzero(statuses != Status.OK)
     if bad.size:
@@ -102,26 +101,26 @@ def free_run(
 
 
 def _dynamics_failed(t: float, status: int) -> str:
-    return f"the dynamics fail after {t:.4g} s: {Status(int(status)).name.lower()}"
+    return f"the forward dynamics fail at {t:.4g} s: {Status(int(status)).name.lower()}"
 
 
 MENDED = ("peak_share", "end_error_m", "end_error_deg", "excess", "cross_check_difference")  # by a finer mesh
 CROSS_CHECK_TOLERANCE = (
-    0.02  # relative: of the final time along a path; accelerations linear on 20 elements cannot jump
+    0.02  # relative, of the final time along a path: accelerations linear on 20 elements cannot jump
 )
-# forces are bounded at collocation points and are no polynomials: between the points they pass by less than that
+# forces are bounded at collocation points only; between the points they exceed their limit by less than this
 PEAK_SHARE = 1.01
-# the printed accuracy of the F1 is a quarter of a millimetre
+# the published accuracy of the F1 is a quarter of a millimetre
 END_ERROR_M = 2.5e-4
 FINER = "use more mesh.elements"
 END_ERROR_DEG = 0.05
 POSE_APART_M = 1e-6  # Newton and collocation solve the same equations
-PATH_M = 1e-6  # round-off of the same equations
+PATH_M = 1e-6  # rounding of the same equations
 
 
 @dataclass(frozen=True)
 class AxisOutcome:
-    """What came of one mesh."""
+    """The result on one mesh."""
 
     mesh: AxisMesh
     solution: Solution
@@ -133,7 +132,7 @@ class AxisOutcome:
 
 
 def on_this_mesh(plan: AxisPlan, mesh: AxisMesh, guess: Solution | None, work: Work) -> AxisOutcome:
-    """The optimum on a mesh and what comes of it."""
+    """Optimise on a mesh and evaluate the result."""
     solution = collocate(
         plan.optimization,
         CollocationMesh(mesh.elements, mesh.points, control=mesh.control),
@@ -149,14 +148,14 @@ def on_this_mesh(plan: AxisPlan, mesh: AxisMesh, guess: Solution | None, work: W
 def _judged(plan: AxisPlan, mesh: AxisMesh, solution: Solution, work: Work) -> AxisStudy:
     if not solution.status.converged:
         return _failed(plan, solution, "")
-    tried = resimulate(solution)
-    if tried.trajectory is None:
-        return _failed(plan, solution, f"the optimum cannot be re-simulated: {tried.message}; ")
-    trajectory, apart = _placed(plan, tried.trajectory)
+    run = resimulate(solution)
+    if run.trajectory is None:
+        return _failed(plan, solution, f"the optimum cannot be re-simulated: {run.message}; ")
+    trajectory, pose_error = _placed(plan, run.trajectory)
     if trajectory is None:
-        lead = "forward kinematics from the home pose does not follow the optimum's axes; "
+        lead = "the forward kinematics from the home pose cannot follow the optimum's axes; "
         return _failed(plan, solution, lead)
-    return _tried(plan, mesh, solution, trajectory, apart, tried.defect, work)
+    return _evaluated(plan, mesh, solution, trajectory, pose_error, run.defect, work)
 
 
 def _failed(plan: AxisPlan, solution: Solution, lead: str) -> AxisStudy:
@@ -168,58 +167,58 @@ def _failed(plan: AxisPlan, solution: Solution, lead: str) -> AxisStudy:
         objective=solution.objective if np.isfinite(solution.objective) else None,
         iterations=solution.iterations,
         checks=solution.checks,
-        final_time=solution.free.get("final_time") if solution.iterations else None,  # the guess's is no result
+        final_time=solution.free.get("final_time") if solution.iterations else None,  # not the guess
         trajectory=_renamed(solution.trajectory, f"{title} (not solved: {solution.status.value})".strip()),
         machine_files=(TRAJECTORY,),
     )
 
 
 def _renamed(run: Trajectory, title: str) -> Trajectory:
-    """The robot's own names: robot.q becomes q; q and tau have one unit for carts, another for rotary axes."""
+    """Remove the prefix from the robot's names; q and tau have no unit, since carts and rotary axes differ."""
     names = ("q", "der(q)", "der(q,2)", "T", "e", "tau")
-    own = {name: name.replace("q", "robot.q") if "q" in name else f"robot.{name}" for name in names}
+    sources = {name: name.replace("q", "robot.q") if "q" in name else f"robot.{name}" for name in names}
     if "s" in run and np.ndim(run["s"]) == 1:  # along a path
-        own["s"] = "s"
-    own["margin"] = "margin"
-    values = {name: run[old] for name, old in own.items() if old in run}
+        sources["s"] = "s"
+    sources["margin"] = "margin"
+    values = {name: run[old] for name, old in sources.items() if old in run}
     return Trajectory(run.time, values, {"T": "m", "e": "1"}, title=title)
 
 
 def _placed(plan: AxisPlan, run: Trajectory) -> tuple[Trajectory | None, float]:
-    """The re-simulated motion of the axes with poses by Newton and forces by inverse dynamics, None where these fail,
-    and how far the optimum's tool centre points are from those poses [m]."""
+    """Return the re-simulated motion with poses by Newton's method and forces by inverse dynamics (None if these fail),
+    and the largest distance [m] of the optimum's tool centre points from these poses."""
     trajectory = _renamed(run, plan.problem.title or "optimal motion")
     names = ("q", "der(q)", "der(q,2)")
     if plan.course is not None:
-        held = plan.held(run)
-        trajectory = trajectory.with_values({name: held[name] for name in names})
+        axes = plan.held(run)
+        trajectory = trajectory.with_values({name: axes[name] for name in names})
     q, v, a = (trajectory[name] for name in names)
-    T, e, placed = plan.poses(q)
-    tau, moved = plan.inverse(q, v, a)
-    if np.any(placed != Status.OK) or np.any(moved != Status.OK):
+    T, e, pose_status = plan.poses(q)
+    tau, force_status = plan.inverse(q, v, a)
+    if np.any(pose_status != Status.OK) or np.any(force_status != Status.OK):
         return None, np.inf
-    apart = np.linalg.norm(T - trajectory["T"], axis=1)[1:]  # at the start the re-simulation's is a step late
-    return trajectory.with_values({"T": T, "e": e, "tau": tau}), float(np.max(apart))
+    distance = np.linalg.norm(T - trajectory["T"], axis=1)[1:]  # the re-simulation's T at the start is a step late
+    return trajectory.with_values({"T": T, "e": e, "tau": tau}), float(np.max(distance))
 
 
 def _energy(plan: AxisPlan, solution: Solution) -> float:
-    """By the quadrature of the collocation points [s]."""
+    """Return the energy [s] by collocation quadrature."""
     tau, weights = at_points(solution)
     return float(weights @ np.sum((tau / plan.motors) ** 2, axis=1))
 
 
-def _tried(
+def _evaluated(
     plan: AxisPlan, mesh: AxisMesh, solution: Solution, trajectory: Trajectory, pose_apart: float, defect: float,
     work: Work,
 ) -> AxisStudy:  # fmt: skip
     problem = plan.problem
-    work.progress("moving all six axes by the forces", None, {})
+    work.progress("simulating all six axes", None, {})
     free = free_run(plan.robot, trajectory, SUBSTEPS, work.interrupted)
     (T0, T1, T), (e0, e1, e), status = plan.poses(np.array([plan.start, plan.goal, free.q]))
-    reached = not free.message and status[2] == Status.OK
+    complete = not free.message and status[2] == Status.OK
     share = np.abs(trajectory["tau"]) / plan.motors
-    end, angle = (float(np.linalg.norm(T - T1)), float(angle_between(e, e1))) if reached else (np.inf, np.inf)
-    # at the start what is no state is extrapolated
+    end, angle = (float(np.linalg.norm(T - T1)), float(angle_between(e, e1))) if complete else (np.inf, np.inf)
+    # at the start, quantities that are not states are extrapolated
     margins = plan.guard.least(trajectory["margin"][1:]) if plan.guard.margins else {}
     followed = _along(plan, trajectory, work)
     peaks = np.max(share, axis=0).tolist()
@@ -230,7 +229,7 @@ def _tried(
         "pose_apart_m": (pose_apart, POSE_APART_M),
     }
     stopped = free.message == INTERRUPTED
-    if stopped:  # what was not reached is not judged
+    if stopped:  # values that were not computed are not checked
         bounds = {name: bound for name, bound in bounds.items() if np.isfinite(bound[0])}
     if followed:
         bounds["path_error_m"] = (followed["path_error"], PATH_M)
@@ -241,15 +240,15 @@ def _tried(
             abs(followed["cross_check_time"] / solution.final_time - 1),
             CROSS_CHECK_TOLERANCE,
         )
-    trouble = f"the forces could not be tried on all six axes: {free.message}" if free.message else FINER
+    trouble = f"the forces could not be applied to all six axes: {free.message}" if free.message else FINER
     if not free.message and mesh.control != "linear":
         trouble += ' or mesh.control = "linear"'
     checks: dict[str, Any] = {"constraint_violation": solution.checks["constraint_violation"]}
-    tried = "stopped before the forces were tried" if stopped else "tried"
-    said = f"{how(solution)}, re-simulated, and {tried} on all six axes"
+    verified = "stopped before it was simulated" if stopped else "simulated"
+    message = f"{how(solution)}, re-simulated, and {verified} with all six axes free"
     return AxisStudy(
         status=SolveStatus.INTERRUPTED if stopped else SolveStatus.SOLVED,
-        message="; ".join(filter(None, [said, solution.reservation])),
+        message="; ".join(filter(None, [message, solution.reservation])),
         title=problem.title,
         objective=solution.objective,
         iterations=solution.iterations,
@@ -261,9 +260,9 @@ def _tried(
         peak_share=peaks,
         tcp=np.array([T0, T1]),
         turned=float(angle_between(e0, e1)),
-        end_error=end if reached else None,
-        end_angle=angle if reached else None,
-        uncoupled=free.uncoupled if problem.degrees_of_freedom == 5 and reached else None,
+        end_error=end if complete else None,
+        end_angle=angle if complete else None,
+        uncoupled=free.uncoupled if problem.degrees_of_freedom == 5 and complete else None,
         pose_apart=pose_apart,
         defect=defect,
         **followed,
@@ -276,20 +275,20 @@ def _tried(
 
 
 def _along(plan: AxisPlan, run: Trajectory, work: Work) -> dict[str, Any]:
-    """How the path was followed, and its time by squared speeds as a cross-check; empty for a free motion."""
+    """Return the path error, and the time by squared speeds as a cross-check; empty for a free motion."""
     path, second = plan.problem.path, None
     if path is None or plan.course is None:
         return {}
-    off = np.linalg.norm(run["T"] - plan.course.path(np.clip(run["s"], 0.0, 1.0))[0], axis=1)
+    deviation = np.linalg.norm(run["T"] - plan.course.path(np.clip(run["s"], 0.0, 1.0))[0], axis=1)
     if plan.order == 2:
         work.progress("squared speeds", None, {})
         motion = plan.by_squared_speeds(path.intervals)
         second = motion.final_time if motion.status.ok else None
-    return {"path_length": plan.course.path.length, "path_error": float(np.max(off)), "cross_check_time": second}
+    return {"path_length": plan.course.path.length, "path_error": float(np.max(deviation)), "cross_check_time": second}
 
 
 def _clearances(plan: AxisPlan, run: Trajectory) -> list[float]:
-    """Distances [m] of tool centre point and links from each obstacle."""
+    """Return the distances [m] of tool centre point and links from each obstacle."""
     obstacles = plan.problem.limits.obstacles
     if not obstacles:
         return []
@@ -322,18 +321,20 @@ def axis_study(
     earlier: Trajectory | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> AxisStudy:
-    """Time- or energy-optimal motion of the F1 from rest to rest, free between positions of its axes or along a path.
+    """Compute the optimal motion of the F1 from rest to rest, free between positions of its axes or along a path.
 
     Args:
-        robot: an F1, three carts q1 to q3 [m] and three rotary axes q4 to q6 [rad].
-        start, goal: positions of all axes; along a path the tool centre point will do, with the tool's direction.
-        limits: motor forces and torques, and what else the motion must keep.
-        path: `Line`, `Polyline`, `Arc`, `Spline` or `Taught` of `gtmodel.motion`; free if left out.
-        tool: how the tool is held along the path: which axis of the plate it is, and directions on the way.
-        degrees_of_freedom: 5 keeps q4 = -q5 all the way, 6 leaves all axes free.
-        cost, mesh, solver: what is minimised, and how. Where a check fails that a finer mesh can mend, one is taken.
-        earlier: the trajectory of an earlier study to start from.
-        progress, max_seconds, stop: see `gtmodel.results.Work`. Stopped while it optimises, it holds the best iterate.
+        robot: an F1 with three carts q1 to q3 [m] and three rotary axes q4 to q6 [rad].
+        start, goal: positions of all axes, or, along a path, the tool centre point and the tool direction.
+        limits: motor forces and torques, and further limits.
+        path: `Line`, `Polyline`, `Arc`, `Spline` or `Taught` of `gtmodel.motion`; None: a free motion.
+        tool: orientation of the tool along the path: its axis in the plate, and directions between the ends.
+        degrees_of_freedom: 5 keeps q4 = -q5 throughout, 6 leaves all axes free.
+        cost, mesh, solver: objective and options of the search. The mesh is refined if that can make a failed check
+            pass.
+        earlier: the trajectory of an earlier study, used as the guess.
+        progress, max_seconds, stop: see `gtmodel.results.Work`. A study stopped during the optimisation contains the
+            best iterate.
 
     Raises ArgumentError.
 
@@ -354,8 +355,8 @@ def axis_study(
     work.step("equations")
     plan = plan_of(problem)
     work.step("transcribing")
-    given = on_this_mesh(plan, problem.mesh, None, work)
-    iterations = given.study.iterations or 0
+    first = on_this_mesh(plan, problem.mesh, None, work)
+    iterations = first.study.iterations or 0
 
     def finer(outcome: AxisOutcome) -> AxisMesh | None:
         return finer_mesh(outcome.mesh, outcome.checks, MENDED) if outcome.study.status.converged else None
@@ -366,10 +367,10 @@ def axis_study(
         iterations += after.study.iterations or 0
         return after if after.study.status.converged else f"on {mesh.elements} elements: {after.study.message}"
 
-    outcome, trouble = refined(given, finer, again, work.interrupted)
+    outcome, trouble = refined(first, finer, again, work.interrupted)
     study, message = outcome.study, outcome.study.message
-    if outcome is not given:
+    if outcome is not first:
         end = "" if study.status.ok else ";"
-        message += end + refinement_note(problem.mesh.elements, outcome.mesh.elements, failed_of(given.checks))
+        message += end + refinement_note(problem.mesh.elements, outcome.mesh.elements, failed_of(first.checks))
     message = "; ".join(filter(None, [message, trouble]))
-    return study.with_(iterations=iterations, message=message, refined=outcome is not given)
+    return study.with_(iterations=iterations, message=message, refined=outcome is not first)

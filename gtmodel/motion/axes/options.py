@@ -1,4 +1,4 @@
-"""What a motion of six axes is asked to be, besides its limits, and what its study returns."""
+"""Options of a motion of six axes, except its limits, and the result of its study."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..options import Barrier, MostElements
 
 @dataclass(frozen=True)
 class AxisEnd(Options):
-    """Where the robot stands at rest: the positions of its axes, or, on a path, its tool centre point.
+    """An end of the motion, at rest: the positions of the axes or, on a path, the tool centre point.
 
     >>> goal = gt.motion.AxisEnd(carts=[0.9, 0.5, 0.35], axes=np.radians([10.0, -10.0, -5.0]).tolist())
     >>> gt.motion.AxisEnd(carts=[0.9, 0.5])
@@ -29,18 +29,18 @@ class AxisEnd(Options):
         "rotary axes q4, q5, q6; with five degrees of freedom q5 = -q4",
     ] = None  # fmt: skip
     tcp: Annotated[
-        list[float] | None, Unit("m"), Long(3), "along a path, instead of the axes: tool centre point"
+        list[float] | None, Unit("m"), Long(3), "tool centre point, instead of the axes along a path"
     ] = None  # fmt: skip
     tool: Annotated[
         list[float] | None, Long(3),
-        "with tcp and five degrees of freedom: tool direction in the robot's frame; left out, the other end's, so that "
-        "it is constant",
+        "tool direction in the robot's frame, with tcp and five degrees of freedom; default: that of the other end, so "
+        "that it is constant",
     ] = None  # fmt: skip
 
 
 @dataclass(frozen=True)
 class ToolDirection(Options):
-    """A direction that the tool has somewhere on its way along the path.
+    """A prescribed tool direction at a point of the path.
 
     >>> upright = gt.motion.ToolDirection(at=0.5, direction=[0.0, 0.0, 1.0])
     >>> gt.motion.ToolDirection(at=1.0, direction=[0.0, 0.0, 1.0])
@@ -49,13 +49,13 @@ class ToolDirection(Options):
     gtmodel.results.refusal.ArgumentError: at: must be more than 0 and less than 1; found 1
     """
 
-    at: Annotated[float, Within(above=0.0, below=1.0), "fraction of the way"]
+    at: Annotated[float, Within(above=0.0, below=1.0), "fraction of the path"]
     direction: Annotated[list[float], Long(3), "tool direction there, in the robot's frame"]
 
 
 @dataclass(frozen=True)
 class ToolCourse(Options):
-    """How the tool is held along a path: its axis in the plate, and directions between start and goal.
+    """The tool's orientation along a path: its axis in the plate, and directions between start and goal.
 
     >>> upright = gt.motion.ToolDirection(at=0.5, direction=[0.0, 0.0, 1.0])
     >>> course = gt.motion.ToolCourse(axis=[0.0, 0.0, 1.0], through=[upright])
@@ -74,7 +74,7 @@ class ToolCourse(Options):
 
 @dataclass(frozen=True)
 class AxisCost(Options):
-    """What is minimised: time * T + energy * sum over the motors of int (tau / limit)^2 dt, T the final time.
+    """The cost time * T + energy * sum over the motors of int (tau / limit)^2 dt; T is the final time.
 
     >>> gt.motion.AxisCost(energy=0.1).time
     1.0
@@ -90,7 +90,7 @@ class AxisCost(Options):
 
 @dataclass(frozen=True)
 class AxisMesh(Options):
-    """Where the equations are collocated (Radau).
+    """The collocation mesh (Radau).
 
     >>> gt.motion.AxisMesh(control="cubic")
     Traceback (most recent call last):
@@ -103,25 +103,25 @@ class AxisMesh(Options):
     points: Annotated[int, Within(least=1, most=9), "collocation points per element"] = 3
     control: Annotated[
         Literal["linear", "constant", "polynomial"],
-        "accelerations of the axes per element: a continuous line, one value, or a polynomial, whose forces keep their "
-        "limits at the points only",
+        "accelerations of the axes on each element: linear and continuous, constant, or polynomial, whose forces keep "
+        "their limits at the points only",
     ] = "linear"
 
 
 @dataclass(frozen=True)
 class AxisSolver(Options):
-    """When the solver stops, and which equations it is given.
+    """Limits and formulation of the solver.
 
     >>> gt.motion.AxisSolver(barrier="monotone").max_iterations
     300
     """
 
-    tolerance: Annotated[float, Within(above=0.0), "on the scaled optimality conditions"] = 1e-8
-    max_iterations: Annotated[int, Within(above=0), "limit of iterations, of all attempts together"] = 300
+    tolerance: Annotated[float, Within(above=0.0), "tolerance of the scaled optimality conditions"] = 1e-8
+    max_iterations: Annotated[int, Within(above=0), "limit of iterations over all attempts"] = 300
     barrier: Barrier = "auto"
     formulation: Annotated[
         Literal["torn", "dae"],
-        "which equations are collocated: those of the plate's pose alone, or all as they stand",
+        "formulation of the collocated equations: those of the plate's pose only, or all of them",
     ] = "torn"
 
 
@@ -130,23 +130,21 @@ Array = np.ndarray
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class AxisStudy(Study):
-    """An optimal motion of six axes, re-simulated and tried with all of them free; where no optimum was found, only the
+    """An optimal motion of six axes, re-simulated and verified with all of them free; if no optimum was found, only the
     final time has a value.
 
-    refined: whether the mesh is finer than the given one.
+    refined: whether the mesh was refined.
     """
 
     final_time: Annotated[float | None, Quantity("s", "final time of the optimum")] = None
-    elements: Annotated[int | None, "elements of the mesh: those of the file, or more where a check failed on them"] = (
-        None
-    )
+    elements: Annotated[int | None, "number of mesh elements; more than requested if the mesh was refined"] = None
     energy: Annotated[
         float | None, Quantity("s", "sum over motors of int (tau / limit)^2 dt [s]", key="energy")
     ] = None  # fmt: skip
-    saturation: Annotated[Sequence[float], "share of the time in which each motor is within 1 % of its limit"] = ()
+    saturation: Annotated[Sequence[float], "share of time in which each motor is within 1 % of its limit"] = ()
     peak_share: Annotated[
         Sequence[float],
-        "largest force over its limit at any instant of the re-simulated motion, of each motor",
+        "largest force of each motor relative to its limit at any instant of the re-simulated motion",
     ] = ()
     tcp: Annotated[Array | None, Quantity("m", "tool centre point at start and goal")] = None
     turned: Annotated[
@@ -154,26 +152,26 @@ class AxisStudy(Study):
     ] = None
     end_error: Annotated[
         float | None,
-        Quantity("m", "distance of the tool centre point from the goal when all six axes are free and get the forces"),
+        Quantity("m", "distance of the tool centre point from the goal if the forces act on all six free axes"),
     ] = None
     end_angle: Annotated[
         float | None,
-        Quantity("rad", "angle of the plate from that at the goal, then", key="end_error_deg", written="deg"),
+        Quantity("rad", "angle between the plate and the goal in that run", key="end_error_deg", written="deg"),
     ] = None
     uncoupled: Annotated[
         float | None,
-        Quantity("rad", "largest |q4 + q5| on that way; null with six degrees of freedom", written="deg"),
+        Quantity("rad", "largest |q4 + q5| in that run; null with six degrees of freedom", written="deg"),
     ] = None
     pose_apart: Annotated[
         float | None,
-        Quantity("m", "largest distance of the optimum's tool centre points from the forward kinematics of its axes"),
+        Quantity("m", "largest distance between the optimum's tool centre points and its forward kinematics"),
     ] = None
     defect: Annotated[
         float | None,
-        "largest difference of re-simulated and collocated states at an element's edge, in nominals",
+        "largest difference of re-simulated and collocated states at an element edge, in nominals",
     ] = None
     path_length: Annotated[
-        float | None, Quantity("m", "length of the path to follow; null for a free motion")
+        float | None, Quantity("m", "length of the path; null for a free motion")
     ] = None  # fmt: skip
     path_error: Annotated[
         float | None,
@@ -181,14 +179,14 @@ class AxisStudy(Study):
     ] = None
     cross_check_time: Annotated[
         float | None,
-        Quantity("s", "final time along the path with squared speeds as unknowns; null if free or with a jerk"),
+        Quantity("s", "final time along the path with squared speeds as unknowns; null if free or jerk-limited"),
     ] = None
     margins: Annotated[
         Mapping[str, float] | None,
-        "least margin to each further limit, by key: in m for positions, else a share of the limit",
+        "smallest margin to each further limit, by key: in m for positions, else relative to the limit",
     ] = None
     clearance: Annotated[
-        Sequence[float], Quantity("m", "least distance of tool centre point and links from each obstacle")
+        Sequence[float], Quantity("m", "smallest distance of tool centre point and links from each obstacle")
     ] = ()
     refined: bool = False
 
@@ -219,5 +217,5 @@ class AxisStudy(Study):
         if self.uncoupled is not None:
             rows.append(Row("all six axes free: largest |q4 + q5|", np.degrees(self.uncoupled), "deg"))
         if self.refined:
-            rows.append(Row("elements of the mesh, refined", self.elements))
+            rows.append(Row("mesh elements after refinement", self.elements))
         return rows

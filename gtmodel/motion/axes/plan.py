@@ -1,5 +1,5 @@
-"""A motion of the F1, free between two positions of its axes or along a path with the way its tool points, as an
-Optimization."""
+"""A motion of the F1 as an Optimization: free between two positions of its axes, or along a path with a prescribed tool
+direction."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from .options import AxisCost, AxisEnd, AxisMesh, AxisSolver, ToolCourse
 class AxisProblem:
     """A motion of the F1 from rest to rest, free between two positions of its axes or along a path.
 
-    start, goal: its ends. limits: what it must keep. path: what it follows, `tool` how the tool is held on it.
-    degrees_of_freedom: 5 keeps q4 = -q5 all the way, 6 leaves all axes free.
-    cost, mesh, solver: what is minimised, and how it is searched. earlier: a motion of an earlier result to start from.
+    start, goal: ends. limits: see `AxisLimits`. path: the path to follow; tool: the tool's orientation along it.
+    degrees_of_freedom: 5 keeps q4 = -q5 throughout, 6 leaves all axes free.
+    cost, mesh, solver: objective and options of the search. earlier: the motion of an earlier result, used as guess.
     """
 
     robot: Model
@@ -53,16 +53,16 @@ class AxisProblem:
 
 
 Array = np.ndarray
-WIDEST_DEG = 100.0  # between declared directions that follow one another: their chord must stay off zero
+WIDEST_DEG = 100.0  # largest angle between consecutive directions: their chord must stay away from zero
 
 
 @dataclass(frozen=True, eq=False)
 class PathOrientation:
-    """A path and how the plate is held on it.
+    """A path and the orientation of the plate along it.
 
-    turning: s -> tool direction (3,) in the robot's frame, for five degrees of freedom, or the plate's quaternion (4,),
-    for six; of any length but zero.
-    tool: the tool's direction in plate coordinates (3,); None with six degrees of freedom.
+    turning: s -> tool direction (3,) in the robot's frame for five degrees of freedom, or the plate's quaternion (4,)
+    for six; of any nonzero length.
+    tool: the tool's direction in plate coordinates (3,); None for six degrees of freedom.
     """
 
     path: Path
@@ -70,29 +70,29 @@ class PathOrientation:
     tool: Array | None
 
     def equations(self, robot: Any, s: Any, metre: Any) -> Iterator[Any]:
-        """What restricts an F1 to its path coordinate s: six equations for its six axes."""
+        """Yield the six equations that determine the axes of an F1 from the path coordinate s."""
         yield robot.T == self.path.expression(s, metre)
-        wanted = gt.piecewise(s, self.turning.x, self.turning.c)
+        target = gt.piecewise(s, self.turning.x, self.turning.c)
         if self.tool is None:
-            w, x = wanted[0], gt.vector([wanted[k] for k in (1, 2, 3)])
-            own = gt.vector([robot.e[k] for k in (1, 2, 3)])
-            yield w * own - robot.e[0] * x - gt.cross(x, own) == np.zeros(3)  # imaginary part of conj(wanted) e
+            w, x = target[0], gt.vector([target[k] for k in (1, 2, 3)])
+            vector = gt.vector([robot.e[k] for k in (1, 2, 3)])
+            yield w * vector - robot.e[0] * x - gt.cross(x, vector) == np.zeros(3)  # of conj(target) e
             return
-        across = gt.cross(wanted, self._beside)
-        held = robot.R @ self.tool
-        yield gt.dot(held, across) == 0.0
-        yield gt.dot(held, gt.cross(wanted, across)) == 0.0
+        normal = gt.cross(target, self._reference_axis)
+        direction = robot.R @ self.tool
+        yield gt.dot(direction, normal) == 0.0
+        yield gt.dot(direction, gt.cross(target, normal)) == 0.0
         yield robot.q[4] == -robot.q[3]
 
     @property
-    def _beside(self) -> Array:
-        """The coordinate axis that the tool direction keeps the widest angle from."""
+    def _reference_axis(self) -> Array:
+        """The coordinate axis with the largest angle to the tool direction along the path."""
         directions = self.turning(np.linspace(0.0, 1.0, 101))
         directions = directions / np.linalg.norm(directions, axis=1)[:, None]
         return np.eye(3)[int(np.argmin(np.max(np.abs(directions), axis=0)))]
 
     def function(self, robot: gt.Model, guard: MotionConstraints, *targets: str) -> CausalFunction:
-        """s and its derivatives as far as needed -> targets, of the robot as `robot` and of the guard's margins."""
+        """Return (s and its derivatives as needed) -> targets, names of `robot` or "margin"."""
         course = self
 
         def equations(model: Any) -> Iterator[Any]:
@@ -105,24 +105,24 @@ class PathOrientation:
 
 
 def turning(at: Array, through: Array, argument: str) -> scipy.interpolate.PPoly:
-    """A smooth course through directions or quaternions (n, d) at fractions (n,) of the way; equal ones: a constant.
+    """Return a smooth curve through directions or quaternions (n, d) at fractions (n,) of the path.
 
-    Raises ArgumentError, with the name `argument`, where two that follow one another are too far apart, or opposite.
+    It is constant if all are equal. Raises ArgumentError about `argument` if consecutive directions are too far apart.
 
     >>> course = gt.motion.axes.turning(np.array([0.0, 1.0]), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), "goal")
     >>> course(0.5)
     array([0.5, 0.5, 0. ])
     """
     through = through / np.linalg.norm(through, axis=1)[:, None]
-    if through.shape[1] == 4:  # e and -e are one orientation: the nearer sign
+    if through.shape[1] == 4:  # e and -e are the same orientation: choose the closer sign
         for k in range(1, len(through)):
             through[k] *= 1.0 if through[k] @ through[k - 1] >= 0 else -1.0
-    apart = np.degrees(np.arccos(np.clip(np.sum(through[1:] * through[:-1], axis=1), -1.0, 1.0)))
-    if np.any(apart > WIDEST_DEG):
-        k = int(np.argmax(apart))
+    angles = np.degrees(np.arccos(np.clip(np.sum(through[1:] * through[:-1], axis=1), -1.0, 1.0)))
+    if np.any(angles > WIDEST_DEG):
+        k = int(np.argmax(angles))
         raise ArgumentError(
-            f"the tool turns by {apart[k]:.4g} degrees from {100 * at[k]:.0f} % to {100 * at[k + 1]:.0f} % of the way; "
-            f"declare a direction between them, {WIDEST_DEG:g} degrees is the most",
+            f"the tool turns by {angles[k]:.4g} degrees between {100 * at[k]:.0f} % and {100 * at[k + 1]:.0f} % of the "
+            f"path, more than {WIDEST_DEG:g} degrees; declare a direction in between",
             argument,
         )
     if np.all(np.ptp(through, axis=0) < 1e-12):
@@ -132,10 +132,10 @@ def turning(at: Array, through: Array, argument: str) -> scipy.interpolate.PPoly
 
 
 GUESS_ROWS = 41
-SLOWER = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # guesses of the time, in the shortest one's
+SLOWER = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # guesses of the time, relative to the shortest
 MOTORS = 6
 CARTS = 3
-# of the coordinates s in the axes q1..q6; with five degrees of freedom q5 = -q4
+# matrices of q = COUPLING s; with five degrees of freedom q5 = -q4
 COUPLING = {
     5: np.insert(np.eye(5, dtype=int), 4, [0, 0, 0, -1, 0], axis=0),
     6: np.eye(6, dtype=int),
@@ -145,23 +145,23 @@ ACCELERATION = 10.0  # nominal [m/s2, rad/s2]
 
 
 def coordinates(q: Array, degrees_of_freedom: int) -> Array:
-    """s of axes q (..., 6) that keep the coupling."""
+    """Return the coordinates s of axes q (..., 6) that satisfy the coupling."""
     return q @ np.linalg.pinv(COUPLING[degrees_of_freedom]).T
 
 
 def following(course: PathOrientation, robot: gt.Model, guard: MotionConstraints) -> CausalFunction:
-    """s and its derivatives -> FOLLOWED, and the guard's margins where there are any."""
+    """Return (s and its derivatives) -> FOLLOWED and, if there are any, the guard's margins."""
     return course.function(robot, guard, *FOLLOWED, *(["margin"] if guard.margins else []))
 
 
 def dynamics_of(robot: gt.Model) -> CausalFunction:
-    """q and its two derivatives -> tau, T, e, R: one function for all that is asked of the axes."""
+    """Return (q and its two derivatives) -> tau, T, e, R."""
     return compile_causal(robot, known="q", targets=["tau", "T", "e", "R"])
 
 
 @dataclass(frozen=True, eq=False)
 class AxisPlan:
-    """A checked problem: robot, ends q (6,) [m, rad], further margins, and the course along a path or None."""
+    """A checked problem: robot, ends q (6,) [m, rad], further margins, and the path with its orientation, if any."""
 
     problem: AxisProblem
     robot: gt.Model
@@ -170,16 +170,16 @@ class AxisPlan:
     guard: MotionConstraints
     course: PathOrientation | None
     earlier: Trajectory | None
-    along: CausalFunction | None = None  # `following`, where it was made for the ends
+    along: CausalFunction | None = None  # `following`, if already compiled for the ends
 
     @property
     def coupling(self) -> Array:
-        """(6, n): axes q from the coordinates s of a free motion."""
+        """Matrix (6, n) from the coordinates s of a free motion to the axes q."""
         return COUPLING[self.problem.degrees_of_freedom]
 
     @property
     def order(self) -> int:
-        """The derivative of the coordinates that is the control."""
+        """Order of the derivative of the coordinates that is the control."""
         return 2 if self.problem.limits.tcp_jerk is None else 3
 
     @property
@@ -190,21 +190,21 @@ class AxisPlan:
 
     @cached_property
     def placing(self) -> CausalFunction:
-        """q -> T, e by Newton from the home pose, and nothing of forces: what says why there is none."""
+        """q -> T, e by Newton's method from the home pose, without forces; used for diagnosis."""
         return compile_causal(self.robot, known="q", targets=["T", "e"])
 
     def poses(self, q: Array) -> tuple[Array, Array, Any]:
-        """T, e and the status at axes q (6,) or (n, 6), by Newton from the home pose."""
+        """Return T, e and the status at axes q (6,) or (n, 6), by Newton's method from the home pose."""
         _, T, e, _, status = dynamics_of(self.robot).along(q)
         return (T, e, status) if np.all(status == Status.OK) else self.placing(q)
 
     def inverse(self, q: Array, velocity: Array, acceleration: Array) -> tuple[Array, Any]:
-        """tau and the status for axes and their two derivatives."""
+        """Return tau and the status for axes and their two derivatives."""
         tau, *_, status = dynamics_of(self.robot).along(q, velocity, acceleration)
         return tau, status
 
     def margins(self, q: Array) -> Array:
-        """Further margins (1, k) at rest at axes q (6,)."""
+        """Return the further margins (1, k) at rest at axes q (6,)."""
         if not self.guard.margins:
             return np.zeros((1, 0))
         f = compile_causal(self.guard.model(self.robot), known="robot.q", targets="margin")
@@ -212,39 +212,39 @@ class AxisPlan:
 
     @cached_property
     def following(self) -> CausalFunction:
-        """s and its derivatives -> FOLLOWED, and the margins where there are any."""
+        """(s and its derivatives) -> FOLLOWED and, if there are any, the margins."""
         assert self.course is not None
         return self.along or following(self.course, self.robot, self.guard)
 
     def held(self, run: Trajectory) -> dict[str, Array]:
-        """Axes and their two derivatives along the path, at the rows of a motion of s; NaN where they cannot be had."""
+        """Return axes and their two derivatives along the path at the rows of a motion of s; NaN where unreachable."""
         orders = len(self.following.inputs)
         _, *rates = self.following.along(*(run[name] for name in ("s", "der(s)", "der(s,2)", "drive")[:orders]))
         return dict(zip(("q", "der(q)", "der(q,2)"), rates, strict=False))
 
     @cached_property
     def strokes(self) -> tuple[Array, Array]:
-        """Least and largest q (6,) [m, rad]; infinite where there is none."""
+        """Smallest and largest q (6,) [m, rad]; infinite if unlimited."""
         limits = self.problem.limits
 
         def of_all(carts: list[float] | None, axes: list[float] | None, free: float) -> Array:
-            return np.concatenate([[free] * CARTS if given is None else given for given in (carts, axes)])
+            return np.concatenate([[free] * CARTS if values is None else values for values in (carts, axes)])
 
         return of_all(limits.cart_low, limits.axis_low, -np.inf), of_all(limits.cart_high, limits.axis_high, np.inf)
 
     @cached_property
     def optimization(self) -> gt.Optimization:
-        """The motion: states s and their velocities, and one control `drive` per coordinate, its second derivative, or
-        its third where the jerk is limited.
+        """The motion with states s and their velocities, and one control `drive` per coordinate: its second derivative,
+        or its third if the jerk is limited.
 
-        Free, s are the axes but for their coupling, q = coupling s. Along a path the model itself is restricted, and s
-        is the path coordinate (Dressler 2012, section 3.5). The six motor forces follow and keep their limits.
+        In a free motion s are the independent axes, q = coupling s. Along a path the model is restricted, and s is the
+        path coordinate (Dressler 2012, section 3.5). The six motor forces are dependent variables within their limits.
         """
         coupling, cost, course, guard, order = self.coupling, self.problem.cost, self.course, self.guard, self.order
         degrees_of_freedom = self.problem.degrees_of_freedom
         begin, end = coordinates(self.start, degrees_of_freedom), coordinates(self.goal, degrees_of_freedom)
         low, high = self.strokes
-        # those of a path are looked at beforehand
+        # strokes along a path are checked beforehand
         bounded = [k for k in range(MOTORS) if course is None and (np.isfinite(low[k]) or np.isfinite(high[k]))]
 
         class AxisMotion(gt.Optimization):
@@ -299,14 +299,16 @@ class AxisPlan:
         return type("AxisMotion", (AxisMotion,), declared)()
 
     def guess(self) -> Trajectory:
-        """An earlier result, or a quintic from rest to rest, along the path or all axes on their straight way, poses by
-        Newton; in 1 s, or along a path in so much more time that the further limits hold."""
+        """Return an earlier result, or a quintic from rest to rest along the path or with all axes synchronised.
+
+        It takes 1 s; along a path it takes longer if the further limits require that.
+        """
         if self.earlier is not None:
             return self.earlier
         r = np.linspace(0.0, 1.0, GUESS_ROWS)[:, None]
         shape = (10 * r**3 - 15 * r**4 + 6 * r**5, 30 * r**2 - 60 * r**3 + 30 * r**4,
                  60 * r - 180 * r**2 + 120 * r**3, 60 - 360 * r + 360 * r**2)  # fmt: skip
-        duration = GUESS_TIME_S * next((f for f in SLOWER if self._kept(shape, f * GUESS_TIME_S)), SLOWER[-1])
+        duration = GUESS_TIME_S * next((f for f in SLOWER if self._within_limits(shape, f * GUESS_TIME_S)), SLOWER[-1])
         profile = [x / duration**k for k, x in enumerate(shape)]
         if self.course is not None:
             s = [x[:, 0] for x in profile]
@@ -317,8 +319,8 @@ class AxisPlan:
             if np.any(status != Status.OK):
                 k = int(np.flatnonzero(status != Status.OK)[0])
                 raise ArgumentError(
-                    f"on the straight way of the axes, {100 * r[k, 0]:.0f} % from the start, the plate cannot be "
-                    f"followed: {self.placing.diagnose(q[k])}; give a nearer goal",
+                    f"the plate's pose cannot be computed at {100 * r[k, 0]:.0f} % of the synchronised motion of the "
+                    f"axes: {self.placing.diagnose(q[k])}; give a closer goal",
                     "goal",
                 )
             degrees_of_freedom = self.problem.degrees_of_freedom
@@ -328,15 +330,16 @@ class AxisPlan:
             values["der(s,2)"] = s[2]
         return Trajectory(duration * r[:, 0], values, {})
 
-    def _kept(self, shape: Sequence[Array], duration: float) -> bool:
-        """Whether that motion along the path keeps the further limits; of a free one nothing is asked."""
+    def _within_limits(self, shape: Sequence[Array], duration: float) -> bool:
+        """Return whether that motion along the path satisfies the further limits; True for a free motion."""
         if self.course is None or not self.guard.margins:
             return True
         motion = (x[:, 0] / duration**k for k, x in enumerate(shape))
         return bool(np.all(self.following.along(*motion)[-2] >= 0))
 
     def by_squared_speeds(self, intervals: int) -> PathMotion:
-        """The motion along the path by the fast engine, limits in the middles of its intervals; not with a jerk."""
+        """Return the motion along the path from squared speeds, with limits in the middle of intervals and no jerk
+        limit."""
         cost = self.problem.cost
         curve = lambda s: (s[:, None], np.ones((len(s), 1)), np.zeros((len(s), 1)))  # noqa: E731  # s itself
         squares = self.motors**-2.0

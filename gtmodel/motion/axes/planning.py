@@ -1,4 +1,4 @@
-"""What an axis trajectory problem asks for, checked before anything is optimised."""
+"""Checks of an axis trajectory problem before the optimisation."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ from .plan import (
 )
 
 Array = np.ndarray
-COUPLED = 1e-9  # degrees: typed numbers, so round-off only
-SAME_AXES = 1e-6  # [m, rad] Newton's round-off, amplified near a singularity
+COUPLED = 1e-9  # degrees: rounding of input values
+SAME_AXES = 1e-6  # [m, rad] Newton's rounding error, amplified near a singularity
 SAMPLES = 201
 X, Y = np.eye(3)[0], np.eye(3)[1]
 LINKS = [("link", k) for k in range(6)]
@@ -40,7 +40,7 @@ LINKS = [("link", k) for k in range(6)]
 
 @dataclass(frozen=True)
 class _Place:
-    """An end of a path: tool centre point [m], the plate's R (3, 3), and a tool direction where one is given."""
+    """An end of a path: tool centre point [m], the plate's R (3, 3), and the tool direction, if given."""
 
     T: Array
     R: Array
@@ -48,7 +48,7 @@ class _Place:
 
 
 def plan_of(problem: AxisProblem) -> AxisPlan:
-    """The plan of a problem. Raises ArgumentError.
+    """Check a problem and return its plan. Raises ArgumentError.
 
     >>> end = gt.motion.AxisEnd([0.72, 0.26, 0.21], [0.1, 0.0, 0.0])
     >>> problem = gt.motion.axes.AxisProblem(
@@ -63,26 +63,26 @@ def plan_of(problem: AxisProblem) -> AxisPlan:
     robot = problem.robot
     if not isinstance(robot, F1):
         raise ArgumentError(
-            f"axis_trajectory moves the six axes of an F1; this is a {type(robot).__name__}; "
-            "kind trajectory moves three-link and six-link robots",
+            f"is a {type(robot).__name__}, but axis_trajectory needs an F1; use kind trajectory for three-link and "
+            "six-link robots",
             "robot",
         )
     if problem.degrees_of_freedom not in COUPLING:
         raise ArgumentError(f"expected 5 or 6; found {problem.degrees_of_freedom}", "degrees_of_freedom")
     if problem.cost.time == 0.0 and problem.cost.energy == 0.0:
-        raise ArgumentError("both weights are zero, so nothing is minimised; give cost.time or cost.energy", "cost")
+        raise ArgumentError("has zero weights only; give cost.time or cost.energy", "cost")
     for which, end in problem.ends:
         _check_end(problem, end, which)
     start, goal, course = *(_axes(end) for _, end in problem.ends), None
     guard, along = None, None
     if problem.path is not None:
         course = _course(problem, robot)
-        # one function for all that is asked of the path, where its limits do not wait for the ends
+        # compile one function for the path, unless its limits depend on the ends
         guard = NO_GUARD if problem.limits.joint_cones else _guard(problem, robot, start)
         along = following(course, robot, guard)
         start, goal = _ends_of(problem, along, start, goal)
     if np.array_equal(start, goal):
-        raise ArgumentError("the goal equals the start; give another goal", "goal")
+        raise ArgumentError("equals the start; give another goal", "goal")
     if guard is None or problem.limits.joint_cones:
         guard, along = _guard(problem, robot, start), None
     plan = AxisPlan(problem, robot, start, goal, guard, course, _earlier(problem), along)
@@ -94,58 +94,58 @@ def plan_of(problem: AxisProblem) -> AxisPlan:
 
 
 def _axes(end: AxisEnd) -> Array:
-    """Axes (6,) [m, rad] as given; NaN where they are not."""
+    """Return the given axes (6,) [m, rad]; NaN if there are none."""
     if end.carts is None or end.axes is None:
         return np.full(MOTORS, np.nan)
     return np.concatenate([end.carts, end.axes])
 
 
 def _check_end(problem: AxisProblem, end: AxisEnd, which: str) -> None:
-    """An end is given by its axes, or on a path by its tool centre point, not by both."""
-    given = [name for name in ("carts", "axes") if getattr(end, name) is not None]
+    """Check that an end has either its axes or, on a path, its tool centre point."""
+    axis_names = [name for name in ("carts", "axes") if getattr(end, name) is not None]
     if problem.path is None:
         for name in ("tcp", "tool"):
             if getattr(end, name) is not None:
-                raise ArgumentError("needs a path; a free motion goes from axes to axes", f"{which}.{name}")
+                raise ArgumentError("needs a path; give carts and axes for a free motion", f"{which}.{name}")
     elif end.tcp is not None:
-        if given:
+        if axis_names:
             raise ArgumentError(
-                "is given beside the tool centre point, which determines the axes; remove one of them",
-                f"{which}.{given[0]}",
+                "is redundant with the tool centre point, which determines the axes; remove one of them",
+                f"{which}.{axis_names[0]}",
             )
         if end.tool is not None and problem.degrees_of_freedom == 6:
             raise ArgumentError(
-                "leaves the turn of the plate about it open in six degrees of freedom; give carts and rotary axes",
+                "leaves the rotation about the tool undetermined with six degrees of freedom; give carts and axes",
                 f"{which}.tool",
             )
         if end.tool is not None:
             _unit(np.array(end.tool), f"{which}.tool")
         return
     for name in ("carts", "axes"):
-        if name not in given:
+        if name not in axis_names:
             instead = "" if problem.path is None else "; give carts and rotary axes, or the tool centre point"
             raise ArgumentError(f"is missing{instead}", f"{which}.{name}")
     if end.tool is not None:
-        raise ArgumentError("is given beside the axes, which determine it; remove it", f"{which}.tool")
+        raise ArgumentError("is redundant with the axes, which determine it; remove it", f"{which}.tool")
     q4, q5, _ = np.degrees(_axes(end)[CARTS:])
     if problem.degrees_of_freedom == 5 and abs(q4 + q5) > COUPLED:
         raise ArgumentError(
-            f"q5 = {q5:g} is not -q4 = {-q4:g} degrees; give q5 = -q4, or six degrees_of_freedom", f"{which}.axes"
+            f"q5 = {q5:g} is not -q4 = {-q4:g} degrees; give q5 = -q4, or degrees_of_freedom 6", f"{which}.axes"
         )
 
 
 def _course(problem: AxisProblem, robot: F1) -> PathOrientation:
-    """The path and how the plate is held on it."""
-    shape, held = problem.path, problem.tool
+    """Return the path with the plate's orientation along it."""
+    shape, tool_options = problem.path, problem.tool
     assert shape is not None
-    tool = _unit(np.array(held.axis), "tool.axis")
+    tool = _unit(np.array(tool_options.axis), "tool.axis")
     start, goal = (_place(robot, end, which) for which, end in problem.ends)
     if problem.degrees_of_freedom == 6:
-        if held.through:
+        if tool_options.through:
             raise ArgumentError(
-                "leaves the turn of the plate open in six degrees of freedom; remove it", "tool.through"
+                "leaves the plate's rotation undetermined with six degrees of freedom; remove it", "tool.through"
             )
-        R = [place.R if end.tcp is None else other.R for place, end, other in
+        R = [place.R if end.tcp is None else opposite.R for place, end, opposite in
              ((start, problem.start, goal), (goal, problem.goal, start))]  # fmt: skip
         e = quaternion_of(np.array(R))
         return PathOrientation(path_of(shape, start.T, goal.T), turning(np.array([0.0, 1.0]), e, "goal"), None)
@@ -153,11 +153,11 @@ def _course(problem: AxisProblem, robot: F1) -> PathOrientation:
             ((start, problem.start), (goal, problem.goal))]  # fmt: skip
     first = next((d for d in ends if d is not None), start.R @ tool)
     first, last = (first if d is None else d for d in ends)
-    at = np.array([0.0, *(t.at for t in held.through), 1.0])
-    if np.any(np.diff(at) <= 0):
-        raise ArgumentError("its fractions do not rise along the way", "tool.through")
-    between = [_unit(np.array(t.direction), f"tool.through[{n}].direction") for n, t in enumerate(held.through)]
-    course = turning(at, np.array([first, *between, last]), "tool.through" if held.through else "goal")
+    fractions = np.array([0.0, *(t.at for t in tool_options.through), 1.0])
+    if np.any(np.diff(fractions) <= 0):
+        raise ArgumentError("has fractions that do not increase along the path", "tool.through")
+    between = [_unit(np.array(t.direction), f"tool.through[{n}].direction") for n, t in enumerate(tool_options.through)]
+    course = turning(fractions, np.array([first, *between, last]), "tool.through" if tool_options.through else "goal")
     return PathOrientation(path_of(shape, start.T, goal.T), course, tool)
 
 
@@ -167,48 +167,51 @@ def _place(robot: F1, end: AxisEnd, which: str) -> _Place:
         return _Place(np.array(end.tcp), quaternion_matrix(np.asarray(robot.home_e, float)), direction)
     q = _axes(end)
     _, T, _, R, status = dynamics_of(robot).along(q)
-    if status != Status.OK:  # of the pose alone
+    if status != Status.OK:  # solve for the pose alone
         f = compile_causal(robot, known="q", targets=["T", "R"])
         T, R, status = f(q)
         if status != Status.OK:
-            raise ArgumentError(f"the links cannot close there: {f.diagnose(q)}", which)
+            raise ArgumentError(f"the closure equations have no solution there: {f.diagnose(q)}", which)
     return _Place(T, R, None)
 
 
 def _unit(v: Array, argument: str) -> Array:
     if not np.any(v):
-        raise ArgumentError("is zero; a direction is expected", argument)
+        raise ArgumentError("is zero; expected a direction", argument)
     return v / np.linalg.norm(v)
 
 
 def _ends_of(problem: AxisProblem, along: CausalFunction, start: Array, goal: Array) -> tuple[Array, Array]:
-    """Axes at both ends of the path; those of the problem where it gives them."""
+    """Return the axes at both ends of the path; the problem's, if given."""
     ends = []
-    for which, s, given in (("start", 0.0, start), ("goal", 1.0, goal)):
+    for which, s, prescribed in (("start", 0.0, start), ("goal", 1.0, goal)):
         *values, status = along.along(s)
         q = values[FOLLOWED.index("robot.q")]
-        argument = which if np.all(np.isfinite(given)) else f"{which}.tcp"
+        argument = which if np.all(np.isfinite(prescribed)) else f"{which}.tcp"
         if status != Status.OK:
-            raise ArgumentError(f"no axes hold the plate there: {along.diagnose(*along.arguments_along(s))}", argument)
-        if np.max(np.abs(q - given), initial=0.0, where=np.isfinite(given)) > SAME_AXES:
-            shown = ", ".join(f"{x:.4g}" for x in (*q[:CARTS], *np.degrees(q[CARTS:])))
+            raise ArgumentError(f"the pose is out of reach: {along.diagnose(*along.arguments_along(s))}", argument)
+        if np.max(np.abs(q - prescribed), initial=0.0, where=np.isfinite(prescribed)) > SAME_AXES:
+            axes_text = ", ".join(f"{x:.4g}" for x in (*q[:CARTS], *np.degrees(q[CARTS:])))
             raise ArgumentError(
-                f"the same tool centre point and tool direction are reached with other axes, ({shown}) in m and "
-                "degrees; the path is followed with these: give them, or the tool centre point",
+                f"the path reaches this tool centre point and tool direction with other axes, ({axes_text}) in m and "
+                "degrees; give these, or the tool centre point",
                 argument,
             )
-        ends.append(np.where(np.isfinite(given), given, q))
+        ends.append(np.where(np.isfinite(prescribed), prescribed, q))
     return ends[0], ends[1]
 
 
 def _guard(problem: AxisProblem, robot: F1, start: Array) -> MotionConstraints:
-    """Further limits; strokes are bounds of the axes themselves."""
+    """Return the margins of the further limits; strokes of carts are bounds of the axes."""
     limits = replace(problem.limits, cart_low=None, cart_high=None)
     return guard_of(limits, LINKS, lambda arm, end: _carrier(robot, start, arm, end))
 
 
 def _carrier(robot: F1, start: Array, arm: int, end: str) -> Carrier | None:
-    """What turns a ball joint: the plate, or the joint plate of arm 2 or 3; raw quaternions scale both sides alike."""
+    """Return the body that rotates a ball joint: the plate, or the joint plate of arm 2 or 3.
+
+    Quaternions are not normalised, since they scale both rotations alike.
+    """
     if end == "plate":
         *_, R, _ = dynamics_of(robot).along(start)
         return Carrier(lambda m: m.robot.R, R)
@@ -216,12 +219,12 @@ def _carrier(robot: F1, start: Array, arm: int, end: str) -> Carrier | None:
         return None
     u2, u3, inner = (quaternion_matrix(np.asarray(u, float)) for u in (robot.u1_2, robot.u1_3, robot.u2_3))
 
-    def turned(q: Any) -> Any:
+    def rotation(q: Any) -> Any:
         if arm < 3:
             return u2 @ rotation_about(Y, q[3])
         return u3 @ rotation_about(Y, q[4]) @ inner @ rotation_about(X, q[5])
 
-    return Carrier(lambda m: turned(m.robot.q), np.array(turned(start)))
+    return Carrier(lambda m: rotation(m.robot.q), np.array(rotation(start)))
 
 
 def _check_strokes(plan: AxisPlan) -> None:
@@ -233,7 +236,7 @@ def _check_strokes(plan: AxisPlan) -> None:
 
 
 def _beyond(plan: AxisPlan, q: Array) -> tuple[int, str]:
-    """An axis outside its stroke, and one sentence on it; empty where there is none."""
+    """Return an axis outside its stroke and a sentence on it; -1 and an empty sentence if there is none."""
     low, high = plan.strokes
     outside = np.flatnonzero((q < low) | (q > high))
     if not len(outside):
@@ -246,51 +249,51 @@ def _beyond(plan: AxisPlan, q: Array) -> tuple[int, str]:
 
 
 def _check_ends(plan: AxisPlan) -> None:
-    """At both ends the links close and the motors can hold the robot."""
+    """Check that the closure equations can be solved at both ends and the motors can hold the robot there."""
     for which, q in (("start", plan.start), ("goal", plan.goal)):
         _, _, status = plan.poses(q)
         if status != Status.OK:
-            raise ArgumentError(f"the links cannot close there: {plan.placing.diagnose(q)}", which)
+            raise ArgumentError(f"the closure equations have no solution there: {plan.placing.diagnose(q)}", which)
         tau, status = plan.inverse(q, np.zeros(MOTORS), np.zeros(MOTORS))
         if status != Status.OK:
-            raise ArgumentError(f"no motor forces hold the robot there: {Status(int(status)).name.lower()}", which)
+            raise ArgumentError(f"the holding forces cannot be computed: {Status(int(status)).name.lower()}", which)
         k = int(np.argmax(np.abs(tau) / plan.motors))
         if abs(tau[k]) > plan.motors[k]:
             unit, limit = ("N", "force") if k < CARTS else ("N.m", "torque")
             raise ArgumentError(
-                f"{plan.motors[k]:g} {unit} is not enough: the weight alone needs {abs(tau[k]):.4g} {unit} of motor "
-                f"{k + 1} to stand at {which}",
+                f"{plan.motors[k]:g} {unit} is too small: holding the weight at {which} needs {abs(tau[k]):.4g} "
+                f"{unit} from motor {k + 1}",
                 f"limits.{limit}",
             )
-        if plan.course is None and (broken := plan.guard.broken(plan.margins(q))):  # of a path with all of its way
+        if plan.course is None and (broken := plan.guard.broken(plan.margins(q))):  # paths: see _check_way
             raise ArgumentError(broken[1], which)
 
 
 def _check_way(plan: AxisPlan) -> None:
-    """The whole path can be followed within strokes and the limits of positions."""
+    """Check that the whole path can be followed within strokes and the limits of positions."""
     s = np.linspace(0.0, 1.0, SAMPLES)
     _, q, *_, status = motion = plan.following.along(s)
     assert plan.course is not None
-    wanted = plan.course.path(s)[0]
+    points = plan.course.path(s)[0]
     for k in range(SAMPLES):
-        shown = f"({', '.join(f'{x:.4g}' for x in wanted[k])}) m, {100 * s[k]:.0f} % of the way"
+        place = f"({', '.join(f'{x:.4g}' for x in points[k])}) m, {100 * s[k]:.0f} % of the way"
         if status[k] != Status.OK:
-            raise ArgumentError(f"the path cannot be followed with this tool direction at {shown}", "path")
+            raise ArgumentError(f"cannot be followed with this tool direction at {place}", "path")
         _, fault = _beyond(plan, q[k])
         if fault:
-            raise ArgumentError(f"{fault}, at {shown}", "path")
+            raise ArgumentError(f"{fault}, at {place}", "path")
     if plan.guard.margins and (broken := plan.guard.broken(motion[-2])):
-        raise ArgumentError(f"the path {broken[1]}, {100 * s[broken[0]]:.0f} % of the way", "path")
+        raise ArgumentError(f"{broken[1]}, {100 * s[broken[0]]:.0f} % of the way", "path")
 
 
 def _earlier(problem: AxisProblem) -> Trajectory | None:
-    """An earlier result's motion under the names of the optimisation."""
+    """Return an earlier result's motion under the names of the optimisation."""
     run = problem.earlier
     if run is None:
         return None
     names = {} if problem.path is not None else {"der(q)": "der(s)", "der(q,2)": "drive", "q": "s"}
     if any(name not in run for name in (*names, "T", "e")):
-        message = "its trajectory lacks one of q, der(q), der(q,2), T and e; start from another result"
+        message = "lacks one of q, der(q), der(q,2), T and e in its trajectory; use another result"
         raise ArgumentError(message, "earlier")
     values = {new: coordinates(run[old], problem.degrees_of_freedom) for old, new in names.items()}
     guess = Trajectory(run.time, values, {}) if values else progress_of(run)

@@ -1,11 +1,11 @@
-"""Motions of a robot whose tool swings on a spring.
+"""Motions of a robot with an elastic tool, modelled as a mass on a spring.
 
-elastic_study        plans with the tool rigid, shaped, and elastic, and what each leaves: `ElasticStudy`
-ElasticTool, ElasticCost, ElasticMesh, ElasticSolver   what it is asked for
+elastic_study        residual vibration after rigid, shaped and elastic plans: `ElasticStudy`
+ElasticTool, ElasticCost, ElasticMesh, ElasticSolver   its options
 
 RigidMotion, ElasticMotion   the optimisations
-ElasticTask, plans_on        what is planned, and the plans on one mesh
-PlateMotion, swing           a motion of the plate, and how the tool swings after it
+ElasticTask, plans_on        the planning task, and the plans on one mesh
+PlateMotion, swing           a motion of the plate, and the vibration of the tool
 """
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,4 @@
-"""What an elastic study is asked for besides the robot and its two places, the tool, the cost and the mesh, and what
-it answers."""
+"""Options of an elastic study (tool, cost, mesh, solver) and its result."""
 
 from __future__ import annotations
 
@@ -26,9 +25,9 @@ class ElasticTool(Options):
     """
 
     mass: Annotated[
-        float, Unit("kg"), Within(above=0.0), "mass of what swings; the plans with a rigid tool carry it as payload"
+        float, Unit("kg"), Within(above=0.0), "vibrating mass; the plans with a rigid tool carry it as payload"
     ]
-    frequency: Annotated[float, Unit("Hz"), Within(above=0.0), "natural frequency with the plate held"]
+    frequency: Annotated[float, Unit("Hz"), Within(above=0.0), "natural frequency with the plate fixed"]
     damping: Annotated[float, Within(least=0.0, below=1.0), "damping ratio"] = 0.0
 
     @property
@@ -44,7 +43,7 @@ class ElasticTool(Options):
 
 @dataclass(frozen=True)
 class ElasticCost(Options):
-    """What is minimised: final time plus weighted energy.
+    """The cost: final time plus weighted energy.
 
     >>> gt.motion.elastic.ElasticCost(energy=-1.0)
     Traceback (most recent call last):
@@ -53,12 +52,12 @@ class ElasticCost(Options):
     """
 
     energy: Annotated[float, Within(least=0.0), "weight w of sum int (F / force_unit_N)^2"] = 0.01
-    force_unit: Annotated[float, Unit("N"), Within(above=0.0), "unit of force in the energy"] = 112.90322580645162
+    force_unit: Annotated[float, Unit("N"), Within(above=0.0), "reference force in the energy"] = 112.90322580645162
 
 
 @dataclass(frozen=True)
 class ElasticMesh(Options):
-    """Where the equations are collocated (Radau, three points per element).
+    """The collocation mesh (Radau, three points per element).
 
     >>> gt.motion.elastic.ElasticMesh(elements=2000)
     Traceback (most recent call last):
@@ -72,7 +71,7 @@ class ElasticMesh(Options):
 
 @dataclass(frozen=True)
 class ElasticSolver(Options):
-    """How the plans are searched.
+    """Options of the solver.
 
     >>> gt.motion.elastic.ElasticSolver(barrier="slow")
     Traceback (most recent call last):
@@ -83,45 +82,45 @@ class ElasticSolver(Options):
     barrier: Barrier = "auto"
 
 
-OFF = 0.1  # error of the frequency that is reported
-FORCE_SHARE = 1e-3  # of the limit: beyond, a motion passes it
+OFF = 0.1  # relative error of the frequency in the robustness result
+FORCE_SHARE = 1e-3  # relative excess from which a motion exceeds the force limit
 
 
 ASSUMED = (
-    "the plate follows its motion exactly: the tool's swing does not push it back",
-    "plans keep the force limit at every instant; shaped motions need what the table says",
-    "shaped motions leave the planned path, within its convex hull",
+    "the plate follows its motion exactly; the tool's vibration does not act back on it",
+    "plans keep the force limit at every instant; shaped motions may exceed it",
+    "shaped motions leave the planned path, but stay within its convex hull",
 )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ElasticStudy(Study):
-    """How an elastic tool swings after each of several motions; where a plan was not found there are no values.
+    """Residual vibration of an elastic tool after several motions; no values if a plan was not found.
 
-    force: limit of the motors [N]. notes: where a mesh is too coarse for the oscillation. refined: whether the mesh is
-    finer than the given one.
+    force: limit of the motors [N]. notes: warn of a mesh too coarse for the oscillation. refined: whether the mesh was
+    refined.
     """
 
     motions: Annotated[
         Mapping[str, Mapping[str, float]] | None,
         Quantity(
             "",
-            "for each of rigid, ZV, ZVD and elastic: final_time_s, residual_mm (amplitude of the tool against the "
-            "plate once that stands, root of the sum of squares of three directions), residual_10_percent_mm (the "
-            "worst of a mode 10 % slower and faster than planned), peak_force_N: of the plans their own, of shaped "
-            "ones what the robot with a rigid tool needs",
+            "for each of rigid, ZV, ZVD and elastic: final_time_s, residual_mm (amplitude of the tool relative to the "
+            "plate at rest, norm over three directions), residual_10_percent_mm (the larger one for a mode 10 % "
+            "slower or faster than planned), peak_force_N (from the plan; for shaped motions from inverse dynamics "
+            "with a rigid tool)",
         ),
     ] = None
-    frequency: Annotated[float | None, Quantity("Hz", "of the tool on its spring, the plate held")] = None
-    static: Annotated[float | None, Quantity("m", "by which the tool hangs", written="mm")] = None
+    frequency: Annotated[float | None, Quantity("Hz", "natural frequency of the tool with the plate fixed")] = None
+    static: Annotated[float | None, Quantity("m", "static deflection of the tool", written="mm")] = None
     elements: Annotated[
-        int | None, Quantity("", "elements of the mesh: those of the file, or more where a check failed on them")
+        int | None, Quantity("", "number of mesh elements; more than requested if the mesh was refined")
     ] = None
     resimulated_end: Annotated[
         float | None,
         Quantity(
             "m",
-            "offset of the tool from where it hangs after an integrator ran the elastic plan's forces",
+            "offset of the tool from its static equilibrium after re-simulating the elastic plan's forces",
             written="mm",
         ),
     ] = None
@@ -134,19 +133,19 @@ class ElasticStudy(Study):
         if self.motions is None or self.static is None or self.resimulated_end is None:
             return []
         rows = [
-            Row(name, f"{t['final_time_s']:.4f} s, swings {t['residual_mm']:.3g} mm; {100 * OFF:g} % off "
-                f"{t['residual_10_percent_mm']:.3g} mm; largest force {t['peak_force_N']:.4g} N")
+            Row(name, f"{t['final_time_s']:.4f} s, residual vibration {t['residual_mm']:.3g} mm, with {100 * OFF:g} % "
+                f"frequency error {t['residual_10_percent_mm']:.3g} mm; peak force {t['peak_force_N']:.4g} N")
             for name, t in self.motions.items()
         ]  # fmt: skip
         rows += [
-            Row("the tool hangs by", 1e3 * self.static, "mm"),
-            Row("elastic plan, re-simulated: tool off", 1e3 * self.resimulated_end, "mm"),
+            Row("static deflection of the tool", 1e3 * self.static, "mm"),
+            Row("elastic plan, re-simulated: tool offset", 1e3 * self.resimulated_end, "mm"),
         ]
         if self.refined:
-            rows.append(Row("elements of the mesh, refined", self.elements))
+            rows.append(Row("mesh elements after refinement", self.elements))
         for name, m in self.motions.items():
             over = m["peak_force_N"] / self.force - 1
             if over > FORCE_SHARE:
-                said = f"by {100 * over:.2g} %: plan with a limit of {self.force / (1 + over):.3g} N to stay near it"
-                rows.append(Row(f"{name} passes the force limit", said))
+                advice = f"by {100 * over:.2g} %; plan with a limit of {self.force / (1 + over):.3g} N to stay near it"
+                rows.append(Row(f"{name} exceeds the force limit", advice))
         return rows + [Row("assumed", sentence) for sentence in ASSUMED]

@@ -1,5 +1,4 @@
-"""The plans that are compared, on one mesh: rigid, shaped, elastic, and how an elastic tool swings after a motion of
-the plate."""
+"""The compared plans on one mesh (rigid, shaped, elastic), and the vibration of an elastic tool after a motion."""
 
 from __future__ import annotations
 
@@ -22,9 +21,9 @@ from .options import MOST_ELEMENTS, OFF, ElasticCost, ElasticMesh, ElasticSolver
 
 
 class RigidMotion(GantryTau, gt.Optimization):
-    """The optimal motion from rest to rest between two points: time plus energy, motor forces within +-F_max.
+    """The optimal motion from rest to rest between two points: cost time plus energy, motor forces within +-F_max.
 
-    `ElasticTask.models` makes it of a robot that carries the tool as payload.
+    `ElasticTask.models` builds it for a robot that carries the tool as payload.
 
     >>> from gtmodel.motion.elastic import ElasticCost, ElasticSolver, ElasticTask, ElasticTool
     >>> tool = ElasticTool(mass=5.0, frequency=6.0, damping=0.02)
@@ -39,10 +38,10 @@ class RigidMotion(GantryTau, gt.Optimization):
 
     final_time = gt.free(guess=1.2, min=0.2, unit="s")
     F_max = gt.parameter(unit="N", positive=True, description="largest force of a motor")
-    weight = gt.parameter(0.0, unit="1", description="of the energy in the cost")
-    F_unit = gt.parameter(unit="N", positive=True, description="force that counts 1 in the energy")
-    start = gt.parameter(shape=3, unit="m", description="tool centre point at first")
-    goal = gt.parameter(shape=3, unit="m", description="tool centre point in the end")
+    weight = gt.parameter(0.0, unit="1", description="weight of the energy in the cost")
+    F_unit = gt.parameter(unit="N", positive=True, description="reference force in the energy")
+    start = gt.parameter(shape=3, unit="m", description="tool centre point at the start")
+    goal = gt.parameter(shape=3, unit="m", description="tool centre point at the goal")
 
     def objective(self):
         return self.final_time + self.weight * gt.integral(gt.dot(self.tau, self.tau) / self.F_unit**2)
@@ -55,8 +54,7 @@ class RigidMotion(GantryTau, gt.Optimization):
 
 
 class ElasticMotion(RigidMotion):
-    """The motion of `RigidMotion` with a mass on a spring at the plate; the mass hangs at rest at the start and at the
-    end.
+    """`RigidMotion` with a mass on a spring at the plate; the mass is in static equilibrium at the start and the end.
 
     Raises ModelError for a negative mass, and for a stiffness or damping that is not positive semidefinite.
 
@@ -68,13 +66,13 @@ class ElasticMotion(RigidMotion):
     ... )
     >>> rigid, elastic = task.models
     >>> solution = gt.solve(elastic, gt.Mesh(8), guess=gt.solve(rigid, gt.Mesh(8)).trajectory)
-    >>> round(1e3 * float(solution.trajectory["spring.offset"][-1, 2]), 1)  # [mm]: the tool hangs by its weight
+    >>> round(1e3 * float(solution.trajectory["spring.offset"][-1, 2]), 1)  # [mm]: static deflection
     -6.9
     """
 
     mass = gt.parameter(unit="kg", positive=True, description="mass on the spring")
-    K = gt.parameter(shape=(3, 3), unit="N/m", kind="semidefinite", description="its stiffness, world axes")
-    D = gt.parameter(np.zeros((3, 3)), unit="N.s/m", kind="semidefinite", description="its damping, world axes")
+    K = gt.parameter(shape=(3, 3), unit="N/m", kind="semidefinite", description="stiffness in world axes")
+    D = gt.parameter(np.zeros((3, 3)), unit="N.s/m", kind="semidefinite", description="damping in world axes")
     spring = gt.part(PointSpringDamper, K=K, D=D)
     tool = gt.part(PointMass, m=mass)
 
@@ -92,29 +90,29 @@ class ElasticMotion(RigidMotion):
 
 
 Array = np.ndarray
-SAMPLES = 4001  # of a motion, at least
-PER_PERIOD = 200  # samples of a swing's period, at least
+SAMPLES = 4001  # smallest number of samples of a motion
+PER_PERIOD = 200  # smallest number of samples per period of the vibration
 MOST_SAMPLES = 400_001
-AFTER = 6  # periods that are shown after the motion
+AFTER = 6  # simulated periods after the motion
 
 
 @dataclass(frozen=True, eq=False)
 class PlateMotion:
-    """A motion of the plate, its name, and the largest force on the way [N]."""
+    """A motion of the plate, its name, and its peak force [N]."""
 
     name: str
     plate: Trajectory
     peak: float
 
     def residual(self, ratios: Any, tool: ElasticTool) -> Array:
-        """Amplitude [m] for modes at these ratios to the planned frequency."""
+        """Return the residual amplitude [m] for modes at these ratios to the planned frequency."""
         v = self.plate["der(T)"]
         by_direction = residual_vibration(self.plate.time, v, np.asarray(ratios) * tool.frequency, tool.damping)
         return np.linalg.norm(by_direction, axis=-1)
 
 
 def sampled(solution: Solution, tool: ElasticTool) -> Trajectory:
-    """The plate along the collocated polynomials; its ends, at rest to the solver's tolerance, are put to rest."""
+    """Sample the plate's motion from the collocation polynomials; end velocities are set to exactly zero."""
     n = _samples(solution.trajectory.duration, tool)
     plate = solution.sample(np.linspace(0.0, 1.0, n)).select(["T", "der(T)", "der(T,2)", "tau"])
     v = plate["der(T)"].copy()
@@ -123,10 +121,10 @@ def sampled(solution: Solution, tool: ElasticTool) -> Trajectory:
 
 
 def swing(plate: Trajectory, tool: ElasticTool) -> tuple[Array, Array]:
-    """Times and offsets (n, 3) [m] of the tool during the motion and AFTER periods after it, integrated exactly for
-    velocities linear between samples.
+    """Return times and offsets (n, 3) [m] of the tool during a motion and for AFTER periods after it.
 
-    plate: its velocity "der(T)" (n, 3) [m/s] at least, from rest to rest.
+    The integration is exact for velocities linear between samples. plate: a trajectory from rest to rest with the
+    velocity "der(T)" (n, 3) [m/s].
 
     >>> t = np.linspace(0.0, 0.5, 101)
     >>> velocity = np.outer(np.sin(np.pi * t / 0.5), [0.2, 0.0, 0.0])
@@ -144,7 +142,7 @@ def swing(plate: Trajectory, tool: ElasticTool) -> tuple[Array, Array]:
     after = np.arange(1, int(AFTER / tool.frequency / step)) * step
     t = np.linspace(0.0, plate.duration, n)
     v = np.vstack([plate(t + plate.time[0], "der(T)"), np.zeros((len(after), 3))])
-    # z' = -w^2 x - 2 zeta w (z - v), x' = z - v: driven by the velocity, so that steps of the acceleration need no care
+    # z' = -w^2 x - 2 zeta w (z - v), x' = z - v: the input is the velocity, so steps of the acceleration are harmless
     c = 2 * tool.damping * w
     system = StateSpace([[0.0, 1.0], [-(w**2), -c]], [[-1.0], [c]], [[1.0, 0.0]], [[0.0]])
     time = np.concatenate([t, t[-1] + after])
@@ -152,26 +150,26 @@ def swing(plate: Trajectory, tool: ElasticTool) -> tuple[Array, Array]:
 
 
 def _samples(duration: float, tool: ElasticTool) -> int:
-    """Instants of a motion that follow its swing. Raises ArgumentError for a frequency that they cannot follow."""
+    """Return the number of samples that resolves the vibration. Raises ArgumentError for too high a frequency."""
     n = max(SAMPLES, int(np.ceil(PER_PERIOD * duration * tool.frequency)) + 1)
     if n > MOST_SAMPLES:
         most = MOST_SAMPLES / PER_PERIOD / duration
-        raise ArgumentError(f"is too fast to be followed; at most {most:.3g} Hz in {duration:.3g} s", "tool.frequency")
+        raise ArgumentError(f"is too high; expected at most {most:.3g} Hz for {duration:.3g} s", "tool.frequency")
     return n
 
 
-SHARE = 0.01  # of the rigid plan's swing; 40 elements leave 0.4 %, shaping a part in a million
-RESIMULATED_M = 5e-4  # collocation's error, as an integrator shows it
+SHARE = 0.01  # of the rigid plan's residual; 40 elements leave 0.4 %, shaping one part in a million
+RESIMULATED_M = 5e-4  # bound of the collocation error found by re-simulation
 MENDED = ("elastic_share_of_rigid", "resimulated_end_mm")  # by a finer mesh
-TO_A_PERIOD = 5  # elements: six leave 0.4 % of the rigid plan's swing, 3.8 leave 3 %, 1.8 leave half
-SAME_M = 1e-6  # ends nearer than that are one place
+TO_A_PERIOD = 5  # elements per period: 6 leave 0.4 % of the rigid plan's residual, 3.8 leave 3 %, 1.8 leave half
+SAME_M = 1e-6  # ends closer than this coincide
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ElasticTask:
-    """What is planned: a bare robot, its ends [m], the motors' limit [N], and how.
+    """A planning task: a robot without its tool, ends [m], the motors' limit [N], and options.
 
-    Raises ArgumentError for a robot without three links, ends that it cannot reach, and a force that is not positive.
+    Raises ArgumentError for a robot that is not three-link, and for ends that are out of reach or equal.
     """
 
     robot: Model
@@ -187,9 +185,9 @@ class ElasticTask:
         f = self.inverse
         for name, end in (("start", self.start), ("goal", self.goal)):
             if f(end)[-1] != Status.OK:
-                raise ArgumentError(f"cannot be reached: {f.diagnose(end)}", name)
+                raise ArgumentError(f"is out of reach: {f.diagnose(end)}", name)
         if np.linalg.norm(np.subtract(self.goal, self.start)) < SAME_M:
-            raise ArgumentError("is where the motion starts; nothing moves, nothing swings: give another place", "goal")
+            raise ArgumentError("equals the start; give another goal", "goal")
 
     @cached_property
     def carrying(self) -> GantryTau:
@@ -199,12 +197,12 @@ class ElasticTask:
 
     @cached_property
     def inverse(self) -> CausalFunction:
-        """T -> q of the robot that carries the tool."""
+        """T -> q of the robot with the tool as payload."""
         return compile_causal(self.carrying, known="T", targets="q")
 
     @cached_property
     def models(self) -> tuple[RigidMotion, ElasticMotion]:
-        """The optimisations with the tool as payload, and on its spring."""
+        """The optimisations with the tool as payload and with the elastic tool."""
         k = self.tool.stiffness
         d = 2 * self.tool.damping * np.sqrt(k * self.tool.mass)
         elastic = ElasticMotion(**self._values(self.robot), mass=self.tool.mass, K=k * np.eye(3), D=d * np.eye(3))
@@ -217,31 +215,31 @@ class ElasticTask:
 
 
 def too_coarse(tool: ElasticTool, mesh: ElasticMesh, duration: float) -> list[str]:
-    """A sentence where the elements of the mesh are too long for the tool's swing."""
+    """Return a sentence if the elements of the mesh are too long for the tool's vibration."""
     elements, frequency = mesh.elements, tool.frequency
-    wanted = int(np.ceil(TO_A_PERIOD * duration * frequency))
-    if elements >= wanted:
+    required = int(np.ceil(TO_A_PERIOD * duration * frequency))
+    if elements >= required:
         return []
-    fact = f"mesh.elements = {elements} are {elements / (duration * frequency):.2g} to a period of the tool's swing"
-    if wanted <= MOST_ELEMENTS:
-        return [f"{fact}, which the elastic plan cannot follow: take at least {wanted}"]
-    return [f"{fact}; no mesh here follows it, a tool so stiff hardly swings: plan with it as payload"]
+    fact = f"mesh.elements = {elements} gives {elements / (duration * frequency):.2g} elements per vibration period"
+    if required <= MOST_ELEMENTS:
+        return [f"{fact}, too few for the elastic plan; use at least {required} elements"]
+    return [f"{fact}, too few with any mesh; such a stiff tool hardly vibrates, so treat it as payload"]
 
 
 def three_link(robot: Model) -> GantryTau:
-    """The robot, if plans are made for it. Raises ArgumentError."""
-    if type(robot) is not GantryTau:  # plans are made of its equations; a subclass may have others
+    """Return the robot if it is three-link. Raises ArgumentError."""
+    if type(robot) is not GantryTau:  # plans use its equations; a subclass may have others
         raise ArgumentError(
-            f"is a {type(robot).__name__}; elastic plans are made for three-link robots such as l1_tape", "robot"
+            f"is a {type(robot).__name__}; elastic plans need a three-link robot such as l1_tape", "robot"
         )
     return robot
 
 
 @dataclass(frozen=True, eq=False)
 class Plans:
-    """The plans on one mesh, the motions compared and what they leave by name, and the checks.
+    """The plans on one mesh, the compared motions, their table of results by name, and the checks.
 
-    left: offset of the tool [m] from where it hangs after an integrator ran the elastic plan's forces.
+    left: offset of the tool [m] from its static equilibrium after re-simulating the elastic plan's forces.
     """
 
     task: ElasticTask
@@ -260,7 +258,7 @@ class Plans:
 
 @dataclass(frozen=True)
 class PlansFailure:
-    """Why one of the plans was not solved, and the iterations of all."""
+    """Why a plan was not solved, and the iterations of all plans."""
 
     status: SolveStatus
     message: str
@@ -268,7 +266,7 @@ class PlansFailure:
 
 
 def plans_on(mesh: ElasticMesh, task: ElasticTask, before: Plans | None, work: Work) -> Plans | PlansFailure:
-    """The plans on a mesh, begun from those before, and what they leave; why not where one of them is not solved.
+    """Compute the plans on a mesh, starting from previous plans, and evaluate them; or return the failure.
 
     >>> from gtmodel.motion.elastic import ElasticCost, ElasticMesh, ElasticSolver, ElasticTask, ElasticTool, plans_on
     >>> tool = ElasticTool(mass=5.0, frequency=6.0, damping=0.02)
@@ -282,7 +280,7 @@ def plans_on(mesh: ElasticMesh, task: ElasticTask, before: Plans | None, work: W
     """
 
     def planned(model: Optimization, stage: str, guess: Any) -> Solution:
-        # forces keep their limit at every instant; the plan is judged by its re-simulation
+        # Bernstein control: forces keep their limit at every instant; the plan is assessed by its re-simulation
         fine = CollocationMesh(mesh.elements, control="bernstein")
         options = SolverOptions(barrier=task.solver.barrier, error_bound=None)
         progress = work.iterations(stage)
@@ -303,8 +301,8 @@ def plans_on(mesh: ElasticMesh, task: ElasticTask, before: Plans | None, work: W
     for name, make in (("ZV", zero_vibration), ("ZVD", zero_vibration_derivative)):
         shaped = make(tool.frequency, tool.damping)(plate, ["T", "der(T)", "der(T,2)"])
         motions.append(PlateMotion(name, shaped, _peak(task.carrying, shaped)))
-    own = sampled(elastic, tool)
-    motions.append(PlateMotion("elastic", own, _largest(own["tau"])))
+    elastic_plate = sampled(elastic, tool)
+    motions.append(PlateMotion("elastic", elastic_plate, _largest(elastic_plate["tau"])))
     return _judged(task, mesh, motions, rigid, elastic)
 
 
@@ -313,16 +311,18 @@ def _judged(
 ) -> Plans:
     tool, table = task.tool, {}
     for m in motions:
-        off = m.residual([1 - OFF, 1 + OFF], tool)
+        detuned = m.residual([1 - OFF, 1 + OFF], tool)
         table[m.name] = {
             "final_time_s": m.plate.duration, "residual_mm": 1e3 * float(m.residual([1.0], tool)[0]),
-            "residual_10_percent_mm": 1e3 * float(off.max()), "peak_force_N": m.peak,
+            "residual_10_percent_mm": 1e3 * float(detuned.max()), "peak_force_N": m.peak,
         }  # fmt: skip
-    again = resimulate(elastic)
-    hang = np.array([0.0, 0.0, -tool.sag])
-    left = np.inf if again.trajectory is None else float(np.linalg.norm(again.trajectory["spring.offset"][-1] - hang))
-    whole = table["rigid"]["residual_mm"]
-    checks = {f"{n}_share_of_rigid": at_most(table[n]["residual_mm"] / whole, SHARE) for n in ("ZV", "ZVD", "elastic")}
+    run = resimulate(elastic)
+    rest = np.array([0.0, 0.0, -tool.sag])
+    left = np.inf if run.trajectory is None else float(np.linalg.norm(run.trajectory["spring.offset"][-1] - rest))
+    rigid_mm = table["rigid"]["residual_mm"]
+    checks = {
+        f"{n}_share_of_rigid": at_most(table[n]["residual_mm"] / rigid_mm, SHARE) for n in ("ZV", "ZVD", "elastic")
+    }
     checks["resimulated_end_mm"] = at_most(1e3 * left, 1e3 * RESIMULATED_M)
     return Plans(task, mesh, rigid, elastic, motions, table, left, checks)
 

@@ -1,4 +1,4 @@
-"""The elastic study: how an elastic tool swings after motions planned rigid, shaped, and planned elastic."""
+"""The elastic study: residual vibration of an elastic tool after rigid, shaped and elastic plans."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ def elastic_study(
     solver: ElasticSolver | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> ElasticStudy:
-    """The motion from rest to rest that is best with the tool taken as rigid, that motion shaped by ZV and ZVD, the
-    motion planned with the tool on its spring, and how the tool swings after each.
+    """Compare the residual vibration of an elastic tool after four motions from rest to rest: the optimal motion with a
+    rigid tool, that motion shaped by ZV and by ZVD, and the optimal motion with the elastic tool.
 
     Args:
-        robot: a three-link robot, bare: the plans with a rigid tool carry its mass as payload.
+        robot: a three-link robot without the tool; plans with a rigid tool carry its mass as payload.
         start, goal: (3,) tool centre points at both ends [m].
-        tool: the mass, the frequency of its spring and its damping.
+        tool: mass, natural frequency and damping.
         force: limit of every motor [N].
-        cost, mesh, solver: see `ElasticCost`, `ElasticMesh`, `ElasticSolver`. Where a check fails that a finer mesh
-            can mend, one is taken.
-        progress, max_seconds, stop: see `gtmodel.results.Work`. Stopped on a finer mesh, it holds what the one before
-            gave; stopped before, no values.
+        cost, mesh, solver: see `ElasticCost`, `ElasticMesh`, `ElasticSolver`. The mesh is refined if that can make a
+            failed check pass.
+        progress, max_seconds, stop: see `gtmodel.results.Work`. A study stopped during refinement contains the
+            previous result; stopped earlier it has no values.
 
     Raises ArgumentError.
 
@@ -63,11 +63,11 @@ def elastic_study(
         robot=robot, start=start, goal=goal, tool=tool, force=force, cost=cost or ElasticCost(),
         solver=solver or ElasticSolver(),
     )  # fmt: skip
-    work.step("the rigid plan")
-    given = plans_on(mesh, task, None, work)
-    if isinstance(given, PlansFailure):
-        return ElasticStudy(status=given.status, message=given.message, title=work.title, iterations=given.iterations)
-    iterations = given.iterations
+    work.step("rigid plan")
+    first = plans_on(mesh, task, None, work)
+    if isinstance(first, PlansFailure):
+        return ElasticStudy(status=first.status, message=first.message, title=work.title, iterations=first.iterations)
+    iterations = first.iterations
 
     def again(before: Plans, mesh: ElasticMesh) -> Plans | str:
         nonlocal iterations
@@ -75,13 +75,13 @@ def elastic_study(
         iterations += after.iterations
         return f"on {mesh.elements} elements: {after.message}" if isinstance(after, PlansFailure) else after
 
-    plans, trouble = refined(given, lambda p: finer_mesh(p.mesh, p.checks, MENDED), again, work.interrupted)
-    mended = refinement_note(mesh.elements, plans.mesh.elements, failed_of(given.checks))
+    plans, trouble = refined(first, lambda p: finer_mesh(p.mesh, p.checks, MENDED), again, work.interrupted)
+    mended = refinement_note(mesh.elements, plans.mesh.elements, failed_of(first.checks))
     return _study_of(plans, iterations, mended.strip(), trouble, work.title)
 
 
 def _study_of(outcome: Plans, iterations: int, mended: str, trouble: str, title: str) -> ElasticStudy:
-    """mended: what is to be said of a refined mesh. trouble: what ended its refinement."""
+    """mended: sentence on a refined mesh. trouble: why refinement ended early."""
     task, elastic, tool = outcome.task, outcome.elastic, outcome.task.tool
     ends = "; ".join(f"{n} {t['final_time_s']:.4g} s, {t['residual_mm']:.3g} mm" for n, t in outcome.table.items())
     plans = (("rigid", outcome.rigid), ("elastic", elastic))

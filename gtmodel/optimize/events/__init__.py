@@ -1,1 +1,1 @@
-"""Optimal control of models with events whose order is given: a phase for each piece between them."""
+"""Optimal control of models with events in a prescribed order: one phase between each pair of events."""

@@ -1,4 +1,4 @@
-"""Phases of a model with events, made from the order in which these happen, and guesses of each by a simulation."""
+"""Phases of a model with events in a prescribed order, with guesses from a simulation."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from .happened import doubts_about
 from .sequence import EventOrder, Piece
 from .whole import phase_root, shares
 
-# of the guessed horizon: so long is simulated until all events have happened
+# limit of the simulated time, relative to the guessed horizon
 LONGEST = 3.0
 
 
@@ -41,11 +41,11 @@ def simulated_pieces(
     horizon: tuple[float, float],
     conditions: Sequence[ca.SX] = (),
 ) -> list[dict[str, Trajectory]]:
-    """By the names of the phases, the pieces of a simulation from start values under guessed inputs; none where its
-    events are others, or in another order.
+    """Simulate from start values with guessed inputs; return guesses, each a trajectory by name of the phase.
 
-    conditions: scalars that are 0 at the end. If they become 0 at several instants after the last event, as a height is
-    reached on the way up and on the way down, then further guesses end at each of these.
+    There are none if the simulated events differ from the order. conditions: scalars that are 0 at the end. If they
+    cross 0 at several instants after the last event (a height on the way up and on the way down), further guesses end
+    at each of these.
     """
     from ...simulation.run import simulate
 
@@ -58,25 +58,25 @@ def simulated_pieces(
         run = simulate(model, until, start_time=begin, inputs=_inputs(flat), start=start, throw=False)
     except ModelError:
         return []
-    wanted = [_causes(events, a, b) for a, b in pairwise(pieces)]
+    expected = [_causes(events, a, b) for a, b in pairwise(pieces)]
     whole = run.trajectory
-    if [set(e.causes) for e in run.events[: len(wanted)]] != wanted or len(whole.time) < 2:
+    if [set(e.causes) for e in run.events[: len(expected)]] != expected or len(whole.time) < 2:
         return []
     times = [e.time for e in run.events]
-    last = times[len(wanted) - 1]
-    stop = times[len(wanted)] if len(times) > len(wanted) else float(whole.time[-1])
+    last = times[len(expected) - 1]
+    stop = times[len(expected)] if len(times) > len(expected) else float(whole.time[-1])
     ends = _zeros(flat, _part(whole, (whole.time > last) & (whole.time <= stop)), conditions)
-    made = []
-    for one in [end if last < end < stop else stop, *(ends if len(ends) > 1 else [])]:
-        edges = [-np.inf, *times[: len(wanted)], one]
+    guesses = []
+    for last_time in [end if last < end < stop else stop, *(ends if len(ends) > 1 else [])]:
+        edges = [-np.inf, *times[: len(expected)], last_time]
         rows = [(whole.time > a) & (whole.time <= b) for a, b in pairwise(edges)]
         if all(np.count_nonzero(r) > 1 for r in rows):
-            made.append({name: _part(whole, r) for name, r in zip(names, rows, strict=False)})
-    return made
+            guesses.append({name: _part(whole, r) for name, r in zip(names, rows, strict=False)})
+    return guesses
 
 
 def _zeros(flat: FlatModel, run: Trajectory, conditions: Sequence[ca.SX]) -> list[float]:
-    """First rows at which one of the conditions has another sign than in the row before."""
+    """Return the times of rows at which one of the conditions has changed sign."""
     pairs = sorted(flat.scope.symbols_in(stacked(list(conditions))))
     names = [flat.symbol_name(*pair) for pair in pairs]
     if not pairs or any(name not in run for name in names):
@@ -95,25 +95,25 @@ def _part(whole: Trajectory, rows: np.ndarray) -> Trajectory:
 
 
 def _causes(events: FlatEvents, before: Piece, after: Piece) -> set[str]:
-    """What a simulation says of the event between two pieces."""
+    """Return the causes that a simulation reports for the event between two pieces."""
     causes = {f"{events.whens[n].name} ({events.whens[n].where})" for n in before.acted()}
     switched = zip(events.modes, before.modes, after.modes, strict=True)
     return causes | {f"{m.name} ({m.where})" for m, a, b in switched if a != b}
 
 
 def _inputs(flat: FlatModel) -> dict[str, Any]:
-    """Guessed values of the inputs: their start, else 0, within their bounds."""
-    given: dict[str, Any] = {}
+    """Return guesses of the inputs: their start value, else 0, clipped to their bounds."""
+    inputs: dict[str, Any] = {}
     for name, (shape, indices) in flat.groups.items():
-        own = [flat.variables[i] for i in indices]
-        if own and own[0].role == "input":
-            values = np.clip([v.start or 0.0 for v in own], [v.min for v in own], [v.max for v in own])
-            given[name] = values.reshape(shape) if shape else float(values[0])
-    return given
+        entries = [flat.variables[i] for i in indices]
+        if entries and entries[0].role == "input":
+            values = np.clip([v.start or 0.0 for v in entries], [v.min for v in entries], [v.max for v in entries])
+            inputs[name] = values.reshape(shape) if shape else float(values[0])
+    return inputs
 
 
 def _start(flat: FlatModel, piece: Piece) -> dict[str, float]:
-    """Guessed start values of the states that no attribute fixes."""
+    """Return guesses of the start values of states that are not fixed."""
     mode = in_mode(flat, piece.modes)
     inputs = [v.index for v in flat.variables if v.role == "input"]
     plan = make_plan(mode, inputs, [(v.index, 0) for v in flat.variables], rates=True)
@@ -129,7 +129,7 @@ def _start(flat: FlatModel, piece: Piece) -> dict[str, float]:
 
 
 class EventPhases(Phases):
-    """Phases of a model with events, in the order in which these happen; made by `phases_of_events`."""
+    """Phases of a model with events in a prescribed order, created by `phases_of_events`."""
 
     def __init__(
         self, model: Optimization, order: EventOrder, pieces: Sequence[Piece], instants: Sequence[float] | None
@@ -147,8 +147,8 @@ class EventPhases(Phases):
         free = stacked([q.symbol for q in flat.parameters if q.free])
         self._conditions = parts[-1].conditions() if ca.depends_on(end, free) else []
         for k, (name, piece, share) in enumerate(zip(names, pieces, parts, strict=True)):
-            own = [(s, t) for s, t in zip(symbols, times, strict=True) if any(s is e for e in ends[k : k + 2])]
-            phase_flat = self._flat_of(piece, own, first=k == 0)
+            guesses = [(s, t) for s, t in zip(symbols, times, strict=True) if any(s is e for e in ends[k : k + 2])]
+            phase_flat = self._flat_of(piece, guesses, first=k == 0)
             for t, side in piece.ends.items():
                 quantity = self.in_modes(order.thresholds.expressions[t], piece)
                 share.rows.append(self._relation(share.at_end(quantity, ends[k + 1]), "==", self._where(k)))
@@ -171,7 +171,7 @@ class EventPhases(Phases):
         self.sides = {n: self._sides(piece) for n, piece in zip(names, pieces, strict=True)}
 
     def in_modes(self, expression: ca.SX, piece: Piece) -> ca.SX:
-        """With the values that gt.If has in a piece."""
+        """Insert the values of gt.If in a piece."""
         events = self.order.events
         if not events.modes:
             return expression
@@ -179,9 +179,9 @@ class EventPhases(Phases):
         return ca.substitute(expression, symbols, ca.DM([float(v) for v in piece.modes]))
 
     def guesses(self) -> list[dict[str, Trajectory]]:
-        """Of each phase, by a simulation with the guessed inputs, where the events come in this order; else nothing.
+        """Return guesses from a simulation with guessed inputs; none if its events differ from the order.
 
-        Several where it meets what holds at the end more than once after the last event.
+        There are several if the simulation meets the end conditions more than once after the last event.
         """
         if not self._simulates:
             return []
@@ -193,16 +193,16 @@ class EventPhases(Phases):
         return doubts_about(self, joined, x)
 
     def _where(self, k: int) -> SourceLocation | None:
-        """The line of the first event at the end of phase k."""
+        """Return the line of the first event at the end of phase k."""
         t = next(iter(self.pieces[k].ends))
         return self.order.events.comparisons[self.order.thresholds.first[t]].where
 
     def _flat_of(self, piece: Piece, times: Sequence[tuple[ca.SX, float]], first: bool) -> FlatModel:
-        """The model of a piece, as any other one."""
+        """Return the flat model of a piece."""
         flat = self.order.mode(piece.modes)
         flat = with_values(flat, {n: v for n, v in piece.numbers.items() if v is not None})
-        chosen = {n for n, v in piece.numbers.items() if v is None}
-        parameters = [replace(q, free=True) if n in chosen else q for n, q in enumerate(flat.parameters)]
+        optimised = {n for n, v in piece.numbers.items() if v is None}
+        parameters = [replace(q, free=True) if n in optimised else q for n, q in enumerate(flat.parameters)]
         where = next(iter(self.order.named.values())).where
         parameters += [FlatParameter(s.name(), s, t, "s", False, where, True) for s, t in times]
         if first:
@@ -214,31 +214,31 @@ class EventPhases(Phases):
         return Relation(expression, ca.SX(0), op, None, where, self.order.flat.scope)  # type: ignore[arg-type]
 
     def _kinematic(self, quantity: ca.SX) -> ca.SX | None:
-        """The rate of a quantity where states tell it."""
+        """Return the rate of a quantity that does not depend on inputs, else None."""
         flat = self.order.flat
         inputs = {v.index for v in flat.variables if v.role == "input"}
         pairs = flat.scope.symbols_in(quantity)
         return flat.scope.derivative(quantity) if pairs and not inputs & {i for i, _ in pairs} else None
 
     def _looked_at(self, piece: Piece) -> list[ca.SX]:
-        """What the check reads, and what the event's actions do."""
+        """Return the expressions needed at the end of a piece by the check and the event's actions."""
         thresholds = self.order.thresholds
         moving = [e for t, e in enumerate(thresholds.expressions) if not thresholds.discrete(t)]
         jump = [*piece.jump.assigned.values(), *piece.jump.restarted.values()] if piece.jump else []
         return [self.in_modes(e, piece) for e in [*moving, *jump] if self.order.flat.scope.symbols_in(e)]
 
     def _sides(self, piece: Piece) -> tuple[ConstraintRow, ...]:
-        """What may not be left within a piece; where it begins and ends at the threshold, inside of these ends."""
+        """Return rows that keep the sides of thresholds within a piece, except at ends where it is at the threshold."""
         thresholds, rows = self.order.thresholds, []
         for t, side in piece.kept.items():
-            text = f"no event before its turn: {thresholds.text(t)}"
+            text = f"no premature event: {thresholds.text(t)}"
             expression = self.in_modes(side * thresholds.expressions[t], piece)
             where = self.order.events.comparisons[thresholds.first[t]].where
             rows.append(ConstraintRow(expression, 0.0, np.inf, text, where, ends=(False, t not in piece.ends)))
         return tuple(rows)
 
     def _link(self, k: int) -> Any:
-        """What holds between phase k and the next one."""
+        """Return the link between phase k and the next one."""
         piece, after, flat = self.pieces[k], self.pieces[k + 1], self.order.flat
         jump, where = piece.jump, getattr(flat.root, "where", None)
 
@@ -260,7 +260,7 @@ class EventPhases(Phases):
 
 
 def _registered(flat: FlatModel) -> list[Pair]:
-    """Derivatives that may be states in one mode or another."""
+    """Return derivatives that may be states in some mode."""
     highest: dict[int, int] = {}
     for i, k in flat.scope.symbols_in(ca.vertcat(*[e.residual for e in flat.equations])):
         highest[i] = max(highest.get(i, 0), k)
@@ -275,31 +275,31 @@ def phases_of_events(
     held: Iterable[str] | None = None,
     instants: Iterable[float] | None = None,
 ) -> EventPhases:
-    """Phases of an optimisation with events whose order is given, for `gt.solve_phases`.
+    """Split an optimisation with events, in a prescribed order, into phases for `gt.solve_phases`.
 
     Args:
         model: a configured Optimization with `gt.when` or `gt.If` in its equations.
-        order: names of the events in the order in which they happen, "event 1" for the first gt.when, "If 1" for a
-            switch of the first gt.If, "part.event 1" in a part, "sign() 1" for a sign() that is to switch exactly;
-            those of one instant as a tuple. The error for a wrong name lists all with their lines.
-        held: names of all conditions that hold at the start. Left out, fixed start values decide, and where they do
-            not, the start of a gt.when is open; that of a gt.If has to be said.
-        instants: guesses of the instants [s]; left out, a simulation with events under the guessed inputs gives
-            them, with a guess of the motion, where its events come in this order; else they are evenly spread. Where it
-            meets the conditions of a free end several times, on the way up and on the way down, each is a start.
+        order: names of the events in order: "event 1" for the first gt.when, "If 1" for a switch of the first gt.If,
+            "part.event 1" in a part, "sign() 1" for a sign() that switches exactly; simultaneous events as a tuple.
+            The error for a wrong name lists all names with their lines.
+        held: names of all conditions that hold at the start. By default fixed start values decide; if they do not, the
+            start of a gt.when is undetermined, and that of a gt.If must be listed here.
+        instants: guesses of the instants [s]. By default a simulation with guessed inputs provides them, and a guess of
+            the motion, if its events come in this order; else they are evenly spaced. If the simulation meets the
+            conditions of a free end several times (on the way up and on the way down), each is used as a start.
 
-    Phase k, named "phase k", has the equations of its mode. It ends where event k happens, at an instant that is
-    found, and is linked to the next one by what the event does: `gt.reinit`, new values of discrete variables; all
-    other states go on. The objective is shared out: integrals to all phases, values at an end to the phase there;
-    constraints along the path hold in all phases, those at an end there; free constants are the same in all.
+    Phase k, named "phase k", has the equations of its mode. It ends at event k, whose instant is optimised. Links to
+    the next phase apply the event's actions (`gt.reinit`, new values of discrete variables); all other states are
+    continuous. Integrals in the objective and path constraints apply to all phases, values at an end to the phase
+    there. Free constants are shared.
 
-    No other event may happen. Conditions that are known not to hold are kept so inside of the phases, and the solution
-    is looked through between its points too: where another event happens, or touches its threshold, or a given one
-    does not happen, the status is CHECK_FAILED, and the message names it. So a solved result is the optimum, a local
-    one as always, among the motions with this order of events; of several starts the message says how many ended there.
+    No other event may happen. Constraints keep conditions that do not hold from becoming true within a phase, and the
+    solution is also checked between its points: if another event happens or touches its threshold, or a prescribed one
+    does not happen, the status is CHECK_FAILED and the message names it. A solved result is therefore a local optimum
+    among the motions with this order of events; after several starts the message says how many ended there.
 
-    Raises ModelError for an order that cannot be, for conditions of several moving quantities, impulses, sampled blocks
-    and delays, and for objectives or constraints that join several phases and are no sum.
+    Raises ModelError for an impossible order, for conditions on several continuous quantities, impulses, sampled blocks
+    and delays, and for objectives or constraints that couple several phases and are not sums.
 
     >>> class Throw(gt.Optimization):  # a ball, to be in 3 m distance at 0.2 m height after one bounce
     ...     h = gt.variable(unit="m", start=1.0, fixed=True)
@@ -330,20 +330,20 @@ def phases_of_events(
         flat = with_switching_signs(flat)
     events = flat.events
     if events is None:
-        raise ModelError(f"{flat.title} has no events; gt.solve takes it as it is")
+        raise ModelError(f"{flat.title} has no events; use gt.solve")
     if events.blocks or events.samples:
         what = "a sampled block" if events.blocks else "gt.sample() or gt.initial()"
         where = events.samples[0].where if events.samples else getattr(events.blocks[0].model, "where", None)
         raise ModelError(
-            f"{flat.title} has {what}, whose instants are many and whose steps are no equations; optimise the "
-            "continuous model, and try the result in gt.simulate",
+            f"{flat.title} has {what}, which phases do not support; optimise the continuous model and test the result "
+            "with gt.simulate",
             where,
         )
-    if late := [flat.variables[i].name for i in delays_of(flat)]:
-        raise ModelError(f"'{late[0]}' is a delayed input, which runs over several phases; write gt.Phases yourself")
+    if delayed := [flat.variables[i].name for i in delays_of(flat)]:
+        raise ModelError(f"'{delayed[0]}' is a delayed input, which would span several phases; use gt.Phases directly")
     if not groups or not all(groups) or not all(isinstance(n, str) for g in groups for n in g):
         raise ModelError(
-            f"order is a list of the names of events, at least one, those of one instant as a tuple; found {order!r}; "
+            f"order must be a non-empty list of event names, simultaneous events as a tuple; found {order!r}; "
             f"events are {listing(events)}"
         )
     if isinstance(held, str):
@@ -353,13 +353,13 @@ def phases_of_events(
     for piece in pieces:
         if ends := [events.whens[n] for n in sorted(piece.acted()) if events.whens[n].end is not None]:
             raise ModelError(
-                f"{ends[0].name} ends the motion, so no phase comes after it; make it the constraint of a final time",
+                f"{ends[0].name} ends the motion, so no phase can follow; write it as a constraint at the final time",
                 ends[0].where,
             )
         if piece.jump is not None and piece.jump.forces:
             acting = events.whens[piece.acts[0][0]]
             raise ModelError(
-                f"{acting.name} acts by an impulse of a force, and phases take velocities: give gt.reinit() each "
+                f"{acting.name} acts by a force impulse, which phases do not support; write gt.reinit() for each "
                 "velocity that changes, without impulse=...",
                 acting.where,
             )
@@ -367,21 +367,21 @@ def phases_of_events(
 
 
 def _times(flat: FlatModel, count: int, instants: Sequence[float] | None) -> list[float]:
-    """Guesses of the instants of the events: given, or evenly spread over the guessed horizon."""
+    """Return the guessed instants of the events, by default evenly spaced over the guessed horizon."""
     start, end = _horizon(flat)
     if instants is None:
         return np.linspace(start, end, count + 2)[1:-1].tolist()
     times = [float(t) for t in instants]
     if len(times) != count or not np.all(np.diff([start, *times, end]) > 0):
         raise ModelError(
-            f"instants are guesses of the times of {count} events, increasing between {start:g} and {end:g} s; found "
+            f"instants must be {count} increasing times between {start:g} and {end:g} s, one guess per event; found "
             f"{times}"
         )
     return times
 
 
 def _horizon(flat: FlatModel) -> tuple[float, float]:
-    """Start and end by the guesses of what is chosen."""
+    """Return start and end of the horizon at the guess of the free constants."""
     ends = [end_of(flat, name) for name in ("start_time", "final_time")]
     start, end = ca.Function("ends", [flat.p], ends)(flat.p0)
     return float(start), float(end)

@@ -1,5 +1,4 @@
-"""Which modes follow each other where the events happen in a given order, what happens at the instant between them,
-and on which side of a threshold it goes on."""
+"""The sequence of modes for a prescribed order of events, the jumps between them, and the sides of thresholds after."""
 
 from __future__ import annotations
 
@@ -29,8 +28,11 @@ from .thresholds import Thresholds, Waits, decided
 
 @dataclass(frozen=True, eq=False)
 class Jump:
-    """assigned: new values of discrete variables by their places in `flat.p`; restarted: of variables' derivatives;
-    forces: those of them that an impulse brings about. Discrete variables stand for their values before."""
+    """Changes at an event; discrete variables in the expressions have their values before it.
+
+    assigned: new values of discrete variables by index in `flat.p`; restarted: new values of variables or derivatives;
+    forces: those changed by an impulse.
+    """
 
     assigned: dict[int, ca.SX]
     restarted: dict[Pair, ca.SX]
@@ -38,16 +40,16 @@ class Jump:
 
     @property
     def moves(self) -> bool:
-        """Does anything change at once?"""
+        """Whether the event changes anything."""
         return bool(self.assigned or self.restarted)
 
 
 def jump_of(
     flat: FlatModel, events: FlatEvents, rounds: Sequence[Sequence[int]], modes: Sequence[Sequence[bool]]
 ) -> Jump:
-    """Of events that act one round after the other at one instant; modes: of gt.If in each round, from then on.
+    """Return the jump of events that act in successive rounds at one instant; modes: of gt.If from each round on.
 
-    Raises ModelError for two that set the same, and for one that reads what another one has just restarted.
+    Raises ModelError if two events set the same variable, or one reads a variable that another has just restarted.
     """
     symbols = {place: flat.parameters[place].symbol for place in events.discrete}
     now: dict[int, ca.SX] = dict(symbols)
@@ -59,12 +61,12 @@ def jump_of(
             numbers = ca.DM([float(v) for v in sides])
             column = ca.substitute(column, ca.vertcat(*[m.symbol for m in events.modes]), numbers)
         if events.discrete:
-            own = ca.vertcat(*[symbols[place] for place in events.discrete])
+            discrete = ca.vertcat(*[symbols[place] for place in events.discrete])
             new = ca.vertcat(*[now[place] for place in events.discrete])
-            column = ca.substitute(column, ca.vertcat(own, events.before), ca.vertcat(new, new))
+            column = ca.substitute(column, ca.vertcat(discrete, events.before), ca.vertcat(new, new))
         if jump.restarted and flat.scope.symbols_in(column):
             raise ModelError(
-                "this event follows from another one at the same instant and reads what that one restarts; join both",
+                "this event follows another one at the same instant and reads a variable it restarts; combine both",
                 whens[0].where,
             )
         _take(flat, whens, ca.vertsplit(column) if column.numel() else [], jump)
@@ -73,14 +75,14 @@ def jump_of(
 
 
 def _take(flat: FlatModel, whens: Sequence[FlatWhen], values: Sequence[ca.SX], jump: Jump) -> None:
-    """Add what events of one round do."""
+    """Add the actions of the events of one round."""
     owner: dict[int | Pair, FlatWhen] = {}
-    left = list(values)
+    remaining = list(values)
     for when in whens:
-        own, left = left[: len(values_of(when))], left[len(values_of(when)) :]
-        for key, value in zip(keys_of(when), own, strict=False):
-            taken: dict[int, ca.SX] | dict[Pair, ca.SX] = jump.restarted if isinstance(key, tuple) else jump.assigned
-            if key in owner and not ca.is_equal(taken[key], value, 100):  # type: ignore[index]
+        when_values, remaining = remaining[: len(values_of(when))], remaining[len(values_of(when)) :]
+        for key, value in zip(keys_of(when), when_values, strict=False):
+            changes: dict[int, ca.SX] | dict[Pair, ca.SX] = jump.restarted if isinstance(key, tuple) else jump.assigned
+            if key in owner and not ca.is_equal(changes[key], value, 100):  # type: ignore[index]
                 name = flat.symbol_name(*key) if isinstance(key, tuple) else flat.parameters[key].name
                 raise ModelError(
                     f"{owner[key].name} ({owner[key].where}) and {when.name} both set '{name}' at one instant; let one "
@@ -88,24 +90,24 @@ def _take(flat: FlatModel, whens: Sequence[FlatWhen], values: Sequence[ca.SX], j
                     when.where,
                 )
             owner[key] = when
-            taken[key] = value  # type: ignore[index]
+            changes[key] = value  # type: ignore[index]
         jump.forces.update(when.forces)
 
 
-# states at which the event could happen; all of them have to agree
+# random states at which the event could happen; all of them must agree
 PLACES, NEWTON_STEPS = 400, 6
-# of the largest value among them: a smaller one has no sign
+# relative to the largest value: smaller values count as zero
 ZERO = 1e-9
 
 
 def side_after(
     before: FlatModel, after: FlatModel, numbers: Mapping[int, float | None], quantity: ca.SX, side: int, jump: Jump
 ) -> int | None:
-    """The side on which a quantity goes on that has reached its threshold from the other one, by the equations of both
-    modes and what the event changes: 1 or -1; None where it depends on where the event happens.
+    """Return the side (1 or -1) of a quantity after it has crossed its threshold and the event has acted.
 
-    It goes on to where it went, unless its value or its rate jumps. numbers: discrete variables before the event, None
-    for what the optimisation chooses; side: the one it reaches.
+    It continues to the side it was heading for, unless its value or rate jumps; this follows from the equations of both
+    modes and the jump. None if it depends on where the event happens. numbers: discrete variables before the event,
+    None for optimised ones; side: the side it reaches.
     """
     if not jump.moves:
         return side
@@ -113,12 +115,12 @@ def side_after(
         return None
     rate = before.scope.derivative(quantity)
     new_plan, (g_new, rate_new) = _explicit(after, [quantity, rate])
-    anew: dict[Pair, ca.SX] = {}
+    restarted: dict[Pair, ca.SX] = {}
     for pair, value in jump.restarted.items():
         sign, kept, order = new_plan.alias.resolve(*pair)
-        anew[kept, order] = sign * value
+        restarted[kept, order] = sign * value
     states = new_plan.states
-    started = [anew.get(pair, before.scope.symbol(*pair)) for pair in states]
+    started = [restarted.get(pair, before.scope.symbol(*pair)) for pair in states]
     old_plan, values = _explicit(before, [quantity, rate, *started])
     if old_plan.newton or new_plan.newton:
         return None
@@ -133,37 +135,37 @@ def side_after(
         others = [ca.SX.sym(f"input{n}") for n in range(len(inputs))]
         changed = ca.substitute([g_new, rate_new], [stacked(inputs)], [stacked(others)])
         jumped = ca.substitute(changed, [stacked(old)], [stacked(new)]) if old else changed
-    drawn = _numbers(before, old_plan, numbers, [*values[:2], *jumped])
-    g, slope, value, new_rate = drawn
-    happens = np.isfinite(drawn).all(axis=0) & (side * slope > 0)
+    samples = _numbers(before, old_plan, numbers, [*values[:2], *jumped])
+    g, slope, value, new_rate = samples
+    happens = np.isfinite(samples).all(axis=0) & (side * slope > 0)
     if not happens.any():
         return None
     size = float(np.max(np.abs(value[happens])))
-    moved = np.abs(value) > np.maximum(ZERO * size, 10 * np.abs(g))
-    signs = np.where(moved, np.sign(value), np.where(np.abs(new_rate) > ZERO * np.abs(slope), np.sign(new_rate), 0.0))
-    chosen = np.unique(signs[happens])
-    return int(chosen[0]) if len(chosen) == 1 and chosen[0] else None
+    nonzero = np.abs(value) > np.maximum(ZERO * size, 10 * np.abs(g))
+    signs = np.where(nonzero, np.sign(value), np.where(np.abs(new_rate) > ZERO * np.abs(slope), np.sign(new_rate), 0.0))
+    sides = np.unique(signs[happens])
+    return int(sides[0]) if len(sides) == 1 and sides[0] else None
 
 
 def _explicit(flat: FlatModel, expressions: list[ca.SX]) -> tuple[CausalPlan, list[ca.SX]]:
-    """Expressions in states, inputs, parameters and time of a mode."""
+    """Express quantities in states, inputs, parameters and time of a mode; return the plan too."""
     inputs = [v.index for v in flat.variables if v.role == "input"]
-    asked = {(v.index, 0) for v in flat.variables} | set(flat.scope.symbols_in(ca.vertcat(*expressions)))
-    plan = make_plan(flat, inputs, sorted(asked), rates=True)
+    pairs = {(v.index, 0) for v in flat.variables} | set(flat.scope.symbols_in(ca.vertcat(*expressions)))
+    plan = make_plan(flat, inputs, sorted(pairs), rates=True)
     return plan, substituted(plan, plan.alias.rewrite_all(flat, expressions), [])
 
 
 def _numbers(
     flat: FlatModel, plan: CausalPlan, numbers: Mapping[int, float | None], expressions: list[ca.SX]
 ) -> np.ndarray:
-    """Values (expressions, PLACES) at drawn states where the first of them is zero."""
+    """Return values (expressions, PLACES) at random states where the first expression is zero."""
     states = [flat.scope.symbol(*p) for p in plan.states]
     known = {s.element_hash() for s in [*states, *(q.symbol for q in flat.parameters)]}
     others = [s for s in ca.symvar(ca.vertcat(*expressions)) if s.element_hash() not in known]
     x, u = stacked(states), stacked(others)
     slope = ca.gradient(expressions[0], x) if states else ca.SX(0, 1)
     rng = np.random.default_rng(0)
-    p = np.array([_drawn(rng, q.value, q.free) for q in flat.parameters]).reshape(len(flat.parameters), PLACES)
+    p = np.array([_samples(rng, q.value, q.free) for q in flat.parameters]).reshape(len(flat.parameters), PLACES)
     for place, number in numbers.items():
         p[place] = rng.normal(size=PLACES) if number is None else number
     start = np.array([flat.variables[i].start or 0.0 if k == 0 else 0.0 for i, k in plan.states])
@@ -178,8 +180,8 @@ def _numbers(
     return np.asarray(f(xs, us, p)[0].full())
 
 
-def _drawn(rng: np.random.Generator, value: float, free: bool) -> np.ndarray:
-    """A parameter's value, a chosen one's about its guess."""
+def _samples(rng: np.random.Generator, value: float, free: bool) -> np.ndarray:
+    """Return samples of a parameter: its value, or random values around the guess of a free one."""
     return value * (rng.uniform(0.5, 1.5, PLACES) if free else np.ones(PLACES))
 
 
@@ -192,12 +194,12 @@ ROUNDS = 30
 
 @dataclass(eq=False)
 class Piece:
-    """What holds between two events.
+    """The model between two events.
 
-    modes: values of gt.If. numbers: of discrete variables by their places in `flat.p`, None for those that the
-    optimisation finds. sides: of the thresholds that are known; `kept`: those of them that may not be left, as this
-    would be an event. waits: of each gt.when, then of each gt.If. ends: the thresholds that are reached at its end, and
-    the side that they are reached from the other one. acts: rounds of gt.when that act then; jump: what they change.
+    modes: values of gt.If. numbers: values of discrete variables by index in `flat.p`, None for optimised ones.
+    sides: known sides of thresholds; kept: those that must not be left, since leaving them would be an event. waits,
+    mode_waits: of each gt.when and each gt.If. ends: the thresholds crossed at the end, each with the side it
+    reaches. acts: rounds of gt.when that act at the end; jump: their changes.
     """
 
     modes: tuple[bool, ...]
@@ -211,12 +213,12 @@ class Piece:
     jump: Jump | None = None
 
     def acted(self) -> set[int]:
-        """Numbers of gt.when that act at its end."""
+        """Return the numbers of the gt.when that act at the end."""
         return {n for fired in self.acts for n in fired}
 
 
 class EventOrder:
-    """A flat model with events, and what is known of it while discrete variables and modes change."""
+    """Derives the pieces between events of a flat model from an order of events."""
 
     def __init__(self, flat: FlatModel) -> None:
         assert flat.events is not None
@@ -228,7 +230,7 @@ class EventOrder:
         return in_mode(self.flat, values)
 
     def pieces(self, order: Sequence[Sequence[str]], held: Collection[str] | None) -> list[Piece]:
-        """The pieces between the events. Raises ModelError, with the event's line, where this order cannot be."""
+        """Return the pieces between the events. Raises ModelError, with the event's line, for an impossible order."""
         numbers: dict[int, float | None] = {n: self.flat.parameters[n].value for n in self.events.discrete}
         piece = self._piece(numbers, self._at_start(numbers, held), None)
         pieces = [piece]
@@ -239,61 +241,59 @@ class EventOrder:
 
     def _event(self, name: str) -> NamedEvent:
         if name not in self.named:
-            raise ModelError(f"there is no event '{name}' in {self.flat.title}; events are {listing(self.events)}")
+            raise ModelError(f"{self.flat.title} has no event '{name}'; events are {listing(self.events)}")
         return self.named[name]
 
-    # -- what is known -----------------------------------------------------------------------------
+    # -- sides and modes ---------------------------------------------------------------------------
 
     def _waits(self, numbers: Mapping[int, float | None]) -> tuple[list[Waits | bool], list[Waits | bool]]:
-        """What each gt.when and each gt.If waits for while discrete variables have these values."""
+        """Return the conditions of each gt.when and each gt.If for these values of discrete variables."""
         truth = self.thresholds.discrete_truth(numbers)
         whens = [self.thresholds.waits(w.logic, truth, w.where) for w in self.events.whens]
         return whens, [self.thresholds.waits(m.logic, truth, m.where) for m in self.events.modes]
 
     def _piece(self, numbers: dict[int, float | None], sides: dict[int, int], before: Piece | None) -> Piece:
-        """Raises ModelError where the side of a gt.If is not known."""
+        """Build a piece. Raises ModelError if the side of a gt.If is unknown."""
         waits, mode_waits = self._waits(numbers)
         modes = []
-        for mode, own in zip(self.events.modes, mode_waits, strict=True):
-            if isinstance(own, Waits) and own.threshold not in sides:
+        for mode, condition in zip(self.events.modes, mode_waits, strict=True):
+            if isinstance(condition, Waits) and condition.threshold not in sides:
                 when = "at the start" if before is None else "after an event"
-                remedy = "say it by held=[...]" if before is None else "write the phases yourself as gt.Phases"
+                remedy = "list all conditions that hold in held=[...]" if before is None else "use gt.Phases directly"
                 names = [n for n, e in self.named.items() if e.mode is not None and e.logic == mode.logic]
                 raise ModelError(
-                    f"it is open whether {' and '.join(names)} holds {when}; {remedy}: names of all that hold",
+                    f"it is not determined whether {' and '.join(names)} holds {when}; {remedy}",
                     mode.where,
                 )
-            modes.append(own if isinstance(own, bool) else sides[own.threshold] == own.side)
+            modes.append(condition if isinstance(condition, bool) else sides[condition.threshold] == condition.side)
         kept = {t: s for t, s in sides.items() if -s in watched(t, waits, mode_waits)}
         return Piece(tuple(modes), numbers, dict(sides), kept, waits, mode_waits)
 
     def _at_start(self, numbers: Mapping[int, float | None], held: Collection[str] | None) -> dict[int, int]:
-        """Sides of thresholds at the start: of what is fixed there, and of what is said to hold."""
+        """Return the sides of thresholds at the start, from fixed values and from `held`."""
         sides = self._fixed()
         if held is None:
             return sides
         unknown = [name for name in held if name not in self.named]
         if unknown:
-            raise ModelError(f"held names no event '{unknown[0]}'; events are {listing(self.events)}")
+            raise ModelError(f"held contains the unknown event '{unknown[0]}'; events are {listing(self.events)}")
         waits, mode_waits = self._waits(numbers)
         for name, event in self.named.items():
-            own = waits[event.when] if event.when is not None else mode_waits[event.mode or 0]
+            condition = waits[event.when] if event.when is not None else mode_waits[event.mode or 0]
             holds = name in held
-            if isinstance(own, bool):
-                contrary = own != holds
+            if isinstance(condition, bool):
+                contradicts = condition != holds
             else:
-                contrary = sides.setdefault(own.threshold, own.side if holds else -own.side) != (
-                    own.side if holds else -own.side
+                contradicts = sides.setdefault(condition.threshold, condition.side if holds else -condition.side) != (
+                    condition.side if holds else -condition.side
                 )
-            if contrary:
+            if contradicts:
                 word = "does not hold" if holds else "holds"
-                raise ModelError(
-                    f"held says otherwise, but {event.shown(self.events)} {word} at the start", event.where
-                )
+                raise ModelError(f"held is inconsistent: {event.shown(self.events)} {word} at the start", event.where)
         return sides
 
     def _fixed(self) -> dict[int, int]:
-        """Sides of the thresholds that fixed start values and numbers decide on."""
+        """Return the sides of thresholds that follow from fixed start values and numbers."""
         flat = self.flat
         known: dict[int, tuple[ca.SX, float]] = {}
         for v in flat.variables:
@@ -322,52 +322,52 @@ class EventOrder:
     # -- from one piece to the next ----------------------------------------------------------------
 
     def _after(self, piece: Piece, events: Sequence[NamedEvent], k: int) -> Piece:
-        """The piece after events that happen together at the end of phase k."""
+        """Return the piece after events that happen together at the end of phase k."""
         for n, event in enumerate(events):
             if event in events[:n]:
                 raise ModelError(
-                    f"{event.shown(self.events)} is named twice for the end of phase {k}, where it happens once; name "
-                    "it once in this tuple, or as an item of its own for each time that it happens",
+                    f"{event.shown(self.events)} is named twice at the end of phase {k}; name it once in this tuple, "
+                    "or as a separate item each time it happens",
                     event.where,
                 )
-            own = piece.waits[event.when] if event.when is not None else piece.mode_waits[event.mode or 0]
-            shown = event.shown(self.events)
-            if isinstance(own, bool):
-                word = "holds" if own else "does not hold"
+            condition = piece.waits[event.when] if event.when is not None else piece.mode_waits[event.mode or 0]
+            event_text = event.shown(self.events)
+            if isinstance(condition, bool):
+                word = "holds" if condition else "does not hold"
                 raise ModelError(
-                    f"{shown} {word} all through phase {k}, whatever moves, so it does not happen at its end",
+                    f"{event_text} {word} throughout phase {k}, whatever the motion, so it cannot happen at its end",
                     event.where,
                 )
-            side = own.side if event.when is not None else -piece.sides[own.threshold]
-            if piece.kept.get(own.threshold) == side:
+            side = condition.side if event.when is not None else -piece.sides[condition.threshold]
+            if piece.kept.get(condition.threshold) == side:
                 raise ModelError(
-                    f"{shown} holds already in phase {k} and may not cease there without another event, so it does not "
-                    "begin to hold at its end",
+                    f"{event_text} already holds in phase {k} and cannot end there without another event, so it cannot "
+                    "happen at its end",
                     event.where,
                 )
-            if piece.ends.setdefault(own.threshold, side) != side:
-                raise ModelError(f"{shown} and another event of phase {k} exclude each other", event.where)
+            if piece.ends.setdefault(condition.threshold, side) != side:
+                raise ModelError(f"{event_text} and another event of phase {k} exclude each other", event.where)
         truth = self.thresholds.discrete_truth(piece.numbers)
         sides = {t: s for t, s in piece.sides.items() if t in piece.kept}
-        was = self.thresholds.sided(truth, sides | {t: -s for t, s in piece.ends.items()})
+        truth_before = self.thresholds.sided(truth, sides | {t: -s for t, s in piece.ends.items()})
         now_sides = sides | piece.ends
-        held = [decided(w.logic, was) for w in self.events.whens]
+        holds = [decided(w.logic, truth_before) for w in self.events.whens]
         numbers, modes = dict(piece.numbers), list[list[bool]]()
         for _ in range(ROUNDS):
             truth = self.thresholds.sided(self.thresholds.discrete_truth(numbers), now_sides)
-            now = [decided(w.logic, truth) for w in self.events.whens]
-            became = [n for n, (a, b) in enumerate(zip(held, now, strict=True)) if a is False and b]
-            fired = acting(self.events.whens, became)
+            holds_now = [decided(w.logic, truth) for w in self.events.whens]
+            risen = [n for n, (a, b) in enumerate(zip(holds, holds_now, strict=True)) if a is False and b]
+            fired = acting(self.events.whens, risen)
             if not fired:
                 break
-            held = now
+            holds = holds_now
             piece.acts.append(fired)
             sides = [decided(m.logic, truth) for m in self.events.modes]
             modes.append([old if new is None else new for old, new in zip(piece.modes, sides, strict=True)])
             piece.jump = jump_of(self.flat, self.events, piece.acts, modes)
             numbers = piece.numbers | self._numbers(piece.jump, piece.numbers)
         else:
-            raise ModelError(f"the events at the end of phase {k} never settle", events[0].where)
+            raise ModelError(f"the events at the end of phase {k} trigger each other without end", events[0].where)
         for t, side in piece.ends.items():
             after = self._side_after(piece, numbers, now_sides, t, side)
             if after is None:
@@ -390,7 +390,7 @@ class EventOrder:
         return side_after(before, then, piece.numbers, quantity, side, piece.jump)
 
     def _numbers(self, jump: Jump, before: Mapping[int, float | None]) -> dict[int, float | None]:
-        """New values of discrete variables; None where what the optimisation finds decides on them."""
+        """Return new values of discrete variables; None if they depend on optimised quantities."""
         flat = self.flat
         known = {q.symbol.element_hash(): q.value for q in flat.parameters if not q.free}
         for place, number in before.items():
@@ -411,6 +411,6 @@ class EventOrder:
 
 
 def watched(threshold: int, waits: Sequence[Waits | bool], mode_waits: Sequence[Waits | bool]) -> set[int]:
-    """The sides of a threshold that are an event to reach."""
+    """Return the sides of a threshold whose reaching is an event."""
     both = any(isinstance(w, Waits) and w.threshold == threshold for w in mode_waits)
     return {1, -1} if both else {w.side for w in waits if isinstance(w, Waits) and w.threshold == threshold}

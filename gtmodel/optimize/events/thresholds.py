@@ -1,4 +1,4 @@
-"""What the conditions of a model with events compare, and what each waits for while discrete variables are known."""
+"""Thresholds in the conditions of a model with events, and the threshold each condition waits for."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from ...compiler.analysis.switching import comparisons_in
 from ...compiler.flat import FlatModel
 from ...lang.source import ModelError, SourceLocation
 
-# places at which two comparisons that are one agree to round-off
+# random points at which equal comparisons agree to rounding
 PLACES, ROUND_OFF = 4, 1e-12
 Truth = Callable[[int], bool | None]
 
 
 @dataclass(frozen=True)
 class Waits:
-    """A condition that is true on one side of a threshold: 1 where its quantity is positive, -1 where negative."""
+    """A condition that is true on one side of a threshold: 1 if its quantity is positive there, -1 if negative."""
 
     threshold: int
     side: int
 
 
 class Thresholds:
-    """The comparisons of a model by what they compare: `x >= 1` and `x < 1` have one threshold, x - 1.
+    """The comparisons of a model grouped by threshold: `x >= 1` and `x < 1` share the threshold x - 1.
 
-    of: for each comparison the number of its threshold, and the side of it on which it is true.
-    expressions: of the thresholds; zero there. discrete: of those that change at events only, None.
+    of: for each comparison, the number of its threshold and the side on which it is true.
+    expressions: of the thresholds, zero at the threshold. discrete(): whether a threshold changes at events only.
     """
 
     def __init__(self, flat: FlatModel, events: FlatEvents) -> None:
@@ -42,10 +42,10 @@ class Thresholds:
         f = ca.Function("compared", [symbols], [ca.densify(column)])
         places = np.random.default_rng(0).uniform(0.5, 1.5, (PLACES, symbols.numel()))
         values = np.array([np.asarray(f(place)).reshape(-1) for place in places]).reshape(PLACES, -1).T
-        for n, own in enumerate(values):
-            for number, known in enumerate(self.first):
-                sign = next((s for s in (1, -1) if _same(own, s * values[known])), 0)
-                if sign and events.comparisons[known].discrete == events.comparisons[n].discrete:
+        for n, value in enumerate(values):
+            for number, first in enumerate(self.first):
+                sign = next((s for s in (1, -1) if _same(value, s * values[first])), 0)
+                if sign and events.comparisons[first].discrete == events.comparisons[n].discrete:
                     self.of.append((number, sign))
                     break
             else:
@@ -60,14 +60,14 @@ class Thresholds:
         return self._events.comparisons[self.first[threshold]].discrete
 
     def text(self, threshold: int) -> str:
-        """The comparison as it was written, with its line."""
+        """Return the comparison in the source with its line."""
         c = self._events.comparisons[self.first[threshold]]
         return f"{c.text} ({c.where})"
 
     def discrete_truth(self, numbers: Mapping[int, float | None]) -> Truth:
-        """Of comparisons that change at events only, by the values of discrete variables; None for all others.
+        """Return the truth of discrete comparisons for values of discrete variables; None for all other comparisons.
 
-        Raises ModelError for one that what the optimisation chooses decides on.
+        Raises ModelError for a discrete comparison that depends on optimised quantities.
         """
         flat = self._flat
         unknown = {flat.parameters[n].symbol.element_hash() for n, v in numbers.items() if v is None}
@@ -81,8 +81,8 @@ class Thresholds:
                 continue
             if any(s.element_hash() in unknown for s in ca.symvar(c.expression)):
                 raise ModelError(
-                    f"'{c.text}' decides on an event by what the optimisation chooses; give it numbers, or write the "
-                    "phases yourself as gt.Phases",
+                    f"'{c.text}' makes an event depend on optimised quantities; give it numbers, or use gt.Phases "
+                    "directly",
                     c.where,
                 )
             value = float(ca.Function("value", [flat.p], [c.expression])(p))
@@ -90,16 +90,17 @@ class Thresholds:
         return truth.get
 
     def waits(self, logic: Logic, truth: Truth, where: SourceLocation) -> Waits | bool:
-        """What a condition waits for where discrete variables are known, or whether it is true or false whatever moves.
+        """Return the threshold that a condition waits for, or its truth if it depends on discrete variables only.
 
-        Raises ModelError for one that several moving quantities decide on.
+        Raises ModelError for a condition on several continuous quantities.
         """
         moving = sorted({self.of[n][0] for n in _deciding(logic, truth)})
         if len(moving) > 1:
             texts = " and ".join(self._events.comparisons[self.first[t]].text for t in moving)
             raise ModelError(
-                f"a condition of {texts} joins what moves independently, and the order of events does not say which of "
-                "them changes it: one gt.when or gt.If compares one moving quantity; or write gt.Phases yourself",
+                f"a condition combines {texts}, which vary independently, so the order of events does not determine "
+                "which of them switches it; compare one continuous quantity per gt.when or gt.If, or use gt.Phases "
+                "directly",
                 where,
             )
         if not moving:
@@ -110,7 +111,7 @@ class Thresholds:
         return positive if positive == negative else Waits(moving[0], 1 if positive else -1)
 
     def sided(self, truth: Truth, sides: Mapping[int, int]) -> Truth:
-        """Also of comparisons whose thresholds' sides are known."""
+        """Extend a truth by comparisons whose thresholds have a known side."""
 
         def value(n: int) -> bool | None:
             threshold, sign = self.of[n]
@@ -120,7 +121,7 @@ class Thresholds:
 
 
 def decided(logic: Logic, truth: Truth) -> bool | None:
-    """Whether a condition is true; None where what is known does not tell."""
+    """Return whether a condition is true; None if the known comparisons do not decide it."""
     operation, *parts = logic
     if operation == "atom":
         return truth(parts[0])
@@ -133,7 +134,7 @@ def decided(logic: Logic, truth: Truth) -> bool | None:
 
 
 def _deciding(logic: Logic, truth: Truth) -> Sequence[int]:
-    """Numbers of the comparisons that a condition still depends on."""
+    """Return the numbers of the comparisons that a condition still depends on."""
     if decided(logic, truth) is not None:
         return []
     if logic[0] == "atom":

@@ -1,4 +1,4 @@
-"""Objective and constraints of a whole horizon, shared out to the phases that it falls into."""
+"""Objective and constraints of the whole horizon, distributed over its phases."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from ..formulation.horizon import end_of
 
 
 class PhaseOfWhole(Optimization):
-    """One phase: what it has of the whole, in symbols of the whole's scope."""
+    """One phase with its share of the objective and constraints, in symbols of the whole's scope."""
 
     def objective(self) -> Any:
-        own: Share = self._share
-        own.scope.instants.extend(own.instants)
-        return Expr(own.cost, (), None, own.scope)
+        share: Share = self._share
+        share.scope.instants.extend(share.instants)
+        return Expr(share.cost, (), None, share.scope)
 
     def constraints(self) -> Iterable[Any]:
         return list(self._share.rows)
@@ -33,7 +33,7 @@ class PhaseOfWhole(Optimization):
 
 @dataclass(eq=False)
 class Share:
-    """What a phase has: a summand of the cost, relations, and the values at instants and integrals in both."""
+    """A phase's share: a summand of the cost, relations, and the instants and integrals in both."""
 
     scope: Scope
     cost: ca.SX
@@ -41,20 +41,20 @@ class Share:
     instants: list[Instant]
 
     def at_end(self, expression: ca.SX, end: ca.SX) -> ca.SX:
-        """A symbol for the value of a scalar at the end of the phase."""
+        """Return a symbol for the value of a scalar at the end of the phase."""
         symbol = ca.SX.sym(f"end{len(self.instants)}")
         self.instants.append(Instant(symbol, expression, end))
         return symbol
 
     def conditions(self) -> list[ca.SX]:
-        """What relations between values at an end compare, as expressions that are 0 where they just hold."""
-        at = [i for i in self.instants if i.time is not None]
-        old, new = stacked([ca.vec(i.symbol) for i in at]), stacked([ca.vec(i.expression) for i in at])
-        return [ca.substitute(r.residual, old, new) for r in self.rows if at and ca.depends_on(r.residual, old)]
+        """Return the residuals of relations between values at an end; 0 if the relation just holds."""
+        values = [i for i in self.instants if i.time is not None]
+        old, new = stacked([ca.vec(i.symbol) for i in values]), stacked([ca.vec(i.expression) for i in values])
+        return [ca.substitute(r.residual, old, new) for r in self.rows if values and ca.depends_on(r.residual, old)]
 
 
 def phase_root(share: Share, start: ca.SX, end: ca.SX, whole: FlatModel) -> PhaseOfWhole:
-    """An Optimization of a share of the whole between two times."""
+    """Return an Optimization of a share between two times."""
     root = object.__new__(PhaseOfWhole)
     times = {"start_time": Expr(start, (), None, share.scope), "final_time": Expr(end, (), None, share.scope)}
     root._keep(**times, _share=share, _path="", _values={}, _parent=None, where=getattr(whole.root, "where", None))
@@ -62,9 +62,9 @@ def phase_root(share: Share, start: ca.SX, end: ca.SX, whole: FlatModel) -> Phas
 
 
 def shares(flat: FlatModel, modes: Sequence[Sequence[bool]]) -> list[Share]:
-    """Of each phase, whose gt.If have these values.
+    """Distribute objective and constraints over phases; modes: values of gt.If in each phase.
 
-    Raises ModelError for what spans several phases and is no sum of what each has.
+    Raises ModelError for terms that couple several phases and are not a sum over phases.
     """
     root, scope = flat.root, flat.scope
     assert isinstance(root, Optimization)
@@ -80,29 +80,29 @@ def shares(flat: FlatModel, modes: Sequence[Sequence[bool]]) -> list[Share]:
     rows = [_relation(item, flat) for item in flatten_items(list(root.constraints()))]
     if len(scope.modes) > known:
         raise ModelError(
-            "gt.If stands in objective() or constraints(); give it a variable of the model there, y == gt.If(...), and "
-            "write y here",
+            "gt.If is not allowed in objective() or constraints(); declare a variable y, write y == gt.If(...) in "
+            "equations(), and use y here",
             scope.modes[known][1].where,
         )
     if scope.misfits:
         raise ModelError(
-            f"{flat.title}: gt.misfit holds instants that no phase can be given beforehand; write gt.Phases yourself",
+            f"{flat.title}: the instants of gt.misfit cannot be assigned to phases in advance; use gt.Phases directly",
             line_of(type(root).objective),
         )
     whole = _Whole(flat, list(scope.instants))
-    made = [Share(scope, ca.SX(0), [], []) for _ in modes]
-    whole.cost(ca.SX(objective.sx), made)
+    result = [Share(scope, ca.SX(0), [], []) for _ in modes]
+    whole.cost(ca.SX(objective.sx), result)
     for row in rows:
-        whole.row(row, made)
-    for share, values in zip(made, modes, strict=True):
+        whole.row(row, result)
+    for share, values in zip(result, modes, strict=True):
         _in_mode(flat, share, values)
-    return made
+    return result
 
 
 def _relation(item: Any, flat: FlatModel) -> Relation:
     if not isinstance(item, Relation):
         raise ModelError(
-            f"{flat.title}.constraints() yielded {type(item).__name__}, which is no relation; expected '==', '<=', "
+            f"{flat.title}.constraints() yielded {type(item).__name__}; expected a relation with '==', '<=', "
             "'>=' or gt.between",
             line_of(type(flat.root).constraints),  # type: ignore[attr-defined]
         )
@@ -110,7 +110,7 @@ def _relation(item: Any, flat: FlatModel) -> Relation:
 
 
 class _Whole:
-    """Values at instants and integrals of the whole, by the phase that has them."""
+    """Integrals and values at instants of the whole, assigned to phases."""
 
     def __init__(self, flat: FlatModel, instants: Sequence[Instant]) -> None:
         self._flat = flat
@@ -127,31 +127,31 @@ class _Whole:
                 self._last.append(i)
             else:
                 raise ModelError(
-                    f"{flat.title}: .at({i.time}) lies between the ends, and which phase has that instant is open; use "
-                    "self.start_time or self.final_time, or write gt.Phases yourself"
+                    f"{flat.title}: .at({i.time}) lies between the ends, so its phase is not known in advance; use "
+                    "self.start_time or self.final_time, or use gt.Phases directly"
                 )
 
     def _inside(self, expression: ca.SX) -> tuple[list[Instant], list[Instant], list[Instant]]:
-        """Integrals, values at the start and values at the end in an expression."""
+        """Return the integrals, values at the start and values at the end in an expression."""
         keys = {s.element_hash() for s in ca.symvar(expression)}
-        held = [
+        groups = [
             [i for i in group if keys & {s.element_hash() for s in ca.vertsplit(ca.vec(i.symbol))}]
             for group in (self._integrals, self._first, self._last)
         ]
-        return held[0], held[1], held[2]
+        return groups[0], groups[1], groups[2]
 
-    def cost(self, expression: ca.SX, made: Sequence[Share]) -> None:
-        """Integrals to all phases, values at an end to the phase there."""
+    def cost(self, expression: ca.SX, shares: Sequence[Share]) -> None:
+        """Assign integrals to all phases and values at an end to the phase there."""
         integrals, first, last = self._inside(expression)
         for i in integrals:
             weight = ca.gradient(expression, i.symbol)
             if any(self._inside(weight)):
                 raise ModelError(
-                    f"{self._flat.title}: the objective is no weighted sum of gt.integral(...), and each phase has its "
-                    "own part of them; make the integral a variable whose derivative is the integrand",
+                    f"{self._flat.title}: the objective must be a weighted sum of gt.integral(...) to be split into "
+                    "phases; replace the integral by a variable whose derivative is the integrand",
                     line_of(type(self._flat.root).objective),  # type: ignore[attr-defined]
                 )
-            for share in made:
+            for share in shares:
                 share.cost = share.cost + weight * i.symbol
                 share.instants.append(i)
             expression = ca.substitute(expression, i.symbol, ca.SX(0))
@@ -160,39 +160,39 @@ class _Whole:
             slope = ca.gradient(expression, column)
             if any(self._inside(ca.vertcat(slope))):
                 raise ModelError(
-                    f"{self._flat.title}: the objective multiplies what is at the start with what is at the end, and "
-                    "these are two phases; declare a gt.free for the one and write it as a constraint",
+                    f"{self._flat.title}: the objective multiplies values at the start and at the end, which belong to "
+                    "two phases; declare a gt.free for one of them and equate it in constraints()",
                     line_of(type(self._flat.root).objective),  # type: ignore[attr-defined]
                 )
-            made[0].cost = made[0].cost + ca.dot(slope, column)
-            made[0].instants += first
+            shares[0].cost = shares[0].cost + ca.dot(slope, column)
+            shares[0].instants += first
             expression = ca.substitute(expression, column, ca.SX.zeros(*column.shape))
             first = []
-        own = made[0] if first else made[-1]
-        own.cost = own.cost + expression
-        own.instants += [*first, *last]
+        share_at_end = shares[0] if first else shares[-1]
+        share_at_end.cost = share_at_end.cost + expression
+        share_at_end.instants += [*first, *last]
 
-    def row(self, row: Relation, made: Sequence[Share]) -> None:
-        """Along the path to all phases, at an end to the phase there."""
+    def row(self, row: Relation, shares: Sequence[Share]) -> None:
+        """Assign a path constraint to all phases and a constraint at an end to the phase there."""
         for k in range(row.residual.numel()):
-            own = _entry(row, k)
-            integrals, first, last = self._inside(own.residual)
+            entry = _entry(row, k)
+            integrals, first, last = self._inside(entry.residual)
             if integrals or (first and last):
-                what = "an integral over the whole" if integrals else "both ends of the whole"
+                what = "an integral over the whole horizon" if integrals else "values at both ends of the horizon"
                 raise ModelError(
-                    f"this constraint holds {what}, and each phase has a part of it only; make "
-                    + ("it a variable whose derivative is the integrand" if integrals else "the one a gt.free"),
+                    f"this constraint contains {what}, which spans several phases; replace "
+                    + ("it by a variable whose derivative is the integrand" if integrals else "one by a gt.free"),
                     row.where,
                 )
-            along = self._flat.scope.symbols_in(own.residual) or ca.depends_on(own.residual, self._flat.scope.time)
-            for share in made if along else [made[0] if first else made[-1]]:
-                share.rows.append(own)
+            along = self._flat.scope.symbols_in(entry.residual) or ca.depends_on(entry.residual, self._flat.scope.time)
+            for share in shares if along else [shares[0] if first else shares[-1]]:
+                share.rows.append(entry)
                 known = {id(i) for i in share.instants}
                 share.instants += [i for i in (*first, *last) if id(i) not in known]
 
 
 def _entry(row: Relation, k: int) -> Relation:
-    """One scalar of a relation."""
+    """Return one scalar of a relation."""
     if row.residual.numel() == 1:
         return row
     return replace(row, lhs=row.residual[k], rhs=ca.SX(0))

@@ -1,5 +1,4 @@
-"""Writing a model's expressions in what a transcription has at a point, states, rates, inputs, and the objective as
-weights of integrals."""
+"""Express a model in the quantities of a transcription (states, rates, inputs), and split the objective."""
 
 from __future__ import annotations
 
@@ -19,12 +18,12 @@ from ...lang.source import ModelError
 from .horizon import ConstraintRow, Horizon, Pair, PointValue, names_of, nominal_of
 from .scaling import Jacobians, scale_of
 
-STEPS = 3  # Newton's, from a polynomial's value: from a tenth off to round-off
+STEPS = 3  # Newton steps from a polynomial's value: reduce an error of 0.1 to rounding
 
 
 @dataclass(eq=False)
 class Explicit:
-    """Rates and point variables in x, the given inputs, P, t and the `unknowns` at which `residuals` vanish."""
+    """Rates and point variables in x, the given inputs, P, t and the `unknowns`, the roots of `residuals`."""
 
     rates: list[ca.SX]
     point: list[ca.SX]
@@ -34,11 +33,10 @@ class Explicit:
 
 @dataclass(eq=False)
 class ProblemBuilder:
-    """Writes expressions of original names in states, rates, controls, free constants and time.
+    """Expresses original names in states, rates, controls, free constants and time.
 
-    base: the plan of the explicit form. parameters: what stands in place of the parameters. delayed: variable index ->
-    (control that it follows, declaration). sizes: by the names of variables and free constants, in place of their
-    nominals.
+    base: the plan of the explicit form. parameters: numbers or symbols that replace the parameters. delayed: variable
+    index -> (source control, declaration). sizes: values by name that replace nominals.
     """
 
     flat: FlatModel
@@ -71,14 +69,14 @@ class ProblemBuilder:
         u = [ca.SX.sym(flat.variables[i].name) for i in inputs]
         self.given = ca.vertcat(*u) if u else ca.SX(0, 1)
         self.u = ca.vertcat(self.given, *z)
-        # a control is a variable of its own in all forms
+        # controls are unknowns in all forms
         self.control_symbols: dict[Pair, tuple[int, int]] = {}
         for n, i in enumerate(inputs):
             sign, kept, order = self.plan.alias.resolve(i, 0)
             self.control_symbols[(kept, order)] = (n, sign)
 
     def _point_unknowns(self, inputs: set[Pair]) -> list[Pair]:
-        """Chain symbols that are free at each point."""
+        """Return the variables and derivatives that are free at each point."""
         if self.kind == "dae":
             return [p for p in self.plan.pairs if p not in self.states and p not in self.rates and p not in inputs]
         if self.kind == "torn":
@@ -87,12 +85,12 @@ class ProblemBuilder:
         return []
 
     def express(self, expressions: list[ca.SX], with_controls: bool = True) -> list[ca.SX]:
-        """Expressions of original names in x, xd, u, P and t."""
+        """Express original names in x, xd, u, P and t."""
         rewritten = self.plan.alias.rewrite_all(self.flat, list(expressions))
-        given = dict(self.rates)
+        replacements = dict(self.rates)
         if with_controls:
-            given |= {pair: sign * self.u[n] for pair, (n, sign) in self.control_symbols.items()}
-        pairs = [(self.flat.scope.symbol(*pair), e) for pair, e in given.items()]
+            replacements |= {pair: sign * self.u[n] for pair, (n, sign) in self.control_symbols.items()}
+        pairs = [(self.flat.scope.symbol(*pair), e) for pair, e in replacements.items()]
         if self.kind != "dae":
             return express(self.plan, rewritten, pairs)
         old, new = [s for s, _ in pairs], [e for _, e in pairs]
@@ -103,7 +101,7 @@ class ProblemBuilder:
         return ca.cse(rewritten) if rewritten else []
 
     def expressible(self, pair: Pair) -> bool:
-        """Does the problem know this chain symbol of a kept variable?"""
+        """Return whether the problem can express this derivative of a kept variable."""
         if pair in self.states or pair in self.rates or pair in self.z_pairs or pair in self.control_symbols:
             return True
         if self.kind == "dae":
@@ -112,19 +110,19 @@ class ProblemBuilder:
         return symbol in {s.element_hash() for b in self.plan.blocks for s, _ in b.assignments}
 
     def off_points(self, written: list[ca.SX], values: list[ca.SX]) -> list[ca.SX | None]:
-        """What expressions of original names are between the collocation points, where rates of states and algebraic
-        variables follow from the equations; None for those that hold neither. `values` are they at the points."""
+        """Return the expressions between collocation points, where rates of states and algebraic variables must be
+        solved from the equations; None for expressions without these. values: the expressions at the points."""
         loose = {s.element_hash() for s in ca.vertsplit(ca.vertcat(self.xd, self.u[self.given.numel() :]))}
         needed = [n for n, e in enumerate(values) if loose & {s.element_hash() for s in ca.symvar(e)}]
         result: list[ca.SX | None] = [None] * len(values)
         if not needed:
             return result
-        other, form = self.other(), self.explicit()
-        expressions = other.express([written[n] for n in needed])
+        explicit_builder, form = self.other(), self.explicit()
+        expressions = explicit_builder.express([written[n] for n in needed])
         if self.given.numel():
-            expressions = ca.substitute(expressions, [other.given], [self.given])
+            expressions = ca.substitute(expressions, [explicit_builder.given], [self.given])
         if form.unknowns:
-            # the unknowns' polynomials are near: Newton's steps square what they miss
+            # Newton steps from the unknowns' polynomials, whose error they square
             z, r = ca.vertcat(*form.unknowns), ca.vertcat(*form.residuals)
             step = z - ca.solve(ca.densify(ca.jacobian(r, z)), r)
             for _ in range(STEPS):
@@ -135,27 +133,27 @@ class ProblemBuilder:
         return result
 
     def explicit(self) -> Explicit:
-        """Rates of the states and all point variables as functions of x, the given inputs, P and t."""
-        base, other = self.base, self.other()
+        """Return rates and point variables as functions of x, the given inputs, P and t."""
+        base, explicit_builder = self.base, self.other()
         scope = self.flat.scope
         unknowns = [s for b in base.newton for s in b.unknowns]
         residuals = [r for b in base.newton for r in b.residuals]
-        wanted = [scope.symbol(i, k + 1) for i, k in self.states] + [scope.symbol(*p) for p in self.z_pairs]
-        expressions = other.express([*wanted, *residuals])
+        targets = [scope.symbol(i, k + 1) for i, k in self.states] + [scope.symbol(*p) for p in self.z_pairs]
+        expressions = explicit_builder.express([*targets, *residuals])
         if expressions and self.given.numel():
-            expressions = ca.substitute(expressions, [other.given], [self.given])
-        n, m = len(self.states), len(wanted)
+            expressions = ca.substitute(expressions, [explicit_builder.given], [self.given])
+        n, m = len(self.states), len(targets)
         return Explicit(expressions[:n], expressions[n:m], unknowns, expressions[m:])
 
     def other(self) -> ProblemBuilder:
-        """The same problem in its explicit form."""
+        """Return the builder of the explicit (or torn) form."""
         return replace(self, plan=self.base, kind="torn" if self.base.newton else "explicit")
 
     def dynamics(self) -> tuple[list[ca.SX | None], ca.SX, list[str]]:
-        """Rates, algebraic rows that vanish, and what these rows say."""
+        """Return rates, algebraic rows that must vanish, and the labels of these rows."""
         flat, plan = self.flat, self.plan
         rates: list[ca.SX | None] = []
-        wanted = []
+        missing = []
         for i, k in self.states:
             if (i, k + 1) in self.states:
                 rates.append(flat.scope.symbol(i, k + 1))
@@ -163,8 +161,8 @@ class ProblemBuilder:
                 rates.append(None)
             else:
                 rates.append(flat.scope.symbol(i, k + 1))
-                wanted.append(len(rates) - 1)
-        for n, e in zip(wanted, self.express([r for n in wanted if (r := rates[n]) is not None]), strict=True):
+                missing.append(len(rates) - 1)
+        for n, e in zip(missing, self.express([r for n in missing if (r := rates[n]) is not None]), strict=True):
             rates[n] = e
         rows: list[ca.SX] = []
         labels: list[str] = []
@@ -173,38 +171,38 @@ class ProblemBuilder:
             rows += [self.u[n] - e for n, e in enumerate(computed)]
             labels += [f"{flat.variables[i].name} by the motion" for i in self.controls]
         elif self.kind == "dae":
-            written = differentiated(plan)
-            rows += self.express([r for _, r in written])
-            labels += [label for label, _ in written]
+            equations_dae = differentiated(plan)
+            rows += self.express([r for _, r in equations_dae])
+            labels += [label for label, _ in equations_dae]
         elif self.kind == "torn":
             rows += self.express([r for b in plan.newton for r in b.residuals])
             for block in plan.blocks:
                 if block.newton is not None:
-                    # each equation left over after elimination comes of the whole block
-                    said = "; ".join(dict.fromkeys(block.equations))
+                    # each remaining equation after elimination derives from the whole block
+                    equations = "; ".join(dict.fromkeys(block.equations))
                     size = block.newton.size
-                    labels += [f"block of {said}{f'[{k}]' if size > 1 else ''}" for k in range(size)]
-        # what the controls alone must satisfy, as u'u = 1
+                    labels += [f"block of {equations}{f'[{k}]' if size > 1 else ''}" for k in range(size)]
+        # conditions on the controls alone, such as u'u = 1
         rows += self.express([e.residual for e in self.base.conditions])
         labels += [f"{e.label} ({e.where})" for e in self.base.conditions]
         return rates, ca.vertcat(*rows) if rows else ca.SX(0, 1), labels
 
     @property
     def input_pairs(self) -> list[Pair]:
-        """What each entry of u is."""
+        """Variable and derivative order of each entry of u."""
         return [(i, 0) for i in (*self.controls, *self.delayed)] + self.z_pairs
 
     def nominal(self, pair: Pair) -> float:
-        """Size of a variable's derivative: the given one, else its nominal."""
-        given = [self.sizes[n] for n, _ in names_of(self.flat, self.base.alias, pair) if n in self.sizes]
-        return given[0] if given else nominal_of(self.flat, self.base.alias, pair)
+        """Return the size of a variable's derivative: from `sizes`, else its nominal."""
+        declared = [self.sizes[n] for n, _ in names_of(self.flat, self.base.alias, pair) if n in self.sizes]
+        return declared[0] if declared else nominal_of(self.flat, self.base.alias, pair)
 
     def nominals(self, pairs: list[Pair]) -> np.ndarray:
-        """Sizes of several."""
+        """Return the sizes of several derivatives."""
         return np.array([self.nominal(p) for p in pairs])
 
     def jacobian(self, x_scale: np.ndarray, u_scale: np.ndarray, P: np.ndarray) -> Jacobians:
-        """Derivatives of rows per size of the states, their rates and the inputs."""
+        """Return the derivatives of rows per size of the states, their rates and the inputs."""
         tops = [(i, k + 1) for i, k in self.states]
         inputs = self.input_pairs
         arguments = [self.x, self.xd, self.u, self.P, self.flat.scope.time]
@@ -212,11 +210,11 @@ class ProblemBuilder:
         return Jacobians(self.base, arguments, (self.states, tops, inputs), nominal, P)
 
     def numbers(self, e: ca.SX) -> ca.SX:
-        """An expression with the numbers of all parameters that are not free."""
+        """Insert the values of all parameters that are not free."""
         return ca.substitute([e], [self.flat.p], [self.parameters])[0] if self.flat.parameters else e
 
     def require(self, e: ca.SX, allowed: list[ca.SX], sentence: str, hint: str = "") -> None:
-        """Raises ModelError for symbols in e that are none of these."""
+        """Raise ModelError for symbols in e that are not in `allowed`."""
         known = {s.element_hash() for a in allowed for s in ca.vertsplit(ca.vec(a))}
         strange = [s.name() for s in ca.symvar(e) if s.element_hash() not in known]
         if strange:
@@ -226,8 +224,8 @@ class ProblemBuilder:
 
 @dataclass(eq=False)
 class CostTerms:
-    """integrals: (symbol, integrand, constant coefficient); mayer: what is left, in values at `instants`; points: the
-    rows at instants in these. states: integrals that became states, with their integrands and sizes."""
+    """integrals: (symbol, integrand, constant coefficient); mayer: the remaining objective in values at `instants`;
+    points: rows in these values. states: integrals turned into states, with integrand and size."""
 
     mayer: ca.SX
     misfits: list[Misfit]
@@ -241,8 +239,10 @@ def cost_of(
     b: ProblemBuilder, objective: Expr, points: list[ConstraintRow], instants: list[PointValue], jacobian: Jacobians,
     ends: Horizon, guess: np.ndarray, scale: np.ndarray,
 ) -> CostTerms:  # fmt: skip
-    """Split the objective; guess, scale: of the free constants. Raises ModelError for an objective or a row that holds
-    what is no value at an instant."""
+    """Split the objective into integrals and values at instants. guess, scale: of the free constants.
+
+    Raises ModelError if the objective or a row contains anything else.
+    """
     terms = CostTerms(ca.SX(0), [], list(instants))
     integrals = [i for i in b.flat.scope.instants if i.time is None]
     cost = b.numbers(objective.sx)
@@ -252,7 +252,7 @@ def cost_of(
     length = abs(float(ca.Function("length", [b.P], [ends.tf - ends.t0])(guess)))
     sizes_of = {i.symbol.element_hash(): i.expression for i in instants}
     for instant, integrand in zip(integrals, integrands, strict=True):
-        b.require(integrand, along, "the argument of gt.integral() holds a value at an instant or an integral")
+        b.require(integrand, along, "the argument of gt.integral() contains a value at an instant or an integral")
         weight = ca.gradient(cost, instant.symbol)
         if weight.is_constant() and instant.symbol.element_hash() not in used_in_points:
             terms.integrals.append((instant.symbol, integrand, float(weight)))
@@ -263,14 +263,14 @@ def cost_of(
         terms.instants.append(PointValue(instant.symbol, q, 1.0))
         sizes_of[instant.symbol.element_hash()] = length * integrand
     at_points = [b.P, *(i.symbol for i in terms.instants)]
-    b.require(cost, at_points, "objective() holds", "; take a value with .at(...) or gt.integral(...)")
+    b.require(cost, at_points, "objective() contains", "; use a value .at(...) or gt.integral(...)")
     terms.mayer = cost
     terms.misfits = [Misfit(b.numbers(m.residual), m.known) for m in b.flat.scope.misfits]
     for r in points:
         e = b.numbers(r.expression)
-        b.require(e, at_points, f"{r.label} holds", ", beside a value at an instant or an integral")
+        b.require(e, at_points, f"{r.label} contains", ", together with a value at an instant or an integral")
         if not ca.symvar(e):
-            raise ModelError(f"{r.label} holds no variable and nothing to choose: {r.low:g} <= {e} <= {r.high:g}")
+            raise ModelError(f"{r.label} contains no variable or free constant: {r.low:g} <= {e} <= {r.high:g}")
         terms.points.append(replace(r, expression=e))
     values = [sizes_of[i.symbol.element_hash()] for i in terms.instants]
     symbols = ca.vertcat(*[i.symbol for i in terms.instants])

@@ -1,4 +1,4 @@
-"""Delayed inputs: their values are those of the input some elements earlier, and before the start a history."""
+"""Delayed inputs: equal to the input some elements earlier, or to the declared history before the start."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ class DelayRows:
 
 
 def delays_of(flat: FlatModel) -> dict[int, tuple[int, Delayed]]:
-    """Variable index of each delayed input -> index of the input it follows, and the declaration.
+    """Return, by variable index of each delayed input, the index of its source input and the declaration.
 
-    Raises ModelError for a delay of something that is no input of the same class.
+    Raises ModelError if the source is not an input of the same class.
     """
     delays: dict[int, tuple[int, Delayed]] = {}
     for component in _components(flat.root):
@@ -41,17 +41,17 @@ def delays_of(flat: FlatModel) -> dict[int, tuple[int, Delayed]]:
         for name, item in type(component)._declared.items():
             if not isinstance(item, Delayed):
                 continue
-            own_name, source_name = join(path, name), join(path, item.source.name)
+            delayed_name, source_name = join(path, name), join(path, item.source.name)
             shape, indices = flat.groups.get(source_name, (None, []))
             if shape is None or flat.variables[indices[0]].role != "input":
-                raise ModelError(f"'{own_name}' delays '{source_name}', which is no input of {flat.title}", item.where)
-            for own, source in zip(flat.groups[own_name][1], indices, strict=True):
-                delays[own] = (source, item)
+                raise ModelError(f"'{delayed_name}' delays '{source_name}', not an input of {flat.title}", item.where)
+            for delayed, source in zip(flat.groups[delayed_name][1], indices, strict=True):
+                delays[delayed] = (source, item)
     return delays
 
 
 def _components(model: Model) -> Iterator[Model]:
-    """A bound model and the parts below it."""
+    """Yield a bound model and the parts below it."""
     yield model
     for value in model._values.values():
         for part in value if isinstance(value, (list, tuple)) else (value,):
@@ -60,36 +60,36 @@ def _components(model: Model) -> Iterator[Model]:
 
 
 def delay_rows(problem: DynamicProblem, mesh: Mesh, layout: Layout) -> DelayRows:
-    """Rows for every delayed input at every point. Raises ModelError for a horizon or mesh that delays do not fit."""
+    """Return rows for every delayed input at every point. Raises ModelError if a delay does not fit the mesh."""
     N, n, K = mesh.elements, layout.size, mesh.points
     if not problem.delayed:
         return DelayRows(SparseMatrix.of([], [], [], (0, N * n)), np.zeros(0), [])
     title, horizon = problem.flat.title, ca.Function("ends", [problem.P], [problem.t0, problem.tf])
     if not (problem.t0.is_constant() and problem.tf.is_constant()) or mesh.length_ratio is not None:
-        raise ModelError(f"{title}: a delayed input needs a horizon and element lengths that are given, not chosen")
+        raise ModelError(f"{title}: a delayed input needs a fixed horizon and fixed element lengths")
     t0, tf = (float(v) for v in horizon(np.zeros(problem.P.numel())))
     rows, cols, weights, value, names = [], [], [], [], []
     for j, (source, item) in enumerate(problem.delayed):
         shift = item.tau / (tf - t0)
-        moved = mesh.edges - shift
-        off = [e for e in moved if -ROUND_OFF < e and np.min(np.abs(mesh.edges - e)) > ROUND_OFF]
-        if off or (shift < 1.0 and np.min(np.abs(moved)) > ROUND_OFF):
+        earlier = mesh.edges - shift
+        off_edge = [e for e in earlier if -ROUND_OFF < e and np.min(np.abs(mesh.edges - e)) > ROUND_OFF]
+        if off_edge or (shift < 1.0 and np.min(np.abs(earlier)) > ROUND_OFF):
             raise ModelError(
-                f"{title}: the delay of {item.tau:g} s is no whole number of elements; choose the mesh so that each "
-                f"edge is still an edge {item.tau:g} s earlier",
+                f"{title}: the delay of {item.tau:g} s is not a whole number of elements; choose the mesh so that "
+                f"{item.tau:g} s before each edge there is an edge too",
                 item.where,
             )
         for k in range(N):
-            inside = (mesh.edges > moved[k] + ROUND_OFF) & (mesh.edges < moved[k + 1] - ROUND_OFF)
+            inside = (mesh.edges > earlier[k] + ROUND_OFF) & (mesh.edges < earlier[k + 1] - ROUND_OFF)
             if np.any(inside):
-                # the input may jump there, which one polynomial cannot follow
+                # the input may jump there, which a single polynomial cannot represent
                 raise ModelError(
-                    f"{title}: element {k + 1} takes the delayed input from two elements, that meet at "
+                    f"{title}: element {k + 1} takes the delayed input from two elements, which meet at "
                     f"{t0 + mesh.edges[inside][0] * (tf - t0):g} s; choose the mesh "
-                    f"so that each edge is still an edge {item.tau:g} s later",
+                    f"so that {item.tau:g} s after each edge there is an edge too",
                     item.where,
                 )
-        own, other = problem.u_scale[layout.nu + j], problem.u_scale[source]
+        delayed_scale, source_scale = problem.u_scale[layout.nu + j], problem.u_scale[source]
         name = problem.point_names[j]
         for k in range(N):
             for c in range(K):
@@ -100,14 +100,14 @@ def delay_rows(problem: DynamicProblem, mesh: Mesh, layout: Layout) -> DelayRows
                 weights.append(1.0)
                 names.append(f"delay of {name} in element {k + 1}, point {c + 1}")
                 if s <= ROUND_OFF and mesh.edges[k] - shift < -ROUND_OFF:
-                    value.append(item.before(t0 + s * (tf - t0)) / own)
+                    value.append(item.before(t0 + s * (tf - t0)) / delayed_scale)
                     continue
                 value.append(0.0)
-                e = mesh.element_at(moved[k])
+                e = mesh.element_at(earlier[k])
                 local = np.clip((s - mesh.edges[e]) / mesh.h[e], 0.0, 1.0)
                 weights_at = control_basis(mesh.control, mesh.table, np.array([local]))[0]
                 for weight, i in zip(weights_at, layout.u[:, source], strict=True):
                     rows.append(row)
                     cols.append(e * n + int(i))
-                    weights.append(-float(weight) * other / own)
+                    weights.append(-float(weight) * source_scale / delayed_scale)
     return DelayRows(SparseMatrix.of(rows, cols, weights, (len(value), N * n)), np.array(value), names)

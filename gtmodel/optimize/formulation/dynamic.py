@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Bounds:
-    """Lower and upper bounds with the line that set each."""
+    """Lower and upper bounds."""
 
     low: np.ndarray
     high: np.ndarray
@@ -36,7 +36,7 @@ class Bounds:
 
 @dataclass(eq=False)
 class Quadrature:
-    """A variable `index` that is its start plus the integral of `integrand` from the start of the horizon on."""
+    """A variable `index` equal to `start` plus the integral of `integrand` from the start of the horizon."""
 
     index: int
     integrand: ca.SX
@@ -47,10 +47,10 @@ class Quadrature:
 class DynamicProblem:
     """Everything a transcription needs, as expressions of x, xd (state rates), u, P (constants) and t.
 
-    u holds the controls, behind them what is free at each point: delayed inputs, with (control, declaration) in
-    `delayed`, and the algebraic variables `z_pairs`. P holds the free constants and behind them the parameters that
-    may change between solves (`tunable`). Each state has a rate expression, or None where its rate enters
-    `algebraic` rows as xd. `integrals` are (symbol, integrand, constant coefficient in the objective).
+    u: the controls, then the variables free at each point: delayed inputs, with (control, declaration) in `delayed`,
+    and the algebraic variables `z_pairs`. P: the free constants, then the parameters that may change between solves
+    (`tunable`). Each state has a rate expression, or None if its rate enters the `algebraic` rows as xd. `integrals`:
+    (symbol, integrand, constant coefficient in the objective).
     The solver's unknowns are x, u and P divided by `x_scale`, `u_scale` and `P_scale`.
     """
 
@@ -93,32 +93,32 @@ class DynamicProblem:
     branches: dict[str, int] = field(default_factory=dict)
     misfits: list[Misfit] = field(default_factory=list)
     quadratures: list[Quadrature] = field(default_factory=list)  # costs written as states: see quadratures.set_apart
-    shortest: float = 0.0  # the horizon's length [s] that nobody wrote, where nothing else bounds it
-    cache: dict[str, Any] = field(default_factory=dict)  # what is made of it when first asked for
+    shortest: float = 0.0  # automatic lower bound of the horizon's length [s]; 0 if the problem has its own
+    cache: dict[str, Any] = field(default_factory=dict)  # objects built from the problem on first use
 
     @property
     def loose(self) -> bool:
-        """Do rates of states or algebraic variables stand for themselves, held by equations at collocation points?"""
+        """Whether rates or algebraic variables are unknowns that satisfy the equations at collocation points only."""
         return any(r is None for r in self.rates) or bool(self.z_pairs)
 
     @property
     def indifferent(self) -> bool:
-        """Is the objective a constant, whatever the motion?"""
+        """Whether the objective is constant."""
         return not any(weight for _, _, weight in self.integrals) and not self.misfits and self.mayer.is_constant()
 
     @property
     def arguments(self) -> list[ca.SX]:
-        """What functions of a point take."""
+        """Arguments of the functions of a point."""
         return [self.x, self.xd, self.u, self.P, self.t]
 
     @property
     def state_names(self) -> list[str]:
-        own = [self.flat.symbol_name(*p) for p in self.state_pairs]
-        return own + [f"integral {k}" for k in range(self.x.numel() - len(own))]
+        names = [self.flat.symbol_name(*p) for p in self.state_pairs]
+        return names + [f"integral {k}" for k in range(self.x.numel() - len(names))]
 
     @property
     def integrands(self) -> ca.Function:
-        """(x, xd, u, P, t) -> those of the quadratures."""
+        """(x, xd, u, P, t) -> integrands of the quadratures."""
         values = [q.integrand for q in self.quadratures]
         return ca.Function("integrands", self.arguments, [ca.vertcat(*values) if values else ca.SX(0, 1)])
 
@@ -132,13 +132,13 @@ class DynamicProblem:
 
     @property
     def point_names(self) -> list[str]:
-        """Names of what is free at each point: delayed inputs and algebraic variables."""
+        """Names of the variables that are free at each point: delayed inputs and algebraic variables."""
         delayed = [self.flat.variables[i].name for i in self.delayed_indices]
         return delayed + [self.flat.symbol_name(*p) for p in self.z_pairs]
 
     @property
     def input_pairs(self) -> list[Pair]:
-        """What each entry of u is."""
+        """Variable and derivative order of each entry of u."""
         return [(i, 0) for i in (*self.control_indices, *self.delayed_indices)] + self.z_pairs
 
     @property

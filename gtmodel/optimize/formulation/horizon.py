@@ -1,5 +1,4 @@
-"""The horizon, its ends as expressions of the free constants, instants, constraints as rows low <= expression <=
-high, and what was declared about a symbol."""
+"""The horizon and its instants, constraints as rows low <= expression <= high, and attributes of symbols."""
 
 from __future__ import annotations
 
@@ -19,42 +18,42 @@ from ...lang.slips import each_of, line_of
 from ...lang.source import ModelError, SourceLocation
 
 Pair = tuple[int, int]
-HIGHEST = 2  # derivatives under whose names a guess may hold a state
+HIGHEST = 2  # highest derivative under whose name a guess may contain a state
 
 
 def names_of(flat: FlatModel, alias: AliasResult, pair: Pair) -> list[tuple[str, int]]:
-    """All (name, sign) with name == sign * symbol; the symbol's own name first."""
-    own = flat.symbol_name(*pair)
-    return [(own, 1)] + [(n, sign) for n, sign in _by_symbol(flat, alias).get(pair, []) if n != own]
+    """Return all (name, sign) with name == sign * symbol; the symbol's own name first."""
+    own_name = flat.symbol_name(*pair)
+    return [(own_name, 1)] + [(n, sign) for n, sign in _by_symbol(flat, alias).get(pair, []) if n != own_name]
 
 
 def _by_symbol(flat: FlatModel, alias: AliasResult) -> dict[Pair, list[tuple[str, int]]]:
-    """Names and signs of all variables and their derivatives, by what they stand for; made once and kept with alias."""
-    known = alias.names
-    if known is None or known[0] is not flat or known[1] != len(alias.removed):
+    """Return names and signs of all variables and their derivatives by kept variable; cached with alias."""
+    cached = alias.names
+    if cached is None or cached[0] is not flat or cached[1] != len(alias.removed):
         names: dict[Pair, list[tuple[str, int]]] = {}
         for v in flat.variables:
             for k in range(HIGHEST + 1):
                 sign, kept, order = alias.resolve(v.index, k)
                 names.setdefault((kept, order), []).append((derivative_name(v.name, k), sign))
-        known = alias.names = flat, len(alias.removed), names
-    return known[2]
+        cached = alias.names = flat, len(alias.removed), names
+    return cached[2]
 
 
 def nominal_of(flat: FlatModel, alias: AliasResult, pair: Pair) -> float:
-    """Its own nominal or that of a variable that equals it; a derivative without one takes its variable's."""
-    own = flat.variables[pair[0]].nominal
+    """Return the nominal of the symbol or of an alias; a derivative without one takes its variable's."""
+    nominal = flat.variables[pair[0]].nominal
     declared = [v.nominal for v in flat.variables if v.nominal != 1.0 and alias.resolve(v.index, 0)[1:] == pair]
-    if pair[1] == 0 and own != 1.0:
-        return own
-    return declared[0] if declared else own
+    if pair[1] == 0 and nominal != 1.0:
+        return nominal
+    return declared[0] if declared else nominal
 
 
 def start_of(flat: FlatModel, alias: AliasResult, pair: Pair) -> float:
-    """Its start value or that of a variable that equals it; 0 where none is declared."""
-    own = flat.variables[pair[0]].start
-    if pair[1] == 0 and own is not None:
-        return own
+    """Return the start value of the symbol or of an alias; 0 if none is declared."""
+    start = flat.variables[pair[0]].start
+    if pair[1] == 0 and start is not None:
+        return start
     for v in flat.variables:
         sign, kept, order = alias.resolve(v.index, 0)
         if (kept, order) == pair and v.start is not None:
@@ -64,9 +63,9 @@ def start_of(flat: FlatModel, alias: AliasResult, pair: Pair) -> float:
 
 @dataclass(eq=False)
 class ConstraintRow:
-    """One scalar constraint with its name and the line that wrote it; the solver sees it divided by `scale`.
+    """One scalar constraint with its label and source line; the solver gets it divided by `scale`.
 
-    ends: whether it holds at the start and at the end of the horizon too, of one that holds along the path.
+    ends: whether a path constraint also holds at the start, and at the end, of the horizon.
     """
 
     expression: ca.SX
@@ -79,37 +78,37 @@ class ConstraintRow:
 
 
 def relations(source: Iterable[Any] | None, flat: FlatModel) -> list[ConstraintRow]:
-    """Rows of everything that constraints() yields. Raises ModelError for what is no relation."""
-    written = line_of(getattr(type(flat.root), "constraints", None))
+    """Return the rows of constraints(). Raises ModelError if it yields anything but relations."""
+    line = line_of(getattr(type(flat.root), "constraints", None))
     if source is None:
         raise ModelError(
-            f"constraints() of {flat.title} returned nothing; expected 'yield' in front of each relation", written
+            f"constraints() of {flat.title} returned nothing; expected 'yield' in front of each relation", line
         )
     if not isinstance(source, Iterable):
         raise ModelError(
             f"constraints() of {flat.title} returned one {type(source).__name__}; expected 'yield' in front of each "
             "relation",
-            written,
+            line,
         )
-    return relation_rows(source, f"{flat.title}.constraints()", written=written)
+    return relation_rows(source, f"{flat.title}.constraints()", written=line)
 
 
 def relation_rows(
     source: Iterable[Any], title: str, word: str = "constraint", *, written: SourceLocation | None = None
 ) -> list[ConstraintRow]:
-    """Rows of relations. Raises ModelError for what is no relation."""
+    """Return the rows of relations. Raises ModelError for anything else."""
     rows: list[ConstraintRow] = []
     for count, item in enumerate(flatten_items(list(each_of(source, title))), 1):
         if not isinstance(item, Relation):
             raise ModelError(
-                f"{title} yielded {type(item).__name__}, which is no relation; expected '==', '<=', '>=' or gt.between",
+                f"{title} yielded {type(item).__name__}; expected a relation with '==', '<=', '>=' or gt.between",
                 written,
             )
         low, high = {"==": (0.0, 0.0), "<=": (-np.inf, 0.0), ">=": (0.0, np.inf)}[item.op]
         residual = item.residual
         for k in range(residual.numel()):
             if not ca.symvar(residual[k]):
-                raise ModelError(f"a {word} holds no variable: {residual[k]} {item.op} 0", item.where)
+                raise ModelError(f"a {word} contains no variable: {residual[k]} {item.op} 0", item.where)
             suffix = f"[{k}]" if residual.numel() > 1 else ""
             rows.append(ConstraintRow(residual[k], low, high, f"{word} {count}{suffix} ({item.where})", item.where))
     return rows
@@ -118,7 +117,7 @@ def relation_rows(
 def as_bound(
     e: ca.SX, row: ConstraintRow, flat: FlatModel, parameters: ca.SX
 ) -> tuple[tuple[int, int], float, float] | None:
-    """(chain symbol, low, high) of a row a*s + b with numeric a and b, else None."""
+    """Return (variable and derivative order, low, high) of a row a*s + b with numeric a and b, else None."""
     if flat.parameters:
         e = ca.substitute([e], [flat.p], [parameters])[0]
     symbols = ca.symvar(e)
@@ -135,17 +134,17 @@ def as_bound(
 
 
 ROUND_OFF = 1e-12  # of times on a horizon of length 1
-# of the guessed length: what a horizon that nobody bounds does not fall below, lest it divide by zero. A solution that
-# comes down to it has failed
+# lower bound, relative to the guess, of a free horizon without bounds: avoids division by zero. A solution at this
+# bound has failed
 SHORTEST = 1e-3
 
 
 @dataclass(eq=False)
 class PointValue:
-    """An expression needed at one instant, s in [0, 1] of the horizon, known there as `symbol`.
+    """An expression needed at one instant, the fraction s in [0, 1] of the horizon; `symbol` stands for its value.
 
-    `off`: the same by the model's equations alone, where rates of states and algebraic variables stand in it: off the
-    collocation points the polynomials do not keep the equations.
+    `off`: the expression by the model's equations, if it contains rates of states or algebraic variables: between
+    collocation points the polynomials do not satisfy the equations.
     """
 
     symbol: ca.SX
@@ -168,7 +167,7 @@ class Horizon:
 
 
 def horizon(flat: FlatModel, P: ca.SX, parameters: ca.SX) -> Horizon:
-    """Both ends of the model's horizon. Raises ModelError for an end that is no time or that comes too early."""
+    """Return both ends of the model's horizon. Raises ModelError for an invalid end or a non-positive length."""
     t0, tf = (end_of(flat, name) for name in ("start_time", "final_time"))
     if flat.parameters:
         t0, tf = ca.substitute([t0, tf], [flat.p], [parameters])
@@ -176,7 +175,7 @@ def horizon(flat: FlatModel, P: ca.SX, parameters: ca.SX) -> Horizon:
     for name, end in (("start_time", t0), ("final_time", tf)):
         if strange := [s.name() for s in ca.symvar(end) if s.element_hash() not in known]:
             raise ModelError(
-                f"{flat.title}: {name} is made of numbers, parameters and free constants; found one that depends on "
+                f"{flat.title}: {name} may depend on numbers, parameters and free constants only; found "
                 f"{', '.join(strange)}"
             )
     require_order(flat.title, t0, tf)
@@ -184,23 +183,23 @@ def horizon(flat: FlatModel, P: ca.SX, parameters: ca.SX) -> Horizon:
 
 
 def require_order(title: str, t0: ca.SX, tf: ca.SX) -> None:
-    """Raises ModelError for a given horizon that does not end after its start."""
+    """Raise ModelError for a fixed horizon that does not end after its start."""
     if t0.is_constant() and tf.is_constant() and not float(tf) > float(t0):
-        raise ModelError(f"{title}: the horizon ends at {float(tf):g} s, not after {float(t0):g} s")
+        raise ModelError(f"{title}: the horizon ends at {float(tf):g} s, but starts at {float(t0):g} s")
 
 
 def end_of(flat: FlatModel, name: str) -> ca.SX:
-    """start_time or final_time as written. Raises ModelError for what is no time."""
+    """Return start_time or final_time as an expression. Raises ModelError for anything but a scalar."""
     value = getattr(flat.root, name)
     if isinstance(value, Expr) and value.shape == ():
         return value.sx
     if isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and np.isfinite(value):
         return ca.SX(float(value))
-    raise ModelError(f"{flat.title}: {name} is a number [s], a gt.parameter or gt.free(...); found {value!r}")
+    raise ModelError(f"{flat.title}: {name} must be a number [s], a gt.parameter or gt.free(...); found {value!r}")
 
 
 def initial_rows(flat: FlatModel) -> list[ConstraintRow]:
-    """initial_equations() of all components as constraints at the start of the horizon."""
+    """Return initial_equations() of all components as constraints at the start of the horizon."""
     rows = []
     for e in flat.initial:
         symbol = ca.SX.sym(f"initial{len(flat.scope.instants)}")
@@ -212,10 +211,10 @@ def initial_rows(flat: FlatModel) -> list[ConstraintRow]:
 def shortest_length(
     flat: FlatModel, h: Horizon, constraints: Sequence[ConstraintRow], guess: np.ndarray, tunable: ca.SX | None = None
 ) -> float:
-    """What a free horizon must not fall below [s]: 0 where bounds or a constraint keep its length away from zero, else
-    a small part of its length at the guess of the constants. Raises ModelError where that is no length.
+    """Return the lower bound of a free horizon's length [s]: 0 if bounds or a constraint already keep it positive, else
+    a small share of its guessed length. Raises ModelError if the guessed length is not positive.
 
-    Tunable parameters stand for their values, which end `guess`.
+    tunable: parameters whose values are the last entries of `guess`.
     """
     length = float(ca.Function("length", [h.P], [h.length])(guess))
     if tunable is not None and tunable.numel():
@@ -230,12 +229,12 @@ def shortest_length(
     def limits(end: ca.SX) -> tuple[float, float]:
         if end.is_constant():
             return float(end), float(end)
-        # an affine expression of free constants between its extremes
+        # extremes of an affine expression of free constants
         symbols = ca.symvar(end)
         jacobian = ca.gradient(end, ca.vertcat(*symbols))
         if not jacobian.is_constant():
             raise ModelError(
-                f"{flat.title}: an end of the horizon is no sum of free constants; found {end}; declare it as "
+                f"{flat.title}: an end of the horizon must be affine in the free constants; found {end}; declare it as "
                 "gt.free(...) and write the relation in constraints()"
             )
         low = high = float(ca.substitute([end], [ca.vertcat(*symbols)], [ca.SX.zeros(len(symbols))])[0])
@@ -254,14 +253,14 @@ def shortest_length(
     end = last or first
     where = end.where if end is not None else None
     raise ModelError(
-        f"{flat.title}: the horizon is free, and at the guess of its ends {length:g} s long; guess an end after its "
+        f"{flat.title}: the free horizon is {length:g} s long at its guess; guess an end after the "
         "start, or bound it: gt.free(guess=..., min=0.1)",
         where,
     )
 
 
 def _shortest(row: ConstraintRow, h: Horizon) -> float:
-    """Lower bound of the horizon's length that a constraint a * length + b gives; -inf where it gives none."""
+    """Return the lower bound of the horizon's length from a constraint a * length + b; -inf if there is none."""
     jacobian = ca.vertcat(ca.gradient(row.expression, h.P), ca.gradient(h.length, h.P))
     known = {s.element_hash() for s in ca.vertsplit(h.P)}
     if not jacobian.is_constant() or not {s.element_hash() for s in ca.symvar(row.expression)} <= known:
@@ -275,7 +274,7 @@ def _shortest(row: ConstraintRow, h: Horizon) -> float:
 
 
 def point_values(flat: FlatModel, h: Horizon, instants: Sequence[Instant], parameters: ca.SX) -> list[PointValue]:
-    """Values of .at() with their place s in [0, 1]; s must not depend on what the optimisation chooses."""
+    """Return the values of .at() with their fraction s in [0, 1], which must not depend on free constants."""
     result = []
     for instant in instants:
         if instant.time is None:
@@ -287,10 +286,10 @@ def point_values(flat: FlatModel, h: Horizon, instants: Sequence[Instant], param
             free = {q.name for q in flat.parameters if q.free}
             tuned = sorted({v.name() for v in ca.symvar((time - h.t0) / h.length)} - free)
             hint = f", or leave {', '.join(tuned)} out of transcribe(parameters=...)" if tuned else ""
-            raise ModelError(f"{flat.title}: an instant of .at() moves within the horizon; use its ends{hint}")
+            raise ModelError(f"{flat.title}: an instant of .at() is not fixed in the horizon; use its ends{hint}")
         if not -ROUND_OFF <= first <= 1 + ROUND_OFF:
-            at = f"the instant {float(time):g} s" if time.is_constant() else "an instant"
-            raise ModelError(f"{flat.title}: {at} of .at() lies outside the horizon")
+            name = f"the instant {float(time):g} s" if time.is_constant() else "an instant"
+            raise ModelError(f"{flat.title}: {name} of .at() lies outside the horizon")
         place = min(1.0, max(0.0, first))
         for k in range(instant.symbol.numel()):
             result.append(PointValue(instant.symbol[k], instant.expression[k], place))

@@ -1,4 +1,4 @@
-"""What limits a problem: bounds of its variables, rows along the path, rows at instants and at the start."""
+"""Bounds of variables, and rows along the path, at instants and at the start."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .builder import ProblemBuilder
 from .dynamic import Bounds
 from .horizon import ConstraintRow, Horizon, Pair, PointValue, as_bound
 
-# what a value that is fixed at the start may miss, in the size of the row: IPOPT's own measure of a solution
+# tolerance, relative to the row's scale, for constraints on values fixed at the start: as in IPOPT
 START_SLACK = 1e-6
 
 
@@ -32,9 +32,9 @@ class TrajectoryBounds:
 def limits_of(
     builder: ProblemBuilder, constraints: list[ConstraintRow], instants: list[PointValue], apart: Collection[int]
 ) -> TrajectoryBounds:
-    """The declared bounds and the constraints, each where it is cheapest: a bound of a variable before a row.
+    """Collect declared bounds and constraints; a constraint becomes a bound of a variable if possible, else a row.
 
-    apart: variables whose fixed start is held elsewhere. Raises ModelError for a fixed start that is no state's.
+    apart: variables whose fixed start is handled elsewhere. Raises ModelError for a fixed start of a non-state.
     """
     b, flat = builder, builder.flat
     position = {p: n for n, p in enumerate(b.states)}
@@ -69,7 +69,7 @@ def limits_of(
             if not _end_bound(b, row, instants, position, bounds.start, bounds.end):
                 bounds.points.append(row)
             continue
-        # a bound of a variable holds at both ends
+        # a bound of a variable applies at both ends
         rewritten = b.plan.alias.rewrite(flat, row.expression)
         bound = as_bound(rewritten, row, flat, b.parameters) if all(row.ends) else None
         if bound is not None and np.any(np.isnan(bound[1:])):
@@ -88,16 +88,16 @@ def _end_bound(
     start: Bounds,
     end: Bounds,
 ) -> bool:
-    """A point constraint on one state at one end is a bound on a variable."""
+    """Turn a point constraint on one state at one end into a bound; return whether that was possible."""
     constant = {q.symbol.element_hash() for q in b.flat.parameters}
-    own = [s for s in ca.symvar(row.expression) if s.element_hash() not in constant]
-    if len(own) != 1:
+    unknowns = [s for s in ca.symvar(row.expression) if s.element_hash() not in constant]
+    if len(unknowns) != 1:
         return False
-    value = next((i for i in instants if i.symbol.element_hash() == own[0].element_hash()), None)
+    value = next((i for i in instants if i.symbol.element_hash() == unknowns[0].element_hash()), None)
     if value is None or value.s not in (0.0, 1.0):
         return False
     chain = b.plan.alias.rewrite(b.flat, value.expression)
-    inner = ca.substitute([row.expression], [own[0]], [chain])[0]
+    inner = ca.substitute([row.expression], [unknowns[0]], [chain])[0]
     bound = as_bound(inner, row, b.flat, b.parameters)
     if bound is None or bound[0] not in position:
         return False
@@ -106,14 +106,14 @@ def _end_bound(
 
 
 def _initial(b: ProblemBuilder, position: dict[Pair, int], start: Bounds, apart: Collection[int]) -> None:
-    """Fixed start attributes are initial conditions, but for the variables `apart`."""
+    """Turn fixed start attributes into initial conditions, except for the variables `apart`."""
     for v in b.flat.variables:
         if not v.fixed or v.start is None or v.index in apart:
             continue
         sign, kept, order = b.plan.alias.resolve(v.index, 0)
         if (kept, order) not in position:
             raise ModelError(
-                f"the fixed start of '{v.name}' cannot be held: it is no state; states are "
+                f"'{v.name}' has a fixed start but is not a state; states are "
                 f"{', '.join(b.flat.symbol_name(*p) for p in b.states)}",
                 v.where,
             )
@@ -133,17 +133,18 @@ def check_bounds(b: ProblemBuilder, x: Bounds, u: Bounds, P: Bounds, start: Boun
             low, high = max(c.low[n] for c in bounds), min(c.high[n] for c in bounds)
             if low > high:
                 raise ModelError(
-                    f"{b.flat.title}: the bounds of '{name}' cross{place}: at least {low:g} and at most {high:g}",
+                    f"{b.flat.title}: the bounds of '{name}' contradict each other{place}: at least {low:g} and at "
+                    f"most {high:g}",
                     where,
                 )
 
 
 def bounded_end(b: ProblemBuilder, ends: Horizon, shortest: float, P: Bounds) -> bool:
-    """A shortest length as a bound of the end that is a free constant, where the other end is a number."""
-    for end, other, sign in ((ends.tf, ends.t0, 1.0), (ends.t0, ends.tf, -1.0)):
-        if end.is_symbolic() and other.is_constant():
+    """Impose a shortest length as a bound of one end, if that is a free constant and the other end a number."""
+    for end, opposite, sign in ((ends.tf, ends.t0, 1.0), (ends.t0, ends.tf, -1.0)):
+        if end.is_symbolic() and opposite.is_constant():
             n = [s.element_hash() for s in ca.vertsplit(b.P)].index(end.element_hash())
-            limit = float(other) + sign * shortest
+            limit = float(opposite) + sign * shortest
             P.tighten(n, *((limit, np.inf) if sign > 0 else (-np.inf, limit)))
             return True
     return False
@@ -158,13 +159,13 @@ def rows_at_start(
     start: Bounds,
     t0: ca.SX,
 ) -> list[tuple[PointValue, ConstraintRow]]:
-    """Rows at the start of the horizon, where no collocation point lies: what states, constants and time tell.
+    """Return the path rows in states, constants and time at the start of the horizon, which is no collocation point.
 
-    Raises ModelError where a start that is fixed breaks one.
+    Raises ModelError if fixed start values violate one.
     """
     rows = list(path)
     if b.kind == "dae":
-        # states tell the unknowns that are free at each point
+        # the unknowns that are free at each point follow from the states
         offset = b.given.numel()
         for n, pair in enumerate(b.z_pairs):
             low, high = float(u.low[offset + n]), float(u.high[offset + n])
@@ -184,26 +185,26 @@ def rows_at_start(
         keys = {s.element_hash() for s in ca.symvar(row.expression)}
         if not row.ends[0] or not keys & set(states) or not keys <= {*states, *constants, time}:
             continue
-        held = all(low[states[k]] == high[states[k]] for k in keys if k in states)
+        fixed = all(low[states[k]] == high[states[k]] for k in keys if k in states)
         bounds, label = (row.low, row.high), f"at the start: {row.label}"
-        chosen = keys & set(constants) or (time in keys and not t0.is_constant())
-        if held and not chosen:
-            at = ca.substitute([row.expression], [ca.vertcat(b.x, b.flat.scope.time)],
+        optimised = keys & set(constants) or (time in keys and not t0.is_constant())
+        if fixed and not optimised:
+            start_value = ca.substitute([row.expression], [ca.vertcat(b.x, b.flat.scope.time)],
                                [ca.vertcat(ca.SX(np.where(np.isfinite(low), low, 0.0)), t0)])[0]  # fmt: skip
-            value = float(at)
+            value = float(start_value)
             miss = max(row.low - value, value - row.high)
             if miss > START_SLACK * row.scale:
                 raise ModelError(
-                    f"{b.flat.title}: the values fixed at the start miss '{row.label}' by {miss:g}; change the "
-                    "start or the constraint",
+                    f"{b.flat.title}: the fixed start values violate '{row.label}' by {miss:g}; change the "
+                    "start values or the constraint",
                     row.where,
                 )
             continue
         free = any(constants[k] < b.n_free for k in keys if k in constants) or any(
             s.element_hash() in constants and constants[s.element_hash()] < b.n_free for s in ca.symvar(t0)
         )
-        if held and not free and row.low == row.high:
-            # an equation without an unknown would leave too few of them
+        if fixed and not free and row.low == row.high:
+            # an equation without a free unknown would make the problem overdetermined
             bounds = (row.low - START_SLACK * row.scale, row.high + START_SLACK * row.scale)
         symbol = ca.SX.sym(f"start{len(result)}")
         point = ConstraintRow(symbol, *bounds, label, row.where, row.scale)

@@ -1,7 +1,7 @@
-"""Costs that are written as states: der(cost) == L with cost.at(final_time) in the objective is the integral of L.
+"""Cost states: der(cost) == L with cost.at(final_time) in the objective is the integral of L.
 
-Such a state drives nothing. As an unknown it makes the optimum several times as dear as the integral does; so the
-objective takes the integral, and the state's values are summed up afterwards.
+A cost state drives nothing else. As an unknown it would make the solve several times slower, so the objective uses the
+integral, and the state's values are computed afterwards.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from ..mesh import Mesh, basis
 from .dynamic import DynamicProblem, Quadrature
 from .horizon import ConstraintRow
 
-SAME_TIME = 100  # how deep two expressions of one time are compared
-LEFT = 1e-12  # of the horizon: at an edge the element on the left tells
+SAME_TIME = 100  # depth of the comparison of two time expressions
+LEFT = 1e-12  # of the horizon: at an edge the element on the left is used
 
 
 def set_apart(
     flat: FlatModel, objective: ca.SX, constraints: Sequence[ConstraintRow], preferred: Sequence[int], final_time: ca.SX
 ) -> tuple[ca.SX, list[Quadrature]]:
-    """The objective with integrals in place of such states, which are entered in the scope, and what was replaced.
+    """Replace cost states in the objective by integrals, which are added to the scope; return both.
 
-    A state is one if it stands in no equation but der(state) == ..., has a fixed start, no bounds and no constraint,
-    and the objective holds nothing of it but its value at the final time, times a number or parameters.
+    A cost state occurs in no equation but der(state) == ..., has a fixed start, no bounds and no constraint, and enters
+    the objective only as its value at the final time, times a number or parameters.
     """
     candidates = [v for v in flat.variables if v.index not in preferred and _plain(flat, v)]
     if not candidates:
-        return objective, []  # where all variables stand takes long to see in a large model
+        return objective, []  # saves the search through a large model
     uses = _Uses(flat, constraints)
-    chosen: list[tuple[FlatVariable, list[Instant], ca.SX]] = []
+    selected: list[tuple[FlatVariable, list[Instant], ca.SX]] = []
     for v in candidates:
         instants = uses.instants_of(v.index)
         integrand = uses.integrand(v.index) if instants else None
@@ -42,15 +42,15 @@ def set_apart(
         if integrand is not None and all(
             uses.at_end(i, v.index, final_time) and uses.steady(w) for i, w in zip(instants, weights, strict=True)
         ):
-            chosen.append((v, instants, integrand))
-    if not uses.moves(but={v.index for v, _, _ in chosen}):
-        return objective, []  # a problem keeps a state
+            selected.append((v, instants, integrand))
+    if not uses.moves(but={v.index for v, _, _ in selected}):
+        return objective, []  # at least one state must remain
     quadratures: list[Quadrature] = []
-    for v, instants, integrand in chosen:
+    for v, instants, integrand in selected:
         assert v.start is not None
         total = ca.SX.sym(f"total of {v.name}")
         flat.scope.instants.append(Instant(total, integrand, None))
-        flat.scope.instants[:] = [i for i in flat.scope.instants if not any(i is own for own in instants)]
+        flat.scope.instants[:] = [i for i in flat.scope.instants if not any(i is replaced for replaced in instants)]
         old = ca.vertcat(*[i.symbol for i in instants])
         objective = ca.substitute([objective], [old], [ca.repmat(v.start + total, len(instants), 1)])[0]
         quadratures.append(Quadrature(v.index, integrand, v.start))
@@ -58,12 +58,12 @@ def set_apart(
 
 
 def refuse_adrift(flat: FlatModel, objective: ca.SX, constraints: Sequence[ConstraintRow], final_time: ca.SX) -> None:
-    """Such a state from a start that is not fixed moves the objective as far as one likes. Raises ModelError."""
+    """Raise ModelError for a cost state whose start is not fixed: the objective would be unbounded."""
     at_instants = {i for instant in flat.scope.instants for i, _ in flat.scope.symbols_in(instant.expression)}
     candidates = [flat.variables[i] for i in sorted(at_instants)]
     candidates = [v for v in candidates if not v.fixed and _unbounded(flat, v)]
     if not candidates:
-        return  # where all variables stand takes long to see in a large model
+        return  # saves the search through a large model
     uses = _Uses(flat, constraints)
     for v in candidates:
         instants = uses.instants_of(v.index)
@@ -76,14 +76,14 @@ def refuse_adrift(flat: FlatModel, objective: ca.SX, constraints: Sequence[Const
             and all(uses.steady(w) for w in weights)
         ):
             raise ModelError(
-                f"the objective falls without bound: it takes '{v.name}' at the final time, and nothing says where "
-                f"'{v.name}' begins; give its declaration a start of {v.start or 0:g} that is fixed",
+                f"the objective is unbounded: it uses '{v.name}' at the final time, but '{v.name}' has no fixed start; "
+                f"declare it with start={v.start or 0:g}, fixed=True",
                 v.where,
             )
 
 
 def _plain(flat: FlatModel, v: FlatVariable) -> bool:
-    """A scalar from a fixed start without bounds."""
+    """Return whether v is a scalar with a fixed start and no bounds."""
     return v.fixed and v.start is not None and _unbounded(flat, v)
 
 
@@ -93,7 +93,7 @@ def _unbounded(flat: FlatModel, v: FlatVariable) -> bool:
 
 
 class _Uses:
-    """Where a variable and its derivatives stand in a model."""
+    """Occurrences of variables and their derivatives in a model."""
 
     def __init__(self, flat: FlatModel, constraints: Sequence[ConstraintRow]) -> None:
         self.flat = flat
@@ -102,11 +102,11 @@ class _Uses:
         self.inside = [{i for i, _ in scope.symbols_in(e)} for e in self.equations]
         others = [r.expression for r in constraints] + [b.expression for b in flat.branches]
         self.elsewhere = {i for e in others for i, _ in scope.symbols_in(e)}
-        held = [r.expression for r in constraints] + [m.residual for m in scope.misfits]
-        self.held = {s.element_hash() for e in held for s in ca.symvar(e)}
+        constrained = [r.expression for r in constraints] + [m.residual for m in scope.misfits]
+        self.held = {s.element_hash() for e in constrained for s in ca.symvar(e)}
 
     def moves(self, but: set[int]) -> bool:
-        """Does any other variable have a derivative in the equations?"""
+        """Return whether any other variable has a derivative in the equations."""
         pairs = [p for e in self.equations for p in self.flat.scope.symbols_in(e)]
         return any(order > 0 and index not in but for index, order in pairs)
 
@@ -116,18 +116,20 @@ class _Uses:
         ]
 
     def at_end(self, instant: Instant, index: int, final_time: ca.SX) -> bool:
-        """Is it the variable's own value at the final time, which no constraint and no misfit takes?"""
-        own = instant.expression.is_scalar() and ca.is_equal(instant.expression, self.flat.scope.symbol(index, 0), 1)
+        """Return whether it is the variable's value at the final time, used by no constraint and no misfit."""
+        is_value = instant.expression.is_scalar() and ca.is_equal(
+            instant.expression, self.flat.scope.symbol(index, 0), 1
+        )
         at_end = instant.time is not None and ca.is_equal(instant.time, final_time, SAME_TIME)
-        return bool(own and at_end and instant.symbol.element_hash() not in self.held)
+        return bool(is_value and at_end and instant.symbol.element_hash() not in self.held)
 
     def steady(self, weight: ca.SX) -> bool:
-        """Is it made of numbers and parameters?"""
+        """Return whether the weight consists of numbers and parameters."""
         known = {s.element_hash() for s in ca.vertsplit(self.flat.p)} if self.flat.parameters else set()
         return all(s.element_hash() in known for s in ca.symvar(weight))
 
     def integrand(self, index: int) -> ca.SX | None:
-        """What the variable's derivative equals in its only equation; None where there is more to it."""
+        """Return the variable's derivative from its only equation; None if it occurs elsewhere."""
         places = [n for n, inside in enumerate(self.inside) if index in inside]
         if len(places) != 1 or index in self.elsewhere:
             return None
@@ -142,8 +144,8 @@ class _Uses:
 
 
 def summed(problem: DynamicProblem, mesh: Mesh, at_points: np.ndarray, s: np.ndarray, duration: float) -> np.ndarray:
-    """Values (len(s), n) of quadratures at fractions s of the horizon (rows of states_and_controls), from integrands
-    (elements, points, n) at the collocation points: what the states' own polynomials would be."""
+    """Return values (len(s), n) of quadratures at fractions s of the horizon, from integrands (elements, points, n) at
+    the collocation points: equal to the collocation polynomials of the replaced states."""
     points, K = mesh.table.points, mesh.points
     length = mesh.h * duration
     whole = np.einsum("c,ncq->nq", mesh.table.weights, at_points) * length[:, None]

@@ -1,4 +1,4 @@
-"""How large unknowns, rows and the objective are: nominals, bounds far smaller than these, derivatives."""
+"""Scaling of unknowns, rows and the objective from nominals, bounds and derivatives."""
 
 from __future__ import annotations
 
@@ -16,18 +16,20 @@ from ...results.trajectory import Trajectory
 from ..watch import Program
 from .horizon import Pair
 
-# rows smaller than this are scaled up, for IPOPT's slack of 1e-8 must not swallow them; larger ones it scales itself.
-# Unknowns whose bounds are smaller than this beside their nominal have the size of their bounds, for the same reason
+# rows smaller than this are scaled up, since IPOPT relaxes them by 1e-8; IPOPT scales larger rows itself. For the same
+# reason, unknowns whose bounds are this small relative to their nominal are scaled by their bounds
 SMALL = 1e-4
 
 
 def of_trajectory(scaling: Trajectory | None, free: dict[str, float]) -> tuple[tuple[str, float], ...]:
-    """Largest magnitude of each scalar in a trajectory, of its end as final_time, and of constants that were chosen;
-    what is zero all along has none. Raises ModelError for what is no trajectory."""
+    """Return the largest magnitude of each nonzero scalar in a trajectory, its end as final_time, and free constants.
+
+    Raises ModelError for another type.
+    """
     if scaling is None:
         return ()
     if not isinstance(scaling, Trajectory):
-        raise ModelError(f"scaling takes a gt.Trajectory or an earlier solution; found {scaling!r}")
+        raise ModelError(f"scaling must be a gt.Trajectory or an earlier solution; found {scaling!r}")
     largest = {"final_time": abs(float(scaling.time[-1]))} | {n: abs(v) for n, v in free.items()}
     for name in scaling.names:
         sizes = np.atleast_1d(np.max(np.abs(scaling[name]), axis=0))
@@ -39,14 +41,16 @@ def of_trajectory(scaling: Trajectory | None, free: dict[str, float]) -> tuple[t
 
 
 def within(nominal: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Sizes of unknowns: their nominals, or their bounds where both are far smaller."""
+    """Return sizes of unknowns: the nominal, or the larger bound if both bounds are far smaller."""
     reach = np.maximum(np.abs(low), np.abs(high))
     return np.where((reach > 0) & (reach < SMALL * nominal), reach, nominal)
 
 
 def of_constants(guess: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Sizes of constants that are chosen: 1 or a larger guess, or their bounds where these are far smaller; with one
-    bound only, a guess that is far smaller tells the size beside it."""
+    """Return sizes of free constants: 1 or a larger guess, or the bounds if these are far smaller.
+
+    With one bound only, the size is the larger of guess and bound if both are far smaller than 1.
+    """
     size = within(np.maximum(1.0, np.abs(guess)), low, high)
     bound = np.minimum(np.abs(low), np.abs(high))
     reach = np.maximum(np.abs(guess), bound)
@@ -55,13 +59,13 @@ def of_constants(guess: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.nda
 
 
 def scale_of(size: float) -> float:
-    """What a row of that size is divided by."""
+    """Return the divisor of a row of that size."""
     return size if 0 < size < SMALL else 1.0
 
 
 @dataclass(eq=False)
 class Jacobians:
-    """Derivatives of expressions in x, xd, u, P and t, per nominal of x, xd and u, at consistent points of a plan."""
+    """Derivatives of expressions with respect to x, xd and u, per nominal, at consistent points of a plan."""
 
     plan: CausalPlan
     arguments: list[ca.SX]
@@ -78,7 +82,7 @@ class Jacobians:
         return points
 
     def largest(self, rows: ca.SX, count: int | None = None) -> np.ndarray:
-        """Largest derivative of each row, (samples, rows); 0 where none is finite."""
+        """Return the largest derivative of each row (samples, rows); 0 if none is finite."""
         f = ca.Function("derivatives", self.arguments, [ca.jacobian(rows, ca.vertcat(*self.arguments[:3]))])
         largest = []
         for point in self._points(count):
@@ -87,44 +91,44 @@ class Jacobians:
         return np.array(largest)
 
     def typical(self, rows: list[ca.SX]) -> np.ndarray:
-        """Median over the points of each row's largest derivative; 1 where that is none."""
+        """Return the median over the points of each row's largest derivative; 1 if that is 0."""
         if not rows:
             return np.ones(0)
         size = median(self.largest(ca.vertcat(*rows)))
         return np.where(size > 0, size, 1.0)
 
     def at_one(self, rows: ca.SX) -> np.ndarray:
-        """The same at the first point alone."""
+        """Return each row's largest derivative at the first point; 1 if that is 0."""
         if not rows.numel():
             return np.ones(0)
         size = self.largest(rows, 1)[0]
         return np.where(size > 0, size, 1.0)
 
     def of_points(self, rows: list[ca.SX], symbols: ca.SX, values: list[ca.SX], P: ca.SX, p_size: np.ndarray):
-        """Sizes of rows in `symbols`, which stand for `values` at instants: the largest derivative in any of these, per
-        size of the value, or in a constant; at the values of a consistent point and one size away from it."""
+        """Return sizes of rows in `symbols`, the `values` at instants: the largest derivative with respect to a value,
+        per size of the value, or a constant, at a consistent point and one size away from it."""
         if not rows:
             return np.ones(0)
         size = self.typical(values)
         jacobian = ca.Function("derivatives", [symbols, P], [ca.jacobian(ca.vertcat(*rows), ca.vertcat(symbols, P))])
-        here = ca.Function("values", self.arguments, [ca.vertcat(*values) if values else ca.SX(0, 1)])
+        value_function = ca.Function("values", self.arguments, [ca.vertcat(*values) if values else ca.SX(0, 1)])
         largest = np.zeros(len(rows))
         for point in self._points(1):
-            v = np.asarray(here(*point).full()).reshape(-1)
-            for at in (v, v + size):
-                each = np.abs(np.asarray(jacobian(at, self.P).full())) * np.concatenate([size, p_size])
+            v = np.asarray(value_function(*point).full()).reshape(-1)
+            for v_at in (v, v + size):
+                each = np.abs(np.asarray(jacobian(v_at, self.P).full())) * np.concatenate([size, p_size])
                 largest = np.maximum(largest, np.max(np.where(np.isfinite(each), each, 0.0), axis=1, initial=0.0))
         return np.where(largest > 0, largest, 1.0)
 
 
 LARGE = 100.0
-MOST = 1e20  # more says that the objective is none
+MOST = 1e20  # limit of the factor
 SEED, TRIALS = 0, 2
 
 
 def objective_scale(program: Program, x0: np.ndarray, misfits: Iterable[Misfit]) -> float:
-    """What the objective is to be multiplied by: 1, or more where all its derivatives are small about a nominal
-    away from the guess, or where it holds measured values of unknown noise and these scatter little."""
+    """Return the factor of the objective: above 1 if all its derivatives are small near the guess, or if its misfits
+    have unknown noise and the measured values scatter little; else 1."""
     slope = program.functions["grad_f"]
 
     def largest(x: np.ndarray) -> float:
@@ -132,17 +136,17 @@ def objective_scale(program: Program, x0: np.ndarray, misfits: Iterable[Misfit])
         return float(np.max(gradient, initial=0.0)) if np.all(np.isfinite(gradient)) else np.inf
 
     rng = np.random.default_rng(SEED)
-    away = [np.clip(x0 + rng.choice([-1.0, 1.0], len(x0)), program.lbx, program.ubx) for _ in range(TRIALS)]
-    here = largest(x0)
-    size = max(here, *map(largest, away))
+    perturbed = [np.clip(x0 + rng.choice([-1.0, 1.0], len(x0)), program.lbx, program.ubx) for _ in range(TRIALS)]
+    at_guess = largest(x0)
+    size = max(at_guess, *map(largest, perturbed))
     scatter = _scatter(misfits)
     if 0 < scatter < size:
-        size = max(scatter, here / LARGE)
+        size = max(scatter, at_guess / LARGE)
     return 1.0 if not 0 < size < SMALL else min(1.0 / size, MOST)
 
 
 def _scatter(misfits: Iterable[Misfit]) -> float:
-    """Sum of squares of measured values about their mean, where their noise is unknown; 0 where it is known."""
+    """Return the sum of squares of measured values about their mean; 0 if the noise is known."""
     total = 0.0
     for m in misfits:
         if m.known:

@@ -1,4 +1,4 @@
-"""The equations of a problem as an ordinary differential one, whatever form was transcribed: values and Jacobian."""
+"""The equations of a problem as an ordinary differential equation, independent of the formulation."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from ...compiler.matrices import called
 from .dynamic import DynamicProblem
 
 STEPS = 20
-NEWTON_DONE = 1e-12  # relative: corrections this small are round-off
+NEWTON_DONE = 1e-12  # relative size of a correction that counts as converged
 
 
 @dataclass(eq=False)
 class RateSystem:
-    """The equations as an ordinary differential one, with `count` unknowns that have no closed form (`pairs`).
+    """The equations as an ordinary differential equation with `count` unknowns without a closed form (`pairs`).
 
-    values: (x, given inputs, unknowns, P, t) -> rates, point variables; residual: the same -> r, dr/dunknowns.
+    values: (x, given inputs, unknowns, P, t) -> rates, point variables; residual: same arguments -> r, dr/dunknowns.
     """
 
     values: ca.Function
@@ -33,17 +33,17 @@ class RateSystem:
 
     @classmethod
     def of(cls, problem: DynamicProblem) -> RateSystem:
-        """Made once for a problem. Raises ModelError where the model has no such form."""
+        """Return the system of a problem, built once. Raises ModelError if the model has no explicit form."""
         if "system" not in problem.cache:
-            problem.cache["system"] = cls._made(problem)
+            problem.cache["system"] = cls._build(problem)
         return problem.cache["system"]
 
     @classmethod
-    def _made(cls, problem: DynamicProblem) -> RateSystem:
+    def _build(cls, problem: DynamicProblem) -> RateSystem:
         form = problem.builder.explicit()
         rates = list(form.rates)
         extra = [r for r in problem.rates[len(rates) :] if r is not None]
-        # rates of cost states may hold what the formulation left unsolved
+        # rates of cost states may contain unknowns that the formulation left unsolved
         old = ca.vertcat(problem.xd[: len(rates)], *[problem.flat.scope.symbol(*p) for p in problem.z_pairs])
         new = ca.vertcat(*rates, *form.point)
         if extra and old.numel():
@@ -54,13 +54,13 @@ class RateSystem:
         rates = ca.vertcat(*rates, *extra)
         values = ca.Function("values", arguments, [rates, ca.vertcat(*form.point) if form.point else ca.SX(0, 1)])
         jacobian = ca.Function("residual", arguments, [residual, ca.densify(ca.jacobian(residual, unknowns))])
-        by_state = [ca.densify(ca.jacobian(e, problem.x)) for e in (rates, residual)]
-        slope = ca.Function("slope", arguments, [*by_state, ca.densify(ca.jacobian(rates, unknowns))], {"cse": True})
+        jacobians = [ca.densify(ca.jacobian(e, problem.x)) for e in (rates, residual)]
+        slope = ca.Function("slope", arguments, [*jacobians, ca.densify(ca.jacobian(rates, unknowns))], {"cse": True})
         pairs = [p for p in map(problem.flat.scope.owner, form.unknowns) if p is not None]
         return cls(values, jacobian, slope, pairs)
 
     def near(self, problem: DynamicProblem, inputs: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Start values (n, count) of the unknowns from rows of whole inputs and state rates; 0 for what is neither."""
+        """Return start values (n, count) of the unknowns from rows of all inputs and state rates; 0 for others."""
         place = {p: (inputs, n) for n, p in enumerate(problem.input_pairs)}
         place |= {(i, k + 1): (rates, n) for n, (i, k) in enumerate(problem.state_pairs)}
         z = np.zeros((len(inputs), self.count))
@@ -71,28 +71,28 @@ class RateSystem:
         return z
 
     def jacobian(self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Jacobian (n, nx, nx) of the rates by the states, the unknowns following; NaN where they cannot."""
+        """Return the total Jacobian (n, nx, nx) of the rates with respect to the states; NaN if it is singular."""
         n, nx = x.shape
-        direct, moved, through = on_rows(self.slope, (x, given, z), P, t)
+        direct, by_states, through = on_rows(self.slope, (x, given, z), P, t)
         jacobian = _stacked(direct, n, nx)
         if self.count:
             matrix = _stacked(on_rows(self.residual, (x, given, z), P, t)[1], n, self.count)
             try:
-                follow = np.linalg.solve(matrix, _stacked(moved, n, nx))
+                response = np.linalg.solve(matrix, _stacked(by_states, n, nx))
             except np.linalg.LinAlgError:
                 return np.full(jacobian.shape, np.nan)
-            jacobian = jacobian - _stacked(through, n, self.count) @ follow
+            jacobian = jacobian - _stacked(through, n, self.count) @ response
         return jacobian
 
     def solved(self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """The unknowns without a closed form (n, count) by Newton from z; NaN where that does not converge."""
+        """Solve for the unknowns without a closed form (n, count) by Newton's method from z; NaN if it diverges."""
         n = len(t)
         if not self.count:
             return z
         done = np.zeros(n, bool)
         for _ in range(STEPS):
-            r, slope = on_rows(self.residual, (x, given, z), P, t)
-            jacobian = _stacked(slope, n, self.count)
+            r, jacobians = on_rows(self.residual, (x, given, z), P, t)
+            jacobian = _stacked(jacobians, n, self.count)
             finite = np.all(np.isfinite(jacobian), axis=(1, 2)) & np.all(np.isfinite(r), axis=0)
             step = np.full(z.shape, np.nan)
             try:
@@ -109,20 +109,20 @@ class RateSystem:
     def at(
         self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Rates and whole inputs (n, ...) for rows."""
+        """Return rates and all inputs (n, ...) for rows."""
         rates, point = on_rows(self.values, (x, given, z), P, t)
         return rates.T, np.hstack([given, point.T])
 
 
 def _stacked(side_by_side: np.ndarray, n: int, width: int) -> np.ndarray:
-    """Matrices (r, n * width) as (n, r, width)."""
+    """Reshape matrices (r, n * width) to (n, r, width)."""
     return side_by_side.reshape(len(side_by_side), n, width).transpose(1, 0, 2)
 
 
 def on_rows(
     f: ca.Function, rows: Sequence[np.ndarray], P: np.ndarray, times: np.ndarray, *more: np.ndarray
 ) -> list[np.ndarray]:
-    """Results (r, n) of f for n instants side by side; `rows` and `more` (n, ...) stand before and behind P and t."""
+    """Evaluate f at n instants, results (r, n); `rows` and `more` (n, ...) precede and follow the arguments P and t."""
     n = len(times)
     whole = f.map(n)
     values = called(whole, *rows, np.tile(P, (n, 1)), times, *more)

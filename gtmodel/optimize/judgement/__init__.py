@@ -1,1 +1,1 @@
-"""What a solution is worth: discretisation, pulses, overshoot, re-simulation, refinement, diagnosis."""
+"""Assessment of solutions: discretisation error, re-simulation, refinement, diagnosis of failures."""

@@ -1,5 +1,5 @@
-"""Checks of a problem and its solution, with the line that they are about: equations that cannot all hold, numbers
-that are not finite, branches that were not asked for."""
+"""Checks of a problem and its solution, with the source line concerned: overdetermined equations, values that are not
+finite, wrong branches."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ BY_STATE = ("continuity of ", "rate of ")
 
 @dataclass(frozen=True)
 class Remark:
-    """A sentence, or a part of one, and the place that it is about; None where nobody wrote one."""
+    """A sentence, or a part of one, and the source line it refers to, if any."""
 
     text: str
     where: SourceLocation | None = None
@@ -34,46 +34,46 @@ class Remark:
         return bool(self.text)
 
     def __str__(self) -> str:
-        """The sentence, which ends with its place, unless it names that already."""
+        """Return the sentence, followed by its place unless it names that already."""
         silent = self.where is None or f"{self.where})" in self.text
         return self.text if silent else f"{self.text} ({self.where})"
 
 
 def joined(remarks: Iterable[Remark]) -> Remark:
-    """Several remarks as one sentence, about the place of the first that has one."""
-    said = [r for r in remarks if r]
-    return Remark("; ".join(map(str, said)), next((r.where for r in said if r.where is not None), None))
+    """Join remarks into one sentence at the place of the first that has one."""
+    present = [r for r in remarks if r]
+    return Remark("; ".join(map(str, present)), next((r.where for r in present if r.where is not None), None))
 
 
 def class_place(problem: DynamicProblem) -> SourceLocation | None:
-    """Where the class of the problem begins."""
+    """Return the line of the problem's class."""
     return getattr(type(problem.flat.root), "_written", None)
 
 
 def objective_place(problem: DynamicProblem) -> SourceLocation | None:
-    """Where the objective is written."""
+    """Return the line of the objective."""
     return line_of(getattr(type(problem.flat.root), "objective", None)) or class_place(problem)
 
 
 def final_time_place(problem: DynamicProblem) -> SourceLocation | None:
-    """Where a free end of the horizon is declared."""
+    """Return the line that declares a free end of the horizon."""
     ends = [q.where for name in ("final_time", "start_time") for q in problem.flat.parameters if q.name == name]
     return ends[0] if ends else class_place(problem)
 
 
 def variable_place(problem: DynamicProblem, name: str) -> SourceLocation | None:
-    """Where a state, control, unknown or free constant of this name is declared."""
+    """Return the line that declares a state, control, unknown or free constant of this name."""
     flat = problem.flat
     pairs = dict(zip(problem.state_names, problem.state_pairs, strict=False))
     pairs |= dict(zip([*problem.control_names, *problem.point_names], problem.input_pairs, strict=True))
     if name in pairs:
         return flat.variables[pairs[name][0]].where
     known = [v.where for v in (*flat.variables, *flat.parameters) if v.name == name]
-    return known[0] if known else objective_place(problem)  # integrals of its own are the objective's
+    return known[0] if known else objective_place(problem)  # integral states belong to the objective
 
 
 def row_place(problem: DynamicProblem, label: str) -> SourceLocation | None:
-    """Where what a row of the discretised problem says is written: a constraint, an equation, a variable."""
+    """Return the line of the constraint, equation or variable behind a row of the NLP."""
     label = label.removeprefix("at the edge: ")
     if label.startswith("delay of "):
         return variable_place(problem, label.removeprefix("delay of ").partition(" in element ")[0])
@@ -96,48 +96,49 @@ MOST_NAMED = 6
 
 
 def check_equalities(problem: DynamicProblem, element: Element) -> None:
-    """Match the equations of one element to its own unknowns. Raises ModelError naming those that are too many.
+    """Match the equations of one element to its unknowns. Raises ModelError naming redundant equations.
 
-    What stands at the left end belongs to the element before; the right end is the element's own.
+    The left end belongs to the previous element, the right end to this one.
     """
     layout = element.layout
     equal = np.flatnonzero(element.low == element.high)
-    own = np.arange(layout.nl, layout.size)
-    column = {int(j): n for n, j in enumerate(own)}
+    columns_own = np.arange(layout.nl, layout.size)
+    column = {int(j): n for n, j in enumerate(columns_own)}
     row = {int(i): n for n, i in enumerate(equal)}
     entries = {
         (row[i], column[j]): 0
         for i, j in zip(*ca.jacobian_sparsity(element.rows, element.y).get_triplet(), strict=True)
         if i in row and j in column
     }
-    # a row that continues something is matched by the right end; a free constant may take up one row per element
+    # a continuity row is matched by the right end
     for n, i in enumerate(equal):
         if i < layout.nl:
-            entries[(n, len(own) + int(i))] = 0
-    columns = len(own) + layout.nl
-    held = {s.element_hash() for s in ca.symvar(element.rows)} & {s.element_hash() for s in ca.vertsplit(element.P)}
-    if held and layout.mesh.elements == 1:
-        return  # constants could make up for it
+            entries[(n, len(columns_own) + int(i))] = 0
+    columns = len(columns_own) + layout.nl
+    constants = {s.element_hash() for s in ca.symvar(element.rows)} & {
+        s.element_hash() for s in ca.vertsplit(element.P)
+    }
+    if constants and layout.mesh.elements == 1:
+        return  # free constants may be determined by the surplus rows
     over, _ = overdetermined_and_underdetermined(len(equal), columns, entries)
     if not over:
         return
     names = list(dict.fromkeys(element.row_names[int(equal[n])][0] for n in over))
-    shown = "; ".join(names[:MOST_NAMED]) + ("; ..." if len(names) > MOST_NAMED else "")
+    names_text = "; ".join(names[:MOST_NAMED]) + ("; ..." if len(names) > MOST_NAMED else "")
     raise ModelError(
-        f"{problem.flat.title}: too many equations for what may be chosen along the path; these contradict or repeat "
-        f"each other: {shown}; leave one out, or add a control"
+        f"{problem.flat.title} has more equations along the path than unknowns; these are contradictory or redundant: "
+        f"{names_text}; remove one, or add a control"
     )
 
 
 SIGNS = {ca.OP_DIV: "/", ca.OP_MUL: "*", ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_POW: "**", ca.OP_CONSTPOW: "**"}
 
 
-Step = tuple[str, ca.SX]  # something that is computed at a point: its name, and it in symbols of known values
+Step = tuple[str, ca.SX]  # a quantity computed at a point: its label, and its expression in known symbols
 
 
 def not_finite(nlp: Nlp, x: np.ndarray) -> Remark:
-    """A remark on the first operation without a finite value, or else without a finite derivative, at any collocation
-    point; nothing where all is finite."""
+    """Return a remark on the first operation whose value, or else derivative, is not finite at a collocation point."""
     if not np.all(np.isfinite(x)):
         return Remark("")
     mesh = placed(nlp, x)
@@ -155,22 +156,22 @@ def not_finite(nlp: Nlp, x: np.ndarray) -> Remark:
         if not bad.size:
             continue
         k = int(bad[0])
-        given = dict(zip((v.element_hash() for v in symbols), numbers[:, k], strict=True))
+        values_at = dict(zip((v.element_hash() for v in symbols), numbers[:, k], strict=True))
         for column, row in zip(arguments, (xs[k], rates[k], us[k], P, times[k : k + 1]), strict=True):
-            own = ca.vertsplit(ca.vec(column)) if column.numel() else []
-            given |= dict(zip((v.element_hash() for v in own), row, strict=True))
+            symbols_at = ca.vertsplit(ca.vec(column)) if column.numel() else []
+            values_at |= dict(zip((v.element_hash() for v in symbols_at), row, strict=True))
         for label, expression in steps:
-            term = _first(expression, given, infinite_slope)
+            term = _first(expression, values_at, infinite_slope)
             if term:
-                slope = "the slope of " if infinite_slope else ""
+                slope = "the derivative of " if infinite_slope else ""
                 element = min(mesh.elements, int(np.searchsorted(mesh.edges, s[k] - 1e-12, side="right")))
-                said = f"{slope}{term} in {label} at {times[k]:.4g} s (element {element}) is not finite"
-                return Remark(said, _label_place(nlp, label))
+                text = f"{slope}{term} in {label} at {times[k]:.4g} s (element {element}) is not finite"
+                return Remark(text, _label_place(nlp, label))
     return _at_instants(nlp, x)
 
 
 def _label_place(nlp: Nlp, label: str) -> SourceLocation | None:
-    """Where what is called so is written."""
+    """Return the line of a step by its label."""
     if label.endswith("objective"):
         return objective_place(nlp.problem)
     if label.startswith("the rate of "):
@@ -179,37 +180,37 @@ def _label_place(nlp: Nlp, label: str) -> SourceLocation | None:
 
 
 def _at_instants(nlp: Nlp, x: np.ndarray) -> Remark:
-    """The same of what holds values at instants: the objective beside its integrals, and point constraints."""
+    """Return the remark on the Mayer term and point constraints."""
     problem = nlp.problem
     rows = [("the objective", problem.mayer)] + [(f"'{r.label}'", r.expression) for r in problem.points]
-    held = instants(problem, placed(nlp, x), nlp.element.layout, nlp.p_scale, [])
+    values_at = instants(problem, placed(nlp, x), nlp.element.layout, nlp.p_scale, [])
     expressions = [e for _, e in rows]
-    if held.old.numel():
-        expressions = ca.substitute(expressions, [held.old], [held.new])
-    given = {s.element_hash(): v for s, v in zip(ca.vertsplit(held.z), x[held.index].tolist(), strict=True)}
+    if values_at.old.numel():
+        expressions = ca.substitute(expressions, [values_at.old], [values_at.new])
+    numbers = {s.element_hash(): v for s, v in zip(ca.vertsplit(values_at.z), x[values_at.index].tolist(), strict=True)}
     for infinite_slope in (False, True):
         for (label, _), e in zip(rows, expressions, strict=True):
-            term = _first(e, given, infinite_slope)
+            term = _first(e, numbers, infinite_slope)
             if term:
-                said = f"{'the slope of ' if infinite_slope else ''}{term} in {label} is not finite"
-                return Remark(said, _label_place(nlp, label))
+                text = f"{'the derivative of ' if infinite_slope else ''}{term} in {label} is not finite"
+                return Remark(text, _label_place(nlp, label))
     return Remark("")
 
 
 def _computed(nlp: Nlp) -> tuple[list[Step], list[ca.SX], ca.SX]:
-    """What is computed at a point in order; symbols of intermediate results, and these with the rows as expressions of
-    the problem's own symbols."""
+    """Return the steps computed at a point in order, symbols of their results, and the results as expressions of the
+    problem's symbols."""
     problem = nlp.problem
     builder, plan, flat = problem.builder, problem.plan, problem.flat
     steps: list[Step] = []
     symbols: list[ca.SX] = []
     if builder.kind != "dae":
-        taken = {p: e for p, e in builder.rates.items()}
-        taken |= {p: sign * builder.u[n] for p, (n, sign) in builder.control_symbols.items()}
-        computed = {flat.scope.symbol(*p).element_hash() for p in taken}
+        known = {p: e for p, e in builder.rates.items()}
+        known |= {p: sign * builder.u[n] for p, (n, sign) in builder.control_symbols.items()}
+        computed = {flat.scope.symbol(*p).element_hash() for p in known}
         pairs = [(flat.p, plan.parameters)] if flat.parameters else []
         pairs += [(r.sign, ca.SX(r.value)) for b in plan.blocks for r in b.roots]
-        pairs += [(flat.scope.symbol(*p), v) for p, v in taken.items()]
+        pairs += [(flat.scope.symbol(*p), v) for p, v in known.items()]
         old, new = (ca.vertcat(*side) for side in zip(*pairs, strict=True)) if pairs else (ca.SX(0, 1), ca.SX(0, 1))
         for block in plan.blocks:
             equations = "; ".join(dict.fromkeys(block.equations))
@@ -217,26 +218,26 @@ def _computed(nlp: Nlp) -> tuple[list[Step], list[ca.SX], ca.SX]:
                 if symbol.element_hash() not in computed or builder.kind == "inverse":
                     steps.append((f"'{equations}'", ca.substitute([expression], [old], [new])[0]))
                     symbols.append(symbol)
-    own = builder.express(symbols, with_controls=builder.kind != "inverse") if symbols else []
+    expressions = builder.express(symbols, with_controls=builder.kind != "inverse") if symbols else []
     named = zip(problem.state_names, problem.rates, strict=True)
     rows: list[tuple[str, ca.SX]] = [(f"the rate of {n}", r) for n, r in named if r is not None]
     rows += [(f"'{label}'", problem.algebraic[n]) for n, label in enumerate(problem.algebraic_labels)]
     rows += [(f"'{r.label}'", r.expression) for r in problem.path]
     rows += [("an integral of the objective", e) for _, e, _ in problem.integrals]
     steps += rows
-    values = ca.vertcat(*own, *[e for _, e in rows]) if own or rows else ca.SX(0, 1)
+    values = ca.vertcat(*expressions, *[e for _, e in rows]) if expressions or rows else ca.SX(0, 1)
     symbols += [ca.SX.sym("row") for _ in rows]
     return steps, symbols, values
 
 
-def _first(expression: ca.SX, given: dict[int, float], infinite_slope: bool) -> str:
-    """The first operation of an expression whose arguments are finite, but not its value (or its derivative)."""
-    read, free = of_expression(expression)
+def _first(expression: ca.SX, numbers: dict[int, float], infinite_slope: bool) -> str:
+    """Return the first operation of an expression with finite arguments whose value (or derivative) is not finite."""
+    operations, free = of_expression(expression)
     memory: list[float] = []
-    for op, reads, place, constant in read:
+    for op, reads, place, constant in operations:
         arguments = [memory[i] for i in reads]
         if op == ca.OP_INPUT:
-            value = given.get(free[place].element_hash(), np.nan)
+            value = numbers.get(free[place].element_hash(), np.nan)
         elif op == ca.OP_CONST:
             value = constant
         elif op == ca.OP_OUTPUT:
@@ -244,13 +245,13 @@ def _first(expression: ca.SX, given: dict[int, float], infinite_slope: bool) -> 
         else:
             value = float(ca.DM.unary(op, arguments[0]) if len(reads) == 1 else ca.DM.binary(op, *arguments))
             if all(np.isfinite(arguments)) and (_steep(op, arguments) if infinite_slope else not np.isfinite(value)):
-                return _written(op, arguments)
+                return _operation_text(op, arguments)
         memory.append(float(value))
     return ""
 
 
 def _steep(op: int, a: list[float]) -> bool:
-    """Is the derivative infinite, though the value is not?"""
+    """Return whether the derivative is infinite although the value is finite."""
     if op == ca.OP_SQRT:
         return a[0] == 0.0
     if op in (ca.OP_ACOS, ca.OP_ASIN):
@@ -260,7 +261,7 @@ def _steep(op: int, a: list[float]) -> bool:
     return op == ca.OP_ATAN2 and a[0] == a[1] == 0.0
 
 
-def _written(op: int, a: list[float]) -> str:
+def _operation_text(op: int, a: list[float]) -> str:
     if op in SIGNS:
         return f"({a[0]:.4g}) {SIGNS[op]} ({a[1]:.4g})"
     if op == ca.OP_INV:
@@ -270,30 +271,30 @@ def _written(op: int, a: list[float]) -> str:
     return f"{name or 'an operation'}({', '.join(f'{v:.4g}' for v in a)})"
 
 
-# a branch expression this small beside its largest value is zero: the solution touches the border of the branch
+# a branch expression this small relative to its largest value counts as zero: the border of the branch
 TOUCHES = 1e-6
-AT_LIMIT = 1e-3  # relative: a horizon so near its shortest length stands at it; IPOPT stops before its bounds
+AT_LIMIT = 1e-3  # relative distance from its shortest length at which a horizon is at the bound
 
 
 def astray(nlp: Nlp, x: np.ndarray) -> Remark:
-    """A remark on a branch that is not the wanted one, or a horizon that came down to nothing; or nothing."""
+    """Return a remark on a wrong branch or a collapsed horizon; empty if there is neither."""
     return wrong_branch(nlp, x) or shrunk(nlp, x)
 
 
 def shrunk(nlp: Nlp, x: np.ndarray) -> Remark:
-    """A remark on a free horizon without bounds that ends as short as it may be, or nothing."""
+    """Return a remark on an unbounded free horizon that has collapsed to its automatic lower bound."""
     shortest, (t0, tf) = nlp.problem.shortest, horizon(nlp, x)
     if not shortest or tf - t0 > shortest * (1 + AT_LIMIT):
         return Remark("")
     return Remark(
-        f"the horizon has shrunk to {tf - t0:.4g} s, a thousandth of its guess, and would shrink on: nothing keeps it "
-        "longer; bound the free time, as gt.free(guess=..., min=0.1), or write what takes time as a constraint",
+        f"the horizon has shrunk to {tf - t0:.4g} s, a thousandth of its guess, and would shrink further; bound the "
+        "free time, as in gt.free(guess=..., min=0.1), or add the constraint that requires time",
         final_time_place(nlp.problem),
     )
 
 
 def wrong_branch(nlp: Nlp, x: np.ndarray) -> Remark:
-    """A remark on the first declared branch whose sign is not the wanted one at some point, or nothing."""
+    """Return a remark on the first declared branch with the wrong sign at some point; empty if there is none."""
     problem = nlp.problem
     if "branches" not in problem.cache:
         problem.cache["branches"] = _branches(problem)
@@ -309,14 +310,14 @@ def wrong_branch(nlp: Nlp, x: np.ndarray) -> Remark:
             k = int(wrong[0])
             return Remark(
                 f"the solution is on the wrong branch: '{b.name}' ({b.where}) is {row[k]:.4g} at {times[k]:.6g} s, but "
-                f"{sign:+d} is wanted; give a guess on the wanted branch, or branches={{'{b.name}': {-sign:+d}}}",
+                f"its sign must be {sign:+d}; give a guess on that branch, or branches={{'{b.name}': {-sign:+d}}}",
                 b.where,
             )
     return Remark("")
 
 
 def _branches(problem: DynamicProblem) -> tuple[list[FlatBranch], ca.Function]:
-    """The declared branches that the problem's unknowns tell, and the expressions of all."""
+    """Return the declared branches that the problem can express, and a function of their expressions."""
     flat, alias, builder = problem.flat, problem.plan.alias, problem.builder
     branches = [
         b

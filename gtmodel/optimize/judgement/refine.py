@@ -1,4 +1,4 @@
-"""Mesh refinement: where the collocation polynomials miss the equations, elements are split; others are merged."""
+"""Mesh refinement: split elements with a large error, merge elements with a small one."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from .discretisation import COST, NAME, discretisation
 
 EXTRA = 2  # quadrature points per element beyond the collocation points: none of them is a collocation point
 MOST_PIECES = 4
-# two elements are merged where that is expected to leave the error this far below the tolerance
+# two elements are merged if the expected error stays below this share of the tolerance
 SPARE = 0.1
-ALIKE = 3.0  # and only if neither is this much longer than the other
-BETWEEN = 1e-4  # of its range: what a limit on states may be passed by between the points
-INSIDE = np.linspace(0.0, 1.0, 9)  # where limits are tried on an element
+ALIKE = 3.0  # and if the ratio of their lengths is smaller than this
+BETWEEN = 1e-4  # permitted violation of a limit on states between the points, relative to its range
+INSIDE = np.linspace(0.0, 1.0, 9)  # fractions of an element at which limits are evaluated
 
 
 @dataclass(frozen=True)
 class Pass:
-    """One solve of a refinement: elements, largest error in nominals, and what was done with the mesh after it."""
+    """One solve of a refinement: elements, largest error in nominals, and elements split and pairs merged after it."""
 
     elements: int
     error: float
@@ -42,10 +42,10 @@ class Pass:
 
 @dataclass(frozen=True, eq=False)
 class Refinement:
-    """What `refine` returns: the last solution with its error estimate per element, and how it came about.
+    """Result of `refine`: the last solution with its error estimate per element, and the passes.
 
-    errors: (elements,), in nominals. passes: one for each solve; print the object for their table.
-    excess: per element, by what a limit on states is passed between the points, as a part of its range.
+    errors: (elements,), in nominals. passes: one per solve; printing the object shows their table.
+    excess: (elements,) largest violation of a limit on states between the points, relative to its range.
     """
 
     solution: Solution
@@ -56,7 +56,7 @@ class Refinement:
 
     @property
     def reached(self) -> bool:
-        """Was it solved, with an error below the tolerance and limits on states kept to 1e-4 of their range?"""
+        """Whether it was solved, with errors below the tolerance and limits on states kept to 1e-4 of their range."""
         close = self.errors.max() <= self.tolerance and self.excess.max() <= BETWEEN
         return self.solution.status.ok and bool(close)
 
@@ -71,10 +71,12 @@ class Refinement:
 
 
 def element_errors(solution: Solution) -> np.ndarray:
-    """Error estimate (elements,): int |x' - f(x, u)| dt over each element, off the collocation points, of the worst
-    state, in nominals. Algebraic unknowns without a closed form are solved for at each of these instants."""
+    """Return the error estimate (elements,): int |x' - f(x, u)| dt over each element for the worst state, in nominals.
+
+    The quadrature points are not collocation points; algebraic unknowns without a closed form are solved at each.
+    """
     nlp, problem = solution.nlp, solution.problem
-    if not np.all(np.isfinite(solution.x)):  # of a failed solve
+    if not np.all(np.isfinite(solution.x)):  # after a failed solve
         return np.full(nlp.mesh.elements, np.inf)
     mesh = placed(nlp, solution.x)
     points, weights = legendre.leggauss(mesh.points + EXTRA)
@@ -82,27 +84,29 @@ def element_errors(solution: Solution) -> np.ndarray:
     s = (mesh.edges[:-1, None] + mesh.h[:, None] * points).ravel()
     xs, xd, us, times = states_and_controls(nlp, solution.x, s)
     system, P = RateSystem.of(problem), constants(nlp, solution.x)
-    given = us[:, : nlp.element.layout.nu + len(problem.delayed)]
+    inputs_given = us[:, : nlp.element.layout.nu + len(problem.delayed)]
     z = np.zeros((len(s), system.count))
     if system.count:
-        # from the nearest collocation point: their polynomials overshoot
+        # start from the nearest collocation point, since the polynomials overshoot
         nearest = np.abs(points[:, None] - mesh.table.points).argmin(axis=1)
-        at = (mesh.edges[:-1, None] + mesh.h[:, None] * mesh.table.points[nearest]).ravel()
-        _, slope, inputs, _ = states_and_controls(nlp, solution.x, at)
+        s_points = (mesh.edges[:-1, None] + mesh.h[:, None] * mesh.table.points[nearest]).ravel()
+        _, slope, inputs, _ = states_and_controls(nlp, solution.x, s_points)
         z = system.near(problem, inputs, slope)
-        z = system.solved(xs, given, z, P, times)
-    rates, _ = system.at(xs, given, z, P, times)
-    miss = np.abs(xd - rates) / problem.x_scale
+        z = system.solved(xs, inputs_given, z, P, times)
+    rates, _ = system.at(xs, inputs_given, z, P, times)
+    defect = np.abs(xd - rates) / problem.x_scale
     horizon = times[-1] - times[0] if len(times) > 1 else 0.0
     horizon /= s[-1] - s[0]
-    miss = np.where(np.isfinite(miss), miss, np.inf)  # between the points it leaves the range of the model
-    each = miss.reshape(mesh.elements, len(points), -1) * weights[None, :, None]
+    defect = np.where(np.isfinite(defect), defect, np.inf)  # outside the range of the model between the points
+    each = defect.reshape(mesh.elements, len(points), -1) * weights[None, :, None]
     return np.max(each.sum(axis=1), axis=1, initial=0.0) * mesh.h * horizon
 
 
 def element_excess(solution: Solution) -> np.ndarray:
-    """Largest excess (elements,) over a bound of a state or a row of states alone anywhere in an element, as a part of
-    the room between its limits, or of what it runs through where it has one limit only."""
+    """Return the largest violation (elements,) of a bound of a state or a path row of states anywhere in an element.
+
+    It is relative to the range between the limits, or to the range of the values if there is one limit only.
+    """
     nlp, problem = solution.nlp, solution.problem
     mesh = placed(nlp, solution.x)
     rows = [r for r in problem.path if of_states(problem, r)]
@@ -115,10 +119,10 @@ def element_excess(solution: Solution) -> np.ndarray:
     (values,) = on_rows(f, (xs,), constants(nlp, solution.x), times)
     low = np.concatenate([problem.x_bounds.low, [r.low for r in rows]])[:, None]
     high = np.concatenate([problem.x_bounds.high, [r.high for r in rows]])[:, None]
-    room = np.where(np.isfinite(high - low) & (high > low), high - low, np.ptp(values, axis=1)[:, None])
-    passed = np.maximum(np.maximum(low - values, values - high), 0.0)
-    part = np.divide(passed, room, out=np.zeros_like(passed), where=room > 0)
-    return np.max(part.reshape(len(values), mesh.elements, -1), axis=(0, 2), initial=0.0)
+    span = np.where(np.isfinite(high - low) & (high > low), high - low, np.ptp(values, axis=1)[:, None])
+    violation = np.maximum(np.maximum(low - values, values - high), 0.0)
+    relative = np.divide(violation, span, out=np.zeros_like(violation), where=span > 0)
+    return np.max(relative.reshape(len(values), mesh.elements, -1), axis=(0, 2), initial=0.0)
 
 
 def refine(
@@ -131,22 +135,22 @@ def refine(
     merge: bool = True,
     **options: Any,
 ) -> Refinement:
-    """Solve on meshes that follow the error estimate until the solution is accurate everywhere.
+    """Refine the mesh from error estimates until the solution is accurate everywhere.
 
-    It is accurate where the estimated error of each element is below the tolerance (in nominals), limits on states
-    alone are passed between the points by at most 1e-4 of their range, and the solution's own checks of its mesh hold.
+    The solution is accurate if the estimated error of each element is below the tolerance, limits on states are
+    violated between the points by at most 1e-4 of their range, and the solution's checks of its mesh pass.
 
     Args:
-        tolerance: of the error estimate, in nominals.
-        passes: most solves.
-        most_elements: ends it too; see `reached` of what is returned.
-        merge: neighbours with an estimate far below the tolerance become one element.
-        options: those of `solve`.
+        tolerance: bound of the error estimate, in nominals.
+        passes: largest number of solves.
+        most_elements: largest number of elements; see `reached` of the result.
+        merge: merge neighbours whose estimate is far below the tolerance.
+        options: options of `solve`.
 
-    Each pass starts from the last solution; elements are split into up to four. With throw=False a pass that fails ends
-    it too, with the last solution of all and a message that names the pass. A model with a delayed input is refused:
-    its mesh edges follow the delay. Raises what solve() raises, and ValueError for a tolerance that is not positive or
-    a mesh with blocks.
+    Each pass starts from the last solution and splits elements into up to four. With throw=False, a failed pass ends
+    the refinement; the result has its solution and a message that names the pass. Models with delayed inputs are
+    rejected, since their mesh edges must follow the delay. Raises what solve() raises, and ValueError for a tolerance
+    that is not positive or a mesh with blocks.
 
     >>> class Stiff(gt.Optimization):  # a fast decay, then hardly anything
     ...     x = gt.variable(start=1.0, fixed=True)
@@ -160,10 +164,10 @@ def refine(
     (True, True)
     """
     if not tolerance > 0:
-        raise ValueError(f"the tolerance of refine() is positive; found {tolerance:g}")
+        raise ValueError(f"the tolerance of refine() must be positive; found {tolerance:g}")
     mesh = Mesh(10) if mesh is None else given_mesh(mesh)
     if mesh.blocks is not None:
-        raise ValueError("refine() splits elements, and blocks count them; leave out blocks")
+        raise ValueError("refine() changes the number of elements, which blocks fix; remove blocks")
     _refuse_delays(model)
     throw = bool(options.pop("throw", True))
     solution = solve(model, mesh, throw=throw, **options)
@@ -190,7 +194,7 @@ def refine(
 
 
 def _unresolved(solution: Solution) -> np.ndarray:
-    """What each element adds to the checks that failed, beside its share of what their bounds allow; else nothing."""
+    """Return each element's contribution to failed checks, relative to its share of their bounds; else zeros."""
     estimate = discretisation(solution.nlp, solution.x)
     worse = np.zeros(len(estimate.elements))
     for name, added in ((NAME, estimate.elements), (COST, np.abs(estimate.missed))):
@@ -201,17 +205,20 @@ def _unresolved(solution: Solution) -> np.ndarray:
 
 
 def _refuse_delays(model: Optimization) -> None:
-    """Raises ModelError for a model with delayed inputs."""
-    late = [n for n, item in getattr(type(model), "_declared", {}).items() if isinstance(item, Delayed)]
-    if late:
+    """Raise ModelError for a model with delayed inputs."""
+    delayed = [n for n, item in getattr(type(model), "_declared", {}).items() if isinstance(item, Delayed)]
+    if delayed:
         raise ModelError(
-            f"{type(model).__name__}: refine() moves mesh edges, and those of '{late[0]}' must fit its delay; solve on "
-            "a finer mesh with gt.solve"
+            f"{type(model).__name__}: refine() moves mesh edges, but the delay of '{delayed[0]}' fixes them; use "
+            "gt.solve on a finer mesh"
         )
 
 
 def _next_lengths(mesh: Mesh, errors: np.ndarray, tolerance: float, merge: bool) -> tuple[list[float], int, int]:
-    """Lengths of the next mesh, elements split and pairs merged. The error of an element goes as h^(points + 1)."""
+    """Return the next mesh's lengths and the numbers of elements split and pairs merged.
+
+    The error of an element is assumed proportional to h^(points + 1).
+    """
     order, h = mesh.points + 1, mesh.h
     lengths: list[float] = []
     split = merged = k = 0

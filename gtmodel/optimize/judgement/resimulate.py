@@ -1,5 +1,4 @@
-"""The optimum tried out: its input through an error-controlled integrator, and what a control polynomial does
-between its points."""
+"""Re-simulation of the optimal input with an error-controlled integrator, and control polynomials between points."""
 
 from __future__ import annotations
 
@@ -23,9 +22,9 @@ from ..solution import Solution, constants, horizon, named, states_and_controls,
 
 
 def control_range(nlp: Nlp, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest value (controls,) that the control polynomials take anywhere in their elements.
+    """Return the lowest and highest values (controls,) of the control polynomials anywhere in their elements.
 
-    A polynomial of K points bounded at its points only overshoots between them, most at an element's ends.
+    A polynomial bounded at its points only may overshoot between them, most at an element's ends.
     """
     mesh, u = nlp.mesh, nlp.physical(x)[:, nlp.element.layout.u]  # (elements, coefficients, controls)
 
@@ -39,22 +38,22 @@ def control_range(nlp: Nlp, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         fitted = np.linspace(0.0, 1.0, degree + 1) if mesh.control != "polynomial" else mesh.table.points
         columns = (basis_at(fitted) @ u).transpose(1, 0, 2).reshape(degree + 1, -1)
         slopes = polynomial.polyder(polynomial.polyfit(fitted, columns, degree))
-        turns = [polynomial.polyroots(slope) for slope in slopes.T]
-        which = np.repeat(np.arange(len(turns)), [len(own) for own in turns])
-        roots = np.concatenate(turns)
+        extrema = [polynomial.polyroots(slope) for slope in slopes.T]
+        indices = np.repeat(np.arange(len(extrema)), [len(points) for points in extrema])
+        roots = np.concatenate(extrema)
         s = np.real(roots)
         inside = np.isreal(roots) & (s > 0) & (s < 1)
-        element, control = np.divmod(which[inside], u.shape[2])
-        turned = np.sum(basis_at(s[inside]) * u[element, :, control], axis=1)
-        np.minimum.at(low, control, turned)
-        np.maximum.at(high, control, turned)
+        element, control = np.divmod(indices[inside], u.shape[2])
+        extremes = np.sum(basis_at(s[inside]) * u[element, :, control], axis=1)
+        np.minimum.at(low, control, extremes)
+        np.maximum.at(high, control, extremes)
     return low, high
 
 
 def control_curves(nlp: Nlp, x: np.ndarray, per_element: int = 15) -> tuple[np.ndarray, np.ndarray]:
-    """Controls on both ends and inside of every element, for drawing: times (n,) [s] and values (n, controls).
+    """Return times (n,) [s] and values (n, controls) of the controls in every element, for plots.
 
-    At an edge both neighbours' values stand, one after the other: a control may jump there.
+    Each edge occurs twice, with the values of both neighbours, since a control may jump there.
     """
     t0, tf = horizon(nlp, x)
     local = np.linspace(0.0, 1.0, per_element)
@@ -63,21 +62,21 @@ def control_curves(nlp: Nlp, x: np.ndarray, per_element: int = 15) -> tuple[np.n
     return t0 + s * (tf - t0), np.concatenate(nlp.inputs(x, local)[..., : nlp.element.layout.nu])
 
 
-# far below the collocation error that is to be measured, far above round-off
+# far below the collocation error to be measured, far above rounding
 INTEGRATOR_TOLERANCE = 1e-10
-SUBSTEPS = 8  # reported points per element: overshoots of a cubic control are seen
+SUBSTEPS = 8  # reported points per element: enough to resolve overshoots of a cubic control
 
 
 @dataclass(frozen=True, eq=False)
 class Resimulation:
-    """What `resimulate` returns: what the solution's input really does.
+    """Result of `resimulate`: the response of the model to the solution's input.
 
-    trajectory: of the integrator; None where it did not reach the end.
-    end_error: by state name, integrated minus collocated value at the end (SI units).
+    trajectory: from the integrator; None if it did not reach the end.
+    end_error: integrated minus collocated value at the end (SI units), by state name.
     defect: largest difference at any mesh edge, in nominals.
-    violation: largest excess over a bound or path constraint anywhere between the nodes (SI units), and
-    `violated`, its name; cost_error: integrated minus collocated cost.
-    control_range: lowest and highest value of each control at any instant, by name; exact.
+    violation: largest violation of a bound or path constraint, also between the nodes (SI units); `violated`: its name.
+    cost_error: integrated minus collocated cost.
+    control_range: exact lowest and highest value of each control over all instants, by name.
     """
 
     status: SolveStatus
@@ -92,10 +91,10 @@ class Resimulation:
 
 
 def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> Resimulation:
-    """Integrate the solution's input with CVODES, from the solution's start, and compare: a cross-check of the mesh.
+    """Integrate the solution's input with CVODES from the solution's start and compare: a cross-check of the mesh.
 
-    tolerance: of the integrator, relative and absolute, in nominals. Where the input leads out of the model's range,
-    the status of what is returned is failed, with the time.
+    tolerance: of the integrator, relative and absolute, in nominals. If the integrator fails, the status of the result
+    is failed and the message gives the time.
 
     >>> class Move(gt.Optimization):
     ...     x = gt.variable(start=0.0, fixed=True)
@@ -121,40 +120,40 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
         time = t0 + edges[len(states)] * (tf - t0)
         return Resimulation(
             SolveStatus.FAILED,
-            f"the integrator stopped after {time:.6g} s: the input leads out of the model's range",
+            f"the integrator stopped at {time:.6g} s: the input drives the model out of its range",
             None, {}, np.inf, np.inf, "", np.inf, ranges,
         )  # fmt: skip
     # both ends of every element: a control may jump at an edge
     s = (edges[:-1, None] + h[:, None] * fine).reshape(-1)
     s[-1] = 1.0
-    xs, us = np.vstack(states), np.concatenate(_given(nlp, solution.x, fine))
+    xs, us = np.vstack(states), np.concatenate(_external_inputs(nlp, solution.x, fine))
     times = t0 + s * (tf - t0)
     system, zs = RateSystem.of(problem), np.vstack(unknowns)
     rates, us = system.at(xs, us, zs, P, times)
     at_both_ends = times, xs, rates
 
     def path(k: int) -> CubicHermite:
-        own = slice(k * len(fine), (k + 1) * len(fine))
-        return CubicHermite(*(a[own] for a in at_both_ends))
+        rows = slice(k * len(fine), (k + 1) * len(fine))
+        return CubicHermite(*(a[rows] for a in at_both_ends))
 
     def integrated(s: float) -> tuple[np.ndarray, ...]:
-        """State, rate, control and time at a fraction of the horizon."""
+        """Return state, rate, inputs and time at a fraction of the horizon."""
         k, t = mesh.element_at(s), t0 + s * (tf - t0)
         x, local = path(k)(np.array([t]))[0], (s - edges[k]) / h[k]
         z = np.array([np.interp(local, fine, column) for column in unknowns[k].T])
-        xd, u = system.at(x[None], _given(nlp, solution.x, np.array([local]))[k], z[None], P, np.array([t]))
+        xd, u = system.at(x[None], _external_inputs(nlp, solution.x, np.array([local]))[k], z[None], P, np.array([t]))
         return x, xd[0], u[0], np.array(t)
 
     violation, name = _violation(problem, xs, rates, us, times, P, low, high)
-    # one row per instant from here on: at an edge that of the element on its left
-    kept = np.delete(np.arange(len(s)), np.arange(1, mesh.elements) * len(fine))
-    s, xs, us, times, rates = s[kept], xs[kept], us[kept], times[kept], rates[kept]
+    # from here on one row per instant: at an edge that of the left element
+    unique = np.delete(np.arange(len(s)), np.arange(1, mesh.elements) * len(fine))
+    s, xs, us, times, rates = s[unique], xs[unique], us[unique], times[unique], rates[unique]
     at_edges = np.arange(0, len(s), SUBSTEPS)
     xs_c = states_and_controls(nlp, solution.x, s[at_edges])[0]
     end = dict(zip(problem.state_names, (xs[-1] - xs_c[-1]).tolist(), strict=True))
     defect = float(np.max(np.abs(xs[at_edges] - xs_c) / problem.x_scale, initial=0.0))
     if problem.quadratures:
-        sums, sums_c = sums[kept], totals(nlp, solution.x, s[at_edges])
+        sums, sums_c = sums[unique], totals(nlp, solution.x, s[at_edges])
         end |= dict(zip(problem.quadrature_names, (sums[-1] - sums_c[-1]).tolist(), strict=True))
         size = [problem.flat.variables[q.index].nominal for q in problem.quadratures]
         defect = max(defect, float(np.max(np.abs(sums[at_edges] - sums_c) / size)))
@@ -165,16 +164,16 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     )
 
 
-def _given(nlp: Nlp, x: np.ndarray, local: np.ndarray) -> np.ndarray:
-    """Controls and delayed inputs (elements, len(local), n) at fractions of each element."""
+def _external_inputs(nlp: Nlp, x: np.ndarray, local: np.ndarray) -> np.ndarray:
+    """Return controls and delayed inputs (elements, len(local), n) at fractions of each element."""
     return nlp.inputs(x, local)[..., : nlp.element.layout.nu + len(nlp.problem.delayed)]
 
 
 def _integrate(
     solution: Solution, tolerance: float, mesh: Mesh
 ) -> tuple[list[np.ndarray], list[np.ndarray], float, np.ndarray]:
-    """States (SUBSTEPS + 1, nx) and unknowns without a closed form in each element, up to where the integrator
-    stops, the integral cost, and the costs that are written as states (elements (SUBSTEPS + 1), n)."""
+    """Return states (SUBSTEPS + 1, nx) and unknowns without a closed form per element until the integrator stops, the
+    integral cost, and the cost states (elements * (SUBSTEPS + 1), n)."""
     nlp = solution.nlp
     layout = nlp.element.layout
     t0, tf = horizon(nlp, solution.x)
@@ -188,15 +187,15 @@ def _integrate(
     nd = len(nlp.problem.delayed)
     for k in range(mesh.elements):
         y = solution.x[k * layout.size : (k + 1) * layout.size] * layout.scale
-        given = np.concatenate([y[layout.u].reshape(-1), y[layout.z[:, :nd]].reshape(-1)])
-        p = np.concatenate([[t0 + mesh.edges[k] * (tf - t0), mesh.h[k] * (tf - t0)], given, P])
+        inputs = np.concatenate([y[layout.u].reshape(-1), y[layout.z[:, :nd]].reshape(-1)])
+        p = np.concatenate([[t0 + mesh.edges[k] * (tf - t0), mesh.h[k] * (tf - t0)], inputs, P])
         try:
             result = integrator(x0=x if len(x) else 0.0, z0=z, p=p)
         except RuntimeError:
             break
         states.append(np.vstack([x, np.asarray(result["xf"].full()).T[:, : len(x)]]))
         zf = np.asarray(result["zf"].full()).reshape(len(z), -1).T if len(z) else np.zeros((SUBSTEPS, 0))
-        unknowns.append(np.vstack([zf[:1], zf]))  # at the left end as at the first step: the input may jump there
+        unknowns.append(np.vstack([zf[:1], zf]))  # left end as at the first step, since the input may jump there
         x, z = states[-1][-1], zf[-1] if len(z) else z
         quad = np.asarray(result["qf"].full())
         cost += float(quad[0, -1])
@@ -206,7 +205,7 @@ def _integrate(
 
 
 def _first_unknowns(solution: Solution, x: np.ndarray, t0: float, P: np.ndarray) -> np.ndarray:
-    """Start values for the unknowns without a closed form: those of the solution, corrected by Newton."""
+    """Return start values for the unknowns without a closed form: the solution's, corrected by Newton's method."""
     nlp, problem = solution.nlp, solution.problem
     system = RateSystem.of(problem)
     if not system.count:
@@ -214,11 +213,11 @@ def _first_unknowns(solution: Solution, x: np.ndarray, t0: float, P: np.ndarray)
     first = placed(nlp, solution.x).h[0] * nlp.mesh.table.points[0]
     _, slope, inputs, _ = states_and_controls(nlp, solution.x, np.array([first]))
     z = system.near(problem, inputs, slope)
-    return system.solved(x[None], _given(nlp, solution.x, np.zeros(1))[0], z, P, np.array([t0]))[0]
+    return system.solved(x[None], _external_inputs(nlp, solution.x, np.zeros(1))[0], z, P, np.array([t0]))[0]
 
 
 def _mayer(solution: Solution, integrated: Callable[[float], tuple[np.ndarray, ...]], P: np.ndarray) -> float:
-    """The cost that is no integral, from the values at the instants it needs."""
+    """Return the Mayer cost from the re-simulated values at its instants."""
     problem = solution.problem
     values = []
     for i in problem.instants:
@@ -229,19 +228,19 @@ def _mayer(solution: Solution, integrated: Callable[[float], tuple[np.ndarray, .
 
 
 def _steps(nlp: Nlp, x: np.ndarray) -> float:
-    """Penalties on the steps between blocks: of the input itself, so there is nothing to integrate."""
+    """Return the penalties on the steps between blocks."""
     blocks = nlp.mesh.blocks
     if blocks is None:
         return 0.0
-    held = _given(nlp, x, np.zeros(1))[:, 0]
-    each = {name: np.sum(np.diff(held[:, j]) ** 2) for j, name in enumerate(nlp.problem.control_names)}
+    controls = _external_inputs(nlp, x, np.zeros(1))[:, 0]
+    each = {name: np.sum(np.diff(controls[:, j]) ** 2) for j, name in enumerate(nlp.problem.control_names)}
     return float(sum(weight * each[name] for name, weight in blocks.step_penalty.items()))
 
 
 def make_integrator(nlp: Nlp, tolerance: float, outputs: Sequence[float] = (), sums: bool = False) -> ca.Function:
-    """CVODES (IDAS where equations have no closed form) over one element, with values at fractions of it.
+    """Return CVODES (IDAS if equations have no closed form) over one element, with outputs at fractions of it.
 
-    Its quadrature is the integral cost and, with `sums`, behind it the costs that are written as states.
+    Its quadrature is the integral cost and, with `sums`, the cost states.
 
     p = [left end of the element [s], its length [s], control coefficients, delayed inputs at the points, P].
     """
@@ -251,37 +250,37 @@ def make_integrator(nlp: Nlp, tolerance: float, outputs: Sequence[float] = (), s
     left, length = ca.SX.sym("left"), ca.SX.sym("length")
     U, D = ca.SX.sym("U", nu * m), ca.SX.sym("D", nd * k)
     u = _combined(_polynomials(mesh.control, mesh, s), U, nu)
-    late = _combined(_polynomials("polynomial", mesh, s), D, nd)
+    delayed = _combined(_polynomials("polynomial", mesh, s), D, nd)
     P = ca.SX.sym("P", problem.P.numel())
     t = left + s * length
     system = RateSystem.of(problem)
     z = ca.SX.sym("z", system.count)
-    given = ca.vertcat(u, late)
-    rates, point_variables = system.values(problem.x, given, z, P, t)
-    point = pointwise(problem)(problem.x, rates, ca.vertcat(given, point_variables), P, t)
+    inputs = ca.vertcat(u, delayed)
+    rates, point_variables = system.values(problem.x, inputs, z, P, t)
+    point = pointwise(problem)(problem.x, rates, ca.vertcat(inputs, point_variables), P, t)
     weights = ca.DM([w for _, _, w in problem.integrals]) if problem.integrals else ca.DM(0, 1)
     quad = length * ca.dot(weights, point[3]) if problem.integrals else ca.SX(0)
     if sums:
-        own = problem.integrands(problem.x, rates, ca.vertcat(given, point_variables), P, t)
-        quad = ca.vertcat(quad, length * own)
+        cost_rates = problem.integrands(problem.x, rates, ca.vertcat(inputs, point_variables), P, t)
+        quad = ca.vertcat(quad, length * cost_rates)
     dae = {"x": problem.x, "p": ca.vertcat(left, length, U, D, P), "t": s, "ode": length * rates, "quad": quad}
-    if not problem.x.numel():  # CVODES wants a state
+    if not problem.x.numel():  # CVODES needs a state
         dae |= {"x": ca.SX.sym("nothing"), "ode": ca.SX(0)}
     options = {"abstol": tolerance, "reltol": tolerance, "quad_err_con": True, "max_num_steps": 100000}
     options |= {"verbose": False, "disable_internal_warnings": True, "show_eval_warnings": False}
     if system.count:
-        dae |= {"z": z, "alg": system.residual(problem.x, given, z, P, t)[0]}
+        dae |= {"z": z, "alg": system.residual(problem.x, inputs, z, P, t)[0]}
     grid = list(outputs) or np.linspace(0.0, 1.0, SUBSTEPS + 1)[1:].tolist()
     return ca.integrator("resimulate", "idas" if system.count else "cvodes", dae, 0.0, grid, options)
 
 
 def _combined(values: list[ca.SX], numbers: ca.SX, width: int) -> ca.SX:
-    """Sum of functions times rows of numbers."""
+    """Return the sum of functions times rows of numbers."""
     return sum((v * numbers[j * width : (j + 1) * width] for j, v in enumerate(values)), ca.SX.zeros(width, 1))
 
 
 def _polynomials(control: str, mesh: Mesh, s: ca.SX) -> list[ca.SX]:
-    """The functions of control_basis in the symbol s."""
+    """Return the functions of control_basis in the symbol s."""
     if control == "constant":
         return [ca.SX(1)]
     if control == "linear":
@@ -305,7 +304,7 @@ def _violation(
     u_low: np.ndarray, u_high: np.ndarray,
 ) -> tuple[float, str]:  # fmt: skip
     path = on_rows(pointwise(problem), (xs, rates, us), P, times)[2].T
-    nu = len(u_low)  # the controls' extremes are exact, all else is sampled
+    nu = len(u_low)  # the controls' extremes are exact, the rest is sampled
     lowest, highest = (
         np.concatenate([f(xs, axis=0), u, f(us[:, nu:], axis=0), f(path, axis=0) if path.size else []])
         for f, u in ((np.min, u_low), (np.max, u_high))
