@@ -134,7 +134,8 @@ def best_shift(
     10
     """
     f = np.linspace(0.0, cutoff, SHIFT_GRID)
-    left = {n: float(np.mean(rests_of(estimates, plants, gain, n, f).max(axis=0) ** 2)) for n in shifts}
+    z, seen = np.exp(2j * np.pi * f * plants[0].sample_time), [estimates.response(p, f) for p in plants]
+    left = {n: float(np.mean(_worst(np.abs(1 - gain * z**n * T) for T in seen) ** 2)) for n in shifts}
     return min(left, key=left.__getitem__)
 
 
