@@ -94,7 +94,7 @@ def map_columns(
     for begin, end in pairwise(edges):
         if end - begin != size:
             size = end - begin
-            if size == 1:
+            if n == 1:
                 g = f
             else:
                 g = f.map(size) if made is None else made.get(size) or made.setdefault(size, _grouped(f, size))
