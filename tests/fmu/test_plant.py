@@ -153,7 +153,7 @@ def test_learning_control_on_a_unit_that_is_not_its_model(tmp_path):
     robot, path = learning.LearningRobot(delay=0), learning.SquarePath(corrected=250)
     f = Axes().causal(known="command", targets=["motor", "tool"], prefer=["motor", "tool"])
     place = tmp_path / "axes.fmu"
-    gt.fmu.export(f, place, stop=0.2, start={"command": [0.0, 0.0], "motor": [0.0, 0.0], "tool": [0.0, 0.0],
+    gt.fmu.export(f, place, stop=0.02, start={"command": [0.0, 0.0], "motor": [0.0, 0.0], "tool": [0.0, 0.0],
                                              "der(tool)": [0.0, 0.0]})  # fmt: skip
     synthetic = learning.SyntheticExperiment(robot, path)
     experiment = gt.fmu.FmuExperiment(
