@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.shaking import pytest_addoption, pytest_configure, pytest_report_header
+from tests.support.math_text import keep_parsed
 
 __all__ = ["pytest_addoption", "pytest_configure", "pytest_report_header"]
 
@@ -23,6 +24,11 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def formulas_kept() -> None:
+    keep_parsed()
 
 
 BEGUN: dict[str, dict[str, Any]] = {}

@@ -17,11 +17,12 @@ from jupyter_core.utils import run_sync
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError
 
-from tests.support.parts import a_third
-
 CLONE = Path(__file__).resolve().parents[1]
 FOLDER = CLONE / "notebooks"
 SCRIPTS = sorted(FOLDER.glob("[0-9][0-9]_*.py"))
+# Run at every run, the others in `make proof`: a third, of those that take little, about models of one's
+# own, workspace, optimization, code, milling, logs, and gains of a loop.
+AT_EVERY_RUN = {"01", "05", "08", "11", "13", "14", "18"}
 CELL_SECONDS = 300  # a hung cell ends here; no statement about speed
 
 
@@ -119,7 +120,10 @@ def test_notebook_asks_a_question_and_asserts_an_answer(script: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("script", a_third(SCRIPTS, by_name))
+@pytest.mark.parametrize(
+    "script",
+    [pytest.param(s, id=s.stem, marks=() if s.stem[:2] in AT_EVERY_RUN else pytest.mark.proof) for s in SCRIPTS],
+)
 def test_notebook_runs_from_top_to_bottom(script: Path, kernel: AsyncKernelManager, tmp_path: Path) -> None:
     source = stored(script)
     ran = execute(source, kernel, tmp_path)  # raises at the first error, with the cell and its traceback

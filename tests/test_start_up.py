@@ -58,9 +58,32 @@ def test_help_of_the_command_line_reads_five_files_of_ours() -> None:
     }
 
 
+SCHEMAS = """
+import json, os, sys
+from gtmodel.cli import main
+shown, sys.stdout = sys.stdout, open(os.devnull, "w")
+known = dict()
+for kind in {kinds}:
+    try:
+        main(["schema", kind])
+    except SystemExit:
+        pass
+    known[kind] = sorted(sys.modules)
+print(json.dumps(known), file=shown)
+"""
+
+
+@pytest.fixture(scope="module")
+def after_schemas() -> dict[str, set[str]]:
+    """By kind what is imported after its schema and those before it, in one process: what one of them imports stays."""
+    words = [sys.executable, "-c", SCHEMAS.format(kinds=list(names()))]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    return {kind: set(modules) for kind, modules in json.loads(done.stdout).items()}
+
+
 @pytest.mark.parametrize("kind", names())
-def test_a_schema_needs_no_model_no_engine_and_writes_no_study(kind: str) -> None:
-    modules = imported(RUN.format(words=["schema", kind]))
+def test_a_schema_needs_no_model_no_engine_and_writes_no_study(kind: str, after_schemas: dict[str, set[str]]) -> None:
+    modules = after_schemas[kind]
     assert f"gtmodel.kinds.{kind}" in modules and not modules & (HEAVY - {"numpy"})
     engines = {"gtmodel.compiler", "gtmodel.optimize.solve", "gtmodel.vibration.impulse", "gtmodel.motion.motion_study"}
     assert not modules & {"gtmodel.lang.model", "gtmodel.results.written", "gtmodel.robots.f1", *engines}

@@ -82,10 +82,10 @@ def map_columns(
         return _side_by_side(f, kernel.run(columns)[0])
     dense = all(f.sparsity_out(k).is_dense() for k in range(f.n_out()))
     dense = dense and all(f.sparsity_in(k).is_dense() for k in range(f.n_in()))
-    if n == 1 or not dense:
+    if not dense:
         g = f if n == 1 else f.map(n)
         return [np.array(r.full()) for r in g.call([ca.DM(c) for c in columns])]
-    inputs = [np.ascontiguousarray(c.T) for c in columns]
+    inputs = [np.ascontiguousarray(c.T, dtype=float) for c in columns]
     results = [np.empty((n, f.numel_out(k))) for k in range(f.n_out())]
     size, g = 0, f
     edges = [*range(0, n, BLOCK), n]
@@ -94,7 +94,10 @@ def map_columns(
     for begin, end in pairwise(edges):
         if end - begin != size:
             size = end - begin
-            g = f.map(size) if made is None else made.get(size) or made.setdefault(size, _grouped(f, size))
+            if n == 1:
+                g = f
+            else:
+                g = f.map(size) if made is None else made.get(size) or made.setdefault(size, _grouped(f, size))
         buffer, run = g.buffer()
         set_arg: Any = buffer.set_arg
         set_res: Any = buffer.set_res
@@ -165,6 +168,8 @@ def status_codes(
     have the precision of the margins. `sizes`: how large the inputs may be."""
     n = results[-1].shape[1]
     number = results[-1].dtype.type
+    if n == 1 and number is np.float64:
+        return np.array([_code_of_one(margins, columns, results, iteration, tolerance, sizes)])
     code = np.zeros(n, dtype=int) if iteration is None else iteration.copy()
     for m, row in zip(margins, results[-1], strict=True):
         with np.errstate(invalid="ignore"):
@@ -179,6 +184,31 @@ def status_codes(
         code[~sizes.within(columns)] = Status.OUT_OF_RANGE
     code[~_finite(columns, n)] = Status.NOT_FINITE
     return code
+
+
+def _code_of_one(
+    margins: Iterable[Any],
+    columns: Sequence[np.ndarray],
+    results: Sequence[np.ndarray],
+    iteration: np.ndarray | None,
+    tolerance: float,
+    sizes: Sizes | None,
+) -> int:
+    """`status_codes` of one column of doubles, without an array for each number."""
+    if not all(np.isfinite(column).all() for column in columns):
+        return int(Status.NOT_FINITE)
+    if sizes is not None and not sizes.within(columns)[0]:
+        return int(Status.OUT_OF_RANGE)
+    if iteration is not None and iteration[0] != 0:
+        return int(iteration[0])
+    for m, value in zip(margins, results[-1][:, 0].tolist(), strict=True):
+        if m.kind in ("pivot", "branch"):
+            good = (abs(value) if m.kind == "pivot" else value) > tolerance * m.scale
+        else:
+            good = value >= 0
+        if not good:
+            return int(VERDICTS[m.kind])
+    return int(Status.OK if all(np.isfinite(r).all() for r in results[:-1]) else Status.NOT_FINITE)
 
 
 def _finite(columns: Sequence[np.ndarray], n: int) -> np.ndarray:

@@ -6,6 +6,7 @@ Foreign states and jumps lead to the mirror image of the robot, where links poin
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -37,22 +38,26 @@ CAUSALITIES = {
 }
 # a link on a cart of its own, and all links
 SIDES = {"": {}, "_behind": {f"link[{k}].ahead": -1 for k in range(6)}, "_second": {"link[1].ahead": -1}}
+LONG = ("inverse_dynamics", "forward_dynamics")  # with a single link on another branch by -m proof only
 
 
-@pytest.fixture(scope="module")
-def faces() -> dict[str, Interface]:
+def faces_of(pairs: Iterable[tuple[str, str]]) -> dict[str, Interface]:
     robot = gt.robots.make("d1_six_link")
-    functions = {
-        key + end: robot.causal(**options, branches=branches)  # type: ignore[arg-type]
-        for key, options in CAUSALITIES.items()
-        for end, branches in SIDES.items()
-    }
+    functions = {key + end: robot.causal(**CAUSALITIES[key], branches=SIDES[end]) for key, end in pairs}  # type: ignore[arg-type]
     return {face.key: face for face in interfaces(functions, "a")}
 
 
 @pytest.fixture(scope="module")
+def faces() -> dict[str, Interface]:
+    return faces_of((key, end) for key in CAUSALITIES for end in SIDES if not (key in LONG and end == "_second"))
+
+
+@pytest.fixture(scope="module")
 def folder(faces: dict[str, Interface], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    place = tmp_path_factory.mktemp("assembly")
+    return folder_of(faces, tmp_path_factory.mktemp("assembly"))
+
+
+def folder_of(faces: dict[str, Interface], place: Path) -> Path:
     return cgen.generate({key: face.function for key, face in faces.items()}, place / "a", name="a").folder
 
 
@@ -70,11 +75,23 @@ def answered(face: Interface, library: ctypes.CDLL) -> tuple[np.ndarray, np.ndar
     return rows[ok], outputs[ok]
 
 
-@pytest.mark.parametrize("side", ["_behind", "_second"])
-@pytest.mark.parametrize("key", list(CAUSALITIES))
+@pytest.mark.parametrize(
+    ("key", "side"), [(k, s) for s in ("_behind", "_second") for k in CAUSALITIES if not (k in LONG and s == "_second")]
+)
 def test_a_foreign_state_is_told_and_nothing_moves(
     key: str, side: str, faces: dict[str, Interface], library: ctypes.CDLL
 ) -> None:
+    foreign_state(key, side, faces, library)
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("key", LONG)
+def test_a_foreign_state_of_one_link_is_told_of_forces_too(key: str, tmp_path: Path) -> None:
+    faces = faces_of((key, end) for end in ("", "_second"))
+    foreign_state(key, "_second", faces, shared_library(folder_of(faces, tmp_path), tmp_path))
+
+
+def foreign_state(key: str, side: str, faces: dict[str, Interface], library: ctypes.CDLL) -> None:
     here, there = faces[key], faces[key + side]
     assert [m.signal for m in here.state] == [m.signal for m in there.state]
     n = here.output_size
@@ -138,9 +155,6 @@ def test_header_and_readme_name_the_branches(folder: Path) -> None:
     assert "GT_WRONG_BRANCH where Newton has led to a solution off these branches: link[1].ahead = +1" in header
     assert "link[1].ahead = -1" in header
     assert "as `_start` gives it" in (folder / "README.md").read_text()
-
-
-LONG = ("inverse_dynamics", "forward_dynamics")
 
 
 @pytest.mark.parametrize("key", [pytest.param(k, marks=[pytest.mark.proof] * (k in LONG)) for k in CAUSALITIES])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from importlib import import_module
 
 import pytest
 
@@ -13,6 +14,26 @@ from tests.fmu.raw import unpacked
 
 if isinstance(find(), str):
     collect_ignore_glob = ["test_*.py"]  # no C compiler: no unit
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_once():
+    """The same sources give the same library, so it is made once. That two compilations give the same bytes is seen in
+    processes of their own, which this does not reach."""
+    export = import_module("gtmodel.fmu.export")  # the package has a function of that name
+    real, made = export._compiled, {}
+
+    def compile_once(compiler, files, link):
+        if link != export.LINK:  # for Windows
+            return real(compiler, files, link)
+        key = (compiler, *files.items())
+        if key not in made:
+            made[key] = real(compiler, files, link)
+        return made[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(export, "_compiled", compile_once)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -96,28 +96,39 @@ def l1():
 
 
 @cache
-def functions():
-    d1, f1 = gt.robots.make("d1_six_link"), gt.robots.f1_gantry_tau()
-    block = InverseModel(robot=l1())
-    return {
-        "fk": l1().causal(known="q", targets="T"),
-        "ik": l1().causal(known="T", targets="q"),
-        "inverse": l1().causal(known="T", targets="tau"),
-        "forward": l1().causal(known="tau", targets=["q", "der(T,2)"], prefer="T"),
-        "filtered": block.causal(known="reference", targets=["tau", "robot.q", "robot.T"]),
-        "pendulum": Pendulum().causal(known="torque", targets=["der(angle,2)", "energy"], prefer="angle"),
-        "d1_fk": d1.causal(known="q", targets=["T", "e"]),
-        "f1_fk": f1.causal(known="q", targets=["T", "e"]),
-        "f1_ik": f1.causal(known=["T", "e"], targets="q"),
-        "driven": Driven().causal(known="u", targets="der(x)", prefer="x"),
-        "spiral": Spiral().causal(known="u", targets=["der(v)", "y"], prefer=["x", "v"]),
-        "filter": cart_filter(),
-        "block": gt.cgen.BlockFunction(Loop(), "law"),
-    }
+def d1():
+    return gt.robots.make("d1_six_link")
+
+
+@cache
+def f1():
+    return gt.robots.f1_gantry_tau()
+
+
+FUNCTIONS = {
+    "fk": lambda: l1().causal(known="q", targets="T"),
+    "ik": lambda: l1().causal(known="T", targets="q"),
+    "inverse": lambda: l1().causal(known="T", targets="tau"),
+    "forward": lambda: l1().causal(known="tau", targets=["q", "der(T,2)"], prefer="T"),
+    "filtered": lambda: InverseModel(robot=l1()).causal(known="reference", targets=["tau", "robot.q", "robot.T"]),
+    "pendulum": lambda: Pendulum().causal(known="torque", targets=["der(angle,2)", "energy"], prefer="angle"),
+    "d1_fk": lambda: d1().causal(known="q", targets=["T", "e"]),
+    "f1_fk": lambda: f1().causal(known="q", targets=["T", "e"]),
+    "f1_ik": lambda: f1().causal(known=["T", "e"], targets="q"),
+    "driven": lambda: Driven().causal(known="u", targets="der(x)", prefer="x"),
+    "spiral": lambda: Spiral().causal(known="u", targets=["der(v)", "y"], prefer=["x", "v"]),
+    "filter": cart_filter,
+    "block": lambda: gt.cgen.BlockFunction(Loop(), "law"),
+}
+
+
+@cache
+def function(name: str):
+    return FUNCTIONS[name]()
 
 
 def unit(name: str, version: int, **options):
-    return gt.fmu.export(functions()[name], None, version=version, name=f"u_{name}", stop=STOP, **options)
+    return gt.fmu.export(function(name), None, version=version, name=f"u_{name}", stop=STOP, **options)
 
 
 PLAIN = (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from tests.fmu.makers import STOP, functions
+from tests.fmu.makers import STOP, function
 from tests.fmu.raw import OK, Raw, unpacked
 
 H = 1e-3
@@ -23,7 +23,7 @@ def pair(made, tmp_path_factory):
     q, status = gt.robots.gantry_tau("l1_tape").causal(known="T", targets="q")([home[f"T[{k}]"] for k in (1, 2, 3)])
     assert status.value == 0
     start = {f"filter[{k}].x": [q[k]] * 3 for k in range(3)}
-    unit = gt.fmu.export(functions()["filtered"], None, name="u_inverse", start=start, stop=STOP)
+    unit = gt.fmu.export(function("filtered"), None, name="u_inverse", start=start, stop=STOP)
     return (unit, unpacked(unit, tmp_path_factory.mktemp("inverse"))), forward[:2], q
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from tests.fmu.raw import DISCARD, ERROR, OK, Raw
 
-FEW, MANY = 60, 1000
+FEW, MANY = 24, 1000
 NEAR = 1e-7  # of the largest one of that unit
 STEPS = (
     4.0,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gtmodel.results.status import Status
-from tests.fmu.makers import functions
+from tests.fmu.makers import function
 from tests.fmu.raw import DISCARD, ERROR, OK, Raw
 
 FEW, MANY = 4_000, 100_000
@@ -183,7 +183,7 @@ def closes(given, said) -> int:
     """The F1: from its last solution C may reach one that Python, from home, does not; the axes must lead back."""
     pose = [np.array([given[f"{name}[{k}]"] for k in range(1, n + 1)]) for name, n in (("T", 3), ("e", 4))]
     q = np.array([said[f"q[{k}]"] for k in range(1, 7)])
-    T, e, status = functions()["f1_fk"](q, guess={"T": pose[0], "e": pose[1]})
+    T, e, status = function("f1_fk")(q, guess={"T": pose[0], "e": pose[1]})
     assert status is Status.OK
     assert np.concatenate([T, e]) == pytest.approx(np.concatenate(pose), rel=0, abs=1e-6)  # e is of unit length to 1e-6
     return 1

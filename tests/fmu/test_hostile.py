@@ -16,7 +16,7 @@ import gtmodel as gt
 from gtmodel.fmu.content import base_unit
 from gtmodel.fmu.table import fmi_name, unused
 from gtmodel.lang.source import of_frame
-from tests.fmu.makers import functions
+from tests.fmu.makers import function
 from tests.fmu.raw import DISCARD, ERROR, OK, Raw, unpacked
 
 VERSIONS = pytest.mark.parametrize("version", [2, 3])
@@ -245,7 +245,7 @@ def test_a_refused_completed_step_writes_nothing(made):
 
 
 def test_newton_begins_at_its_guess_after_held_outputs(tmp_path):
-    unit = gt.fmu.export(functions()["d1_fk"], None, name="u_held_newton", on_fault="hold")
+    unit = gt.fmu.export(function("d1_fk"), None, name="u_held_newton", on_fault="hold")
     library = unpacked(unit, tmp_path)
     q = [v.reference for v in unit.table.of("input")]
     home = [v.start for v in unit.table.of("input")]
@@ -337,12 +337,12 @@ def test_names_stay_unique(monkeypatch):
 @pytest.mark.parametrize("name", ["fmu", "fmu3", "fmu_model", "fmu_step"])
 def test_names_of_our_own_files_are_refused(name):
     with pytest.raises(gt.results.ArgumentError, match="name"):
-        gt.fmu.export(functions()["driven"], None, name=name)
+        gt.fmu.export(function("driven"), None, name=name)
 
 
-@pytest.mark.parametrize(("name", "function"), [("main", "fk"), ("a_selftest", "block")])
-def test_names_that_end_as_files_that_are_left_out(name, function):
-    assert gt.fmu.export(functions()[function], None, name=name).data
+@pytest.mark.parametrize(("name", "which"), [("main", "fk"), ("a_selftest", "block")])
+def test_names_that_end_as_files_that_are_left_out(name, which):
+    assert gt.fmu.export(function(which), None, name=name).data
 
 
 # the grammar of the standard, section 2.4.7.5.1
@@ -381,7 +381,7 @@ def test_a_script_is_the_same_from_every_folder():
 )
 def test_what_export_refuses(given, argument):
     with pytest.raises(gt.results.ArgumentError) as refusal:
-        gt.fmu.export(functions()["driven"], None, name="refused", **given)
+        gt.fmu.export(function("driven"), None, name="refused", **given)
     assert refusal.value.argument == argument
 
 
@@ -389,9 +389,9 @@ def test_what_is_no_function_is_refused():
     with pytest.raises(gt.results.ArgumentError, match="what"):
         gt.fmu.export(3.0, None)
     with pytest.raises(gt.results.ArgumentError, match="box"):
-        gt.fmu.export(functions()["block"], None, box={"error": [[0.0, 1.0]]})
+        gt.fmu.export(function("block"), None, box={"error": [[0.0, 1.0]]})
     with pytest.raises(gt.results.ArgumentError, match="options"):
-        gt.fmu.study({"a": functions()["driven"]}, "nowhere", name="x", options={"b": {}}, check=None)
+        gt.fmu.study({"a": function("driven")}, "nowhere", name="x", options={"b": {}}, check=None)
 
 
 def test_a_file_of_somebody_else_stays(tmp_path, monkeypatch):
@@ -399,13 +399,13 @@ def test_a_file_of_somebody_else_stays(tmp_path, monkeypatch):
     for name, text in (("notes.fmu", b"mine"), ("empty.fmu", b"")):
         (tmp_path / name).write_bytes(text)
     with pytest.raises(gt.results.ArgumentError, match="not written by gtmodel"):
-        gt.fmu.export(functions()["fk"], tmp_path / "notes.fmu")
+        gt.fmu.export(function("fk"), tmp_path / "notes.fmu")
     assert (tmp_path / "notes.fmu").read_bytes() == b"mine"
     for _ in range(2):  # an empty place, then our own archive
-        assert gt.fmu.export(functions()["fk"], tmp_path / "empty.fmu").path == tmp_path / "empty.fmu"
+        assert gt.fmu.export(function("fk"), tmp_path / "empty.fmu").path == tmp_path / "empty.fmu"
 
 
 def test_one_tunable_is_a_name(monkeypatch):
     monkeypatch.setattr(sys.modules["gtmodel.fmu.export"], "library", lambda sources: b"")
-    unit = gt.fmu.export(functions()["fk"], None, name="one", tunable="q")
+    unit = gt.fmu.export(function("fk"), None, name="one", tunable="q")
     assert [v.name for v in unit.table.of("tunable")] == ["q[1]", "q[2]", "q[3]"]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from tests.fmu.makers import MAKERS, functions, unit as unit_of
+from tests.fmu.makers import MAKERS, function, unit as unit_of
 from tests.fmu.raw import OK, Raw, unpacked
 
 LARGE, SLOW = ("filtered_p", "f1_ik_p", "ik_p"), pytest.mark.proof  # beside the same without parameters
@@ -46,7 +46,7 @@ def test_check_sees_other_numbers(made):
     from dataclasses import replace
 
     other = gt.fmu.export(gt.robots.gantry_tau("l1_tracker"), None, known="q", targets="T", name="u_fk")
-    unit = replace(other, function=functions()["fk"])
+    unit = replace(other, function=function("fk"))
     assert not gt.fmu.check(unit, points=20).checks["u_fk_fmi3_values_different"].passed
 
 
@@ -150,7 +150,7 @@ REFUSED = {
 @pytest.mark.parametrize("argument", REFUSED)
 def test_what_cannot_be_exported_is_refused_by_its_argument(argument):
     with pytest.raises(gt.results.ArgumentError) as refusal:
-        gt.fmu.export(functions()["fk"], None, **{"name": "u", **REFUSED[argument]})
+        gt.fmu.export(function("fk"), None, **{"name": "u", **REFUSED[argument]})
     assert refusal.value.argument == argument
 
 
@@ -164,6 +164,6 @@ def test_states_cannot_be_held_and_events_not_exported():
 
 
 def test_a_written_unit_is_the_one_in_memory(tmp_path):
-    unit = gt.fmu.export(functions()["fk"], tmp_path / "deep" / "u_fk.fmu", stop=0.2)
+    unit = gt.fmu.export(function("fk"), tmp_path / "deep" / "u_fk.fmu", stop=0.2)
     assert unit.path.read_bytes() == unit.data == unit_of("fk", 3).data
     assert unpacked(unit, tmp_path / "x").name == "u_fk.so"

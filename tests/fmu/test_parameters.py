@@ -12,7 +12,7 @@ from gtmodel.fmu.checking import other_values
 from gtmodel.fmu.table import fmi_name
 from gtmodel.results.status import Status
 from gtmodel.robots.inverse_model import InverseModel
-from tests.fmu.makers import KEPT, STOP, Pendulum, Spiral, functions, l1
+from tests.fmu.makers import KEPT, STOP, Pendulum, Spiral, function, l1
 from tests.fmu.raw import DISCARD, ERROR, OK, Raw, unpacked
 from tests.fmu.test_derivatives import python
 
@@ -34,7 +34,7 @@ def drawn(unit, n, seed=1):
 def compiled(name, names, values):
     """The same function of the model with these numbers, compiled anew."""
     given, at = {}, 0
-    f = functions()[name]
+    f = function(name)
     for n in names:
         shape = next(r.shape for r in f.flat.tree.parameters if r.name == n)
         size = int(np.prod(shape, dtype=int))
@@ -268,9 +268,9 @@ SHARP = 1e-3  # of the friction's velocity scale, in m/s, of which 0.1 is the st
 
 @pytest.fixture(scope="module")
 def friction(tmp_path_factory):
-    unit = gt.fmu.export(functions()["forward"], None, name="u_friction", stop=STOP, parameters="velocity_scale")
+    unit = gt.fmu.export(function("forward"), None, name="u_friction", stop=STOP, parameters="velocity_scale")
     rough = gt.fmu.export(
-        functions()["forward"], None, name="u_friction", version=2, stop=STOP, parameters="velocity_scale"
+        function("forward"), None, name="u_friction", version=2, stop=STOP, parameters="velocity_scale"
     )
     place = tmp_path_factory.mktemp("friction")
     return {u.version: (u, unpacked(u, place / str(u.version))) for u in (unit, rough)}
@@ -416,14 +416,14 @@ def test_what_cannot_stay_a_parameter_is_refused(case):
 
 def test_a_step_function_has_none():
     with pytest.raises(gt.results.ArgumentError, match="parameters"):
-        gt.fmu.export(functions()["block"], None, name="u", parameters=["kp"])
+        gt.fmu.export(function("block"), None, name="u", parameters=["kp"])
 
 
 def test_one_element_alone_and_sizes(made):
     unit = gt.fmu.export(Pendulum(), None, known="torque", targets="der(angle,2)", prefer="angle", name="u",
                          parameters="weight", stop=STOP)  # fmt: skip
     assert [v.name for v in kept(unit)] == ["weight"]
-    one = gt.fmu.export(functions()["inverse"], None, name="u", parameters=["coulomb[1]"])
+    one = gt.fmu.export(function("inverse"), None, name="u", parameters=["coulomb[1]"])
     assert [(v.name, v.start) for v in kept(one)] == [("coulomb[2]", 145.13)]
     for version in (3, 2):
         assert len(made("forward_p", version)[0].data) <= L1_BYTES

@@ -150,10 +150,10 @@ class Axes(gt.Model):
 def test_learning_control_on_a_unit_that_is_not_its_model(tmp_path):
     """Axes with other lag and frequencies than the law's model: the error of the tool shrinks as it learns."""
     learning = gt.control.learning
-    robot, path = learning.LearningRobot(delay=0), learning.SquarePath()
+    robot, path = learning.LearningRobot(delay=0), learning.SquarePath(corrected=250)
     f = Axes().causal(known="command", targets=["motor", "tool"], prefer=["motor", "tool"])
     place = tmp_path / "axes.fmu"
-    gt.fmu.export(f, place, stop=0.2, start={"command": [0.0, 0.0], "motor": [0.0, 0.0], "tool": [0.0, 0.0],
+    gt.fmu.export(f, place, stop=0.02, start={"command": [0.0, 0.0], "motor": [0.0, 0.0], "tool": [0.0, 0.0],
                                              "der(tool)": [0.0, 0.0]})  # fmt: skip
     synthetic = learning.SyntheticExperiment(robot, path)
     experiment = gt.fmu.FmuExperiment(

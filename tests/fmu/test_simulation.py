@@ -132,8 +132,8 @@ def test_energy_of_the_robot(made):
     assert np.max(np.abs(x - start)) < 1e-4  # the forces of the start hold it, to the digits of the description
 
 
-def test_a_step_is_chosen_by_its_error_and_by_the_tolerance_where_that_is_out_of_reach(monkeypatch):
-    chosen = unit_of("filtered", 3).table
+def test_a_step_is_chosen_by_its_error_and_by_the_tolerance_where_that_is_out_of_reach(made, monkeypatch):
+    chosen = made("filtered", 3)[0].table
     assert chosen.step < 1e-3 and chosen.error <= NEAR
     monkeypatch.setattr(causal_content, "AIM", 1e-15)
     rough = unit_of("filtered", 3).table

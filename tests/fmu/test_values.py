@@ -16,7 +16,7 @@ from gtmodel.cgen.verification.comparison import call
 from gtmodel.compiler.toolchain import find
 from gtmodel.fmu.table import fmi_name
 from gtmodel.results.status import Status
-from tests.fmu.makers import functions
+from tests.fmu.makers import function
 from tests.fmu.raw import DISCARD, ERROR, OK, Raw
 
 FEW, MANY = 500, 10_000
@@ -122,7 +122,7 @@ def test_derivatives_in_model_exchange_are_those_of_the_function(made, version):
 
 def test_a_sampled_block_does_what_its_twin_does(made):
     """At 0, 4, 8 ms: with the inputs of that instant, in both interfaces and both versions."""
-    f = functions()["block"]
+    f = function("block")
     twin = f.twin(DOUBLE)
     rng = np.random.default_rng(3)
     errors = rng.normal(size=20)

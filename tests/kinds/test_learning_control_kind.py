@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import shutil
 import subprocess
@@ -11,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gtmodel.cli import main
 from gtmodel.control import learning
 from gtmodel.problem_files import Context, InputError
 from gtmodel.problem_files.load import load
@@ -40,17 +43,54 @@ def test_a_shipped_problem_is_the_call_of_the_library(name: str) -> None:
         study.figure(figure)
 
 
-@pytest.fixture(scope="module")
-def loop(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("technician")
+def placed(folder: Path) -> Path:
     for file in HERE.iterdir():
         if file.is_file():
             shutil.copy(file, folder)
+    return folder
+
+
+def scripted(folder: Path, python: str | Path) -> None:
+    """The technician's script in a folder, with this as the interpreter."""
     done = subprocess.run(
-        ["sh", "five_iterations.sh"], cwd=folder, env=environment(PYTHON=sys.executable), capture_output=True, text=True
+        ["sh", "five_iterations.sh"], cwd=folder, env=environment(PYTHON=str(python)), capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
+
+
+@pytest.fixture(scope="module")
+def loop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the script leaves: its commands, as a shell expands them, each run in this process. Sixteen processes import
+    for longer than they compute; `test_five_iterations_by_the_shell` starts them."""
+    folder = placed(tmp_path_factory.mktemp("technician"))
+    asked = folder / "python"  # writes down what it is called with, a line for each call
+    asked.write_text('#!/bin/sh\n(IFS="\t"; echo "$*" >> asked.txt)\n')
+    asked.chmod(0o755)
+    scripted(folder, asked)
+    calls = [line.split("\t") for line in (folder / "asked.txt").read_text().splitlines()]
+    assert len(calls) == 15
+    with contextlib.chdir(folder):
+        for program, *words in calls:
+            if program == "robot.py":
+                log, seed, *learned = words
+                robot.main(Path(log), int(seed), Path(learned[0]) if learned else None)
+            else:
+                assert [program, *words[:3]] == ["-m", "gtmodel.cli", "solve", "technician.toml"]
+                printed = io.StringIO()
+                with contextlib.redirect_stdout(printed):
+                    assert main(words[1:]) == 0
+                Path(words[words.index("--out") + 1].replace("next", "answer") + ".json").write_text(printed.getvalue())
     return folder
+
+
+@pytest.mark.proof
+def test_five_iterations_by_the_shell(loop: Path, tmp_path: Path) -> None:
+    scripted(placed(tmp_path), sys.executable)
+    for k in range(6):
+        a, b = (json.loads((folder / f"answer_{k}.json").read_text()) for folder in (loop, tmp_path))
+        assert {**a, "wall_s": 0.0} == {**b, "wall_s": 0.0}
+        of_shell, of_calls = (folder / f"next_{k}" / "next_input.csv" for folder in (tmp_path, loop))
+        assert of_shell.read_bytes() == of_calls.read_bytes()
 
 
 def test_five_iterations_by_the_command_line_alone(loop: Path) -> None:
@@ -112,7 +152,8 @@ def test_a_run_of_three_axes_that_miss_a_signal() -> None:
 
 
 def test_the_l1_with_an_elastic_tool_learns_by_a_factor_of_ten() -> None:
-    problem = load("problems/learning_l1.toml", ["learning.iterations=3"])
+    # 300 samples are the whole square
+    problem = load("problems/learning_l1.toml", ["learning.iterations=3", "reference.corrected=300"])
     study = answer(problem, Context())
     assert study.status is SolveStatus.SOLVED, study.message
     errors = np.array(study.values["tool_error_um"])

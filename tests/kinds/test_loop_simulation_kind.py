@@ -90,7 +90,7 @@ def test_a_motion_from_a_file(tmp_path: Path) -> None:
     ("change", "key"),
     [
         ("sampling.period_ms=0", "sampling.period_ms"),
-        ("sampling.period_ms=1e-4", "sampling.period_ms"),
+        ("sampling.period_ms=1e-3", "sampling.period_ms"),
         ("sampling.delay_ms=-1", "sampling.delay_ms"),
         ("sampling.velocity='filtered'", "sampling.velocity"),
         ("law.stiffness=-1.0", "law"),

@@ -41,7 +41,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
     return Library.made(tmp_path_factory.mktemp("lead"))
 
 
-@pytest.mark.parametrize("cycles", [1500, pytest.param(CYCLES, marks=pytest.mark.proof)])
+@pytest.mark.parametrize("cycles", [800, pytest.param(CYCLES, marks=pytest.mark.proof)])
 @pytest.mark.parametrize("protocol", ["egm", "rsi"])
 def test_log_equals_the_twins_under_faults(bench: Bench, protocol: str, cycles: int) -> None:
     pair = bench.both(protocol, "lead_through", cycles, FAULTS)

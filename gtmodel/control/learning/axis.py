@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -41,9 +41,9 @@ class AxisPlant:
         """Return each signal's map of runs of `size` samples."""
         return {name: lifted(plant, size) for name, plant in self.signals.items()}
 
-    def responses(self, frequency: np.ndarray) -> dict[str, np.ndarray]:
-        """Return each signal's response (k,) at frequencies (k,) in Hz."""
-        return {name: frequency_response(plant, frequency) for name, plant in self.signals.items()}
+    def responses(self, frequency: np.ndarray, names: Iterable[str] | None = None) -> dict[str, np.ndarray]:
+        """Return the response (k,) of each signal, or of these, at frequencies (k,) in Hz."""
+        return {n: frequency_response(self.signals[n], frequency) for n in (self.signals if names is None else names)}
 
 
 def flexible_axis(

@@ -135,7 +135,8 @@ def best_shift(
     10
     """
     f = np.linspace(0.0, cutoff, SHIFT_GRID)
-    squares = {n: float(np.mean(rests_of(estimates, plants, gain, n, f).max(axis=0) ** 2)) for n in shifts}
+    z, responses = np.exp(2j * np.pi * f * plants[0].sample_time), [estimates.response(p, f) for p in plants]
+    squares = {n: float(np.mean(_worst(np.abs(1 - gain * z**n * T) for T in responses) ** 2)) for n in shifts}
     return min(squares, key=squares.__getitem__)
 
 

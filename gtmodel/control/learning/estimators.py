@@ -131,7 +131,7 @@ class ToolEstimate:
 
     def response(self, plant: AxisPlant, frequency: np.ndarray) -> np.ndarray:
         """Return the frequency response of `seen` (k,) at frequencies (k,) in Hz."""
-        T = plant.responses(frequency)
+        T = plant.responses(frequency, self.responses)
         return np.sum([F(frequency) * T[name] for name, F in self.responses.items()], axis=0)
 
 
