@@ -182,7 +182,7 @@ def _chances(stay: Any, modes: int) -> np.ndarray:
         return np.where(np.eye(modes, dtype=bool), p, (1 - p) / (modes - 1))
     if p.shape != (modes, modes) or not np.all(p >= 0) or np.any(np.abs(p.sum(axis=1) - 1) > 1e-9):
         raise ArgumentError(
-            f"expected a probability from 0 to 1, or ({modes}, {modes}) of them with rows that sum to 1; found {stay!r}",
+            f"expected a probability, or ({modes}, {modes}) of them with rows that sum to 1; found {stay!r}",
             "stay",
         )
     return p
