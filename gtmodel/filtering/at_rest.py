@@ -186,7 +186,7 @@ def _require_still(rows: np.ndarray, period: float, still: float, name: str, uni
     if excess[n, k] > still:
         begin = period * sum(len(b) for b in blocks[:n])
         raise ArgumentError(
-            f"the log is not at rest: from {begin:.3g} to {begin + period * len(blocks[n]):.3g} s the {name} is "
+            f"the log is not at rest: from {begin:.3g} to {begin + period * len(blocks[n]):.3g} s the {name} reads "
             f"{difference[n, k]:+.3g} {unit} off its mean along {AXES[k]}, more than its noise plus {still:g} {unit}; "
             "cut the log",
             name,

@@ -284,7 +284,7 @@ class MovingHorizon:
             return w
 
         def costs(model: Any) -> list[Any]:
-            t, x, own, scope = model.time.sx, column(model, range(n)), known(model), model.x0.scope
+            t, x, u_known, scope = model.time.sx, column(model, range(n)), known(model), model.x0.scope
 
             def of(values: Any) -> Expr:
                 return Expr(ca.SX(values), (values.numel(),), None, scope)
@@ -296,7 +296,7 @@ class MovingHorizon:
                 terms.append(misfit(of(far), [edges[0]], np.zeros((1, len(root))), sigma=1.0))
             for name, recorded in readings.items():
                 sensor, part = system.sensors[name], system.readings[name]
-                value = system.expected(sensor, t, x, own)
+                value = system.expected(sensor, t, x, u_known)
                 rows = [
                     (time, recorded.values[m.rows[name]]) for time, m in zip(at, plan, strict=True) if name in m.rows
                 ]
@@ -314,8 +314,8 @@ class MovingHorizon:
                 x = column(self, range(n))
                 rates = ca.SX(system.rates(self.time.sx, x, known(self), drives(self)))
                 for k in range(n):
-                    own: Any = getattr(self, f"x{k}")
-                    yield der(own) == Expr(rates[k], (), None, own.scope)
+                    state: Any = getattr(self, f"x{k}")
+                    yield der(state) == Expr(rates[k], (), None, state.scope)
 
             def objective(self) -> Any:
                 every = costs(self)
@@ -344,10 +344,10 @@ def _reading_costs(
 ) -> list[Any]:
     """Cost terms of the readings of one sensor, without missing numbers."""
     if part.kind != "vector":
-        one = Manifold([part])
+        space = Manifold([part])
         finite = [(time, z) for time, z in rows if np.all(np.isfinite(z)) and np.any(z != 0)]
         return [
-            misfit(of(one.minus_symbols(ca.DM(z), value)), [time], np.zeros((1, part.dimension)), sigma=deviation)
+            misfit(of(space.minus_symbols(ca.DM(z), value)), [time], np.zeros((1, part.dimension)), sigma=deviation)
             for time, z in finite
         ]
     costs = []

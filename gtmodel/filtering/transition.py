@@ -159,12 +159,12 @@ class GivenTransition:
 
     def __init__(self, dynamics: ProcessEquations, space: Manifold, rates: Any) -> None:
         self.period, self.Q = float(dynamics.period or 0.0), np.zeros((space.dimension, space.dimension))
-        own = dynamics.space.dimension
-        self.Q[:own, :own] = dynamics.intensity
+        n = dynamics.space.dimension
+        self.Q[:n, :n] = dynamics.intensity
         x, t, u = dynamics.symbol("x", space.size), dynamics.symbol("t"), dynamics.columns()["u"]
         after = space.to_unit(rates(t, x, u, ca.DM.zeros(0)))
         F = ca.mtimes([space.to_error(after), ca.jacobian(after, x), space.from_error(x)])
-        self._own = own
+        self._own = n
         self.function = RowsFunction("transition", [t, x, u], [after, F], (1,))
 
     def with_intensity(self, intensity: np.ndarray) -> GivenTransition:

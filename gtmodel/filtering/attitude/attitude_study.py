@@ -233,11 +233,11 @@ def _spikes(time: np.ndarray, reading: np.ndarray, at: np.ndarray, turned: Rotat
     error = [
         (path.turn[:-n].inv() * path.turn[n:]).inv() * (turned[:-n].inv() * turned[n:]) for n in (1, 2)
     ]  # fmt: skip
-    one, two = (e.magnitude() for e in error)
+    neighbour, second = (e.magnitude() for e in error)
     moving = (turned[:-1].inv() * turned[1:]).magnitude() > RESTING
-    limit = SPIKE * float(np.median(one[moving])) if moving.any() else np.inf
+    limit = SPIKE * float(np.median(neighbour[moving])) if moving.any() else np.inf
     spike = np.zeros(len(at), bool)
-    spike[1:-1] = (np.minimum(one[:-1], one[1:]) > limit) & (two < limit)
+    spike[1:-1] = (np.minimum(neighbour[:-1], neighbour[1:]) > limit) & (second < limit)
     return spike
 
 
@@ -391,9 +391,9 @@ def _notes(
         notes.append(f"rotations alone cannot distinguish {fitting}: they differ only by the axes of world and body")
     if rest is not None:
         gravity_of = dict(zip([*(c.words for c in alike)], rest.gravity, strict=False))
-        other = rest.gravity[len(alike) :]
+        opposite = rest.gravity[len(alike) :]
         gravity = gravity_of[chosen.words]
-        worse = f", {np.degrees(other[0].scatter):.0f} deg in the other direction" if other else ""
+        worse = f", {np.degrees(opposite[0].scatter):.0f} deg in the other direction" if opposite else ""
         notes.append(
             f"the direction of gravity scatters by {np.degrees(gravity.scatter):.1f} deg in the world over "
             f"{rest.places} rests{worse}; its mean is {np.degrees(gravity.tilt):.1f} deg from the world's z axis"

@@ -35,8 +35,8 @@ def sampled_instants(stamps: np.ndarray, period: float) -> np.ndarray:
     if np.any(np.diff(stamps) < 0):
         row = int(np.argmax(np.diff(stamps) < 0)) + 1
         raise ArgumentError(f"the stamps go back in row {row}; drop such rows first", "stamps")
-    own = period * np.arange(len(stamps))
-    return own + np.minimum.accumulate((stamps - own)[::-1])[::-1]
+    even = period * np.arange(len(stamps))
+    return even + np.minimum.accumulate((stamps - even)[::-1])[::-1]
 
 
 FINE = 1e-3  # s, steps of the synthetic motion, linear in between

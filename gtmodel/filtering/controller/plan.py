@@ -232,7 +232,7 @@ def _motion(system: System, maker: ExpressionMaker, step: float) -> tuple[Transi
     """The plan of one step, F and Q."""
     space, d = system.space, system.dynamics
     n, none = space.dimension, ca.DM.zeros(sum(d.noise.values()))
-    at = {"t": 1, "x": space.size, "u": maker.inputs}
+    sizes = {"t": 1, "x": space.size, "u": maker.inputs}
 
     def rates(t: Any, x: Any, u: Any) -> list[Any]:
         rate = system.rates(t, x, u, none)
@@ -248,7 +248,7 @@ def _motion(system: System, maker: ExpressionMaker, step: float) -> tuple[Transi
         A = ca.substitute(ca.reshape(ca.jacobian(ca.vec(euler), dt), n, n), dt, 0)
         return [A, ca.mtimes([space.to_error(x), G, np.sqrt(d.intensity)])]
 
-    rate, drift = maker.kernel("rates", at, rates), maker.kernel("noise", at, drifts, upright=(0, 1))
+    rate, drift = maker.kernel("rates", sizes, rates), maker.kernel("noise", sizes, drifts, upright=(0, 1))
     frame = maker.kernel("frame", {"x": space.size}, lambda x: [space.from_error(x)])
     J, S, A, G = (sparse_of(m) for m in (rate[1], frame[0], drift[0], drift[1]))
     E = _arrival(space)

@@ -92,7 +92,7 @@ def _motion(plan: FilterPlan, m: TransitionPlan, symbol: str) -> str:
     paths = f"{m.width}, {_given(m)}, {_turning(plan)}, {m.fixed_path[0].size}, {symbol}_fixed_path, {symbol}_picked"
     fixed = [paths, f"{m.fixed_response.shape[1]}, {symbol}_fixed_response"]
     rest = [*fixed, *[f"{symbol}_{name}" for name in (*names[2:], "power")]]
-    inner = ",\n    ".join([*kernels, *[own for _, own in [*matrices, *products]], *rest])
+    inner = ",\n    ".join([*kernels, *[head for _, head in [*matrices, *products]], *rest])
     return f"{tables}static const gt_filter_motion {symbol}_motion = {{\n    {inner}\n}};\n"
 
 

@@ -83,27 +83,27 @@ def fusion_study(
     scene = scene_of(path, sensors, seed)
     work.step("filtering", 0.1)
     answer = partial(_answer, scene, path, sensors, sweep, seed, work.title)
-    one = _filtered(scene, design, work, keep=lambda one: work.keep(partial(answer, one)))
-    if not len(one.run.time):
+    filtered = _filtered(scene, design, work, keep=lambda filtered: work.keep(partial(answer, filtered)))
+    if not len(filtered.run.time):
         raise Interrupted("stopped before the first readings were filtered")
-    work.keep(partial(answer, one))
+    work.keep(partial(answer, filtered))
     swept = {} if sweep is None else _swept(path, sensors, design, sweep, seed, work)
-    if not one.run.status.ok and not one.stopped:
-        return FusionStudy(status=one.run.status, message=one.run.message, title=work.title, axes=path.axes)
-    c, preferred = one.consistency, None
+    if not filtered.run.status.ok and not filtered.stopped:
+        return FusionStudy(status=filtered.run.status, message=filtered.run.message, title=work.title, axes=path.axes)
+    c, preferred = filtered.consistency, None
     if c is not None and c.nis not in c.band and path.axes == 3:
         work.progress("likelihood of other densities", 0.9)
         preferred = _preferred(scene, design, work)
-    stopped = one.stopped or swept.pop("stopped", False) or work.interrupted()
-    return answer(one, swept, preferred, stopped=stopped)
+    stopped = filtered.stopped or swept.pop("stopped", False) or work.interrupted()
+    return answer(filtered, swept, preferred, stopped=stopped)
 
 
 def _answer(
     scene: Scene, path: TrackedPath, sensors: FusionSensors, sweep: FusionSweep | None, seed: int, title: str,
-    one: _FilteredScene, swept: dict[str, Any] | None = None, preferred: float | None = None, *, stopped: bool = True,
+    filtered: _Fused, swept: dict[str, Any] | None = None, preferred: float | None = None, *, stopped: bool = True,
 ) -> FusionStudy:  # fmt: skip
     """Study of the rows filtered, smoothed and judged so far."""
-    swept, c = swept or {}, one.consistency
+    swept, c = swept or {}, filtered.consistency
     synthetic = (
         f"SYNTHETIC: seed {seed}, tracker {1e3 * sensors.position_noise:.3g} mm, accelerometer "
         f"{sensors.acceleration_noise:.3g} m/s2/rtHz"
@@ -111,10 +111,10 @@ def _answer(
     if sensors.outlier_share:
         synthetic += f", {100 * sensors.outlier_share:g} % of the positions off by {OUTLYING:g} times its noise"
     table, printed = printed_errors(path, sensors)
-    notes = [*one.run.notes, *_notes(scene, preferred)]
-    checks, doubts = suspicion_checks(tested(*_read(scene, one.run)))
+    notes = [*filtered.run.notes, *_notes(scene, preferred)]
+    checks, doubts = suspicion_checks(tested(*_read(scene, filtered.run)))
     notes += doubts
-    done, whole = one.run.time[-1], scene.motion.time[-1]
+    done, whole = filtered.run.time[-1], scene.motion.time[-1]
     if done < whole:
         notes.append(f"the filter was stopped after {done:.3g} of {whole:.3g} s: all numbers are for this part")
     return FusionStudy(
@@ -122,10 +122,10 @@ def _answer(
         synthetic=synthetic.removeprefix("SYNTHETIC: "),
         nis=None if c is None else c.nis, nis_band=() if c is None else tuple(c.band),
         nis_numbers=None if c is None else c.expected, verdict="" if c is None else c.message,
-        trajectory=_trajectory(scene, one, synthetic), figures=_figures(scene, one, swept, sweep, title),
-        counted_less={name: float(n.sum()) / len(one.run.time) for name, n in one.run.weighed.items()},
+        trajectory=_trajectory(scene, filtered, synthetic), figures=_figures(scene, filtered, swept, sweep, title),
+        counted_less={name: float(n.sum()) / len(filtered.run.time) for name, n in filtered.run.weighed.items()},
         printed=printed, printed_in=table, notes=notes,
-        preferred_jerk_density=preferred, **one.errors, **swept,
+        preferred_jerk_density=preferred, **filtered.errors, **swept,
     )  # fmt: skip
 
 
@@ -140,7 +140,7 @@ def _read(scene: Scene, run: Filtered) -> list[Data]:
 
 
 @dataclass(frozen=True, eq=False)
-class _FilteredScene:
+class _Fused:
     """A filtered scene."""
 
     run: Filtered
@@ -158,8 +158,8 @@ def _filtered(
     design: FusionFilter,
     work: Work,
     blame: bool = True,
-    keep: Callable[[_FilteredScene], object] | None = None,
-) -> _FilteredScene:
+    keep: Callable[[_Fused], object] | None = None,
+) -> _Fused:
     """Filter a scene; keep: called with the result before smoothing and judging."""
     systems = systems_of(scene, design)
     report, smoothing = work.fractions("filtering"), design.smooth
@@ -173,7 +173,7 @@ def _filtered(
     judged, smoothed = run, None
     if keep is not None and len(run.time):
         errors = _errors(scene, run, None, tracker, slope)
-        keep(_FilteredScene(run, run, None, tracker, slope, errors, None, stopped))
+        keep(_Fused(run, run, None, tracker, slope, errors, None, stopped))
     if len(systems) > 1 and run.status.ok:
         judged = _scheduled(systems, run, scene, design, report)
         if judged.status is SolveStatus.INTERRUPTED:
@@ -184,7 +184,7 @@ def _filtered(
     whole = run.status.ok and judged.status.ok and tracker.status.ok and not stopped
     errors = _errors(scene, run, smoothed, tracker, slope) if whole or stopped else {}
     test = consistency(judged, skip=settled(scene), blame=blame) if whole else None
-    return _FilteredScene(run, judged, smoothed, tracker, slope, errors, test, stopped)
+    return _Fused(run, judged, smoothed, tracker, slope, errors, test, stopped)
 
 
 def _three(values: Any) -> dict[str, Any]:
@@ -232,8 +232,8 @@ def _scheduled(
     assert run.mode_probabilities is not None
     stay = design.stay
     modes = likely_modes(run.mode_probabilities[:, 0], [[stay, 1 - stay], [1 - stay, stay]])
-    one = ScheduledNoise(systems, run.time, modes)
-    return one.run(scene.log, scene.initial, truth=scene.truth, keep=design.smooth, progress=progress)
+    scheduled = ScheduledNoise(systems, run.time, modes)
+    return scheduled.run(scene.log, scene.initial, truth=scene.truth, keep=design.smooth, progress=progress)
 
 
 def _probabilities(run: Filtered) -> np.ndarray | None:
@@ -247,18 +247,16 @@ def _errors(
     """Errors over the filtered rows; without the results that need more rows."""
     n = len(run.time)
     v, peak = scene.motion.v[:n], scene.peak[:n]
-    settled_rows = scene.motion.time[:n] >= settled(scene)
-    if not settled_rows.any():
+    late = scene.motion.time[:n] >= settled(scene)
+    if not late.any():
         return {}
 
     def split(error: np.ndarray) -> tuple[float, float]:
         size = np.abs(error)[:, [0, 2]].mean(axis=1)
-        return tuple(
-            float(size[settled_rows & at].mean()) if np.any(settled_rows & at) else 0.0 for at in (~peak, peak)
-        )  # type: ignore[return-value]
+        return tuple(float(size[late & mask].mean()) if np.any(late & mask) else 0.0 for mask in (~peak, peak))  # type: ignore[return-value]
 
     def whole(error: np.ndarray) -> float:
-        return float(np.abs(error[settled_rows])[:, [0, 2]].mean())
+        return float(np.abs(error[late])[:, [0, 2]].mean())
 
     velocity = {"slope": slope[:n] - v, "tracker": tracker.error["v"][:n], "fused": run.error["v"]}
     velocity = {name: error for name, error in velocity.items() if len(error) == n}
@@ -278,12 +276,12 @@ def _errors(
         "angular_velocity": "w",
         "angular_acceleration": "alpha",
     }
-    fused = {name: _metrics(run.error[state][settled_rows]) for name, state in states.items() if state in scene.states}
-    errors: dict[str, Any] = {**lines, **below, "fused": fused, "alone": _alone(scene, settled_rows)}
+    fused = {name: _metrics(run.error[state][late]) for name, state in states.items() if state in scene.states}
+    errors: dict[str, Any] = {**lines, **below, "fused": fused, "alone": _alone(scene, late)}
     fast = _probabilities(run)
     if fast is not None:
         errors["fast_share"] = tuple(
-            float(fast[settled_rows & at].mean()) if np.any(settled_rows & at) else 0.0 for at in (~peak, peak)
+            float(fast[late & mask].mean()) if np.any(late & mask) else 0.0 for mask in (~peak, peak)
         )
     return errors
 
@@ -324,20 +322,20 @@ def _swept(
             stopped = True
             break
         changed = sensors.with_value(sweep.parameter, value)
-        one = _filtered(scene_of(path, changed, seed), plain, Work(stop=work.interrupted), blame=False)
-        if one.stopped:
+        filtered = _filtered(scene_of(path, changed, seed), plain, Work(stop=work.interrupted), blame=False)
+        if filtered.stopped:
             stopped = True
             break
-        if not one.errors:  # the filter lost the body
+        if not filtered.errors:  # the filter lost the body
             for column in (fused, tracker, slope):
                 column.append(float("inf"))
             right.append(False)
             continue
-        rows = one.run.time >= max(SETTLED, 4 * changed.sample_time)
-        motion = path.motion(one.run.time)
-        for column, v in ((fused, one.run["v"]), (tracker, one.tracker["v"]), (slope, one.slope)):
+        rows = filtered.run.time >= max(SETTLED, 4 * changed.sample_time)
+        motion = path.motion(filtered.run.time)
+        for column, v in ((fused, filtered.run["v"]), (tracker, filtered.tracker["v"]), (slope, filtered.slope)):
             column.append(float(np.abs(v - motion.v)[rows][:, [0, 2]].mean()))
-        right.append(one.consistency is not None and one.consistency.nis in one.consistency.band)
+        right.append(filtered.consistency is not None and filtered.consistency.nis in filtered.consistency.band)
     limits, unit = TABLE_10[sweep.parameter]
     printed = limits[0 if path.axes == 3 else 1]
     values = list(sweep.values[: len(fused)])
@@ -392,69 +390,77 @@ def _notes(scene: Scene, preferred: float | None) -> list[str]:
     ]
 
 
-def _trajectory(scene: Scene, one: _FilteredScene, synthetic: str) -> Trajectory:
-    n = len(one.run.time)
+def _trajectory(scene: Scene, filtered: _Fused, synthetic: str) -> Trajectory:
+    n = len(filtered.run.time)
     motion = scene.motion
-    columns: dict[str, Any] = {"velocity": motion.v[:n], "velocity_fused": one.run["v"]}
-    columns["velocity_deviation"] = one.run.deviation["v"]
+    columns: dict[str, Any] = {"velocity": motion.v[:n], "velocity_fused": filtered.run["v"]}
+    columns["velocity_deviation"] = filtered.run.deviation["v"]
     units = dict.fromkeys(columns, "m/s")
-    columns |= {"position_fused": one.run["p"], "nis": one.judged.nis[:n, 0], "at_bend": scene.peak[:n].astype(float)}
+    columns |= {
+        "position_fused": filtered.run["p"],
+        "nis": filtered.judged.nis[:n, 0],
+        "at_bend": scene.peak[:n].astype(float),
+    }
     units["position_fused"] = "m"
-    if one.smoothed is not None:
-        columns["velocity_smoothed"], units["velocity_smoothed"] = one.smoothed["v"], "m/s"
-    fast = _probabilities(one.run)
+    if filtered.smoothed is not None:
+        columns["velocity_smoothed"], units["velocity_smoothed"] = filtered.smoothed["v"], "m/s"
+    fast = _probabilities(filtered.run)
     if fast is not None:
         columns["fast_probability"] = fast
-    return Trajectory(one.run.time, columns, units, title="fused", synthetic=synthetic)
+    return Trajectory(filtered.run.time, columns, units, title="fused", synthetic=synthetic)
 
 
 def _figures(
-    scene: Scene, one: _FilteredScene, swept: dict[str, Any], sweep: FusionSweep | None, title: str
+    scene: Scene, filtered: _Fused, swept: dict[str, Any], sweep: FusionSweep | None, title: str
 ) -> dict[str, Callable[[], Any]]:
     figures: dict[str, Callable[[], Any]] = {
-        "baselines": partial(_baselines_figure, scene, one, title),
-        "velocity": partial(_velocity_figure, scene, one, title),
-        "innovations": partial(innovations_picture, one.judged, title),
+        "baselines": partial(_baselines_figure, scene, filtered, title),
+        "velocity": partial(_velocity_figure, scene, filtered, title),
+        "innovations": partial(innovations_picture, filtered.judged, title),
     }
     if scene.path.axes == 5:
-        figures["angular_acceleration"] = partial(_alpha_figure, scene, one, title)
+        figures["angular_acceleration"] = partial(_alpha_figure, scene, filtered, title)
     if sweep is not None and swept.get("sweep_values"):
         figures["sweep"] = partial(_sweep_figure, swept, title)
     return figures
 
 
-def _velocity_figure(scene: Scene, one: _FilteredScene, title: str) -> Any:
+def _velocity_figure(scene: Scene, filtered: _Fused, title: str) -> Any:
     from ...plot.filters import error_figure
 
-    lines = {name: e for name, e in _velocity_errors(scene, one).items() if name in ("fused", "smoothed")}
-    return error_figure(one.run.time, lines, one.run.deviation["v"], axes=("x", "z"), pick=(0, 2), title=title)
+    lines = {name: e for name, e in _velocity_errors(scene, filtered).items() if name in ("fused", "smoothed")}
+    return error_figure(
+        filtered.run.time, lines, filtered.run.deviation["v"], axes=("x", "z"), pick=(0, 2), title=title
+    )
 
 
-def _baselines_figure(scene: Scene, one: _FilteredScene, title: str) -> Any:
+def _baselines_figure(scene: Scene, filtered: _Fused, title: str) -> Any:
     from ...plot.filters import baselines_figure
 
-    n = len(one.run.time)
-    return baselines_figure(one.run.time, _velocity_errors(scene, one), scene.peak[:n], pick=(0, 2), title=title)
+    n = len(filtered.run.time)
+    return baselines_figure(
+        filtered.run.time, _velocity_errors(scene, filtered), scene.peak[:n], pick=(0, 2), title=title
+    )
 
 
-def _velocity_errors(scene: Scene, one: _FilteredScene) -> dict[str, np.ndarray]:
+def _velocity_errors(scene: Scene, filtered: _Fused) -> dict[str, np.ndarray]:
     """Velocity errors by method (n, 3) [m/s]."""
-    n = len(one.run.time)
-    estimates = {"slope of four": one.slope, "tracker alone": one.tracker["v"], "fused": one.run["v"]}
-    if one.smoothed is not None:
-        estimates["smoothed"] = one.smoothed["v"]
+    n = len(filtered.run.time)
+    estimates = {"slope of four": filtered.slope, "tracker alone": filtered.tracker["v"], "fused": filtered.run["v"]}
+    if filtered.smoothed is not None:
+        estimates["smoothed"] = filtered.smoothed["v"]
     return {name: v[:n] - scene.motion.v[:n] for name, v in estimates.items() if len(v) >= n}
 
 
-def _alpha_figure(scene: Scene, one: _FilteredScene, title: str) -> Any:
+def _alpha_figure(scene: Scene, filtered: _Fused, title: str) -> Any:
     from ...plot.filters import state_figure
 
-    t = one.run.time
+    t = filtered.run.time
     middle = t[np.argmax(np.abs(scene.motion.w[: len(t), 1]))]
     near = np.abs(t - middle) < AROUND
     return state_figure(
-        t[near], scene.motion.alpha[: len(t), 1][near], one.run["alpha"][near, 1],
-        one.run.deviation["alpha"][near, 1], "about y [rad/s²]", title=title,
+        t[near], scene.motion.alpha[: len(t), 1][near], filtered.run["alpha"][near, 1],
+        filtered.run.deviation["alpha"][near, 1], "about y [rad/s²]", title=title,
     )  # fmt: skip
 
 
