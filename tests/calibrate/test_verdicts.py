@@ -159,7 +159,7 @@ def test_the_bound_is_what_matters_or_what_chance_does() -> None:
     assert few.bound == pytest.approx(np.sqrt(32.909 / 12), rel=1e-4) and few.passed  # chi-squared tables, 12 and 0.001
     assert not chi_squared_over_noise(500 * 1.55**2, 500).passed
     nothing = chi_squared_over_noise(0.0, 0)
-    assert nothing.bound == np.inf and not nothing.passed and "say nothing of the noise" in nothing.message
+    assert nothing.bound == np.inf and not nothing.passed and "do not show the noise" in nothing.message
 
 
 @pytest.mark.parametrize("seed", [4, 12])

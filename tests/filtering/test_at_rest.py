@@ -156,5 +156,5 @@ def test_what_makes_no_sense_is_said():
     gyro[3, 1] = np.nan
     with pytest.raises(error, match="1 numbers are not finite"):
         F.from_rest(gyro, force, PERIOD)
-    with pytest.raises(error, match="there is no 'tilt'"):
+    with pytest.raises(error, match="'tilt' has no interval"):
         F.from_rest(*unit_log(6, Rotation.identity(), np.zeros(3), 100), PERIOD).interval("tilt")

@@ -188,7 +188,7 @@ def test_refusals_of_systems(cart):
         make("imm", [cart])
     with pytest.raises(ArgumentError, match="system 1 has other states or sensors"):
         make("imm", [cart, body.tracked()])
-    with pytest.raises(ArgumentError, match="rows sum to 1"):
+    with pytest.raises(ArgumentError, match="rows that sum to 1"):
         make("imm", [cart, cart], stay=1.5)
     with pytest.raises(ArgumentError, match="sum to 1"):
         make("imm", [cart, cart], probabilities=[0.5, 0.6])

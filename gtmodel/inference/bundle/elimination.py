@@ -257,8 +257,8 @@ SILENT = 1e-7
 
 @dataclass(eq=False)
 class SharedSolver:
-    """Solves S x = b, b (columns,) or (columns, k). used: nonzero columns; size: their lengths. unit: solver for columns
-    of length one, except along `basis`, where J has the lengths `sizes`. Undetermined directions stay zero."""
+    """Solves S x = b, b (columns,) or (columns, k). used: nonzero columns; size: their lengths. unit: solver for
+    columns of length one, except along `basis`, where J has the lengths `sizes`. Undetermined directions stay zero."""
 
     used: np.ndarray
     size: np.ndarray

@@ -132,20 +132,20 @@ def _estimate(s: Structure, values: Mapping[str, np.ndarray], C: np.ndarray, fre
         if slopes is not None and g.turn is not None:
             columns = slice(s.offset[number] + g.turn, s.offset[number] + g.turn + 3)
             turn[columns, columns] = slopes[k]
-    free_columns = np.flatnonzero(free)
+    shared = np.flatnonzero(free)
     x = np.concatenate([*numbers, np.zeros(0)])
-    covariance = (turn @ C @ turn.T)[np.ix_(free_columns, free_columns)]
+    covariance = (turn @ C @ turn.T)[np.ix_(shared, shared)]
     residuals = np.concatenate([lin.r.reshape(-1) for lin in rows])
     noise = float(np.sqrt(residuals @ residuals / dof)) if dof else 1.0
     space = np.zeros((0, 0))
     if null.count:
         along_x = np.where(np.abs(null.x * lengths[: s.columns, None]) > PART, null.x, 0.0)
-        along_x = (turn @ along_x)[free_columns]
+        along_x = (turn @ along_x)[shared]
         along_x = along_x[:, np.abs(along_x).max(axis=0, initial=0.0) > 0]
         space = along_x if along_x.size else space
     return Estimate(
-        tuple(names[k] for k in free_columns), x[free_columns], (covariance + covariance.T) / 2, dof, noise, known, residuals, (),
-        units=tuple(units[k] for k in free_columns) if any(units) else (), notes=words, null_space=space,
+        tuple(names[k] for k in shared), x[shared], (covariance + covariance.T) / 2, dof, noise, known, residuals, (),
+        units=tuple(units[k] for k in shared) if any(units) else (), notes=words, null_space=space,
     )  # fmt: skip
 
 
