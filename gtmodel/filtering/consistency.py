@@ -87,7 +87,7 @@ class Consistency:
 
     @property
     def consistent(self) -> bool:
-        """Whether nis lies in its band and the innovations of all sensors look white and have no mean."""
+        """Whether nis is in its band and the innovations of all sensors are white with zero mean."""
         return self.nis in self.band and all(s.white and abs(s.mean) <= s.mean_limit for s in self.sensors.values())
 
 
@@ -180,7 +180,7 @@ def _scaled_band(mean: float, variance: float, count: int, level: float) -> Band
 
 
 def _of_sensor(white: np.ndarray, remaining: tuple[int, _Squares], level: float) -> SensorConsistency:
-    """Test normalised innovations (K, m, size), NaN where nothing was used; `left`: size and statistics of squares."""
+    """Test normalised innovations (K, m, size), NaN if not used; `remaining`: their size and statistics of squares."""
     used = np.isfinite(white)
     per_component = used.sum(axis=(0, 1))
     ratio = float(np.nansum(white**2) / used.sum())

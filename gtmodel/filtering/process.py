@@ -40,8 +40,8 @@ def covariance_matrix(value: Any, size: int, argument: str, *, singular: bool) -
     except (TypeError, ValueError):
         R = np.full(0, np.nan)
     if R.shape != (size, size) or not np.isfinite(R).all():
-        shown = f"shape {R.shape}" if R.ndim == 2 and np.isfinite(R).all() else repr(value)
-        raise ArgumentError(f"expected a covariance ({size}, {size}) of finite numbers; found {shown}", argument)
+        found = f"shape {R.shape}" if R.ndim == 2 and np.isfinite(R).all() else repr(value)
+        raise ArgumentError(f"expected a covariance ({size}, {size}) of finite numbers; found {found}", argument)
     if np.abs(R - R.T).max() > ROUNDING * np.abs(R).max():
         i, j = np.unravel_index(int(np.argmax(np.abs(R - R.T))), R.shape)
         sentence = f"expected a symmetric covariance; found {R[i, j]:g} at [{i}, {j}] and {R[j, i]:g} at [{j}, {i}]"

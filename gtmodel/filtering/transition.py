@@ -62,8 +62,8 @@ class LinearTransition:
         return self._cache[dt]
 
     def _covariance(self, dt: float) -> np.ndarray:
-        """Covariance of the noise of a step (n, n). exp(-A dt) overflows for a step of many time constants, so such a
-        step is doubled from a short one; each doubling is a sum of covariances."""
+        """Covariance of the noise of a step (n, n). With exp(-A dt) a step of many time constants loses precision, so
+        it is doubled from a short one; each doubling is a sum of covariances."""
         from scipy.linalg import expm
 
         n = len(self.A)

@@ -107,12 +107,12 @@ def moved_together(null: np.ndarray, names: tuple[str, ...], least: float = 0.05
     sentences = []
     for column in null.T:
         size = np.abs(column)
-        shown = [n for n, w in zip(names, size, strict=True) if w > least * size.max()]
-        if len(shown) == 1:
-            sentences.append(f"the data do not determine {shown[0]}: no measurement depends on it")
+        involved = [n for n, w in zip(names, size, strict=True) if w > least * size.max()]
+        if len(involved) == 1:
+            sentences.append(f"the data do not determine {involved[0]}: no measurement depends on it")
         else:
             sentences.append(
-                f"the data do not determine {listed(shown)} apart from each other: fix one, "
+                f"the data do not determine {listed(involved)} apart from each other: fix one, "
                 "or measure something that depends on only one of them"
             )
     return sentences

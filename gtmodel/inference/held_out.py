@@ -111,7 +111,7 @@ class OverNoise(_Bounded):
         if self.ratio < 1:
             return f"{size}: it was stated too large ({details})"
         if self.passed:
-            return f"{size} ({details}): significant, but below {self.bound:.3g} times, from where it matters"
+            return f"{size} ({details}): significant, but below the {self.bound:.3g} times that matter"
         return f"{size}; a sound model has at most {self.bound:.3g} times ({details})"
 
     @property

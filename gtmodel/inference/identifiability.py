@@ -346,6 +346,6 @@ def identifiability(
 def _direction(v: np.ndarray, names: tuple[str, ...], size: np.ndarray, singular: float, std: float) -> Direction:
     largest = int(np.argmax(np.round(np.abs(v), 9)))
     physical = v * size
-    shown = [k for k in range(len(v)) if abs(v[k]) > SHOWN * abs(v[largest])]
-    shown.sort(key=lambda k: (-round(abs(v[k] / v[largest]), 6), names[k]))
-    return Direction({names[k]: float(physical[k] / physical[largest]) for k in shown}, float(singular), float(std))
+    entries = [k for k in range(len(v)) if abs(v[k]) > SHOWN * abs(v[largest])]
+    entries.sort(key=lambda k: (-round(abs(v[k] / v[largest]), 6), names[k]))
+    return Direction({names[k]: float(physical[k] / physical[largest]) for k in entries}, float(singular), float(std))

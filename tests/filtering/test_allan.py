@@ -72,7 +72,7 @@ def test_a_long_log_gives_the_densities():
     assert abs(fit.white / WHITE - 1) < 0.01
     assert abs(fit.walk / (0.1 * WALK) - 1) < 0.3
     assert fit.flicker == 0.0 and fit.terms == ("white", "walk")
-    with pytest.raises(gt.results.ArgumentError, match="'flicker' was not fitted; .* 'white', 'walk'"):
+    with pytest.raises(gt.results.ArgumentError, match=r"'flicker' was not fitted; .* 'white', 'walk'"):
         fit.interval("flicker")
 
 

@@ -197,7 +197,7 @@ def test_what_makes_no_sense_is_said(system):
     with pytest.raises(gt.results.ArgumentError, match="give the time at which the filter starts"):
         F.Buffer(F.ErrorState(system), START, 1.0)
     buffer = F.Buffer(F.ErrorState(system), BEGIN, 1.0)
-    with pytest.raises(gt.results.ArgumentError, match="there is no sensor 'rule'; .* 'tape', 'unit'"):
+    with pytest.raises(gt.results.ArgumentError, match=r"there is no sensor 'rule'; .* 'tape', 'unit'"):
         buffer.push("rule", 0.0, 0.0)
     with pytest.raises(gt.results.ArgumentError, match="expected 1 numbers from 'tape'"):
         buffer.push("tape", 0.0, [0.0, 1.0])

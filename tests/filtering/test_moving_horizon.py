@@ -140,7 +140,7 @@ def test_bounds_far_away_change_nothing(system, case):
 
 def test_what_makes_no_sense_is_said(system, worn):
     error = gt.results.ArgumentError
-    with pytest.raises(error, match="there is no state or noise 'z'; .* 'x', 'v', 'a', 'b', 'jerk', 'drift'"):
+    with pytest.raises(error, match=r"there is no state or noise 'z'; .* 'x', 'v', 'a', 'b', 'jerk', 'drift'"):
         F.MovingHorizon(system, bounds={"z": (0, 1)})
     with pytest.raises(error, match="lower bound is above"):
         F.MovingHorizon(system, bounds={"x": (1, 0)})

@@ -250,7 +250,7 @@ def resting(
     if no unit gives 1 g within a tenth.
     """
     still = _between(rotations(quaternion, tried[0].order, tried[0].direction)).magnitude() < RESTING
-    means, where, k = [], [], 0
+    means, rests, k = [], [], 0
     while k < len(still):
         last = k
         while last < len(still) and still[last]:
@@ -258,7 +258,7 @@ def resting(
         rows = (time > reference_time[k] + SETTLE) & (time < reference_time[last] - SETTLE / 3)
         if last > k and rows.sum() >= 5:
             means.append(acceleration[rows].mean(axis=0))
-            where.append(k)
+            rests.append(k)
         k = last + 1
     read = float(np.median(np.linalg.norm(means, axis=1))) if means else 0.0
     if not read > 0:
@@ -270,7 +270,7 @@ def resting(
     gravity = []
     for convention in tried:
         mount = Rotation.from_rotvec(convention.mount)
-        up = (rotations(quaternion[where], convention.order, convention.direction) * mount).apply(means)
+        up = (rotations(quaternion[rests], convention.order, convention.direction) * mount).apply(means)
         up /= np.linalg.norm(up, axis=1, keepdims=True)
         mean = up.mean(axis=0) / max(float(np.linalg.norm(up.mean(axis=0))), 1e-12)
         scatter = np.sqrt(np.mean(np.arccos(np.clip(up @ mean, -1, 1)) ** 2))

@@ -263,14 +263,14 @@ def _motion(system: System, maker: ExpressionMaker, step: float) -> tuple[Transi
     changing = [F.places[k] for k in F.changing]
     rows = sorted({i for (i, _), order in zip(path, stages.T, strict=True) if np.isnan(order).any()})
     J, S, E = picked(J, set(rows)), picked(S, set(rows)), picked(E, {i for i, _ in changing})
-    beside = sorted({j for _, j in (*J.places, *E.places)} - set(rows))
+    fixed_rows = sorted({j for _, j in (*J.places, *E.places)} - set(rows))
     columns = sorted({j for i, j in path if i in rows} | {j for _, j in changing})
     width = len(columns) + len(columns) % 2
-    row_of = {i: n for n, i in enumerate([*rows, *beside])}
+    row_of = {i: n for n, i in enumerate([*rows, *fixed_rows])}
     column_of = {j: n for n, j in enumerate(columns)}
-    fixed_path = np.zeros((len(stages), len(beside), width))
+    fixed_path = np.zeros((len(stages), len(fixed_rows), width))
     for (i, j), order in zip(path, stages.T, strict=True):
-        if i in beside and j in column_of:
+        if i in fixed_rows and j in column_of:
             fixed_path[:, row_of[i] - len(rows), column_of[j]] = order
     frame_places = [row_of[i] * width + column_of[j] for i, j in S.places]
     of_F = sorted({i for i, _ in changing})

@@ -125,10 +125,10 @@ def _estimate(s: Structure, values: Mapping[str, np.ndarray], C: np.ndarray, fre
     reported = {name: g.reported(values[name]) for name, g in s.groups.items()}
     for number, (name, k) in enumerate(s.owner):
         g = s.groups[name]
-        shown, slopes = reported[name]
+        instances, slopes = reported[name]
         names += [f"{g.keys[k]}.{label}" for label in g.move_labels]
         units += list(g.units) if len(g.units) == g.moves else [""] * g.moves
-        numbers.append(shown[k])
+        numbers.append(instances[k])
         if slopes is not None and g.turn is not None:
             columns = slice(s.offset[number] + g.turn, s.offset[number] + g.turn + 3)
             turn[columns, columns] = slopes[k]

@@ -173,9 +173,9 @@ def structure(groups: Sequence[UnknownGroup], blocks: Sequence[ResidualBlock], d
             for other, j in block.seen[a + 1 :]:
                 if name == other and np.any(i == j):
                     raise ArgumentError(f"'{block.name}' sees an instance of '{name}' twice; name it only once")
-        seen = [i for name, i in block.seen if local and name == local.name]
-        for other in seen[1:]:
-            kept[seen[0]] = True
+        indices = [i for name, i in block.seen if local and name == local.name]
+        for other in indices[1:]:
+            kept[indices[0]] = True
             kept[other] = True
     owner = [(g.name, k) for g in groups if not g.local for k in range(g.count)]
     first = {}
@@ -250,10 +250,10 @@ def _pairs(s: Structure, heavy_alone: bool) -> None:
         for place, (k, i) in enumerate(r.shared):
             for m, j in r.shared[place:]:
                 for first, second, chosen in _ordered(k, i, m, j):
-                    one, two = dict(r.shared)[first][chosen], dict(r.shared)[second][chosen]
-                    if not len(one):
+                    instances, others = dict(r.shared)[first][chosen], dict(r.shared)[second][chosen]
+                    if not len(instances):
                         continue
-                    kinds, key = (int(s.width[one[0]]), int(s.width[two[0]])), one * n + two
+                    kinds, key = (int(s.width[instances[0]]), int(s.width[others[0]])), instances * n + others
                     d = DirectProducts(
                         number, first, second, None if isinstance(chosen, slice) else chosen, kinds, GroupedSums(key)
                     )
@@ -302,7 +302,7 @@ def _meeting(a: CouplingEntries, b: CouplingEntries, locals_: int, light: np.nda
     start_a = np.concatenate([[0], np.cumsum(np.bincount(a.of, minlength=locals_))])[:-1]
     start_b = np.concatenate([[0], np.cumsum(np.bincount(b.of, minlength=locals_))])[:-1]
     total = many_a * many_b
-    of = np.repeat(np.arange(locals_), total)
+    local = np.repeat(np.arange(locals_), total)
     within = np.arange(total.sum()) - np.repeat(np.cumsum(total) - total, total)
-    first, second = np.divmod(within, np.maximum(many_b[of], 1))
-    return start_a[of] + first, start_b[of] + second
+    first, second = np.divmod(within, np.maximum(many_b[local], 1))
+    return start_a[local] + first, start_b[local] + second

@@ -48,9 +48,9 @@ def null_space(
     orthogonal in units of the column lengths."""
     free = np.concatenate([*(s.groups[n].free[k] for n, k in s.owner), np.zeros(0, bool)])
     unseen = np.flatnonzero((r.scale == 0) & free)
-    one = np.zeros((s.columns, len(unseen)))
-    one[unseen, np.arange(len(unseen))] = 1.0
-    candidates = faint.then(BlockDirections(one, np.zeros((len(s.eliminated), V.shape[1], len(unseen)))))
+    unit = np.zeros((s.columns, len(unseen)))
+    unit[unseen, np.arange(len(unseen))] = 1.0
+    candidates = faint.then(BlockDirections(unit, np.zeros((len(s.eliminated), V.shape[1], len(unseen)))))
     candidates = candidates.then(_weak(s, r))
     return _silent(s, rows, candidates, column_lengths(r, V))
 
@@ -74,8 +74,8 @@ def _silent(s: Structure, rows: Sequence[Linearised], n: BlockDirections, length
     if not n.count:
         return n
     _, sizes, Vt = np.linalg.svd(n.flat(lengths), full_matrices=False)
-    kept = sizes > 1e-10 * sizes[0]
-    n = n.of(Vt[kept].T / sizes[kept])
+    nonzero = sizes > 1e-10 * sizes[0]
+    n = n.of(Vt[nonzero].T / sizes[nonzero])
     n, sizes = n.by_length(s, rows)
     return n.of(np.eye(n.count)[:, sizes <= SILENT])
 
@@ -90,10 +90,10 @@ def null_words(s: Structure, rows: Sequence[Linearised], n: BlockDirections, mot
     moving = [m for m in motions if m.direction(values)]
     parts = [_of_motion(s, m.direction(values)) for m in moving]
     single = []
-    for m, (part, held) in zip(moving, parts, strict=True):
+    for m, (part, moves_fixed) in zip(moving, parts, strict=True):
         flat = part.flat(lengths)[:, 0]
         size = np.linalg.norm(flat)
-        if size > 0 and not held and np.linalg.norm(flat - basis @ (basis.T @ flat)) <= 1e-5 * size:
+        if size > 0 and not moves_fixed and np.linalg.norm(flat - basis @ (basis.T @ flat)) <= 1e-5 * size:
             single.append(m)
             sentences.append(f"{m.words}: {m.remedy}")
             known = np.column_stack([known, flat / size])
@@ -105,21 +105,21 @@ def null_words(s: Structure, rows: Sequence[Linearised], n: BlockDirections, mot
         extra = _rest(common, known)
         for v in extra.T:
             weights = np.linalg.lstsq(every, v, rcond=None)[0]
-            shown = [m for m, w in zip(moving, weights, strict=True) if abs(w) > PART * np.abs(weights).max()]
-            remedies = list(dict.fromkeys(m.remedy for m in shown))
+            involved = [m for m, w in zip(moving, weights, strict=True) if abs(w) > PART * np.abs(weights).max()]
+            remedies = list(dict.fromkeys(m.remedy for m in involved))
             sentences.append(
-                f"a combination of motions is free ({'; '.join(m.words for m in shown)}): {' or '.join(remedies)}"
+                f"a combination of motions is free ({'; '.join(m.words for m in involved)}): {' or '.join(remedies)}"
             )
         known = np.column_stack([known, extra])
     names = _names(s)
     for v in _rest(basis, known).T:
         size = np.abs(v)
-        shown = [names[k] for k in np.flatnonzero(size > PART * size.max())]
-        if len(shown) == 1:
-            sentences.append(f"the data do not determine {shown[0]}: no measurement depends on it")
+        involved = [names[k] for k in np.flatnonzero(size > PART * size.max())]
+        if len(involved) == 1:
+            sentences.append(f"the data do not determine {involved[0]}: no measurement depends on it")
             continue
-        more = f" and {len(shown) - SHOWN} more" if len(shown) > SHOWN else ""
-        unknowns = ", ".join(shown[:SHOWN]) + more if more else listed(shown)
+        more = f" and {len(involved) - SHOWN} more" if len(involved) > SHOWN else ""
+        unknowns = ", ".join(involved[:SHOWN]) + more if more else listed(involved)
         sentences.append(
             f"the data do not determine {unknowns} apart from each other: fix one, or measure something that depends "
             "on only one of them"
@@ -146,15 +146,15 @@ def _of_motion(s: Structure, direction: Mapping[str, np.ndarray]) -> tuple[Block
     """A motion as one direction, and whether it moves fixed unknowns."""
     x = np.zeros((s.columns, 1))
     z = np.zeros((len(s.eliminated), s.local.moves if s.local is not None else 0, 1))
-    held = False
+    moves_fixed = False
     for name, step in direction.items():
         g = s.groups[name]
-        held |= bool(np.any(np.abs(step[~g.free]) > 1e-9 * np.abs(step).max(initial=0.0)))
+        moves_fixed |= bool(np.any(np.abs(step[~g.free]) > 1e-9 * np.abs(step).max(initial=0.0)))
         if g is s.local:
             z[:, :, 0] = step[s.eliminated]
         for number in s.numbers[name]:
             x[s.offset[number] : s.offset[number] + g.moves, 0] = step[s.owner[number][1]]
-    return BlockDirections(x, z), held
+    return BlockDirections(x, z), moves_fixed
 
 
 def _names(s: Structure) -> list[str]:
