@@ -115,17 +115,15 @@ def consistency(run: Filtered, *, skip: float = 0.0, level: float = LEVEL, blame
     >>> print(gt.filtering.consistency(doubtful).message)
     innovations are 16.4 times too small for tape: tape.deviation 0.09... times as large explains this best; see ...
     """
-    judged_rows = run.time >= run.time[0] + skip if len(run.time) else np.zeros(0, bool)
-    total = int(run.count[judged_rows].sum())
+    rows = run.time >= run.time[0] + skip if len(run.time) else np.zeros(0, bool)
+    total = int(run.count[rows].sum())
     if total == 0:
         raise ArgumentError("there are no innovations to judge", "run" if not len(run.time) else "skip")
-    instants = int(np.count_nonzero(run.count[judged_rows]))
+    instants = int(np.count_nonzero(run.count[rows]))
     numbers = total / instants
     band = chi_squared_band(instants, numbers, level)
-    nis = float(run.nis[judged_rows].sum()) / instants
-    white = {
-        name: values[judged_rows] for name, values in run.innovations.items() if np.isfinite(values[judged_rows]).any()
-    }
+    nis = float(run.nis[rows].sum()) / instants
+    white = {name: values[rows] for name, values in run.innovations.items() if np.isfinite(values[rows]).any()}
     remaining = {name: _left(run.system, name, values) for name, values in white.items()}
     mean = total - sum(n * (k - s.mean) for n, k, s in remaining.values())
     expected = mean / instants
@@ -157,10 +155,8 @@ def _squares(size: int, gate: float | None, cut: float) -> _Squares:
     k = size
     first = (k * chi_squared_share(edge, k + 2) + (edge * beyond if beyond else 0.0)) / within
     second = (k * (k + 2) * chi_squared_share(edge, k + 4) + (edge**2 * beyond if beyond else 0.0)) / within
-    component_mean = float(first) / k
-    return _Squares(
-        float(first), float(second - first**2), component_mean, float(3 * second / (k * (k + 2)) - component_mean**2)
-    )
+    each_mean = float(first) / k
+    return _Squares(float(first), float(second - first**2), each_mean, float(3 * second / (k * (k + 2)) - each_mean**2))
 
 
 def _left(system: System, name: str, white: np.ndarray) -> tuple[int, int, _Squares]:
@@ -327,14 +323,12 @@ def judged(run: Filtered, instants: int = 10, *, level: float = LEVEL, skip: flo
 
     first = int(np.searchsorted(run.time, run.time[0] + skip))
     rows = np.unique(np.linspace(first, len(run.time) - 1, min(instants, len(run.time) - first)).round().astype(int))
-    level_each = 1 - (1 - level) / len(rows)
+    single = 1 - (1 - level) / len(rows)
     within = np.abs(run.errors[rows]) <= half_width(0.95) * run.deviations[rows]
     names = run.system.space.labels
-    ends = (
-        binom.ppf([(1 - level_each) / 2 / len(names), 1 - (1 - level_each) / 2 / len(names)], run.runs, 0.95) / run.runs
-    )
+    ends = binom.ppf([(1 - single) / 2 / len(names), 1 - (1 - single) / 2 / len(names)], run.runs, 0.95) / run.runs
     return JudgedErrors(
-        run.time[rows], run.nees[rows].mean(axis=1), chi_squared_band(run.runs, run.dimension, level_each),
+        run.time[rows], run.nees[rows].mean(axis=1), chi_squared_band(run.runs, run.dimension, single),
         {name: within[:, :, n].mean(axis=1) for n, name in enumerate(names)}, Band(float(ends[0]), float(ends[1])),
         consistency(run, skip=skip, level=level), run.runs,
     )  # fmt: skip

@@ -61,9 +61,7 @@ def filter_study(
     """
     work = Work(**work_options)
     if smoothing and filter == "particle":
-        raise ArgumentError(
-            "a particle filter cannot be smoothed; leave smoothing out, or use another filter", "smoothing"
-        )
+        raise ArgumentError("particles cannot be smoothed; leave smoothing out, or use another filter", "smoothing")
     initial = InitialState(dict(start.mean), dict(start.deviation))
     synthetic, truth = "", None
     if isinstance(log, DrawnReadings):

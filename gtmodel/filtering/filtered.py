@@ -221,15 +221,10 @@ class RunRecord:
         message = status.message
         if why == "not finite":
             where = f"after {self.time[n - 1]:g} s" if n else "at the start"
-            message = (
-                f"the estimate is not finite {where}: the model has no value there, or a covariance grew too large"
-            )
+            message = f"the estimate is not finite {where}: the model has no value, or a covariance grew too large"
             if sensor is not None:
                 where = f"at the reading after {self.time[n - 1]:g} s" if n else "at the first reading"
-                message = (
-                    f"the model has no finite value for '{sensor}' {where}: the estimate is outside the valid range of "
-                    "the model"
-                )
+                message = f"the model has no finite value for '{sensor}' {where}: the estimate is outside its range"
         white = self.residuals[:n] / np.sqrt(self.expected[:n])
         cut = {name: white[:, :, columns] for name, columns in self.columns.items()}
         kept = None if self.kept is None else tuple(self.kept)

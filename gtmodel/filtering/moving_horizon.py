@@ -110,9 +110,7 @@ class MovingHorizon:
                 sentence = f"'{name}' weighs outliers; a moving horizon cannot: leave outliers out, or use a filter"
                 raise ArgumentError(sentence, "system")
             if name in system.mixing:
-                sentence = (
-                    f"'{name}' has a full covariance; a moving horizon needs deviations: give them, or use a filter"
-                )
+                sentence = f"'{name}' has a full covariance; a moving horizon needs deviations: give these, or a filter"
                 raise ArgumentError(sentence, "system")
         for name, number in (("points", points), ("elements", elements)):
             if number < 1:
@@ -213,11 +211,9 @@ class MovingHorizon:
                 edges.append(t)
         if len(edges) < 2:
             raise ArgumentError("the log holds a single instant; a moving horizon needs at least two", "log")
-        for part, rows_at, along in system.space.places():
+        for part, rows_k, along in system.space.places():
             fixed = np.diag(belief.P[0])[along] <= 0 if part.kind == "vector" else np.zeros(part.size, bool)
-            if np.any(
-                fixed & ((belief.x[0, rows_at] < self._low[rows_at]) | (belief.x[0, rows_at] > self._high[rows_at]))
-            ):
+            if np.any(fixed & ((belief.x[0, rows_k] < self._low[rows_k]) | (belief.x[0, rows_k] > self._high[rows_k]))):
                 raise ArgumentError(f"the start of '{part.name}' is exact and outside its bounds", "start")
         place = [int(np.argmin(np.abs(np.array(edges) - m.time))) for m in plan]
         u = np.array([system.inputs_at(inputs, t) for t in edges])
@@ -233,13 +229,13 @@ class MovingHorizon:
         solution = solve(problem, mesh, guess=guess, solver=self.solver, throw=False)
         # the ends of elements are points of the mesh
         trajectory = solution.trajectory
-        rows_at = np.abs(trajectory.time[:, None] - np.array(edges)[None]).argmin(axis=0)
+        rows_k = np.abs(trajectory.time[:, None] - np.array(edges)[None]).argmin(axis=0)
         values = np.zeros((len(trajectory.time), len(self._low)))  # states, then noises
         for k in [*range(n), *(n + self._drawn)]:
             values[:, k] = trajectory[f"x{k}"]
         return HorizonEstimate(
-            system, np.array([m.time for m in plan]), values[rows_at[place], :n],
-            {name: values[rows_at[place], n + along.start : n + along.stop] for name, along in self._noises.items()},
+            system, np.array([m.time for m in plan]), values[rows_k[place], :n],
+            {name: values[rows_k[place], n + along.start : n + along.stop] for name, along in self._noises.items()},
             solution.status, solution.message, self._touched(values), solution,
         )  # fmt: skip
 
@@ -294,12 +290,10 @@ class MovingHorizon:
             if root.size:
                 far = ca.mtimes(ca.DM(np.linalg.inv(root)), difference)
                 terms.append(misfit(of(far), [edges[0]], np.zeros((1, len(root))), sigma=1.0))
-            for name, recorded in readings.items():
+            for name, r in readings.items():
                 sensor, part = system.sensors[name], system.readings[name]
                 value = system.expected(sensor, t, x, u_known)
-                rows = [
-                    (time, recorded.values[m.rows[name]]) for time, m in zip(at, plan, strict=True) if name in m.rows
-                ]
+                rows = [(time, r.values[m.rows[name]]) for time, m in zip(at, plan, strict=True) if name in m.rows]
                 terms += _reading_costs(part, value, rows, system.deviations[name], of)
             if drawn.size:
                 w = column(model, n + drawn)
@@ -376,11 +370,9 @@ def _typical(space: Manifold, belief: Belief) -> np.ndarray:
     """Typical sizes of the numbers of the state: the deviation at the start; 1 for quaternions and directions."""
     deviation = np.sqrt(np.diag(belief.P[0]))
     sizes = np.ones(space.size)
-    for part, columns, along in space.places():
+    for part, cols, along in space.places():
         if part.kind == "vector":
-            sizes[columns] = np.where(
-                deviation[along] > 0, deviation[along], np.maximum(np.abs(belief.x[0, columns]), 1e-3)
-            )
+            sizes[cols] = np.where(deviation[along] > 0, deviation[along], np.maximum(np.abs(belief.x[0, cols]), 1e-3))
     return sizes
 
 
@@ -389,7 +381,7 @@ def _limits(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Bounds of all states and noises. Raises ArgumentError for an unknown name, and for bounds that cross."""
     n = system.space.size
-    places = {part.name: (part.kind, columns) for part, columns, _ in system.space.places()}
+    places = {part.name: (part.kind, cols) for part, cols, _ in system.space.places()}
     places |= {name: ("vector", slice(n + s.start, n + s.stop)) for name, s in noises.items()}
     total = n + sum(s.stop - s.start for s in noises.values())
     low, high = np.full(total, -np.inf), np.full(total, np.inf)
@@ -397,15 +389,15 @@ def _limits(
         if name not in places:
             names = ", ".join(f"'{p}'" for p in places)
             raise ArgumentError(f"there is no state or noise '{name}'; expected one of {names}", "bounds")
-        kind, columns = places[name]
+        kind, cols = places[name]
         if kind != "vector":
             raise ArgumentError(f"'{name}' is a {kind}, whose numbers cannot be bounded", f"bounds.{name}")
         try:
             lower, upper = pair
-            low[columns] = -np.inf if lower is None else lower
-            high[columns] = np.inf if upper is None else upper
+            low[cols] = -np.inf if lower is None else lower
+            high[cols] = np.inf if upper is None else upper
         except (TypeError, ValueError):
             raise ArgumentError(f"expected (low, high), numbers or None; found {pair!r}", f"bounds.{name}") from None
-        if not np.all(low[columns] <= high[columns]):
+        if not np.all(low[cols] <= high[cols]):
             raise ArgumentError(f"the lower bound is above the upper one: {pair!r}", f"bounds.{name}")
     return low, high

@@ -29,9 +29,7 @@ class MeasuredQuantity(Options):
 
     signal: Annotated[str, "measured variable of the model; the sensor's name if left out"] = ""
     deviation: Annotated[
-        Numbers | None,
-        Within(above=0.0),
-        "standard deviation of the noise of one reading, a number or one per component",
+        Numbers | None, Within(above=0.0), "standard deviation of one reading, a number or one per component"
     ] = None
     density: Annotated[
         Numbers | None,
@@ -48,9 +46,7 @@ class MeasuredQuantity(Options):
         Within(above=0.0, below=1.0),
         "readings beyond this quantile of chi-squared are left out, such as 0.999",
     ] = None
-    outliers: Annotated[
-        Literal["huber"] | None, "readings far from the prediction count less, with Huber's weights"
-    ] = None
+    outliers: Annotated[Literal["huber"] | None, "readings far off count less, with Huber's weights"] = None
 
     def sensor(self, name: str) -> Sensor:
         """Return the sensor with that name. Raises ArgumentError if its noise is stated twice or not at all."""
@@ -108,9 +104,7 @@ class FilterStudy(Study):
     nis_numbers: Annotated[float | None, "expected nis of a consistent filter"] = None
     verdict: Annotated[str, "whether the innovations agree with the filter"] = ""
     final: Annotated[Mapping[str, Sequence[float]], "each state at the end, SI"] = field(default_factory=dict)
-    final_deviation: Annotated[Mapping[str, Sequence[float]], "standard deviations of these"] = field(
-        default_factory=dict
-    )
+    final_deviation: Annotated[Mapping[str, Sequence[float]], "their deviations"] = field(default_factory=dict)
     rms_error: Annotated[
         Mapping[str, Sequence[float]], Quantity("", "of each state, if the truth is known: synthetic readings")
     ] = field(default_factory=dict)

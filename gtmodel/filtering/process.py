@@ -40,8 +40,8 @@ def covariance_matrix(value: Any, size: int, argument: str, *, singular: bool) -
     except (TypeError, ValueError):
         R = np.full(0, np.nan)
     if R.shape != (size, size) or not np.isfinite(R).all():
-        found = f"shape {R.shape}" if R.ndim == 2 and np.isfinite(R).all() else repr(value)
-        raise ArgumentError(f"expected a covariance ({size}, {size}) of finite numbers; found {found}", argument)
+        text = f"shape {R.shape}" if R.ndim == 2 and np.isfinite(R).all() else repr(value)
+        raise ArgumentError(f"expected a covariance ({size}, {size}) of finite numbers; found {text}", argument)
     if np.abs(R - R.T).max() > ROUNDING * np.abs(R).max():
         i, j = np.unravel_index(int(np.argmax(np.abs(R - R.T))), R.shape)
         sentence = f"expected a symmetric covariance; found {R[i, j]:g} at [{i}, {j}] and {R[j, i]:g} at [{j}, {i}]"
@@ -238,9 +238,7 @@ class ProcessModel:
             missing = [i for i in indices if (i, k) not in order]
             if missing:
                 names = ", ".join(f"'{s}'" for s in _state_names(first))
-                raise ArgumentError(
-                    f"'{name}' is not a state of the model; with these inputs they are {names}", "states"
-                )
+                raise ArgumentError(f"'{name}' is not a state of the model with these inputs; found {names}", "states")
             pairs.append((name, shape, [(i, k) for i in indices]))
         if len([p for _, _, group in pairs for p in group]) != len(order):
             names = ", ".join(f"'{s}'" for s in _state_names(first))
@@ -251,10 +249,8 @@ class ProcessModel:
             for name, _, group in pairs
         ]
         column = {pair: n for n, pair in enumerate(p for _, _, group in pairs for p in group)}
-        rates_needed = [
-            _rate(flat, name) for name, _, group in pairs if not all((i, k + 1) in column for i, k in group)
-        ]
-        f = compile_causal(flat, known, [*dict.fromkeys([*rates_needed, *signals])], list(self.states))
+        needed = [_rate(flat, name) for name, _, group in pairs if not all((i, k + 1) in column for i, k in group)]
+        f = compile_causal(flat, known, [*dict.fromkeys([*needed, *signals])], list(self.states))
         free = _parameters(f, self.parameters)
         function, p_of = (f.casadi_parametric, _chosen(f, free)) if free else (f.casadi, None)
         u_sizes = {name: len(flat.lookup(name)[1]) for name in self.inputs}

@@ -88,9 +88,7 @@ class Sensor:
         if not _free(self.delay) and not np.isfinite(_number(self.delay)):
             raise ArgumentError(f"expected seconds or 'estimate'; found {self.delay!r}", "delay")
         for name, value, zero in (("scale", self.scale, False), ("offset", self.offset, True)):
-            if not _free(value) and not (
-                np.all(np.isfinite(numbers := _numbers(value))) and (zero or np.all(numbers != 0))
-            ):
+            if not _free(value) and not (np.all(np.isfinite(v := _numbers(value))) and (zero or np.all(v != 0))):
                 kind = "finite numbers" if zero else "finite numbers other than 0"
                 raise ArgumentError(f"expected {kind}, or 'estimate'; found {value!r}", name)
 

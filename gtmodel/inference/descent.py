@@ -80,9 +80,7 @@ def minimised(
         return ended(SolveStatus.NOT_FINITE, "the residuals or their derivatives are not finite at the start")
     while iterations < limit:
         if stop is not None and stop():
-            return ended(
-                SolveStatus.INTERRUPTED, f"stopped after {iterations} iterations, with the best parameters so far"
-            )
+            return ended(SolveStatus.INTERRUPTED, f"stopped after {iterations} iterations; best parameters so far")
         iterations += 1
         earlier.append(here.cost)
         step = here.step(damping)
@@ -114,7 +112,4 @@ def minimised(
             step = shorter
     if earlier[0] - here.cost <= SETTLED * here.cost:
         return ended(SolveStatus.SOLVED, f"converged after {iterations} iterations: the residuals no longer decrease")
-    return ended(
-        SolveStatus.ITERATION_LIMIT,
-        f"not converged after {limit} iterations; start nearer to the solution, or {unended}",
-    )
+    return ended(SolveStatus.ITERATION_LIMIT, f"not converged after {limit} iterations; start nearer, or {unended}")

@@ -75,7 +75,7 @@ class HeldOut(_Bounded):
     @property
     def message(self) -> str:
         if not np.isfinite(self.bound):
-            return "as many parameters as equations were fitted: fitted errors are zero, with nothing to compare to"
+            return "as many parameters as equations were fitted: held-out errors cannot be compared with fitted ones"
         return (
             f"held-out errors are {self.ratio:.3g} times the fitted ones; for a sound model it is {self.expected:.3g} "
             f"on average, and above {self.bound:.3g} in at most {100 * self.false_alarm:g} % of the cases"

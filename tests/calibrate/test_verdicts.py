@@ -101,7 +101,7 @@ def test_all_poses_in_one_fit_leave_the_same() -> None:
 def test_noise_that_was_stated_too_small_is_said_with_the_noise_that_would_do() -> None:
     right, little, much = stated(1.0), stated(1.3), stated(2.0)
     assert right.prediction_proven and of_noise(right).startswith("residuals are as large as the stated noise")
-    assert little.prediction_proven and "but less than the 1.5 times that matter" in of_noise(little)
+    assert little.prediction_proven and "the 1.5 times that matter" in of_noise(little)
     assert not much.prediction_proven and not much.checks["residuals_over_noise"].passed
     assert "residuals show no pattern over the positions of the actuators" in of_noise(much)
     assert "the noise was stated too small, or the model lacks an effect of another shape" in of_noise(much)

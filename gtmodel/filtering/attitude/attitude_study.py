@@ -138,10 +138,8 @@ def _studied(
         name = f"the {('first', 'second')[n]} part"
         work.step(f"calibrating on {name}", 0.15 + 0.3 * n)
         begin = started(time, reading, at[part], picked(turned, part), chosen.offset)
-        references_of_part = picked(turned, part)
-        calibrations.append(
-            calibrated_on(name, time, reading, at[part], references_of_part, begin, ask, o.sample_period)
-        )
+        turns = picked(turned, part)
+        calibrations.append(calibrated_on(name, time, reading, at[part], turns, begin, ask, o.sample_period))
     for calibration in calibrations:
         if calibration.likeliest is None:
             return AttitudeStudy(status=calibration.status, message=calibration.message, title=title, **so_far)
@@ -420,9 +418,7 @@ def _notes(
     if clipped:
         notes.append(f"clipped: {clipped}")
     if o.sample_period is None:
-        notes.append(
-            "if rows are stamped on arrival, give sample_period, the gyro's own period, to compare both clocks"
-        )
+        notes.append("if rows are stamped on arrival, give the gyro's sample_period, to compare both clocks")
     return notes
 
 

@@ -77,7 +77,7 @@ def gyro_path(
     at = np.asarray(at, float) - correction.offset
     inside = time[(time > at[0]) & (time < at[-1])]
     nodes, place = np.unique(np.concatenate([at, inside]), return_inverse=True)
-    places = place[: len(at)]
+    ends = place[: len(at)]
     read = np.column_stack([np.interp(nodes, time, reading[:, k]) for k in range(3)])
     rate = correction(read)
     h = np.diff(nodes)[:, None]
@@ -85,19 +85,17 @@ def gyro_path(
     step = h / 2 * (a + b) + h**2 / 12 * _cross(a, b)
     turn = turns(Rotation.from_rotvec(step))
     if not derivative:
-        return GyroPath(picked(turn, places), rate[places])
+        return GyroPath(picked(turn, ends), rate[ends])
     h, A, B, unit = h[:, :, None], cross_matrix(a), cross_matrix(b), np.eye(3)
     r0, r1 = read[:-1, None, None, :], read[1:, None, None, :]  # against (n, 3, row of the matrix, column of it)
     by_matrix = h[..., None] / 2 * unit[..., None] * (r0 + r1) + h[..., None] ** 2 / 12 * (
         A[..., None] * r1 - B[..., None] * r0
     )
     by_bias = -h * unit + h**2 / 12 * (B - A)
-    derivative_by_node = left_jacobian(step) @ np.concatenate([by_matrix.reshape(-1, 3, 9), by_bias], axis=2)
-    total = np.concatenate([np.zeros((1, 3, 12)), np.cumsum(turn[:-1].as_matrix() @ derivative_by_node, axis=0)])
-    by_offset = rate[places[0]] - picked(turn, places).apply(
-        rate[places]
-    )  # both ends of the rotation move to earlier times
-    return GyroPath(picked(turn, places), rate[places], np.concatenate([total[places], by_offset[:, :, None]], axis=2))
+    slopes = left_jacobian(step) @ np.concatenate([by_matrix.reshape(-1, 3, 9), by_bias], axis=2)
+    total = np.concatenate([np.zeros((1, 3, 12)), np.cumsum(turn[:-1].as_matrix() @ slopes, axis=0)])
+    by_offset = rate[ends[0]] - picked(turn, ends).apply(rate[ends])  # both ends move to earlier times
+    return GyroPath(picked(turn, ends), rate[ends], np.concatenate([total[ends], by_offset[:, :, None]], axis=2))
 
 
 def picked(rotation: Rotation, rows: Any) -> Rotation:

@@ -50,9 +50,7 @@ class SyntheticAttitude(Options):
     reference_period: Annotated[float, Unit("s"), Within(above=0), "of the references, without pauses"] = 0.0725
     resolution: Annotated[float, Unit("s"), Within(above=0), "of the stamps of the references"] = 0.01
     offset: Annotated[float, Unit("s"), "of the reference's clock"] = 0.002
-    relative: Annotated[
-        float, Within(least=0), "standard deviation of the gyro's error over the rate, correlated over 2 s"
-    ] = 0.006
+    relative: Annotated[float, Within(least=0), "deviation of the gyro's error over the rate; persists for 2 s"] = 0.006
     noise: Annotated[float, Unit("rad/s"), Within(least=0), "of one reading of the gyro"] = 7e-4
     lost: Annotated[int, Within(least=0), "missing rows"] = 5
     seed: Annotated[int, Within(least=0), "of the motion and of all noise"] = 0
@@ -91,12 +89,8 @@ class AttitudeStudy(Study):
     numbers: Annotated[Sequence[float], "calibrated on the first part, in SI"] = ()
     first_interval: Annotated[Sequence[Sequence[float]], "95 % intervals of the first part, in SI"] = ()
     second_interval: Annotated[Sequence[Sequence[float]], "95 % intervals of the second part, in SI"] = ()
-    timing: Annotated[
-        Sequence[float], Quantity("s", "standard deviation of the stamps of the references, both parts")
-    ] = ()
-    relative: Annotated[
-        Sequence[float], "standard deviation of the gyro's error relative to its rotations, both parts"
-    ] = ()
+    timing: Annotated[Sequence[float], Quantity("s", "deviation of the stamps of the references, both parts")] = ()
+    relative: Annotated[Sequence[float], "deviation of the gyro's error relative to its rotations, both parts"] = ()
     persistence: Annotated[Sequence[float], Quantity("s", "correlation time of that error, both parts")] = ()
     gaps: Annotated[Sequence[float], Quantity("s", "lengths of time without a reference")] = ()
     starts: Annotated[Sequence[int], "number of judged gaps of each length"] = ()
@@ -114,16 +108,13 @@ class AttitudeStudy(Study):
         Sequence[Sequence[float]], "share of the errors, carried and corrected, inside their 95 % ellipsoid"
     ] = ()  # fmt: skip
     filtered: Annotated[
-        Sequence[float],
-        Quantity("rad", "mean error of a causal error-state filter with one reference per gap", written="deg"),
+        Sequence[float], Quantity("rad", "mean error of a causal filter with one reference per gap", written="deg")
     ] = ()  # fmt: skip
     smoothed: Annotated[
         Sequence[float], Quantity("rad", "mean error of its fixed-interval smoother", written="deg")
     ] = ()  # fmt: skip
     nis: Annotated[Sequence[float], "normalised innovation squared of the filter, mean per number: 1 is expected"] = ()
-    left_out: Annotated[
-        Sequence[float], Quantity("s", "stamps of references that are spikes or not of unit length")
-    ] = ()
+    left_out: Annotated[Sequence[float], Quantity("s", "stamps of references: spikes, or not of unit length")] = ()
     synthetic: Annotated[str | None, "seed and noise of a synthetic recording; null for measured ones"] = None
 
     @property

@@ -74,8 +74,8 @@ class AttitudeRecording:
             expected.append((self.gyro, "gyro", "acceleration", 3))
         for trajectory, argument, name, size in expected:
             if name not in trajectory.names:
-                found = ", ".join(trajectory.names)
-                raise ArgumentError(f"expected a signal '{name}'; found {found}", argument)
+                names = ", ".join(trajectory.names)
+                raise ArgumentError(f"expected a signal '{name}'; found {names}", argument)
             if trajectory[name].shape[1:] != (size,):
                 raise ArgumentError(f"expected '{name}' (n, {size}); found shape {trajectory[name].shape}", argument)
         if self.gyro.unit("rate") not in ("1", "rad/s"):
@@ -116,10 +116,8 @@ def synthetic_attitude(options: SyntheticAttitude | None = None) -> SyntheticTru
     body = gyro_path(fine, rate, np.sort(np.concatenate([fine[:1], taken])), none).turn[1:]
     up = (Rotation.from_rotvec(TRUE_TURN).inv() * body.inv()).apply([0.0, 0.0, 1.0])
     acceleration = up + 2e-3 * rng.standard_normal(up.shape)
-    gyro_time = reference_time - o.offset
-    quaternion = (
-        gyro_path(fine, rate, np.concatenate([fine[:1], gyro_time]), none).turn[1:].inv().as_quat(scalar_first=True)
-    )
+    t = reference_time - o.offset
+    quaternion = gyro_path(fine, rate, np.concatenate([fine[:1], t]), none).turn[1:].inv().as_quat(scalar_first=True)
     synthetic = (
         f"synthetic, seed {o.seed}: relative error of the gyro {o.relative:g}, noise {o.noise / DEGREE:.3g} deg/s, "
         f"stamps of the references in steps of {o.resolution:g} s"

@@ -217,14 +217,11 @@ class ControllerFilter(StepFunction):
     def complete(self, real: Real) -> np.ndarray:
         """Return inputs with a reading of every sensor at the start, without noise."""
         x = self.initial.belief(self.system, 0.0).x
-        record = np.zeros((), dtype_of(self.inputs, real))
+        row = np.zeros((), dtype_of(self.inputs, real))
         for sensor, (value, flag, _, _) in zip(self.plan.sensors, self.sensor_members, strict=True):
             z = self.system.read((sensor.name,), 0.0, x, np.zeros((1, self.plan.inputs)))
-            record[value.identifier], record[flag.identifier] = (
-                real.array(z[0].reshape(record[value.identifier].shape)),
-                1,
-            )
-        return record
+            row[value.identifier], row[flag.identifier] = real.array(z[0].reshape(row[value.identifier].shape)), 1
+        return row
 
 
 class ControllerTwin(StepTwin):

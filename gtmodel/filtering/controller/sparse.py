@@ -67,13 +67,11 @@ class EntryMatrix:
     @property
     def given(self) -> EntryMatrix:
         """The same matrix with all entries computed by a kernel, including constant ones."""
-        entries = [ca.SX(float(v)) for v in self.value]
+        items = [ca.SX(float(v)) for v in self.value]
         for n, k in enumerate(self.changing):
-            entries[k] = self.expressions[n]
-        every = np.arange(len(entries))
-        return EntryMatrix(
-            self.shape, self.places, 0 * self.value, every, ca.vertcat(*entries) if entries else ca.SX(0, 1)
-        )
+            items[k] = self.expressions[n]
+        every = np.arange(len(items))
+        return EntryMatrix(self.shape, self.places, 0 * self.value, every, ca.vertcat(*items) if items else ca.SX(0, 1))
 
     @property
     def transposed(self) -> EntryMatrix:
@@ -147,17 +145,11 @@ def picked(matrix: EntryMatrix, rows: set[int]) -> EntryMatrix:
     """Entries of some rows only."""
     entries = [n for n, (i, _) in enumerate(matrix.places) if i in rows]
     new = {n: k for k, n in enumerate(entries)}
-    changing_kept = [k for k, n in enumerate(matrix.changing) if n in new]
-    changing = np.array([new[n] for n in matrix.changing[changing_kept]], int)
+    changes = [k for k, n in enumerate(matrix.changing) if n in new]
+    changing = np.array([new[n] for n in matrix.changing[changes]], int)
     places = tuple(matrix.places[n] for n in entries)
     expressions = matrix.expressions
-    moved = (
-        None
-        if expressions is None
-        else ca.vertcat(*[expressions[k] for k in changing_kept])
-        if changing_kept
-        else ca.SX(0, 1)
-    )
+    moved = None if expressions is None else ca.vertcat(*[expressions[k] for k in changes]) if changes else ca.SX(0, 1)
     return EntryMatrix(matrix.shape, places, matrix.value[entries], changing, moved)
 
 
@@ -167,11 +159,11 @@ def without_ones(matrix: EntryMatrix) -> tuple[EntryMatrix, list[float]]:
     one = {i for n, (i, j) in enumerate(matrix.places) if i == j and n not in moving and matrix.value[n] == 1.0}
     entries = [n for n, (i, j) in enumerate(matrix.places) if i != j or i not in one]
     new = {n: k for k, n in enumerate(entries)}
-    rest = EntryMatrix(
+    left = EntryMatrix(
         matrix.shape, tuple(matrix.places[n] for n in entries), matrix.value[entries],
         np.array([new[n] for n in matrix.changing.tolist()], int), matrix.expressions,
     )  # fmt: skip
-    return rest, [1.0 if i in one else 0.0 for i in range(matrix.shape[0])]
+    return left, [1.0 if i in one else 0.0 for i in range(matrix.shape[0])]
 
 
 def pattern(left: Sequence[Place], right: Sequence[Place]) -> list[Place]:
@@ -248,8 +240,8 @@ class ExpressionMaker:
         both = ca.Function("both", symbols, [ca.vec(ca.densify(matrix)), ca.vec(ca.densify(other))])
         rows = []
         for point in self.points:
-            arguments = [point if k == at_x else self.rng.normal(size=s.numel()) for k, s in enumerate(symbols)]
-            rows.append([np.asarray(r).ravel() for r in both.call([ca.DM(g) for g in arguments])])
+            values = [point if k == at_x else self.rng.normal(size=s.numel()) for k, s in enumerate(symbols)]
+            rows.append([np.asarray(r).ravel() for r in both.call([ca.DM(g) for g in values])])
         first, second = (np.array([row[k] for row in rows]) for k in (0, 1))
         scale = np.max(np.abs(first), initial=0.0) or 1.0
         same = np.max(np.abs(first - second), axis=0) <= SAME * scale
@@ -273,10 +265,8 @@ class ExpressionMaker:
         both = ca.Function("both", kernel.symbols, [ca.vertcat(*parts), H.expressions])
         rows = []
         for point in self.points:
-            arguments = [
-                ca.DM(point if k == 1 else self.rng.normal(size=s.numel())) for k, s in enumerate(kernel.symbols)
-            ]
-            rows.append([np.asarray(r).ravel() for r in both.call(arguments)])
+            inputs = [ca.DM(point if k == 1 else self.rng.normal(size=s.numel())) for k, s in enumerate(kernel.symbols)]
+            rows.append([np.asarray(r).ravel() for r in both.call(inputs)])
         first, second = (np.array([row[k] for row in rows]) for k in (0, 1))
         entries = []
         for entry, values in zip(H.expressions.nonzeros(), second.T, strict=True):

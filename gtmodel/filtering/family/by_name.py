@@ -65,14 +65,12 @@ def make(name: str, system: System | Sequence[System], **options: Any) -> Filter
     if several != (name == "imm"):
         sentence = f"'{name}' takes one system; use 'imm' for several" if several else "'imm' takes a list of systems"
         raise ArgumentError(sentence, "system")
-    factory = FILTERS[name]
-    named = [
-        n for n in signature(ErrorState if factory is kalman else factory).parameters if n not in ("system", "systems")
-    ]
+    cls = FILTERS[name]
+    named = [n for n in signature(ErrorState if cls is kalman else cls).parameters if n not in ("system", "systems")]
     for option in options:
         if option not in named:
             known = ", ".join(f"'{n}'" for n in named)
             raise ArgumentError(f"'{name}' has no option '{option}'; it has {known}", option)
     if name == "additive" and "quaternions" not in options:
         raise ArgumentError("name the states that are quaternions, such as quaternions=['Q']", "quaternions")
-    return factory(system, **options)
+    return cls(system, **options)

@@ -171,7 +171,7 @@ class ParticleFilter(Filter):
         Q = np.broadcast_to(pending, (m, N, n, n)).reshape(m * N, n, n)
         innovation, choice = self._innovation(names, residual.reshape(m, N, k), H.reshape(m, N, k, n), Q, weights)
         if self.proposal == "bootstrap":
-            self._require_effective(belief, H.reshape(m, N, k, n), choice.used, weights, system.variances(names))
+            self._refuse(belief, H.reshape(m, N, k, n), choice.used, weights, system.variances(names))
             rng = np.random.default_rng([self.seed, belief.instants, 1])
             x = space.plus(x, _draws(pending, rng, (m, N, n)).reshape(m * N, n))
             residual, H = reading(belief.time, x, u, zs)
@@ -205,9 +205,7 @@ class ParticleFilter(Filter):
         spread = spread_of(self.system, names, mean, S, np.empty((m, 0, k)))
         return spread.innovation(names, spread.solved()), spread.choice
 
-    def _require_effective(
-        self, belief: Cloud, H: np.ndarray, used: np.ndarray, weights: np.ndarray, R: np.ndarray
-    ) -> None:
+    def _refuse(self, belief: Cloud, H: np.ndarray, used: np.ndarray, weights: np.ndarray, R: np.ndarray) -> None:
         """Raise ArgumentError if the bootstrap would leave too few particles with weight."""
         P = self.summary(belief).P
         mean = np.einsum("mp,mpij->mij", weights, H) / np.sqrt(R)[:, None] * used[..., None]

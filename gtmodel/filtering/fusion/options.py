@@ -31,9 +31,7 @@ class FusionSensors(Options):
     0.00039
     """
 
-    position_noise: Annotated[
-        float, Unit("m", written="mm"), Within(above=0.0), "standard deviation of the tracker, per axis"
-    ] = 6.4e-6
+    position_noise: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "of the tracker, per axis"] = 6.4e-6
     orientation_noise: Annotated[
         float, Unit("rad", written="deg"), Within(above=0.0), "standard deviation of the tracker, per axis"
     ] = np.radians(0.015)
@@ -87,9 +85,7 @@ class FusionFilter(Options):
     fast_angular_jerk_density: Annotated[
         float | None, Unit("rad2/s5"), Within(above=0.0), "of a second, faster filter; none if left out"
     ] = None
-    stay: Annotated[
-        float, Within(above=0.0, below=1.0), "probability that the same filter remains the true one for a step"
-    ] = 0.999
+    stay: Annotated[float, Within(above=0.0, below=1.0), "probability that the true filter stays so for a step"] = 0.999
     outliers: Annotated[
         Literal["huber"] | None,
         "tracker readings far from the prediction count less, with Huber's weights; none if left out",
@@ -130,9 +126,7 @@ def agree_together(path: TrackedPath, sensors: FusionSensors, design: FusionFilt
     if any(fast) and design.kind != "extended":
         raise ArgumentError(f"expected 'extended' for interacting filters; found {design.kind!r}", "filter.kind")
     if design.smooth and design.kind == "particle":
-        raise ArgumentError(
-            "a particle filter cannot be smoothed; leave smooth out, or use another kind", "filter.smooth"
-        )
+        raise ArgumentError("particles cannot be smoothed; leave smooth out, or use another kind", "filter.smooth")
     if path.duration < 3 * SETTLED:
         raise ArgumentError(f"expected at least {3 * SETTLED:g} s; found {path.duration:g}", "path.duration")
     if path.duration < 10 * sensors.sample_time:
@@ -257,11 +251,9 @@ class FusionStudy(Study):
     ] = ()
     velocity_fused: Annotated[Sequence[float], Quantity("m/s", "off, at", written="mm/s")] = ()
     velocity_smoothed: Annotated[
-        Sequence[float], Quantity("m/s", "off, at; empty without smoothing", written="mm/s")
+        Sequence[float], Quantity("m/s", "off, at; empty if not smoothed", written="mm/s")
     ] = ()
-    below_slope: Annotated[
-        Sequence[float], "relative reduction of the fused velocity error against the slope: off, at, all"
-    ] = ()
+    below_slope: Annotated[Sequence[float], "reduction of the velocity error against the slope: off, at, all"] = ()
     below_tracker: Annotated[Sequence[float], "against the filter on the tracker alone: off, at, all"] = ()
     alone: Annotated[Mapping[str, Sequence[float]], "errors of one sensor by quantity, SI: three metrics"] = field(
         default_factory=dict

@@ -253,7 +253,7 @@ def _errors(
 
     def split(error: np.ndarray) -> tuple[float, float]:
         size = np.abs(error)[:, [0, 2]].mean(axis=1)
-        return tuple(float(size[late & mask].mean()) if np.any(late & mask) else 0.0 for mask in (~peak, peak))  # type: ignore[return-value]
+        return tuple(float(size[late & b].mean()) if np.any(late & b) else 0.0 for b in (~peak, peak))  # type: ignore[return-value]
 
     def whole(error: np.ndarray) -> float:
         return float(np.abs(error[late])[:, [0, 2]].mean())
@@ -280,9 +280,7 @@ def _errors(
     errors: dict[str, Any] = {**lines, **below, "fused": fused, "alone": _alone(scene, late)}
     fast = _probabilities(run)
     if fast is not None:
-        errors["fast_share"] = tuple(
-            float(fast[late & mask].mean()) if np.any(late & mask) else 0.0 for mask in (~peak, peak)
-        )
+        errors["fast_share"] = tuple(float(fast[late & b].mean()) if np.any(late & b) else 0.0 for b in (~peak, peak))
     return errors
 
 
@@ -390,24 +388,20 @@ def _notes(scene: Scene, preferred: float | None) -> list[str]:
     ]
 
 
-def _trajectory(scene: Scene, filtered: _Fused, synthetic: str) -> Trajectory:
-    n = len(filtered.run.time)
+def _trajectory(scene: Scene, f: _Fused, synthetic: str) -> Trajectory:
+    n = len(f.run.time)
     motion = scene.motion
-    columns: dict[str, Any] = {"velocity": motion.v[:n], "velocity_fused": filtered.run["v"]}
-    columns["velocity_deviation"] = filtered.run.deviation["v"]
+    columns: dict[str, Any] = {"velocity": motion.v[:n], "velocity_fused": f.run["v"]}
+    columns["velocity_deviation"] = f.run.deviation["v"]
     units = dict.fromkeys(columns, "m/s")
-    columns |= {
-        "position_fused": filtered.run["p"],
-        "nis": filtered.judged.nis[:n, 0],
-        "at_bend": scene.peak[:n].astype(float),
-    }
+    columns |= {"position_fused": f.run["p"], "nis": f.judged.nis[:n, 0], "at_bend": scene.peak[:n].astype(float)}
     units["position_fused"] = "m"
-    if filtered.smoothed is not None:
-        columns["velocity_smoothed"], units["velocity_smoothed"] = filtered.smoothed["v"], "m/s"
-    fast = _probabilities(filtered.run)
+    if f.smoothed is not None:
+        columns["velocity_smoothed"], units["velocity_smoothed"] = f.smoothed["v"], "m/s"
+    fast = _probabilities(f.run)
     if fast is not None:
         columns["fast_probability"] = fast
-    return Trajectory(filtered.run.time, columns, units, title="fused", synthetic=synthetic)
+    return Trajectory(f.run.time, columns, units, title="fused", synthetic=synthetic)
 
 
 def _figures(
@@ -425,22 +419,18 @@ def _figures(
     return figures
 
 
-def _velocity_figure(scene: Scene, filtered: _Fused, title: str) -> Any:
+def _velocity_figure(scene: Scene, f: _Fused, title: str) -> Any:
     from ...plot.filters import error_figure
 
-    lines = {name: e for name, e in _velocity_errors(scene, filtered).items() if name in ("fused", "smoothed")}
-    return error_figure(
-        filtered.run.time, lines, filtered.run.deviation["v"], axes=("x", "z"), pick=(0, 2), title=title
-    )
+    lines = {name: e for name, e in _velocity_errors(scene, f).items() if name in ("fused", "smoothed")}
+    return error_figure(f.run.time, lines, f.run.deviation["v"], axes=("x", "z"), pick=(0, 2), title=title)
 
 
-def _baselines_figure(scene: Scene, filtered: _Fused, title: str) -> Any:
+def _baselines_figure(scene: Scene, f: _Fused, title: str) -> Any:
     from ...plot.filters import baselines_figure
 
-    n = len(filtered.run.time)
-    return baselines_figure(
-        filtered.run.time, _velocity_errors(scene, filtered), scene.peak[:n], pick=(0, 2), title=title
-    )
+    n = len(f.run.time)
+    return baselines_figure(f.run.time, _velocity_errors(scene, f), scene.peak[:n], pick=(0, 2), title=title)
 
 
 def _velocity_errors(scene: Scene, filtered: _Fused) -> dict[str, np.ndarray]:
