@@ -1,35 +1,35 @@
-"""Filters on any compiled model: what a process with noise and some sensors say of its state, and when to believe it.
+"""State estimation with any compiled model: Kalman and particle filters, smoothing, and tests of their consistency.
 
-ProcessModel, DiscreteProcess    a model whose noise is declared as inputs; a process written as its step
+ProcessModel, DiscreteProcess    a model with noise as inputs; a process given as its step in discrete time
 LinearProcess    matrices A, C, Q, or a `control.StateSpace`
-Sensor           what is measured: noise, period, delay, scale, offset, gate
-System           both, compiled: steps, readings, Jacobians
+Sensor           measured quantity with its noise, period, delay, scale, offset, gate
+System           process and sensors, compiled: transitions, measurement functions, Jacobians
 Manifold, StatePart   vectors, unit quaternions, directions: plus and minus
 make             a filter by its name: "kf", "ekf", "iekf", "ukf", "imm", "particle", "steady", "additive"
-ErrorState, kalman    the Kalman filter, extended and iterated, of the error of the state
-Unscented, Interacting, ParticleFilter, SteadyState    points, several models, particles, constant gain
-complementary    slow motion from one signal, fast motion from an accelerometer, no model of noise
+ErrorState, kalman    error-state Kalman filter, extended and iterated; the Kalman filter of a linear system
+Unscented, Interacting, ParticleFilter, SteadyState    sigma points, several models, particles, constant gain
+complementary    low frequencies from one signal, high ones from an accelerometer, without a noise model
 AdditiveQuaternion    a quaternion as four plain numbers, for comparison
 TranslatingBody, TurningBody    bodies with an inertial unit, driven by white jerk
-TrackedPath, BodyMotion    paths at constant speed, known in closed form
-synthetic_readings, draw, Drawn    what sensors read of a known motion, or of motions drawn from the process
+TrackedPath, BodyMotion    paths at constant speed in closed form
+synthetic_readings, draw, Drawn    synthetic readings of a known motion, or of motions drawn from the process
 consistency, Consistency, chi_squared_band    innovations against exact bands, with a verdict in words
 judged, JudgedErrors    errors of many runs against the filter's own covariance
-find_faults, FaultSearch    which offset, scale, delay, parameter or noise explains a log best
-tune, Tuned      densities and deviations by the likelihood of the innovations
-filter_study     any of these over a log, or synthetic readings: estimates, pictures and a verdict; MeasuredQuantity,
-                 FilterStart, DrawnReadings are what it takes
-fusion_study     what an inertial unit adds to a laser tracker along a known path
-InitialState, Readings, Filtered    where it begins, what was read, what came of it
-Buffer           a filter on a live stream: late readings, in any order
-smooth, fixed_lag    what later readings say of earlier instants
-ScheduledNoise, likely_modes    noise that changes with time, to smooth what interacting models have filtered
+find_faults, FaultSearch    the offset, scale, delay, parameter or noise that explains a log best
+tune, Tuned      maximum-likelihood noise densities and standard deviations
+filter_study     any filter over a log or synthetic readings: estimates, pictures and a verdict; takes
+                 MeasuredQuantity, FilterStart, DrawnReadings
+fusion_study     accuracy that an inertial unit adds to a laser tracker along a known path
+InitialState, Readings, Filtered    initial estimate, readings of one sensor, filtered log
+Buffer           a filter on a live stream with late readings, in any order
+smooth, fixed_lag    estimates that use later readings too
+ScheduledNoise, likely_modes    noise that changes with time, to smooth a run of interacting models
 allan_fit, from_rest    noise of a sensor, attitude and biases from a log at rest
-ControllerFilter    the filter as a step function, for C in a loop
+ControllerFilter    the filter as a step function, for C code in a control loop
 MovingHorizon    least squares over a window, with bounds on states and noise
-attitude_study   a gyro calibrated against references of orientation, and the attitude between them, from a recording
-AttitudeRecording, AttitudeJudging, SyntheticAttitude    what it takes
-calibrate_gyro, sampled_instants, attitude_filter, GyroCarriedBody    its parts
+attitude_study   a gyro calibrated against reference orientations, and the attitude between them, from a recording;
+                 takes AttitudeRecording, AttitudeJudging, SyntheticAttitude
+calibrate_gyro, sampled_instants, attitude_filter, GyroCarriedBody    parts of attitude_study
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Noise of a sensor from a log at rest: Allan deviation, and the densities that filters take."""
+"""Sensor noise from a log at rest: Allan deviation, and the noise densities that filters take."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from ..results.refusal import ArgumentError
 
 NoiseTerm = Literal["white", "flicker", "walk"]
 TERMS: tuple[NoiseTerm, ...] = ("white", "flicker", "walk")
-LEAST = 64  # samples: with fewer the fit has next to no averaging times
-LONGEST = 8  # part of the log: longer averaging times have few independent pairs
+LEAST = 64  # samples: with fewer the fit has hardly any averaging times
+LONGEST = 8  # averaging times up to 1/8 of the log: longer ones have few independent pairs
 FLAT = 2 * np.log(2) / np.pi  # Allan variance of 1/f noise over its squared coefficient
-ROUNDING = 1e-12  # of a covariance with a diagonal of ones
-STEPS = 20  # of the fit, whose weights follow from what it finds
-SAME = 1e-5  # relative change of the fitted curve at which it ends: far below what the data say
+ROUNDING = 1e-12  # added to the diagonal of a correlation matrix
+STEPS = 20  # iterations of the fit: its weights depend on its result
+SAME = 1e-5  # relative change of the fitted curve at which the fit ends: far below the resolution of the data
 CHUNK = 1 << 15  # frequencies at a time
 UNEXPLAINED = 0.999  # quantile of chi-squared above which a note says that the terms do not explain the curve
 
 
 def allan_deviation(values: Any, period: float, sizes: Sequence[int] | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Overlapping Allan deviation: averaging times [s] and deviations in the unit of the values.
+    """Return averaging times [s] and overlapping Allan deviations in the unit of the values.
 
     Args:
         values: samples (n,) of a rate, such as a gyro's, one every `period` [s].
-        sizes: numbers of samples averaged; powers of two up to an eighth of the log if left out.
+        sizes: numbers of samples to average; powers of two up to an eighth of the log if left out.
 
-    Raises ArgumentError for samples that are not finite and sizes that the log does not hold twice.
+    Raises ArgumentError for samples that are not finite, and for sizes above half of the log.
 
     Source: IEEE Std 952-1997, annex C; Riley 2008, NIST SP 1065, section 5.2.4.
 
@@ -49,62 +49,62 @@ def allan_deviation(values: Any, period: float, sizes: Sequence[int] | None = No
 
 @dataclass(frozen=True, eq=False)
 class _Curves:
-    """The model of an Allan curve: variances (k,) of the log, those of unit squares of each term (k, terms), and the
-    covariance of the variances for each pair of terms (terms, terms, k, k)."""
+    """Model of an Allan curve: variances of the log (k,), variances of each term with a coefficient of one
+    (k, terms), and the covariance of the variances for each pair of terms (terms, terms, k, k)."""
 
     variances: np.ndarray
     units: np.ndarray
     spread: np.ndarray
 
     def weighted(self, squares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Units and variances, made white for the noise with these squares."""
+        """`units` and `variances`, whitened for noise with these squared coefficients."""
         C = np.einsum("t,u,tuij->ij", squares, squares, self.spread)
         scale = 1 / np.sqrt(np.diag(C))
         L = np.linalg.cholesky(C * np.outer(scale, scale) + ROUNDING * np.eye(len(C)))
         white = np.linalg.solve(L, scale[:, None] * np.column_stack([self.units, self.variances]))
         return white[:, :-1], white[:, -1]
 
-    def fit(self, held: int | None = None, value: float = 0.0, squares: np.ndarray | None = None) -> np.ndarray:
-        """Squares of the terms, one of them held at a value; from these."""
+    def fit(self, fixed: int | None = None, value: float = 0.0, squares: np.ndarray | None = None) -> np.ndarray:
+        """Fit the squared coefficients, one of them fixed at a value; `squares` is the initial guess."""
         now = self._first() if squares is None else squares.copy()
-        if held is not None:
-            now[held] = value
-            if not now.any():  # there is noise, and this term alone is to be it
+        if fixed is not None:
+            now[fixed] = value
+            if not now.any():  # the log has noise, but this term alone would have to explain it
                 now = self._first()
-                now[held] = value
+                now[fixed] = value
         for _ in range(STEPS):
             if not now.any():
                 break
             A, y = self.weighted(now)
-            before, now = now, _least(A, y, held, value)
+            before, now = now, _least(A, y, fixed, value)
             fitted = self.units @ now
             if np.all(np.abs(fitted - self.units @ before) <= SAME * fitted):
                 break
         return now
 
     def _first(self) -> np.ndarray:
-        """By relative errors alone."""
+        """First guess: weighted by relative errors alone."""
         return _least(self.units / self.variances[:, None], np.ones(len(self.variances)), None, 0.0)
 
     def distance(self, k: int, value: float, squares: np.ndarray) -> float:
-        """How far the data are from a value of one square, chi-squared with one degree of freedom where it is true:
-        judged with the noise that this value means, since small squares are known better than large ones."""
-        there = self.fit(k, value, squares)
-        if not there.any():
+        """Likelihood-ratio statistic of a value of one squared coefficient; chi-squared with one degree of freedom if
+        the value is true. The weights are those of the noise at this value: small coefficients are better known."""
+        squares_at = self.fit(k, value, squares)
+        if not squares_at.any():
             return np.inf
-        A, y = self.weighted(there)
-        return float(np.sum((y - A @ there) ** 2) - np.sum((y - A @ _least(A, y, None, 0.0)) ** 2))
+        A, y = self.weighted(squares_at)
+        return float(np.sum((y - A @ squares_at) ** 2) - np.sum((y - A @ _least(A, y, None, 0.0)) ** 2))
 
 
-def _least(A: np.ndarray, y: np.ndarray, held: int | None, value: float) -> np.ndarray:
-    """The least squares of squares that are not negative, one of them held at a value."""
+def _least(A: np.ndarray, y: np.ndarray, fixed: int | None, value: float) -> np.ndarray:
+    """Non-negative least squares for the squared coefficients, one of them fixed at a value."""
     from scipy.optimize import nnls
 
     size = np.linalg.norm(A, axis=0)
-    free = np.array([k for k in range(A.shape[1]) if k != held], int)
+    free = np.array([k for k in range(A.shape[1]) if k != fixed], int)
     squares = np.zeros(A.shape[1])
-    if held is not None:
-        squares[held] = value
+    if fixed is not None:
+        squares[fixed] = value
     if free.size:
         squares[free] = nnls(A[:, free] / size[free], y - A @ squares)[0] / size[free]
     return squares
@@ -112,14 +112,14 @@ def _least(A: np.ndarray, y: np.ndarray, held: int | None, value: float) -> np.n
 
 @dataclass(frozen=True, eq=False)
 class AllanFit:
-    """What the Allan deviation of a log at rest says of a sensor's noise, in the unit of its values.
+    """Noise of a sensor from the Allan deviation of a log at rest, in the unit of its values.
 
     white: density [unit/sqrt(Hz)], the `density` of a `Sensor`; a gyro's angle random walk. flicker: bias instability,
-        coefficient of 1/f noise [unit]; the curve's flat part lies at 0.664 of it. walk: random walk of the bias
-        [unit/sqrt(s)]; its square is the density of the noise that drives a bias as a state.
-    terms: which were fitted; the others are 0.
-    tau, deviation, fitted: the curve [s], and the fit's.
-    period: of the samples [s]. notes: sentences on what limits the numbers.
+        coefficient of 1/f noise [unit]; the flat part of the curve is at 0.664 times this. walk: random walk of the
+        bias [unit/sqrt(s)]; its square is the density of the noise that drives the bias if it is a state.
+    terms: the fitted terms; the others are 0.
+    tau, deviation, fitted: averaging times [s], measured and fitted deviations.
+    period: sampling period [s]. notes: sentences on the limits of the result.
     """
 
     white: float
@@ -134,16 +134,16 @@ class AllanFit:
     curves: _Curves = field(repr=False)
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence limits of "white", "flicker" or "walk"; from 0 where a term cannot be distinguished from none.
+        """Return the confidence limits of "white", "flicker" or "walk"; the lower one is 0 if the term may be absent.
 
-        They hold the values that the data are not too far from, each judged with the noise that it means. Raises
-        ArgumentError for a term that was not fitted.
+        The interval holds every value that a likelihood-ratio test accepts. Raises ArgumentError for a term that was
+        not fitted.
         """
         from scipy.optimize import brentq
 
         if name not in self.terms:
-            there = ", ".join(f"'{t}'" for t in self.terms)
-            raise ArgumentError(f"'{name}' was not fitted; there are {there}", "name")
+            fitted = ", ".join(f"'{t}'" for t in self.terms)
+            raise ArgumentError(f"'{name}' was not fitted; the fitted terms are {fitted}", "name")
         if not 0 < level < 1:
             raise ArgumentError(f"expected a level between 0 and 1; found {level}", "level")
         k, limit = [str(t) for t in self.terms].index(name), half_width(level) ** 2
@@ -152,32 +152,34 @@ class AllanFit:
         def beyond(root: float) -> float:
             return self.curves.distance(k, root**2, squares) - limit
 
-        own = float(np.sqrt(squares[k]))
-        high = max(own, 1e-3 * float(np.sqrt(np.min(self.curves.variances / self.curves.units[:, k]))))
+        estimate = float(np.sqrt(squares[k]))
+        high = max(estimate, 1e-3 * float(np.sqrt(np.min(self.curves.variances / self.curves.units[:, k]))))
         while beyond(high) < 0:
             high *= 1.5
-        high = brentq(beyond, own, high, xtol=1e-6 * high)
-        low = 0.0 if beyond(0.0) < 0 else brentq(beyond, 0.0, own, xtol=1e-6 * own)
+        high = brentq(beyond, estimate, high, xtol=1e-6 * high)
+        low = 0.0 if beyond(0.0) < 0 else brentq(beyond, 0.0, estimate, xtol=1e-6 * estimate)
         return float(low), float(high)  # type: ignore[arg-type]
 
     def mean_deviation(self, duration: float) -> float:
-        """Standard deviation of the mean of a log of this duration [s] as an estimate of the bias at its end, in the
-        unit of the values: white noise averages out, a bias that walks or flickers does not stay. What a short log
-        cannot exclude of these counts as the fit has it, so there it is rather too large."""
+        """Return the standard deviation of the bias at the end of a log of this duration [s], estimated by its mean.
+
+        White noise averages out; the bias itself drifts by random walk and flicker. A short log cannot exclude these
+        terms, so its standard deviation tends to be too large.
+        """
         return float(np.sqrt(self.white**2 / duration + FLAT * self.flicker**2 + self.walk**2 * duration / 3))
 
 
 def allan_fit(values: Any, period: float, *, terms: Sequence[NoiseTerm] = TERMS) -> AllanFit:
-    """Densities of white noise, bias instability and random walk of the bias from a log at rest, with intervals.
+    """Fit white-noise density, bias instability and bias random walk to a log at rest, with intervals.
 
-    Generalised least squares of the Allan variances: their covariance is that of the noise found, so that averaging
-    times count by what they say. A term is not negative.
+    Generalised least squares on the Allan variances, weighted with the covariance that the fitted noise implies. No
+    coefficient is negative.
 
     Args:
         values: samples (n,) at rest, one every `period` [s], n at least 64.
-        terms: which to look for.
+        terms: the terms to fit.
 
-    Raises ArgumentError for samples that are not finite or too few, and for a log without noise.
+    Raises ArgumentError if samples are not finite or too few, or if the log has no noise.
 
     Source: IEEE Std 952-1997, annex C; Guerrier, Skaloud, Stebler, Victoria-Feser 2013, J. Am. Stat. Assoc. 108,
     1021-1030, for the weights.
@@ -193,13 +195,13 @@ def allan_fit(values: Any, period: float, *, terms: Sequence[NoiseTerm] = TERMS)
     y = _samples(values, period)
     chosen: tuple[NoiseTerm, ...] = tuple(term for term in TERMS if term in terms)
     if not chosen or len(chosen) != len(set(terms)):
-        raise ArgumentError(f"expected terms out of 'white', 'flicker', 'walk'; found {list(terms)}", "terms")
+        raise ArgumentError(f"expected terms from 'white', 'flicker', 'walk'; found {list(terms)}", "terms")
     if len(y) < LEAST:
         raise ArgumentError(f"expected at least {LEAST} samples; found {len(y)}", "values")
     m = _powers(len(y))
     variances = _variances(y, m)
     if not np.all(variances > 0):
-        raise ArgumentError("the values do not change: the log was rounded, or it is no measurement", "values")
+        raise ArgumentError("the values do not change: they were rounded, or they are not a measurement", "values")
     tau = m * period
     curves = _Curves(variances, *_model(chosen, m, len(y), period))
     squares = curves.fit()
@@ -207,10 +209,10 @@ def allan_fit(values: Any, period: float, *, terms: Sequence[NoiseTerm] = TERMS)
     A, y_white = curves.weighted(squares)
     notes = []
     if np.sum((y_white - A @ squares) ** 2) > chi_squared_bound(1 - UNEXPLAINED, len(m) - len(chosen)):
-        at = tau[int(np.argmax(np.abs(np.log(variances / fitted))))]
+        worst = tau[int(np.argmax(np.abs(np.log(variances / fitted))))]
         notes.append(
-            f"{', '.join(chosen)} do not explain the curve, worst at {at:.3g} s: look for vibration, a filter of the "
-            "sensor, rounding, or warming up"
+            f"{', '.join(chosen)} do not explain the Allan curve, worst at {worst:.3g} s: look for vibration, a filter "
+            "in the sensor, rounding, or warm-up"
         )
     roots = dict(zip(chosen, np.sqrt(squares), strict=True))
     density, flicker, walk = (float(roots.get(term, 0.0)) for term in TERMS)
@@ -239,31 +241,31 @@ def _powers(n: int) -> np.ndarray:
 def _variances(y: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     """Overlapping Allan variances."""
     S = np.concatenate([[0.0], np.cumsum(y)])
-    made = []
+    variances = []
     for m in sizes.tolist():
         d = (S[2 * m :] - 2 * S[m:-m] + S[: -2 * m]) / m
-        made.append(0.5 * float(d @ d) / len(d))
-    return np.array(made)
+        variances.append(0.5 * float(d @ d) / len(d))
+    return np.array(variances)
 
 
 def _model(terms: Sequence[NoiseTerm], m: np.ndarray, n: int, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Allan variances of terms of unit square (k, terms), and for each pair of terms the covariance of overlapping
-    Allan variances of Gaussian noise (terms, terms, k, k): by their spectra and the filters of the averages.
+    """Allan variances of each term with a coefficient of one (k, terms), and for each pair of terms the covariance of
+    the overlapping Allan variances of Gaussian noise (terms, terms, k, k), from spectra and averaging filters.
 
-    Of means of n_i and n_j squares of two processes with cross-spectrum C it is 2 int |C|^2 df / max(n_i, n_j), which
-    counts each lag as often as the shorter sum holds it: an upper bound.
+    The covariance of means of n_i and n_j squares of two processes with cross-spectrum C is
+    2 int |C|^2 df / max(n_i, n_j). This is an upper bound: it counts each lag as often as the shorter sum holds it.
     """
     count = 16 * int(m[-1])
     units, total = np.zeros((len(m), len(terms))), np.zeros((len(terms), len(terms), len(m), len(m)))
     for begin in range(0, count, CHUNK):
-        f = (np.arange(begin, min(begin + CHUNK, count)) + 0.5) / (2 * count)  # per sample, up to half
+        f = (np.arange(begin, min(begin + CHUNK, count)) + 0.5) / (2 * count)  # cycles per sample, up to 1/2
         s = np.sin(np.pi * f)
         spectra = {"white": 1 / period + 0 * f, "flicker": 1 / (2 * np.pi * f), "walk": period / (4 * s**2)}
-        of_pair = 2 * np.sin(np.pi * f * m[:, None]) ** 4 / (m[:, None] * s) ** 2  # of half the squared difference
-        W = [of_pair * spectra[term] for term in terms]
+        gain = 2 * np.sin(np.pi * f * m[:, None]) ** 4 / (m[:, None] * s) ** 2  # half the squared difference
+        W = [gain * spectra[term] for term in terms]
         units += np.column_stack([w.sum(axis=1) for w in W]) / count
-        for t, one in enumerate(W):
-            for u, other in enumerate(W):
-                total[t, u] += one @ other.T
+        for t, first in enumerate(W):
+            for u, second in enumerate(W):
+                total[t, u] += first @ second.T
     pairs = n - 2 * m + 1
     return units, 2 * total / count / np.maximum.outer(pairs, pairs)

@@ -1,4 +1,4 @@
-"""Where a filter begins, from a log at rest: attitude by gravity, biases of the gyro, and the noise of both sensors."""
+"""Initial state of a filter from a log at rest: attitude from gravity, gyro biases, and the noise of both sensors."""
 
 from __future__ import annotations
 
@@ -16,22 +16,23 @@ from .allan import LEAST, AllanFit, allan_fit
 GRAVITY = 9.80665  # m/s2, standard; it differs by 0.3 % over the Earth
 EARTH = 7.292e-5  # rad/s
 BLOCKS = 16  # parts of the log whose means are compared
-ROUNDS = 4.5  # deviations of a block's mean: one of 96 honest ones lies beyond once in 1,500 logs
-RATE = 0.005  # rad/s, 0.3 deg/s: what turns more than that from block to block is not at rest
+ROUNDS = 4.5  # standard deviations of a block mean: at rest, one of 96 exceeds this once in 1,500 logs
+RATE = 0.005  # rad/s, 0.3 deg/s: a unit whose block means differ by more is not at rest
 FORCE = 0.05  # m/s2, 0.3 deg of gravity
-LARGEST_BIAS = 0.1  # rad/s, 6 deg/s: beyond what gyros of robots have
-LENGTH = 0.5  # m/s2 by which the mean may differ from gravity: bias and scale of an accelerometer
+LARGEST_BIAS = 0.1  # rad/s, 6 deg/s: larger than the bias of any gyro on a robot
+LENGTH = 0.5  # m/s2 by which the mean may differ from gravity: accelerometer bias and scale error
 AXES = "xyz"
 
 
 @dataclass(frozen=True, eq=False)
 class AtRest:
-    """What a log at rest says of the start.
+    """Initial state from a log at rest.
 
-    attitude: unit quaternion, scalar first, body to a world whose z axis points up. attitude_covariance: of its error,
-        a rotation vector in the axes of the body [rad] (3, 3). gyro_bias: [rad/s] (3,), and its deviations.
-    gyro, accelerometer: noise of each axis, as `allan_fit` finds it. duration: of the log [s].
-    notes: sentences on what a log at rest cannot say.
+    attitude: unit quaternion, scalar first, body to a world whose z axis points up. attitude_covariance: covariance of
+        its error, a rotation vector in the axes of the body [rad] (3, 3). gyro_bias, gyro_bias_deviation: bias and its
+        standard deviation [rad/s] (3,).
+    gyro, accelerometer: noise of each axis, from `allan_fit`. duration: length of the log [s].
+    notes: sentences on what a log at rest cannot show.
 
     `InitialState({"Q": r.attitude, "bias": r.gyro_bias}, {"Q": r.attitude_covariance, "bias": r.gyro_bias_deviation})`.
     """
@@ -47,17 +48,19 @@ class AtRest:
 
     @property
     def tilt_deviation(self) -> float:
-        """Standard deviation of the direction of gravity about its worse horizontal axis [rad]."""
+        """Standard deviation of the tilt about the less certain horizontal axis [rad]."""
         up = quaternion_matrix(self.attitude)[2]
         level = np.eye(3) - np.outer(up, up)
         return float(np.sqrt(np.linalg.eigvalsh(level @ self.attitude_covariance @ level)[-1]))
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence limits of "gyro_bias[0]" to "gyro_bias[2]" [rad/s], normal. Raises ArgumentError for another
-        name."""
+        """Return the normal confidence limits of "gyro_bias[0]" to "gyro_bias[2]" [rad/s].
+
+        Raises ArgumentError for another name.
+        """
         names = [f"gyro_bias[{k}]" for k in range(3)]
         if name not in names:
-            raise ArgumentError(f"there is no '{name}'; there are {', '.join(names)}", "name")
+            raise ArgumentError(f"'{name}' has no interval; expected one of {', '.join(names)}", "name")
         k, reach = names.index(name), half_width(level)
         value, deviation = float(self.gyro_bias[k]), float(self.gyro_bias_deviation[k])
         return value - reach * deviation, value + reach * deviation
@@ -76,19 +79,21 @@ def from_rest(
     still_force: float = FORCE,
     largest_bias: float = LARGEST_BIAS,
 ) -> AtRest:
-    """Attitude, gyro bias and noise from a log of an inertial unit at rest.
+    """Estimate attitude, gyro bias and sensor noise from a log of an inertial unit at rest.
 
     Args:
         gyro: rates [rad/s] (n, 3). accelerometer: specific force [m/s2] (n, 3); at rest it points up.
-        period: of the samples [s].
-        gravity: [m/s2]. accelerometer_bias: its standard deviation in each axis [m/s2], which tilts the attitude by its
-            share of gravity and which no log at rest shows.
-        heading, heading_deviation: of the body's x axis about the vertical [rad], from elsewhere.
-        still_rate, still_force: by how much the mean of a sixteenth of the log may differ from the whole one's, beyond
-            its noise [rad/s, m/s2].
-        largest_bias: of the gyro [rad/s]; a larger mean is a turn.
+        period: sampling period [s].
+        gravity: [m/s2]. accelerometer_bias: standard deviation of the bias of each axis [m/s2]; it tilts the attitude
+            by bias over gravity, and a log at rest does not show it.
+        heading, heading_deviation: heading of the body's x axis about the vertical and its standard deviation [rad],
+            from another source.
+        still_rate, still_force: allowed difference between the mean of a sixteenth of the log and the mean of the
+            whole log, beyond its noise [rad/s, m/s2].
+        largest_bias: largest plausible gyro bias [rad/s]; a larger mean is taken as a rotation.
 
-    Raises ArgumentError for a log that is not at rest, with where and by how much, and for shapes that do not fit.
+    Raises ArgumentError for shapes that do not fit, and for a log that is not at rest; the message says where it moves
+    and by how much.
 
     >>> rng = np.random.default_rng(0)  # synthetic: seed 0, 10 s at 100 Hz, tilted by 0.1 rad about x
     >>> gyro = [0.01, -0.02, 0.0] + 2e-3 * rng.standard_normal((1000, 3))
@@ -101,7 +106,7 @@ def from_rest(
     """
     w, f = (_rows(v, name) for v, name in ((gyro, "gyro"), (accelerometer, "accelerometer")))
     if len(w) != len(f):
-        raise ArgumentError(f"expected as many rows of both sensors; found {len(w)} and {len(f)}", "accelerometer")
+        raise ArgumentError(f"expected both sensors to have as many rows; found {len(w)} and {len(f)}", "accelerometer")
     if not period > 0:
         raise ArgumentError(f"expected more than 0 s; found {period}", "period")
     _require_still(w, period, still_rate, "gyro", "rad/s")
@@ -111,15 +116,14 @@ def from_rest(
     if abs(length - gravity) > LENGTH:
         hint = "its unit looks like g, not m/s2" if abs(length - 1) < 0.1 else "it accelerates, or its scale is wrong"
         raise ArgumentError(
-            f"at rest the accelerometer reads gravity, {gravity:.6g} m/s2; the mean of this log is {length:.4g}: "
-            f"{hint}",
+            f"at rest an accelerometer reads gravity, {gravity:.6g} m/s2; the mean of this log is {length:.4g}: {hint}",
             "accelerometer",
         )
     k = int(np.argmax(np.abs(bias)))
     if abs(bias[k]) > largest_bias:
         raise ArgumentError(
-            f"the log is not at rest: the gyro reads {bias[k]:.3g} rad/s about {AXES[k]} in the mean, which is a turn "
-            f"and no bias of at most {largest_bias:g} rad/s; is it in deg/s?",
+            f"the log is not at rest: the gyro reads {bias[k]:.3g} rad/s about {AXES[k]} on average, more than the "
+            f"largest bias of {largest_bias:g} rad/s; is it in deg/s?",
             "gyro",
         )
     duration = len(w) * period
@@ -150,13 +154,13 @@ def _notes(
     ]
     if accelerometer_bias == 0.0:
         notes.append(
-            "the bias of the accelerometer is taken as none; each 0.01 m/s2 of it across gravity tilts the attitude by "
+            "the accelerometer bias is assumed to be zero; each 0.01 m/s2 of it across gravity tilts the attitude by "
             f"{np.degrees(0.01 / gravity):.2g} deg, and rest in one attitude does not show it"
         )
-    notes.append("a steady turn about the vertical cannot be distinguished from a bias of the gyro")
+    notes.append("a steady rotation about the vertical cannot be distinguished from a gyro bias")
     if deviation.min() < EARTH:
         notes.append(
-            f"the gyro's bias is known better than the turning of the Earth, {EARTH:.3g} rad/s, which is part of it"
+            f"the gyro bias is known better than the rotation of the Earth, {EARTH:.3g} rad/s, which it includes"
         )
     for name, fits in (("gyro", gyro), ("accelerometer", accelerometer)):
         notes += [f"{name} {axis}: {note}" for axis, fit in zip(AXES, fits, strict=True) for note in fit.notes]
@@ -173,22 +177,22 @@ def _rows(values: Any, name: str) -> np.ndarray:
 
 
 def _require_still(rows: np.ndarray, period: float, still: float, name: str, unit: str) -> None:
-    """Raises ArgumentError where the mean of a block differs from that of the log by more than its noise and a bit."""
-    noise = np.sqrt(np.mean(np.diff(rows, axis=0) ** 2, axis=0) / 2)  # of a sample, whatever moves slowly
+    """Raise ArgumentError if the mean of a block differs from the mean of the log by `still` more than its noise."""
+    noise = np.sqrt(np.mean(np.diff(rows, axis=0) ** 2, axis=0) / 2)  # of one sample; slow motion cancels
     blocks = np.array_split(rows, BLOCKS)
-    apart = np.array([b.mean(axis=0) for b in blocks]) - rows.mean(axis=0)
-    excess = np.abs(apart) - ROUNDS * noise / np.sqrt(len(blocks[-1]))
+    difference = np.array([b.mean(axis=0) for b in blocks]) - rows.mean(axis=0)
+    excess = np.abs(difference) - ROUNDS * noise / np.sqrt(len(blocks[-1]))
     n, k = np.unravel_index(int(np.argmax(excess)), excess.shape)
     if excess[n, k] > still:
         begin = period * sum(len(b) for b in blocks[:n])
         raise ArgumentError(
             f"the log is not at rest: from {begin:.3g} to {begin + period * len(blocks[n]):.3g} s the {name} reads "
-            f"{apart[n, k]:+.3g} {unit} off its mean along {AXES[k]}, more than {still:g} {unit} beyond its noise; "
+            f"{difference[n, k]:+.3g} {unit} off its mean along {AXES[k]}, more than its noise plus {still:g} {unit}; "
             "cut the log",
             name,
         )
 
 
 def _attitude(up: np.ndarray, heading: float) -> np.ndarray:
-    """The unit quaternion, body to world, with this direction up in the body's axes and this heading of its x axis."""
+    """Unit quaternion, body to world, from the up direction in the axes of the body and the heading of its x axis."""
     return rpy_quaternion(np.arctan2(up[1], up[2]), -np.arcsin(np.clip(up[0], -1.0, 1.0)), heading)

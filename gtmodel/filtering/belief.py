@@ -1,4 +1,4 @@
-"""Readings of several sensors on one time axis, and what a filter knows at an instant and learns from one."""
+"""Readings of several sensors on one time axis; the belief of a filter at an instant, and its innovations."""
 
 from __future__ import annotations
 
@@ -14,11 +14,10 @@ from .system import SAME_INSTANT as SAME_INSTANT, System
 
 
 class Readings:
-    """What one sensor read.
+    """Readings of one sensor.
 
-    time: stamps (k,) [s], in any order. values: (k,) or (k, size), or (m, k, size) for m runs at once; what is not
-    finite is a missing number. Raises ArgumentError for shapes that do not fit each other, and for times that are not
-    finite.
+    time: stamps (k,) [s], in any order. values: (k,) or (k, size), or (m, k, size) for m runs at once; a number that
+    is not finite is missing. Raises ArgumentError if the shapes do not match, or a time is not finite.
 
     >>> tracker = gt.filtering.Readings([0.0, 0.1, 0.2], [[1.0, 2.0], [1.1, np.nan], [1.2, 2.1]])
     >>> len(tracker)
@@ -34,14 +33,14 @@ class Readings:
                 f"expected times (k,) and values (k, size); found {self.time.shape} and {self.values.shape}", "values"
             )
         if not np.all(np.isfinite(self.time)):
-            raise ArgumentError("a stamp is not finite; leave out readings without a time", "time")
+            raise ArgumentError("a time stamp is not finite; leave out readings without a time", "time")
 
     def __len__(self) -> int:
         return len(self.time)
 
 
 class Moment(NamedTuple):
-    """The readings of one instant: its time [s], and sensor -> row of its readings."""
+    """Readings of one instant: its time [s], and sensor -> row of its readings."""
 
     time: float
     rows: dict[str, int]
@@ -51,55 +50,55 @@ def readings_of(system: System, log: Mapping[str, Any]) -> dict[str, Readings]:
     """Readings by sensor, in the order of the sensors, from a mapping of `Readings` or of trajectories with a signal of
     that name.
 
-    Raises ArgumentError for a sensor that is not there, and for readings of another size than the sensor's.
+    Raises ArgumentError for an unknown sensor, and for readings of another size than the sensor's.
     """
-    made = {}
-    for name, given in log.items():
+    readings = {}
+    for name, source in log.items():
         if name not in system.sensors:
-            there = ", ".join(f"'{n}'" for n in system.sensors)
-            raise ArgumentError(f"there is no sensor '{name}'; there are {there}", "log")
-        if isinstance(given, Trajectory):
-            column = name if name in given.names else given.names[0]
-            if name not in given.names and len(given.names) > 1:
+            names = ", ".join(f"'{n}'" for n in system.sensors)
+            raise ArgumentError(f"there is no sensor '{name}'; the sensors are {names}", "log")
+        if isinstance(source, Trajectory):
+            column = name if name in source.names else source.names[0]
+            if name not in source.names and len(source.names) > 1:
                 raise ArgumentError(f"the trajectory of '{name}' has no signal of that name", f"log.{name}")
-            given = Readings(given.time, given[column])
-        if not isinstance(given, Readings):
-            raise ArgumentError(f"expected Readings or a Trajectory; found {type(given).__name__}", f"log.{name}")
+            source = Readings(source.time, source[column])
+        if not isinstance(source, Readings):
+            raise ArgumentError(f"expected Readings or a Trajectory; found {type(source).__name__}", f"log.{name}")
         size = system.readings[name].size
-        if given.values.shape[-1] != size:
-            raise ArgumentError(f"expected {size} numbers a reading; found {given.values.shape[-1]}", f"log.{name}")
-        made[name] = given
-    if not made or not any(len(r) for r in made.values()):
-        raise ArgumentError("there is no reading in it", "log")
-    return {name: made[name] for name in system.sensors if name in made}
+        if source.values.shape[-1] != size:
+            raise ArgumentError(f"expected {size} numbers per reading; found {source.values.shape[-1]}", f"log.{name}")
+        readings[name] = source
+    if not readings or not any(len(r) for r in readings.values()):
+        raise ArgumentError("the log holds no reading", "log")
+    return {name: readings[name] for name in system.sensors if name in readings}
 
 
 def instants(system: System, log: Mapping[str, Readings]) -> list[Moment]:
-    """The instants that readings tell of, in order: their stamps less the delays of their sensors."""
+    """Instants at which the readings were taken, in order: their stamps minus the delays of their sensors."""
     names = [*log]
     times = np.concatenate([log[n].time - system.sensors[n].lag for n in names])
     owner = np.concatenate([np.full(len(log[n]), k) for k, n in enumerate(names)])
     row = np.concatenate([np.arange(len(log[n])) for n in names])
-    made: list[Moment] = []
+    moments: list[Moment] = []
     for k in np.lexsort((owner, times)):
         name, time = names[owner[k]], float(times[k])
-        if made and time - made[-1].time <= SAME_INSTANT and name not in made[-1].rows:
-            made[-1].rows[name] = int(row[k])
+        if moments and time - moments[-1].time <= SAME_INSTANT and name not in moments[-1].rows:
+            moments[-1].rows[name] = int(row[k])
         else:
-            made.append(Moment(time, {name: int(row[k])}))
-    return made
+            moments.append(Moment(time, {name: int(row[k])}))
+    return moments
 
 
 def size_of_runs(log: Sequence[Readings]) -> int:
-    """How many runs readings hold. Raises ArgumentError where they hold different numbers."""
+    """Number of runs in the readings. Raises ArgumentError if sensors have different numbers of runs."""
     sizes = {r.values.shape[0] for r in log if r.values.ndim == 3}
     if len(sizes) > 1:
-        raise ArgumentError(f"all sensors are to have as many runs; found {sorted(sizes)}", "log")
+        raise ArgumentError(f"expected as many runs of every sensor; found {sorted(sizes)}", "log")
     return sizes.pop() if sizes else 1
 
 
 class Belief(NamedTuple):
-    """Time [s], means (m, size) and covariances (m, n, n) of the errors of m runs."""
+    """Time [s], means (m, size) and error covariances (m, n, n) of m runs."""
 
     time: float
     x: np.ndarray
@@ -107,12 +106,12 @@ class Belief(NamedTuple):
 
 
 class Innovation(NamedTuple):
-    """What the readings of one instant said of m runs.
+    """Innovations of the readings of one instant, for m runs.
 
-    names: of the sensors. residual: (m, k), zero where nothing was used. variance: of each (m, k). used: (m, k).
+    names: the sensors. residual: (m, k), zero where a number was not used. variance: of each (m, k). used: (m, k).
     nis: normalised innovations squared (m,), chi-squared with `numbers` (m,) degrees of freedom. log_likelihood: (m,).
-    gated: of each sensor, whether its gate left the reading out (m, sensors). weighed: whether it counted less than
-        others (m, sensors); None where no sensor weighs its readings. Residual and nis are then cut at Huber's k.
+    gated: whether its gate left out the reading of each sensor (m, sensors). weighed: whether a reading counted less
+        as an outlier (m, sensors); None if no sensor weighs outliers. Residual and nis are then cut at Huber's k.
     """
 
     names: tuple[str, ...]
@@ -128,13 +127,13 @@ class Innovation(NamedTuple):
 
 @dataclass(frozen=True)
 class InitialState:
-    """Where a filter begins.
+    """Initial estimate of a filter.
 
     Args:
-        mean: state -> value; what is not named is zero, a quaternion is no turn.
+        mean: state -> value; zero for a state that is not named, the identity for a quaternion.
         deviation: state -> standard deviation of its error, one number or one per component [unit of the state, rad],
-            or a covariance (k, k) of its components; every state and every constant that is estimated has one.
-        time: [s]; the first instant that a reading tells of if left out.
+            or a covariance (k, k) of its components; needed for every state and every estimated constant.
+        time: [s]; the instant of the first reading if left out.
 
     >>> start = gt.filtering.InitialState({"x": 1.0}, {"x": 0.1, "v": 2.0})
     >>> start.deviation["v"]
@@ -150,7 +149,7 @@ class InitialState:
             raise ArgumentError(f"expected a time [s]; found {self.time!r}", "start.time")
 
     def belief(self, system: System, time: float, runs: int = 1) -> Belief:
-        """The belief of a system at the start. Raises ArgumentError for a state without a deviation."""
+        """Return the initial belief of a system. Raises ArgumentError for a state without a deviation."""
         space = system.space
         x = space.point({**system.start_constants(), **self.mean}, "start.mean")
         P = np.zeros((space.dimension, space.dimension))
@@ -164,14 +163,14 @@ class InitialState:
                     f"state '{part.name}' has no deviation; give one [{part.error_unit}], or {part.dimension}",
                     "start.deviation",
                 )
-            given = np.asarray(self.deviation[part.name])
-            if given.shape == (part.dimension, part.dimension) and given.ndim == 2:
-                if not np.allclose(given, given.T) or np.linalg.eigvalsh(given)[0] < -1e-9 * np.trace(given):
+            value = np.asarray(self.deviation[part.name])
+            if value.shape == (part.dimension, part.dimension) and value.ndim == 2:
+                if not np.allclose(value, value.T) or np.linalg.eigvalsh(value)[0] < -1e-9 * np.trace(value):
                     raise ArgumentError(
-                        f"expected a covariance, symmetric and not negative; found {given.tolist()}",
+                        f"expected a covariance, symmetric and positive semidefinite; found {value.tolist()}",
                         f"start.deviation.{part.name}",
                     )
-                P[along, along] = given
+                P[along, along] = value
                 continue
             try:
                 d = np.broadcast_to(np.asarray(self.deviation[part.name], float), (part.dimension,))

@@ -16,16 +16,16 @@ Pushed = Literal["applied", "went back", "too old", "not finite"]
 
 
 class _Arrived(NamedTuple):
-    """One reading: the time that it tells of [s], its sensor by number, and the order in which it came."""
+    """One reading: the time at which it was taken [s], the number of its sensor, and its order of arrival."""
 
     time: float
     sensor: int
-    came: int
+    order: int
     value: np.ndarray
 
 
 class _Passed(NamedTuple):
-    """One instant that the filter has passed: the step that led there, beliefs before and after its readings."""
+    """One processed instant: the step that led to it, beliefs before and after its readings."""
 
     time: float
     readings: int
@@ -37,23 +37,24 @@ class _Passed(NamedTuple):
 
 
 class Buffer:
-    """A filter that takes readings one by one, in whatever order they come.
+    """Filter that takes readings one by one, in any order of arrival.
 
-    It keeps the readings and the beliefs of the last `horizon` seconds. A reading of an earlier time makes it go back
-    to the belief before that time, apply it, and go forward again over what it had read since. So its beliefs are those
-    of `filter.run` on the same readings in order, bit for bit. A sensor's delay is taken off its stamp, so a sensor
-    that is late by its nature is one that always makes it go back.
+    The buffer keeps readings and beliefs of the last `horizon` seconds. When a reading of an earlier time arrives, the
+    filter goes back to the belief before that time, applies the reading, and repeats the later ones. Its beliefs are
+    those of `filter.run` on the same readings in order, bit for bit. A sensor's delay is subtracted from its stamps,
+    so readings of a sensor with a delay make the filter go back each time.
 
     Args:
-        filter: any filter; of one run.
-        start: mean, deviation, and the time at which it begins, which a stream needs.
-        horizon: [s] how far a reading may lie before the newest one; what is older is refused, and counted.
-        inputs: the known inputs of the process: a trajectory, straight between its rows; or (time, name) -> value, then
-            straight between readings.
-        record: whether every instant is kept for `filtered()`; off, memory stays bounded by the horizon.
+        filter: any filter, for a single run.
+        start: mean, deviation and start time; a stream needs the time.
+        horizon: [s]; a reading may be older than the newest one by this much. Older readings are refused and counted.
+        inputs: known inputs of the process: a trajectory, linear between its rows; or (time, name) -> value, linear
+            between readings.
+        record: whether to keep every instant for `filtered()`; if false, the horizon bounds the memory.
 
-    refused, late: sensor -> how many readings were too old, or not finite in their stamp or effect; how many made it go
-    back. Raises ArgumentError for a start without a time and a horizon that is not positive.
+    refused: sensor -> number of readings that were too old, or not finite in their stamp or effect. late: sensor ->
+    number of readings that made the filter go back. Raises ArgumentError if `start` has no time, or if `horizon` is not
+    positive.
 
     >>> parts = [gt.filtering.StatePart("x", unit="m")]
     >>> process = gt.filtering.DiscreteProcess(parts, 0.1, lambda s: {"x": s.x}, [1e-4])
@@ -80,7 +81,7 @@ class Buffer:
         system = self.system = filter.system
         if start.time is None:
             raise ArgumentError(
-                "a stream may begin with any reading; give the time at which the filter starts", "start"
+                "a stream has no first reading to start from; give the time at which the filter starts", "start"
             )
         if not horizon > 0:
             raise ArgumentError(f"expected more than 0 s; found {horizon}", "horizon")
@@ -100,65 +101,69 @@ class Buffer:
 
     @property
     def time(self) -> float:
-        """Of the newest belief [s]."""
+        """Time of the newest belief [s]."""
         return self._passed[-1].time if self._passed else self._first
 
     @property
     def belief(self) -> Any:
-        """After the newest reading."""
+        """Belief after the newest reading."""
         return self._passed[-1].after if self._passed else self._start
 
     @property
     def oldest(self) -> float:
-        """Readings that tell of a time before this are refused [s]."""
+        """Readings taken before this time are refused [s]."""
         return max(self._first, self.time - self.horizon)
 
     def predicted(self, time: float) -> Belief:
-        """Mean and covariance at a time [s] after the newest reading, without a change of the buffer. Raises
-        ArgumentError for an earlier time."""
+        """Return mean and covariance at a time [s] after the newest reading; the buffer does not change.
+
+        Raises ArgumentError for an earlier time.
+        """
         if time < self.time:
-            raise ArgumentError(f"the newest belief is of {self.time:g} s; found {time:g} s", "time")
+            raise ArgumentError(f"expected a time from {self.time:g} s, the newest belief; found {time:g} s", "time")
         u0, u1 = self._inputs_of(self._passed), self.system.inputs_at(self.inputs, time)
         bends = self.system.bends(self.inputs, self.time, time)
         return self.filter.summary(self.filter.advanced(self.belief, time, u0, u1, bends)[0])
 
     def push(self, sensor: str, stamp: float, value: Any) -> Pushed:
-        """Take one reading of a sensor: "applied" to the newest belief, or the filter "went back" for it. What is "too
-        old", or "not finite" in its stamp or in what it leads to, is counted in `refused` and changes nothing.
+        """Take one reading of a sensor and return what happened to it.
 
-        stamp: [s] as the sensor wrote it. value: a number or (size,), NaN for what is missing. Raises ArgumentError for
-        a sensor that is not there and a value of another size.
+        "applied": to the newest belief. "went back": the filter went back to an earlier belief. A reading that is "too
+        old", or "not finite" in its stamp or in the resulting estimate, is counted in `refused` and changes nothing.
+
+        stamp: [s] as the sensor wrote it. value: a number or (size,), NaN where a number is missing. Raises
+        ArgumentError for an unknown sensor, and for a value of another size.
         """
         if sensor not in self.system.sensors:
-            there = ", ".join(f"'{n}'" for n in self._names)
-            raise ArgumentError(f"there is no sensor '{sensor}'; there are {there}", "sensor")
-        own = self.system.sensors[sensor]
+            names = ", ".join(f"'{n}'" for n in self._names)
+            raise ArgumentError(f"there is no sensor '{sensor}'; the sensors are {names}", "sensor")
+
         z = np.asarray(value, float).reshape(-1)
         size = self.system.readings[sensor].size
         if z.shape != (size,):
-            raise ArgumentError(f"expected {size} numbers of '{sensor}'; found shape {np.shape(value)}", "value")
-        time = float(stamp) - own.lag
+            raise ArgumentError(f"expected {size} numbers from '{sensor}'; found shape {np.shape(value)}", "value")
+        time = float(stamp) - self.system.sensors[sensor].lag
         if not np.isfinite(time) or time < self.oldest:
             self.refused[sensor] += 1
             return "too old" if np.isfinite(time) else "not finite"
         self._count += 1
-        item = _Arrived(time, self._names.index(sensor), self._count, z)
-        at = bisect_right(self._arrived, item[:3], key=lambda a: a[:3])
-        late = at < len(self._arrived)
+        arrived = _Arrived(time, self._names.index(sensor), self._count, z)
+        position = bisect_right(self._arrived, arrived[:3], key=lambda a: a[:3])
+        late = position < len(self._arrived)
         n, used = len(self._passed), len(self._arrived)
-        self._arrived.insert(at, item)
-        # instants after it are made anew, and the one before it where it belongs to it
-        while n and (used > at or (used == at and time - self._passed[n - 1].time <= SAME_INSTANT)):
+        self._arrived.insert(position, arrived)
+        # later instants are computed again, and so is the one before if the reading belongs to it
+        while n and (used > position or (used == position and time - self._passed[n - 1].time <= SAME_INSTANT)):
             n -= 1
             used -= self._passed[n].readings
-        kept, self._passed = self._passed, self._passed[:n]
+        previous, self._passed = self._passed, self._passed[:n]
         finite = False
         try:
             finite = self._forward(used)
-        finally:  # known inputs that end raise: what was there stays whole
+        finally:  # known inputs that have ended raise an error: the buffer must stay as it was
             if not finite:
-                self._passed = kept
-                del self._arrived[at]
+                self._passed = previous
+                del self._arrived[position]
         if not finite:
             self.refused[sensor] += 1
             return "not finite"
@@ -167,7 +172,7 @@ class Buffer:
         return "went back" if late else "applied"
 
     def filtered(self) -> Filtered:
-        """All instants so far, as `filter.run` gives them. Raises ArgumentError where they were not recorded."""
+        """Return all instants so far, as `filter.run` does. Raises ArgumentError if they were not recorded."""
         if not self._recording:
             raise ArgumentError("the instants were not recorded; make the buffer with record=True", "record")
         every = [*self._done, *self._passed]
@@ -180,7 +185,7 @@ class Buffer:
     # -- back and forward --------------------------------------------------------------------------------
 
     def _inputs_of(self, passed: list[_Passed]) -> np.ndarray:
-        """The known inputs where the filter stands."""
+        """Known inputs at the newest belief."""
         if passed:
             return passed[-1].inputs
         if self._start_inputs is None:
@@ -188,7 +193,7 @@ class Buffer:
         return self._start_inputs
 
     def _forward(self, k: int) -> bool:
-        """From the last instant that was passed over all readings from the k-th on; whether all stayed finite."""
+        """Process all readings from the k-th on; return whether all estimates stayed finite."""
         while k < len(self._arrived):
             first = self._arrived[k]
             rows: dict[int, np.ndarray] = {}
@@ -211,13 +216,13 @@ class Buffer:
         return True
 
     def _forget(self) -> None:
-        """What no reading can reach any more: an instant that all to come are later than by more than `SAME_INSTANT`,
-        but for the last such one, from which the filter goes forward."""
+        """Drop the instants that no later reading can change: those more than `SAME_INSTANT` before the oldest accepted
+        time, except the last one, from which the filter goes forward."""
         reachable = self.oldest - 2 * SAME_INSTANT
         n = bisect_left(self._passed, reachable, key=lambda p: p.time) - 1
         if n <= 0:
             return
-        gone, self._passed = self._passed[:n], self._passed[n:]
-        del self._arrived[: sum(p.readings for p in gone)]
+        dropped, self._passed = self._passed[:n], self._passed[n:]
+        del self._arrived[: sum(p.readings for p in dropped)]
         if self._recording:
-            self._done += gone
+            self._done += dropped

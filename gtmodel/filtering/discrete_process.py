@@ -1,4 +1,4 @@
-"""A process written by hand, as its step from one instant to the next, or by its matrices."""
+"""A process given as its step from one instant to the next, or by its matrices."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from .process import ProcessEquations, covariance_matrix, only_named
 
 
 class DiscreteProcess:
-    """A process written as its step from one instant to the next, with a covariance per step.
+    """A process given as its step from one instant to the next, with a covariance per step.
 
     Args:
         states: its states as `StatePart`s.
-        period: of the steps [s]; measurements come at multiples of it.
-        step: (x), (x, u) or (x, u, t) -> mapping name -> next value; x has the states as attributes, u the known
-            inputs, CasADi columns at the begin of the step, t is its time [s].
-        covariance: of the noise that each step adds, (n,) for a diagonal or (n, n), in errors of the states; as a noise
-            that `tune` and a search of faults may change it is "step".
-        outputs: name -> function of the same arguments that gives what a sensor may measure; the states themselves are
-            there by name.
-        inputs: name -> how many numbers each known input has; `run` takes them as a trajectory.
+        period: of the steps [s]; measurements are taken at multiples of it.
+        step: (x), (x, u) or (x, u, t) -> mapping name -> next value; x has the states as attributes and u the known
+            inputs, CasADi columns at the start of the step; t is the time there [s].
+        covariance: of the noise that each step adds, (n,) for a diagonal or (n, n), in errors of the states. Its name
+            as a noise is "step", for `tune` and `find_faults`.
+        outputs: name -> function of the same arguments that returns a measurable quantity; every state is measurable
+            by its name.
+        inputs: name -> size of each known input; `run` takes them as a trajectory.
 
-    Raises ArgumentError for a step that gives no mapping of the next states, or values of other sizes.
+    Raises ArgumentError if the step does not return a mapping of all next states, or returns values of wrong size.
 
     >>> P = gt.filtering.StatePart
     >>> step = lambda x, u: {"x": x.x + 0.1 * x.v, "v": x.v + 0.1 * u.a}
@@ -56,45 +56,45 @@ class DiscreteProcess:
             raise ArgumentError(f"expected more than 0 s; found {period}", "period")
         for name, size in self.inputs.items():
             if isinstance(size, bool) or not isinstance(size, int) or size < 1:
-                raise ArgumentError(f"expected how many numbers '{name}' has; found {size!r}", "inputs")
+                raise ArgumentError(f"expected the size of '{name}', at least 1; found {size!r}", "inputs")
         for argument, function in [("step", step), *((f"outputs.{n}", f) for n, f in self._outputs.items())]:
             _takes(function, argument)
         self.noise: dict[str, Any] = {"step": self._covariance(covariance)}
 
-    def _covariance(self, given: Any) -> np.ndarray:
+    def _covariance(self, value: Any) -> np.ndarray:
         n = self.space.dimension
-        Q = np.diag(given) if np.ndim(given) == 1 else given
+        Q = np.diag(value) if np.ndim(value) == 1 else value
         return covariance_matrix(Q, n, "covariance", singular=True)
 
     @property
     def covariance(self) -> np.ndarray:
-        """Of the noise of a step (n, n)."""
+        """Covariance of the noise of a step (n, n)."""
         return self.noise["step"]
 
     def with_noise(self, **noise: Any) -> DiscreteProcess:
-        """The same process with another covariance `step`. Raises ArgumentError for a noise of another name."""
+        """Return the same process with another covariance `step`. Raises ArgumentError for a noise of another name."""
         only_named(noise, self.noise, "noise")
-        made = copy(self)
-        made.noise = {name: self._covariance(value) for name, value in {**self.noise, **noise}.items()}
-        return made
+        other = copy(self)
+        other.noise = {name: self._covariance(value) for name, value in {**self.noise, **noise}.items()}
+        return other
 
     def intensity(self, sizes: Mapping[str, int]) -> np.ndarray:
         """Covariance per step (n, n)."""
         return self.covariance
 
     def unit_of(self, name: str) -> str:
-        """Unit of what may be measured, "?" where none was declared."""
+        """Unit of a measurable quantity, "?" if none was declared."""
         return next((part.unit for part in self.space.parts if part.name == name), "?")
 
     def dynamics(self, signals: Sequence[str]) -> ProcessEquations:
-        """Its step and these outputs as functions of columns."""
+        """Return the step and these outputs as functions of CasADi columns."""
         space = self.space
         names = [part.name for part in space.parts]
         outputs = {}
         for name in signals:
             if name not in names and name not in self._outputs:
-                there = ", ".join(f"'{n}'" for n in [*names, *self._outputs])
-                raise ArgumentError(f"there is no '{name}' to measure; there are {there}", "sensors")
+                measurable = ", ".join(f"'{n}'" for n in [*names, *self._outputs])
+                raise ArgumentError(f"there is no '{name}' to measure; expected one of {measurable}", "sensors")
 
             def value(t: Any, x: Any, u: Any, p: Any, name: str = name) -> Any:
                 if name not in self._outputs:
@@ -106,12 +106,12 @@ class DiscreteProcess:
         def rates(t: Any, x: Any, u: Any, w: Any, p: Any) -> Any:
             after = self._of("step", t, x, u)
             if not isinstance(after, Mapping):
-                given = ", ".join(f"'{n}': ..." for n in names)
-                raise ArgumentError(f"expected a mapping {{{given}}}; found a {type(after).__name__}", "step")
+                entries = ", ".join(f"'{n}': ..." for n in names)
+                raise ArgumentError(f"expected a mapping {{{entries}}}; found a {type(after).__name__}", "step")
             only_named(after, names, "step")
             missing = [n for n in names if n not in after]
             if missing:
-                raise ArgumentError(f"it gives no next value of '{missing[0]}'; give one for each state", "step")
+                raise ArgumentError(f"it returns no next value of '{missing[0]}'; return one for each state", "step")
             return ca.vertcat(*[_column(after[part.name], part.size, "step", part.name) for part in space.parts])
 
         return ProcessEquations(space, self.inputs, {}, rates, outputs, self.covariance, {}, period=self.period)
@@ -120,38 +120,38 @@ class DiscreteProcess:
         return SimpleNamespace(**{part.name: x[at] for part, at, _ in self.space.places()})
 
     def _of(self, argument: str, t: Any, x: Any, u: Any) -> Any:
-        """What the step or an output gives. Raises ArgumentError for names that are not there, and for an `if`."""
+        """Value of the step or of an output. Raises ArgumentError for unknown names, and for an `if` on symbols."""
         function = self._step if argument == "step" else self._outputs[argument.removeprefix("outputs.")]
-        given, first = SimpleNamespace(), 0
+        known, first = SimpleNamespace(), 0
         for name, size in self.inputs.items():
-            setattr(given, name, u[first : first + size])
+            setattr(known, name, u[first : first + size])
             first += size
         state = self._state(x)
         try:
-            return function(*(state, given, t)[: _takes(function, argument)])
+            return function(*(state, known, t)[: _takes(function, argument)])
         except AttributeError as error:
-            if error.obj is not state and error.obj is not given:
+            if error.obj is not state and error.obj is not known:
                 raise
-            there = ", ".join(vars(error.obj)) or "none"
+            names = ", ".join(vars(error.obj)) or "none"
             kind = "state" if error.obj is state else "known input"
-            raise ArgumentError(f"reads '{error.name}', which is no {kind}; there are {there}", argument) from error
+            raise ArgumentError(f"there is no {kind} '{error.name}'; the {kind}s are {names}", argument) from error
         except RuntimeError as error:
             if "truth value" not in str(error):
                 raise
             raise ArgumentError(
-                "decides by a state or an input, which are symbols here; write casadi.if_else(condition, then, "
+                "branches on a state or an input, which are symbols here; write casadi.if_else(condition, then, "
                 "otherwise) in place of an if",
                 argument,
             ) from error
 
 
 def _takes(function: Callable[..., Any], argument: str) -> int:
-    """How many of x, u, t a function takes. Raises ArgumentError for one that takes none or more."""
+    """How many of x, u, t a function takes. Raises ArgumentError unless it takes 1 to 3 arguments."""
     if not callable(function):
         raise ArgumentError(f"expected a function of x; found {function!r}", argument)
     try:
         kinds = [(p.kind, p.default) for p in inspect.signature(function).parameters.values()]
-    except ValueError:  # written in C: it says itself what it takes
+    except ValueError:  # written in C, without a signature
         return 1
     plain = [d for k, d in kinds if k in (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)]
     needed = [d for d in plain if d is inspect.Parameter.empty]
@@ -163,32 +163,32 @@ def _takes(function: Callable[..., Any], argument: str) -> int:
 
 
 def _column(value: Any, size: int | None, argument: str, name: str = "") -> Any:
-    """A value as a CasADi column. Raises ArgumentError for one of another size, and for what is no numbers."""
+    """A value as a CasADi column. Raises ArgumentError for a wrong size, and for anything that is not numeric."""
     try:
         parts = [*value] if isinstance(value, (list, tuple)) else list(value) if isinstance(value, np.ndarray) else None
         column = ca.vec(ca.vertcat(*parts) if parts else ca.vertcat(value))
     except (NotImplementedError, TypeError, ValueError):
-        said = f"expected numbers or expressions of the states{f' for {name!r}' if name else ''}; found {value!r}"
-        raise ArgumentError(said, argument) from None
+        sentence = f"expected numbers or expressions of the states{f' for {name!r}' if name else ''}; found {value!r}"
+        raise ArgumentError(sentence, argument) from None
     if size is not None and column.numel() != size:
         raise ArgumentError(f"expected {size} numbers for '{name}'; found {column.numel()}", argument)
     return column
 
 
 class LinearProcess:
-    """A linear process by its matrices, as papers and `control.StateSpace` have it, measured as "y".
+    """A linear process by its matrices, as in papers and `control.StateSpace`; its output is "y".
 
-    x' = A x + B u + w and y = C x + D u in continuous time, or of the next x where there is a period. The covariance of
-    the readings stands at the sensor: `Sensor("y", covariance=R)`.
+    x' = A x + B u + w and y = C x + D u in continuous time; with a period, the first equation gives the next x. The
+    covariance of the readings belongs to the sensor: `Sensor("y", covariance=R)`.
 
     Args:
         A: (n, n). C: (p, n).
-        Q: covariance of w (n, n), per step, or per second in continuous time; (n,) for a diagonal. As a noise that
-            `tune` may change it is "w".
-        B, D: of the known inputs "u", (n, m) and (p, m); none if left out.
+        Q: covariance of w (n, n), per step, or per second in continuous time; (n,) for a diagonal. Its name as a noise
+            is "w", for `tune`.
+        B, D: of the known inputs "u", (n, m) and (p, m); no inputs if left out.
         period: of the steps [s]; continuous time if left out.
 
-    The states are "x", n numbers. Raises ArgumentError for matrices whose shapes do not fit.
+    The state is "x", n numbers. Raises ArgumentError for matrices whose shapes do not match.
 
     >>> A, C = [[1.0, 0.1], [0.0, 1.0]], [[1.0, 0.0]]
     >>> process = gt.filtering.LinearProcess(A, C, [0.0, 1e-4], period=0.1)
@@ -214,9 +214,9 @@ class LinearProcess:
 
     @classmethod
     def of(cls, plant: Any, Q: Any) -> LinearProcess:
-        """The process of a `control.StateSpace`, or of anything that has A, B, C, D and dt; all inputs are known.
+        """Make the process from a `control.StateSpace` or any object with A, B, C, D and dt; all inputs are known.
 
-        Raises ArgumentError for a plant without them, and for a discrete one whose period is not stated.
+        Raises ArgumentError if the object lacks one of them, or if a discrete plant does not state its period.
         """
         missing = [name for name in "ABCD" if not hasattr(plant, name)]
         if missing:
@@ -224,16 +224,15 @@ class LinearProcess:
             raise ArgumentError(sentence, "plant")
         dt = getattr(plant, "dt", None)
         if dt is True:
-            raise ArgumentError("the plant is discrete, of a period that it does not state; give it a dt in s", "plant")
-        own = [np.asarray(getattr(plant, name), float) for name in "ABCD"]
-        return cls(own[0], own[2], Q, B=own[1] if own[1].size else None, D=own[3] if own[1].size else None,
-                   period=float(dt) if dt else None)  # fmt: skip
+            raise ArgumentError("the plant is discrete but does not state its period; give it a dt in s", "plant")
+        A, B, C, D = (np.asarray(getattr(plant, name), float) for name in "ABCD")
+        return cls(A, C, Q, B=B if B.size else None, D=D if B.size else None, period=float(dt) if dt else None)
 
     def _covariance(self, Q: Any) -> np.ndarray:
         return covariance_matrix(np.diag(Q) if np.ndim(Q) == 1 else Q, len(self.A), "Q", singular=True)
 
     def with_noise(self, **noise: Any) -> LinearProcess:
-        """The same process with another covariance `w`. Raises ArgumentError for a noise of another name."""
+        """Return the same process with another covariance `w`. Raises ArgumentError for a noise of another name."""
         only_named(noise, self.noise, "noise")
         return LinearProcess(self.A, self.C, noise.get("w", self.noise["w"]), B=self.B, D=self.D, period=self.period)
 
@@ -242,14 +241,14 @@ class LinearProcess:
         return self.noise["w"]
 
     def unit_of(self, name: str) -> str:
-        """Not stated by matrices: "?"."""
+        """Always "?": matrices state no units."""
         return "?"
 
     def dynamics(self, signals: Sequence[str]) -> ProcessEquations:
-        """Its equations as functions of columns."""
+        """Return its equations as functions of CasADi columns."""
         wrong = [name for name in signals if name not in ("x", "y")]
         if wrong:
-            raise ArgumentError(f"there is no '{wrong[0]}' to measure; there are 'y' and 'x'", "sensors")
+            raise ArgumentError(f"there is no '{wrong[0]}' to measure; expected 'y' or 'x'", "sensors")
         A, B, C, D = (ca.sparsify(ca.DM(M)) for M in (self.A, self.B, self.C, self.D))
         n, m = self.B.shape
         continuous = self.period is None

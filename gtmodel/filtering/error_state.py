@@ -1,5 +1,4 @@
-"""What all filters have in common, they start, advance, are corrected and run over a log, and the error-state Kalman
-filter."""
+"""Base class of the filters (start, advance, correct, run over a log), and the error-state Kalman filter."""
 
 from __future__ import annotations
 
@@ -17,48 +16,48 @@ from .spread import Spread, spread_of
 from .system import System
 from .transition import Advance
 
-BETWEEN = 256  # instants between two reports of progress
+BETWEEN = 256  # instants between two calls of `progress`
 
 
 class Filter(ABC):
-    """Base of the filters: `advance` and `correct` move a `Belief`, `run` goes over a log.
+    """Base class of the filters: `advance` and `correct` update a `Belief`, `run` processes a log.
 
-    A belief may hold several runs at once, as rows: Monte Carlo goes through the same code as a single run.
+    A belief may hold several runs as rows, so Monte Carlo uses the same code as a single run.
     """
 
-    repeatable = False  # whether an error-state filter of the same system says how likely a log is under other noise
+    repeatable = False  # whether `ErrorState` of the same system gives the likelihood of a log under other noise
 
     def __init__(self, system: System) -> None:
         self.system = system
 
     @abstractmethod
     def advance(self, belief: Any, time: float, u0: np.ndarray, u1: np.ndarray) -> tuple[Any, Any]:
-        """The belief at a later time, the known inputs running straight from u0 to u1, and the step that led there."""
+        """Return the belief at a later time, the known inputs linear from u0 to u1, and the step that led there."""
 
     def advanced(
         self, belief: Any, time: float, u0: np.ndarray, u1: np.ndarray, bends: Sequence[tuple[float, np.ndarray]]
     ) -> tuple[Any, Any]:
-        """As `advance`, with known inputs that bend at these times between; the step is one from begin to end."""
+        """As `advance`, with known inputs whose slope changes at these times; the step is one from start to end."""
         step: Any = None
         for k, (t, u) in enumerate([*bends, (time, u1)]):
-            belief, own = self.advance(belief, t, u0, u)
-            step, u0 = own if k == 0 or own is None else step.then(own), u
+            belief, part = self.advance(belief, t, u0, u)
+            step, u0 = part if k == 0 or part is None else step.then(part), u
         return belief, step
 
     @abstractmethod
     def correct(self, belief: Any, names: tuple[str, ...], z: np.ndarray, u: np.ndarray) -> tuple[Any, Innovation]:
-        """The belief after readings z (m, numbers) of these sensors at its time."""
+        """Return the belief after readings z (m, numbers) of these sensors at its time, and the innovation."""
 
     def begin(self, start: InitialState, time: float, runs: int = 1) -> Any:
-        """The belief at the start."""
+        """Return the initial belief."""
         return start.belief(self.system, time, runs)
 
     def summary(self, belief: Any) -> Belief:
-        """Mean and covariance of what the filter holds."""
+        """Return mean and covariance of a belief."""
         return belief
 
     def details(self, belief: Any) -> Mapping[str, np.ndarray]:
-        """What a filter says of a belief beside mean and covariance: fields of `Filtered`, each of m rows."""
+        """Return further results of a belief: fields of `Filtered`, each with m rows."""
         return {}
 
     def run(
@@ -74,15 +73,15 @@ class Filter(ABC):
         """Filter a log from its first reading to its last.
 
         Args:
-            log: sensor -> `Readings`, or a trajectory with a signal of that name. Stamps may be uneven, sensors of
-                different rates; each reading is used at the time that it tells of, its stamp less the sensor's delay.
+            log: sensor -> `Readings`, or a trajectory with a signal of that name. Stamps may be uneven and rates may
+                differ; each reading is used at the time it was taken, its stamp minus the sensor's delay.
             start: mean and deviation at the first instant.
-            inputs: the known inputs of the process over the whole time, straight between the rows of the trajectory.
-            truth: state -> true values at the instants, (K, size) or (m, K, size), where they are known: for `nees`.
-            keep: whether covariances of all instants are kept, which smoothing needs; only of a single run if left out.
-            progress: called with the fraction done now and then; returning True ends the run with what there is.
+            inputs: known inputs of the process over the whole time, linear between the rows of the trajectory.
+            truth: state -> true values at the instants, (K, size) or (m, K, size), if known: for `nees`.
+            keep: whether to keep the covariances of all instants, for smoothing; only for a single run if left out.
+            progress: called from time to time with the fraction done; if it returns True, the run ends early.
 
-        Returns a `Filtered`. Numbers that stop being finite end the run, with the status that says so.
+        Returns a `Filtered`. If a number is no longer finite, the run ends with a status that says so.
         """
         system = self.system
         readings = readings_of(system, log)
@@ -121,21 +120,21 @@ class Filter(ABC):
 
 
 def without_value(system: System, z: np.ndarray, innovation: Innovation) -> str | None:
-    """A sensor that has read something of which the model has no value there, so that it could not be used."""
+    """A sensor with a reading for which the model has no finite value, so that the reading could not be used."""
     if innovation.used.all():
         return None
     group = system.group(innovation.names)
-    for n, (name, (part, at, along)) in enumerate(zip(innovation.names, group.space.places(), strict=True)):
-        there = np.isfinite(z[:, at])
+    for n, (name, (part, columns, along)) in enumerate(zip(innovation.names, group.space.places(), strict=True)):
+        present = np.isfinite(z[:, columns])
         if part.kind != "vector":
-            there = np.all(there, axis=1, keepdims=True) & np.any(z[:, at] != 0, axis=1, keepdims=True)
-        if np.any(there & ~innovation.used[:, along] & ~innovation.gated[:, n, None]):
+            present = np.all(present, axis=1, keepdims=True) & np.any(z[:, columns] != 0, axis=1, keepdims=True)
+        if np.any(present & ~innovation.used[:, along] & ~innovation.gated[:, n, None]):
             return name
     return None
 
 
 def values_of(readings: Mapping[str, Readings], instant: Moment, runs: int) -> tuple[tuple[str, ...], np.ndarray]:
-    """The sensors of an instant, in the order of the log, and what they read, side by side (m, numbers)."""
+    """Sensors of an instant in the order of the log, and their readings side by side (m, numbers)."""
     names = tuple(name for name in readings if name in instant.rows)
     rows = [readings[name].values[..., instant.rows[name], :] for name in names]
     if runs == 1 and all(r.ndim == 1 for r in rows):
@@ -144,16 +143,16 @@ def values_of(readings: Mapping[str, Readings], instant: Moment, runs: int) -> t
 
 
 class ErrorState(Filter):
-    """Kalman filter of the error of the state: mean on the manifold, covariance in the space of errors.
+    """Error-state Kalman filter: mean on the manifold, covariance in the space of errors.
 
-    Where process and sensors are linear this is the Kalman filter, with exact steps; else the extended Kalman filter,
-    with Jacobians of the very functions that move the mean, which CasADi makes. The covariance is updated in Joseph's
+    For a linear process with linear sensors this is the Kalman filter, with exact steps; otherwise the extended Kalman
+    filter, with CasADi's Jacobians of the functions that propagate the mean. The covariance is updated in Joseph's
     form, so it stays positive.
 
     Args:
         system: process and sensors.
-        iterations: how often the readings of one instant are linearised anew at the corrected mean (Gauss and Newton);
-            1 is the extended filter.
+        iterations: number of Gauss-Newton linearisations of the readings of one instant; 1 is the extended filter,
+            more linearise again at the corrected mean.
 
     >>> class Cart(gt.Model):
     ...     x = gt.variable(unit="m")
@@ -180,7 +179,7 @@ class ErrorState(Filter):
         self.iterations = iterations
 
     def advance(self, belief: Belief, time: float, u0: np.ndarray, u1: np.ndarray) -> tuple[Belief, Advance]:
-        """The belief at a later time, and the step that led there."""
+        """Return the belief at a later time, and the step that led there."""
         step = self.system.transition(belief.time, time - belief.time, belief.x, u0, u1)
         P = step.F @ belief.P @ step.F.mT + step.Q
         return Belief(time, step.x, P), step
@@ -188,15 +187,15 @@ class ErrorState(Filter):
     def correct(
         self, belief: Belief, names: tuple[str, ...], z: np.ndarray, u: np.ndarray
     ) -> tuple[Belief, Innovation]:
-        """The belief after the readings z (m, numbers) of these sensors, side by side."""
+        """Return the belief after readings z (m, numbers) of these sensors, side by side, and the innovation."""
         residual, H, S, PH = self.seen(belief, names, z, u)
         spread = spread_of(self.system, names, residual, S, PH)
         solved = spread.solved()
         return self.corrected(belief, names, z, u, spread, solved.K, H), spread.innovation(names, solved)
 
     def seen(self, belief: Belief, names: tuple[str, ...], z: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Residuals (m, k) of these readings, their Jacobian H, their covariance without noise, and that of the state's
-        error with them."""
+        """Return residuals (m, k) of these readings, their Jacobian H, their covariance H P H' without noise, and the
+        cross-covariance P H' with the error of the state."""
         residual, H = self.system.reading(names)(belief.time, belief.x, u, z)
         PH = belief.P @ H.mT
         return residual, H, H @ PH, PH
@@ -211,16 +210,16 @@ class ErrorState(Filter):
         K: np.ndarray,
         H: np.ndarray,
     ) -> Belief:
-        """The belief after readings with this gain."""
+        """Return the belief after readings with this gain."""
         system, space = self.system, self.system.space
         d = (K @ spread.residual[..., None])[..., 0]
         for _ in range(self.iterations - 1):
             x = space.plus(belief.x, d)
             residual, H, S, PH = self.seen(Belief(belief.time, x, belief.P), names, z, u)
             residual = residual - (H @ space.minus(belief.x, x)[..., None])[..., 0]
-            there = spread_of(system, names, residual, S, PH, spread.choice)
-            K = there.solved().K
-            d = (K @ there.residual[..., None])[..., 0]
+            again = spread_of(system, names, residual, S, PH, spread.choice)
+            K = again.solved().K
+            d = (K @ again.residual[..., None])[..., 0]
         P = joseph(belief.P, K, H if spread.used.all() else np.where(spread.used[..., None], H, 0.0), spread.R)
         if system.curved_errors:
             J = space.carried(belief.x, d)
@@ -229,14 +228,14 @@ class ErrorState(Filter):
 
 
 def joseph(P: np.ndarray, K: np.ndarray, H: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """Covariance (m, n, n) after a correction with the gain K, whatever it is: the sum of two that are not negative."""
+    """Covariance (m, n, n) after a correction with any gain K: a sum of two positive semidefinite matrices."""
     A = -(K @ H)
     np.einsum("mii->mi", A)[...] += 1.0
     return A @ P @ A.mT + (K * R[:, None, :]) @ K.mT
 
 
 def kalman(system: System, **options: Any) -> ErrorState:
-    """The filter of a linear system. Raises ArgumentError where process or sensors are not linear.
+    """Return the Kalman filter of a linear system. Raises ArgumentError if process or sensors are not linear.
 
     >>> parts = [gt.filtering.StatePart("x", unit="m")]
     >>> process = gt.filtering.DiscreteProcess(parts, 0.1, lambda s: {"x": s.x}, [1e-4])
@@ -245,5 +244,5 @@ def kalman(system: System, **options: Any) -> ErrorState:
     'ErrorState'
     """
     if not system.linear:
-        raise ArgumentError("the Kalman filter needs a linear process and linear sensors; take ErrorState", "filter")
+        raise ArgumentError("the Kalman filter needs a linear process and linear sensors; use ErrorState", "filter")
     return ErrorState(system, **options)

@@ -1,4 +1,4 @@
-"""What is wrong with a filter whose innovations disagree: each suspect by itself, by what the log says of it."""
+"""Search for the fault behind inconsistent innovations: each suspect is tested alone against the log."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from .process import AnyProcess
 from .sensors import ESTIMATE, Sensor
 from .system import SAME_INSTANT, System
 
-P_LIMIT = 1e-6  # a suspect less likely than that by chance is evidence; of a dozen suspects one in 1e5 logs is
-SEEN = 0.5  # the share of its first deviation below which a constant counts as determined by the log
-ALIKE = 20.0  # suspects whose improvement is within this of the best, a ratio of likelihoods of e^10, are alike
-LOG_RANGE = 4.0  # a density or deviation is sought within e^-4 to e^4 of the declared one
+P_LIMIT = 1e-6  # a suspect with a smaller p-value is named; with a dozen suspects, one false alarm in 1e5 logs
+SEEN = 0.5  # share of its prior deviation below which a constant counts as determined by the log
+ALIKE = 20.0  # suspects this close in improvement, a likelihood ratio of e^10, cannot be distinguished
+LOG_RANGE = 4.0  # a density or deviation is searched from e^-4 to e^4 times the declared one
 NOISE = ("deviation", "density")
-LOOKED = 512  # instants of a log that say which noise is wrong: by three times shows within a hundred
-COARSE = 0.2  # of the logarithm of that factor
+LOOKED = 512  # instants used to find the wrong noise: a factor of three shows within a hundred
+COARSE = 0.2  # tolerance of the logarithm of that factor
 
 
 @dataclass(frozen=True, kw_only=True)
 class Suspect(Suspicion):
-    """One possible fault, and what the log says of it.
+    """One possible fault, and the evidence for it in the log.
 
     name: as in "acc.offset", "tracker.delay", "arm", "acc.deviation" (its noise), "jerk.density".
-    value, deviation: estimated change (k,) from what was declared, of noise the factor on the deviation or density.
-    improvement: twice the gain of log-likelihood, chi-squared with k degrees of freedom where there is no fault; p: how
-    likely so much is by chance. seen: whether the log determines it at all; where not, the motion does not show it.
+    value, deviation: estimated change (k,) from the declared value and its standard deviation; for noise, the factor
+    on the deviation or density. improvement: twice the gain of log-likelihood, chi-squared with k degrees of freedom
+    without a fault; p: its p-value. seen: whether the motion in the log shows the fault at all.
     """
 
     value: np.ndarray
@@ -53,8 +53,8 @@ def _suspect(name: str, value: np.ndarray, deviation: np.ndarray, improvement: f
 
 @dataclass(frozen=True)
 class FaultSearch:
-    """Suspects, the likeliest first; `named`: those that explain the log best, more than one where they cannot be
-    distinguished; `unseen`: what this motion does not show. message: both in a sentence."""
+    """Suspects, the likeliest first. named: those that explain the log best, several if they cannot be distinguished.
+    unseen: those that this motion does not show. message: both in a sentence."""
 
     suspects: tuple[Suspect, ...]
     named: tuple[str, ...]
@@ -72,15 +72,15 @@ def find_faults(
     inputs: Trajectory | None = None,
     progress: Callable[[float], bool] | None = None,
 ) -> FaultSearch:
-    """Which of some suspects explains a log best, each taken alone.
+    """Find the suspects that explain a log best, each one alone.
 
-    suspects: name -> largest plausible size, a number or one per component: "SENSOR.offset", "SENSOR.scale" (of 1),
-        "SENSOR.delay" [s], names of parameters of the process; and "SENSOR.deviation", "NOISE.density", of which the
-        size does not matter. Offsets, scales, delays and parameters by how the innovations depend on them, to first
-        order; of noise the likelihood of the innovations is made largest over one factor.
+    suspects: name -> largest plausible size, a number or one per component: "SENSOR.offset", "SENSOR.scale" (change of
+        1), "SENSOR.delay" [s], names of parameters of the process; and "SENSOR.deviation", "NOISE.density", whose size
+        is not used. Offsets, scales, delays and parameters are estimated from the first-order dependence of the
+        innovations on them; for noise the likelihood of the innovations is maximised over one factor.
 
-    Several runs in the log are taken to have one and the same fault. progress: called with the fraction done; returning
-    True ends the search, and the message says what was not tried. Raises ArgumentError for a name that is not there.
+    All runs in the log are assumed to have the same fault. progress: called with the fraction done; if it returns
+    True, the search ends and the message lists the untried suspects. Raises ArgumentError for an unknown name.
 
     >>> parts = [gt.filtering.StatePart("x", unit="m")]
     >>> process = gt.filtering.DiscreteProcess(parts, 0.1, lambda s: {"x": s.x}, [1e-6])
@@ -96,7 +96,7 @@ def find_faults(
     system = System(process, sensors)
     for name, sensor in system.sensors.items():
         if sensor.outliers:
-            raise ArgumentError(f"'{name}' weighs outliers, which hides faults; give it a gate in its place", "sensors")
+            raise ArgumentError(f"'{name}' weighs outliers, which hides faults; give it a gate instead", "sensors")
     constants = [name for name in suspects if name.rpartition(".")[2] not in NOISE]
     rows = _constants(process, sensors, {n: suspects[n] for n in constants}, log, initial, inputs) if constants else []
     noises, untried = [n for n in suspects if n not in constants], []
@@ -109,10 +109,10 @@ def find_faults(
     unseen = tuple(s.name for s in rows if not s.seen)
     strong = [s for s in rows if s.seen and s.p < P_LIMIT]
     named = tuple(s.name for s in strong if s.improvement >= strong[0].improvement - ALIKE)
-    said = _message(rows, named, unseen)
+    message = _message(rows, named, unseen)
     if untried:
-        said += f"; stopped before {', '.join(untried)}"
-    return FaultSearch(tuple(rows), named, unseen, said)
+        message += f"; stopped before {', '.join(untried)}"
+    return FaultSearch(tuple(rows), named, unseen, message)
 
 
 def _constants(
@@ -123,21 +123,21 @@ def _constants(
     initial: InitialState,
     inputs: Trajectory | None,
 ) -> list[Suspect]:
-    """Constants by how the innovations depend on them, all at one run: linearised about what was declared, so that a
-    filter without faults is not biased by looking for them (Friedland 1969, IEEE Trans. Autom. Control 14, 359-367)."""
-    own, estimate, declared, shifted = {s.name: s for s in sensors}, [], {}, dict(log)
+    """Estimate all constants from one run, linearised about the declared values, so that the search does not bias a
+    filter without faults (Friedland 1969, IEEE Trans. Autom. Control 14, 359-367)."""
+    by_name, estimate, declared, shifted = {s.name: s for s in sensors}, [], {}, dict(log)
     for name in sizes:
         owner, _, what = name.rpartition(".")
-        if owner not in own:
+        if owner not in by_name:
             estimate.append(name)
             continue
         if what not in ("offset", "scale", "delay"):
             raise ArgumentError(f"expected an offset, scale, delay or deviation of {owner}; found '{what}'", "suspects")
-        declared[name] = getattr(own[owner], what)
-        if what == "delay" and owner in log:  # the known part stays in the stamps
-            shifted[owner], declared[name] = _earlier(owner, log[owner], own[owner].lag), 0.0
-        own[owner] = replace(own[owner], **{what: ESTIMATE})
-    system = System(process, [own[s.name] for s in sensors], estimate=estimate)
+        declared[name] = getattr(by_name[owner], what)
+        if what == "delay" and owner in log:  # the stamps keep the declared delay
+            shifted[owner], declared[name] = _earlier(owner, log[owner], by_name[owner].lag), 0.0
+        by_name[owner] = replace(by_name[owner], **{what: ESTIMATE})
+    system = System(process, [by_name[s.name] for s in sensors], estimate=estimate)
     space, n = system.space, system.own.dimension
     mean = {name: np.broadcast_to(np.asarray(v, float), (space.part(name)[0].size,)) for name, v in declared.items()}
     start = InitialState({**initial.mean, **mean}, {**initial.deviation, **dict.fromkeys(sizes, 0.0)}, initial.time)
@@ -145,20 +145,20 @@ def _constants(
     rows = []
     for name, size in sizes.items():
         part, _, along = space.part(name)
-        at = slice(along.start - n, along.stop - n)
+        columns = slice(along.start - n, along.stop - n)
         try:
             plausible = np.broadcast_to(np.asarray(size, float), (part.size,))
         except (TypeError, ValueError):
             raise ArgumentError(f"expected a number, or {part.size}; found {size!r}", "suspects") from None
         if not np.all(plausible > 0):
-            raise ArgumentError(f"expected a largest plausible size above 0 of '{name}'; found {size!r}", "suspects")
+            raise ArgumentError(f"expected a largest plausible size of '{name}' above 0; found {size!r}", "suspects")
         prior = plausible**-2.0
-        said, information = A[at, at], A[at, at] + np.diag(prior)
+        seen_information, information = A[columns, columns], A[columns, columns] + np.diag(prior)
         spread = np.linalg.inv(information)
-        value = spread @ b[at]
-        improvement = float(b[at] @ value)
+        value = spread @ b[columns]
+        improvement = float(b[columns] @ value)
         relative = np.linalg.eigvalsh(spread * np.sqrt(np.outer(prior, prior)))
-        seen = bool(np.all(np.isfinite(said)) and np.sqrt(relative[0]) < SEEN)
+        seen = bool(np.all(np.isfinite(seen_information)) and np.sqrt(relative[0]) < SEEN)
         rows.append(_suspect(name, value, np.sqrt(np.diag(spread)), improvement, seen))
     return rows
 
@@ -166,7 +166,7 @@ def _constants(
 def _score(
     system: System, n: int, log: Mapping[str, Any], start: InitialState, inputs: Trajectory | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Information matrix and score of the constants behind the first n errors, summed over instants and runs."""
+    """Information matrix and score of the constants after the first n errors, summed over instants and runs."""
     flt = ErrorState(system)
     run = flt.run(log, start, inputs=inputs, keep=True)
     if run.kept is None or not run.status.ok:
@@ -174,18 +174,18 @@ def _score(
     readings = readings_of(system, log)
     q = system.space.dimension - n
     A, b = np.zeros((q, q)), np.zeros(q)
-    X = np.zeros((run.runs, n, q))  # how the error of the estimate depends on the constants
-    for k, (kept, moment) in enumerate(zip(run.kept, instants(system, readings), strict=False)):
-        F = np.broadcast_to(kept.step.F, (run.runs, n + q, n + q))
+    X = np.zeros((run.runs, n, q))  # sensitivity of the estimation error to the constants
+    for k, (instant, moment) in enumerate(zip(run.kept, instants(system, readings), strict=False)):
+        F = np.broadcast_to(instant.step.F, (run.runs, n + q, n + q))
         X = F[:, :n, :n] @ X + F[:, :n, n:]
         names, z = values_of(readings, moment, run.runs)
         white = np.concatenate([run.innovations[name][k] for name in names], axis=1)
         u = system.inputs_at(inputs, moment.time)
-        residual, H = system.reading(names)(moment.time, kept.before.x, u, z)
+        residual, H = system.reading(names)(moment.time, instant.before.x, u, z)
         used = np.isfinite(white)  # neither missing nor beyond a gate
         residual, H = np.where(used, residual, 0.0), np.where(used[..., None], H, 0.0)
         R = np.where(used, system.variances(names), 1.0)
-        PH = kept.before.P[:, :n, :n] @ np.swapaxes(H[:, :, :n], 1, 2)
+        PH = instant.before.P[:, :n, :n] @ np.swapaxes(H[:, :, :n], 1, 2)
         S = H[:, :, :n] @ PH
         np.einsum("mkk->mk", S)[...] += R
         D = H[:, :, :n] @ X + H[:, :, n:]
@@ -207,9 +207,9 @@ def _noise(
     tolerance: float = 0.05,
     declared: float | None = None,
 ) -> tuple[float, Callable[[], Suspect]]:
-    """A factor on the deviation of a sensor, or on a density of the process, by the likelihood of the innovations: what
-    it improves, and the suspect with its error, which takes two more runs. `declared` is the negative logarithm of the
-    likelihood with a factor of 1, where that is known."""
+    """Maximum-likelihood factor on the deviation of a sensor or on a noise density of the process: its improvement, and
+    a function that returns the suspect with its error in two more runs. `declared` is the negative log-likelihood at a
+    factor of 1, if known."""
     owner, _, what = name.rpartition(".")
     if what == "density" and owner not in system.process.noise:
         raise ArgumentError(f"the process has no noise '{owner}'", "suspects")
@@ -240,19 +240,18 @@ def _noise(
 
 
 def noise_in_doubt(run: Filtered) -> tuple[Suspect, ...]:
-    """Of all deviations of sensors and all noise of the process those that alone explain the innovations of a run best,
-    the likeliest first; several where the log cannot tell them apart. By its first `LOOKED` instants, those of all
-    runs together, coarsely.
+    """Sensor deviations and process noise that alone explain the innovations of a run best, the likeliest first;
+    several if the log cannot distinguish them. A coarse search on `LOOKED` instants, counted over all runs.
 
-    None where nothing helps, and of a run that cannot be made again.
+    Empty if no factor helps, or if the run cannot be repeated.
     """
     if run.replay is None or not len(run.time):
         return ()
     count = min(len(run.time), LOOKED)
     end, runs = run.time[count - 1], LOOKED // count
     log = {}
-    for name, given in run.replay.log.items():
-        readings = _earlier(name, given, 0.0)
+    for name, recorded in run.replay.log.items():
+        readings = _earlier(name, recorded, 0.0)
         rows = int(np.searchsorted(readings.time, end + run.system.sensors[name].lag + SAME_INSTANT))
         if rows:
             values = readings.values[..., :rows, :]
@@ -262,24 +261,24 @@ def noise_in_doubt(run: Filtered) -> tuple[Suspect, ...]:
     start, inputs = run.replay.start, run.replay.inputs
     again = ErrorState(run.system).run(log, start, inputs=inputs, keep=False)
     declared = -float(again.log_likelihood.sum()) if again.status.ok else np.inf
-    sought = [_noise(run.system, n, log, start, inputs, COARSE, declared) for n in names]
-    sought.sort(key=lambda s: -s[0])
-    strong = [(gain, suspect) for gain, suspect in sought if float(chi_squared_chance(gain, 1)) < P_LIMIT]
+    suspects = [_noise(run.system, n, log, start, inputs, COARSE, declared) for n in names]
+    suspects.sort(key=lambda s: -s[0])
+    strong = [(gain, suspect) for gain, suspect in suspects if float(chi_squared_chance(gain, 1)) < P_LIMIT]
     return tuple(suspect() for gain, suspect in strong if gain >= strong[0][0] - ALIKE)
 
 
-def _earlier(name: str, given: Any, lag: float) -> Any:
-    if isinstance(given, Trajectory):
-        given = Readings(given.time, given[name if name in given.names else given.names[0]])
-    return Readings(given.time - lag, given.values)
+def _earlier(name: str, source: Any, lag: float) -> Any:
+    if isinstance(source, Trajectory):
+        source = Readings(source.time, source[name if name in source.names else source.names[0]])
+    return Readings(source.time - lag, source.values)
 
 
 def _message(rows: Sequence[Suspect], named: tuple[str, ...], unseen: tuple[str, ...]) -> str:
     by_name = {s.name: s for s in rows}
     if named:
-        said = by_name[named[0]].evidence
+        message = by_name[named[0]].evidence
         if len(named) > 1:
-            said += f"; {', '.join(named[1:])} cannot be distinguished from it on this log"
+            message += f"; {', '.join(named[1:])} cannot be distinguished from it on this log"
     else:
-        said = "none of the suspects explains the log better than chance"
-    return said + (f"; this motion does not show {', '.join(unseen)}" if unseen else "")
+        message = "none of the suspects explains the log better than chance"
+    return message + (f"; this motion does not show {', '.join(unseen)}" if unseen else "")

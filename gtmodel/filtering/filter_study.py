@@ -1,4 +1,4 @@
-"""The study of a filter: any process and sensors over a log, or over synthetic readings, estimates and a verdict."""
+"""Study of a filter: a process with sensors over a log or synthetic readings, with estimates and a verdict."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ def filter_study(
     smoothing: bool = False,
     **work_options: Unpack[WorkOptions],
 ) -> FilterStudy:
-    """What a filter says of a log: states with deviations, and whether its innovations allow to believe it.
+    """Filter a log: states with standard deviations, and whether the innovations are consistent with them.
 
     Args:
         system: process and sensors.
-        start: what is known of the states at the first reading.
-        log: sensor -> readings; or synthetic ones, of a motion that the process draws from its own noise: then the
-            truth is known, and errors stand beside what the filter says of them.
+        start: initial estimate of the states at the first reading.
+        log: sensor -> readings; or synthetic readings of a motion that the process draws from its own noise: then the
+            truth is known, and the study compares the true errors with the filter's deviations.
         filter: "kf", "ekf", "iekf", "ukf", "particle" or "steady", see `make`.
-        inputs: the known inputs of the process over the whole time.
-        smoothing: whether states are estimated from the whole log besides, by Rauch, Tung and Striebel.
+        inputs: known inputs of the process over the whole time.
+        smoothing: whether to smooth the states over the whole log too (Rauch, Tung and Striebel).
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
     Raises ArgumentError for a start, a log or a filter that does not fit the system.
@@ -57,21 +57,21 @@ def filter_study(
     >>> start = gt.filtering.FilterStart(deviation={"x": 1.0})
     >>> study = gt.filtering.filter_study(system, start, gt.filtering.DrawnReadings(duration=100.0, step=0.1))
     >>> print(study.verdict)
-    innovations agree with the filter: 1.004 within 0.8594 to 1.154, white and without a mean
+    innovations agree with the filter: 1.004 within 0.8594 to 1.154, white, with zero mean
     """
     work = Work(**work_options)
     if smoothing and filter == "particle":
-        raise ArgumentError("particles cannot be smoothed; leave it out, or take another filter", "smoothing")
+        raise ArgumentError("particles cannot be smoothed; leave smoothing out, or use another filter", "smoothing")
     initial = InitialState(dict(start.mean), dict(start.deviation))
     synthetic, truth = "", None
     if isinstance(log, DrawnReadings):
-        work.step("readings", 0.02)
-        synthetic = f"readings of a motion that the process draws, seed {log.seed}"
+        work.step("drawing readings", 0.02)
+        synthetic = f"readings of a motion drawn from the process noise, seed {log.seed}"
         log, truth = _drawn(system, initial, log, inputs)
     readings = readings_of(system, log)
-    work.step("filter", 0.1)
+    work.step("filtering", 0.1)
     run = make(filter, system).run(
-        readings, initial, inputs=inputs, truth=truth, keep=smoothing, progress=work.fractions("filter")
+        readings, initial, inputs=inputs, truth=truth, keep=smoothing, progress=work.fractions("filtering")
     )
     answer = partial(_answer, readings, filter, synthetic, work.title)
     if not len(run.time):
@@ -87,29 +87,29 @@ def filter_study(
 
 
 def _drawn(
-    system: System, initial: InitialState, asked: DrawnReadings, inputs: Trajectory | None
+    system: System, initial: InitialState, options: DrawnReadings, inputs: Trajectory | None
 ) -> tuple[dict[str, Readings], dict[str, np.ndarray]]:
-    """Readings and true states at the instants that these tell of."""
-    if asked.duration < asked.step or asked.duration > MOST_INSTANTS * asked.step:
+    """Synthetic readings, and true states at the instants at which they were taken."""
+    if options.duration < options.step or options.duration > MOST_INSTANTS * options.step:
         raise ArgumentError(
-            f"expected 1 to {MOST_INSTANTS:,} steps of {asked.step:g} s; found {asked.duration / asked.step:.3g}",
+            f"expected 1 to {MOST_INSTANTS:,} steps of {options.step:g} s; found {options.duration / options.step:.3g}",
             "log.duration",
         )
     if system.dynamics.inputs and inputs is None:
         raise ArgumentError(f"the process has known inputs, {', '.join(system.dynamics.inputs)}; give them", "inputs")
-    time = asked.step * np.arange(int(np.floor(asked.duration / asked.step + 1e-9)) + 1)
+    time = options.step * np.arange(int(np.floor(options.duration / options.step + 1e-9)) + 1)
     with naming({"time": "log.step"}):
-        drawn = draw(system, initial, time, seed=asked.seed, inputs=inputs)
+        drawn = draw(system, initial, time, seed=options.seed, inputs=inputs)
     moments = np.array([moment.time for moment in instants(system, drawn.log)])
-    at = np.clip(np.rint(moments / asked.step).astype(int), 0, len(time) - 1)
-    return drawn.log, {name: values[:, at] for name, values in drawn.truth.items()}
+    rows = np.clip(np.rint(moments / options.step).astype(int), 0, len(time) - 1)
+    return drawn.log, {name: values[:, rows] for name, values in drawn.truth.items()}
 
 
 def _answer(
     readings: Mapping[str, Readings], filter: str, synthetic: str, title: str, run: Filtered, smoothed: Smoothed | None
 ) -> FilterStudy:
-    """Of what was filtered until now."""
-    said = consistency(run) if run.status.ok else None
+    """Study of the instants filtered so far."""
+    test = consistency(run) if run.status.ok else None
     checks, doubts = suspicion_checks(tested(*(
         Data({name: r.values}, [name], "reading", recordings=[(name, r.time)]) for name, r in readings.items()
     )))  # fmt: skip
@@ -120,8 +120,8 @@ def _answer(
         trajectory=_trajectory(run, smoothed, synthetic, title), filter=filter, synthetic=synthetic,
         readings={name: len(r) for name, r in readings.items()},
         left_out={name: int(n.sum()) for name, n in run.gated.items() if n.sum()},
-        nis=None if said is None else said.nis, nis_band=() if said is None else tuple(said.band),
-        nis_numbers=None if said is None else said.expected, verdict="" if said is None else said.message,
+        nis=None if test is None else test.nis, nis_band=() if test is None else tuple(test.band),
+        nis_numbers=None if test is None else test.expected, verdict="" if test is None else test.message,
         final={name: np.atleast_1d(run[name][-1]).tolist() for name in unit},
         final_deviation={name: np.atleast_1d(run.deviation[name][-1]).tolist() for name in unit},
         rms_error=errors, smoothed_rms_error=_errors(smoothed),
@@ -142,7 +142,7 @@ def _errors(estimates: Filtered | Smoothed | None) -> dict[str, list[float]]:
 
 
 def _rms(errors: np.ndarray) -> list[float]:
-    """Over the instants, of each component."""
+    """Root mean square over the instants, per component."""
     return np.sqrt(np.mean(np.square(_columns(errors)), axis=0)).tolist()
 
 
@@ -178,7 +178,7 @@ def _columns(values: np.ndarray) -> np.ndarray:
 
 
 def innovations_picture(run: Filtered, title: str) -> Any:
-    """Innovations of a single run, each in its deviations, and their squares beside what a right filter has."""
+    """Normalised innovations of a single run, and their squares with the band of a consistent filter."""
     from ..inference.chance import chi_squared_ends
     from ..plot.filters import innovations_figure
 

@@ -1,4 +1,4 @@
-"""What a filter says of a log: estimates with deviations, innovations, and how likely the log was."""
+"""Result of a filter over a log: estimates with standard deviations, innovations, and the likelihood of the log."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from ..results.trajectory import Trajectory
 from .belief import Belief, InitialState, Innovation
 from .system import System
 
-MOST_WEIGHED = 1 / 3  # of the readings of a sensor: 18 % of right ones lie beyond Huber's k, and all outliers
+MOST_WEIGHED = 1 / 3  # of the readings of a sensor: 18 % of the good ones lie beyond Huber's k, and all outliers
 MOST_GATED = 0.02  # of the readings of a sensor: a gate that leaves out more hides a wrong model
 
 
 @dataclass(frozen=True, eq=False)
 class Kept:
-    """Of one instant, for smoothing: how the error came there, and the belief before and after its readings."""
+    """One instant, kept for smoothing: the step that led to it, and the beliefs before and after its readings."""
 
     step: Any
     before: Belief
@@ -30,7 +30,7 @@ class Kept:
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """What a run was made of, so that it can be made again with other noise: log, start and known inputs."""
+    """Log, start and known inputs of a run, to repeat it with other noise."""
 
     log: Mapping[str, Any]
     start: InitialState
@@ -40,10 +40,10 @@ class Replay:
 @to_inherit
 @dataclass(frozen=True, eq=False)
 class Estimates:
-    """Estimated states at K instants of m runs: what a filter and a smoother have in common.
+    """Estimated states at K instants of m runs: base of the results of filter and smoother.
 
     time: of the instants [s]. x: means (K, m, size). deviations: standard deviations of their errors (K, m, n).
-    errors: (K, m, n), where the truth was given.
+    errors: (K, m, n), if the truth was given.
     """
 
     system: System
@@ -54,7 +54,7 @@ class Estimates:
 
     @property
     def runs(self) -> int:
-        """How many runs there are."""
+        """Number of runs."""
         return self.x.shape[1]
 
     @property
@@ -66,7 +66,7 @@ class Estimates:
         return a[:, 0] if self.runs == 1 else np.swapaxes(a, 0, 1)
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """Mean of a state or of an estimated constant. Raises ArgumentError for a name that is not there."""
+        """Mean of a state or of an estimated constant. Raises ArgumentError for an unknown name."""
         self.system.space.part(name)
         return self.system.space.values(self._shown(self.x))[name]
 
@@ -77,14 +77,16 @@ class Estimates:
 
     @property
     def error(self) -> dict[str, np.ndarray]:
-        """Errors by state. Raises ArgumentError where the truth was not given."""
+        """Errors by state. Raises ArgumentError if the truth was not given."""
         if self.errors is None:
-            raise ArgumentError("the truth was not given to the run, so there are no errors", "truth")
+            raise ArgumentError("the run has no truth and so no errors; pass truth= to `run`", "truth")
         return self.system.space.errors(self._shown(self.errors))
 
     def trajectory(self) -> Trajectory:
-        """Means and deviations of a single run, the latter as "p.deviation"; of rows with one stamp the last, after all
-        readings. Raises ArgumentError for several runs."""
+        """Return means and standard deviations ("p.deviation") of a single run as a trajectory.
+
+        Of rows with the same time it keeps the last one, after all readings. Raises ArgumentError for several runs.
+        """
         if self.runs > 1:
             raise ArgumentError(f"there are {self.runs} runs; a trajectory holds one", "runs")
         values, units = {}, {}
@@ -100,24 +102,25 @@ class Estimates:
 
 @dataclass(frozen=True, eq=False)
 class Filtered(Estimates):
-    """A filtered log: K instants of m runs; of a single run the arrays have no axis of runs.
+    """A filtered log: K instants of m runs.
 
-    time: of the instants [s]. status, message: SOLVED, or why it ended early; what was reached is kept.
-    innovations: sensor -> (K, m, size) over their deviations: of a filter that is right white noise of variance 1; NaN
-        where nothing was read or used. nis, count: normalised innovation squared of each instant and how many numbers
-        it is made of, (K, m). log_likelihood: of the log (m,); a reading beyond its gate counts as one at its edge, one
-        that counts less by Huber's loss, of interacting models and particles by the larger noise.
-    gated: sensor -> readings that its gate left out (m,). weighed: sensor that weighs outliers -> readings that counted
-        less (m,); their innovations are cut at Huber's k, which `consistency` knows.
-    nees: normalised estimation error squared (K, m), where the truth was given; chi-squared with `dimension` degrees of
+    time: of the instants [s]. status, message: SOLVED, or why the run ended early; earlier instants are kept.
+    innovations: sensor -> (K, m, size), normalised by their standard deviations: white noise of variance 1 for a
+        consistent filter; NaN if nothing was read or used. nis, count: normalised innovation squared of each instant
+        and its number of components, (K, m). log_likelihood: of the log (m,). A reading beyond its gate counts as one
+        at its edge; an outlier with less weight counts by Huber's loss, or with its larger noise for interacting
+        models and particles.
+    gated: sensor -> number of readings that its gate left out (m,). weighed: sensor that weighs outliers -> number of
+        readings with less weight (m,); their innovations are cut at Huber's k, and `consistency` accounts for this.
+    nees: normalised estimation error squared (K, m), if the truth was given; chi-squared with `dimension` degrees of
         freedom over independent runs, not over instants of one run.
-    notes: sentences on what limits the numbers, such as a gate that left out more than one reading in fifty.
-    replay: what a Kalman filter ran over, for `consistency`; None of other filters.
-    mode_probabilities: of interacting models (K, m, modes). effective: size of the cloud of a particle filter after
-        each instant's readings, before it was drawn anew (K, m). None of other filters.
+    notes: sentences on the limits of the result, such as a gate that left out more than one reading in fifty.
+    replay: log and start of a Kalman filter, for `consistency`; None for other filters.
+    mode_probabilities: of interacting models (K, m, modes). effective: effective sample size of a particle filter after
+        the readings of each instant, before resampling (K, m). None for other filters.
 
     run["p"] is the mean of a state, run.deviation["p"] the standard deviation of its error, run.error["p"] the error
-    itself where the truth was given; (K, size), or (m, K, size) of several runs.
+    itself if the truth was given; (K, size) for a single run, (m, K, size) for several.
     """
 
     status: SolveStatus
@@ -137,8 +140,10 @@ class Filtered(Estimates):
 
     @property
     def covariances(self) -> np.ndarray:
-        """Covariances of the errors (K, n, n) of a single run, (m, K, n, n) of several. Raises ArgumentError where they
-        were not kept."""
+        """Covariances of the errors, (K, n, n) of a single run, (m, K, n, n) of several.
+
+        Raises ArgumentError if they were not kept.
+        """
         if self.kept is None:
             raise ArgumentError("the covariances were not kept; run with keep=True", "keep")
         return self._shown(np.array([k.after.P for k in self.kept]))
@@ -149,7 +154,7 @@ def _plain(unit: str) -> str:
 
 
 class RunRecord:
-    """Gathers what a run gives."""
+    """Collects the results of a run."""
 
     def __init__(self, system: System, instants: int, runs: int, keep: bool, truth: Mapping[str, Any] | None) -> None:
         n = system.space.dimension
@@ -181,16 +186,16 @@ class RunRecord:
         innovation: Innovation,
         details: Mapping[str, np.ndarray],
     ) -> None:
-        """One instant."""
+        """Add one instant."""
         k = self.n
         self.time[k], self.x[k] = time, after.x
         self.variances[k] = after.P.diagonal(0, 1, 2)
         rows = self.system.rows_of(innovation.names)
         whole = innovation.used.all()
         residual = innovation.residual if whole else np.where(innovation.used, innovation.residual, np.nan)
-        for name, at in zip(innovation.names, rows, strict=True):
-            self.residuals[k, :, self.columns[name]] = residual[:, at]
-            self.expected[k, :, self.columns[name]] = innovation.variance[:, at]
+        for name, columns in zip(innovation.names, rows, strict=True):
+            self.residuals[k, :, self.columns[name]] = residual[:, columns]
+            self.expected[k, :, self.columns[name]] = innovation.variance[:, columns]
         if not whole:
             for n, name in enumerate(innovation.names):
                 self.gated[name] += innovation.gated[:, n]
@@ -210,18 +215,18 @@ class RunRecord:
         self.n = k + 1
 
     def ended(self, why: str = "", sensor: str | None = None) -> Filtered:
-        """What was gathered. sensor: of which there is no value where the run ended."""
+        """Return the result so far. sensor: the sensor without a finite model value, if one ended the run."""
         n = self.n
         status = {"": SolveStatus.SOLVED, "stopped": SolveStatus.INTERRUPTED}.get(why, SolveStatus.NOT_FINITE)
         message = status.message
         if why == "not finite":
-            at = f"after {self.time[n - 1]:g} s" if n else "at the start"
-            message = f"the estimate is not finite {at}: the model has no answer there, or a covariance grew too large"
+            where = f"after {self.time[n - 1]:g} s" if n else "at the start"
+            message = f"the estimate is not finite {where}: the model has no value, or a covariance grew too large"
             if sensor is not None:
-                at = f"at the reading after {self.time[n - 1]:g} s" if n else "at the first reading"
-                message = f"the model has no finite value of what '{sensor}' measures {at}: the estimate lies beyond it"
+                where = f"at the reading after {self.time[n - 1]:g} s" if n else "at the first reading"
+                message = f"the model has no finite value for '{sensor}' {where}: the estimate is outside its range"
         white = self.residuals[:n] / np.sqrt(self.expected[:n])
-        cut = {name: white[:, :, at] for name, at in self.columns.items()}
+        cut = {name: white[:, :, columns] for name, columns in self.columns.items()}
         kept = None if self.kept is None else tuple(self.kept)
         nees, errors = (None, None) if self.errors is None or self.nees is None else (self.nees[:n], self.errors[:n])
         return Filtered(
@@ -232,47 +237,47 @@ class RunRecord:
         )  # fmt: skip
 
     def _notes(self) -> tuple[str, ...]:
-        """Of each sensor whose gate leaves out, or whose weights lessen, more than outliers: its model is wrong."""
+        """A note for each sensor whose gate or outlier weights affect more readings than outliers explain."""
         notes = []
         for name, sensor in self.system.sensors.items():
             out = int(self.gated[name].sum())
-            given = out + int(np.isfinite(self.residuals[: self.n, :, self.columns[name]]).any(axis=2).sum())
-            if out > MOST_GATED * given:
+            total = out + int(np.isfinite(self.residuals[: self.n, :, self.columns[name]]).any(axis=2).sum())
+            if out > MOST_GATED * total:
                 notes.append(
-                    f"the gate of '{name}' at {sensor.gate} left out {out} of {given} readings, "
-                    f"{100 * out / given:.3g} %, more than the {100 * MOST_GATED:g} % that outliers explain: the model "
-                    "or its noise is wrong there; run without the gate and look at the innovations"
+                    f"the gate of '{name}' at {sensor.gate} left out {out} of {total} readings, "
+                    f"{100 * out / total:.3g} %, more than the {100 * MOST_GATED:g} % that outliers explain: the model "
+                    "or its noise is wrong; run without the gate and look at the innovations"
                 )
         for name, few in self.weighed.items():
-            less, of = int(few.sum()), int(np.isfinite(self.residuals[: self.n, :, self.columns[name]]).any(2).sum())
-            if less > MOST_WEIGHED * of:
+            less, total = int(few.sum()), int(np.isfinite(self.residuals[: self.n, :, self.columns[name]]).any(2).sum())
+            if less > MOST_WEIGHED * total:
                 notes.append(
-                    f"{less} of {of} readings of '{name}' counted less as outliers, {100 * less / of:.3g} %, where of "
-                    f"right ones 18 % do: its noise is set too small, or the model is wrong there; see `consistency`"
+                    f"{less} of {total} readings of '{name}', {100 * less / total:.3g} %, counted less as outliers; "
+                    "18 % of good readings do: its noise is set too small, or the model is wrong; see `consistency`"
                 )
         if "effective" in self.details:
             sizes = np.array(self.details["effective"])
             notes.append(
-                f"effective size of the cloud: {np.median(sizes):.0f} particles in the median of all instants, "
-                f"{sizes.min():.0f} at the least"
+                f"effective sample size: {np.median(sizes):.0f} particles in the median over all instants, "
+                f"{sizes.min():.0f} at least"
             )
         return tuple(notes)
 
 
 def normalised_square(d: np.ndarray, P: np.ndarray) -> np.ndarray:
-    """d' P^-1 d (m,) of rows d (m, n), P scaled to a diagonal of ones first: its entries differ by 1e18."""
+    """d' P^-1 d (m,) of rows d (m, n). P is scaled to a diagonal of ones first: its entries differ by 1e18."""
     scale = 1.0 / np.sqrt(np.einsum("mii->mi", P))
     e = d * scale
     return np.sum(e * np.linalg.solve(P * scale[:, :, None] * scale[:, None, :], e[..., None])[..., 0], axis=1)
 
 
 def true_points(system: System, truth: Mapping[str, Any], instants: int, runs: int) -> np.ndarray:
-    """True states (K, m, size) by name; constants that are not named have their own value, others none."""
+    """True states (K, m, size) by name; constants that are not named take their declared value."""
     space = system.space
     points = np.empty((instants, runs, space.size))
     values = {**system.start_constants(), **truth}
     for part in space.parts:
-        _, at, _ = space.part(part.name)
+        _, columns, _ = space.part(part.name)
         if part.name not in values:
             raise ArgumentError(f"the truth of '{part.name}' is missing; give it for every state", "truth")
         v = np.asarray(values[part.name], float)
@@ -280,9 +285,9 @@ def true_points(system: System, truth: Mapping[str, Any], instants: int, runs: i
             v = v[..., None]
         v = np.swapaxes(v, 0, 1) if v.ndim == 3 else v[:, None] if v.ndim == 2 else v
         try:
-            points[:, :, at] = v
+            points[:, :, columns] = v
         except ValueError:
             shapes = f"({instants}, {part.size}) or ({runs}, {instants}, {part.size})"
-            given = np.shape(values[part.name])
-            raise ArgumentError(f"expected {shapes}; found {given}", f"truth.{part.name}") from None
+            shape = np.shape(values[part.name])
+            raise ArgumentError(f"expected {shapes}; found {shape}", f"truth.{part.name}") from None
     return points

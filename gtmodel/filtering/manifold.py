@@ -1,4 +1,4 @@
-"""States and readings that are no plain vectors, unit quaternions and directions beside R^n, on rows of numbers."""
+"""States and readings on manifolds: unit quaternions and directions besides R^n, on rows of numbers."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from ..results.refusal import ArgumentError
 
 
 class RowsFunction:
-    """A function of columns, called with rows: arguments (m, size), results (m, size), of a matrix (m, rows, columns).
+    """A CasADi function of columns, called with rows: arguments (m, size), results (m, size) or (m, rows, columns).
 
-    An argument of one row stands for all. The results are new at each call. matrices: places of results that are
-    matrices even where they have a single column.
+    An argument with one row is used for all rows. Each call returns new arrays. matrices: positions of the results
+    that are matrices even with a single column.
     """
 
     def __init__(self, name: str, arguments: list[Any], results: list[Any], matrices: tuple[int, ...] = ()) -> None:
@@ -27,42 +27,42 @@ class RowsFunction:
         dense = [ca.densify(r.T if r.shape[1] != 1 else r) for r in results]  # CasADi stores column by column
         self.function = ca.Function(name, arguments, dense, {"cse": True})
         self._sizes = [a.numel() for a in arguments]
-        self._made: dict[int, tuple[list[np.ndarray], list[np.ndarray], Any, Any]] = {}
+        self._buffers: dict[int, tuple[list[np.ndarray], list[np.ndarray], Any, Any]] = {}
 
     def __call__(self, *values: Any) -> list[np.ndarray]:
         rows = 1
         for v in values:
             if isinstance(v, np.ndarray) and v.ndim == 2 and len(v) > rows:
                 rows = len(v)
-        given, results, run, _ = self._made.get(rows) or self._prepared(rows)
-        for memory, value in zip(given, values, strict=True):
+        memories, results, run, _ = self._buffers.get(rows) or self._prepared(rows)
+        for memory, value in zip(memories, values, strict=True):
             memory[...] = value
         run()
         return [r.copy() for r in results]
 
     def _prepared(self, rows: int) -> tuple[list[np.ndarray], list[np.ndarray], Any, Any]:
         f = self.function if rows == 1 else self.function.map(rows)
-        given = [np.zeros((rows, size)) for size in self._sizes]
+        memories = [np.zeros((rows, size)) for size in self._sizes]
         results = [np.zeros((rows, *s)) for s in self.shapes]
         buffer, run = f.buffer()
         set_arg: Any = buffer.set_arg
         set_res: Any = buffer.set_res
-        places: list[tuple[Any, list[Any]]] = [(set_arg, given), (set_res, results)]
+        places: list[tuple[Any, list[Any]]] = [(set_arg, memories), (set_res, results)]
         for setter, arrays in places:
             for k, a in enumerate(arrays):
                 if a.size:
                     setter(k, memoryview(a))
-        if len(self._made) > MOST_SIZES:
-            self._made.pop(next(iter(self._made)))
-        self._made[rows] = given, results, run, (buffer, f)
-        return self._made[rows]
+        if len(self._buffers) > MOST_SIZES:
+            self._buffers.pop(next(iter(self._buffers)))
+        self._buffers[rows] = memories, results, run, (buffer, f)
+        return self._buffers[rows]
 
 
-MOST_SIZES = 8  # numbers of rows whose memory is kept
+MOST_SIZES = 8  # numbers of rows whose buffers are kept
 
 
 PartKind = Literal["vector", "quaternion", "direction"]
-UNIT_LENGTH = 1e-6  # a quaternion or direction further from unit length is no rounded one
+UNIT_LENGTH = 1e-6  # a quaternion or direction further from unit length is not just rounded
 DIMENSION = {"quaternion": 3, "direction": 2}
 SIZE = {"quaternion": 4, "direction": 3}
 
@@ -72,7 +72,7 @@ class StatePart:
     """One named part of a state or a reading.
 
     kind: "vector"; "quaternion", of unit length, scalar first, body to world; "direction", a unit vector in space.
-    size: how many numbers it has. unit: of these numbers.
+    size: how many numbers it has. unit: their unit.
     """
 
     name: str
@@ -96,19 +96,19 @@ class StatePart:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Names of the components of its error; of a turn about the axes of the body."""
+        """Names of the components of its error; for a quaternion, rotations about the axes of the body."""
         if self.kind == "vector" and self.size == 1:
             return (self.name,)
         return tuple(f"{self.name}[{k}]" for k in range(self.dimension))
 
 
 class Manifold:
-    """A product of vectors, unit quaternions and directions, with a difference of two points.
+    """Product of vectors, unit quaternions and directions, with the operations plus and minus.
 
-    A point x has `size` numbers, an error d has `dimension`: plus(x, d) is the point that lies d from x, minus(y, x)
-    the error that leads from x to y, so plus(x, minus(y, x)) = y. Of a quaternion the error is a rotation vector [rad]
-    in the axes of the body, q plus d = q * exp(d / 2); q and -q are one orientation. Of a direction it is the angle
-    [rad] along two axes at right angles to it.
+    A point x has `size` numbers, an error d has `dimension` numbers: plus(x, d) is the point at distance d from x, and
+    minus(y, x) is the error from x to y, so plus(x, minus(y, x)) = y. The error of a quaternion is a rotation vector
+    [rad] in the axes of the body, q plus d = q * exp(d / 2); q and -q are the same orientation. The error of a
+    direction is the angle [rad] along two axes perpendicular to it.
 
     Source: Hertzberg, Wagner, Frese, Schroeder 2013, Information Fusion 14, 57-77.
 
@@ -129,13 +129,13 @@ class Manifold:
         names = [part.name for part in self.parts]
         if len(set(names)) != len(names):
             twice = next(n for n in names if names.count(n) > 1)
-            raise ArgumentError(f"'{twice}' is named twice; name each part once", "parts")
+            raise ArgumentError(f"'{twice}' is there twice; name each part once", "parts")
         self.size = sum(part.size for part in self.parts)
         self.dimension = sum(part.dimension for part in self.parts)
 
     @cached_property
     def flat(self) -> bool:
-        """Whether it is R^n, so that plus and minus are sum and difference."""
+        """Whether this is R^n, where plus and minus are sum and difference."""
         return all(part.kind == "vector" for part in self.parts)
 
     @property
@@ -149,16 +149,18 @@ class Manifold:
         return tuple(part.error_unit for part in self.parts for _ in range(part.dimension))
 
     def part(self, name: str) -> tuple[StatePart, slice, slice]:
-        """A part by name, where it stands in a point and where in an error. Raises ArgumentError for a name that is
-        not there."""
+        """Return a part by name, its slice in a point and its slice in an error.
+
+        Raises ArgumentError for an unknown name.
+        """
         for part, at, along in self.places():
             if part.name == name:
                 return part, at, along
-        there = ", ".join(f"'{part.name}'" for part in self.parts)
-        raise ArgumentError(f"there is no state '{name}'; there are {there}", "name")
+        names = ", ".join(f"'{part.name}'" for part in self.parts)
+        raise ArgumentError(f"there is no state '{name}'; the states are {names}", "name")
 
     def places(self) -> list[tuple[StatePart, slice, slice]]:
-        """The parts, where each stands in a point, and where in an error."""
+        """Return all parts, each with its slice in a point and its slice in an error."""
         places, i, j = [], 0, 0
         for part in self.parts:
             places.append((part, slice(i, i + part.size), slice(j, j + part.dimension)))
@@ -168,23 +170,23 @@ class Manifold:
     # -- on symbols ------------------------------------------------------------------------------------
 
     def plus_symbols(self, x: Any, d: Any) -> Any:
-        """plus on CasADi columns."""
+        """Return plus on CasADi columns."""
         return ca.vertcat(*[_PLUS[part.kind](x[at], d[along]) for part, at, along in self.places()])
 
     def minus_symbols(self, y: Any, x: Any) -> Any:
-        """minus on CasADi columns."""
+        """Return minus on CasADi columns."""
         return ca.vertcat(*[_MINUS[part.kind](y[at], x[at]) for part, at, along in self.places()])
 
     def from_error(self, x: Any) -> Any:
-        """d plus(x, d) / dd at d = 0 (size, dimension), on CasADi columns."""
+        """Return d plus(x, d) / dd at d = 0 (size, dimension), on CasADi columns."""
         return ca.diagcat(*[_FROM[part.kind](x[at]) for part, at, _ in self.places()])
 
     def to_error(self, x: Any) -> Any:
-        """d minus(y, x) / dy at y = x (dimension, size), on CasADi columns."""
+        """Return d minus(y, x) / dy at y = x (dimension, size), on CasADi columns."""
         return ca.diagcat(*[_TO[part.kind](x[at]) for part, at, _ in self.places()])
 
     def to_unit(self, x: Any) -> Any:
-        """Quaternions and directions scaled to unit length, on CasADi columns."""
+        """Scale quaternions and directions to unit length, on CasADi columns."""
         return ca.vertcat(*[x[at] if part.kind == "vector" else _unit(x[at]) for part, at, _ in self.places()])
 
     # -- on numbers ------------------------------------------------------------------------------------
@@ -192,41 +194,43 @@ class Manifold:
     @cached_property
     def _functions(self) -> tuple[RowsFunction, RowsFunction, RowsFunction]:
         x, y, d = ca.SX.sym("x", self.size), ca.SX.sym("y", self.size), ca.SX.sym("d", self.dimension)
-        there = self.plus_symbols(x, d)
-        carried = ca.mtimes(self.to_error(there), ca.jacobian(there, d))
+        point = self.plus_symbols(x, d)
+        carried = ca.mtimes(self.to_error(point), ca.jacobian(point, d))
         return (
-            RowsFunction("plus", [x, d], [there]),
+            RowsFunction("plus", [x, d], [point]),
             RowsFunction("minus", [y, x], [self.minus_symbols(y, x)]),
             RowsFunction("carried", [x, d], [carried], (0,)),
         )
 
     def plus(self, x: Any, d: Any) -> np.ndarray:
-        """The points (..., size) that lie d (..., dimension) from x (..., size)."""
+        """Return the points (..., size) at errors d (..., dimension) from x (..., size)."""
         x, d = np.asarray(x, float), np.asarray(d, float)
         return x + d if self.flat else _rows(self._functions[0], x, d)
 
     def minus(self, y: Any, x: Any) -> np.ndarray:
-        """The errors (..., dimension) that lead from x to y, both (..., size)."""
+        """Return the errors (..., dimension) from x to y, both (..., size)."""
         y, x = np.asarray(y, float), np.asarray(x, float)
         return y - x if self.flat else _rows(self._functions[1], y, x)
 
     def carried(self, x: np.ndarray, d: np.ndarray) -> np.ndarray:
-        """How an error at x is called at plus(x, d): Jacobians (n, dimension, dimension) for rows x (n, size)."""
+        """Return the Jacobians (n, dimension, dimension) that transport errors at x (n, size) to plus(x, d)."""
         return self._functions[2](x, d)[0]
 
     def mean(self, points: np.ndarray, weights: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        """Intrinsic mean (m, size) of points (m, k, size) with weights (k,) or (m, k) that sum to one: where the
-        weighted errors to all points vanish. guess (m, size)."""
+        """Return the intrinsic mean (m, size) of points (m, k, size) with weights (k,) or (m, k) that sum to one.
+
+        The weighted errors from the mean to all points sum to zero. guess: (m, size).
+        """
         w = np.broadcast_to(weights, points.shape[:2])[..., None]
         if self.flat:
             return np.sum(w * points, axis=1)
-        at = guess
+        mean = guess
         for _ in range(MEAN_STEPS):
-            step = np.sum(w * self.minus(points, np.broadcast_to(at[:, None], points.shape)), axis=1)
-            at = self.plus(at, step)
+            step = np.sum(w * self.minus(points, np.broadcast_to(mean[:, None], points.shape)), axis=1)
+            mean = self.plus(mean, step)
             if self._curved(step) < MEAN_TOLERANCE:
                 break
-        return at
+        return mean
 
     def _curved(self, d: np.ndarray) -> float:
         """The largest angle in errors (m, dimension)."""
@@ -234,7 +238,7 @@ class Manifold:
         return max(float(np.max(np.abs(t), initial=0.0)) for t in turns)
 
     def point(self, values: Mapping[str, Any], argument: str = "mean") -> np.ndarray:
-        """A point (size,) from values by name; what is not named is zero, or no turn.
+        """Return a point (size,) from values by name; a part that is not named is zero, or the identity.
 
         Raises ArgumentError for a wrong name or shape, and for a quaternion or direction that is not of unit length.
         """
@@ -256,14 +260,14 @@ class Manifold:
         return point
 
     def values(self, points: np.ndarray) -> dict[str, np.ndarray]:
-        """Points (..., size) by name, scalars without a last axis."""
+        """Split points (..., size) by name; scalars have no last axis."""
         return {
             part.name: points[..., at.start] if part.kind == "vector" and part.size == 1 else points[..., at]
             for part, at, _ in self.places()
         }
 
     def errors(self, d: np.ndarray) -> dict[str, np.ndarray]:
-        """Errors (..., dimension) by name, of a scalar without a last axis."""
+        """Split errors (..., dimension) by name; scalars have no last axis."""
         return {
             part.name: d[..., along.start] if part.dimension == 1 else d[..., along] for part, _, along in self.places()
         }
@@ -308,7 +312,7 @@ def _to_quaternion(q: Any) -> Any:
 
 
 def _axes(n: Any) -> Any:
-    """Two unit vectors (3, 2) at right angles to a unit vector: Duff et al. 2017, J. Comput. Graph. Tech. 6(1)."""
+    """Two unit vectors (3, 2) perpendicular to a unit vector: Duff et al. 2017, J. Comput. Graph. Tech. 6(1)."""
     sign = ca.if_else(n[2] < 0, -1.0, 1.0)
     a = -1 / (sign + n[2])
     b = n[0] * n[1] * a
@@ -327,7 +331,7 @@ def _plus_direction(n: Any, d: Any) -> Any:
 
 
 def _minus_direction(n: Any, n0: Any) -> Any:
-    n = _unit(n)  # a reading of another length; of none it is no direction, and no number
+    n = _unit(n)  # a reading may have another length; zero length gives NaN
     v = ca.mtimes(_axes(n0).T, n)
     scalar = ca.dot(n, n0)
     square = ca.dot(v, v)

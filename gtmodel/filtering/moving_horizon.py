@@ -1,4 +1,4 @@
-"""Least squares over a window of readings, with bounds on states and noise: what a Kalman filter cannot take."""
+"""Moving-horizon estimation: least squares over a window of readings, with bounds on states and noise."""
 
 from __future__ import annotations
 
@@ -25,18 +25,17 @@ from .error_state import ErrorState
 from .manifold import Manifold
 from .system import System
 
-TOLERANCE = 1e-12  # of the solver: the problem is one of least squares, whose last step is exact
-AT_BOUND = 1e-6  # of the largest size of a bounded quantity: it stands at its bound
+TOLERANCE = 1e-12  # of the solver: the last step of a least-squares problem is exact
+AT_BOUND = 1e-6  # of the largest size of a bounded quantity: closer to a bound than this, it is at the bound
 
 
 @dataclass(frozen=True, eq=False)
 class HorizonEstimate:
-    """What a window of readings says of a single run, with bounds kept.
+    """Estimate of a single run from a window of readings, inside its bounds.
 
-    time: of the K instants [s]; x: states (K, size). noise: name -> (K, size), what must have driven the process.
-    status, message: of the solver; `solution` is its whole answer, with checks, between the instants too; of a run over
-    windows that of the last one.
-    at_bound: names of the states and noises that stand at a bound somewhere.
+    time: of the K instants [s]; x: states (K, size). noise: name -> estimated process noise (K, size).
+    status, message: of the solver. solution: the full solution with checks, also between the instants; for a run over
+    windows, the solution of the last window. at_bound: names of states and noises that reach a bound.
 
     estimate["p"] is a state by name, (K,) or (K, size).
     """
@@ -51,28 +50,28 @@ class HorizonEstimate:
     solution: Solution | None
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """A state or an estimated constant. Raises ArgumentError for a name that is not there."""
+        """A state or an estimated constant. Raises ArgumentError for an unknown name."""
         self.system.space.part(name)
         return self.system.space.values(self.x)[name]
 
 
 class MovingHorizon:
-    """Estimation over a window of readings by constrained least squares, as a `gt.Optimization` by collocation.
+    """Constrained least-squares estimation over a window of readings, as a `gt.Optimization` by collocation.
 
-    White noise is an input of the process: the estimate is the motion with the least sum of squared residuals of the
-    readings over their variances, of the integral of noise^2 over its density, and of an arrival cost, the squared
-    distance from what was known before the window, over its covariance. On a linear problem without bounds this is the
-    Kalman smoother. It adds bounds on states and noise, such as a gap that is not negative or wear that never heals.
+    White noise is an input of the process. The estimate minimises the sum of three terms: squared residuals of the
+    readings over their variances, the integral of noise^2 over its density, and an arrival cost, the squared distance
+    from the prior before the window over its covariance. For a linear problem without bounds this is the Kalman
+    smoother. It adds bounds on states and noise, such as a gap that is not negative or wear that never decreases.
 
     Args:
-        system: process and sensors; in continuous time, and without unknowns that need an iteration.
+        system: process and sensors, in continuous time, with rates in closed form.
         bounds: name of a state, of an estimated constant or of a noise -> (low, high), numbers or one per component;
-            None for none. They hold at all collocation points.
-        points: collocation points in each element: 5 are exact for three integrators behind white noise.
-        elements: between two instants.
-        solver: of the optimisation; explicit rates and a tolerance of 1e-12 if left out.
+            None: unbounded. The bounds apply at all collocation points.
+        points: collocation points per element: 5 are exact for three integrators behind white noise.
+        elements: elements between two instants.
+        solver: solver options; explicit rates and a tolerance of 1e-12 if left out.
 
-    Gates do not apply here: all readings count. Raises ArgumentError for wrong names and for a process in steps.
+    Gates are ignored: all readings count. Raises ArgumentError for wrong names, and for a process in discrete time.
 
     Source: Rao, Rawlings, Mayne 2003, IEEE Trans. Autom. Control 48, 246-258.
 
@@ -101,43 +100,43 @@ class MovingHorizon:
     ) -> None:
         self.system, d = system, system.dynamics
         if d.step:
-            raise ArgumentError("a moving horizon takes a process in continuous time, a ProcessModel", "system")
+            raise ArgumentError("a moving horizon needs a process in continuous time, a ProcessModel", "system")
         if d.symbol is not ca.SX.sym:
             raise ArgumentError(
-                "the rates of this process need an iteration; a moving horizon takes rates in closed form", "system"
+                "the rates of this process need an iteration; a moving horizon needs rates in closed form", "system"
             )
         for name, sensor in system.sensors.items():
             if sensor.outliers:
-                sentence = f"'{name}' weighs outliers; a moving horizon takes squares: leave that out, or take a filter"
+                sentence = f"'{name}' weighs outliers; a moving horizon cannot: leave outliers out, or use a filter"
                 raise ArgumentError(sentence, "system")
             if name in system.mixing:
-                sentence = f"'{name}' has a full covariance; a moving horizon takes deviations: give these, or a filter"
+                sentence = f"'{name}' has a full covariance; a moving horizon needs deviations: give these, or a filter"
                 raise ArgumentError(sentence, "system")
         for name, number in (("points", points), ("elements", elements)):
             if number < 1:
                 raise ArgumentError(f"expected at least 1; found {number}", name)
         if np.any(d.intensity != np.diag(np.diag(d.intensity))):
-            sentence = "the process has a full covariance; a moving horizon takes independent noise: take a filter"
+            sentence = "the process has a full covariance; a moving horizon needs independent noise: use a filter"
             raise ArgumentError(sentence, "system")
         self.points, self.elements = points, elements
         self.solver = solver or SolverOptions(tolerance=TOLERANCE, formulation="explicit")
         ends = np.cumsum([0, *d.noise.values()])
         self._noises = {name: slice(int(a), int(b)) for name, a, b in zip(d.noise, ends[:-1], ends[1:], strict=True)}
-        self._drawn = np.flatnonzero(np.diag(d.intensity) > 0)  # a noise of density zero does nothing
+        self._drawn = np.flatnonzero(np.diag(d.intensity) > 0)  # a noise of density zero has no effect
         self._low, self._high = _limits(system, self._noises, dict(bounds or {}))
 
     def solve(
         self, log: Mapping[str, Any], start: InitialState | Belief, *, inputs: Trajectory | None = None
     ) -> HorizonEstimate:
-        """The estimate from all readings of a log at once.
+        """Estimate from all readings of a log at once.
 
         Args:
-            log: sensor -> `Readings`, as of `Filter.run`; a single run, two instants at least.
-            start: the arrival cost: what was known at the start, before the readings.
-            inputs: the known inputs of the process; where they bend between readings elements end too.
+            log: sensor -> `Readings`, as in `Filter.run`; a single run, at least two instants.
+            start: prior at the start, before the readings, for the arrival cost.
+            inputs: known inputs of the process; a change of slope between readings also ends an element.
 
-        A problem that the solver does not solve has its status; nothing is raised. Raises ArgumentError for a log that
-        does not fit.
+        If the solver fails, the result has its status; nothing is raised. Raises ArgumentError for a log that does not
+        fit.
         """
         readings, plan = self._planned(log, inputs)
         belief = start if isinstance(start, Belief) else start.belief(self.system, plan[0].time)
@@ -152,38 +151,39 @@ class MovingHorizon:
         inputs: Trajectory | None = None,
         progress: Callable[[float], bool] | None = None,
     ) -> HorizonEstimate:
-        """At each instant the estimate from the readings of the last `window` instants, as a machine would have it.
+        """Estimate at each instant from the readings of the last `window` instants, as in real time.
 
-        The arrival cost of each window is the error-state filter's belief before it, so it holds all older readings,
-        but not the bounds. Other arguments and errors as of `solve`; at the first instant it is the filter's estimate,
-        moved into the bounds. progress: called with the fraction done; returning True ends the run there.
+        The arrival cost of each window is the belief of the error-state filter before it: this includes all older
+        readings, but not the bounds. At the first instant the result is the filter's estimate, clipped to the bounds.
+        Other arguments and errors as in `solve`. progress: called with the fraction done; if it returns True, the run
+        ends.
         """
         if window < 2:
             raise ArgumentError(f"expected at least 2 instants; found {window}", "window")
         readings, plan = self._planned(log, inputs)
         filtered = ErrorState(self.system).run(log, start, inputs=inputs)
-        kept = filtered.kept or ()
-        if len(kept) < 2:
-            few = "the log holds a single instant; a moving horizon takes at least two"
+        beliefs = filtered.kept or ()
+        if len(beliefs) < 2:
+            few = "the log holds a single instant; a moving horizon needs at least two"
             raise ArgumentError(few if filtered.status.ok else filtered.message, "log")
         low, high = self._low[: self.system.space.size], self._high[: self.system.space.size]
-        x, noise = [np.clip(kept[0].after.x[0], low, high)], []
+        x, noise = [np.clip(beliefs[0].after.x[0], low, high)], []
         status, message, touched = SolveStatus.SOLVED, SolveStatus.SOLVED.message, set()
         solution: Solution | None = None
         time = [plan[0].time]
-        for k in range(1, len(kept)):
-            if progress is not None and progress(k / len(kept)):
+        for k in range(1, len(beliefs)):
+            if progress is not None and progress(k / len(beliefs)):
                 status, message = SolveStatus.INTERRUPTED, SolveStatus.INTERRUPTED.message
                 break
             first = max(0, k - window + 1)
-            own = self._window(readings, plan[first : k + 1], kept[first].before, inputs)
-            x.append(own.x[-1])
-            noise.append({name: v[-1] for name, v in own.noise.items()})
+            estimate = self._window(readings, plan[first : k + 1], beliefs[first].before, inputs)
+            x.append(estimate.x[-1])
+            noise.append({name: v[-1] for name, v in estimate.noise.items()})
             time.append(plan[k].time)
-            touched |= set(own.at_bound)
-            solution = own.solution
-            if not own.status.ok and status.ok:
-                status, message = own.status, f"the window that ends at {plan[k].time:g} s: {own.message}"
+            touched |= set(estimate.at_bound)
+            solution = estimate.solution
+            if not estimate.status.ok and status.ok:
+                status, message = estimate.status, f"the window that ends at {plan[k].time:g} s: {estimate.message}"
         whole = {name: np.array([v[name] for v in [*noise[:1], *noise]]) for name in self._noises}
         at_bound = tuple(n for n in [*[p.name for p in self.system.space.parts], *self._noises] if n in touched)
         return HorizonEstimate(self.system, np.array(time), np.array(x), whole, status, message, at_bound, solution)
@@ -193,7 +193,7 @@ class MovingHorizon:
     def _planned(self, log: Mapping[str, Any], inputs: Any) -> tuple[dict[str, Readings], list[Moment]]:
         readings = readings_of(self.system, log)
         if size_of_runs([*readings.values()]) > 1:
-            raise ArgumentError("a moving horizon takes a single run", "log")
+            raise ArgumentError("a moving horizon estimates a single run; the log holds several", "log")
         if self.system.dynamics.inputs and inputs is None:
             names = ", ".join(self.system.dynamics.inputs)
             raise ArgumentError(f"the process has known inputs; give a trajectory of {names}", "inputs")
@@ -205,16 +205,16 @@ class MovingHorizon:
         system = self.system
         times = [belief.time, *[m.time for m in plan]]
         bends = [t for t, _ in system.bends(inputs, times[0], times[-1])]
-        edges = [times[0]]  # of elements: readings of one sensor with one stamp share theirs
+        edges = [times[0]]  # of elements: readings at the same instant share one
         for t in sorted([*times[1:], *bends]):
             if t - edges[-1] > SAME_INSTANT:
                 edges.append(t)
         if len(edges) < 2:
-            raise ArgumentError("the log holds a single instant; a moving horizon takes at least two", "log")
-        for part, at, along in system.space.places():
+            raise ArgumentError("the log holds a single instant; a moving horizon needs at least two", "log")
+        for part, rows_k, along in system.space.places():
             fixed = np.diag(belief.P[0])[along] <= 0 if part.kind == "vector" else np.zeros(part.size, bool)
-            if np.any(fixed & ((belief.x[0, at] < self._low[at]) | (belief.x[0, at] > self._high[at]))):
-                raise ArgumentError(f"the start of '{part.name}' is certain and lies outside its bounds", "start")
+            if np.any(fixed & ((belief.x[0, rows_k] < self._low[rows_k]) | (belief.x[0, rows_k] > self._high[rows_k]))):
+                raise ArgumentError(f"the start of '{part.name}' is exact and outside its bounds", "start")
         place = [int(np.argmin(np.abs(np.array(edges) - m.time))) for m in plan]
         u = np.array([system.inputs_at(inputs, t) for t in edges])
         problem = self._problem(readings, plan, [edges[k] for k in place], np.array(edges), u, belief)
@@ -228,25 +228,25 @@ class MovingHorizon:
         guess = Trajectory(np.array(edges), {f"x{k}": rows[:, k] for k in range(n)})
         solution = solve(problem, mesh, guess=guess, solver=self.solver, throw=False)
         # the ends of elements are points of the mesh
-        own = solution.trajectory
-        at = np.abs(own.time[:, None] - np.array(edges)[None]).argmin(axis=0)
-        every = np.zeros((len(own.time), len(self._low)))  # states, then noises
+        trajectory = solution.trajectory
+        rows_k = np.abs(trajectory.time[:, None] - np.array(edges)[None]).argmin(axis=0)
+        values = np.zeros((len(trajectory.time), len(self._low)))  # states, then noises
         for k in [*range(n), *(n + self._drawn)]:
-            every[:, k] = own[f"x{k}"]
+            values[:, k] = trajectory[f"x{k}"]
         return HorizonEstimate(
-            system, np.array([m.time for m in plan]), every[at[place], :n],
-            {name: every[at[place], n + along.start : n + along.stop] for name, along in self._noises.items()},
-            solution.status, solution.message, self._touched(every), solution,
+            system, np.array([m.time for m in plan]), values[rows_k[place], :n],
+            {name: values[rows_k[place], n + along.start : n + along.stop] for name, along in self._noises.items()},
+            solution.status, solution.message, self._touched(values), solution,
         )  # fmt: skip
 
-    def _touched(self, every: np.ndarray) -> tuple[str, ...]:
-        """Names that stand at a bound at some point."""
-        size = np.abs(every).max(axis=0)
-        touched = (np.minimum(every - self._low, self._high - every) <= AT_BOUND * size).any(axis=0)
+    def _touched(self, values: np.ndarray) -> tuple[str, ...]:
+        """Names of the states and noises that reach a bound."""
+        size = np.abs(values).max(axis=0)
+        touched = (np.minimum(values - self._low, self._high - values) <= AT_BOUND * size).any(axis=0)
         n = self.system.space.size
-        places = [(part.name, at) for part, at, _ in self.system.space.places()]
+        places = [(part.name, columns) for part, columns, _ in self.system.space.places()]
         places += [(name, slice(n + s.start, n + s.stop)) for name, s in self._noises.items()]
-        return tuple(name for name, at in places if touched[at].any())
+        return tuple(name for name, columns in places if touched[columns].any())
 
     def _problem(
         self,
@@ -257,7 +257,7 @@ class MovingHorizon:
         u: np.ndarray,
         belief: Belief,
     ) -> Optimization:
-        """The window as an optimisation with states x and noises w."""
+        """The window as an optimisation problem with states x and noises w."""
         system, d, drawn = self.system, self.system.dynamics, self._drawn
         n, count = system.space.size, sum(d.noise.values())
         density = np.diag(d.intensity)[drawn]
@@ -280,20 +280,20 @@ class MovingHorizon:
             return w
 
         def costs(model: Any) -> list[Any]:
-            t, x, own, scope = model.time.sx, column(model, range(n)), known(model), model.x0.scope
+            t, x, u_known, scope = model.time.sx, column(model, range(n)), known(model), model.x0.scope
 
             def of(values: Any) -> Expr:
                 return Expr(ca.SX(values), (values.numel(),), None, scope)
 
             terms = []
-            apart = system.space.minus_symbols(x, ca.DM(mean))[[int(k) for k in np.flatnonzero(~certain)]]
+            difference = system.space.minus_symbols(x, ca.DM(mean))[[int(k) for k in np.flatnonzero(~certain)]]
             if root.size:
-                far = ca.mtimes(ca.DM(np.linalg.inv(root)), apart)
+                far = ca.mtimes(ca.DM(np.linalg.inv(root)), difference)
                 terms.append(misfit(of(far), [edges[0]], np.zeros((1, len(root))), sigma=1.0))
-            for name, given in readings.items():
+            for name, r in readings.items():
                 sensor, part = system.sensors[name], system.readings[name]
-                value = system.expected(sensor, t, x, own)
-                rows = [(time, given.values[m.rows[name]]) for time, m in zip(at, plan, strict=True) if name in m.rows]
+                value = system.expected(sensor, t, x, u_known)
+                rows = [(time, r.values[m.rows[name]]) for time, m in zip(at, plan, strict=True) if name in m.rows]
                 terms += _reading_costs(part, value, rows, system.deviations[name], of)
             if drawn.size:
                 w = column(model, n + drawn)
@@ -308,8 +308,8 @@ class MovingHorizon:
                 x = column(self, range(n))
                 rates = ca.SX(system.rates(self.time.sx, x, known(self), drives(self)))
                 for k in range(n):
-                    own: Any = getattr(self, f"x{k}")
-                    yield der(own) == Expr(rates[k], (), None, own.scope)
+                    state: Any = getattr(self, f"x{k}")
+                    yield der(state) == Expr(rates[k], (), None, state.scope)
 
             def objective(self) -> Any:
                 every = costs(self)
@@ -317,9 +317,9 @@ class MovingHorizon:
 
             def constraints(self) -> Any:
                 x, scope = column(self, range(n)), self.x0.scope
-                apart = system.space.minus_symbols(x, ca.DM(mean))
+                difference = system.space.minus_symbols(x, ca.DM(mean))
                 for k in np.flatnonzero(certain):
-                    yield Expr(apart[int(k)], (), None, scope).at(self.start_time) == 0
+                    yield Expr(difference[int(k)], (), None, scope).at(self.start_time) == 0
                 for part, place, _ in system.space.places():
                     if part.kind != "vector":
                         yield Expr(ca.sumsqr(x[place]), (), None, scope).at(self.start_time) == 1
@@ -336,25 +336,25 @@ class MovingHorizon:
 def _reading_costs(
     part: Any, value: Any, rows: list[Any], deviation: np.ndarray, of: Callable[[Any], Expr]
 ) -> list[Any]:
-    """The cost of what one sensor read, missing numbers left out."""
+    """Cost terms of the readings of one sensor, without missing numbers."""
     if part.kind != "vector":
-        one = Manifold([part])
+        space = Manifold([part])
         finite = [(time, z) for time, z in rows if np.all(np.isfinite(z)) and np.any(z != 0)]
         return [
-            misfit(of(one.minus_symbols(ca.DM(z), value)), [time], np.zeros((1, part.dimension)), sigma=deviation)
+            misfit(of(space.minus_symbols(ca.DM(z), value)), [time], np.zeros((1, part.dimension)), sigma=deviation)
             for time, z in finite
         ]
     costs = []
     for c in range(part.size):
-        there = [(time, z[c]) for time, z in rows if np.isfinite(z[c])]
-        if there:
-            times, values = zip(*there, strict=True)
+        finite = [(time, z[c]) for time, z in rows if np.isfinite(z[c])]
+        if finite:
+            times, values = zip(*finite, strict=True)
             costs.append(misfit(of(value[c]), times, np.array(values)[:, None], sigma=deviation[c]))
     return costs
 
 
 def _root(P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which errors are certain, and the Cholesky factor of the covariance of the others. Raises ArgumentError."""
+    """Which errors are exactly zero, and the Cholesky factor of the covariance of the others. Raises ArgumentError."""
     certain = np.diag(P) <= 0
     rest = P[~certain][:, ~certain]
     scale = np.sqrt(np.diag(rest))
@@ -362,42 +362,42 @@ def _root(P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return certain, scale[:, None] * np.linalg.cholesky(rest / np.outer(scale, scale))
     except np.linalg.LinAlgError:
         raise ArgumentError(
-            "the covariance at the start is singular: two states are one; give each a deviation of its own", "start"
+            "the covariance at the start is singular: states are fully correlated; give each its own deviation", "start"
         ) from None
 
 
 def _typical(space: Manifold, belief: Belief) -> np.ndarray:
-    """Sizes of the numbers of the state: their deviation at the start, of quaternions and directions 1."""
+    """Typical sizes of the numbers of the state: the deviation at the start; 1 for quaternions and directions."""
     deviation = np.sqrt(np.diag(belief.P[0]))
     sizes = np.ones(space.size)
-    for part, at, along in space.places():
+    for part, cols, along in space.places():
         if part.kind == "vector":
-            sizes[at] = np.where(deviation[along] > 0, deviation[along], np.maximum(np.abs(belief.x[0, at]), 1e-3))
+            sizes[cols] = np.where(deviation[along] > 0, deviation[along], np.maximum(np.abs(belief.x[0, cols]), 1e-3))
     return sizes
 
 
 def _limits(
     system: System, noises: Mapping[str, slice], bounds: Mapping[str, tuple[Any, Any]]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds of all states and noises. Raises ArgumentError for a name that is not there and for bounds that cross."""
+    """Bounds of all states and noises. Raises ArgumentError for an unknown name, and for bounds that cross."""
     n = system.space.size
-    places = {part.name: (part.kind, at) for part, at, _ in system.space.places()}
+    places = {part.name: (part.kind, cols) for part, cols, _ in system.space.places()}
     places |= {name: ("vector", slice(n + s.start, n + s.stop)) for name, s in noises.items()}
     total = n + sum(s.stop - s.start for s in noises.values())
     low, high = np.full(total, -np.inf), np.full(total, np.inf)
     for name, pair in bounds.items():
         if name not in places:
-            there = ", ".join(f"'{p}'" for p in places)
-            raise ArgumentError(f"there is no state or noise '{name}'; there are {there}", "bounds")
-        kind, at = places[name]
+            names = ", ".join(f"'{p}'" for p in places)
+            raise ArgumentError(f"there is no state or noise '{name}'; expected one of {names}", "bounds")
+        kind, cols = places[name]
         if kind != "vector":
-            raise ArgumentError(f"'{name}' is a {kind}, whose numbers have no bounds of their own", f"bounds.{name}")
+            raise ArgumentError(f"'{name}' is a {kind}, whose numbers cannot be bounded", f"bounds.{name}")
         try:
             lower, upper = pair
-            low[at] = -np.inf if lower is None else lower
-            high[at] = np.inf if upper is None else upper
+            low[cols] = -np.inf if lower is None else lower
+            high[cols] = np.inf if upper is None else upper
         except (TypeError, ValueError):
             raise ArgumentError(f"expected (low, high), numbers or None; found {pair!r}", f"bounds.{name}") from None
-        if not np.all(low[at] <= high[at]):
-            raise ArgumentError(f"the lower bound lies above the upper one: {pair!r}", f"bounds.{name}")
+        if not np.all(low[cols] <= high[cols]):
+            raise ArgumentError(f"the lower bound is above the upper one: {pair!r}", f"bounds.{name}")
     return low, high

@@ -1,4 +1,4 @@
-"""What the study of a filter is asked for, sensors, a start, synthetic readings, and what it answers."""
+"""Options of the filter study (sensors, start, synthetic readings), and its result."""
 
 from __future__ import annotations
 
@@ -21,35 +21,35 @@ Numbers = float | tuple[float, ...]
 
 @dataclass(frozen=True)
 class MeasuredQuantity(Options):
-    """A sensor of a filter: which variable of the model it measures, and with what noise, in the SI unit of that.
+    """A sensor of a filter: the model variable that it measures, and its noise in the SI unit of that variable.
 
     >>> gt.filtering.MeasuredQuantity(signal="angle", deviation=0.01).sensor("encoder").quantity
     'angle'
     """
 
-    signal: Annotated[str, "variable of the model that is measured; the sensor's name if left out"] = ""
+    signal: Annotated[str, "measured variable of the model; the sensor's name if left out"] = ""
     deviation: Annotated[
-        Numbers | None, Within(above=0.0), "of the noise of one reading, a number or one per component"
+        Numbers | None, Within(above=0.0), "standard deviation of one reading, a number or one per component"
     ] = None
     density: Annotated[
         Numbers | None,
         Within(above=0.0),
-        "in place of it: deviation times the root of the period, as data sheets print",
+        "instead of deviation: deviation times the square root of the period, as in data sheets",
     ] = None
     period: Annotated[float | None, Unit("s"), Within(above=0.0), "between two readings; needed with a density"] = None
     kind: Annotated[
         Literal["vector", "quaternion", "direction"], "quaternions are scalar first, directions of any length"
     ] = "vector"
-    delay: Annotated[float, Unit("s"), "how late a reading comes"] = 0.0
+    delay: Annotated[float, Unit("s"), "how late a reading arrives"] = 0.0
     gate: Annotated[
         float | None,
         Within(above=0.0, below=1.0),
-        "readings beyond this quantile of chi-squared are left out, as 0.999",
+        "readings beyond this quantile of chi-squared are left out, such as 0.999",
     ] = None
-    outliers: Annotated[Literal["huber"] | None, "readings count less the further off, by Huber's weights"] = None
+    outliers: Annotated[Literal["huber"] | None, "readings far off count less, with Huber's weights"] = None
 
     def sensor(self, name: str) -> Sensor:
-        """The sensor of that name. Raises ArgumentError for noise that is stated twice, or not at all."""
+        """Return the sensor with that name. Raises ArgumentError if its noise is stated twice or not at all."""
         from .sensors import Sensor
 
         return Sensor(
@@ -60,23 +60,23 @@ class MeasuredQuantity(Options):
 
 @dataclass(frozen=True)
 class FilterStart(Options):
-    """Where a filter begins: what is known of each state, in SI.
+    """Initial estimate of a filter: mean and standard deviation of each state, in SI.
 
     >>> gt.filtering.FilterStart(deviation={"angle": 0.1, "rate": 1.0}).mean
     {}
     """
 
-    mean: Annotated[Mapping[str, Numbers], "state -> value; zero for those that are not named"] = field(
+    mean: Annotated[Mapping[str, Numbers], "state -> value; zero for states that are not named"] = field(
         default_factory=dict
     )
-    deviation: Annotated[Mapping[str, Numbers], "state -> standard deviation of its error; every state has one"] = (
-        field(default_factory=dict)
+    deviation: Annotated[Mapping[str, Numbers], "state -> standard deviation of its error, for every state"] = field(
+        default_factory=dict
     )
 
 
 @dataclass(frozen=True)
 class DrawnReadings(Options):
-    """Readings of a motion that the process draws from its own noise, in place of a log.
+    """Synthetic readings instead of a log, of a motion that the process draws from its own noise.
 
     >>> gt.filtering.DrawnReadings(duration=2.0).seed
     1
@@ -84,35 +84,35 @@ class DrawnReadings(Options):
 
     duration: Annotated[float, Unit("s"), Within(above=0.0), "of the motion"]
     step: Annotated[
-        float, Unit("s"), Within(above=0.0), "between its instants, at which sensors without a period read"
+        float, Unit("s"), Within(above=0.0), "between instants; sensors without a period read at each of them"
     ] = 0.01
-    seed: Annotated[int, Within(least=0), "of start, motion and noise"] = 1
+    seed: Annotated[int, Within(least=0), "of the random start, motion and noise"] = 1
 
 
 @dataclass(frozen=True, eq=False)
 class FilterStudy(Study):
-    """What a filter says of a log: estimates with deviations, and whether they may be believed.
+    """Filtered log: estimates with standard deviations, and whether the innovations are consistent with them.
 
-    The trajectory has each state, its "NAME.deviation", and where it was smoothed "NAME.smoothed".
+    The trajectory has each state, its "NAME.deviation", and with smoothing "NAME.smoothed".
     """
 
     filter: Annotated[str, "its name", "filter"] = ""
-    readings: Annotated[Mapping[str, int], "of each sensor"] = field(default_factory=dict)
+    readings: Annotated[Mapping[str, int], "number of readings of each sensor"] = field(default_factory=dict)
     left_out: Annotated[Mapping[str, int], "readings that a gate left out, by sensor"] = field(default_factory=dict)
-    nis: Annotated[float | None, "mean normalised innovation squared of an instant"] = None
-    nis_band: Annotated[Sequence[float], "of a right filter's, 99.9 %"] = ()
-    nis_numbers: Annotated[float | None, "its mean, of a right filter"] = None
-    verdict: Annotated[str, "whether the innovations are what the filter expects"] = ""
+    nis: Annotated[float | None, "mean normalised innovation squared per instant"] = None
+    nis_band: Annotated[Sequence[float], "99.9 % band of nis for a consistent filter"] = ()
+    nis_numbers: Annotated[float | None, "expected nis of a consistent filter"] = None
+    verdict: Annotated[str, "whether the innovations agree with the filter"] = ""
     final: Annotated[Mapping[str, Sequence[float]], "each state at the end, SI"] = field(default_factory=dict)
-    final_deviation: Annotated[Mapping[str, Sequence[float]], "of these"] = field(default_factory=dict)
+    final_deviation: Annotated[Mapping[str, Sequence[float]], "their deviations"] = field(default_factory=dict)
     rms_error: Annotated[
-        Mapping[str, Sequence[float]], Quantity("", "of each state, where the truth is known: synthetic readings")
+        Mapping[str, Sequence[float]], Quantity("", "of each state, if the truth is known: synthetic readings")
     ] = field(default_factory=dict)
     rms_deviation: Annotated[
-        Mapping[str, Sequence[float]], "what the filter says of these errors"
+        Mapping[str, Sequence[float]], "rms of the filter's standard deviations of these errors"
     ] = field(default_factory=dict)  # fmt: skip
     smoothed_rms_error: Annotated[Mapping[str, Sequence[float]], "of the smoothed states"] = field(default_factory=dict)
-    synthetic: Annotated[str, "where the readings are from"] = ""
+    synthetic: Annotated[str, "origin of synthetic readings"] = ""
     units: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -121,18 +121,18 @@ class FilterStudy(Study):
         rows = [Row(f"readings of {name}", self._counted(name, n)) for name, n in self.readings.items()]
         for name, values in self.final.items():
             pairs = zip(values, self.final_deviation[name], strict=True)
-            said = ", ".join(f"{value:.6g} +- {deviation:.2g}" for value, deviation in pairs)
-            rows.append(Row(f"{name} at the end", said, self.units.get(name, "")))
+            text = ", ".join(f"{value:.6g} +- {deviation:.2g}" for value, deviation in pairs)
+            rows.append(Row(f"{name} at the end", text, self.units.get(name, "")))
         for name, errors in self.rms_error.items():
             pairs = zip(errors, self.rms_deviation[name], strict=True)
-            said = ", ".join(f"{error:.3g} (expected {deviation:.3g})" for error, deviation in pairs)
+            text = ", ".join(f"{error:.3g} (expected {deviation:.3g})" for error, deviation in pairs)
             if name in self.smoothed_rms_error:
-                said += f"; smoothed {', '.join(f'{e:.3g}' for e in self.smoothed_rms_error[name])}"
-            rows.append(Row(f"rms error of {name}", said, self.units.get(name, "")))
+                text += f"; smoothed {', '.join(f'{e:.3g}' for e in self.smoothed_rms_error[name])}"
+            rows.append(Row(f"rms error of {name}", text, self.units.get(name, "")))
         if self.nis_band:
             low, high = self.nis_band
-            said = f"{self.nis:.4g} of {self.nis_numbers:.3g}, right within {low:.4g} to {high:.4g}"
-            rows += [Row("innovations squared (NIS)", said), Row("  verdict", self.verdict)]
+            text = f"{self.nis:.4g}, expected {self.nis_numbers:.3g}, band {low:.4g} to {high:.4g}"
+            rows += [Row("innovations squared (NIS)", text), Row("  verdict", self.verdict)]
         return rows + ([Row("SYNTHETIC", self.synthetic)] if self.synthetic else [])
 
     def _counted(self, name: str, n: int) -> str:

@@ -1,4 +1,4 @@
-"""Paths at constant speed, known in closed form: what sensors on a body would read is then known exactly."""
+"""Paths at constant speed in closed form, so that ideal sensor readings along them are exact."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from ..results.options import Options, Unit, Within
 from ..results.refusal import ArgumentError
 
 PathKind = Literal["sine", "line", "semicircle"]
-PANELS = 400  # of each period of the sine, for its arc length; with five nodes each it is exact to round-off
+PANELS = 400  # per period of the sine, for its arc length; with five nodes each it is exact to round-off
 NEWTON = 6
 
 
 @dataclass(frozen=True)
 class TrackedPath(Options):
-    """A path of the target in the x-z plane, driven at constant speed, and how the body turns along it.
+    """A path of the target in the x-z plane at constant speed, and the rotation of the body along it.
 
-    `axes` 3: it does not turn; 5: it turns about y, with the tool axis normal to a sine, by `turn` in all along a line
-    or a semicircle. Cvitanic 2021, 4.2.2 and 4.2.3.
+    `axes` 3: the body does not turn. 5: it turns about y; the tool axis stays normal to a sine, or turns by `turn` in
+    total along a line or a semicircle. Cvitanic 2021, 4.2.2 and 4.2.3.
 
     >>> motion = gt.filtering.TrackedPath(axes=5).motion(np.array([0.0, 1.83]))
     >>> motion.v.round(4).tolist(), np.degrees(motion.angle).round(1).tolist()
@@ -32,12 +32,12 @@ class TrackedPath(Options):
     feed: Annotated[float, Unit("m/s", written="mm/s"), Within(above=0.0), "speed along the path"] = 0.04233
     duration: Annotated[float, Unit("s"), Within(above=0.0), "of the motion"] = 5.0
     amplitude: Annotated[float, Unit("m"), Within(above=0.0), "of the sine"] = 0.0762
-    cycles: Annotated[float, Unit("1/m"), Within(above=0.0), "of the sine, per metre along x"] = 19.685
+    cycles: Annotated[float, Unit("1/m"), Within(above=0.0), "periods of the sine per metre along x"] = 19.685
     radius: Annotated[float, Unit("m"), Within(above=0.0), "of the semicircle"] = 0.25
-    turn: Annotated[float, Unit("rad", written="deg"), "of the body along a line or semicircle"] = np.pi / 3
+    turn: Annotated[float, Unit("rad", written="deg"), "total rotation of the body on a line or semicircle"] = np.pi / 3
 
     def motion(self, time: np.ndarray) -> BodyMotion:
-        """Where the body is at these times [s] since the start."""
+        """Return the motion of the body at these times [s] since the start."""
         s = self.feed * np.asarray(time, float)
         v = self.feed
         shapes = {"sine": self._sine, "line": self._line, "semicircle": self._semicircle}
@@ -71,12 +71,12 @@ class TrackedPath(Options):
         inside = grid[:-1, None] + h * (nodes + 1) / 2
         along = np.concatenate([[0.0], np.cumsum(np.sqrt(1 + slope(inside) ** 2) @ weights * h / 2)])
         x = np.interp(s, along, grid)
-        for _ in range(NEWTON):  # from the panel's begin the rest is integrated anew
+        for _ in range(NEWTON):  # the arc length within the panel is integrated again
             panel = np.clip(np.searchsorted(grid, x, side="right") - 1, 0, len(grid) - 2)
             rest = (x - grid[panel])[:, None] * (nodes + 1) / 2
             speeds = np.sqrt(1 + slope(grid[panel][:, None] + rest) ** 2)
-            there = along[panel] + speeds @ weights * (x - grid[panel]) / 2
-            x = x + (s - there) / np.sqrt(1 + slope(x) ** 2)
+            length = along[panel] + speeds @ weights * (x - grid[panel]) / 2
+            x = x + (s - length) / np.sqrt(1 + slope(x) ** 2)
         g, g1, g2 = slope(x), -A * k**2 * np.sin(k * x), -A * k**3 * np.cos(k * x)
         root = np.sqrt(1 + g * g)
         p = np.stack([x, np.zeros_like(x), A * np.sin(k * x)], axis=1)
@@ -98,9 +98,9 @@ class TrackedPath(Options):
 
 @dataclass(frozen=True, eq=False)
 class BodyMotion:
-    """A motion of a body at instants `time` (k,) [s]: position, velocity, acceleration (k, 3) in the world, orientation
-    Q (k, 4), body to world, angular velocity w and acceleration alpha (k, 3) in the axes of the body, and the angle of
-    the turn (k,) [rad]."""
+    """Motion of a body at instants `time` (k,) [s]: position p, velocity v, acceleration a (k, 3) in the world,
+    orientation Q (k, 4), body to world, angular velocity w and acceleration alpha (k, 3) in the axes of the body, and
+    angle of rotation (k,) [rad]."""
 
     time: np.ndarray
     p: np.ndarray

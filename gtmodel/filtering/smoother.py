@@ -1,4 +1,4 @@
-"""Smoothing: what the readings after an instant say of it too, over the whole log or a fixed time later."""
+"""Smoothing: estimates that use later readings too, over the whole log or with a fixed lag."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from .filtered import Estimates, Filtered, normalised_square
 from .manifold import Manifold
 from .transition import Advance
 
-SINGULAR = 1e-13  # of a covariance scaled to a diagonal of ones: directions below that are not uncertain at all
+SINGULAR = 1e-13  # eigenvalue of a correlation matrix: directions below that are exactly known
 
 
 @dataclass(frozen=True, eq=False)
 class Smoothed(Estimates):
-    """Smoothed states: K instants of m runs; of a single run the arrays have no axis of runs.
+    """Smoothed states: K instants of m runs.
 
-    time: of the instants [s]. lag: how long after each instant readings were used [s], infinite for all of them.
-    x: means (K, m, size). P: covariances (K, m, n, n). errors, nees: where the truth was given to the filter, as in
+    time: of the instants [s]. lag: readings up to this long after each instant were used [s]; infinite: all of them.
+    x: means (K, m, size). P: covariances (K, m, n, n). errors, nees: if the truth was given to the filter, as in
         `Filtered`.
 
     smoothed["p"] is the mean of a state, smoothed.deviation["p"] the standard deviation of its error.
@@ -31,19 +31,19 @@ class Smoothed(Estimates):
 
     @property
     def covariances(self) -> np.ndarray:
-        """Covariances of the errors (K, n, n) of a single run, (m, K, n, n) of several."""
+        """Covariances of the errors, (K, n, n) of a single run, (m, K, n, n) of several."""
         return self._shown(self.P)
 
 
 def smooth(filtered: Filtered) -> Smoothed:
-    """What all readings of a log say of the state at each of its instants: smoothing over a fixed interval.
+    """Estimate the state at each instant from all readings of the log (fixed-interval smoothing).
 
-    Rauch, Tung and Striebel's recursion from the last instant to the first, with minus and plus of the manifold. Where
-    process and sensors are linear it is the least-squares estimate from the whole log; else it linearises where the
-    filter did.
+    Rauch, Tung and Striebel's recursion from the last instant to the first, with minus and plus of the manifold. For a
+    linear process with linear sensors this is the least-squares estimate from the whole log; otherwise it uses the
+    linearisation of the filter.
 
-    filtered: a run whose covariances were kept: of a single run they are, of several with `keep=True`.
-    Raises ArgumentError where they were not, and for a filter that gives no Jacobian of its steps.
+    filtered: a run with its covariances: a single run keeps them, several runs with `keep=True`.
+    Raises ArgumentError if they were not kept, and for a filter without Jacobians of its steps.
 
     Source: Rauch, Tung, Striebel 1965, AIAA Journal 3, 1445-1450.
 
@@ -62,11 +62,11 @@ def smooth(filtered: Filtered) -> Smoothed:
 
 
 def fixed_lag(filtered: Filtered, lag: float) -> Smoothed:
-    """What the readings up to a time `lag` after each instant say of it: an estimate that a machine has `lag` later.
+    """Estimate the state at each instant from the readings up to `lag` later, as in real time with this lag.
 
     Args:
-        filtered: a run whose covariances were kept.
-        lag: [s], at least 0, which is the filter's own estimate; infinite: `smooth`.
+        filtered: a run with its covariances.
+        lag: [s]; 0 is the filter's own estimate, infinite is `smooth`.
 
     Raises ArgumentError as `smooth` does.
 
@@ -88,23 +88,23 @@ def fixed_lag(filtered: Filtered, lag: float) -> Smoothed:
     space = filtered.system.space
     back = _Backward.of(filtered)
     K = len(filtered.time)
-    # of each instant the last one whose readings are used; instants with the same end share one way back
+    # for each instant the last one whose readings count; instants with the same last one share a backward pass
     slack = 1e-9 * max(1.0, float(np.max(np.abs(filtered.time)))) if np.isfinite(lag) else 0.0
     last = np.searchsorted(filtered.time, filtered.time + lag + slack, side="right") - 1
     last = np.maximum(last, np.arange(K))
     ends, first = np.unique(last, return_index=True)
     x, P = back.x.copy(), back.P.copy()
-    at, own_x, own_P = ends.copy(), back.x[ends].copy(), back.P[ends].copy()
+    k, x_k, P_k = ends.copy(), back.x[ends].copy(), back.P[ends].copy()
     while True:
-        going = at > first
+        going = k > first
         if not going.any():
             break
-        at, own_x, own_P = at[going], own_x[going], own_P[going]
+        k, x_k, P_k = k[going], x_k[going], P_k[going]
         ends, first = ends[going], first[going]
-        own_x, own_P = back.step(space, at, own_x, own_P)
-        at = at - 1
-        mine = last[at] == ends
-        x[at[mine]], P[at[mine]] = own_x[mine], own_P[mine]
+        x_k, P_k = back.step(space, k, x_k, P_k)
+        k = k - 1
+        reached = last[k] == ends
+        x[k[reached]], P[k[reached]] = x_k[reached], P_k[reached]
     deviations = np.sqrt(np.einsum("kmii->kmi", P))
     errors = nees = None
     if filtered.errors is not None:
@@ -117,8 +117,8 @@ def fixed_lag(filtered: Filtered, lag: float) -> Smoothed:
 
 @dataclass(frozen=True, eq=False)
 class _Backward:
-    """Of all instants (K, m, ...): beliefs after readings, before them, and the gain from each instant to the one
-    before it; at the first instant it is not used."""
+    """For all instants (K, m, ...): beliefs after and before the readings, and the gain from each instant to the
+    previous one, unused at the first instant."""
 
     x: np.ndarray
     P: np.ndarray
@@ -129,38 +129,38 @@ class _Backward:
 
     @classmethod
     def of(cls, filtered: Filtered) -> _Backward:
-        kept = filtered.kept or ()
-        if not all(isinstance(k.step, Advance) for k in kept):
+        records = filtered.kept or ()
+        if not all(isinstance(k.step, Advance) for k in records):
             raise ArgumentError(
-                "this filter keeps no Jacobian of its steps, which smoothing needs; run ErrorState over the log, or "
-                "ScheduledNoise with the likely modes of interacting models",
+                "smoothing needs Jacobians of the steps, which this filter does not keep; run ErrorState over the log, "
+                "or ScheduledNoise with the likely modes of interacting models",
                 "filtered",
             )
-        x, P = np.array([k.after.x for k in kept]), np.array([k.after.P for k in kept])
-        before, P_before = np.array([k.before.x for k in kept]), np.array([k.before.P for k in kept])
+        x, P = np.array([k.after.x for k in records]), np.array([k.after.P for k in records])
+        before, P_before = np.array([k.before.x for k in records]), np.array([k.before.P for k in records])
         F, Q = (
-            np.array([np.broadcast_to(m, P.shape[1:]) for m in of])
-            for of in zip(*[k.step[1:] for k in kept], strict=True)
+            np.array([np.broadcast_to(m, P.shape[1:]) for m in matrices])
+            for matrices in zip(*[k.step[1:] for k in records], strict=True)
         )
         gain = np.zeros_like(P)
         gain[1:] = _gain(F[1:] @ P[:-1], P_before[1:])
         return cls(x, P, before, gain, np.eye(P.shape[-1]) - gain @ F, Q)
 
     def step(self, space: Manifold, k: np.ndarray, x: np.ndarray, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """From smoothed states at instants k (c, m, ...) to those at k - 1; the covariance as a sum of squares, which
+        """From smoothed states at instants k (c, m, ...) to those at k - 1; the covariance is a sum of squares, so it
         stays positive."""
         G, A = self.gain[k], self.rest[k]
         d = space.minus(x, self.before[k])
         ahead = P
-        if not space.flat:  # the axes of an error turn with the point that it belongs to
+        if not space.flat:  # the axes of an error rotate with its point
             J = _carried(space, self.before[k], d)
             ahead = np.linalg.solve(J, np.swapaxes(np.linalg.solve(J, P), -1, -2))
         d = (G @ d[..., None])[..., 0]
-        there = A @ self.P[k - 1] @ np.swapaxes(A, -1, -2) + G @ (ahead + self.Q[k]) @ np.swapaxes(G, -1, -2)
+        P_smoothed = A @ self.P[k - 1] @ np.swapaxes(A, -1, -2) + G @ (ahead + self.Q[k]) @ np.swapaxes(G, -1, -2)
         if not space.flat:
             J = _carried(space, self.x[k - 1], d)
-            there = J @ there @ np.swapaxes(J, -1, -2)
-        return space.plus(self.x[k - 1], d), (there + np.swapaxes(there, -1, -2)) / 2
+            P_smoothed = J @ P_smoothed @ np.swapaxes(J, -1, -2)
+        return space.plus(self.x[k - 1], d), (P_smoothed + np.swapaxes(P_smoothed, -1, -2)) / 2
 
 
 def _carried(space: Manifold, x: np.ndarray, d: np.ndarray) -> np.ndarray:
@@ -169,7 +169,7 @@ def _carried(space: Manifold, x: np.ndarray, d: np.ndarray) -> np.ndarray:
 
 
 def _gain(FP: np.ndarray, P_before: np.ndarray) -> np.ndarray:
-    """P F' P_before^-1, with a diagonal of ones in P_before; what is certain beforehand is not corrected."""
+    """P F' P_before^-1, with P_before scaled to a diagonal of ones; exactly known directions are not corrected."""
     variance = np.einsum("...ii->...i", P_before)
     scale = np.where(variance > 0, 1.0 / np.sqrt(np.where(variance > 0, variance, 1.0)), 0.0)
     unit = P_before * scale[..., :, None] * scale[..., None, :]

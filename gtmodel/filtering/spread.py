@@ -1,4 +1,4 @@
-"""How residuals spread, which of them are used, and what they are worth: gain, normalised square, likelihood."""
+"""Innovations: covariance of the residuals, gates and outlier weights, gain, normalised square, likelihood."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ LOG_TWO_PI = float(np.log(2 * np.pi))
 
 
 class Solved(NamedTuple):
-    """Of residuals that spread as S: gain (m, n, k), normalised square (m,), log of the determinant of S (m,), and the
-    variance of each (m, k)."""
+    """For residuals with covariance S: gain (m, n, k), normalised square (m,), log of the determinant of S (m,), and
+    the variance of each residual (m, k)."""
 
     K: np.ndarray
     nis: np.ndarray
@@ -24,21 +24,21 @@ class Solved(NamedTuple):
 
 
 class UsedNumbers(NamedTuple):
-    """Which numbers are used (m, k), and by which factors the variances of their noise are larger, 1 or (m, k)."""
+    """Which numbers are used (m, k), and the factors on the variances of their noise, 1 or (m, k)."""
 
     used: np.ndarray
     larger: np.ndarray | float = 1.0
 
 
 class Spread(NamedTuple):
-    """Residuals of m rows of readings, and how they spread.
+    """Residuals of m rows of readings, with their covariance.
 
-    residual: (m, k), zero where not used. S: their covariance (m, k, k). PH: covariance of the state's error with them
-    (m, n, k). R: variance of their noise, (1, k) or (m, k). used: (m, k). gated: (m, sensors). edge: log-likelihood of
-    the readings that a gate leaves out, as if they lay at its edge (m,): else closed gates would make a log likelier.
-    loss: what Huber's loss adds to the log-likelihood of squares (m,). weighed: of each sensor, whether it counts less
-    (m, sensors), by a noise whose variance is `larger` by a factor, 1 or (m, k).
-    cut: where a reading counts less than its noise says, the spread that it is judged by, its residual cut.
+    residual: (m, k), zero where not used. S: their covariance (m, k, k). PH: their covariance with the error of the
+    state (m, n, k). R: variance of their noise, (1, k) or (m, k). used: (m, k). gated: (m, sensors). edge:
+    log-likelihood of the readings that a gate leaves out, as if they were at its edge (m,); without it, closed gates
+    would make a log likelier. loss: term of Huber's loss to add to the log-likelihood of the squares (m,). weighed:
+    whether a reading of each sensor counts less (m, sensors). larger: factor on the variance of its noise, 1 or (m, k).
+    cut: the spread with cut residuals for the innovation, if a reading counts less.
     """
 
     residual: np.ndarray
@@ -55,13 +55,13 @@ class Spread(NamedTuple):
 
     @property
     def choice(self) -> UsedNumbers:
-        """What it uses, for others to use the same."""
+        """The used numbers and weights, so that other models use the same."""
         return UsedNumbers(self.used, self.larger)
 
     def solved(self) -> Solved:
-        """Gain and likelihood by one factorisation of S, scaled to a diagonal of ones: its entries may differ by 1e8.
+        """Return gain and likelihood from one factorisation of S; NaN if S is not positive definite.
 
-        Where S is not positive definite they are no numbers.
+        S is scaled to a diagonal of ones first: its entries may differ by 1e8.
         """
         variance = self.S.diagonal(0, 1, 2)
         scale = 1.0 / np.sqrt(variance)
@@ -70,7 +70,7 @@ class Spread(NamedTuple):
         right = np.empty((m, n + 1, k))
         np.multiply(self.PH, scale[:, None, :], out=right[:, :n])
         white = right[:, n] = self.residual * scale
-        if m == 1:  # LAPACK itself, in a quarter of the time that NumPy's functions for stacks of matrices take
+        if m == 1:  # LAPACK directly, four times as fast as NumPy's functions for stacks of matrices
             L, answer, fault = scipy.linalg.lapack.dposv(unit[0], right[0].T, lower=1)
             solution, diagonal = answer.T[None], L.diagonal()[None]
             if fault:
@@ -85,7 +85,7 @@ class Spread(NamedTuple):
         return Solved(solution[:, :n] * scale[:, None, :], (white * solution[:, n]).sum(axis=1), logs, variance)
 
     def innovation(self, names: tuple[str, ...], solved: Solved) -> Innovation:
-        """What these readings said."""
+        """Return the innovation of these readings."""
         if self.cut is not None:
             return self.cut.innovation(names, self.cut.solved())
         count = self.used.sum(axis=1)
@@ -103,10 +103,9 @@ def spread_of(
     PH: np.ndarray,
     chosen: UsedNumbers | None = None,
 ) -> Spread:
-    """Of readings that are there, or of the chosen ones; sensors with a gate leave out what lies beyond it, and those
-    that weigh outliers count less what lies far off.
+    """Spread of the finite readings, or of the chosen ones, after gates and outlier weights.
 
-    S is the covariance of the readings without their noise, which is added in place.
+    S is the covariance of the readings without their noise; the noise is added in place.
     """
     group = system.group(names)
     used = np.isfinite(residual) if chosen is None else chosen.used
@@ -125,39 +124,39 @@ def spread_of(
 
 
 def _gated(system: System, group: SensorGroup, s: Spread) -> Spread:
-    """Without the readings that lie beyond their gates."""
+    """Without the readings beyond their gates."""
     used, gated, edge = s.used, s.gated, np.zeros(len(s.residual))
     for n, name in group.gates:
-        at = group.rows[n]
-        square, count = _own_square(s, at), used[:, at].sum(axis=1)
+        columns = group.rows[n]
+        square, count = _own_square(s, columns), used[:, columns].sum(axis=1)
         limit = system.gate_limits(name)[count]
         out = gated[:, n] = square > limit
         if out.any():
-            logs = np.linalg.slogdet(s.S[out, at, at])[1]
+            logs = np.linalg.slogdet(s.S[out, columns, columns])[1]
             edge[out] -= 0.5 * (limit[out] + logs + count[out] * LOG_TWO_PI)
         used = used.copy()
-        used[:, at] &= ~gated[:, n, None]
+        used[:, columns] &= ~gated[:, n, None]
     return without(s, used)._replace(edge=edge) if gated.any() else s
 
 
 def _weighed(system: System, group: SensorGroup, s: Spread) -> Spread:
-    """With larger noise of the readings that lie beyond Huber's k.
+    """With larger noise for the readings beyond Huber's k.
 
-    They are judged by what they were expected to be: residuals cut at k, whose squares have a mean that is known, and a
-    likelihood of Huber's loss, over the factor by which it is smaller than a square where the noise is true.
+    The innovation reports residuals cut at k, whose squares have a known mean, and the likelihood of Huber's loss
+    divided by the factor by which it is smaller than a square for true noise.
     """
     weighed = np.zeros(s.gated.shape, bool)
     larger, loss = np.ones(s.residual.shape), np.zeros(len(s.residual))
     for n, name in group.robust:
-        at = group.rows[n]
-        square, count = _own_square(s, at), s.used[:, at].sum(axis=1)
+        columns = group.rows[n]
+        square, count = _own_square(s, columns), s.used[:, columns].sum(axis=1)
         limits, factors_ = system.huber_limits(name)
         k, factor = limits[count], factors_[count]
         distance = np.sqrt(square)
         far = weighed[:, n] = distance > k
-        larger[:, at] = np.where(far, distance / k, 1.0)[:, None]
+        larger[:, columns] = np.where(far, distance / k, 1.0)[:, None]
         cut = np.where(far, k, distance)
-        # half of it is Huber's loss; the square of what is cut is in the likelihood already
+        # half of this is Huber's loss; the square of the cut residual is in the likelihood already
         loss -= 0.5 * ((cut**2 + np.where(far, 2 * cut * (distance - cut), 0.0)) / factor - cut**2)
     judged = s._replace(loss=loss, weighed=weighed)
     if not weighed.any():
@@ -170,14 +169,14 @@ def _weighed(system: System, group: SensorGroup, s: Spread) -> Spread:
     )
 
 
-def _own_square(s: Spread, at: slice) -> np.ndarray:
+def _own_square(s: Spread, columns: slice) -> np.ndarray:
     """Normalised innovation squared of one sensor (m,)."""
-    own = np.linalg.solve(s.S[:, at, at], s.residual[:, at, None])[..., 0]
-    return np.sum(own * s.residual[:, at], axis=1)
+    solved = np.linalg.solve(s.S[:, columns, columns], s.residual[:, columns, None])[..., 0]
+    return np.sum(solved * s.residual[:, columns], axis=1)
 
 
 def without(s: Spread, used: np.ndarray) -> Spread:
-    """A reading that is not used becomes one of variance 1 that depends on nothing: it changes no number."""
+    """Replace unused readings by independent ones of variance 1 and residual 0, which change no result."""
     S = np.where(used[:, :, None] & used[:, None, :], s.S, 0.0)
     np.einsum("mkk->mk", S)[...] += ~used
     return Spread(
@@ -192,7 +191,7 @@ def without(s: Spread, used: np.ndarray) -> Spread:
 
 
 def factors(matrices: np.ndarray) -> np.ndarray:
-    """Cholesky factors (m, n, n); no numbers for a matrix that is not positive definite."""
+    """Cholesky factors (m, n, n); NaN for a matrix that is not positive definite."""
     try:
         return np.linalg.cholesky(matrices)
     except np.linalg.LinAlgError:
@@ -202,7 +201,7 @@ def factors(matrices: np.ndarray) -> np.ndarray:
 
 
 def roots(P: np.ndarray) -> np.ndarray:
-    """L (m, n, n) with L L' = P of covariances, scaled to a diagonal of ones first; those that are singular too."""
+    """L (m, n, n) with L L' = P for covariances, also singular ones; they are scaled to a diagonal of ones first."""
     scale = np.sqrt(P.diagonal(0, 1, 2))
     safe = np.where(scale > 0, scale, 1.0)
     unit = P / safe[:, :, None] / safe[:, None, :]
@@ -216,5 +215,5 @@ def roots(P: np.ndarray) -> np.ndarray:
 
 
 def moments(d: np.ndarray, weights: np.ndarray, e: np.ndarray | None = None) -> np.ndarray:
-    """Sum over k of weights (m, k) times d e' (m, n, n), of errors d and e (m, k, .); of d alone if e is left out."""
+    """Sum over k of weights (m, k) times d e' (m, n, n) for errors d and e (m, k, .); e = d if left out."""
     return (d * weights[..., None]).mT @ (d if e is None else e)

@@ -1,4 +1,4 @@
-"""Synthetic readings: of a known motion, or of motions that a process draws by itself."""
+"""Synthetic readings of a known motion, or of motions drawn from the process noise."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ def synthetic_readings(
     faults: Mapping[str, Any] | None = None,
     inputs: Trajectory | None = None,
 ) -> dict[str, Readings]:
-    """What the sensors of a system read of true states (K, size) or (m, K, size) at times (K,) [s].
+    """Return synthetic readings of true states (K, size) or (m, K, size) at times (K,) [s].
 
-    Each sensor reads at multiples of its period, at each time if it has none, late by its delay, with the noise that it
-    is declared to have; the generator of sensor k starts from (seed, k). faults: sensor -> a number or (size,) that is
-    added to each of its readings, in the unit of the reading.
+    Each sensor reads at multiples of its period, or at each time if it has no period, with its declared delay and
+    noise; the random generator of sensor k starts from (seed, k). faults: sensor -> a number or (size,) to add to each
+    of its readings, in the unit of the reading.
 
     >>> path, body = gt.filtering.TrackedPath(), gt.filtering.TranslatingBody()
     >>> process = gt.filtering.ProcessModel(body, noise={"jerk": 0.1}, states=["p", "v", "a"])
@@ -61,8 +61,8 @@ def synthetic_readings(
         noise = rng.normal(size=(runs, len(rows), part.dimension)) * system.deviations[name]
         if name in system.mixing:
             noise = noise @ system.mixing[name].T
-        read = Manifold([part]).plus(values, noise) + np.asarray((faults or {}).get(name, 0.0))
-        log[name] = Readings(np.asarray(time)[rows] + sensor.lag, read if runs > 1 else read[0])
+        with_noise = Manifold([part]).plus(values, noise) + np.asarray((faults or {}).get(name, 0.0))
+        log[name] = Readings(np.asarray(time)[rows] + sensor.lag, with_noise if runs > 1 else with_noise[0])
     return log
 
 
@@ -75,11 +75,11 @@ def draw(
     runs: int = 1,
     inputs: Trajectory | None = None,
 ) -> Drawn:
-    """Motions that a system draws from its own noise, and what its sensors read of them.
+    """Draw motions from the process noise of a system, and synthetic readings of them.
 
-    The true state starts at `initial`, off by its deviation, and follows the process with its noise: of such runs a
-    filter that is right is consistent. time: the instants (K,) [s], in order; a start that is earlier than the first
-    one has its own time. Estimated constants are drawn too. Raises ArgumentError for instants out of order.
+    The true state starts at `initial` plus a random error of its deviation, and follows the process with its noise. A
+    correct filter is consistent on such runs. time: the instants (K,) [s], in order; `initial.time` may be earlier.
+    Estimated constants are drawn too. Raises ArgumentError for instants out of order.
 
     >>> parts = [gt.filtering.StatePart("x", unit="m")]
     >>> process = gt.filtering.DiscreteProcess(parts, 0.1, lambda s: {"x": s.x}, [1e-4])
@@ -94,22 +94,22 @@ def draw(
     rng = np.random.default_rng([seed, len(system.sensors)])
     belief = initial.belief(system, times[0], runs)
     if belief.time > times[0]:
-        raise ArgumentError(f"the start of {belief.time:g} s lies after the first instant, {times[0]:g} s", "time")
+        raise ArgumentError(f"the start at {belief.time:g} s is after the first instant, {times[0]:g} s", "time")
     n = system.space.dimension
-    off = rng.normal(size=(runs, n))
+    error = rng.normal(size=(runs, n))
     if np.any(belief.P[0] != np.diag(np.diag(belief.P[0]))):
-        off = off @ root_of(belief.P[:1])[0].T
+        error = error @ root_of(belief.P[:1])[0].T
     else:
-        off = off * np.sqrt(np.einsum("mii->mi", belief.P))
-    x = system.space.plus(belief.x, off)
+        error = error * np.sqrt(np.einsum("mii->mi", belief.P))
+    x = system.space.plus(belief.x, error)
     states = np.empty((runs, len(times), system.space.size))
     before, u = belief.time, system.inputs_at(inputs, belief.time)
     for k, t in enumerate(times):
         if t > before:
             u_next, step = system.inputs_at(inputs, t), None
             for end, u_end in [*system.bends(inputs, before, t), (float(t), u_next)]:
-                own = system.transition(before, end - before, x if step is None else step.x, u, u_end)
-                step, before, u = own if step is None else step.then(own), end, u_end
+                part = system.transition(before, end - before, x if step is None else step.x, u, u_end)
+                step, before, u = part if step is None else step.then(part), end, u_end
             assert step is not None
             d = (root_of(np.broadcast_to(step.Q, (runs, n, n))) @ rng.normal(size=(runs, n))[..., None])[..., 0]
             x = system.space.plus(step.x, d)
@@ -119,9 +119,10 @@ def draw(
 
 
 def root_of(Q: np.ndarray) -> np.ndarray:
-    """A root L of covariances (m, n, n), L L' = Q, also where they are singular or of entries that differ by 1e18.
+    """A root L of covariances (m, n, n), L L' = Q, also if they are singular or have entries that differ by 1e18.
 
-    Of the correlations, the symmetric root: signs and order of eigenvectors, which a processor chooses, do not matter.
+    It uses the symmetric root of the correlations, which does not depend on signs and order of the eigenvectors: these
+    differ between processors.
     """
     scale = np.sqrt(np.einsum("mii->mi", Q))
     safe = np.where(scale > 0, scale, 1.0)
@@ -130,7 +131,7 @@ def root_of(Q: np.ndarray) -> np.ndarray:
 
 
 def _rows(time: np.ndarray, period: float | None, name: str) -> np.ndarray:
-    """Where a sensor reads. Raises ArgumentError where the times run past an instant at which it is due."""
+    """Rows at which a sensor reads. Raises ArgumentError if the times skip an instant at which it is due."""
     if period is None:
         return np.arange(len(time))
     due = np.round((time - time[0]) / period)
@@ -141,8 +142,8 @@ def _rows(time: np.ndarray, period: float | None, name: str) -> np.ndarray:
         first, last = rows[k], rows[k + 1]
         if steps[first:last].max() < period * (1 - 1e-6):
             raise ArgumentError(
-                f"'{name}' is due every {period:g} s, but from {time[first]:g} s on the times hold no such instant "
-                f"before {time[last]:g} s; give times that its period is a multiple of",
+                f"'{name}' reads every {period:g} s, but no time between {time[first]:g} s and {time[last]:g} s is "
+                "a multiple of its period; give times whose step divides the period",
                 "time",
             )
     return rows

@@ -1,4 +1,4 @@
-"""A process with its sensors, compiled: steps from instant to instant, and readings with their Jacobians."""
+"""A process with its sensors, compiled: transitions between instants, and measurements with their Jacobians."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from .process import AnyProcess, same_mixing
 from .sensors import ESTIMATE, Sensor
 from .transition import CurvedTransition, GivenTransition, LinearTransition, runge_kutta
 
-SAME_INSTANT = 1e-9  # s; times closer than that are one instant: round-off of clocks, far below any motion
-LONGEST_STEP = 0.01  # s; steps of a process that is not linear are cut into parts of at most this
+SAME_INSTANT = 1e-9  # s; closer times are the same instant: round-off of clocks, far below any motion
+LONGEST_STEP = 0.01  # s; steps of a nonlinear process are divided into parts of at most this
 
 
 class SensorGroup(NamedTuple):
-    """Sensors that are read at one instant. space: of what they read, side by side; rows: where the residual of each
-    stands; variances: of all numbers; gates, robust: place and name of those that have a gate, or weigh outliers."""
+    """Sensors that are read at the same instant. space: of their readings, side by side; rows: slice of each residual;
+    variances: of all numbers; gates, robust: index and name of the sensors with a gate, or with outlier weights."""
 
     space: Manifold
     rows: tuple[slice, ...]
@@ -36,13 +36,13 @@ class System:
     """A process and its sensors as numeric functions on rows of states.
 
     Args:
-        process: what moves.
-        sensors: what is measured.
-        estimate: names of parameters of the model that become constant states, beside the `"estimate"`s of sensors.
-        longest_step: of a process that is not linear [s].
+        process: model of the motion, with its noise.
+        sensors: measured quantities.
+        estimate: names of model parameters that become constant states, besides the `"estimate"`s of sensors.
+        longest_step: longest step of a nonlinear process [s].
 
-    space: of all states, constants last. transition: from instant to instant. `linear` says whether process and sensors
-    are linear with constant coefficients. Raises ArgumentError for wrong names.
+    space: of all states, constants last. transition: from instant to instant. linear: whether process and sensors are
+    linear with constant coefficients. Raises ArgumentError for wrong names.
     """
 
     def __init__(
@@ -58,13 +58,13 @@ class System:
             raise ArgumentError(f"expected more than 0 s; found {longest_step}", "longest_step")
         names = [sensor.name for sensor in sensors]
         if not names or len(set(names)) != len(names):
-            raise ArgumentError(f"expected sensors with a name of their own each; found {names}", "sensors")
+            raise ArgumentError(f"expected sensors with different names; found {names}", "sensors")
         self.sensors = {sensor.name: sensor for sensor in sensors}
         d = self.dynamics = process.dynamics([*dict.fromkeys(sensor.quantity for sensor in sensors)])
         for name in estimate:
             if name not in d.parameters:
-                there = ", ".join(f"'{n}'" for n in d.parameters) or "none; name them as parameters of the process"
-                raise ArgumentError(f"'{name}' is no parameter that may change; there are {there}", "estimate")
+                free = ", ".join(f"'{n}'" for n in d.parameters) or "none; name it in parameters= of the process"
+                raise ArgumentError(f"'{name}' is not a free parameter of the process; these are {free}", "estimate")
         self._columns = d.columns()
         self.readings = {name: self._part(sensor) for name, sensor in self.sensors.items()}
         constants = [StatePart(name, size=d.parameters[name].size, unit="?") for name in estimate]
@@ -79,18 +79,18 @@ class System:
         self.deviations = {
             name: sensor.deviations(self.readings[name].dimension) for name, sensor in self.sensors.items()
         }
-        made = {name: sensor.mixing(self.readings[name].dimension) for name, sensor in self.sensors.items()}
-        self.mixing = {name: W for name, W in made.items() if W is not None}
+        mixing = {name: sensor.mixing(self.readings[name].dimension) for name, sensor in self.sensors.items()}
+        self.mixing = {name: W for name, W in mixing.items() if W is not None}
         self.transition, straight = self._transition(longest_step)
         self.linear = straight and self._straight_readings()
-        self._made: dict[tuple[str, ...], Any] = {}
+        self._compiled: dict[tuple[str, ...], Any] = {}
         self._groups: dict[tuple[str, ...], SensorGroup] = {}
         self._limits: dict[str, np.ndarray] = {}
 
     def with_(self, noise: Mapping[str, Any] | None = None, deviations: Mapping[str, Any] | None = None) -> System:
-        """The same system with other densities of noise and other deviations of sensors; nothing is compiled anew.
+        """Return the same system with other noise densities and sensor deviations, without compiling again.
 
-        Raises ArgumentError for a name that is not there, and for noise that is correlated in another way.
+        Raises ArgumentError for an unknown name, and for noise with other correlations.
         """
         other = copy.copy(self)
         other._groups = {}
@@ -102,8 +102,8 @@ class System:
         other.deviations = dict(self.deviations)
         for name, value in (deviations or {}).items():
             if name not in self.sensors:
-                there = ", ".join(f"'{n}'" for n in self.sensors)
-                raise ArgumentError(f"there is no sensor '{name}'; there are {there}", "deviations")
+                names = ", ".join(f"'{n}'" for n in self.sensors)
+                raise ArgumentError(f"there is no sensor '{name}'; the sensors are {names}", "deviations")
             size = self.readings[name].dimension
             sensor = self.sensors[name].with_deviation(value, size)
             other.sensors = {**other.sensors, name: sensor}
@@ -112,11 +112,11 @@ class System:
 
     @property
     def curved_errors(self) -> bool:
-        """Whether the axes of an error turn with the point it belongs to, as of directions."""
+        """Whether the axes of an error rotate with its point, as for directions."""
         return any(part.kind == "direction" for part in self.space.parts)
 
     def gate_limits(self, name: str) -> np.ndarray:
-        """Normalised innovations squared beyond which the gate of a sensor is closed, by how many numbers are used."""
+        """Return the largest normalised innovation squared that the gate of a sensor accepts, by count of numbers."""
         if name not in self._limits:
             sizes = np.arange(1, self.readings[name].dimension + 1)
             beyond = 1 - (self.sensors[name].gate or 1.0)
@@ -124,8 +124,8 @@ class System:
         return self._limits[name]
 
     def huber_limits(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """How far off, in its own deviations, a reading of a sensor begins to count less, by how many numbers are used;
-        and the mean of that distance times Huber's influence there over those numbers, 1 without a limit."""
+        """Return the normalised distance beyond which a reading of a sensor counts less, by count of used numbers, and
+        the mean of distance times Huber's influence divided by this count; 1 without a limit."""
         key = f"{name} huber"
         if key not in self._limits:
             sizes = np.arange(1, self.readings[name].dimension + 1)
@@ -139,10 +139,10 @@ class System:
         return limits, factors
 
     def start_constants(self) -> dict[str, Any]:
-        """Where the constants begin, by name."""
-        given = dict(self.dynamics.parameters)
+        """Return the start values of the constants by name."""
+        declared = dict(self.dynamics.parameters)
         return {
-            name: given.get(name, np.ones(part.size) if name.endswith(".scale") else np.zeros(part.size))
+            name: declared.get(name, np.ones(part.size) if name.endswith(".scale") else np.zeros(part.size))
             for name in self.constants
             for part in [self.space.part(name)[0]]
         }
@@ -157,38 +157,38 @@ class System:
         return ca.vertcat(*values) if values else ca.DM.zeros(0)
 
     def rates(self, t: Any, x: Any, u: Any, w: Any) -> Any:
-        """Rates of all states as a CasADi column, or the next states of a process in discrete time; constants stay."""
-        own = self.dynamics.rates(t, x[: self.own.size], u, w, self._parameters(x))
-        if not self.constants:  # none of a single number would be a row in CasADi
-            return own
-        kept = x[self.own.size :]
-        return ca.vertcat(own, kept if self.dynamics.step else 0 * kept)
+        """Return the rates of all states as a CasADi column, or in discrete time the next states; constants stay."""
+        rates = self.dynamics.rates(t, x[: self.own.size], u, w, self._parameters(x))
+        if not self.constants:  # CasADi would make a row of zero constants and a single state
+            return rates
+        constants = x[self.own.size :]
+        return ca.vertcat(rates, constants if self.dynamics.step else 0 * constants)
 
     def _part(self, sensor: Sensor) -> StatePart:
         """The manifold of one reading."""
         c = self._columns
         value = self.dynamics.outputs[sensor.quantity](c["t"], c["x"], c["u"], c["p"])
         self._corrections(sensor, value.numel())
-        own = next((part.kind for part in self.dynamics.space.parts if part.name == sensor.quantity), sensor.kind)
-        if own != sensor.kind and own != "vector":
+        kind = next((part.kind for part in self.dynamics.space.parts if part.name == sensor.quantity), sensor.kind)
+        if kind != sensor.kind and kind != "vector":
             raise ArgumentError(
-                f"'{sensor.name}' measures the {own} '{sensor.quantity}' as a {sensor.kind}; say kind='{own}'",
+                f"'{sensor.name}' measures the {kind} '{sensor.quantity}' as a {sensor.kind}; set kind='{kind}'",
                 f"{sensor.name}.kind",
             )
         return StatePart(sensor.name, sensor.kind, value.numel(), self.process.unit_of(sensor.quantity))
 
     def _corrections(self, sensor: Sensor, size: int) -> None:
-        """Raises ArgumentError where scale or offset of a sensor are of another size than its quantity."""
+        """Raise ArgumentError if the size of scale or offset of a sensor does not fit its quantity."""
         for what in ("scale", "offset"):
-            given = getattr(sensor, what)
-            if given != ESTIMATE if isinstance(given, str) else np.shape(given) not in ((), (1,), (size,)):
-                raise ArgumentError(f"expected a number, or {size}; found {given!r}", f"{sensor.name}.{what}")
+            value = getattr(sensor, what)
+            if value != ESTIMATE if isinstance(value, str) else np.shape(value) not in ((), (1,), (size,)):
+                raise ArgumentError(f"expected a number, or {size}; found {value!r}", f"{sensor.name}.{what}")
 
     def expected(self, sensor: Sensor, t: Any, x: Any, u: Any) -> Any:
-        """What a sensor reads at states x, as a CasADi column."""
+        """Return the ideal reading of a sensor at states x, as a CasADi column."""
         if sensor.delay == ESTIMATE:
             if self.dynamics.step:
-                raise ArgumentError("the delay of a process in discrete time cannot be estimated; give it", "delay")
+                raise ArgumentError("with a process in discrete time a delay cannot be estimated; give it", "delay")
             lag = self._constant(x, f"{sensor.name}.delay")
             none = ca.DM.zeros(sum(self.dynamics.noise.values()))
             x = runge_kutta(self.space, self.rates, t, -lag, x, u, u, none)
@@ -206,7 +206,7 @@ class System:
     # -- compiled --------------------------------------------------------------------------------------
 
     def _transition(self, longest: float) -> tuple[Any, bool]:
-        """The steps, and whether they are linear with constant coefficients."""
+        """The transition, and whether it is linear with constant coefficients."""
         d, (t, x, u), w = self.dynamics, self._symbols(), self._columns["w"]
         rate = self.rates(t, x, u, w)
         blocks = [ca.jacobian(rate, v) for v in (x, u, w)]
@@ -227,16 +227,15 @@ class System:
         return vectors and not _varies([ca.jacobian(ca.vertcat(*values), x)], ca.vertcat(t, x, u))
 
     def residual(self, names: Sequence[str], t: Any, x: Any, u: Any, z: Any) -> tuple[Any, Any]:
-        """What these sensors read, z side by side, over what they should read, and the Jacobian H of the latter in the
-        error of x, on CasADi columns: for a filter that is written out, such as in C.
+        """Return the residual of readings z of these sensors, side by side, and the Jacobian H of the ideal readings
+        with respect to the error of x, on CasADi columns, for generated filters such as C code.
 
-        Raises ArgumentError for a sensor that weighs outliers: a residual by itself says nothing of its weight.
+        Raises ArgumentError for a sensor that weighs outliers: the weight does not follow from one residual.
         """
         for name in names:
             if self.sensors[name].outliers:
                 raise ArgumentError(
-                    f"'{name}' weighs outliers, which a filter that is written out, such as in C, does not; give it a "
-                    "gate in its place",
+                    f"'{name}' weighs outliers, which generated code does not support; give it a gate instead",
                     "outliers",
                 )
         return self._residual(names, t, x, u, z)
@@ -249,16 +248,16 @@ class System:
             residual = space.minus_symbols(z[first : first + space.size], value)
             row = ca.mtimes(space.to_error(value), ca.jacobian(value, x))
             if name in self.mixing:  # independent combinations
-                own = ca.sparsify(ca.DM(np.tril(np.linalg.inv(self.mixing[name]))))
-                residual, row = ca.mtimes(own, residual), ca.mtimes(own, row)
+                unmix = ca.sparsify(ca.DM(np.tril(np.linalg.inv(self.mixing[name]))))
+                residual, row = ca.mtimes(unmix, residual), ca.mtimes(unmix, row)
             residuals.append(residual)
             rows.append(row)
             first += space.size
         return ca.vertcat(*residuals), ca.mtimes(ca.vertcat(*rows), self.space.from_error(x))
 
     def independent(self, names: tuple[str, ...], e: np.ndarray) -> np.ndarray:
-        """Errors (..., numbers) of what these sensors read as combinations whose noise is independent, which is
-        what `reading` gives; the same where no sensor has a full covariance."""
+        """Return reading errors e (..., numbers) of these sensors as combinations with independent noise, as `reading`
+        returns them; unchanged if no sensor has a full covariance."""
         if not self.mixing:
             return e
         e = e.copy()
@@ -268,26 +267,26 @@ class System:
         return e
 
     def reading(self, names: tuple[str, ...]) -> Any:
-        """The function (t, x, u, z) -> residuals (m, k) of what these sensors read, side by side, and their Jacobian H
-        (m, k, n); made when it is first needed."""
-        if names not in self._made:
+        """Return the function (t, x, u, z) -> residuals (m, k) of these sensors, side by side, and their Jacobian H
+        (m, k, n); it is compiled at the first call."""
+        if names not in self._compiled:
             t, x, u = self._symbols()
             z = self.dynamics.symbol("z", sum(self.readings[name].size for name in names))
             residual, H = self._residual(names, t, x, u, z)
-            self._made[names] = RowsFunction("reading", [t, x, u, z], [residual, H], (1,))
-        return self._made[names]
+            self._compiled[names] = RowsFunction("reading", [t, x, u, z], [residual, H], (1,))
+        return self._compiled[names]
 
     def read(self, names: tuple[str, ...], t: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """What these sensors read at rows of states without noise, (m, numbers)."""
+        """Return the readings of these sensors at rows of states without noise, (m, numbers)."""
         key = ("values", *names)
-        if key not in self._made:
+        if key not in self._compiled:
             t_, x_, u_ = self._symbols()
             values = [self.expected(self.sensors[name], t_, x_, u_) for name in names]
-            self._made[key] = RowsFunction("expected", [t_, x_, u_], [ca.vertcat(*values)])
-        return self._made[key](t, x, u)[0]
+            self._compiled[key] = RowsFunction("expected", [t_, x_, u_], [ca.vertcat(*values)])
+        return self._compiled[key](t, x, u)[0]
 
     def group(self, names: Sequence[str]) -> SensorGroup:
-        """What does not change of the readings of these sensors, side by side."""
+        """Return the constant properties of the readings of these sensors, side by side."""
         key = tuple(names)
         if key not in self._groups:
             space = Manifold([self.readings[name] for name in key])
@@ -299,26 +298,26 @@ class System:
         return self._groups[key]
 
     def rows_of(self, names: Sequence[str]) -> tuple[slice, ...]:
-        """Where the residual of each of these sensors stands among them."""
+        """Return the slice of the residual of each of these sensors."""
         return self.group(names).rows
 
     def variances(self, names: Sequence[str]) -> np.ndarray:
-        """Variances of the noise of these sensors, one for each number of the residual."""
+        """Return the noise variances of these sensors, one for each number of the residual."""
         return self.group(names).variances
 
     def bends(self, inputs: Any, first: float, last: float) -> list[tuple[float, np.ndarray]]:
-        """Instants between two times at which known inputs may bend, rows of a trajectory, and their values there."""
+        """Return the trajectory rows between two times, where known inputs may change slope: times and values."""
         times = getattr(inputs, "time", None) if self.dynamics.inputs else None
         if times is None:
             return []
-        if (period := self.dynamics.period) is not None:  # a step takes the inputs at its begin
+        if (period := self.dynamics.period) is not None:  # a step takes the inputs at its start
             steps = round((last - first) / period)
             return [(t, self.inputs_at(inputs, t)) for t in (float(first + k * period) for k in range(1, steps))]
         rows = slice(*np.searchsorted(times, [first + SAME_INSTANT, last - SAME_INSTANT]))
         return [(float(t), self.inputs_at(inputs, float(t))) for t in times[rows]]
 
     def inputs_at(self, inputs: Any, t: float) -> np.ndarray:
-        """The known inputs (nu,) at an instant from a trajectory of them."""
+        """Return the known inputs (nu,) of a trajectory at an instant."""
         names: Mapping[str, int] = self.dynamics.inputs
         if not names:
             return _NONE
@@ -326,7 +325,7 @@ class System:
 
 
 _NONE = np.zeros(0)
-HUBER = 1.345  # deviations of a single number: 95 % efficient where the noise is normal
+HUBER = 1.345  # standard deviations of a single number: 95 % efficient for normal noise
 
 
 def _log_gamma(x: np.ndarray) -> np.ndarray:
@@ -336,23 +335,23 @@ def _log_gamma(x: np.ndarray) -> np.ndarray:
 
 
 def _varies(blocks: Sequence[Any], arguments: Any) -> bool:
-    """Whether an entry of some matrices depends on an argument."""
+    """Whether any entry of these matrices depends on the arguments."""
     return any(any(ca.which_depends(ca.vec(b), arguments, 1, True)) for b in blocks if b.numel())
 
 
 def agree_in_shape(systems: Sequence[System]) -> None:
-    """Raises ArgumentError unless all systems have the same states and sensors."""
+    """Raise ArgumentError unless all systems have the same states and sensors."""
     first = systems[0]
     for n, other in enumerate(systems):
         if other.space.parts != first.space.parts or other.readings != first.readings:
-            raise ArgumentError(f"system {n} has other states or sensors than system 0; give all the same", "systems")
+            raise ArgumentError(f"system {n} has other states or sensors than system 0; make them equal", "systems")
         for name, sensor in other.sensors.items():
             if not same_mixing(other.mixing.get(name), first.mixing.get(name)):
-                raise ArgumentError(f"system {n} has noise of '{name}' that is correlated in another way", "systems")
+                raise ArgumentError(f"system {n} has other correlations of the noise of '{name}'", "systems")
             for what in ("lag", "gate"):
                 if getattr(sensor, what) != getattr(first.sensors[name], what):
                     raise ArgumentError(
                         f"system {n} has another {'delay' if what == 'lag' else what} of '{name}' than system 0; all "
-                        "are to use the same readings at the same instants",
+                        "systems must use the same readings at the same instants",
                         "systems",
                     )

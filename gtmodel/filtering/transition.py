@@ -1,4 +1,4 @@
-"""From one instant to the next: a process in discrete time, exactly where it is linear."""
+"""Transition from one instant to the next: discretisation of a process, exact if it is linear."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ..results.refusal import ArgumentError
 from .manifold import Manifold, RowsFunction
 from .process import ProcessEquations
 
-TAYLOR = 6  # terms of exp(A s) in the covariance of noise; (0.3)^6 / 6! is 1e-6 of it
-# nodes and weights of Gauss on [0, 1]: exact for the integrals of s^5, so for three integrators behind white noise
+TAYLOR = 6  # terms of exp(A s) in the covariance of noise; 0.3^6 / 6! is 1e-6
+# Gauss nodes and weights on [0, 1]: exact for integrals of s^5, so for three integrators behind white noise
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 GAUSS = tuple(zip((_NODES + 1) / 2, _WEIGHTS / 2, strict=True))
-DECAYED = 4.0  # time constants in one of Van Loan's exponentials, which loses exp(2 * 4) = 3e3 round-offs there
-STIFF = 1.0  # the fastest rate of the errors times a step of Runge and Kutta, which is off by 1/120 of it then
+DECAYED = 4.0  # time constants per exponential of Van Loan; it loses a factor exp(2 * 4) = 3e3 of precision there
+STIFF = 1.0  # largest product of the fastest rate and a Runge-Kutta step: the truncation error is then 1/120
 ON_GRID = 1e-6  # of a period; stamps are rounded
 
 
@@ -31,38 +31,39 @@ class Advance(NamedTuple):
     Q: np.ndarray
 
     def then(self, next: Advance) -> Advance:
-        """This step and the next one, as one."""
+        """Return this step followed by the next one, as one step."""
         return Advance(next.x, next.F @ self.F, next.F @ self.Q @ np.swapaxes(next.F, -1, -2) + next.Q)
 
 
 class LinearTransition:
-    """Of a linear process with constant coefficients: matrix exponentials, kept for each length of step.
+    """Transition of a linear process with constant coefficients: matrix exponentials, cached by step length.
 
-    Noise by Van Loan 1978, IEEE Trans. Autom. Control 23, 395-404; known inputs run straight between the two instants.
+    Noise covariance after Van Loan 1978, IEEE Trans. Autom. Control 23, 395-404; known inputs are linear in time
+    between the two instants.
     """
 
     def __init__(self, A: np.ndarray, B: np.ndarray, c: np.ndarray, G: np.ndarray, intensity: np.ndarray) -> None:
         self.A, self.B, self.c, self.G, self.noise = A, B, c, G, G @ intensity @ G.T
-        self.decay = max(0.0, float(-np.linalg.eigvals(A).real.min())) if len(A) else 0.0  # the fastest [1/s]
-        self._made: dict[float, tuple[np.ndarray, ...]] = {}
+        self.decay = max(0.0, float(-np.linalg.eigvals(A).real.min())) if len(A) else 0.0  # fastest decay rate [1/s]
+        self._cache: dict[float, tuple[np.ndarray, ...]] = {}
 
     def with_intensity(self, intensity: np.ndarray) -> LinearTransition:
-        """The same with other densities of noise (nw, nw)."""
+        """Return the same transition with other noise densities (nw, nw)."""
         return LinearTransition(self.A, self.B, self.c, self.G, intensity)
 
     def matrices(self, dt: float) -> tuple[np.ndarray, ...]:
-        """F, those of the inputs at the begin and at the end, the constant part, and Q."""
-        if dt not in self._made:
+        """Return F, the input matrices for the start and the end of the step, the constant part, and Q."""
+        if dt not in self._cache:
             F, first, last = ramped(self.A, np.column_stack([self.B, self.c]), dt)
             Q = self._covariance(dt)
-            if len(self._made) > MOST_STEPS:
-                self._made.pop(next(iter(self._made)))
-            self._made[dt] = F, first[:, :-1], last[:, :-1], first[:, -1] + last[:, -1], (Q + Q.T) / 2
-        return self._made[dt]
+            if len(self._cache) > MOST_STEPS:
+                self._cache.pop(next(iter(self._cache)))
+            self._cache[dt] = F, first[:, :-1], last[:, :-1], first[:, -1] + last[:, -1], (Q + Q.T) / 2
+        return self._cache[dt]
 
     def _covariance(self, dt: float) -> np.ndarray:
-        """Of the noise of a step (n, n). What decays within it grows in exp(-A dt), so a step of many time constants is
-        doubled from a short one: a sum of covariances, which stays one."""
+        """Covariance of the noise of a step (n, n). With exp(-A dt) a step of many time constants loses precision, so
+        it is doubled from a short one; each doubling is a sum of covariances."""
         from scipy.linalg import expm
 
         n = len(self.A)
@@ -79,16 +80,16 @@ class LinearTransition:
         return Advance(x @ F.T + u0 @ first.T + u1 @ last.T + constant, F, Q)
 
 
-MOST_PARTS = 10_000  # of one step: a hundred thousand steps a second are more than a filter is for
-MOST_STEPS = 1000  # lengths of step whose exponentials are kept: uneven logs have many
+MOST_PARTS = 10_000  # of one step: a filter is not meant for a hundred thousand steps per second
+MOST_STEPS = 1000  # step lengths whose exponentials are cached: uneven logs have many
 
 
 class CurvedTransition:
-    """Of any process: Runge and Kutta's fourth order, with the Jacobian of that very step on the manifold.
+    """Transition of any process: fourth-order Runge-Kutta, with the Jacobian of this step on the manifold.
 
-    The covariance of the noise is the integral of exp(A s) G q G' exp(A's) at the begin of the step, by Gauss.
-    longest: steps are cut into equal parts of at most this [s], and into shorter ones where the errors have rates that
-    are too fast for it.
+    The covariance of the noise is the integral of exp(A s) G q G' exp(A's), linearised at the start of the step, by
+    Gauss quadrature. longest: steps are divided into equal parts of at most this [s], and further if the error
+    dynamics is faster.
     """
 
     def __init__(self, dynamics: ProcessEquations, space: Manifold, rates: Any, longest: float) -> None:
@@ -103,8 +104,8 @@ class CurvedTransition:
         root = dynamics.symbol("root", w.numel())
         G = ca.mtimes([space.to_error(x), ca.jacobian(rate, w), ca.diag(root)])
         G = ca.substitute(G, w, none) if w.numel() else G
-        there = space.to_unit(x + dt * rates(t, x, u0, none))  # to first order in dt, for the errors' own rates
-        euler = ca.mtimes([space.to_error(there), ca.jacobian(there, x), space.from_error(x)])
+        moved = space.to_unit(x + dt * rates(t, x, u0, none))  # to first order in dt, for the rates of the errors
+        euler = ca.mtimes([space.to_error(moved), ca.jacobian(moved, x), space.from_error(x)])
         n = space.dimension
         A = ca.reshape(ca.jacobian(ca.vec(euler), dt), n, n)
         A = ca.substitute(A, dt, 0)
@@ -115,13 +116,13 @@ class CurvedTransition:
                 term = ca.mtimes(A, term) * (node * dt / k)
                 total = total + term
             Q = Q + weight * dt * ca.mtimes(total, total.T)
-        # no slower than the fastest eigenvalue but where several cancel: of any units, since traces have none
+        # estimate of the fastest eigenvalue, low only if several cancel; traces do not depend on the units of states
         fastest = ca.fmax(ca.fabs(ca.trace(A)), ca.sqrt(ca.fabs(ca.trace(ca.mtimes(A, A)))))
         self.function = RowsFunction("transition", [t, dt, x, u0, u1, root], [after, F, Q, fastest], (1, 2))
         self.root = np.sqrt(np.diag(dynamics.intensity))
 
     def with_intensity(self, intensity: np.ndarray) -> CurvedTransition:
-        """The same with other densities of noise (nw, nw); nothing is compiled anew."""
+        """Return the same transition with other noise densities (nw, nw), without compiling again."""
         other = copy.copy(self)
         other.root = np.sqrt(np.diag(intensity))
         return other
@@ -131,21 +132,21 @@ class CurvedTransition:
         if parts == 1:
             return self._part(t, dt, x, u0, u1)
         h, u = dt / parts, [u0 + (u1 - u0) * (k / parts) for k in range(parts + 1)]
-        made = self._part(t, h, x, u[0], u[1])
+        step = self._part(t, h, x, u[0], u[1])
         for k in range(1, parts):
-            made = made.then(self._part(t + k * h, h, made.x, u[k], u[k + 1]))
-        return made
+            step = step.then(self._part(t + k * h, h, step.x, u[k], u[k + 1]))
+        return step
 
     def _part(self, t: float, h: float, x: np.ndarray, u0: np.ndarray, u1: np.ndarray) -> Advance:
-        """One step, halved as often as the fastest rate there asks for."""
+        """One step, halved as often as the fastest rate requires."""
         after, F, Q, fastest = self.function(t, h, x, u0, u1, self.root)
         rate = float(fastest.max())
-        if abs(h) * rate <= STIFF or not rate < np.inf:  # what is not finite stays so in shorter steps
+        if abs(h) * rate <= STIFF or not rate < np.inf:  # a value that is not finite stays so in shorter steps
             return Advance(after, F, Q)
         if abs(h) * rate > STIFF * MOST_PARTS:
             raise ArgumentError(
                 f"the process has a time constant of {1 / rate:.3g} s at {t:g} s, far shorter than a step of {h:g} s; "
-                "take what settles so fast as settled, in the model",
+                "replace this fast dynamics by its steady state in the model",
                 "process",
             )
         middle = (u0 + u1) / 2
@@ -154,45 +155,45 @@ class CurvedTransition:
 
 
 class GivenTransition:
-    """Of a process that is written as its step, with time and known inputs at the begin of each."""
+    """Transition of a process in discrete time; a step takes time and known inputs at its start."""
 
     def __init__(self, dynamics: ProcessEquations, space: Manifold, rates: Any) -> None:
         self.period, self.Q = float(dynamics.period or 0.0), np.zeros((space.dimension, space.dimension))
-        own = dynamics.space.dimension
-        self.Q[:own, :own] = dynamics.intensity
+        n = dynamics.space.dimension
+        self.Q[:n, :n] = dynamics.intensity
         x, t, u = dynamics.symbol("x", space.size), dynamics.symbol("t"), dynamics.columns()["u"]
         after = space.to_unit(rates(t, x, u, ca.DM.zeros(0)))
         F = ca.mtimes([space.to_error(after), ca.jacobian(after, x), space.from_error(x)])
-        self._own = own
+        self._own = n
         self.function = RowsFunction("transition", [t, x, u], [after, F], (1,))
 
     def with_intensity(self, intensity: np.ndarray) -> GivenTransition:
-        """The same with another covariance of each step."""
+        """Return the same transition with another covariance per step."""
         other = copy.copy(self)
         other.Q = np.zeros_like(self.Q)
         other.Q[: self._own, : self._own] = intensity
         return other
 
     def __call__(self, t: float, dt: float, x: np.ndarray, u0: np.ndarray, u1: np.ndarray) -> Advance:
-        made = Advance(x, np.eye(len(self.Q)), np.zeros_like(self.Q))
+        total = Advance(x, np.eye(len(self.Q)), np.zeros_like(self.Q))
         steps = round(dt / self.period)
         resolution = 4 * np.spacing(abs(t) + abs(dt))  # of stamps, such as those of a clock that counts from 1970
         if abs(dt - steps * self.period) > ON_GRID * self.period * max(1, steps) + resolution:
             raise ArgumentError(
-                f"from {t:g} s to the next reading it is {dt:g} s, no multiple of the process's period of "
-                f"{self.period:g} s; bring readings and delays to its instants, or take a ProcessModel",
+                f"the next reading after {t:g} s comes {dt:g} s later, which is not a multiple of the process's period "
+                f"of {self.period:g} s; resample readings and delays to its instants, or use a ProcessModel",
                 "log",
             )
         for k in range(steps):
             share = k / steps
-            after, F = self.function(t + share * dt, made.x, u0 + share * (u1 - u0))
-            one = Advance(after, F, self.Q)
-            made = one if k == 0 else made.then(one)
-        return made
+            after, F = self.function(t + share * dt, total.x, u0 + share * (u1 - u0))
+            step = Advance(after, F, self.Q)
+            total = step if k == 0 else total.then(step)
+        return total
 
 
 def runge_kutta(space: Manifold, rates: Any, t: Any, dt: Any, x: Any, u0: Any, u1: Any, w: Any) -> Any:
-    """One classical step of fourth order on CasADi columns, the inputs straight between u0 and u1."""
+    """Return one classical fourth-order Runge-Kutta step on CasADi columns, with inputs linear from u0 to u1."""
     middle = (u0 + u1) / 2
     k1 = rates(t, x, u0, w)
     k2 = rates(t + dt / 2, x + dt / 2 * k1, middle, w)

@@ -1,4 +1,4 @@
-"""Noise of a filter: by the likelihood of the innovations, and changing with time after the fact."""
+"""Noise of a filter: maximum likelihood from the innovations, and noise that changes with time for smoothing."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from .error_state import ErrorState
 from .system import System, agree_in_shape
 from .transition import Advance
 
-TOLERANCE = 0.02  # of the logarithm of a density; its interval is wider on any log
+TOLERANCE = 0.02  # of the logarithm of a density; far below its confidence interval on any log
 STEP = 0.1  # of the logarithm, for the curvature of the likelihood
 
 
 @dataclass(frozen=True, eq=False)
 class Tuned:
-    """Noise that makes a log likeliest.
+    """Maximum-likelihood noise of a log.
 
-    system: with it. values: name -> density or deviation, as declared times its factor. factors, intervals: name ->
-    factor, and its 95 % interval by the curvature of the likelihood, infinite where the log does not determine it.
-    log_likelihood: of the log; improvement: by how much it grew over the declared noise.
+    system: with this noise. values: name -> density or deviation, the declared one times its factor. factors: name ->
+    factor. intervals: name -> its 95 % interval from the curvature of the likelihood, infinite if the log does not
+    determine it. log_likelihood: of the log; improvement: its increase over the declared noise.
     """
 
     system: System
@@ -45,16 +45,16 @@ def tune(
     inputs: Trajectory | None = None,
     progress: Callable[[float], bool] | None = None,
 ) -> Tuned:
-    """Densities of the process and deviations of the sensors by the likelihood of the innovations.
+    """Fit process noise densities and sensor deviations by maximum likelihood of the innovations.
 
-    names: "NOISE.density" and "SENSOR.deviation"; each is multiplied by one factor, whatever its components. Nelder and
-    Mead on the logarithms of the factors. Whether the filter is consistent then is another question: ask `consistency`.
+    names: "NOISE.density" and "SENSOR.deviation"; one factor multiplies all components of each. The search is
+    Nelder-Mead on the logarithms of the factors. The tuned filter need not be consistent: check it with `consistency`.
 
     A reading that a gate leaves out counts as one at the edge of its gate, so that a filter cannot become likelier by
-    closing its gates. progress: called with the fraction done; returning True ends it with the best noise so far and
-    intervals that are infinite.
+    closing its gates. progress: called with the fraction done; if it returns True, the search ends with the best noise
+    so far and infinite intervals.
 
-    Raises ArgumentError for a wrong name, and for a log whose likelihood is not finite to begin with.
+    Raises ArgumentError for a wrong name, and if the likelihood is not finite with the declared noise.
 
     >>> parts = [gt.filtering.StatePart("x", unit="m")]
     >>> process = gt.filtering.DiscreteProcess(parts, 0.1, lambda s: {"x": s.x}, [1e-4])
@@ -71,9 +71,9 @@ def tune(
 
     for name in names:
         noises = system.process.noise
-        there = [*(f"{n}.density" for n in noises), *(f"{n}.deviation" for n in system.sensors)]
-        if name not in there:
-            raise ArgumentError(f"there is no '{name}' to tune; there are {', '.join(there)}", "names")
+        tunable = [*(f"{n}.density" for n in noises), *(f"{n}.deviation" for n in system.sensors)]
+        if name not in tunable:
+            raise ArgumentError(f"there is no '{name}' to tune; expected one of {', '.join(tunable)}", "names")
     if not names:
         raise ArgumentError("name at least one noise to tune", "names")
 
@@ -99,7 +99,7 @@ def tune(
 
     def ends(_: np.ndarray) -> None:
         if stopped:
-            raise StopIteration  # what SciPy takes as the wish to end
+            raise StopIteration  # SciPy ends the search
 
     zero = np.zeros(len(names))
     declared = loss(zero)
@@ -142,23 +142,23 @@ def _curvature(loss: Callable[[np.ndarray], float], x: np.ndarray, least: float)
     return H
 
 
-LEAST_CHANCE = 1e-300  # of a mode that nothing leads to: its share of what follows is none
+LEAST_CHANCE = 1e-300  # of a mode that no other mode leads to; avoids a division by zero
 
 
 class ScheduledNoise(ErrorState):
-    """An error-state filter that takes, from instant to instant, one of several systems that differ in noise.
+    """Error-state filter that uses, at each step, one of several systems that differ in noise.
 
-    Interacting models say at each instant how likely each system is. With all of the log known, `likely_modes` says
-    which one it was; this filter goes over the log with these, so that `smooth` has one step from instant to instant.
+    Interacting models give the probability of each system at each instant, and `likely_modes` the most likely system
+    given the whole log. This filter uses these systems, so that `smooth` has a single step between instants.
 
     Args:
         systems: with the same states and sensors, such as `system.with_(noise={"jerk": 1e6})`.
         time: instants (K,), increasing [s].
-        modes: number of the system (K,) of the step that ends at each instant. Before and after them the first and the
-            last one holds.
-        iterations: as of `ErrorState`.
+        modes: index of the system (K,) of the step that ends at each instant. The first one is used before these
+            instants, the last one after them.
+        iterations: as in `ErrorState`.
 
-    Raises ArgumentError for systems that differ in states or sensors, and for modes that are not there.
+    Raises ArgumentError for systems that differ in states or sensors, and for modes out of range.
 
     >>> parts = [gt.filtering.StatePart("x", unit="m")]
     >>> tape = gt.filtering.Sensor("tape", "x", deviation=0.01)
@@ -178,23 +178,23 @@ class ScheduledNoise(ErrorState):
     def __init__(self, systems: Sequence[System], time: Any, modes: Any, *, iterations: int = 1) -> None:
         self.systems = (*systems,)
         if not self.systems:
-            raise ArgumentError("expected systems; found none", "systems")
+            raise ArgumentError("expected at least one system; found none", "systems")
         super().__init__(self.systems[0], iterations=iterations)
         agree_in_shape(self.systems)
         self.time, self.modes = np.asarray(time, float), np.asarray(modes)
         if self.time.ndim != 1 or self.modes.shape != self.time.shape or not len(self.time):
             raise ArgumentError(
-                f"expected instants (K,) and a mode of each; found {self.time.shape} and {self.modes.shape}", "modes"
+                f"expected instants (K,) and a mode for each; found {self.time.shape} and {self.modes.shape}", "modes"
             )
         if not np.all(np.diff(self.time) >= 0):
             raise ArgumentError("the instants do not increase", "time")
         if not np.issubdtype(self.modes.dtype, np.integer) or not np.all(
             (self.modes >= 0) & (self.modes < len(self.systems))
         ):
-            raise ArgumentError(f"expected numbers of systems, 0 to {len(self.systems) - 1}", "modes")
+            raise ArgumentError(f"expected indices of systems, 0 to {len(self.systems) - 1}", "modes")
 
     def advance(self, belief: Belief, time: float, u0: np.ndarray, u1: np.ndarray) -> tuple[Belief, Advance]:
-        """The belief at a later time, with the system of that time, and the step that led there."""
+        """Return the belief at a later time, with the system of that time, and the step that led there."""
         k = min(int(np.searchsorted(self.time, time - SAME_INSTANT)), len(self.time) - 1)
         system = self.systems[int(self.modes[k])]
         step = system.transition(belief.time, time - belief.time, belief.x, u0, u1)
@@ -202,13 +202,13 @@ class ScheduledNoise(ErrorState):
 
 
 def likely_modes(probabilities: Any, chances: Any) -> np.ndarray:
-    """The likeliest mode (K,) at each instant in the light of the whole log.
+    """Return the most likely mode (K,) at each instant, given the whole log.
 
     Args:
-        probabilities: of the modes after the readings of each instant (K, modes), as interacting models give them.
-        chances: to go from mode to mode between two instants (modes, modes), from row to column.
+        probabilities: of the modes after the readings of each instant (K, modes), from interacting models.
+        chances: transition probabilities between two instants (modes, modes), from row to column.
 
-    Raises ArgumentError for shapes that do not fit.
+    Raises ArgumentError for shapes that do not match.
 
     Source: Kim 1994, Journal of Econometrics 60, 1-22, for the recursion.
 

@@ -1,26 +1,25 @@
-"""What data say of parameters, for every engine that fits: numbers in, an Estimate and its worth out.
+"""Parameter estimation and statistics for all fits: arrays in, an Estimate with its uncertainty and tests out.
 
-Nothing here knows a model: functions take arrays, and names only to speak of them.
+Nothing here depends on a model: functions take arrays, and names only for messages.
 
 Fits
     linear_fit, nonlinear_fit   least squares with weights, bounds or losses, priors -> Estimate
-    linear_fits                 many measurements with one matrix, which is factored once
-    bundle                      likewise with many local unknowns, poses or points, that are eliminated
-    Prior                       knowledge of a parameter before the data
-Worth
+    linear_fits                 many measurements with the same matrix, which is factored once
+    bundle                      nonlinear fits with many local unknowns, poses or points, which are eliminated
+    Prior                       prior value of a parameter with its standard deviation
+Quality
     identifiability             rank, null space in words, dependencies, standard deviations, O1 to O5
     dependencies, observability its parts
     newey_west, decimated, block_bootstrap   covariance under coloured residuals
-    whiteness, normality, noise_size, cross_validation   what residuals say of a model
-    held_out_ratio, freedom_of  how much larger than fitted errors held-out ones are by chance; FALSE_ALARM of verdicts
-    over_noise, chi_squared_over_noise   are residuals larger than the stated noise, by more than chance and than
-                                matters
-    between_recordings          have recordings of one machine disjoint intervals, and by how much
-    chance_ratio                of two rms errors of one size
-    nominal_sizes, negligible   sizes of parameters by nominal values, of which some are zero but for rounding
-Proof
+    whiteness, normality, noise_size, cross_validation   tests of a model by its residuals
+    held_out_ratio, freedom_of  test of held-out against fitted errors; FALSE_ALARM of verdicts
+    over_noise, chi_squared_over_noise   test whether residuals exceed the stated noise, significantly and relevantly
+    between_recordings          test whether recordings of the same machine have disjoint intervals
+    chance_ratio                bound on the ratio of two rms errors of equal expected size
+    nominal_sizes, negligible   sizes of parameters from nominal values; which of these are zero up to rounding
+Monte Carlo
     monte_carlo                 runs by seed in parallel processes
-    coverage, binomial_band     do intervals hold the truth as often as they say
+    coverage, binomial_band     test whether intervals contain the truth as often as stated
 """
 
 from typing import TYPE_CHECKING

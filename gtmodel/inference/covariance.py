@@ -1,4 +1,4 @@
-"""Covariance of a least-squares estimate, for white and for coloured residuals, and the parts of an Estimate."""
+"""Covariance of a least-squares estimate, for white and coloured residuals, and helpers to form an Estimate."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .residuals import autocorrelation, insignificant
 
 # of the largest singular value of the scaled Jacobian: directions below are in the null space
 RANK = 1e-9
-NO_SIZE = 1e-6  # of the largest nominal value of a unit: files of vendors have six digits, and rounding for their zeros
+NO_SIZE = 1e-6  # of the largest nominal value of the same unit: vendor files have six digits, so smaller ones are zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class Spectrum:
 
     @property
     def inverse(self) -> np.ndarray:
-        """Pseudo-inverse of the information of the scaled parameters (n, n)."""
+        """Pseudo-inverse of the information matrix of the scaled parameters (n, n)."""
         within = self.V[:, : self.rank] / self.singular[: self.rank]
         return within @ within.T
 
@@ -35,7 +35,7 @@ class Spectrum:
 
 
 def spectrum(scaled: np.ndarray, tolerance: float = RANK) -> Spectrum:
-    """Of a Jacobian (rows, n) with columns in units of the scales; the work is linear in the rows (QR first)."""
+    """Spectrum of a Jacobian (rows, n) with scaled columns; the cost is linear in the rows (QR first)."""
     n = scaled.shape[1]
     R = np.linalg.qr(scaled, mode="r") if scaled.shape[0] > n else scaled
     _, s, Vt = np.linalg.svd(R, full_matrices=True)
@@ -45,29 +45,31 @@ def spectrum(scaled: np.ndarray, tolerance: float = RANK) -> Spectrum:
 
 
 def scales(values: np.ndarray | None, n: int, J: np.ndarray) -> np.ndarray:
-    """Column scales (n,): those given, or the inverse norm of each column where there is none or zero."""
-    given = np.zeros(n) if values is None else np.abs(np.asarray(values, float)).reshape(-1)
-    if given.shape != (n,) or not np.all(np.isfinite(given)):
-        raise ArgumentError(f"scale has the shape {given.shape}; expected {n} finite numbers, one per parameter")
+    """Column scales (n,): `values`, or the inverse norm of the column if its value is missing or zero."""
+    stated = np.zeros(n) if values is None else np.abs(np.asarray(values, float)).reshape(-1)
+    if stated.shape != (n,) or not np.all(np.isfinite(stated)):
+        raise ArgumentError(f"scale has the shape {stated.shape}; expected {n} finite numbers, one per parameter")
     norms = np.linalg.norm(J, axis=0) / np.sqrt(max(len(J), 1))
-    # what no row sees stays a column of zeros, whatever its scale
-    return np.where(given > 0, given, 1 / np.where(norms > 0, norms, 1.0))
+    # a zero column stays zero with any scale
+    return np.where(stated > 0, stated, 1 / np.where(norms > 0, norms, 1.0))
 
 
 def negligible(nominal: np.ndarray, units: Sequence[str]) -> np.ndarray:
-    """Which nominal values (p,) are zero, or rounding beside the largest of their unit, as a file or a sum leaves it.
+    """Return a mask of the nominal values (p,) that are zero, or round-off compared with the largest of the same unit.
 
     >>> gt.inference.negligible(np.array([1.9, -2.9e-16, 0.05, 0.0]), ["kg m2"] * 4)
     array([False,  True, False,  True])
     """
     sizes = np.abs(np.asarray(nominal, float))
-    largest = [max(x for x, of in zip(sizes, units, strict=True) if of == unit) for unit in units]
+    largest = [max(x for x, u in zip(sizes, units, strict=True) if u == unit) for unit in units]
     return sizes <= NO_SIZE * np.array(largest)
 
 
 def nominal_sizes(nominal: np.ndarray, units: Sequence[str]) -> np.ndarray:
-    """Sizes (p,) of parameters by nominal values, for ranks and conditions. Where one is negligible, the smallest other
-    of its unit stands in; zero where there is none: the column's own length counts then.
+    """Return sizes (p,) of parameters from nominal values, to scale columns for rank and condition.
+
+    A negligible value is replaced by the smallest other one of the same unit, or by zero if there is none: the length
+    of the column is used then.
 
     >>> from gtmodel.inference.covariance import nominal_sizes
     >>> nominal_sizes(np.array([1.9, -2.9e-16, 0.05, 0.0]), ["kg m2"] * 4)
@@ -75,7 +77,7 @@ def nominal_sizes(nominal: np.ndarray, units: Sequence[str]) -> np.ndarray:
     """
     sizes, without = np.abs(np.asarray(nominal, float)), negligible(nominal, units)
     for k in np.flatnonzero(without).tolist():
-        alike = [x for x, of, no in zip(sizes, units, without, strict=True) if of == units[k] and not no]
+        alike = [x for x, unit, zero in zip(sizes, units, without, strict=True) if unit == units[k] and not zero]
         sizes[k] = min(alike, default=0.0)
     return sizes
 
@@ -83,8 +85,8 @@ def nominal_sizes(nominal: np.ndarray, units: Sequence[str]) -> np.ndarray:
 def carried(T: np.ndarray, C: np.ndarray) -> np.ndarray:
     """Covariance (k, k) of T x, for x of covariance C (n, n).
 
-    From a square root of C: variances are sums of squares then. T @ C @ T.T may leave a small negative number of one
-    that is zero, as that of a parameter on which the data say nothing.
+    It uses a square root of C, so that variances are sums of squares. T @ C @ T.T may give a small negative number for
+    a variance of zero.
     """
     size = np.sqrt(np.maximum(np.diag(C), 0.0))
     size = np.where(size > 0, size, 1.0)
@@ -94,43 +96,43 @@ def carried(T: np.ndarray, C: np.ndarray) -> np.ndarray:
 
 
 def freedom_left(rows: int, scaled_data: np.ndarray, inverse: np.ndarray) -> float:
-    """Degrees of freedom of the residuals of so many rows: less the trace of the hat matrix, as many parameters as the
-    data, not the priors, have fixed."""
-    left = rows - float(np.sum((scaled_data @ inverse) * scaled_data))
-    return float(round(left)) if abs(left - round(left)) < 1e-6 else left  # a whole number but for rounding
+    """Degrees of freedom of the residuals: the rows minus the trace of the hat matrix, which counts the parameters that
+    the data, not the priors, determine."""
+    dof = rows - float(np.sum((scaled_data @ inverse) * scaled_data))
+    return float(round(dof)) if abs(dof - round(dof)) < 1e-6 else dof  # remove round-off
 
 
 def moved_together(null: np.ndarray, names: tuple[str, ...], least: float = 0.05) -> list[str]:
-    """One sentence per null direction of scaled parameters, naming what moves along it."""
+    """One sentence per null direction of scaled parameters, with the parameters that it changes."""
     sentences = []
     for column in null.T:
         size = np.abs(column)
-        shown = [n for n, w in zip(names, size, strict=True) if w > least * size.max()]
-        if len(shown) == 1:
-            sentences.append(f"the data do not determine {shown[0]}: nothing measured moves with it")
+        involved = [n for n, w in zip(names, size, strict=True) if w > least * size.max()]
+        if len(involved) == 1:
+            sentences.append(f"the data do not determine {involved[0]}: no measurement depends on it")
         else:
             sentences.append(
-                f"the data do not determine {listed(shown)} apart from each other: fix one, "
-                "or measure what moves only one of them"
+                f"the data do not determine {listed(involved)} apart from each other: fix one, "
+                "or measure something that depends on only one of them"
             )
     return sentences
 
 
 def listed(names: Sequence[str]) -> str:
-    """ "a", "a and b", "a, b and c"; empty for none."""
+    """ "a", "a and b", "a, b and c"; empty without names."""
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
-# a correlation counted with both signs of the lag needs this many multiples of itself in the log to be averaged
+# the longest bandwidth is the log over this number: a correlation needs several multiples of its lag to be averaged
 LONGEST = 4
 
 
 def white(J: np.ndarray, sigma2: float, *, scale: np.ndarray | None = None) -> np.ndarray:
-    """Covariance sigma2 (J'J)^-1 (n, n) of a least-squares fit whose residuals are independent and of one size.
+    """Return the covariance sigma2 (J'J)^-1 (n, n) of a least-squares fit with independent residuals of equal variance.
 
-    J (rows, n) is the Jacobian, its rows divided by their standard deviations; `sigma2` is the variance that is left
-    then, 1 where the noise is known. While inverting, columns are in units of `scale` (n,), which only helps rounding.
-    Raises ArgumentError where columns depend on each other.
+    J (rows, n) is the Jacobian, its rows divided by their standard deviations; `sigma2` is the remaining variance, 1 if
+    the noise is known. For the inversion, columns are in units of `scale` (n,), which only reduces round-off. Raises
+    ArgumentError if columns are linearly dependent.
 
     >>> J = np.ones((100, 1))  # the mean of 100 values with a standard deviation of 2
     >>> np.sqrt(gt.inference.white(J, 2.0**2))
@@ -145,12 +147,12 @@ def white(J: np.ndarray, sigma2: float, *, scale: np.ndarray | None = None) -> n
 
 
 def automatic_lag(residuals: np.ndarray) -> int:
-    """Bandwidth in samples for the Bartlett weights of newey_west().
+    """Return the bandwidth in samples for the Bartlett weights of newey_west().
 
-    Residuals are (T,), or (T, channels), where the largest bandwidth of the channels counts.
+    Residuals are (T,), or (T, channels); the channel with the largest bandwidth decides.
 
-    Andrews' plug-in value for a first-order autoregression, 1.1447 (a T)^(1/3), a = 4 rho^2 / (1 - rho^2)^2, and not
-    less than twice the lag at which the autocorrelation is last significant before it first is not.
+    It is Andrews' plug-in value for a first-order autoregression, 1.1447 (a T)^(1/3), a = 4 rho^2 / (1 - rho^2)^2, and
+    at least twice the last lag before the autocorrelation first becomes insignificant.
     Source: Andrews 1991, Econometrica 59, eq. (6.2) and (6.4).
 
     >>> noise = np.random.default_rng(1).normal(size=400)
@@ -168,15 +170,15 @@ def automatic_lag(residuals: np.ndarray) -> int:
 def newey_west(
     J: np.ndarray, residuals: np.ndarray, *, lags: int | None = None, starts: tuple[int, ...] = (0,)
 ) -> np.ndarray:
-    """Sandwich covariance (n, n) with Bartlett weights: valid under coloured and heteroscedastic residuals.
+    """Return the sandwich covariance (n, n) with Bartlett weights, valid for coloured and heteroscedastic residuals.
 
     J (T, n) is the Jacobian with residuals (T,), or J (T, channels, n) with residuals (T, channels) that are sampled
-    together, in the order of time. `starts` are the rows where recordings begin: nothing is correlated across them.
-    `lags` is the bandwidth in samples, automatic_lag() where it is None.
+    together, in the order of time. `starts` are the rows where recordings start: recordings count as uncorrelated.
+    `lags` is the bandwidth in samples, automatic_lag() if None.
 
-    Source: Newey and West 1987, Econometrica 55. The covariance is multiplied by N / (N - n) for N residuals
-    in all, and by the square of fixed_b() for a bandwidth b = (lags + 1) / T that is no small share of the log. Raises
-    ArgumentError for no more residuals than parameters, and where columns depend on each other.
+    Source: Newey and West 1987, Econometrica 55. The covariance is multiplied by N / (N - n) for N residuals in total,
+    and by the square of fixed_b() for the relative bandwidth b = (lags + 1) / T. Raises ArgumentError if there are no
+    more residuals than parameters, or if columns are linearly dependent.
 
     >>> noise = np.repeat(np.random.default_rng(1).normal(size=100), 4)  # four equal neighbours each
     >>> J = np.ones((400, 1))  # the fitted parameter is a mean
@@ -204,9 +206,9 @@ def newey_west(
 
 
 def fixed_b(b: float) -> float:
-    """By how much wider than normal a 95 % interval must be when Bartlett's bandwidth is the share b of the samples.
+    """Return the factor on a normal 95 % interval if the Bartlett bandwidth is the share b of the samples.
 
-    The sandwich covariance is then itself uncertain, and too small on average. The factor is 1 for b = 0.
+    For large b the sandwich covariance is uncertain itself, and too small on average. The factor is 1 for b = 0.
     Source: Kiefer and Vogelsang 2005, Econometric Theory 21, table 1: the quantile 97.5 % over the normal one.
 
     >>> round(gt.inference.fixed_b(0.1), 3)
@@ -216,9 +218,9 @@ def fixed_b(b: float) -> float:
 
 
 def correlation_time(residuals: np.ndarray) -> int:
-    """Number of samples after which residuals (T,) or (T, channels) are as good as independent.
+    """Return the number of samples after which residuals (T,) or (T, channels) are practically independent.
 
-    It is 1 + 2 times the sum of the significant autocorrelations, rounded up; the largest of the channels counts.
+    It is 1 + 2 times the sum of the significant autocorrelations, rounded up, for the channel with the largest value.
 
     >>> noise = np.random.default_rng(2).normal(size=400)
     >>> gt.inference.correlation_time(noise), gt.inference.correlation_time(np.repeat(noise, 5))
@@ -232,11 +234,11 @@ def correlation_time(residuals: np.ndarray) -> int:
 
 
 def decimated(J: np.ndarray, residuals: np.ndarray, *, every: int | None = None) -> np.ndarray:
-    """Covariance (n, n) of a fit on every k-th sample only, whose residuals are taken as independent.
+    """Return the covariance (n, n) of a fit to every k-th sample, whose residuals are assumed to be independent.
 
     J (T, n) and residuals (T,), or with channels as in newey_west(). `every` is k, by default the correlation time.
-    Intervals are wider than those of a fit on all samples need be. Raises ArgumentError where too few samples are left,
-    and where columns depend on each other.
+    Intervals are wider than necessary for a fit to all samples. Raises ArgumentError if too few samples remain, or if
+    columns are linearly dependent.
 
     >>> J, noise = np.ones((400, 1)), np.random.default_rng(1).normal(size=400)
     >>> every, fourth = (np.sqrt(gt.inference.decimated(J, noise, every=k)[0, 0]) for k in (1, 4))
@@ -258,11 +260,11 @@ def decimated(J: np.ndarray, residuals: np.ndarray, *, every: int | None = None)
 def block_bootstrap(
     J: np.ndarray, residuals: np.ndarray, *, seed: int, block: int | None = None, draws: int = 400
 ) -> np.ndarray:
-    """Covariance (n, n) of the linearised fit over `draws` series made of blocks of its residuals in a new order.
+    """Return the covariance (n, n) of the linearised fit over `draws` resampled series of residual blocks.
 
     J and residuals as in newey_west(). `block` is the length in samples, by default ten correlation times; blocks wrap
-    round the end (circular block bootstrap, Politis and Romano 1992). The same seed gives the same result. Raises
-    ArgumentError as newey_west() does, for a block below one sample and fewer than two draws.
+    around the end (circular block bootstrap, Politis and Romano 1992). The same seed gives the same result. Raises
+    ArgumentError as newey_west() does, and for a block below one sample or fewer than two draws.
 
     >>> J, noise = np.ones((400, 1)), np.random.default_rng(1).normal(size=400)
     >>> std = np.sqrt(gt.inference.block_bootstrap(J, noise, seed=1, block=1)[0, 0])
@@ -292,22 +294,22 @@ def block_bootstrap(
 
 def _at_least(least: int, value: int, name: str) -> int:
     if int(value) < least:
-        raise ArgumentError(f"expected a whole number from {least} on; found {value}", name)
+        raise ArgumentError(f"expected a whole number, at least {least}; found {value}", name)
     return int(value)
 
 
 def _refuse_few(residuals: int, n: int) -> None:
     if residuals <= n:
-        raise ArgumentError(f"{residuals} residuals for {n} parameters say nothing of their noise; measure more")
+        raise ArgumentError(f"{residuals} residuals for {n} parameters do not determine the noise; measure more")
 
 
 def _refuse_dependent(R: np.ndarray, rows: int) -> None:
-    """R (n, n): the triangle of a Jacobian of so many rows."""
+    """Raise ArgumentError if the columns of a Jacobian of so many rows, with the QR factor R (n, n), are dependent."""
     s = np.linalg.svd(R * _column_scale(R), compute_uv=False)
     rank = int(np.count_nonzero(s > rows * np.finfo(float).eps * s[0])) if len(R) else 0
     if rank < R.shape[1]:
         raise ArgumentError(
-            f"the columns of the Jacobian depend on each other: its rank is {rank} for {R.shape[1]} parameters; "
+            f"the columns of the Jacobian are linearly dependent: its rank is {rank} for {R.shape[1]} parameters; "
             "fix some of them"
         )
 

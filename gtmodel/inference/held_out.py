@@ -1,5 +1,5 @@
-"""How much larger than fitted errors held-out ones may be before chance no longer explains it, and whether
-recordings of one machine agree."""
+"""Tests of held-out against fitted errors, of residuals against stated noise, and of agreement between recordings of
+the same machine."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from ..results.suspicion import FIRST, Suspicion
 from .chance import chi_squared_bound, chi_squared_chance, f_bound, f_chance
 from .residuals import SMALL_P, shown_p
 
-# probability that a sound model fails one verdict: seldom enough for an exit code that scripts rely on
+# probability that a sound model fails one test: small enough for an exit code in scripts
 FALSE_ALARM = FIRST
-# a ratio that matters: two halves of one recording or grid differ by some tenths where the model lacks a little, and
-# the noise of a device is seldom known to better than 30 %; beyond 1.41 more than half of the mean square is no noise
+# smallest relevant ratio: two halves of a recording or grid differ by some tenths if the model lacks a small effect,
+# and the noise of a device is seldom known to better than 30 %; beyond 1.41 noise is less than half of the mean square
 MATTERS = 1.5
 
 
 class _Bounded(ABC):
-    """A ratio that is judged by a bound; `p`: how often a sound model has one as large as this or larger."""
+    """A ratio with its bound; p: probability that a sound model has a ratio this large or larger."""
 
     ratio: float
     bound: float
@@ -39,23 +39,23 @@ class _Bounded(ABC):
 
     @property
     def passed(self) -> bool:
-        """Within the bound; not where nothing can be judged, whose bound is infinite."""
+        """Whether the ratio is within its bound; False for an infinite bound, where nothing can be tested."""
         return bool(np.isfinite(self.bound)) and self.ratio <= self.bound
 
     def check(self, advice: str) -> Check:
-        """The ratio against its bound."""
+        """Return the check of the ratio against its bound."""
         return Check(self.ratio, self.bound if np.isfinite(self.bound) else None, advice, judged=self.passed)
 
     def suspicion(self, name: str, remedy: str) -> Suspicion:
-        """Whether it is larger than a sound model has it, by more than matters."""
+        """Return the suspicion that the ratio is significantly and relevantly larger than for a sound model."""
         return Suspicion(name, self.extent, 1.0 if self.ratio <= MATTERS and np.isfinite(self.p) else self.p, remedy)
 
 
 @dataclass(frozen=True)
 class HeldOut(_Bounded):
-    """Held-out over fitted rms error: `ratio`, what a sound model has on average (`expected`), and the `bound`.
+    """Held-out over fitted rms error: `ratio`, its average for a sound model (`expected`), and the `bound`.
 
-    The bound is the larger of 1.5 and of the ratio that a sound model exceeds with probability `false_alarm`.
+    The bound is the larger of 1.5 and the ratio that a sound model exceeds with probability `false_alarm`.
     """
 
     ratio: float
@@ -66,27 +66,27 @@ class HeldOut(_Bounded):
 
     @property
     def extent(self) -> str:
-        """The ratio in words, without what it may come from."""
+        """The ratio in words, without its possible causes."""
         return (
-            f"held-out errors are {self.ratio:.3g} times the fitted ones; a sound model has {self.expected:.3g} on "
-            f"average ({shown_p(self.p)})"
+            f"held-out errors are {self.ratio:.3g} times the fitted ones; for a sound model it is {self.expected:.3g} "
+            f"on average ({shown_p(self.p)})"
         )
 
     @property
     def message(self) -> str:
         if not np.isfinite(self.bound):
-            return "as many parameters as equations were fitted: held-out errors have nothing to be judged by"
+            return "as many parameters as equations were fitted: held-out errors cannot be compared with fitted ones"
         return (
-            f"held-out errors are {self.ratio:.3g} times the fitted ones; a sound model has {self.expected:.3g} on "
-            f"average, and more than {self.bound:.3g} in {100 * self.false_alarm:g} % of the cases at most"
+            f"held-out errors are {self.ratio:.3g} times the fitted ones; for a sound model it is {self.expected:.3g} "
+            f"on average, and above {self.bound:.3g} in at most {100 * self.false_alarm:g} % of the cases"
         )
 
 
 @dataclass(frozen=True)
 class OverNoise(_Bounded):
-    """Rms residuals over the stated noise: `ratio`, and the `bound` of a sound model, see over_noise().
+    """Rms residuals over the stated noise: `ratio`, and its `bound` for a sound model, see over_noise().
 
-    `p`: how often noise as it was stated leaves residuals as large as these or larger.
+    p: probability that the stated noise gives residuals this large or larger.
     """
 
     ratio: float
@@ -96,23 +96,23 @@ class OverNoise(_Bounded):
 
     @property
     def as_stated(self) -> bool:
-        """Whether noise as it was stated explains the residuals, neither more nor less; p is 1 % or more."""
+        """Whether the residuals are neither larger nor smaller than the stated noise (two-sided test at 1 %)."""
         return SMALL_P / 2 <= self.p <= 1 - SMALL_P / 2
 
     @property
     def extent(self) -> str:
-        """The ratio in words, without what it may come from."""
+        """The ratio in words, without its possible causes."""
         if not np.isfinite(self.bound):
-            return "as many parameters as equations were fitted: residuals say nothing of the noise"
-        of = f"{self.degrees_of_freedom:.4g} degrees of freedom, {shown_p(self.p)}"
+            return "as many parameters as equations were fitted: the residuals do not show the noise"
+        details = f"{self.degrees_of_freedom:.4g} degrees of freedom, {shown_p(self.p)}"
         if self.as_stated:
-            return f"residuals are as large as the stated noise ({self.ratio:.3g} times, {of})"
+            return f"residuals are as large as the stated noise ({self.ratio:.3g} times, {details})"
         size = f"residuals are {self.ratio:.3g} times the stated noise"
         if self.ratio < 1:
-            return f"{size}: it was stated too large ({of})"
+            return f"{size}: it was stated too large ({details})"
         if self.passed:
-            return f"{size} ({of}): more than chance, but less than the {self.bound:.3g} times that matter"
-        return f"{size}, of a sound model {self.bound:.3g} times at most ({of})"
+            return f"{size} ({details}): significant, but below the {self.bound:.3g} times that matter"
+        return f"{size}; a sound model has at most {self.bound:.3g} times ({details})"
 
     @property
     def message(self) -> str:
@@ -122,8 +122,9 @@ class OverNoise(_Bounded):
 
 
 def over_noise(estimate: Estimate, *, false_alarm: float = FALSE_ALARM, matters: float = MATTERS) -> OverNoise:
-    """Judge the residuals of a fit whose noise was stated, see chi_squared_over_noise(). Raises ArgumentError where it
-    was not stated.
+    """Test the residuals of a fit against its stated noise, see chi_squared_over_noise().
+
+    Raises ArgumentError if the noise was not stated.
 
     >>> values = 3.0 + 0.4 * np.random.default_rng(1).normal(size=50)
     >>> e = gt.inference.linear_fit(np.ones((50, 1)), values, ["mean"], sigma=0.1)
@@ -132,7 +133,7 @@ def over_noise(estimate: Estimate, *, false_alarm: float = FALSE_ALARM, matters:
     (False, 3.6, 1.5)
     """
     if not estimate.known_noise:
-        raise ArgumentError("the noise was not given, so that the residuals cannot be compared with it; give sigma")
+        raise ArgumentError("the noise was not stated, so the residuals cannot be compared with it; give sigma")
     squares = float(np.sum(np.square(estimate.residuals)))
     return chi_squared_over_noise(squares, estimate.degrees_of_freedom, false_alarm=false_alarm, matters=matters)
 
@@ -140,11 +141,12 @@ def over_noise(estimate: Estimate, *, false_alarm: float = FALSE_ALARM, matters:
 def chi_squared_over_noise(
     chi_squared: float, degrees_of_freedom: float, *, false_alarm: float = FALSE_ALARM, matters: float = MATTERS
 ) -> OverNoise:
-    """Judge a sum of squared residuals in units of a stated noise: is something in them that the model lacks?
+    """Test a sum of squared residuals in units of the stated noise for effects that the model lacks.
 
-    The bound on their rms is the larger of `matters` and of the ratio that noise alone exceeds with probability
-    `false_alarm`: a noise that was stated as it is leaves a chi-squared sum of squares. The power: an error of three
-    times the noise, of which the fit takes up no more than of the noise, leaves a noncentral sum, and passes so seldom:
+    For correctly stated noise the sum is chi-squared. The bound on the rms is the larger of `matters` and the ratio
+    that noise alone exceeds with probability `false_alarm`. Power of the test: with a model error of three times the
+    noise, of which the fit absorbs no larger share than of the noise, the sum is noncentral, and it passes with the
+    probabilities in the last column:
 
     >>> from scipy import stats
     >>> for n in (3, 5, 10, 100):
@@ -165,9 +167,11 @@ def chi_squared_over_noise(
 def chance_ratio(
     numerator_freedom: float, denominator_freedom: float, *, tests: int = 1, false_alarm: float = FALSE_ALARM
 ) -> float:
-    """Ratio of two rms errors of one size that chance exceeds with probability `false_alarm` in any of so many tests.
+    """Return the ratio of two rms errors of equal expectation that any of so many tests exceeds with probability
+    `false_alarm` by chance.
 
-    Of independent normal errors with these degrees of freedom; infinite where one has none, and nothing can be judged.
+    The errors are independent and normal, with these degrees of freedom; infinite if one has none, so that nothing can
+    be tested.
 
     >>> few, many = (gt.inference.chance_ratio(n, n, tests=5) for n in (3.0, 100.0))
     >>> round(few, 1), round(many, 2)
@@ -188,22 +192,22 @@ def held_out_ratio(
     false_alarm: float = FALSE_ALARM,
     matters: float = MATTERS,
 ) -> HeldOut:
-    """Judge a ratio of rms errors, held out over fitted.
+    """Test a ratio of rms errors, held out over fitted.
 
     Args:
-        ratio: of the rms errors as they are.
+        ratio: measured ratio of the rms errors.
         growth: ratio of the expected mean squares, held out over fitted, for a sound model: (1 + leverage held out) /
-            (1 - leverage fitted). With p parameters, N fitted and as many alike held-out equations it is about
+            (1 - leverage fitted). With p parameters, N fitted and as many similar held-out equations it is about
             (N + p) / (N - p).
-        fitted_freedom, held_out_freedom: degrees of freedom of the two mean squares, the number of independent normal
-            errors of one size whose mean square has the same relative spread; fewer where errors are coloured or of
-            different sizes, see `freedom_of`.
-        tests: how many such ratios are judged together, each getting its part of the false alarms.
+        fitted_freedom, held_out_freedom: degrees of freedom of the two mean squares: the number of independent normal
+            errors of equal variance whose mean square has the same relative spread; fewer for coloured errors or
+            different variances, see `freedom_of`.
+        tests: number of ratios that are tested together; they share the false alarms.
         false_alarm: probability that a sound model fails any of them.
-        matters: ratio below which nothing is reported, however certain it is.
+        matters: smaller ratios are not reported, even if they are significant.
 
-    The fit and the errors it has not seen are independent, so that ratio^2 / growth has the F distribution; exact for
-    linear models and white normal noise. With no degrees of freedom left the bound is infinite: nothing can be judged.
+    Fit and held-out errors are independent, so ratio^2 / growth has the F distribution; exact for linear models and
+    white normal noise. Without degrees of freedom the bound is infinite: nothing can be tested.
 
     >>> many = gt.inference.held_out_ratio(1.6, 1.1, 200.0, 200.0)
     >>> few = gt.inference.held_out_ratio(1.6, 1.1, 10.0, 10.0)
@@ -212,16 +216,16 @@ def held_out_ratio(
     """
     if not (growth > 0 and np.isfinite(growth) and fitted_freedom > 0 and held_out_freedom > 0):
         return HeldOut(ratio, np.inf, np.inf, false_alarm)
-    with np.errstate(over="ignore"):  # a bound beyond all numbers is infinite: nothing can be judged
+    with np.errstate(over="ignore"):  # a bound that overflows is infinite: nothing can be tested
         chance = float(np.sqrt(growth * f_bound(false_alarm / tests, held_out_freedom, fitted_freedom)))
     p = min(1.0, tests * float(f_chance(ratio**2 / growth, held_out_freedom, fitted_freedom)))
     return HeldOut(ratio, float(np.sqrt(growth)), max(matters, chance), false_alarm, p)
 
 
 def freedom_of(trace: float, trace_of_square: float) -> float:
-    """Effective degrees of freedom of the mean square of errors with covariance S: tr(S)^2 / tr(S^2).
+    """Return the effective degrees of freedom of the mean square of errors with covariance S: tr(S)^2 / tr(S^2).
 
-    So many independent normal errors of one size have a mean square of the same relative spread.
+    The mean square of so many independent normal errors of equal variance has the same relative spread.
     Source: Satterthwaite 1946, Biometrics Bulletin 2.
 
     >>> round(gt.inference.freedom_of(3.1, 3.01), 2)  # three errors of variance 1 and one of 0.1
@@ -229,17 +233,17 @@ def freedom_of(trace: float, trace_of_square: float) -> float:
     """
     if not trace_of_square > 0:
         return 0.0
-    # in units of a power of two: exact, and no square overflows
+    # scaled by a power of two: exact, and no square overflows
     mantissa, exponent = math.frexp(trace)
     return mantissa**2 / math.ldexp(trace_of_square, -2 * exponent)
 
 
 @dataclass(frozen=True, eq=False)
 class BetweenRecordings:
-    """Parameters of which recordings give disjoint intervals, `apart`, of all `names` that were compared.
+    """Comparison of recordings. names: the compared parameters; apart: those with disjoint intervals.
 
-    `spread`: by name, the standard deviation [unit of the parameter] between recordings beyond what their own noise
-    explains. `worst`: the name that is farthest apart in standard deviations, `pair` the two recordings.
+    spread: by name, standard deviation between recordings beyond their own noise [unit of the parameter]. worst: the
+    parameter with the largest difference in standard deviations; pair: the two recordings.
     """
 
     names: tuple[str, ...]
@@ -257,8 +261,8 @@ class BetweenRecordings:
             for name, (low, high) in zip(self.pair, self.intervals, strict=True)
         )  # fmt: skip
         return (
-            f"recordings have disjoint 95 % intervals of {len(self.apart)} of {len(self.names)} parameters, most of "
-            f"all {self.worst}: {ends}; between recordings it varies by {self.spread[self.worst]:.2g} {self.unit} "
+            f"recordings have disjoint 95 % intervals of {len(self.apart)} of {len(self.names)} parameters, the worst "
+            f"is {self.worst}: {ends}; between recordings it varies by {self.spread[self.worst]:.2g} {self.unit} "
             "beyond their noise: an interval describes its recordings, not the machine"
         )
 
@@ -266,11 +270,11 @@ class BetweenRecordings:
 def between_recordings(
     estimates: Mapping[str, Estimate], names: Sequence[str], *, false_alarm: float = FALSE_ALARM
 ) -> BetweenRecordings | None:
-    """Compare the estimates of recordings, by name, parameter by parameter; None where they agree within their noise.
+    """Compare the estimates of recordings parameter by parameter; None if they agree within their noise.
 
-    Disjoint are 95 % intervals that do not meet, of values that lie farther apart than chance puts any two of them with
-    probability `false_alarm`. What a recording does not determine is not compared. Raises ArgumentError for fewer than
-    two recordings.
+    A parameter counts as apart if two 95 % intervals do not overlap and the difference of the values is larger than
+    chance gives for any pair with probability `false_alarm`. Parameters that a recording does not determine are not
+    compared. Raises ArgumentError for fewer than two recordings.
 
     >>> def recorded(rng, k):  # the mean of fifty values, which another day shifts
     ...     return gt.inference.linear_fit(np.ones((50, 1)), 3 + 0.5 * k + 0.1 * rng.normal(size=50), ["m"])
@@ -282,7 +286,7 @@ def between_recordings(
     True
     """
     if len(estimates) < 2:
-        raise ArgumentError(f"expected two recordings or more; found {len(estimates)}", "estimates")
+        raise ArgumentError(f"expected at least two recordings; found {len(estimates)}", "estimates")
     pairs = list(combinations(estimates, 2))
     bound = half_width(1 - false_alarm / max(len(pairs) * len(names), 1))
     apart, spread, best = [], {}, (0.0, "", pairs[0])

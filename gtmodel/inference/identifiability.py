@@ -1,4 +1,4 @@
-"""Which parameters a set of measurements determines, and how well: columns that depend on others, observability
+"""Identifiability: which parameters a set of measurements determines and how well, dependent columns, observability
 indices O1 to O5."""
 
 from __future__ import annotations
@@ -12,41 +12,41 @@ from numpy.typing import ArrayLike
 from ..results.refusal import ArgumentError
 from .covariance import listed, scales, spectrum
 
-# columns whose remaining lengths differ by less than this part tie; the name decides
+# columns whose remaining lengths differ by a smaller share tie; the name decides
 TIE = 1e-6
-# coefficients below this part of a column's largest are rounding
+# coefficients below this share of a column's largest are round-off
 NOTHING = 1e-8
-LISTED = 0.01  # of the largest: smaller ones are not named in a sentence
+LISTED = 0.01  # of the largest coefficient: smaller ones are not named in a sentence
 
 
 @dataclass(frozen=True, eq=False)
 class Dependencies:
-    """Which columns of a Jacobian depend on which others.
+    """Linear dependencies between the columns of a Jacobian.
 
-    `independent` are the names in the order of the pivots; `coefficients` has for each other name d those of its column
-    in terms of these, column(d) = sum coefficients[d][i] * column(i), in the parameters' own units. The data determine
-    the base parameters p_i + sum_d coefficients[d][i] * p_d and nothing else.
+    `independent` are the names in the order of the pivots. `coefficients` expresses the column of each other name d in
+    terms of these: column(d) = sum coefficients[d][i] * column(i), in the parameters' own units. The data determine the
+    base parameters p_i + sum_d coefficients[d][i] * p_d and nothing else.
     """
 
     independent: tuple[str, ...]
     coefficients: dict[str, dict[str, float]]
 
     def base(self, name: str) -> dict[str, float]:
-        """The base parameter of an independent name: name -> factor. Raises ArgumentError for a dependent one."""
+        """Return the base parameter of an independent name: name -> factor. Raises ArgumentError for another name."""
         if name not in self.independent:
             raise ArgumentError(
-                f"'{name}' depends on others; base parameters are those of {', '.join(self.independent)}"
+                f"'{name}' depends on others; the independent parameters are {', '.join(self.independent)}"
             )
         more = {d: c[name] for d, c in self.coefficients.items() if name in c}
         return {name: 1.0, **more}
 
     @property
     def notes(self) -> list[str]:
-        """One sentence per dependent name: what it moves with."""
+        """One sentence per dependent name: the parameters on which it depends."""
         return [
             f"{d} moves with {listed(_largest(c))}: measure {d}, or fix one of them"
             if c
-            else f"{d} moves nothing that is measured: fix it"
+            else f"no measurement depends on {d}: fix it"
             for d, c in self.coefficients.items()
         ]
 
@@ -64,13 +64,13 @@ def dependencies(
     tolerance: float = 1e-9,
     keep: Sequence[str] = (),
 ) -> Dependencies:
-    """Which columns of the Jacobian J (rows, n) depend on others, by QR with pivots.
+    """Find the dependent columns of the Jacobian J (rows, n), by QR with pivots.
 
     Rows are whitened; columns are compared in units of `scale` (n,), the expected sizes of the parameters.
 
-    Pivots are first the names in `keep`, in that order, as far as they are independent, then always the column with the
-    longest remainder; lengths within 1e-6 of it tie, and the name that sorts first wins. A column depends on others
-    when its remainder is below `tolerance` of the longest column. The order of the columns changes nothing.
+    The first pivots are the names in `keep`, in that order, if they are independent; then always the column with the
+    longest remainder. Lengths within 1e-6 tie, and the name that sorts first wins. A column is dependent if its
+    remainder is below `tolerance` of the longest column. The result does not depend on the order of the columns.
 
     >>> a, b = np.array([1.0, 0.0, 1.0]), np.array([0.0, 1.0, 2.0])
     >>> J = np.column_stack([a, b, a + b])
@@ -84,7 +84,7 @@ def dependencies(
     by_name = sorted(range(len(names)), key=lambda k: names[k])
     size = np.ones(len(names)) if scale is None else np.abs(np.asarray(scale, float))
     columns = np.asarray(J, float) * size
-    # the triangle of columns sorted by name: the same for every order in which they come
+    # QR of the columns sorted by name does not depend on their order
     R = columns[:, by_name]
     if len(R) > len(names):
         R = np.asarray(np.linalg.qr(R, mode="r"))
@@ -105,7 +105,7 @@ def dependencies(
         chosen.append(k)
         q = rest[:, k] / lengths[k]
         rest -= np.outer(q, q @ rest)
-        rest -= np.outer(q, q @ rest)  # again: orthogonal to rounding
+        rest -= np.outer(q, q @ rest)  # again, for orthogonality to round-off
     inverse = np.linalg.pinv(R[:, chosen]) if chosen else np.zeros((0, len(R)))
     sorted_names = [names[k] for k in by_name]
     units = size[by_name]
@@ -124,10 +124,10 @@ def dependencies(
 
 @dataclass(frozen=True)
 class Observability:
-    """Indices of the scaled Jacobian with singular values s1 >= .. >= sr, r of them, and n poses; larger is better.
+    """Observability indices of the scaled Jacobian with singular values s1 >= .. >= sr and n poses; larger is better.
 
     o1 = (s1 .. sr)^(1/r) / sqrt(n), o2 = sr / s1, o3 = sr, o4 = sr^2 / s1 (noise amplification; eq. (5.14) of Dressler
-    2012 is misprinted), o5 = 1 / sum(1 / si). `scaling` says what columns and rows were divided by.
+    2012 is misprinted), o5 = 1 / sum(1 / si). scaling: the units of columns and rows, in words.
     """
 
     o1: float
@@ -145,10 +145,10 @@ class Observability:
 
 
 def observability(singular: np.ndarray, rank: int, poses: int, scaling: str) -> Observability:
-    """Observability indices O1 to O5 of singular values in falling order, of which the first `rank` count.
+    """Compute the observability indices O1 to O5 from the first `rank` singular values, in descending order.
 
-    `poses` is the number of measured poses; `scaling` says in words what columns and rows were divided by. Raises
-    ArgumentError for a rank or a number of poses below one, and where a singular value that counts is zero.
+    `poses` is the number of measured poses; `scaling` describes the units of columns and rows. Raises ArgumentError for
+    a rank or a number of poses below one, and if one of these singular values is zero.
 
     >>> indices = gt.inference.observability(np.array([4.0, 2.0, 1.0]), 3, poses=10, scaling="as given")
     >>> round(indices.o1, 4), indices.o2, indices.o3, indices.o4
@@ -156,7 +156,7 @@ def observability(singular: np.ndarray, rank: int, poses: int, scaling: str) -> 
     """
     s = np.asarray(singular, float)[:rank]
     if rank < 1 or poses < 1 or not np.all(s > 0):
-        raise ArgumentError(f"observability needs a rank and poses of at least one; found {rank} and {poses}")
+        raise ArgumentError(f"expected a rank and poses of at least one; found {rank} and {poses}")
     o1 = float(np.exp(np.mean(np.log(s))) / np.sqrt(poses))
     return Observability(
         o1, float(s[-1] / s[0]), float(s[-1]), float(s[-1] ** 2 / s[0]), float(1 / np.sum(1 / s)), rank, poses, scaling
@@ -164,18 +164,18 @@ def observability(singular: np.ndarray, rank: int, poses: int, scaling: str) -> 
 
 
 TOLERANCES = (1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
-# a direction whose standard deviation, in units of the scales, is above this is determined no better than it was known
+# a direction whose standard deviation, in units of the scales, is larger is determined no better than it was known
 NEAR = 1.0
-SHOWN = 0.05  # of a direction's largest entry: smaller ones are not named
+SHOWN = 0.05  # of the largest entry of a direction: smaller ones are not named
 CORRELATED = 0.95
 
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """A combination of parameters: `weights` by name in their own units, largest first, one for the largest.
+    """A combination of parameters.
 
-    `singular` is its singular value over the largest; `std` the standard deviation of the whole combination, in units
-    of the scales.
+    weights: by name in their own units, largest first, one for the largest. singular: its singular value over the
+    largest. std: standard deviation of the combination, in units of the scales.
     """
 
     weights: dict[str, float]
@@ -190,12 +190,11 @@ class Direction:
 class Identifiability:
     """Rank, null and near-null directions, dependencies, and a standard deviation per parameter.
 
-    `singular` are the singular values of the scaled, whitened Jacobian, largest first; `rank` counts those above
-    `tolerance` of the largest, `ranks` has the count for other tolerances. `null` are the directions that the data do
-    not determine, `near` those that they determine no better than the scales did. `std` (n,) and `covariance` (n, n)
-    hold for the stated noise, in the parameters' units; `std` is infinite for what moves along the null space.
-    `determined_by` (n,) is the share of each parameter's direction that lies in the identifiable space, 0..1.
-    `indices` are the observability indices.
+    singular: singular values of the scaled, whitened Jacobian, largest first. rank: number of those above `tolerance`
+    of the largest; ranks: the same for other tolerances. null: directions that the data do not determine; near: those
+    that they determine no better than the scales. std (n,), covariance (n, n): for the stated noise, in the parameters'
+    units; std is infinite for parameters in the null space. determined_by (n,): share of each parameter's direction in
+    the identifiable space, 0..1. indices: observability indices.
     """
 
     names: tuple[str, ...]
@@ -215,24 +214,24 @@ class Identifiability:
 
     @property
     def redundant(self) -> int:
-        """How many parameters, or combinations of them, the measurements do not determine."""
+        """Number of parameters, or combinations of them, that the measurements do not determine."""
         return len(self.names) - self.rank
 
     @property
     def determined(self) -> int:
-        """How many parameters, or combinations of them, are determined better than they were known: those within the
-        rank that are not `near`."""
+        """Number of parameters, or combinations of them, that are determined better than they were known: the rank
+        without the directions in `near`."""
         return self.rank - len(self.near)
 
     @property
     def counts(self) -> str:
-        """All parameters in words, each counted once: determined, no better than known, not at all."""
-        n, said = len(self.names), []
+        """Counts of all parameters in words: determined, no better than known, not at all."""
+        n, others = len(self.names), []
         if self.near:
-            said.append(f"{len(self.near)} no better than they were known")
+            others.append(f"{len(self.near)} no better than they were known")
         if self.redundant:
-            said.append(f"{self.redundant} not at all")
-        return ", ".join([f"{self.determined} of {n} parameters or combinations are determined", *said])
+            others.append(f"{self.redundant} not at all")
+        return ", ".join([f"{self.determined} of {n} parameters or combinations are determined", *others])
 
     @property
     def condition(self) -> float:
@@ -248,7 +247,7 @@ class Identifiability:
 
     @property
     def correlated(self) -> list[tuple[str, str, float]]:
-        """Pairs that correlate by more than 0.95, the strongest first."""
+        """Pairs with a correlation above 0.95, the strongest first."""
         c = self.correlation
         pairs = [(a, b) for b in range(len(self.names)) for a in range(b) if abs(c[a, b]) > CORRELATED]
         pairs.sort(key=lambda p: (-round(abs(c[p]), 12), self.names[p[0]], self.names[p[1]]))
@@ -256,7 +255,7 @@ class Identifiability:
 
     @property
     def notes(self) -> list[str]:
-        """In words: the rank, what moves with what, what is determined badly."""
+        """Sentences on the rank, the dependencies, and the badly determined directions."""
         by_tolerance = ", ".join(f"{r} at {t:.0e}" for t, r in self.ranks.items())
         lines = [f"{self.counts} (rank {by_tolerance})"]
         lines += self.dependencies.notes
@@ -290,16 +289,16 @@ def identifiability(
     near: float = NEAR,
     keep: Sequence[str] = (),
 ) -> Identifiability:
-    """What measurements with the Jacobian J (rows, n) determine of the parameters `names`.
+    """Analyse which of the parameters `names` the measurements with the Jacobian J (rows, n) determine.
 
-    Rows of J are whitened: divided by the standard deviation of the noise. Priors may be among them, as further rows.
+    Rows of J are whitened: divided by the standard deviation of the noise. Priors may be additional rows.
 
     `scale` (n,) is the expected size of each parameter's error, or its nominal value; ranks and indices refer to
-    columns in these units (missing or zero: in units that give the column length one). `poses` counts for the
-    observability indices, by default the rows. `keep` names parameters that are preferred as independent ones. With
-    `known_noise` False rows are in units of an unknown noise: `std` is then per unit of it, and nothing is called near.
-    `near` is the standard deviation in units of the scales above which a direction is. The order of the columns changes
-    nothing. Raises ArgumentError for a wrong shape, values that are not finite, or a Jacobian that is all zero.
+    columns in these units (missing or zero: scaled to length one). `poses` is the number for the observability indices,
+    by default the rows. `keep` names preferred independent parameters. With `known_noise` False, rows are in units of
+    an unknown noise: `std` is then per unit of it, and `near` stays empty. `near` is the limit on the standard
+    deviation of a direction, in units of the scales. The result does not depend on the order of the columns. Raises
+    ArgumentError for a wrong shape, values that are not finite, or a Jacobian of zeros.
 
     >>> time = np.linspace(0.0, 1.0, 20)  # y = offset + drift * time + bias, noise 0.1
     >>> J = np.column_stack([np.ones(20), time, np.ones(20)]) / 0.1
@@ -314,39 +313,39 @@ def identifiability(
         raise ArgumentError(f"the derivatives have the shape {J.shape}; expected (rows, {len(names)})")
     if not np.all(np.isfinite(J)):
         raise ArgumentError(f"the derivatives of '{names[int(np.argwhere(~np.isfinite(J))[0, 1])]}' are not finite")
-    # sorted by name: sums are then formed in one order
+    # sorted by name, so that round-off does not depend on the order
     order = sorted(range(len(names)), key=lambda k: names[k])
     back = np.asarray(np.argsort(order))
     J = J[:, order]
-    own = tuple(names[k] for k in order)
-    given = None if scale is None else np.asarray(scale, float).reshape(-1)
-    if given is not None and len(given) == len(names):  # another length is refused by scales()
-        given = given[order]
-    size = scales(given, len(names), J)
+    ordered = tuple(names[k] for k in order)
+    stated = None if scale is None else np.asarray(scale, float).reshape(-1)
+    if stated is not None and len(stated) == len(names):  # scales() refuses another length
+        stated = stated[order]
+    size = scales(stated, len(names), J)
     s = spectrum(J * size, tolerance)
     if s.rank == 0:
-        raise ArgumentError("nothing measured moves with any of the parameters")
+        raise ArgumentError("no measurement depends on any of the parameters")
     null, V = s.null, s.V
     moving = np.abs(null).max(axis=1, initial=0.0) > 1e-8
     cov = s.inverse * np.outer(size, size)
     std = np.sqrt(np.diag(cov))
     std[moving] = np.inf
     weak = [k for k in range(s.rank) if known_noise and 1 / s.singular[k] > near]
-    said = "columns in the expected sizes, rows in the noise" if scale is not None else "columns of equal length"
+    scaling = "columns in expected sizes, rows in the noise" if scale is not None else "columns of equal length"
     return Identifiability(
         names, size[back], s.singular, s.rank, tolerance,
         {t: int(np.count_nonzero(s.singular > t * s.singular[0])) for t in TOLERANCES},
-        tuple(_direction(null[:, k], own, size, 0.0, np.inf) for k in range(null.shape[1])),
-        tuple(_direction(V[:, k], own, size, s.singular[k] / s.singular[0], 1 / s.singular[k]) for k in weak),
-        dependencies(J, own, scale=size, tolerance=tolerance, keep=keep),
+        tuple(_direction(null[:, k], ordered, size, 0.0, np.inf) for k in range(null.shape[1])),
+        tuple(_direction(V[:, k], ordered, size, s.singular[k] / s.singular[0], 1 / s.singular[k]) for k in weak),
+        dependencies(J, ordered, scale=size, tolerance=tolerance, keep=keep),
         std[back], cov[np.ix_(back, back)], 1 - np.sum(null**2, axis=1)[back],
-        observability(s.singular, s.rank, poses or len(J), said), known_noise,
+        observability(s.singular, s.rank, poses or len(J), scaling), known_noise,
     )  # fmt: skip
 
 
 def _direction(v: np.ndarray, names: tuple[str, ...], size: np.ndarray, singular: float, std: float) -> Direction:
     largest = int(np.argmax(np.round(np.abs(v), 9)))
     physical = v * size
-    shown = [k for k in range(len(v)) if abs(v[k]) > SHOWN * abs(v[largest])]
-    shown.sort(key=lambda k: (-round(abs(v[k] / v[largest]), 6), names[k]))
-    return Direction({names[k]: float(physical[k] / physical[largest]) for k in shown}, float(singular), float(std))
+    entries = [k for k in range(len(v)) if abs(v[k]) > SHOWN * abs(v[largest])]
+    entries.sort(key=lambda k: (-round(abs(v[k] / v[largest]), 6), names[k]))
+    return Direction({names[k]: float(physical[k] / physical[largest]) for k in entries}, float(singular), float(std))

@@ -1,4 +1,4 @@
-"""Linear weighted least squares with bounds and priors, and what its numbers are worth."""
+"""Linear weighted least squares with bounds and priors, and the covariance of the result."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ..results.refusal import ArgumentError
 from .covariance import RANK, freedom_left, moved_together, scales, spectrum
 from .weighting import Prior, prior_rows, weighting
 
-# with priors and an unknown noise, the two weigh each other: rounds until the noise stands still to this part
+# with priors and unknown noise, the fit and the noise depend on each other: iterate until the noise changes by less
 NOISE_STILL, NOISE_ROUNDS = 1e-10, 100
-# at a bound: no further from it than this part of the parameter's scale
+# a parameter is at a bound if it is no further from it than this share of its scale
 AT_BOUND = 1e-9
-PART = 1e-8  # of a null direction of length one in scaled units: smaller entries are rounding
-BVLS = 1e-15  # lsq_linear's tolerance: it ends by the active set, not by this
+PART = 1e-8  # of a null direction of length one in scaled units: smaller entries are round-off
+BVLS = 1e-15  # tolerance of lsq_linear: its active set, not this, ends the iteration
 
 
 def linear_fit(
@@ -36,17 +36,17 @@ def linear_fit(
     hold_undetermined: bool = False,
     rank_tolerance: float = RANK,
 ) -> Estimate:
-    """Linear least squares: the x that makes A x nearest to b, as an Estimate with its covariance.
+    """Solve the linear least-squares problem A x = b; return x as an Estimate with its covariance.
 
     A (rows, n), b (rows,), and n `names`. The noise is given by one of sigma, weights and covariance, see weighting();
     with weights, or none of the three, the residuals determine it. `scale` (n,) is the nominal or expected size of each
-    parameter; it decides what counts as rank, not the result (missing or zero: from the column's own norm). `bounds`
-    has name -> (low, high); what ends at a bound is `held` there and leaves the covariance. `priors` act as further
+    parameter; it affects the rank, not the result (missing or zero: from the norm of the column). `bounds` maps name ->
+    (low, high); a parameter at a bound is `held` there and not in the covariance. `priors` act as additional
     measurements. `units`, one per name, are for printing.
 
-    What the data do not determine is refused and named; with `hold_undetermined` it stays nearest to zero in units of
-    the scales, and the Estimate says so. Raises ArgumentError for that, wrong shapes, values that are not finite, or
-    too few rows.
+    Undetermined parameters raise an error that names them; with `hold_undetermined` they take the solution of least
+    norm in units of the scales, and the Estimate has a note. Raises ArgumentError for undetermined parameters, wrong
+    shapes, values that are not finite, or too few rows.
 
     >>> time, position = np.array([0.0, 1.0, 2.0, 3.0]), np.array([1.0, 3.0, 5.1, 6.9])
     >>> A = np.column_stack([np.ones(4), time])
@@ -86,10 +86,10 @@ def linear_fit(
 def linear_fits(
     A: ArrayLike, b: ArrayLike, names: Sequence[str], *, scale: ArrayLike | None = None, rank_tolerance: float = RANK
 ) -> list[Estimate]:
-    """Linear fits of many measurements with one A: the Estimates of `linear_fit(A, row, names, scale=scale)`.
+    """Solve many linear fits with the same A; return the Estimates of `linear_fit(A, row, names, scale=scale)`.
 
-    A (rows, n), b (fits, rows). A is factored once, so that a fit costs little more than a product with it; this is for
-    repeated synthetic experiments. Each fit's own residuals determine its noise. Raises ArgumentError as linear_fit().
+    A (rows, n), b (fits, rows). A is factored once, so a fit costs little more than a product with it; this is for
+    repeated synthetic experiments. The residuals of each fit determine its noise. Raises ArgumentError as linear_fit().
 
     >>> time = np.linspace(0.0, 3.0, 20)
     >>> A = np.column_stack([np.ones(20), time])
@@ -100,7 +100,7 @@ def linear_fits(
     """
     A, b, names = np.asarray(A, float), np.asarray(b, float), tuple(names)
     if b.ndim != 2:
-        raise ArgumentError(f"b has the shape {b.shape}; expected (fits, rows): a row per fit")
+        raise ArgumentError(f"b has the shape {b.shape}; expected (fits, rows), a row per fit")
     if not len(b):
         return []
     _check(A, b.T, names)
@@ -109,15 +109,15 @@ def linear_fits(
     worth = fit_worth(A, names, size, np.ones(len(names), bool), np.zeros((0, len(names))), False,
                       rank_tolerance=rank_tolerance)  # fmt: skip
     residuals = b - x @ A.T
-    return [worth.estimate(own, r) for own, r in zip(x, residuals, strict=True)]
+    return [worth.estimate(values, r) for values, r in zip(x, residuals, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
 class FitWorth:
-    """What an Estimate says beside its values, but for the noise: the same for all measurements of one Jacobian.
+    """Parts of an Estimate that depend only on the Jacobian, not on values and residuals.
 
-    `free` (n,) are the positions of the parameters that are not held, `inverse` (free, free) is the inverse of their
-    information in whitened rows; the others are as in Estimate.
+    free: positions of the parameters that are not held. inverse: inverse of their information matrix from whitened rows
+    (free, free). The other fields are as in Estimate.
     """
 
     names: tuple[str, ...]
@@ -130,7 +130,7 @@ class FitWorth:
     null_space: np.ndarray
 
     def estimate(self, x: np.ndarray, r: np.ndarray) -> Estimate:
-        """The Estimate at an optimum x (n,) with whitened residuals r (rows,)."""
+        """Return the Estimate at an optimum x (n,) with whitened residuals r (rows,)."""
         kept, dof = self.free, self.degrees_of_freedom
         held = np.setdiff1d(np.arange(len(self.names)), kept)
         noise = float(np.sqrt(r @ r / dof)) if dof else 1.0
@@ -156,16 +156,17 @@ def fit_worth(
     hold_undetermined: bool = False,
     rank_tolerance: float = RANK,
 ) -> FitWorth:
-    """What the whitened Jacobian J (rows, n) at an optimum is worth.
+    """Information of the whitened Jacobian J (rows, n) at an optimum.
 
-    `free` (n,) says which parameters are not held; P (k, n) are whitened prior rows, times `prior_noise` in units of
-    the residuals. Raises ArgumentError for too few rows, and for what is not determined unless `hold_undetermined`.
+    free: mask (n,) of the parameters that are not held. P: whitened prior rows (k, n); times `prior_noise` they are in
+    units of the residuals. Raises ArgumentError for too few rows, and for undetermined parameters unless
+    `hold_undetermined`.
     """
     kept = np.flatnonzero(free)
-    own = tuple(names[k] for k in kept)
+    kept_names = tuple(names[k] for k in kept)
     data, size = J[:, kept] * scale[kept], scale[kept]
     s = spectrum(np.vstack([data, prior_noise * P[:, kept] * size]), rank_tolerance)
-    null = moved_together(s.null, own)
+    null = moved_together(s.null, kept_names)
     if null and not hold_undetermined:
         raise ArgumentError("; ".join(null))
     degrees_of_freedom = freedom_left(len(J), data, s.inverse)
@@ -182,12 +183,12 @@ def _solve(A: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray, tole
     x = np.linalg.lstsq(A, b, rcond=tolerance)[0]
     if np.all(x >= low) and np.all(x <= high):
         return x
-    # exactly equal bounds are refused there: hold them by hand
+    # lsq_linear refuses equal bounds: fix these parameters here
     fixed = low == high
     x = np.where(fixed, low, 0.0)
     if not fixed.all():
         rest = A[:, ~fixed]
-        # bvls ends on the exact active set; it wants full rank, which a ridge at the rounding gives
+        # bvls ends with the exact active set; it needs full rank, which a ridge of round-off size gives
         if np.linalg.matrix_rank(rest, tol=tolerance * np.linalg.norm(rest, 2)) < rest.shape[1]:
             ridge = tolerance * np.linalg.norm(rest, 2) * np.eye(rest.shape[1])
             rest, right = np.vstack([rest, ridge]), np.concatenate([b - A @ x, np.zeros(rest.shape[1])])
@@ -196,17 +197,17 @@ def _solve(A: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray, tole
         if len(rest) > rest.shape[1]:
             Q, R = np.linalg.qr(rest)
             rest, right = R, Q.T @ right
-        import scipy  # here: what reads a log by its keys imports this module and fits nothing
+        import scipy  # here, since readers of logs import this module without fitting
 
         x[~fixed] = scipy.optimize.lsq_linear(rest, right, (low[~fixed], high[~fixed]), method="bvls", tol=BVLS).x
     return x
 
 
 def limits(bounds: Mapping[str, tuple[float, float]], names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper bounds (n,) of the names, infinite where there are none. Raises ArgumentError."""
+    """Lower and upper bounds (n,) of the names, infinite without a bound. Raises ArgumentError."""
     unknown = [n for n in bounds if n not in names]
     if unknown:
-        raise ArgumentError(f"bounds name '{unknown[0]}', which is not free; these are: {', '.join(names)}")
+        raise ArgumentError(f"bounds name '{unknown[0]}', which is not free; expected one of {', '.join(names)}")
     pairs = [bounds.get(n, (-np.inf, np.inf)) for n in names]
     for name, (low, high) in zip(names, pairs, strict=True):
         if not low <= high:
@@ -216,7 +217,7 @@ def limits(bounds: Mapping[str, tuple[float, float]], names: tuple[str, ...]) ->
 
 def _check(A: np.ndarray, b: np.ndarray, names: tuple[str, ...]) -> None:
     if A.shape != (len(b), len(names)):
-        raise ArgumentError(f"A has the shape {A.shape}; expected ({len(b)}, {len(names)}): a row per measured value, "
+        raise ArgumentError(f"A has the shape {A.shape}; expected ({len(b)}, {len(names)}), a row per measured value, "
                          "a column per name")  # fmt: skip
     if len(set(names)) < len(names):
         twice = next(n for n in names if names.count(n) > 1)
@@ -224,4 +225,4 @@ def _check(A: np.ndarray, b: np.ndarray, names: tuple[str, ...]) -> None:
     for what, values in (("A", A), ("b", b)):
         if not np.all(np.isfinite(values)):
             row = int(np.argwhere(~np.isfinite(values))[0, 0])
-            raise ArgumentError(f"{what} is not finite in row {row}; remove the row or mend the data")
+            raise ArgumentError(f"{what} is not finite in row {row}; remove the row or correct the data")

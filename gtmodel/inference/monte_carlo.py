@@ -1,5 +1,4 @@
-"""Many independent runs by seed, in parallel processes with one BLAS thread each, and whether intervals hold the
-truth as often as they say."""
+"""Independent runs by seed in parallel processes with one BLAS thread each, and coverage of confidence intervals."""
 
 from __future__ import annotations
 
@@ -20,14 +19,14 @@ from ..results.estimate import Estimate, half_width
 from ..results.refusal import ArgumentError
 from ..results.work import parents_signals
 
-BAND = 0.999  # two-sided: one perfect interval in a thousand falls outside
+BAND = 0.999  # two-sided: one correct interval in a thousand falls outside
 POOLED = (0.94, 0.96)
 
 
 def binomial_band(runs: int, level: float = 0.95, band: float = BAND) -> tuple[int, int]:
-    """Smallest and largest number of hits that an interval of true coverage `level` has in `runs` runs.
+    """Return the smallest and largest plausible number of hits in `runs` runs, for intervals of true coverage `level`.
 
-    The hits lie within both numbers with probability `band`: no more than (1 - band) / 2 lies beyond either end.
+    The number of hits is inside with probability `band`; each tail has at most (1 - band) / 2.
 
     >>> gt.inference.binomial_band(200), gt.inference.binomial_band(500)
     ((179, 198), (458, 489))
@@ -39,9 +38,9 @@ def binomial_band(runs: int, level: float = 0.95, band: float = BAND) -> tuple[i
 
 @dataclass(frozen=True, eq=False)
 class Coverage:
-    """How often the intervals of each name held the truth.
+    """How often the intervals of each name contained the truth.
 
-    `hits` (n,) of `runs` runs at confidence `level`; `bias` (n,) is the mean error over its standard error.
+    `hits` (n,) in `runs` runs at confidence `level`; `bias` (n,) is the mean error over its standard error.
     """
 
     names: tuple[str, ...]
@@ -52,7 +51,7 @@ class Coverage:
 
     @property
     def band(self) -> tuple[int, int]:
-        """Smallest and largest number of hits that chance allows, see binomial_band()."""
+        """Smallest and largest plausible number of hits, see binomial_band()."""
         return binomial_band(self.runs, self.level)
 
     @property
@@ -62,19 +61,19 @@ class Coverage:
 
     @property
     def outside(self) -> tuple[str, ...]:
-        """Names whose hits lie outside the band."""
+        """Names whose hits are outside the band."""
         low, high = self.band
         return tuple(n for n, h in zip(self.names, self.hits, strict=True) if not low <= h <= high)
 
     @property
     def biased(self) -> tuple[str, ...]:
-        """Names whose mean error is larger than chance makes it in so many runs, at the band's level for all names."""
+        """Names with a significant mean error, at the level of the band for all names together."""
         limit = half_width(1 - (1 - BAND) / len(self.names))
         return tuple(n for n, b in zip(self.names, self.bias, strict=True) if abs(b) > limit)
 
     @property
     def passed(self) -> bool:
-        """Every name inside the band and unbiased, and the pooled coverage within one per cent of the level."""
+        """Whether each name is inside the band and unbiased, and the pooled coverage within one per cent of `level`."""
         return not self.outside and not self.biased and POOLED[0] <= self.pooled + 0.95 - self.level <= POOLED[1]
 
     def __str__(self) -> str:
@@ -86,9 +85,9 @@ class Coverage:
 
 
 def coverage(estimates: Sequence[Estimate], truth: Mapping[str, float], *, level: float = 0.95) -> Coverage:
-    """How often the intervals of repeated fits hold the `truth`, name -> true value, for the names in it.
+    """Count how often the intervals of repeated fits contain the `truth`, name -> true value.
 
-    Raises ArgumentError for no runs, for no true values, and for a name that was not estimated.
+    Raises ArgumentError without runs or true values, and for a name that was not estimated.
 
     >>> def run(rng, k):  # the mean of ten synthetic values
     ...     return gt.inference.linear_fit(np.ones((10, 1)), 3 + 0.2 * rng.normal(size=10), ["m"])
@@ -98,9 +97,9 @@ def coverage(estimates: Sequence[Estimate], truth: Mapping[str, float], *, level
     ((87, 100), (), ())
     """
     if not estimates:
-        raise ArgumentError("coverage needs runs; found none", "estimates")
+        raise ArgumentError("expected at least one run; found none", "estimates")
     if not truth:
-        raise ArgumentError("expected a true value of one name or more; found none", "truth")
+        raise ArgumentError("expected the true value of at least one name; found none", "truth")
     names, true = tuple(truth), np.array(list(truth.values()), float)
     hits, errors = np.zeros(len(truth), int), np.zeros((len(estimates), len(truth)))
     for run, e in enumerate(estimates):
@@ -113,15 +112,15 @@ def coverage(estimates: Sequence[Estimate], truth: Mapping[str, float], *, level
 
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-LOOK = 0.2  # s between looks at `interrupted`
-AHEAD = 4  # runs handed out per process beyond those at work: little is left to cancel
+LOOK = 0.2  # s between calls of `interrupted`
+AHEAD = 4  # submitted runs per process: few, so that little has to be cancelled
 
 Task = Callable[[np.random.Generator, int], Any]
 
 
 @dataclass(frozen=True, eq=False)
 class MonteCarlo:
-    """Results of the runs that ended, in the order of their numbers `indices`; all of them unless `interrupted`."""
+    """Results of the finished runs, in the order of their numbers `indices`; all runs unless `interrupted`."""
 
     results: tuple[Any, ...]
     indices: tuple[int, ...]
@@ -142,14 +141,14 @@ def monte_carlo(
 ) -> MonteCarlo:
     """Call task(rng, k) for k = 0..runs-1, each with its own generator spawned from `seed`.
 
-    The results are the same for any number of `processes`: by default one per core; 0 runs all in this process (and
-    its BLAS threads), for looking inside. For other processes the task must be importable: a function of a module, or
-    functools.partial of one. `executor` is something else to hand the runs to, with submit() as
-    concurrent.futures.Executor has it, or a Dask client, whose get_executor() is called. `progress(done, runs)` is
-    called after each run. Ctrl-C, or `interrupted()` returning True, ends the workers and returns what is done; workers
-    leave Ctrl-C and SIGTERM to this process, and end with it.
+    The results do not depend on the number of `processes`: by default one per core; 0 runs all in this process (with
+    its BLAS threads), for debugging. For other processes the task must be importable: a function of a module, or
+    functools.partial of one. `executor` runs the tasks elsewhere: an object with submit() as in
+    concurrent.futures.Executor, or a Dask client, whose get_executor() is called. `progress(done, runs)` is called
+    after each run. Ctrl-C, or `interrupted()` returning True, ends the workers and returns the finished runs; workers
+    ignore Ctrl-C and SIGTERM, and end with this process.
 
-    Raises ArgumentError for fewer than one run, RuntimeError naming the run in which the task failed.
+    Raises ArgumentError for fewer than one run, RuntimeError with the number of the run in which the task failed.
 
     >>> def run(rng, k):
     ...     return rng.normal()
@@ -158,9 +157,9 @@ def monte_carlo(
     ((0, 1, 2), array([-0.64,  2.49,  1.44]))
     """
     if runs < 1:
-        raise ArgumentError(f"a Monte Carlo needs at least one run; found {runs}")
+        raise ArgumentError(f"expected at least one run; found {runs}")
     seeds = np.random.SeedSequence(seed).spawn(runs)
-    if hasattr(executor, "get_executor"):  # a client of Dask, which is no dependency
+    if hasattr(executor, "get_executor"):  # a Dask client; Dask is not a dependency
         executor = executor.get_executor()
     if executor is None and processes == 0:
         return _here(task, seeds, seed, progress, interrupted)
@@ -168,7 +167,7 @@ def monte_carlo(
         return _handed_out(executor, 64, task, seeds, seed, progress, interrupted)
     count = max(1, min(runs, processes if processes is not None else os.cpu_count() or 1))
     with _one_thread():
-        # spawn: a forked process would inherit locks and BLAS threads
+        # spawn, since a forked process would inherit locks and BLAS threads
         pool = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _follow_the_parent)
         whole = False
         try:
@@ -176,7 +175,7 @@ def monte_carlo(
             whole = not ended.interrupted
             return ended
         finally:
-            if not whole:  # a run at work has no other end; Python 3.14 has terminate_workers() for this
+            if not whole:  # there is no other way to end a running task; Python 3.14 has terminate_workers()
                 for process in list((pool._processes or {}).values()):
                     process.kill()
             pool.shutdown(wait=True, cancel_futures=True)
@@ -250,8 +249,8 @@ def _named(k: int, run: Callable[[], Any]) -> Any:
 
 
 def _follow_the_parent() -> None:
-    """A worker ends when its parent says so, or is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Windows has no mask that it would inherit
+    """End a worker when its parent ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Windows has no signal mask to inherit
     parent = multiprocessing.parent_process()
 
     def watch() -> None:
@@ -265,7 +264,7 @@ def _follow_the_parent() -> None:
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """BLAS reads its thread count once, when it is loaded: processes started meanwhile take one."""
+    """Processes started in this context use one BLAS thread: BLAS reads its thread count once, when it is loaded."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:

@@ -1,5 +1,5 @@
-"""Nonlinear least squares by Gauss-Newton steps on the exact Jacobian, damped as Levenberg and Marquardt did, from
-rows in pieces."""
+"""Nonlinear least squares: Gauss-Newton with the exact Jacobian and Levenberg-Marquardt damping, with rows in
+pieces."""
 
 from __future__ import annotations
 
@@ -19,16 +19,17 @@ from .descent import Descent, DescentStep, minimised
 from .least_squares import AT_BOUND, fit_worth, limits
 from .weighting import Loss, Prior, loss_named, prior_rows, weighting
 
-# pieces (rows, n + 1) of whitened rows [J r] at x, as often as asked for; memory holds one piece at a time
+# pieces (rows, n + 1) of whitened rows [J r] at x; called repeatedly, one piece in memory at a time
 Pieces = Callable[[np.ndarray], Iterable[np.ndarray]]
 
-# of a scaled Jacobian: inner products square it and leave eight digits of a step up to here; beyond, QR in pieces
+# largest condition of a scaled Jacobian for normal equations, which leave eight digits of a step; beyond, QR in pieces
 CONDITION = 1e4
 
 
 @dataclass(frozen=True, eq=False)
 class Sums:
-    """Of all rows A = [J r] at x, weighted by the loss: the `cost`, and A'A (n + 1, n + 1) or R with R'R = A'A."""
+    """Sums over all rows A = [J r] at x, weighted by the loss: `cost`, and `matrix`, A'A (n + 1, n + 1) or R with
+    R'R = A'A."""
 
     matrix: np.ndarray
     cost: float
@@ -50,9 +51,9 @@ class Directions:
 
 
 def sums(pieces: Iterable[np.ndarray], loss: Loss, width: float, *, triangular: bool) -> Sums:
-    """The sums over the pieces, by QR if `triangular`."""
+    """Sums over the pieces, by QR if `triangular`."""
     matrix, cost = np.zeros((0, 0)), 0.0
-    with np.errstate(all="ignore"):  # what is not finite shows in the sums
+    with np.errstate(all="ignore"):  # values that are not finite show in the sums
         for A in pieces:
             rows = A
             if not loss.squares:
@@ -66,14 +67,14 @@ def sums(pieces: Iterable[np.ndarray], loss: Loss, width: float, *, triangular: 
 
 
 def triangle(R: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """The triangle of R (empty at first) and further rows below it: in pieces what QR of all rows gives."""
+    """QR factor of R (empty at first) with further rows below it; over all pieces this is the factor of all rows."""
     return np.asarray(np.linalg.qr(np.vstack([R, rows]) if len(R) else rows, mode="r"))
 
 
 def directions(s: Sums, size: np.ndarray, prior: np.ndarray) -> Directions | None:
-    """Of sums and prior rows (k, n + 1), columns in units of `size` (n + 1,), of which the last is 1.
+    """Directions from sums and prior rows (k, n + 1), with columns in units of `size` (n + 1,), whose last entry is 1.
 
-    None where inner products are not precise enough.
+    None if the normal equations are not accurate enough.
     """
     if s.triangular:
         R = s.matrix * size
@@ -90,20 +91,20 @@ def directions(s: Sums, size: np.ndarray, prior: np.ndarray) -> Directions | Non
 
 
 def norm(v: np.ndarray) -> float:
-    """Of a vector; a call costs a third of NumPy's, which asks for axes and orders first."""
+    """Euclidean norm of a vector; three times as fast as NumPy's general function."""
     return math.sqrt(float(v @ v))
 
 
 Residuals = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
-SLOPE = 1e-6  # relative step of central differences: errors of 1e-12 from the step, 1e-10 from rounding
-# damping begins below the smallest singular value, or weak directions would creep; relative to the largest
+SLOPE = 1e-6  # relative step of central differences: errors of 1e-12 by truncation, 1e-10 by round-off
+# first damping over the squared smallest singular value, both relative to the largest; more would slow weak directions
 DAMPING = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class NonlinearFit(Descent):
-    """The iteration's end, whitened residuals `r` (rows,) and Jacobian `J` (rows, n) there, and the `estimate`; None
+    """Result of the iteration with whitened residuals `r` (rows,) and Jacobian `J` (rows, n), and the `estimate`; None
     unless solved."""
 
     x: np.ndarray
@@ -130,15 +131,15 @@ def nonlinear_fit(
     rank_tolerance: float = RANK,
     limit: int = 200,
 ) -> NonlinearFit:
-    """Nonlinear least squares: the x (n,) that minimises half the sum of squares of the whitened residuals.
+    """Find the x (n,) that minimises half the sum of squares of the whitened residuals.
 
     `residuals(x)` returns r (rows,), in their own unit and not whitened, and the Jacobian dr/dx (rows, n). `start` (n,)
-    is where the iteration begins, `limit` how many steps it may take. Noise, bounds, priors, scales and what is not
-    determined are treated as in linear_fit(); priors need a known noise (sigma or covariance). `loss` of the whitened
-    residuals is linear, huber, soft_l1 or cauchy as in scipy, with its `width`; the covariance is then Huber's.
+    is the initial guess, `limit` the largest number of steps. Noise, bounds, priors, scales and undetermined parameters
+    are treated as in linear_fit(); priors need a known noise (sigma or covariance). `loss` of the whitened residuals is
+    linear, huber, soft_l1 or cauchy as in scipy, with its `width`; the covariance is then Huber's.
 
-    The sign of r does not matter as long as its Jacobian has the same. Raises ArgumentError for shapes that do not fit;
-    an iteration that fails is a `status`, and `estimate` is then None.
+    The sign of r does not matter if its Jacobian has the same sign. Raises ArgumentError for shapes that do not match;
+    a failed iteration has its `status`, and `estimate` is then None.
 
     >>> time = np.linspace(0.0, 1.0, 50)
     >>> measured = 2.0 * np.exp(-3.0 * time)
@@ -151,19 +152,19 @@ def nonlinear_fit(
     """
     x, names, priors = np.asarray(start, float).reshape(-1), tuple(names), tuple(priors)
     if len(names) != len(x):
-        raise ArgumentError(f"{len(names)} names for {len(x)} starting values; give one each")
+        raise ArgumentError(f"expected as many names as starting values, {len(x)}; found {len(names)}")
     r, J = (np.asarray(a, float) for a in residuals(x))
     if J.shape != (len(r), len(x)):
         raise ArgumentError(f"the derivatives have the shape {J.shape}; expected ({len(r)}, {len(x)})")
     w = weighting(len(r), sigma=sigma, weights=weights, covariance=covariance)
     if priors and not w.known:
-        raise ArgumentError("priors need the size of the noise to be weighed against: give sigma or covariance")
+        raise ArgumentError("priors need a known noise for their weight: give sigma or covariance")
     size = scales(None if scale is None else np.asarray(scale, float), len(x), w(J))
     P, p = prior_rows(priors, names)
     last = [x, np.column_stack([w(J), w(r)])]
 
     def rows(x: np.ndarray) -> tuple[np.ndarray]:
-        """All [J r] at once; the last are kept."""
+        """All rows [J r]; the last result is cached."""
         if not np.array_equal(last[0], x):
             r, J = (np.asarray(a, float) for a in residuals(x))
             last[:] = x.copy(), np.column_stack([w(J), w(r)])
@@ -188,22 +189,24 @@ def nonlinear_fit(
     if loss != "linear" and estimate.degrees_of_freedom:
         factor = loss_named(loss).variance_factor(r, width, estimate.degrees_of_freedom)
         if not np.isfinite(factor):
-            said = f"next to all residuals lie beyond the width {width:g} of the {loss} loss, and nothing holds the fit"
-            d = replace(d, status=SolveStatus.FAILED, message=f"{said}; take a larger width or a larger noise")
+            reason = (
+                f"almost all residuals are beyond the width {width:g} of the {loss} loss, so none determine the fit"
+            )
+            d = replace(d, status=SolveStatus.FAILED, message=f"{reason}; use a larger width or a larger noise")
             return NonlinearFit(**vars(d), r=r, J=J)
         estimate = replace(estimate, covariance=estimate.covariance / (1.0 if w.known else estimate.noise**2) * factor)
     return NonlinearFit(**vars(d), r=r, J=J, estimate=estimate)
 
 
 def central(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
-    """Jacobian (rows, n) of a function of x (n,) by central differences of a relative step (of 1 where x is small)."""
+    """Jacobian (rows, n) of a function of x (n,) by central differences, with a step relative to max(|x|, 1)."""
     steps = np.diag(SLOPE * np.maximum(np.abs(x), 1.0))
     return np.column_stack([(function(x + e) - function(x - e)) / (2 * e[k]) for k, e in enumerate(steps)])
 
 
 def by_differences(misfit: Callable[[np.ndarray], np.ndarray], rows: int) -> Residuals:
-    """Residuals (rows,) for nonlinear_fit() whose derivatives are central differences; where `misfit` raises ValueError
-    or LinAlgError x is too far off, and the iteration takes a shorter step."""
+    """Residuals (rows,) for nonlinear_fit() with derivatives by central differences; if `misfit` raises ValueError or
+    LinAlgError, x is too far off, and the iteration takes a shorter step."""
 
     def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         try:
@@ -229,10 +232,10 @@ def descend(
     tolerance: float = 0.0,
     stop: Callable[[], bool] | None = None,
 ) -> Descent:
-    """The descent over all of x (n,) at once; `rows` are passed through, never kept.
+    """Minimise over all of x (n,); `rows` are processed in pieces and not stored.
 
-    Along null directions nothing moves: steps are of least norm in units of the scales. What stands at one of its
-    `bounds`, lower and upper ones (n,), and would leave them stays there.
+    Steps have least norm in units of the scales, so nothing moves along null directions. A parameter at one of its
+    `bounds`, lower and upper ones (n,), stays there if its step would leave them.
     """
     P = np.zeros((0, len(scale))) if P is None else P
     p = np.zeros(len(P)) if p is None else p
@@ -242,8 +245,8 @@ def descend(
 
 @dataclass(eq=False)
 class _AtOnce:
-    """Of rows [J r], with columns in units of `size` (n + 1,), and prior rows P x - p; `triangular` from the first
-    ill-conditioned Jacobian on."""
+    """Problem of rows [J r], with columns in units of `size` (n + 1,), and prior rows P x - p; `triangular` becomes
+    true at the first ill-conditioned Jacobian."""
 
     rows: Pieces
     size: np.ndarray
@@ -289,7 +292,7 @@ class _Here:
             self.problem.triangular = True
             self._sum()
             d = directions(self.sums, size, self.prior)
-            assert d is not None, "a triangle has directions, whatever its condition"
+            assert d is not None, "a triangle has directions for any condition"
         return d
 
     def step(self, damping: float) -> DescentStep | None:

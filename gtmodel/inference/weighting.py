@@ -1,4 +1,4 @@
-"""What is known of the noise, rows divided by it, and robust losses rho(z) of z = (r / width)^2."""
+"""Weighting: noise of the rows and whitening, priors, and robust losses rho(z) of z = (r / width)^2."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..results.refusal import ArgumentError
 
 @dataclass(frozen=True)
 class Prior:
-    """Knowledge of one parameter before the data: a value and its standard deviation, in the parameter's unit.
+    """Prior value of one parameter and its standard deviation, in the parameter's unit.
 
     Raises ArgumentError for a value that is not finite or a standard deviation that is not positive.
 
@@ -35,9 +35,9 @@ class Prior:
 
 @dataclass(frozen=True, eq=False)
 class Weighting:
-    """Whitens rows when called: (rows, ...) -> (rows, ...) of unit variance (`known`), or of equal unknown variance.
+    """Whitens rows when called: (rows, ...) -> (rows, ...) with unit variance (`known`), or equal unknown variance.
 
-    `factor` is None, one number, one per row, or inverse Cholesky factors (blocks, k, k) of blocks of k rows.
+    factor: None, one number, one per row, or inverse Cholesky factors (blocks, k, k) of blocks of k rows.
     """
 
     factor: np.ndarray | None
@@ -60,30 +60,30 @@ def weighting(
     weights: ArrayLike | None = None,
     covariance: ArrayLike | None = None,
 ) -> Weighting:
-    """What is known of the noise of so many rows, as a Weighting that divides rows by it.
+    """Make the Weighting that whitens so many rows.
 
-    At most one is given: `sigma`, standard deviations, one or one per row; `weights`, inverse variances up to a common
+    Give at most one: `sigma`, standard deviations, one or one per row; `weights`, inverse variances up to a common
     factor that the residuals determine; `covariance` (rows, rows), or (blocks, k, k) for independent blocks of k rows.
-    With none all rows weigh alike, and the residuals determine the noise.
+    Without any, all rows have equal weight, and the residuals determine the noise.
 
-    Raises ArgumentError for more than one, a wrong shape, or what is not positive.
+    Raises ArgumentError for more than one, a wrong shape, or values that are not positive.
 
     >>> whitened = gt.inference.weighting(3, sigma=[1.0, 2.0, 4.0])
     >>> whitened(np.ones(3)), whitened.known
     (array([1.  , 0.5 , 0.25]), True)
     """
-    given = [n for n, v in (("sigma", sigma), ("weights", weights), ("covariance", covariance)) if v is not None]
-    if len(given) > 1:
-        raise ArgumentError(f"give one of sigma, weights and covariance; found {' and '.join(given)}")
+    stated = [n for n, v in (("sigma", sigma), ("weights", weights), ("covariance", covariance)) if v is not None]
+    if len(stated) > 1:
+        raise ArgumentError(f"give one of sigma, weights and covariance; found {' and '.join(stated)}")
     if covariance is not None:
         return Weighting(_inverse_factors(np.asarray(covariance, float), rows), True)
-    if not given:
+    if not stated:
         return Weighting(None, False)
     values = np.asarray(sigma if sigma is not None else weights, float)
     if values.shape not in ((), (1,), (rows,)):
-        raise ArgumentError(f"{given[0]} has the shape {values.shape}; expected one number or {rows}, one per row")
+        raise ArgumentError(f"{stated[0]} has the shape {values.shape}; expected one number or {rows}, one per row")
     if not np.all(np.isfinite(values)) or np.any(values <= 0):
-        raise ArgumentError(f"{given[0]} must be finite and positive; found {values.min():g}")
+        raise ArgumentError(f"{stated[0]} must be finite and positive; found {values.min():g}")
     return Weighting(1 / values if sigma is not None else np.sqrt(values), sigma is not None)
 
 
@@ -97,7 +97,7 @@ def _inverse_factors(covariance: np.ndarray, rows: int) -> np.ndarray:
     try:
         return np.linalg.inv(np.linalg.cholesky(blocks))
     except np.linalg.LinAlgError:
-        raise ArgumentError("covariance is not positive definite; give a variance above zero to every row") from None
+        raise ArgumentError("covariance is not positive definite; give every row a variance above zero") from None
 
 
 def prior_rows(priors: tuple[Prior, ...], names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -106,7 +106,7 @@ def prior_rows(priors: tuple[Prior, ...], names: tuple[str, ...]) -> tuple[np.nd
     P, p = np.zeros((len(priors), len(names))), np.zeros(len(priors))
     for row, prior in enumerate(priors):
         if prior.name not in place:
-            raise ArgumentError(f"a prior names '{prior.name}', which is not free; these are: {', '.join(names)}")
+            raise ArgumentError(f"a prior names '{prior.name}', which is not free; expected one of {', '.join(names)}")
         P[row, place[prior.name]], p[row] = 1 / prior.std, prior.value / prior.std
     return P, p
 
@@ -115,7 +115,7 @@ def prior_rows(priors: tuple[Prior, ...], names: tuple[str, ...]) -> tuple[np.nd
 class Loss:
     """`rho` and its derivatives `slope` = rho' and `bend` = rho'' for z >= 0.
 
-    rho'(0) = 1, so that small residuals count as squares. `squares`: all do, whatever their size.
+    rho'(0) = 1, so that small residuals count as squares. squares: whether residuals of any size do.
     """
 
     rho: Callable[[np.ndarray], np.ndarray]
@@ -124,17 +124,17 @@ class Loss:
     squares: bool = False
 
     def cost(self, r: np.ndarray, width: float) -> float:
-        """Half the sum of width^2 rho((r / width)^2)."""
+        """Return half the sum of width^2 rho((r / width)^2)."""
         return 0.5 * width**2 * float(np.sum(self.rho((r / width) ** 2)))
 
     def weight(self, r: np.ndarray, width: float) -> np.ndarray:
-        """What r is multiplied by so that its square has the loss's gradient."""
+        """Return the factor on r for which its square has the gradient of the loss."""
         return np.sqrt(self.slope((r / width) ** 2))
 
     def variance_factor(self, r: np.ndarray, width: float, degrees_of_freedom: float) -> float:
-        """Huber's variance for a Jacobian of one: sum psi^2 / degrees of freedom / (mean psi')^2, psi = r rho'.
+        """Return Huber's variance for a Jacobian of one: sum psi^2 / degrees of freedom / (mean psi')^2, psi = r rho'.
 
-        Infinite where psi' is not positive in the mean: of residuals that all lie beyond the width none holds the fit.
+        Infinite if the mean of psi' is not positive: residuals beyond the width do not determine the fit.
         """
         z = (r / width) ** 2
         psi = r * self.slope(z)
@@ -159,7 +159,7 @@ LOSSES = {
 
 
 def loss_named(name: str) -> Loss:
-    """Raises ArgumentError for a name that is none of scipy's."""
+    """The loss of a name. Raises ArgumentError for a name that scipy does not have."""
     if name not in LOSSES:
-        raise ArgumentError(f"there is no loss '{name}'; these are: {', '.join(LOSSES)}")
+        raise ArgumentError(f"there is no loss '{name}'; expected one of {', '.join(LOSSES)}")
     return LOSSES[name]

@@ -101,7 +101,7 @@ def test_all_poses_in_one_fit_leave_the_same() -> None:
 def test_noise_that_was_stated_too_small_is_said_with_the_noise_that_would_do() -> None:
     right, little, much = stated(1.0), stated(1.3), stated(2.0)
     assert right.prediction_proven and of_noise(right).startswith("residuals are as large as the stated noise")
-    assert little.prediction_proven and "but less than the 1.5 times that matter" in of_noise(little)
+    assert little.prediction_proven and "the 1.5 times that matter" in of_noise(little)
     assert not much.prediction_proven and not much.checks["residuals_over_noise"].passed
     assert "residuals show no pattern over the actuator positions" in of_noise(much)
     assert "the stated noise is too small, or the model lacks an effect of another shape" in of_noise(much)
@@ -159,7 +159,7 @@ def test_the_bound_is_what_matters_or_what_chance_does() -> None:
     assert few.bound == pytest.approx(np.sqrt(32.909 / 12), rel=1e-4) and few.passed  # chi-squared tables, 12 and 0.001
     assert not chi_squared_over_noise(500 * 1.55**2, 500).passed
     nothing = chi_squared_over_noise(0.0, 0)
-    assert nothing.bound == np.inf and not nothing.passed and "say nothing of the noise" in nothing.message
+    assert nothing.bound == np.inf and not nothing.passed and "do not show the noise" in nothing.message
 
 
 @pytest.mark.parametrize("seed", [4, 12])

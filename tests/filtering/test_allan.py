@@ -72,7 +72,7 @@ def test_a_long_log_gives_the_densities():
     assert abs(fit.white / WHITE - 1) < 0.01
     assert abs(fit.walk / (0.1 * WALK) - 1) < 0.3
     assert fit.flicker == 0.0 and fit.terms == ("white", "walk")
-    with pytest.raises(gt.results.ArgumentError, match="'flicker' was not fitted; there are 'white', 'walk'"):
+    with pytest.raises(gt.results.ArgumentError, match=r"'flicker' was not fitted; .* 'white', 'walk'"):
         fit.interval("flicker")
 
 
@@ -90,7 +90,7 @@ def test_what_the_terms_do_not_explain_is_said():
     assert F.allan_fit(synthetic(1), PERIOD).notes == ()
     notes = F.allan_fit(synthetic(1) + 2e-2 * np.sin(2 * np.pi * 3.0 * t), PERIOD).notes
     assert len(notes) == 1
-    assert notes[0].startswith("white, flicker, walk do not explain the curve, worst at ")
+    assert notes[0].startswith("white, flicker, walk do not explain")
 
 
 def test_the_mean_of_a_log_is_as_uncertain_as_it_says():

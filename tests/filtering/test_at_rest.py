@@ -68,8 +68,8 @@ def test_the_heading_is_as_uncertain_as_given_and_a_bias_of_the_accelerometer_ti
     assert abs(np.sqrt(up @ rest.attitude_covariance @ up) - 0.2) < 1e-4
     assert abs(rest.tilt_deviation / (0.05 / G) - 1) < 0.05
     assert rest.notes[0] == "gravity does not show the heading: it is 0 rad as given, with a deviation of 0.2 rad"
-    assert not any("bias of the accelerometer" in note for note in rest.notes)
-    assert any("steady turn about the vertical" in note for note in rest.notes)
+    assert not any("accelerometer bias" in note for note in rest.notes)
+    assert any("about the vertical" in note for note in rest.notes)
 
 
 def test_the_noise_is_that_of_the_log():
@@ -134,7 +134,7 @@ def moved(kind):
     ("kind", "said"),
     [
         ("turned in the middle", r"from 8\.75 to 10 s the gyro reads \+0\.\d+ rad/s off its mean along z"),
-        ("turned steadily", r"the gyro reads 0\.2 rad/s about z in the mean, which is a turn"),
+        ("turned steadily", r"the gyro reads 0\.2 rad/s about z"),
         ("tilted slowly", r"the accelerometer reads [+-]0\.\d+ m/s2 off its mean along x"),
         ("accelerated", r"from 5 to 6\.25 s the accelerometer reads \+0\.7\d+ m/s2 off its mean along x"),
         ("in g", r"the mean of this log is 1: its unit looks like g"),
@@ -149,12 +149,12 @@ def test_a_log_that_is_not_at_rest_is_refused(kind, said):
 def test_what_makes_no_sense_is_said():
     gyro, force = unit_log(6, Rotation.identity(), np.zeros(3), 100)
     error = gt.results.ArgumentError
-    with pytest.raises(error, match="expected as many rows"):
+    with pytest.raises(error, match="as many rows; found 90 and 100"):
         F.from_rest(gyro[:90], force, PERIOD)
     with pytest.raises(error, match=r"expected \(n, 3\) samples, at least 64; found shape \(50, 3\)"):
         F.from_rest(gyro[:50], force[:50], PERIOD)
     gyro[3, 1] = np.nan
     with pytest.raises(error, match="1 numbers are not finite"):
         F.from_rest(gyro, force, PERIOD)
-    with pytest.raises(error, match="there is no 'tilt'"):
+    with pytest.raises(error, match="'tilt' has no interval"):
         F.from_rest(*unit_log(6, Rotation.identity(), np.zeros(3), 100), PERIOD).interval("tilt")

@@ -189,7 +189,7 @@ def test_a_prediction_changes_nothing(system):
     ahead = buffer.predicted(0.3)
     assert ahead.time == 0.3 and np.all(np.diagonal(ahead.P[0]) >= np.diagonal(before.P[0]) - 1e-15)
     assert buffer.belief is before
-    with pytest.raises(gt.results.ArgumentError, match=r"the newest belief is of 0\.1 s"):
+    with pytest.raises(gt.results.ArgumentError, match=r"0\.1 s, the newest belief"):
         buffer.predicted(0.0)
 
 
@@ -197,7 +197,7 @@ def test_what_makes_no_sense_is_said(system):
     with pytest.raises(gt.results.ArgumentError, match="give the time at which the filter starts"):
         F.Buffer(F.ErrorState(system), START, 1.0)
     buffer = F.Buffer(F.ErrorState(system), BEGIN, 1.0)
-    with pytest.raises(gt.results.ArgumentError, match="there is no sensor 'rule'; there are 'tape', 'unit'"):
+    with pytest.raises(gt.results.ArgumentError, match=r"there is no sensor 'rule'; .* 'tape', 'unit'"):
         buffer.push("rule", 0.0, 0.0)
-    with pytest.raises(gt.results.ArgumentError, match="expected 1 numbers of 'tape'"):
+    with pytest.raises(gt.results.ArgumentError, match="expected 1 numbers from 'tape'"):
         buffer.push("tape", 0.0, [0.0, 1.0])

@@ -43,7 +43,7 @@ def test_a_start_after_the_first_instant_cannot_be_drawn():
 
 def test_times_that_run_past_a_reading_are_refused():
     start = InitialState({}, {"x": 1.0})
-    with pytest.raises(ArgumentError, match=r"due every 0\.3 s") as caught:
+    with pytest.raises(ArgumentError, match=r"\'tape\' reads every 0\.3 s") as caught:
         draw(plane(period=0.3), start, [0.0, 0.1, 0.2, 0.4, 0.5, 0.6], seed=1)
     assert caught.value.argument == "time"
     gap = [0.0, 0.1, 0.2, 0.3, 0.9, 1.0]  # nothing of the time between is there at all

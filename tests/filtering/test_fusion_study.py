@@ -222,7 +222,7 @@ def test_a_stopped_study_has_the_numbers_of_the_rows_it_got_to(asked: int) -> No
     assert s.velocity_fused[0] == pytest.approx(
         error[settled & ~bend].mean(), rel=1e-12
     )  # the same sum, in another order
-    assert len(motion) == 1501 or "numbers are of these alone" in s.notes[-1]
+    assert len(motion) == 1501 or "was stopped after" in s.notes[-1]
     assert all(s.figure(name) for name in s.figures) and "fused" in str(s)
 
 

@@ -140,9 +140,9 @@ def test_bounds_far_away_change_nothing(system, case):
 
 def test_what_makes_no_sense_is_said(system, worn):
     error = gt.results.ArgumentError
-    with pytest.raises(error, match="there is no state or noise 'z'; there are 'x', 'v', 'a', 'b', 'jerk', 'drift'"):
+    with pytest.raises(error, match=r"there is no state or noise 'z'; .* 'x', 'v', 'a', 'b', 'jerk', 'drift'"):
         F.MovingHorizon(system, bounds={"z": (0, 1)})
-    with pytest.raises(error, match="the lower bound lies above the upper one"):
+    with pytest.raises(error, match="lower bound is above"):
         F.MovingHorizon(system, bounds={"x": (1, 0)})
     with pytest.raises(error, match="expected \\(low, high\\)"):
         F.MovingHorizon(system, bounds={"x": 3})
@@ -156,7 +156,7 @@ def test_what_makes_no_sense_is_said(system, worn):
     with pytest.raises(error, match="the covariance at the start is singular"):
         F.MovingHorizon(system).solve(log, singular)
     start = F.InitialState({"y": -1.0}, {"y": 0.0})
-    with pytest.raises(error, match="the start of 'y' is certain and lies outside its bounds"):
+    with pytest.raises(error, match="the start of 'y' is exact and outside its bounds"):
         F.MovingHorizon(worn, bounds={"y": (0.0, None)}).solve({"probe": F.Readings([0.0, 1.0], [0, 0])}, start)
 
 

@@ -103,4 +103,4 @@ def test_a_filter_that_cannot_be_run_again_blames_both() -> None:
     wrong = [one.with_(deviations={"accelerometer": 3.0}) for one in models]
     log = draw(RIGHT, START, DT * np.arange(COUNT), seed=3).log
     said = consistency(gt.filtering.Interacting(wrong, stay=0.99).run(log, START))
-    assert said.doubtful == () and "or the noise of the process" in said.message
+    assert said.doubtful == () and "or process noise" in said.message

@@ -174,7 +174,7 @@ def test_its_effective_size_is_kept_and_said():
 
 
 def test_the_bootstrap_is_refused_with_the_size_that_is_to_be_expected():
-    with pytest.raises(ArgumentError, match=r"collapses at .* of 1000 particles about .* take proposal='optimal'"):
+    with pytest.raises(ArgumentError, match=r"collapses at .* of 1000 particles about .* proposal='optimal'"):
         make("particle", tracked(), proposal="bootstrap").run(tracked_log(10), START_P)
     # the printed Q of the thesis: 16 mm of position per millisecond against 6 um leaves one particle
     ratio = 1e-4 * 2.54 / 6.4e-6**2

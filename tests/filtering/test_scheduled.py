@@ -91,9 +91,9 @@ def test_likely_modes_are_those_of_all_paths():
 
 def test_what_makes_no_sense_is_said(system):
     error = gt.results.ArgumentError
-    with pytest.raises(error, match="expected numbers of systems, 0 to 0"):
+    with pytest.raises(error, match="indices of systems, 0 to 0"):
         F.ScheduledNoise([system], [0.0, 1.0], [0, 1])
-    with pytest.raises(error, match="a mode of each"):
+    with pytest.raises(error, match="a mode for each"):
         F.ScheduledNoise([system], [0.0, 1.0], [0])
     with pytest.raises(error, match="do not increase"):
         F.ScheduledNoise([system], [1.0, 0.0], [0, 0])

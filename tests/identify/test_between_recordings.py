@@ -41,7 +41,7 @@ def disagreement(s: IdentificationStudy) -> list[str]:
 def test_disjoint_masses_are_said_with_how_much() -> None:
     s = solve(recorded(95.0, 1), recorded(96.0, 2))
     (sentence,) = disagreement(s)
-    assert "of 1 of 3 parameters, most of all m:" in sentence and "day 1" in sentence and "not the machine" in sentence
+    assert "of 1 of 3 parameters, the worst is m:" in sentence and "day 1" in sentence and "not the machine" in sentence
     first, second = s.by_recording["m"]["day 1"], s.by_recording["m"]["day 2"]
     assert first[1] < second[0]
     assert np.mean(first) == pytest.approx(95.0, abs=0.1) and np.mean(second) == pytest.approx(96.0, abs=0.1)

@@ -99,11 +99,11 @@ def test_ends_that_are_no_solution_are_a_status():
 
 
 def test_wrong_arguments_get_a_sentence():
-    with pytest.raises(ValueError, match="2 names for 3 starting values"):
+    with pytest.raises(ValueError, match="expected as many names as starting values, 3; found 2"):
         nonlinear_fit(decay, [1.0, 1.0, 0.0], "ab")
-    with pytest.raises(ValueError, match="there is no loss 'l1'; these are: linear, huber"):
+    with pytest.raises(ValueError, match=r"there is no loss 'l1'; .* linear, huber"):
         nonlinear_fit(decay, [1.0, 1.0, 0.0], "abc", loss="l1")
-    with pytest.raises(ValueError, match="priors need the size of the noise"):
+    with pytest.raises(ValueError, match="priors need a known noise"):
         nonlinear_fit(decay, [1.0, 1.0, 0.0], "abc", priors=[Prior("a", 0.0, 1.0)])
 
 

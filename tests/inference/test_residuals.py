@@ -84,12 +84,12 @@ def test_parts_hold_every_row_once():
 def test_an_offset_is_not_white() -> None:
     assert whiteness(np.zeros(50)).passed
     verdict = whiteness(np.full(50, 0.3))
-    assert not verdict.passed and "an offset is left out" in verdict.message
+    assert not verdict.passed and "lacks an offset" in verdict.message
 
 
 def test_a_fit_without_degrees_of_freedom_says_nothing_of_the_noise():
     found = noise_size(linear_fit(np.eye(2), [1.0, 2.0], ["a", "b"], sigma=0.1))
-    assert not found.passed and found.message.endswith("residuals say nothing of the noise")
+    assert not found.passed and found.message.endswith("residuals do not show the noise")
 
 
 @pytest.mark.parametrize("value", [0.0, 0.3, -1e6])

@@ -1,4 +1,4 @@
-"""The attitude study: a gyro calibrated against few references, and the attitude between them by it and without it."""
+"""The attitude study: a gyro calibrated against few references, and the attitude between them with and without it."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ from .gyro_path import BLOCK, gyro_path, picked
 from .options import METHODS, AttitudeJudging, AttitudeStudy, SyntheticAttitude
 from .recording import AttitudeRecording, sampled_instants, synthetic_attitude
 
-SURE = 10.0  # by how much the log-likelihood of the convention must exceed that of others that mean something else
-SAME = 1.0  # conventions closer than that fit alike
-UNIT_LENGTH = 1e-3  # a quaternion further from it is no orientation
-SPIKE = 10.0  # median residuals: a reference that is off by more from both neighbours, which agree, is left out
+SURE = 10.0  # least gain in log-likelihood of the convention over others with another meaning
+SAME = 1.0  # conventions with a smaller difference in log-likelihood fit equally well
+UNIT_LENGTH = 1e-3  # a quaternion further from unit length is not an orientation
+SPIKE = 10.0  # median residuals: a reference further from both neighbours, while these agree, is left out
 COVERED = 0.95
-CLOSE = 8.0  # references in the shortest gap: more hide nothing new, since a gyro's error lasts for seconds
-MOST_FILTERED = 20_000  # samples of the gyro over which filter and smoother run, some ten seconds of work
+CLOSE = 8.0  # references in the shortest gap: more add nothing, since a gyro's error lasts for seconds
+MOST_FILTERED = 20_000  # gyro samples for filter and smoother, about ten seconds of computing
 
 
 @study_function
@@ -56,16 +56,17 @@ def attitude_study(
     judging: AttitudeJudging | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> AttitudeStudy:
-    """How well a gyro bridges the time between references of orientation, calibrated on one part, judged on the rest.
+    """Test how well a gyro bridges gaps between reference orientations: calibrate on one part, judge on the rest.
 
     Args:
-        recording: of the gyro and the references; or what a synthetic one is made of.
-        judging: where to calibrate, and over which gaps to judge; gaps of 0.5 and 1 s if left out.
+        recording: of the gyro and the references; or options of a synthetic recording.
+        judging: end of the calibration, and gaps to judge; gaps of 0.5 and 1 s if left out.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Unit of the gyro, order and direction of the quaternion are found by their likelihood, and checked by gravity where
-    there is an accelerometer. Each reference of the second part begins a gap; those inside it are hidden, and the mean
-    error there is given by method. Raises ArgumentError for signals that are missing and parts that are too short.
+    The unit of the gyro and the order and direction of the quaternion are found by maximum likelihood, and checked with
+    gravity if there is an accelerometer. Each reference of the second part starts a gap; the references inside it are
+    hidden, and the study reports the mean error there for each method. Raises ArgumentError for missing signals, and
+    for parts that are too short.
 
     >>> made = gt.filtering.SyntheticAttitude(duration=7.0, seed=1)
     >>> judging = gt.filtering.AttitudeJudging(gaps=(0.3,), sample_period=made.sample_period)
@@ -89,19 +90,19 @@ def attitude_study(
 def _studied(
     recording: AttitudeRecording | SyntheticAttitude, o: AttitudeJudging, title: str, work: Work, so_far: dict[str, Any]
 ) -> AttitudeStudy:
-    """The study; so_far: what is known of it where it is interrupted."""
+    """Do the study; so_far collects its results for an interruption."""
     truth = None
 
     def ask() -> None:
         if work.interrupted():
-            raise Interrupted("stopped before the end: this is what was found so far")
+            raise Interrupted("stopped before the end: these are the results so far")
 
     if isinstance(recording, SyntheticAttitude):
-        made = synthetic_attitude(recording)
-        recording, truth = made.recording, made.correction
+        drawn = synthetic_attitude(recording)
+        recording, truth = drawn.recording, drawn.correction
     gyro, references = recording.gyro, recording.reference
     synthetic = gyro.synthetic or references.synthetic
-    work.step("units and directions", 0.05)
+    work.step("finding units and directions", 0.05)
     whole, dropped = _sound(references.time, references["quaternion"])
     at, quaternion = references.time[whole], references["quaternion"][whole]
     tried, time, clock = _clock(gyro.time, gyro["rate"], at, quaternion, list(RATE_UNITS), o, ask)
@@ -128,17 +129,17 @@ def _studied(
     at, turned = at[~spikes], picked(turned, ~spikes)
     so_far["left_out"] = [float(t) for t in dropped]
     every = _stride(at, o.gaps)
-    given, at, turned = len(at), at[::every], picked(turned, slice(None, None, every))
+    total, at, turned = len(at), at[::every], picked(turned, slice(None, None, every))
     until = o.calibrate_until if o.calibrate_until is not None else float(np.median(at))
     parts = [at <= until, at > until]
     _fitting(at, parts, o.gaps)
     calibrations = list[GyroCalibration]()
     for n, part in enumerate(parts):
         name = f"the {('first', 'second')[n]} part"
-        work.step(f"calibration on {name}", 0.15 + 0.3 * n)
+        work.step(f"calibrating on {name}", 0.15 + 0.3 * n)
         begin = started(time, reading, at[part], picked(turned, part), chosen.offset)
-        own = picked(turned, part)
-        calibrations.append(calibrated_on(name, time, reading, at[part], own, begin, ask, o.sample_period))
+        turns = picked(turned, part)
+        calibrations.append(calibrated_on(name, time, reading, at[part], turns, begin, ask, o.sample_period))
     for calibration in calibrations:
         if calibration.likeliest is None:
             return AttitudeStudy(status=calibration.status, message=calibration.message, title=title, **so_far)
@@ -150,21 +151,22 @@ def _studied(
         "names": gyro_calibration.PART_NAMES, "numbers": estimates[0].values.tolist(), "estimate": estimates[0],
         "first_interval": intervals[0], "second_interval": intervals[1],
     }  # fmt: skip
-    work.step("gaps", 0.75)
+    work.step("bridging gaps", 0.75)
     judged = [
         _judged(time, reading, at[part], picked(turned, part), calibration, o.gaps, ask)
         for part, calibration in zip(parts[::-1], calibrations, strict=True)
     ]
-    work.step("filter and smoother", 0.9)
+    work.step("filtering and smoothing", 0.9)
     last = np.flatnonzero(parts[1] & (at <= _filtered_until(time, at[parts[1]])))
     bridged = [_bridged(time, reading, at[last], picked(turned, last), calibrations[0], gap, ask) for gap in o.gaps]
     notes = _notes(chosen, alike, rest, gyro, at, calibrations, dropped, o)
     if every > 1:
         notes.append(
-            f"of {given} references every {_ordinal(every)} is used, {len(at)}: closer ones say no more of a gyro"
+            f"every {_ordinal(every)} of {total} references is used, {len(at)} in all: closer ones add no information "
+            "on the gyro"
         )
     if len(last) < np.sum(parts[1]):
-        notes.append(f"filter and smoother run up to {at[last[-1]]:.1f} s, {MOST_FILTERED} samples of the gyro")
+        notes.append(f"filter and smoother stop at {at[last[-1]]:.1f} s, after {MOST_FILTERED} samples of the gyro")
     return _study(
         title, o, judged, bridged, calibrations, estimates, truth,
         checks={"likelihood_margin": _margin(alike, others)},
@@ -172,11 +174,11 @@ def _studied(
     )  # fmt: skip
 
 
-# -- what the numbers mean --------------------------------------------------------------------------------
+# -- units and directions ---------------------------------------------------------------------------------
 
 
 def _sound(time: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarray, list[float]]:
-    """Which references are orientations, and the stamps of the others. Raises ArgumentError where hardly any is."""
+    """Mask of references that are orientations, and stamps of the others. Raises ArgumentError if most are others."""
     whole = np.abs(np.linalg.norm(quaternion, axis=1) - 1) < UNIT_LENGTH
     if whole.mean() < 0.5:
         raise ArgumentError(f"{np.sum(~whole)} of {len(whole)} quaternions are not of unit length", "recording")
@@ -192,7 +194,7 @@ def _clock(
     o: AttitudeJudging,
     ask: Callable[[], None],
 ) -> tuple[list[Convention], np.ndarray, str]:
-    """Conventions under the more likely instants of the gyro; these instants, and a sentence."""
+    """Conventions with the more likely instants of the gyro; these instants, and a sentence."""
     tried = conventions(stamps, rate, at, quaternion, rate_units=units, longest_offset=o.longest_offset)
     if o.sample_period is None:
         return tried, stamps, "as stamped"
@@ -208,8 +210,7 @@ def _clock(
 
 
 def _upright(alike: Sequence[Convention], rest: Resting | None) -> Convention:
-    """Of conventions that fit alike the one in which the world's z axis points up; without an accelerometer the one
-    with the scalar first."""
+    """Of equally good conventions, the one whose world z axis points up; without an accelerometer, scalar first."""
     if rest is None:
         return min(alike, key=lambda c: ORDERS.index(c.order))
     tilts = {c: g.tilt for c, g in zip(alike, rest.gravity, strict=False)}
@@ -219,41 +220,41 @@ def _upright(alike: Sequence[Convention], rest: Resting | None) -> Convention:
 def _margin(alike: Sequence[Convention], others: Sequence[Convention]) -> Check:
     margin = alike[0].log_likelihood - others[0].log_likelihood if others else np.inf
     return at_least(
-        float(min(margin, 1e6)), SURE, "the motion does not show units and directions; turn about several axes, faster"
+        float(min(margin, 1e6)), SURE, "the motion does not show units and directions; turn faster, about several axes"
     )
 
 
 def _spikes(time: np.ndarray, reading: np.ndarray, at: np.ndarray, turned: Rotation, chosen: Convention) -> np.ndarray:
-    """References that are far from both neighbours while these agree with each other."""
+    """References far from both neighbours, while these agree with each other."""
     begin = started(time, reading, at, turned, chosen.offset)
     path = gyro_path(time, reading, at, begin)
     error = [
         (path.turn[:-n].inv() * path.turn[n:]).inv() * (turned[:-n].inv() * turned[n:]) for n in (1, 2)
     ]  # fmt: skip
-    one, two = (e.magnitude() for e in error)
+    neighbour, second = (e.magnitude() for e in error)
     moving = (turned[:-1].inv() * turned[1:]).magnitude() > RESTING
-    limit = SPIKE * float(np.median(one[moving])) if moving.any() else np.inf
+    limit = SPIKE * float(np.median(neighbour[moving])) if moving.any() else np.inf
     spike = np.zeros(len(at), bool)
-    spike[1:-1] = (np.minimum(one[:-1], one[1:]) > limit) & (two < limit)
+    spike[1:-1] = (np.minimum(neighbour[:-1], neighbour[1:]) > limit) & (second < limit)
     return spike
 
 
 def _fitting(at: np.ndarray, parts: Sequence[np.ndarray], gaps: Sequence[float]) -> None:
-    """Raises ArgumentError where a part has too few references, or no gap of some length that hides one."""
+    """Raise ArgumentError if a part has too few references, or if gaps of some length hide none."""
     if not gaps:
-        raise ArgumentError("expected at least one length of time; found none", "judging.gaps")
+        raise ArgumentError("expected at least one gap; found none", "judging.gaps")
     for name, part in zip(("first", "second"), parts, strict=True):
         if part.sum() < FEWEST:
-            sentence = f"the {name} part has {part.sum()} references; expected at least {FEWEST}"
+            sentence = f"expected at least {FEWEST} references in the {name} part; found {part.sum()}"
             raise ArgumentError(sentence, "judging.calibrate_until")
         for gap in gaps:
             if next(gaps_of(at[part], gap), None) is None:
                 span = f"{at[part][0]:.2f} .. {at[part][-1]:.2f} s"
-                raise ArgumentError(f"no gap of {gap:g} s hides a reference among those {span}", "judging.gaps")
+                raise ArgumentError(f"no gap of {gap:g} s hides a reference in {span}", "judging.gaps")
 
 
 def _stride(at: np.ndarray, gaps: Sequence[float]) -> int:
-    """Every which of many references is used: of those that are closer than an eighth of the shortest gap, fewer."""
+    """Stride over many references, if they are closer than an eighth of the shortest gap."""
     if len(at) <= 2 * BLOCK or not gaps:
         return 1
     return max(1, min(int(min(gaps) / CLOSE / np.median(np.diff(at))), len(at) // (2 * BLOCK)))
@@ -265,7 +266,7 @@ def _ordinal(n: int) -> str:
 
 
 def _filtered_until(time: np.ndarray, at: np.ndarray) -> float:
-    """Up to when [s] the filter runs over these references: as many samples of the gyro as it may take."""
+    """End of the filter over these references [s], after at most `MOST_FILTERED` samples of the gyro."""
     row = int(np.searchsorted(time, at[0])) + MOST_FILTERED
     return float(max(time[row], at[0] + 0.0)) if row < len(time) else float(at[-1])
 
@@ -286,7 +287,7 @@ def _judged(
     judged = []
     for gap in gaps:
         errors = gap_errors(at, turned, path, c.noise, c.estimate.covariance, gap, ask)
-        assert errors is not None, "gaps that are too long were refused"
+        assert errors is not None, "gaps that are too long are refused earlier"
         judged.append(errors)
     return judged
 
@@ -300,7 +301,7 @@ def _bridged(
     gap: float,
     ask: Callable[[], None],
 ) -> tuple[float, float, float]:
-    """Mean errors at hidden references of the causal filter and its smoother, and the mean of NIS per number."""
+    """Mean errors of the causal filter and its smoother at hidden references, and the mean NIS per number."""
     used, last = np.zeros(len(at), bool), -np.inf
     for k, t in enumerate(at):
         if t >= last + gap - 1e-9:
@@ -341,7 +342,7 @@ def _study(
     checks |= alarms
     checks["corrected_over_spline"] = at_most(
         max(m["corrected"] / s for m, s in zip(means, splines, strict=True)), 1.0,
-        "the gyro does not help here: the references are closer than the motion needs",
+        "the gyro does not help here: the references are closer than the motion requires",
     )  # fmt: skip
     return AttitudeStudy(
         status=SolveStatus.SOLVED, title=title, checks=checks, notes=(*notes, *sentences),
@@ -380,48 +381,49 @@ def _notes(
     calibrations: Sequence[GyroCalibration], dropped: Sequence[float], o: AttitudeJudging,
 ) -> list[str]:  # fmt: skip
     notes = [
-        f"{chosen.words}: with the scale held at one, turns between references are met to "
+        f"{chosen.words}: with the scale fixed at one, rotations between references agree to "
         f"{np.degrees(chosen.residual):.2f} deg; other units and directions are less likely"
     ]
     if len(alike) > 1:
         fitting = " and ".join(f"{c.order}, {c.direction}" for c in alike)
-        notes.append(f"turns alone cannot distinguish {fitting}: they differ by the axes of world and body only")
+        notes.append(f"rotations alone cannot distinguish {fitting}: they differ only by the axes of world and body")
     if rest is not None:
-        of = dict(zip([*(c.words for c in alike)], rest.gravity, strict=False))
-        other = rest.gravity[len(alike) :]
-        there = of[chosen.words]
-        worse = f", {np.degrees(other[0].scatter):.0f} deg in the other direction" if other else ""
+        gravity_of = dict(zip([*(c.words for c in alike)], rest.gravity, strict=False))
+        opposite = rest.gravity[len(alike) :]
+        gravity = gravity_of[chosen.words]
+        worse = f", {np.degrees(opposite[0].scatter):.0f} deg in the other direction" if opposite else ""
         notes.append(
-            f"gravity scatters by {np.degrees(there.scatter):.1f} deg in the world over {rest.places} places of rest"
-            f"{worse}; its mean is {np.degrees(there.tilt):.1f} deg from the world's z axis"
+            f"the direction of gravity scatters by {np.degrees(gravity.scatter):.1f} deg in the world over "
+            f"{rest.places} rests{worse}; its mean is {np.degrees(gravity.tilt):.1f} deg from the world's z axis"
         )
     resolution = _resolution(at)
     if resolution:
         timing = 1e3 * np.mean([c.noise.timing for c in calibrations])
         notes.append(
-            f"references are stamped in steps of {1e3 * resolution:g} ms, which alone is "
-            f"{1e3 * resolution / np.sqrt(12):.2g} ms of deviation; the residuals show {timing:.2g} ms"
+            f"references are stamped in steps of {1e3 * resolution:g} ms; this alone gives a standard deviation of "
+            f"{1e3 * resolution / np.sqrt(12):.2g} ms; the residuals show {timing:.2g} ms"
         )
     for part, c in zip(("first", "second"), calibrations, strict=True):
         if c.white is not None and not c.white.passed:
             notes.append(f"{part} part: {c.white.message}")
         if c.estimate.notes:
             notes.append(
-                f"{part} part: without single blocks of time numbers move by more than the likeliest noise lets them; "
-                "their intervals are those of this jackknife where it is wider"
+                f"{part} part: leaving out blocks of time changes some numbers more than the estimated noise allows; "
+                "their intervals are those of this jackknife"
             )
     if dropped:
-        notes.append(f"left out as no orientation or a spike: references at {', '.join(f'{t:.2f}' for t in dropped)} s")
+        stamps = ", ".join(f"{t:.2f}" for t in dropped)
+        notes.append(f"left out, as spikes or not of unit length: references at {stamps} s")
     clipped = _clipped(gyro)
     if clipped:
         notes.append(f"clipped: {clipped}")
     if o.sample_period is None:
-        notes.append("if rows are stamped on arrival, give sample_period, the gyro's own, to compare both clocks")
+        notes.append("if rows are stamped on arrival, give the gyro's sample_period, to compare both clocks")
     return notes
 
 
 def _clipped(gyro: Any) -> str:
-    """Columns that look clipped, with the rows where they are."""
+    """Columns that look clipped, with the number of clipped rows."""
     texts = []
     for name in gyro.names:
         scan = ColumnScan([f"{name}[{k}]" for k in range(3)], [])
@@ -431,7 +433,7 @@ def _clipped(gyro: Any) -> str:
 
 
 def _resolution(stamps: np.ndarray) -> float:
-    """The largest step [s] of which all stamps are multiples; zero for none of a tenth of a millisecond or more."""
+    """Largest step [s] that divides all stamps; zero if it is below 0.1 ms."""
     for step in (0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001):
         if np.all(np.abs(stamps / step - np.round(stamps / step)) < 1e-4):
             return step

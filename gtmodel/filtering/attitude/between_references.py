@@ -1,5 +1,5 @@
-"""Attitude where references are hidden: carried by the gyro, corrected at both ends and in between, or by the error-
-state filter and its smoother."""
+"""Attitude at hidden references: carried by the gyro, corrected at both ends, interpolated, or from the error-state
+filter and its smoother."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from ..system import System
 from .gyro_path import GyroPath, ReferenceNoise, picked
 from .options import METHODS
 
-MOST_GAPS = 400  # of one length that are judged, evenly over the recording: the cost does not grow with it
-ROUND_ABOUT = 5  # references on either side that a spline goes through: those further away hardly move it
+MOST_GAPS = 400  # judged gaps of one length, evenly over the recording: bounds the cost
+ROUND_ABOUT = 5  # references on each side that a spline goes through: more distant ones hardly change it
 
 
 @dataclass(frozen=True, eq=False)
 class HiddenStretch:
-    """One pair of references and those between them, which are hidden: rows `first`, `hidden`, `last`."""
+    """Two references and the hidden ones between them: rows `first`, `hidden`, `last`."""
 
     first: int
     hidden: np.ndarray
@@ -41,8 +41,8 @@ class HiddenStretch:
 class GapErrors:
     """Errors at hidden references over all gaps of one length, one row each.
 
-    time: of the hidden reference; since: after the left end [s]. error: by method [rad]. expected: squares of errors of
-    "carried" and "corrected" over their covariance, chi-squared with three degrees of freedom where that is right.
+    time: of the hidden reference; since: time after the left end [s]. error: by method [rad]. expected: normalised
+    squared errors of "carried" and "corrected", chi-squared with three degrees of freedom if their covariance is right.
     """
 
     gaps: int
@@ -58,7 +58,7 @@ class GapErrors:
 
 
 def gaps_of(time: np.ndarray, length: float) -> Iterator[HiddenStretch]:
-    """Gaps of at least this length [s] from every reference on; none that hides nothing."""
+    """Gaps of at least this length [s], one from each reference, if it hides a reference."""
     for first, begin in enumerate(time):
         last = int(np.searchsorted(time, begin + length - 1e-9))
         if last >= len(time):
@@ -76,31 +76,31 @@ def gap_errors(
     length: float,
     ask: Callable[[], None] = lambda: None,
 ) -> GapErrors | None:
-    """What each method makes of the hidden references of all gaps; None where there is no gap of this length.
+    """Errors of each method at the hidden references of all gaps; None if there is no gap of this length.
 
     time (k,), reference (k): by its own clock. path: of the calibrated gyro at these instants, with derivatives. noise:
-    what gyro and references disagree by. doubt: covariance (13, 13) of the calibration.
-    ask: called at each gap; may raise.
+    disagreement of gyro and references. doubt: covariance (13, 13) of the calibration. ask: called at each gap; may
+    raise.
     """
     times, since, gaps = list[np.ndarray](), list[np.ndarray](), 0
     error: dict[str, list[np.ndarray]] = {name: [] for name in METHODS}
     expected: dict[str, list[np.ndarray]] = {"carried": [], "corrected": []}
-    there = list(gaps_of(time, length))
-    for k in np.unique(np.linspace(0, len(there) - 1, min(len(there), MOST_GAPS)).round().astype(int)):
+    candidates = list(gaps_of(time, length))
+    for k in np.unique(np.linspace(0, len(candidates) - 1, min(len(candidates), MOST_GAPS)).round().astype(int)):
         ask()
-        gap = there[k]
+        gap = candidates[k]
         gaps += 1
         hidden, ends = gap.hidden, [gap.first, gap.last]
         bridge = Bridge.over(gap, time, reference, path, noise, doubt)
         truth = picked(reference, hidden)
-        made = {
+        estimates = {
             "carried": bridge.carried[:-1],
             "corrected": bridge.corrected[:-1],
             "slerp": Slerp(time[ends], picked(reference, ends))(time[hidden]),
             "spline": _spline(time, reference, _others(gap, len(time)), hidden),
             "slow_spline": _spline(time, reference, _comb(time, gap, length), hidden),
         }
-        for name, rotation in made.items():
+        for name, rotation in estimates.items():
             error[name].append((rotation.inv() * truth).magnitude())
         for name, squares in bridge.expected(truth).items():
             expected[name].append(squares)
@@ -115,11 +115,12 @@ def gap_errors(
 
 @dataclass(frozen=True, eq=False)
 class Bridge:
-    """Orientations over one gap, at the hidden references and at the right end: body to world, m of them.
+    """Orientations over one gap, at m instants: the hidden references and the right end; body to world.
 
-    carried: from the left end by the gyro. corrected: with what the right end says too, by the formula of the
-    fixed-interval smoother, P_kj (P_jj + N_j)^-1 times the error at the end; errors are turns about the axes of the
-    world. before, after: their covariances (m, 3, 3). timing: of the references there (m, 3, 3).
+    carried: from the left end with the gyro. corrected: with the reference at the right end too, by the formula of the
+    fixed-interval smoother, P_kj (P_jj + N_j)^-1 times the error at the end; errors are rotations about the axes of the
+    world. before, after: covariances of carried and corrected (m, 3, 3). timing: covariance of the references
+    (m, 3, 3).
     """
 
     carried: Rotation
@@ -138,15 +139,15 @@ class Bridge:
         noise: ReferenceNoise,
         doubt: np.ndarray,
     ) -> Bridge:
-        """Over the gap between two references; arguments as of `gap_errors`."""
+        """Bridge the gap between two references; arguments as in `gap_errors`."""
         assert path.derivative is not None
         rows = np.append(gap.hidden, gap.last)
         carried = reference[gap.first] * (path.turn[gap.first].inv() * picked(path.turn, rows))
         R = carried.as_matrix()
         steps = picked(path.turn, rows - 1).inv() * picked(path.turn, rows)
-        own = noise.turn_covariance(steps.magnitude(), (time[rows - 1] + time[rows]) / 2)
+        relative = noise.turn_covariance(steps.magnitude(), (time[rows - 1] + time[rows]) / 2)
         m = len(rows)
-        pairs = own[:, :, None, None] * np.einsum("lab,mcb->lmac", R, R)
+        pairs = relative[:, :, None, None] * np.einsum("lab,mcb->lmac", R, R)
         left = reference[gap.first].as_matrix() @ noise.timing_covariance(path.rate[[gap.first]])[0]
         left = left @ reference[gap.first].as_matrix().T
         world = (reference[gap.first] * path.turn[gap.first].inv()).as_matrix()  # from the first instant of the path
@@ -161,10 +162,10 @@ class Bridge:
         return cls(carried, Rotation.from_rotvec(gain @ end) * carried, before, after, timing)
 
     def expected(self, truth: Rotation) -> dict[str, np.ndarray]:
-        """Squared errors at the hidden references over what is expected of them, their own timing included."""
+        """Normalised squared errors at the hidden references, with the covariance of their timing included."""
         squares = {}
-        for name, made, P in (("carried", self.carried, self.before), ("corrected", self.corrected, self.after)):
-            d = (truth * made[:-1].inv()).as_rotvec()
+        for name, estimate, P in (("carried", self.carried, self.before), ("corrected", self.corrected, self.after)):
+            d = (truth * estimate[:-1].inv()).as_rotvec()
             S = P[:-1] + self.timing[:-1]
             squares[name] = np.sum(d * np.linalg.solve(S, d[..., None])[..., 0], axis=1)
         return squares
@@ -175,13 +176,13 @@ def _spline(time: np.ndarray, reference: Rotation, through: np.ndarray, at: np.n
 
 
 def _others(gap: HiddenStretch, count: int) -> np.ndarray:
-    """The references nearest to a gap that are not hidden in it."""
+    """The references nearest to a gap, without those hidden in it."""
     low, high = max(0, gap.first - ROUND_ABOUT + 1), min(count, gap.last + ROUND_ABOUT)
     return np.concatenate([np.arange(low, gap.first + 1), np.arange(gap.last, high)])
 
 
 def _comb(time: np.ndarray, gap: HiddenStretch, length: float) -> np.ndarray:
-    """References one gap apart, the ends of this one among them."""
+    """References one gap apart, including the ends of this gap."""
     rows = [gap.first, gap.last]
     for _ in range(ROUND_ABOUT):
         later = int(np.searchsorted(time, time[rows[-1]] + length - 1e-9))
@@ -194,9 +195,9 @@ def _comb(time: np.ndarray, gap: HiddenStretch, length: float) -> np.ndarray:
 
 
 class GyroCarriedBody(Model):
-    """A body whose rate a gyro gives as a known input, but for an error in proportion to the rate that changes slowly.
+    """A body whose rate is a known input from a gyro, with a slowly changing error in proportion to the rate.
 
-    States Q (unit quaternion, body to world, scalar first) and the relative error e of the rate, in the axes of the
+    States: Q (unit quaternion, body to world, scalar first) and the relative error e of the rate, in the axes of the
     body, an Ornstein-Uhlenbeck process driven by `drift`.
 
     >>> body = gt.filtering.GyroCarriedBody(persistence=2.0)
@@ -207,10 +208,10 @@ class GyroCarriedBody(Model):
     ('rate',)
     """
 
-    persistence = parameter(1.0, unit="s", description="of the relative error")
+    persistence = parameter(1.0, unit="s", description="correlation time of the relative error")
     Q = variable(4, unit="1", start=[1.0, 0.0, 0.0, 0.0], description="body to world, scalar first")
-    e = variable(3, unit="1", description="error of the rate over its size, in the axes of the body")
-    rate = known(3, unit="rad/s", description="of the gyro, calibrated")
+    e = variable(3, unit="1", description="error of the rate over its magnitude, in the axes of the body")
+    rate = known(3, unit="rad/s", description="calibrated rate of the gyro")
     drift = known(3, unit="1/s")
 
     def equations(self) -> Any:
@@ -221,8 +222,8 @@ class GyroCarriedBody(Model):
         yield der(self.e) == -self.e / self.persistence + self.drift
 
 
-SLOW = 1e-3  # rad/s: keeps the root of the rate's square smooth at rest
-LEAST = 1e-4  # rad, of the readings: the filter divides by it
+SLOW = 1e-3  # rad/s: keeps the magnitude of the rate differentiable at rest
+LEAST = 1e-4  # rad, least deviation of the readings: the filter divides by it
 
 
 def attitude_filter(
@@ -234,11 +235,11 @@ def attitude_filter(
     used: np.ndarray,
     ask: Callable[[], None] = lambda: None,
 ) -> Filtered:
-    """The error-state filter over a whole stretch, with the references that are `used` (k,) as readings.
+    """Run the error-state filter over a recording, with the references in the mask `used` (k,) as readings.
 
-    time (n,), rate (n, 3): of the calibrated gyro, by the reference's clock. Its instants are the samples of the gyro
-    and all references; of those that are not used nothing is read. The timing of the references counts as an error of
-    the same size about all axes, that of the mean square of the rate. ask: called now and then; may raise.
+    time (n,), rate (n, 3): of the calibrated gyro, by the reference's clock. The instants are the samples of the gyro
+    and all references; references outside the mask are not read. The timing error of the references is taken as an
+    error of equal size about all axes, from the mean square of the rate. ask: called from time to time; may raise.
 
     >>> from scipy.spatial.transform import Rotation
     >>> time = 0.01 * np.arange(201)

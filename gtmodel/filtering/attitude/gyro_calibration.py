@@ -1,5 +1,4 @@
-"""A gyro calibrated against references of orientation that are few and badly timed: matrix with its parts, bias,
-delay."""
+"""Calibration of a gyro against few, badly timed reference orientations: matrix with its parts, bias, clock offset."""
 
 from __future__ import annotations
 
@@ -29,33 +28,35 @@ def parts(numbers: np.ndarray) -> np.ndarray:
     """Mount (3,), scale (3,), misalignment (3,), bias (3,) and offset from the thirteen numbers of a correction.
 
     matrix = turn * stretch, the polar decomposition: `mount` is the rotation vector of the turn from the sensor to the
-    body; the stretch is symmetric, scales on its diagonal, misalignments yz, zx, xy of the sensor's axes beside it.
+    body; the stretch is symmetric, with scales on its diagonal and the misalignments yz, zx, xy of the sensor's axes
+    off it.
     """
     turn, stretch = scipy.linalg.polar(np.reshape(numbers[:9], (3, 3)))
-    beside = stretch[[1, 2, 0], [2, 0, 1]]
-    return np.concatenate([Rotation.from_matrix(turn).as_rotvec(), np.diag(stretch), beside, numbers[9:]])
+    misalignment = stretch[[1, 2, 0], [2, 0, 1]]
+    return np.concatenate([Rotation.from_matrix(turn).as_rotvec(), np.diag(stretch), misalignment, numbers[9:]])
 
 
 NAMES = (*(f"matrix[{i}][{j}]" for i in range(3) for j in range(3)), *(f"bias[{i}]" for i in range(3)), "offset")
 UNITS = ("1",) * 9 + ("rad/s",) * 3 + ("s",)
 SIZES = (1.0,) * 9 + (1e-2,) * 3 + (1e-2,)
-ROUNDS = 4  # of noise and fit in turn: the fourth changes no printed digit
-FEWEST = 20  # references: sixty numbers for thirteen unknowns and four sizes of noise
-STRETCHED = 2.0  # scales of a gyro beyond this, or below its inverse, are no scales
-LEAST_TURN = 0.01  # of the turns about the strongest axis: below, it is known to ten per cent at the best
-RELATED = 0.15  # of the turns: where gyro and references disagree by more, that is not for want of turning
-BLOCKS = 4  # of equal turned angle, left out one by one: longer than the error of a cheap gyro persists, 2 to 3 s
+ROUNDS = 4  # alternations of noise estimate and fit: the fourth changes no printed digit
+FEWEST = 20  # references: sixty numbers for thirteen unknowns and four noise parameters
+STRETCHED = 2.0  # a gyro scale above this or below its inverse is not plausible
+LEAST_TURN = 0.01  # of the rotations about the strongest axis: below, an axis is known to 10 % at best
+RELATED = 0.15  # of the rotations: a larger disagreement of gyro and references is not due to too little rotation
+BLOCKS = 4  # of equal rotation angle, left out one by one: longer than a low-cost gyro's error persists, 2 to 3 s
 
 
 @dataclass(frozen=True, eq=False)
 class GyroCalibration:
-    """What a stretch of references says of a gyro.
+    """Calibration of a gyro against references.
 
-    correction: the estimate as an object. likeliest: the same with the covariance of the likeliest noise, by the names
-        "matrix[0][0]", "bias[0]", "offset"; None where the fit failed. left_out: how the numbers move without each of
-        four blocks (4, 13). noise: what references and gyro disagree by. log_likelihood: of the references.
-    white: test of the whitened residuals along time. residual: between neighbouring references (k, 3) [rad], in the
-    axes of the body. time: where each ends (k,) [s].
+    correction: the estimated correction. likeliest: the same estimate with the covariance for maximum-likelihood noise,
+        by the names "matrix[0][0]", "bias[0]", "offset"; None if the fit failed. left_out: change of the numbers
+        without each of four blocks (4, 13). noise: disagreement of references and gyro. log_likelihood: of the
+        references.
+    white: whiteness test of the whitened residuals over time. residual: between neighbouring references (k, 3) [rad],
+    in the axes of the body. time: end of each interval (k,) [s].
     """
 
     status: SolveStatus
@@ -71,20 +72,20 @@ class GyroCalibration:
 
     @cached_property
     def estimate(self) -> Estimate:
-        """The thirteen numbers with intervals that heed both covariances. Raises ArgumentError where the fit failed."""
+        """The thirteen numbers with intervals from both covariances. Raises ArgumentError if the fit failed."""
         return self.by(NAMES, UNITS, lambda x: x)
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Interval of one of its numbers [SI]. Raises ArgumentError for another name, and where the fit failed."""
+        """Return the interval of one of its numbers [SI]. Raises ArgumentError for another name or a failed fit."""
         return self.estimate.interval(name, level)
 
     def by(
         self, names: tuple[str, ...], units: tuple[str, ...], function: Callable[[np.ndarray], np.ndarray]
     ) -> Estimate:
-        """The estimate of functions of the thirteen numbers, to first order.
+        """Return the estimate of functions of the thirteen numbers, to first order.
 
-        Standard deviations are the larger ones of the likeliest noise and of a jackknife over the blocks; Student's t
-        has three degrees of freedom. Raises ArgumentError where the fit failed.
+        Each standard deviation is the larger one of maximum-likelihood noise and of a jackknife over the blocks, with
+        three degrees of freedom of Student's t. Raises ArgumentError if the fit failed.
         """
         if self.likeliest is None:
             raise ArgumentError(f"the fit has no intervals: {self.message}", "name")
@@ -111,19 +112,19 @@ def calibrate_gyro(
     start: RateCorrection,
     ask: Callable[[], None] = lambda: None,
 ) -> GyroCalibration:
-    """Matrix, bias and clock offset that bring integrated rates nearest to the turns between neighbouring references.
+    """Fit matrix, bias and clock offset so that integrated rates match the rotations between neighbouring references.
 
     Args:
         time, reading: of the gyro, (n,) and (n, 3) [rad/s].
         reference_time, reference: (k,) by the reference's clock, and body to world.
-        start: where the fit begins; its offset within about one sample of the gyro.
-        ask: called at each evaluation; what it raises ends the fit.
+        start: initial guess; its offset must be accurate to about one sample of the gyro.
+        ask: called at each evaluation; an exception ends the fit.
 
-    Nonlinear least squares, at a cost linear in the references; the covariance of its residuals, see `ReferenceNoise`,
-    is the most likely one, found in turn with the fit. The standard deviations are the larger ones of that covariance
-    and of a jackknife over four blocks of time, with Student's t of three degrees of freedom: few independent errors of
-    a gyro that persist for seconds lie in a recording of ten, and intervals of the likeliest noise alone cover too
-    little.
+    Nonlinear least squares, with a cost linear in the number of references. The residual covariance, see
+    `ReferenceNoise`, is estimated by maximum likelihood in alternation with the fit. Each standard deviation is the
+    larger one of that covariance and of a jackknife over four blocks of time, with three degrees of freedom of
+    Student's t: gyro errors persist for seconds, so a recording of ten seconds holds few independent ones, and
+    intervals from maximum-likelihood noise alone are too narrow.
     Raises ArgumentError for fewer than twenty references.
 
     >>> made = gt.filtering.synthetic_attitude(gt.filtering.SyntheticAttitude(duration=6.0, relative=0.0))
@@ -138,7 +139,7 @@ def calibrate_gyro(
     True
     """
     if len(reference_time) < FEWEST:
-        raise ArgumentError(f"{len(reference_time)} references are too few to calibrate on; expected {FEWEST}", "until")
+        raise ArgumentError(f"expected at least {FEWEST} references to calibrate; found {len(reference_time)}", "until")
     problem = _Turns(time, reading, reference_time, reference)
     x, fit = start.numbers, None
     noise, logs, roots = ReferenceNoise(*START), -np.inf, list[np.ndarray]()
@@ -173,26 +174,26 @@ def calibrate_gyro(
 def turns_enough(
     part: str, time: np.ndarray, reading: np.ndarray, at: np.ndarray, reference: Rotation, offset: float = 0.0
 ) -> None:
-    """Raises ArgumentError for a part of a recording that hardly turns about some axis, which leaves the matrix open:
-    where the gyro explains less than half of the turns about it, or they are a hundredth of those about others.
+    """Raise ArgumentError if a part of a recording hardly rotates about some axis, so that the matrix is undetermined:
+    the gyro explains less than half of the rotations about it, or they are a hundredth of those about others.
     """
     turn = (reference[:-1].inv() * reference[1:]).as_rotvec()
     read = gyro_path(time, reading, at, RateCorrection(np.eye(3), np.zeros(3), offset)).between.as_rotvec()
     fitted = read @ np.linalg.lstsq(read, turn, rcond=None)[0]
     _, size, axes = np.linalg.svd(turn, full_matrices=False)
-    off = turn - fitted
-    related = float(np.sqrt(np.mean(off**2)))
-    apart = float(np.sqrt(np.mean((off @ axes[-1]) ** 2)))
+    residual = turn - fitted
+    related = float(np.sqrt(np.mean(residual**2)))
+    weak_residual = float(np.sqrt(np.mean((residual @ axes[-1]) ** 2)))
     weak, strong = size[-1] / np.sqrt(len(turn)), size[0] / np.sqrt(len(turn))
-    if weak > max(LEAST_TURN * strong, np.sqrt(2) * apart if related < RELATED * strong else 0.0):
+    if weak > max(LEAST_TURN * strong, np.sqrt(2) * weak_residual if related < RELATED * strong else 0.0):
         return
     axis = axes[-1] * np.sign(axes[-1][np.argmax(np.abs(axes[-1]))])
-    named = ", ".join(f"{v:.2f}" for v in axis)
+    axis_text = ", ".join(f"{v:.2f}" for v in axis)
     raise ArgumentError(
-        f"{part}, {at[0]:.4g} .. {at[-1]:.4g} s, hardly turns about the axis ({named}) of the body: "
-        f"{np.degrees(weak):.2g} deg between two references, {np.degrees(strong):.2g} deg about others, where gyro and "
-        f"references disagree by {np.degrees(apart):.2g} deg about it; a gyro is calibrated where a body turns "
-        "about all axes: divide the recording at another time, or record more",
+        f"{part}, {at[0]:.4g} .. {at[-1]:.4g} s, hardly turns about the axis ({axis_text}) of the body: "
+        f"{np.degrees(weak):.2g} deg between two references, {np.degrees(strong):.2g} deg about others, while gyro and "
+        f"references disagree by {np.degrees(weak_residual):.2g} deg about it; calibration needs rotations about all "
+        "axes: divide the recording at another time, or record more",
         "judging.calibrate_until",
     )
 
@@ -207,33 +208,33 @@ def calibrated_on(
     ask: Callable[[], None] = lambda: None,
     period: float | None = None,
 ) -> GyroCalibration:
-    """As `calibrate_gyro`, on a part of a recording. Raises ArgumentError for one that does not determine a gyro.
+    """As `calibrate_gyro`, on a part of a recording. Raises ArgumentError if the part does not determine the gyro.
 
-    period: of the sensor, where it was stated [s].
+    period: sampling period of the sensor [s], if stated.
     """
     turns_enough(part, time, reading, at, reference, start.offset)
     try:
-        made = calibrate_gyro(time, reading, at, reference, start, ask)
+        calibration = calibrate_gyro(time, reading, at, reference, start, ask)
     except ArgumentError as fault:
         raise ArgumentError(f"on {part}: {fault.message}", fault.argument or "recording") from None
-    matrix = made.correction.matrix
+    matrix = calibration.correction.matrix
     stretch = np.linalg.svd(matrix, compute_uv=False)
     if np.linalg.det(matrix) <= 0 or not (1 / STRETCHED < stretch[-1] and stretch[0] < STRETCHED):
         raise ArgumentError(
             f"on {part} the gyro would have scales of {stretch[-1]:.2g} to {stretch[0]:.2g}, so its stamps do not "
-            "belong to those of the references; "
+            "match those of the references; "
             + (
-                "where rows are stamped when they arrive, state the sensor's own period"
+                "if rows are stamped on arrival, state the sensor's own period"
                 if period is None
                 else f"compare the stated period of {1e3 * period:.6g} ms and both columns of time with the devices"
             ),
             "judging.sample_period",
         )
-    return made
+    return calibration
 
 
 class _Turns:
-    """Residuals of the turns between neighbouring references, and their derivatives."""
+    """Residuals of the rotations between neighbouring references, and their derivatives."""
 
     def __init__(self, time: np.ndarray, reading: np.ndarray, at: np.ndarray, reference: Rotation) -> None:
         self.time, self.reading, self.at = time, reading, at
@@ -243,7 +244,7 @@ class _Turns:
         return gyro_path(self.time, self.reading, self.at, RateCorrection.of(x), derivative=derivative)
 
     def residual(self, x: np.ndarray, path: GyroPath | None = None) -> tuple[np.ndarray, GyroPath]:
-        """(k, 3), in the axes of the body at the end of each interval: zero where the gyro agrees."""
+        """Residuals (k, 3) in the axes of the body at the end of each interval: reference relative to gyro."""
         path = path or self.path(x)
         return (path.between.inv() * self.turn).as_rotvec(), path
 
@@ -251,29 +252,29 @@ class _Turns:
         r, path = self.residual(x, self.path(x, derivative=True))
         assert path.derivative is not None
         moved = np.swapaxes(path.turn[1:].as_matrix(), 1, 2) @ np.diff(path.derivative, axis=0)
-        K = cross_matrix(r)  # inverse left Jacobian of r, to what residuals of a tenth of a radian need
+        K = cross_matrix(r)  # inverse left Jacobian of r, accurate for residuals up to 0.1 rad
         J = -(np.eye(3) - K / 2 + K @ K / 12) @ moved
         return r.ravel(), J.reshape(-1, len(x))
 
 
 def _along(white: np.ndarray) -> np.ndarray:
-    """Whitened residuals (3 k,) one axis after the other, so that neighbours in the row are neighbours in time."""
+    """Whitened residuals (3 k,), one axis after the other, so that neighbours are adjacent in time."""
     return white.reshape(-1, 3).T.ravel()
 
 
 def _left_out(problem: _Turns, x: np.ndarray, roots: list[np.ndarray]) -> np.ndarray:
-    """How the numbers move without each block of equal turned angle (blocks, n): one step of the fit."""
+    """Change of the numbers without each block of equal rotation angle (blocks, n): one Gauss-Newton step."""
     r, J = problem(x)
     angle = np.cumsum(problem.turn.magnitude())
     block = np.minimum((BLOCKS * angle / angle[-1]).astype(int), BLOCKS - 1)
     moved = []
     for k in range(BLOCKS):
-        kept, first, own = np.repeat(block != k, 3), 0, list[np.ndarray]()
+        remaining, first, factors_kept = np.repeat(block != k, 3), 0, list[np.ndarray]()
         for L in roots:
-            there = kept[first : first + len(L)]
-            own.append(np.linalg.cholesky((L @ L.T)[np.ix_(there, there)]))
+            rows = remaining[first : first + len(L)]
+            factors_kept.append(np.linalg.cholesky((L @ L.T)[np.ix_(rows, rows)]))
             first += len(L)
-        A, b = (whitened(own, v) for v in (J[kept], r[kept]))
+        A, b = (whitened(factors_kept, v) for v in (J[remaining], r[remaining]))
         size = 1 / np.linalg.norm(A, axis=0)
         moved.append(-size * np.linalg.lstsq(A * size, b, rcond=None)[0])
     return np.array(moved)

@@ -1,5 +1,4 @@
-"""Orientation from angular rates, integrated on the rotations themselves with derivatives, and why references and
-gyro disagree."""
+"""Orientation from integrated angular rates, with derivatives, and the noise between references and gyro."""
 
 from __future__ import annotations
 
@@ -15,15 +14,15 @@ from scipy.spatial.transform import Rotation
 from ...geometry.quaternions import product
 from ...geometry.rotations import cross_matrix, left_jacobian
 
-SMALL = 1e-2  # rad; below it sines over angles are their series, whose next term is 1e-14 of the first
+SMALL = 1e-2  # rad; below it sin(x) / x is a series, whose next term is 1e-14 of the first
 
 
 @dataclass(frozen=True, eq=False)
 class RateCorrection:
-    """What makes angular rates of the body out of what a gyro reads: rate = matrix reading - bias [rad/s].
+    """Correction from gyro readings to angular rates of the body: rate = matrix reading - bias [rad/s].
 
-    matrix: (3, 3); it holds scale, misalignment of the axes, and the turn from the sensor to the body. bias: (3,).
-    offset: stamp of an event by the clock of the reference less its stamp by the clock of the gyro [s].
+    matrix: (3, 3); scale, misalignment of the axes, and the rotation from the sensor to the body. bias: (3,).
+    offset: stamp of an event by the clock of the reference minus its stamp by the clock of the gyro [s].
 
     >>> correction = gt.filtering.RateCorrection(1.02 * np.eye(3), np.array([0.0, 0.0, 0.01]))
     >>> correction(np.array([[0.0, 0.0, 1.0]])).round(3).tolist()
@@ -36,7 +35,7 @@ class RateCorrection:
 
     @classmethod
     def of(cls, numbers: np.ndarray) -> RateCorrection:
-        """From its thirteen numbers: matrix by rows, bias, offset."""
+        """Make a correction from its thirteen numbers: matrix by rows, bias, offset."""
         return cls(np.asarray(numbers[:9]).reshape(3, 3), np.asarray(numbers[9:12]), float(numbers[12]))
 
     @property
@@ -45,16 +44,16 @@ class RateCorrection:
         return np.concatenate([self.matrix.ravel(), self.bias, [self.offset]])
 
     def __call__(self, reading: np.ndarray) -> np.ndarray:
-        """Rates of the body (n, 3) from readings (n, 3)."""
+        """Return the rates of the body (n, 3) from readings (n, 3)."""
         return reading @ self.matrix.T - self.bias
 
 
 @dataclass(frozen=True, eq=False)
 class GyroPath:
-    """Turns from the first of k instants to each of them, in the axes of the body at the first one.
+    """Rotations from the first of k instants to each of them, in the axes of the body at the first one.
 
-    rate: of the body (k, 3) at these instants [rad/s]. derivative: (k, 3, 13), of the error of each turn, in the axes
-    of the first instant, by matrix, bias and offset; None where it was not asked for.
+    rate: of the body (k, 3) at these instants [rad/s]. derivative: (k, 3, 13), derivative of the error of each
+    rotation, in the axes of the first instant, by matrix, bias and offset; None if not requested.
     """
 
     turn: Rotation
@@ -63,22 +62,22 @@ class GyroPath:
 
     @property
     def between(self) -> Rotation:
-        """The turns (k - 1) from each instant to the next one, in the axes of the body."""
+        """Rotations (k - 1) from each instant to the next one, in the axes of the body."""
         return self.turn[:-1].inv() * self.turn[1:]
 
 
 def gyro_path(
     time: np.ndarray, reading: np.ndarray, at: np.ndarray, correction: RateCorrection, *, derivative: bool = False
 ) -> GyroPath:
-    """Turns from the first of the instants `at` (k,), by the reference's clock and ascending, to each of them.
+    """Rotations from the first of the ascending instants `at` (k,), by the reference's clock, to each of them.
 
-    time (n,), reading (n, 3): of the gyro, by its own clock. Rates run straight from sample to sample; the turn of one
-    step is exact to the fourth order of its length (Magnus), and steps are multiplied as rotations.
+    time (n,), reading (n, 3): of the gyro, by its own clock. Rates are linear between samples; each step is exact to
+    fourth order (Magnus), and steps are multiplied as rotations.
     """
     at = np.asarray(at, float) - correction.offset
     inside = time[(time > at[0]) & (time < at[-1])]
     nodes, place = np.unique(np.concatenate([at, inside]), return_inverse=True)
-    own = place[: len(at)]
+    ends = place[: len(at)]
     read = np.column_stack([np.interp(nodes, time, reading[:, k]) for k in range(3)])
     rate = correction(read)
     h = np.diff(nodes)[:, None]
@@ -86,32 +85,32 @@ def gyro_path(
     step = h / 2 * (a + b) + h**2 / 12 * _cross(a, b)
     turn = turns(Rotation.from_rotvec(step))
     if not derivative:
-        return GyroPath(picked(turn, own), rate[own])
+        return GyroPath(picked(turn, ends), rate[ends])
     h, A, B, unit = h[:, :, None], cross_matrix(a), cross_matrix(b), np.eye(3)
     r0, r1 = read[:-1, None, None, :], read[1:, None, None, :]  # against (n, 3, row of the matrix, column of it)
     by_matrix = h[..., None] / 2 * unit[..., None] * (r0 + r1) + h[..., None] ** 2 / 12 * (
         A[..., None] * r1 - B[..., None] * r0
     )
     by_bias = -h * unit + h**2 / 12 * (B - A)
-    by = left_jacobian(step) @ np.concatenate([by_matrix.reshape(-1, 3, 9), by_bias], axis=2)
-    total = np.concatenate([np.zeros((1, 3, 12)), np.cumsum(turn[:-1].as_matrix() @ by, axis=0)])
-    by_offset = rate[own[0]] - picked(turn, own).apply(rate[own])  # both ends of the turn come earlier
-    return GyroPath(picked(turn, own), rate[own], np.concatenate([total[own], by_offset[:, :, None]], axis=2))
+    slopes = left_jacobian(step) @ np.concatenate([by_matrix.reshape(-1, 3, 9), by_bias], axis=2)
+    total = np.concatenate([np.zeros((1, 3, 12)), np.cumsum(turn[:-1].as_matrix() @ slopes, axis=0)])
+    by_offset = rate[ends[0]] - picked(turn, ends).apply(rate[ends])  # both ends move to earlier times
+    return GyroPath(picked(turn, ends), rate[ends], np.concatenate([total[ends], by_offset[:, :, None]], axis=2))
 
 
 def picked(rotation: Rotation, rows: Any) -> Rotation:
-    """Those that stand in these rows: indices or a mask."""
+    """Rotations in these rows: indices or a mask."""
     return rotation[rows]
 
 
 def turns(steps: Rotation) -> Rotation:
-    """The turns (n + 1) after 0, 1, ... n of these steps, each step in the axes that those before have led to."""
+    """Rotations (n + 1) after 0, 1, ... n of these steps, each in the axes reached by the previous ones."""
     n = len(steps) + 1
     rows = int(np.ceil(np.sqrt(n)))
     q = np.tile([1.0, 0.0, 0.0, 0.0], (rows * rows, 1))
     q[1:n] = steps.as_quat(scalar_first=True)
     q = q.reshape(rows, rows, 4)
-    for k in range(1, rows):  # along all rows at once, then what comes before each row
+    for k in range(1, rows):  # products within all rows at once, then the product before each row
         q[:, k] = product(q[:, k - 1], q[:, k])
     before = q[:, -1].copy()
     for k in range(1, rows):
@@ -124,18 +123,18 @@ def _cross(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     return u[..., [1, 2, 0]] * v[..., [2, 0, 1]] - u[..., [2, 0, 1]] * v[..., [1, 2, 0]]
 
 
-START = (3e-3, 1e-2, 1e-4, 0.3)  # s, 1, rad, s: where the search of the most likely noise begins
+START = (3e-3, 1e-2, 1e-4, 0.3)  # s, 1, rad, s: initial guess of the maximum-likelihood noise
 LIMITS = ((1e-5, 0.1), (1e-5, 1.0), (1e-7, 0.1), (1e-2, 10.0))
-SEARCH = 250  # evaluations of the likelihood at the most
+SEARCH = 250  # largest number of evaluations of the likelihood
 
 
 @dataclass(frozen=True)
 class ReferenceNoise:
-    """Sizes of the three disagreements.
+    """Standard deviations of the three disagreements between references and gyro.
 
-    timing: of the stamps of the references [s]; it turns with the rate, and two neighbours share it. relative: of the
-    gyro's turns, as a part of them; it persists for `persistence` [s], as of an Ornstein-Uhlenbeck process. floor: of
-    the references themselves [rad], independent between intervals.
+    timing: of the stamps of the references [s]; the error is along the rate, and neighbouring intervals share it.
+    relative: of the gyro's rotations, as a fraction of them, with the correlation time `persistence` [s] of an
+    Ornstein-Uhlenbeck process. floor: of the references themselves [rad], independent between intervals.
 
     >>> noise = gt.filtering.ReferenceNoise(timing=3e-3, relative=0.01, floor=0.0, persistence=2.0)
     >>> noise.turn_covariance(np.array([0.1, 0.1]), np.array([0.0, 2.0])).round(9).tolist()
@@ -148,43 +147,43 @@ class ReferenceNoise:
     persistence: float
 
     def timing_covariance(self, rate: np.ndarray) -> np.ndarray:
-        """Of the orientation at instants with these rates (k, 3) of the body: (k, 3, 3), in its axes."""
+        """Return the covariance (k, 3, 3) of the orientation at these rates (k, 3), in the axes of the body."""
         return self.timing**2 * rate[:, :, None] * rate[:, None, :]
 
     def turn_covariance(self, angle: np.ndarray, middle: np.ndarray) -> np.ndarray:
-        """Of the turns (k, k) over intervals of these angles around these instants; the same about all axes."""
+        """Return the covariance (k, k) of rotations by these angles around these instants; equal about all axes."""
         memory = np.exp(-np.abs(middle[:, None] - middle) / self.persistence)
         return self.relative**2 * np.outer(angle, angle) * memory + self.floor**2 * np.eye(len(angle))
 
     def covariance(self, turn: Rotation, rate: np.ndarray, time: np.ndarray) -> np.ndarray:
-        """Of the residuals (3 k, 3 k) over k intervals, each in the axes of the body at its end.
+        """Return the covariance (3 k, 3 k) of the residuals over k intervals, each in the axes of the body at its end.
 
-        turn: of the reference over the intervals. rate (k + 1, 3), time (k + 1,): at their ends.
+        turn: rotation of the reference over the intervals. rate (k + 1, 3), time (k + 1,): at their ends.
         """
         k = len(turn)
-        at, back, n = self.timing_covariance(rate), turn.inv().as_matrix(), np.arange(k)
+        timing, back, n = self.timing_covariance(rate), turn.inv().as_matrix(), np.arange(k)
         C = np.zeros((k, 3, k, 3))
-        C[n, :, n, :] = back @ at[:-1] @ np.swapaxes(back, 1, 2) + at[1:]
-        shared = -at[1:-1] @ np.swapaxes(back[1:], 1, 2)
+        C[n, :, n, :] = back @ timing[:-1] @ np.swapaxes(back, 1, 2) + timing[1:]
+        shared = -timing[1:-1] @ np.swapaxes(back[1:], 1, 2)
         C[n[:-1], :, n[1:], :] = shared
         C[n[1:], :, n[:-1], :] = np.swapaxes(shared, 1, 2)
-        own = self.turn_covariance(turn.magnitude(), (time[1:] + time[:-1]) / 2)
-        return C.reshape(3 * k, 3 * k) + np.kron(own, np.eye(3))
+        relative = self.turn_covariance(turn.magnitude(), (time[1:] + time[:-1]) / 2)
+        return C.reshape(3 * k, 3 * k) + np.kron(relative, np.eye(3))
 
 
-BLOCK = 150  # intervals whose noise is taken together, ten seconds: the cost of all is linear in their number
+BLOCK = 150  # intervals with correlated noise, ten seconds: keeps the cost linear in their number
 
 
 def blocks_of(count: int) -> list[slice]:
-    """Intervals 0 .. count in stretches of equal length, at most `BLOCK`, one after the other."""
+    """Intervals 0 .. count in consecutive blocks of equal length, at most `BLOCK`."""
     edges = np.linspace(0, count, max(1, -(-count // BLOCK)) + 1).round().astype(int)
     return [slice(int(a), int(b)) for a, b in pairwise(edges)]
 
 
 def factors(noise: ReferenceNoise, turn: Rotation, rate: np.ndarray, time: np.ndarray) -> list[np.ndarray]:
-    """Cholesky factors of the covariance of the residuals of each block; between blocks they count as independent.
+    """Cholesky factors of the residual covariance of each block; blocks count as independent.
 
-    Raises LinAlgError where one is not positive definite.
+    Raises LinAlgError if one is not positive definite.
     """
     return [
         np.linalg.cholesky(noise.covariance(turn[b], rate[b.start : b.stop + 1], time[b.start : b.stop + 1]))
@@ -193,7 +192,7 @@ def factors(noise: ReferenceNoise, turn: Rotation, rate: np.ndarray, time: np.nd
 
 
 def whitened(roots: Sequence[np.ndarray], rows: np.ndarray) -> np.ndarray:
-    """Rows (3 k, ...) that are whitened block by block."""
+    """Rows (3 k, ...), whitened block by block."""
     ends = np.cumsum([0, *(len(L) for L in roots)])
     parts = [
         scipy.linalg.solve_triangular(L, rows[a:b], lower=True)
@@ -211,11 +210,11 @@ def likeliest_noise(
     guess: ReferenceNoise,
     ask: Callable[[], None] = lambda: None,
 ) -> tuple[ReferenceNoise, float]:
-    """The noise under which residuals (3 k,) are most likely, and their log-likelihood.
+    """Maximum-likelihood noise of residuals (3 k,), and their log-likelihood.
 
-    J (3 k, n): their Jacobian by what was fitted to them. ask: called at each evaluation; may raise.
-    The likelihood is that of what no fit can take away, the
-    restricted one, or the noise would come out too small: Patterson and Thompson 1971, Biometrika 58, 545-554.
+    J (3 k, n): Jacobian of the residuals by the fitted numbers. ask: called at each evaluation; may raise.
+    The likelihood is the restricted one (REML), since the full one underestimates the noise after a fit: Patterson and
+    Thompson 1971, Biometrika 58, 545-554.
     """
     low, high = np.log(np.array(LIMITS)).T
     rows = np.column_stack([J, residual])
@@ -230,8 +229,8 @@ def likeliest_noise(
             return np.inf
         R = np.linalg.qr(whitened(roots, rows), mode="r")
         size = np.abs(np.diag(R))
-        left, logs = size[-1] ** 2, np.log(size[:-1]).sum() + sum(np.log(np.diag(L)).sum() for L in roots)
-        return float(0.5 * left + logs + 0.5 * (len(rows) - J.shape[1]) * np.log(2 * np.pi))
+        squares, logs = size[-1] ** 2, np.log(size[:-1]).sum() + sum(np.log(np.diag(L)).sum() for L in roots)
+        return float(0.5 * squares + logs + 0.5 * (len(rows) - J.shape[1]) * np.log(2 * np.pi))
 
     start = (guess.timing, guess.relative, guess.floor, guess.persistence)
     options = {"xatol": 0.02, "fatol": 0.02, "maxfev": SEARCH}

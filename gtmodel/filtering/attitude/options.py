@@ -1,5 +1,4 @@
-"""How a recording of a gyro and references of orientation is judged, a synthetic one, and what the attitude study
-says."""
+"""Options of the attitude study: judging of a recording, a synthetic recording; and its result."""
 
 from __future__ import annotations
 
@@ -16,31 +15,31 @@ from ...results.study import Study, to_inherit
 
 @dataclass(frozen=True)
 class AttitudeJudging(Options):
-    """Where a gyro is calibrated, and over which gaps between references it is judged on the rest.
+    """The part of a recording that calibrates a gyro, and the gaps between references that judge it on the rest.
 
     >>> gt.filtering.AttitudeJudging(gaps=(0.2,)).longest_offset
     0.5
     """
 
     calibrate_until: Annotated[
-        float | None, Unit("s"), "by the reference's clock; half of the references if left out"
+        float | None, Unit("s"), "end of the calibration, by the reference's clock; half of the references if left out"
     ] = None  # fmt: skip
     gaps: Annotated[tuple[float, ...], Unit("s"), Within(above=0), "lengths of time without a reference"] = (0.5, 1.0)
     sample_period: Annotated[
         float | None, Unit("s"), Within(above=0),
-        "of the gyro by its own clock, where its rows are stamped when they arrive; compared with the stamps",
+        "sampling period of the gyro by its own clock, if rows are stamped on arrival; compared with the stamps",
     ] = None  # fmt: skip
     longest_offset: Annotated[
-        float, Unit("s"), Within(above=0), "of the two clocks either way, where it is sought"
+        float, Unit("s"), Within(above=0), "largest offset between the two clocks, either way, in the search"
     ] = 0.5  # fmt: skip
 
 
 @dataclass(frozen=True)
 class SyntheticAttitude(Options):
-    """A synthetic recording like that of an arm that turns a cheap inertial unit: rests and turns about many axes.
+    """A synthetic recording of an arm that turns a low-cost inertial unit: rests, and rotations about many axes.
 
-    The gyro is sampled evenly and stamped when its rows arrive, late and by turns; a buffer is read empty at first. The
-    references are quaternions world to body, stamped in steps of `resolution`.
+    The gyro is sampled evenly and stamped on arrival, with varying delay; at first a buffer is emptied. The references
+    are quaternions, world to body, stamped in steps of `resolution`.
 
     >>> gt.filtering.SyntheticAttitude(seed=2).reference_period
     0.0725
@@ -51,9 +50,9 @@ class SyntheticAttitude(Options):
     reference_period: Annotated[float, Unit("s"), Within(above=0), "of the references, without pauses"] = 0.0725
     resolution: Annotated[float, Unit("s"), Within(above=0), "of the stamps of the references"] = 0.01
     offset: Annotated[float, Unit("s"), "of the reference's clock"] = 0.002
-    relative: Annotated[float, Within(least=0), "deviation of the gyro's error, a part of the rate; lasts 2 s"] = 0.006
+    relative: Annotated[float, Within(least=0), "deviation of the gyro's error over the rate; persists for 2 s"] = 0.006
     noise: Annotated[float, Unit("rad/s"), Within(least=0), "of one reading of the gyro"] = 7e-4
-    lost: Annotated[int, Within(least=0), "rows that are missing"] = 5
+    lost: Annotated[int, Within(least=0), "missing rows"] = 5
     seed: Annotated[int, Within(least=0), "of the motion and of all noise"] = 0
 
 
@@ -75,27 +74,27 @@ _SHOWN = {
 @to_inherit
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class AttitudeStudy(Study):
-    """Calibration of a gyro on the first part of a recording, and errors of the attitude in gaps on the rest.
+    """Calibration of a gyro on the first part of a recording, and attitude errors in gaps of the rest.
 
-    `interval` asks for "mount[0]", "scale[0]", "misalignment[0]" (axes yz, zx, xy), "bias[0]" and "offset" of the first
-    part. error[i][j] is that of gap i by method j.
+    Names for `interval`: "mount[0]", "scale[0]", "misalignment[0]" (axes yz, zx, xy), "bias[0]" and "offset", of the
+    first part. error[i][j] is the error in gap i with method j.
     """
 
-    convention: Annotated[str, Quantity("", "units and direction that were found", "read as")] = ""
-    conventions: Annotated[Sequence[str], "all that were tried, the most likely first"] = ()
-    log_likelihood: Annotated[Sequence[float], "of each of them"] = ()
-    clock: Annotated[str, Quantity("", "which instants of the gyro are more likely, and by how much", "clock")] = ""
-    gravity: Annotated[str, Quantity("", "what the accelerometer reads at rest", "accelerometer")] = ""
-    names: Annotated[Sequence[str], "of the calibrated numbers, in the order of all that follows"] = ()
+    convention: Annotated[str, Quantity("", "units and direction found", "read as")] = ""
+    conventions: Annotated[Sequence[str], "all candidates, the most likely first"] = ()
+    log_likelihood: Annotated[Sequence[float], "of each candidate"] = ()
+    clock: Annotated[str, Quantity("", "more likely instants of the gyro, and the gain in likelihood", "clock")] = ""
+    gravity: Annotated[str, Quantity("", "reading of the accelerometer at rest", "accelerometer")] = ""
+    names: Annotated[Sequence[str], "of the calibrated numbers, in the order of all fields below"] = ()
     numbers: Annotated[Sequence[float], "calibrated on the first part, in SI"] = ()
     first_interval: Annotated[Sequence[Sequence[float]], "95 % intervals of the first part, in SI"] = ()
     second_interval: Annotated[Sequence[Sequence[float]], "95 % intervals of the second part, in SI"] = ()
     timing: Annotated[Sequence[float], Quantity("s", "deviation of the stamps of the references, both parts")] = ()
-    relative: Annotated[Sequence[float], "deviation of the gyro's error as a part of its turns, both parts"] = ()
-    persistence: Annotated[Sequence[float], Quantity("s", "for which that error lasts, both parts")] = ()
+    relative: Annotated[Sequence[float], "deviation of the gyro's error relative to its rotations, both parts"] = ()
+    persistence: Annotated[Sequence[float], Quantity("s", "correlation time of that error, both parts")] = ()
     gaps: Annotated[Sequence[float], Quantity("s", "lengths of time without a reference")] = ()
-    starts: Annotated[Sequence[int], "gaps of each length that were judged"] = ()
-    methods: Annotated[Sequence[str], "of bridging a gap"] = ()
+    starts: Annotated[Sequence[int], "number of judged gaps of each length"] = ()
+    methods: Annotated[Sequence[str], "methods that bridge a gap"] = ()
     error: Annotated[
         Sequence[Sequence[float]], Quantity("rad", "mean at hidden references of the second part", written="deg")
     ] = ()  # fmt: skip
@@ -103,24 +102,24 @@ class AttitudeStudy(Study):
         Sequence[Sequence[float]],
         Quantity("rad", "the same, calibrated on the second part and judged on the first", written="deg"),
     ] = ()  # fmt: skip
-    below_slerp: Annotated[Sequence[Sequence[float]], "by which factor carried and corrected err less than slerp"] = ()
-    below_spline: Annotated[Sequence[float], "by which factor corrected errs less than the rotation spline"] = ()
+    below_slerp: Annotated[Sequence[Sequence[float]], "error of slerp over the errors of carried and corrected"] = ()
+    below_spline: Annotated[Sequence[float], "error of the rotation spline over the error of corrected"] = ()
     covered: Annotated[
         Sequence[Sequence[float]], "share of the errors, carried and corrected, inside their 95 % ellipsoid"
     ] = ()  # fmt: skip
     filtered: Annotated[
-        Sequence[float], Quantity("rad", "mean error of a causal error-state filter, a reference a gap", written="deg")
+        Sequence[float], Quantity("rad", "mean error of a causal filter with one reference per gap", written="deg")
     ] = ()  # fmt: skip
     smoothed: Annotated[
         Sequence[float], Quantity("rad", "mean error of its fixed-interval smoother", written="deg")
     ] = ()  # fmt: skip
     nis: Annotated[Sequence[float], "normalised innovation squared of the filter, mean per number: 1 is expected"] = ()
-    left_out: Annotated[Sequence[float], Quantity("s", "stamps of references that are no orientation or a spike")] = ()
+    left_out: Annotated[Sequence[float], Quantity("s", "stamps of references: spikes, or not of unit length")] = ()
     synthetic: Annotated[str | None, "seed and noise of a synthetic recording; null for measured ones"] = None
 
     @property
     def rows(self) -> list[Row]:
-        """The table for people."""
+        """The printed table."""
         rows = [Row("read as", self.convention)]
         for name, logs in list(zip(self.conventions, self.log_likelihood, strict=True))[:SHOWN]:
             rows.append(Row(f"log-likelihood: {name}", f"{logs:.1f}"))

@@ -1,5 +1,4 @@
-"""A gyro and references of orientation as they were written, samples that are stamped when they arrive, and a
-synthetic recording."""
+"""Recordings of a gyro and reference orientations, instants of samples stamped on arrival, synthetic recordings."""
 
 from __future__ import annotations
 
@@ -16,13 +15,13 @@ from .options import SyntheticAttitude
 
 
 def sampled_instants(stamps: np.ndarray, period: float) -> np.ndarray:
-    """Instants (n,) at which an even sensor took samples that arrived at these stamps (n,), but for the least delay.
+    """Estimate the sampling instants (n,) of an evenly sampled sensor from arrival stamps (n,), up to the least delay.
 
-    A sample was taken at least one period before the next one, and that one before it arrived: so none was taken later
-    than any arrival after it less the periods between. The latest instants that this allows are given. They are even
-    where samples wait in a buffer, and step on where samples were lost.
+    A sample was taken at least one period before the next one, and each one before it arrived: so none was taken later
+    than any later arrival minus the periods in between. The result is the latest instants that satisfy this. They are
+    even while samples wait in a buffer, and jump where samples were lost.
 
-    period: of the sensor by its own clock [s]; a little short does no harm. Raises ArgumentError for one that is not
+    period: of the sensor by its own clock [s]; a slightly short value does no harm. Raises ArgumentError if it is not
     above zero, and for stamps that go back.
 
     >>> taken = 0.01 * np.arange(7)
@@ -36,15 +35,15 @@ def sampled_instants(stamps: np.ndarray, period: float) -> np.ndarray:
     if np.any(np.diff(stamps) < 0):
         row = int(np.argmax(np.diff(stamps) < 0)) + 1
         raise ArgumentError(f"the stamps go back in row {row}; drop such rows first", "stamps")
-    own = period * np.arange(len(stamps))
-    return own + np.minimum.accumulate((stamps - own)[::-1])[::-1]
+    even = period * np.arange(len(stamps))
+    return even + np.minimum.accumulate((stamps - even)[::-1])[::-1]
 
 
-FINE = 1e-3  # s, steps of the synthetic motion, straight between them
-PERSISTENCE = 2.0  # s, of the synthetic gyro's relative error
-BUFFERED = 3.6  # s of rows that wait when the reading begins
-READ = 0.0025  # s that it takes to read one waiting row
-PAUSE = 0.012  # s for which the reading waits for each reference
+FINE = 1e-3  # s, steps of the synthetic motion, linear in between
+PERSISTENCE = 2.0  # s, correlation time of the synthetic gyro's relative error
+BUFFERED = 3.6  # s of buffered rows at the start of reading
+READ = 0.0025  # s to read one buffered row
+PAUSE = 0.012  # s for which reading stops at each reference
 COUNT = 2000 / 2**15  # deg/s
 TRUE_TURN = (0.02, -0.03, 0.065)  # rad, from the sensor to the body
 TRUE_STRETCH = ((1.02, 0.004, -0.006), (0.004, 1.005, 0.008), (-0.006, 0.008, 0.99))
@@ -53,12 +52,12 @@ TRUE_BIAS = (2e-3, -1e-3, 1.5e-3)  # rad/s
 
 @dataclass(frozen=True, eq=False)
 class AttitudeRecording:
-    """What an inertial unit and a device for orientation wrote, each by its own clock; rows may be uneven.
+    """Recording of an inertial unit and of a device that measures orientation, each with its own clock.
 
-    gyro: "rate" (n, 3), and "acceleration" (n, 3) where there is one. reference: "quaternion" (k, 4) of unit length.
-    Numbers of the unit "1" are as written: their units are found; others are in rad/s and m/s2.
+    gyro: "rate" (n, 3), and "acceleration" (n, 3) if available. reference: "quaternion" (k, 4) of unit length. Stamps
+    may be uneven. Signals with the unit "1" are raw: the study finds their units; others are in rad/s and m/s2.
 
-    Raises ArgumentError for a signal that is missing or has another shape.
+    Raises ArgumentError if a signal is missing or has another shape.
 
     >>> made = gt.filtering.synthetic_attitude().recording
     >>> bare = gt.filtering.AttitudeRecording(made.gyro.select(["rate"]), made.reference)
@@ -70,29 +69,29 @@ class AttitudeRecording:
     reference: Trajectory
 
     def __post_init__(self) -> None:
-        wanted = [(self.gyro, "gyro", "rate", 3), (self.reference, "reference", "quaternion", 4)]
+        expected = [(self.gyro, "gyro", "rate", 3), (self.reference, "reference", "quaternion", 4)]
         if "acceleration" in self.gyro.names:
-            wanted.append((self.gyro, "gyro", "acceleration", 3))
-        for trajectory, argument, name, size in wanted:
+            expected.append((self.gyro, "gyro", "acceleration", 3))
+        for trajectory, argument, name, size in expected:
             if name not in trajectory.names:
-                there = ", ".join(trajectory.names)
-                raise ArgumentError(f"has no signal '{name}'; it has {there}", argument)
+                names = ", ".join(trajectory.names)
+                raise ArgumentError(f"expected a signal '{name}'; found {names}", argument)
             if trajectory[name].shape[1:] != (size,):
-                raise ArgumentError(f"'{name}' has the shape {trajectory[name].shape}; expected (n, {size})", argument)
+                raise ArgumentError(f"expected '{name}' (n, {size}); found shape {trajectory[name].shape}", argument)
         if self.gyro.unit("rate") not in ("1", "rad/s"):
-            raise ArgumentError(f"'rate' is in {self.gyro.unit('rate')}; expected rad/s, or 1 for as written", "gyro")
+            raise ArgumentError(f"expected 'rate' in rad/s, or 1 for raw; found {self.gyro.unit('rate')}", "gyro")
 
 
 @dataclass(frozen=True, eq=False)
 class SyntheticTruth:
-    """What a synthetic recording was made with."""
+    """A synthetic recording with its true gyro correction."""
 
     recording: AttitudeRecording
     correction: RateCorrection
 
 
 def synthetic_attitude(options: SyntheticAttitude | None = None) -> SyntheticTruth:
-    """A synthetic recording and the truth behind it: gyro in deg/s, quaternions scalar first and world to body.
+    """Make a synthetic recording with its truth: gyro in deg/s, quaternions scalar first, world to body.
 
     >>> made = gt.filtering.synthetic_attitude(gt.filtering.SyntheticAttitude(duration=8.0))
     >>> made.recording.gyro["rate"].shape[1], made.recording.reference.unit("quaternion"), made.correction.offset
@@ -107,24 +106,24 @@ def synthetic_attitude(options: SyntheticAttitude | None = None) -> SyntheticTru
     taken = np.arange(-BUFFERED, o.duration, o.sample_period)
     reference_time = _exchanges(o, rng)
     stamps = _arrivals(taken, reference_time - o.offset, rng)
-    kept = np.ones(len(taken), bool)
-    kept[rng.choice(np.arange(len(taken) // 3, len(taken) - 1), o.lost, replace=False)] = False
-    kept &= stamps <= o.duration
-    wrong = o.relative * _slow_noise(fine, rng) * np.linalg.norm(rate, axis=1)[:, None]
-    read = np.column_stack([np.interp(taken, fine, (rate + wrong)[:, k]) for k in range(3)])
+    rows = np.ones(len(taken), bool)
+    rows[rng.choice(np.arange(len(taken) // 3, len(taken) - 1), o.lost, replace=False)] = False
+    rows &= stamps <= o.duration
+    error = o.relative * _slow_noise(fine, rng) * np.linalg.norm(rate, axis=1)[:, None]
+    read = np.column_stack([np.interp(taken, fine, (rate + error)[:, k]) for k in range(3)])
     read = (read + truth.bias) @ np.linalg.inv(matrix).T + o.noise * rng.standard_normal(read.shape)
     none = RateCorrection(np.eye(3), np.zeros(3))
     body = gyro_path(fine, rate, np.sort(np.concatenate([fine[:1], taken])), none).turn[1:]
     up = (Rotation.from_rotvec(TRUE_TURN).inv() * body.inv()).apply([0.0, 0.0, 1.0])
     acceleration = up + 2e-3 * rng.standard_normal(up.shape)
-    at = reference_time - o.offset
-    quaternion = gyro_path(fine, rate, np.concatenate([fine[:1], at]), none).turn[1:].inv().as_quat(scalar_first=True)
+    t = reference_time - o.offset
+    quaternion = gyro_path(fine, rate, np.concatenate([fine[:1], t]), none).turn[1:].inv().as_quat(scalar_first=True)
     synthetic = (
         f"synthetic, seed {o.seed}: relative error of the gyro {o.relative:g}, noise {o.noise / DEGREE:.3g} deg/s, "
         f"stamps of the references in steps of {o.resolution:g} s"
     )
     gyro = Trajectory(
-        stamps[kept], {"rate": (np.round(read / DEGREE / COUNT) * COUNT)[kept], "acceleration": acceleration[kept]},
+        stamps[rows], {"rate": (np.round(read / DEGREE / COUNT) * COUNT)[rows], "acceleration": acceleration[rows]},
         synthetic=synthetic,
     )  # fmt: skip
     stamped = np.round(np.round(reference_time / o.resolution) * o.resolution, 9)
@@ -133,7 +132,7 @@ def synthetic_attitude(options: SyntheticAttitude | None = None) -> SyntheticTru
 
 
 def _motion(time: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Rates of the body (n, 3): turns of one to three seconds about axes that drift, with rests between them."""
+    """Rates of the body (n, 3): rotations of one to three seconds about drifting axes, with rests in between."""
     rate, begin = np.zeros((len(time), 3)), 0.8
     while begin < time[-1] - 1.0:
         length, peak = rng.uniform(0.9, 2.6), rng.uniform(1.8, 6.0)
@@ -159,14 +158,14 @@ def _slow_noise(time: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def _exchanges(o: SyntheticAttitude, rng: np.random.Generator) -> np.ndarray:
-    """When orientations were taken, by the reference's clock: evenly, with longer pauses and jitter."""
+    """Instants of the reference orientations, by the reference's clock: even, with longer pauses and jitter."""
     pauses = rng.choice([0.0, 0.4, 1.0], int(2 * o.duration / o.reference_period), p=[0.93, 0.04, 0.03])
     time = 0.03 + np.cumsum(o.reference_period * (1 + pauses + 0.03 * rng.standard_normal(len(pauses))))
     return time[time < o.duration - 0.05]
 
 
 def _arrivals(taken: np.ndarray, exchanges: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """When rows that were taken at these instants are read, one after the other."""
+    """Arrival times of rows taken at these instants, read one after the other."""
     stamps, free = np.empty(len(taken)), 0.0
     blocked = iter(exchanges)
     pause = next(blocked, np.inf)

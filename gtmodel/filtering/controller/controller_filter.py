@@ -1,4 +1,4 @@
-"""A filter as a step function: for `gt.cgen`, with a twin in Python."""
+"""A filter as a step function for `gt.cgen`, with a twin in Python."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ from .plan import plan_of
 from .text import text
 from .twin import UNIT, FilterTwin, Pair
 
-# times n (n + 1) round-offs: the share of each variance that its number of D must exceed. U D U' is positive wherever
-# D is above zero; the share leaves room for whoever multiplies it and factors it again in double. In float that is more
-# than good filters leave: there it is 2 n round-offs, as they come rather than at their worst
+# times n (n + 1) round-offs: least share of each variance for its entry of D. U D U' is positive if D is above zero;
+# the share leaves room to multiply U D U' and factor it again in double. In float this worst case is more than good
+# filters leave, so there the share is 2 n round-offs, a typical error
 ROUND_OFFS = 2.0
-MISSING = 0.2  # share of readings that are not there in a run of examples
+MISSING = 0.2  # share of missing readings in a run of examples
 WRONG = 9  # one step in so many has a reading that is refused
-SPREAD = 3.0  # deviations of the start, that examples vary by
+SPREAD = 3.0  # initial deviations over which the examples vary
 
 
 class ControllerFilter(StepFunction):
-    """The error-state Kalman filter of a system as a step function, for C in a loop.
+    """The error-state Kalman filter of a system as a step function, for C code in a control loop.
 
-    Each step moves the belief on by one period and then uses the readings that are flagged as there. Where no
-    reading comes it goes on without. A sensor's delay is a whole number of periods: its reading is used at the instant
-    that it tells of, the belief of the oldest instant whose readings are all there is kept, and the filter goes from it
-    to the present with what has come, at every step: the same as `ErrorState` on sorted data.
+    Each step advances the belief by one period and then uses the readings whose valid flag is set; without a reading it
+    only advances. A sensor's delay is a whole number of periods, and its reading is used at the instant at which it was
+    taken. The filter stores the belief of the oldest instant whose readings are complete; each step goes from there to
+    the present with the readings received so far. The result is that of `ErrorState` on sorted data.
 
     Args:
         system: process and sensors.
         period: of the loop [s].
-        start: the declared start, one period before the first step; `_init` takes another one.
-        stale: sensor -> cycles without a reading after which the status is STALE_INPUT; never where left out.
-        closed: sensor -> readings in a row beyond its gate after which the status is OUT_OF_RANGE.
+        start: default start, one period before the first step; `_init` can take another one.
+        stale: sensor -> number of cycles without a reading after which the status is STALE_INPUT; never if left out.
+        closed: sensor -> number of consecutive readings beyond its gate after which the status is OUT_OF_RANGE.
         title: one line for header and README.
 
-    Raises GenerationError, an ArgumentError, for what C does not know: directions among the states, iterations in the
-    model.
+    Raises GenerationError, an ArgumentError, for unsupported models: directions among the states, or equations that
+    need an iteration.
 
     >>> class Cart(gt.Model):
     ...     x = gt.variable(unit="m")
@@ -75,11 +75,11 @@ class ControllerFilter(StepFunction):
     ) -> None:
         if not period > 0:
             raise ArgumentError(f"expected more than 0 s; found {period}", "period")
-        for argument, given in (("stale", stale or {}), ("closed", closed or {})):
-            for name, count in given.items():
+        for argument, limits in (("stale", stale or {}), ("closed", closed or {})):
+            for name, count in limits.items():
                 if name not in system.sensors:
-                    there = ", ".join(f"'{n}'" for n in system.sensors)
-                    raise ArgumentError(f"there is no sensor '{name}'; there are {there}", argument)
+                    names = ", ".join(f"'{n}'" for n in system.sensors)
+                    raise ArgumentError(f"there is no sensor '{name}'; the sensors are {names}", argument)
                 if count < 1:
                     raise ArgumentError(f"expected at least 1 cycle; found {count}", f"{argument}.{name}")
         self.system, self.period, self.initial = system, float(period), start
@@ -89,7 +89,7 @@ class ControllerFilter(StepFunction):
         belief = start.belief(system, 0.0)
         deviations = np.sqrt(np.diag(belief.P[0]))
         if np.any(deviations <= 0):
-            raise ArgumentError("a deviation is zero; C needs a covariance that is positive", "start.deviation")
+            raise ArgumentError("expected deviations above zero; generated code needs them", "start.deviation")
         self.defaults: Mapping[str, Any] = {
             **{part.name: _value(part, belief.x[0, at]) for part, at, _ in system.space.places()},
             **{
@@ -117,18 +117,18 @@ class ControllerFilter(StepFunction):
             self.sensor_members.append(
                 (
                     StepMember(sensor.name, None if sensor.size == 1 else sensor.size, reading.unit, f"reading{late}"),
-                    StepMember(f"{sensor.name}.valid", description="1 where a new reading came, else 0", integer=True),
-                    StepMember(f"{sensor.name}.gated", description="1 where its gate left it out", integer=True),
-                    StepMember(f"{sensor.name}.age", description="cycles since its last reading came", integer=True),
+                    StepMember(f"{sensor.name}.valid", description="1 with a new reading, else 0", integer=True),
+                    StepMember(f"{sensor.name}.gated", description="1 if the gate left the reading out", integer=True),
+                    StepMember(f"{sensor.name}.age", description="cycles since its last reading", integer=True),
                 )
             )
         self.start = [*self.mean_members, *self.deviation_members, *self.known_members]
         self.inputs = [*self.known_members, *[m for value, flag, _, _ in self.sensor_members for m in (value, flag)]]
-        lag = f"of the instant {plan.depth} cycles ago, whose readings are all there: " if plan.depth else ""
+        lag = f"{plan.depth} cycles ago, at the last complete instant: " if plan.depth else ""
         self.outputs = [
             *self.mean_members, *self.deviation_members,
             StepMember("nis", description=f"{lag}normalised innovation squared"),
-            StepMember("count", description=f"{lag}numbers that it is made of", integer=True),
+            StepMember("count", description=f"{lag}number of its degrees of freedom", integer=True),
             *[m for _, _, gated, age in self.sensor_members for m in (gated, age)],
         ]  # fmt: skip
         ring, sensors = plan.depth + 1, len(plan.sensors)
@@ -140,46 +140,46 @@ class ControllerFilter(StepFunction):
             StepMember("diagonal", plan.errors, description="D of the covariance U D U' of the errors"),
             *known,
             StepMember("readings", ring * plan.numbers, description="of the last instants"),
-            StepMember("present", ring * sensors, description="which there are", integer=True),
-            StepMember("place", description="of the newest instant", integer=True),
-            StepMember("begun", description="cycles since the start, as far as they matter", integer=True),
-            StepMember("closed", sensors, description="readings in a row beyond the gate", integer=True),
+            StepMember("present", ring * sensors, description="1 if the reading is there", integer=True),
+            StepMember("place", description="index of the newest instant", integer=True),
+            StepMember("begun", description="cycles since the start, up to the buffer length", integer=True),
+            StepMember("closed", sensors, description="consecutive readings beyond the gate", integer=True),
             StepMember("age", sensors, description="cycles since the last reading", integer=True),
         ]
 
     def pivot_of(self, real: Real) -> float:
-        """Share of each variance that its number of D must exceed: what round-off can take in a factorisation."""
+        """Return the least share of each variance for its entry of D: the round-off of a factorisation."""
         n = self.plan.errors
         return ROUND_OFFS * (n * (n + 1) if real is DOUBLE else n) * real.precision.round_off
 
     def kernels(self, symbol: str) -> list[ca.Function]:
-        """The generated bodies under their C names."""
+        """Return the generated functions under their C names."""
         return [k.called(f"{symbol}_{k.name}") for k in self.plan.kernels]
 
     def text(self, symbol: str, real: Real) -> str:
-        """C of init and step, with their tables."""
+        """Return the C code of init and step, with their tables."""
         return text(self, symbol, real)
 
     def twin(self, real: Real = DOUBLE) -> StepTwin:
-        """The same in Python."""
+        """Return the same filter in Python."""
         return ControllerTwin(self, real)
 
     def notes(self) -> list[str]:
-        """What its statuses mean."""
+        """Return the meaning of its statuses."""
         late = f" The longest delay is {self.plan.depth} cycles." if self.plan.depth else ""
         return [
-            f"The reading of a sensor counts where its valid flag is not 0.{late}",
-            "- GT_NOT_FINITE: a known input or a reading that counts is no number, or the estimate would be none; "
-            "call again in the same cycle with its flag cleared",
-            "- GT_OUT_OF_RANGE: a quaternion is not of unit length (1e-6), a number so large that its round-off "
-            "reaches the sensor's deviation, or the gate of a sensor was closed for too many readings in a "
-            "row: begin anew",
-            "- GT_SINGULAR: the covariance is not positive: a pivot is below its limit",
-            "- GT_STALE_INPUT: a sensor had no reading for too many cycles: begin anew",
+            f"The reading of a sensor is used if its valid flag is not 0.{late}",
+            "- GT_NOT_FINITE: a known input, a valid reading or the resulting estimate is not finite; call again in "
+            "the same cycle with the flag cleared",
+            "- GT_OUT_OF_RANGE: a quaternion is not of unit length (1e-6), a number is so large that its round-off "
+            "reaches the sensor's deviation, or the gate of a sensor left out too many consecutive readings: "
+            "initialise again",
+            "- GT_SINGULAR: the covariance is not positive definite: a pivot is below its limit",
+            "- GT_STALE_INPUT: a sensor had no reading for too many cycles: initialise again",
         ]
 
     def facts(self) -> Mapping[str, Any]:
-        """What it was made from."""
+        """Return the data from which the code was generated."""
         plan = self.plan
         sensors = [
             {
@@ -195,14 +195,14 @@ class ControllerFilter(StepFunction):
         }  # fmt: skip
 
     def examples(self, rows: int, seed: int, real: Real) -> np.ndarray:
-        """Inputs of a run: readings of states that stray from the start, some missing, some to be refused."""
+        """Return inputs of a run: readings of states that drift from the start, some missing, some to be refused."""
         rng, system = np.random.default_rng(seed), self.system
-        made = np.zeros(rows, dtype_of(self.inputs, real))
+        records = np.zeros(rows, dtype_of(self.inputs, real))
         start = self.initial.belief(system, 0.0)
         d = np.sqrt(np.diag(start.P[0])) * rng.normal(size=(rows, self.plan.errors)).cumsum(axis=0)
         x = system.space.plus(start.x, d * (SPREAD / max(rows, 1)))
         for m in self.known_members:
-            made[m.identifier] = real.array(rng.normal(size=(rows, m.count)).reshape(made[m.identifier].shape))
+            records[m.identifier] = real.array(rng.normal(size=(rows, m.count)).reshape(records[m.identifier].shape))
         u = np.zeros((rows, self.plan.inputs))
         for sensor, (value, flag, _, _) in zip(self.plan.sensors, self.sensor_members, strict=True):
             z = system.read((sensor.name,), 0.0, x, u)
@@ -210,34 +210,34 @@ class ControllerFilter(StepFunction):
             if sensor.quaternion:
                 z /= np.linalg.norm(z, axis=1)[:, None]
             z[rng.random(rows) < 1.0 / WRONG] *= rng.choice([np.nan, 1e30, 0.5])
-            made[value.identifier] = real.array(z.reshape(made[value.identifier].shape))
-            made[flag.identifier] = rng.random(rows) > MISSING
-        return made
+            records[value.identifier] = real.array(z.reshape(records[value.identifier].shape))
+            records[flag.identifier] = rng.random(rows) > MISSING
+        return records
 
     def complete(self, real: Real) -> np.ndarray:
-        """Inputs with a reading of every sensor, those of the start without noise."""
+        """Return inputs with a reading of every sensor at the start, without noise."""
         x = self.initial.belief(self.system, 0.0).x
-        made = np.zeros((), dtype_of(self.inputs, real))
+        row = np.zeros((), dtype_of(self.inputs, real))
         for sensor, (value, flag, _, _) in zip(self.plan.sensors, self.sensor_members, strict=True):
             z = self.system.read((sensor.name,), 0.0, x, np.zeros((1, self.plan.inputs)))
-            made[value.identifier], made[flag.identifier] = real.array(z[0].reshape(made[value.identifier].shape)), 1
-        return made
+            row[value.identifier], row[flag.identifier] = real.array(z[0].reshape(row[value.identifier].shape)), 1
+        return row
 
 
 class ControllerTwin(StepTwin):
-    """A `ControllerFilter` in Python: records in and out, the same bytes as C."""
+    """A `ControllerFilter` in Python: takes and returns records with the same bytes as C."""
 
-    def __init__(self, made: ControllerFilter, real: Real) -> None:
-        self.made, self.real = made, real
-        self.filter = FilterTwin(made.plan, real, made.pivot_of(real))
+    def __init__(self, controller: ControllerFilter, real: Real) -> None:
+        self.controller, self.real = controller, real
+        self.filter = FilterTwin(controller.plan, real, controller.pivot_of(real))
 
     def init(self, state: np.ndarray, start: np.ndarray) -> Status:
-        """A new state from a record of the start."""
-        made, real = self.made, self.real
-        places = made.system.space.places()
-        mean = [start[m.identifier].reshape(-1) for m in made.mean_members]
-        deviation = np.concatenate([start[m.identifier].reshape(-1) for m in made.deviation_members])
-        known = [start[m.identifier].reshape(-1) for m in made.known_members]
+        """Fill a new state from a record of the start."""
+        controller, real = self.controller, self.real
+        places = controller.system.space.places()
+        mean = [start[m.identifier].reshape(-1) for m in controller.mean_members]
+        deviation = np.concatenate([start[m.identifier].reshape(-1) for m in controller.deviation_members])
+        known = [start[m.identifier].reshape(-1) for m in controller.known_members]
         if not all(np.all(np.isfinite(v)) for v in (*mean, deviation, *known)):
             return Status.NOT_FINITE
         for value, (part, _, _) in zip(mean, places, strict=True):
@@ -253,15 +253,15 @@ class ControllerTwin(StepTwin):
             return Status.OUT_OF_RANGE
         state[...] = np.zeros((), state.dtype)
         state["mean"] = np.concatenate(mean)
-        state["factor"] = np.eye(made.plan.errors, made.plan.stride, dtype=real.dtype).ravel()
+        state["factor"] = np.eye(controller.plan.errors, controller.plan.stride, dtype=real.dtype).ravel()
         state["diagonal"] = variance
         if known:
             state["before"] = np.concatenate(known)
         return Status.OK
 
     def step(self, state: np.ndarray, inputs: np.ndarray, outputs: np.ndarray) -> Status:
-        """One cycle."""
-        made, plan, real = self.made, self.made.plan, self.real
+        """Do one cycle."""
+        controller, plan, real = self.controller, self.controller.plan, self.real
         ring, sensors, known = plan.depth + 1, len(plan.sensors), bool(plan.inputs)
         none = np.zeros((ring, 0), real.dtype)
         factor = state["factor"].reshape(plan.errors, plan.stride)[:, : plan.errors].copy()
@@ -275,9 +275,9 @@ class ControllerTwin(StepTwin):
             "present": state["present"].reshape(ring, sensors).copy(),
             "place": int(state["place"]), "begun": int(state["begun"]), "age": state["age"].astype(int),
         }  # fmt: skip
-        u = np.concatenate([none[0], *[inputs[m.identifier].reshape(-1) for m in made.known_members]])
-        z = np.concatenate([inputs[value.identifier].reshape(-1) for value, _, _, _ in made.sensor_members])
-        flags = [int(inputs[flag.identifier]) for _, flag, _, _ in made.sensor_members]
+        u = np.concatenate([none[0], *[inputs[m.identifier].reshape(-1) for m in controller.known_members]])
+        z = np.concatenate([inputs[value.identifier].reshape(-1) for value, _, _, _ in controller.sensor_members])
+        flags = [int(inputs[flag.identifier]) for _, flag, _, _ in controller.sensor_members]
         status, now, outcome = self.filter.cycle(next, u, z, np.array(flags))
         if status != Status.OK or now is None:
             return status
@@ -292,13 +292,13 @@ class ControllerTwin(StepTwin):
         for name in ("place", "begun", "age"):
             state[name] = next[name]
         state["closed"] = belief.closed
-        for m, (_, at, _) in zip(made.mean_members, made.system.space.places(), strict=True):
+        for m, (_, at, _) in zip(controller.mean_members, controller.system.space.places(), strict=True):
             outputs[m.identifier] = now.x[at].reshape(outputs[m.identifier].shape)
         deviations = np.sqrt(now.variances())
-        for m, (_, _, along) in zip(made.deviation_members, made.system.space.places(), strict=True):
+        for m, (_, _, along) in zip(controller.deviation_members, controller.system.space.places(), strict=True):
             outputs[m.identifier] = deviations[along].reshape(outputs[m.identifier].shape)
         outputs["nis"], outputs["count"] = outcome.nis, outcome.count
-        for k, (_, _, gated, age) in enumerate(made.sensor_members):
+        for k, (_, _, gated, age) in enumerate(controller.sensor_members):
             outputs[gated.identifier], outputs[age.identifier] = outcome.gated[k], next["age"][k]
         return Status.OK
 

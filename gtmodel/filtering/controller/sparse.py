@@ -1,5 +1,5 @@
-"""Matrices by their entries that are not zero, products of them as sums over terms, and expressions of a filter's
-kernels with less to compute."""
+"""Sparse matrices by their nonzero entries, their products as sums over terms, and simplified expressions of the
+kernels of a filter."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ Place = tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class EntryMatrix:
-    """places: of the entries, row after row. value: of each, 0 where it changes. changing: which do. expressions: of
-    these."""
+    """Sparse matrix. places: of the entries, row after row. value: of each, 0 if it changes. changing: indices of the
+    changing entries. expressions: of these."""
 
     shape: tuple[int, int]
     places: tuple[Place, ...]
@@ -32,50 +32,50 @@ class EntryMatrix:
 
     @property
     def start(self) -> list[int]:
-        """The first entry of each row, and the number of all."""
+        """Index of the first entry of each row, and the total number."""
         count = np.bincount([i for i, _ in self.places], minlength=self.shape[0])
         return [0, *accumulate(count.tolist())]
 
     @property
     def columns(self) -> list[int]:
-        """The column of each entry."""
+        """Column of each entry."""
         return [j for _, j in self.places]
 
     @cached_property
     def slots(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """The first entries of all rows, the second ones, ...: (rows, entries, columns)."""
+        """First entries of all rows, second ones, ...: (rows, entries, columns)."""
         start, columns = np.array(self.start), np.array(self.columns, int)
-        sizes, made = np.diff(start), []
+        sizes, slots = np.diff(start), []
         for k in range(int(sizes.max(initial=0))):
             rows = np.flatnonzero(sizes > k)
-            made.append((rows, start[rows] + k, columns[start[rows] + k]))
-        return made
+            slots.append((rows, start[rows] + k, columns[start[rows] + k]))
+        return slots
 
     def times(self, value: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-        """The product with a dense matrix, of each entry the terms in the order of the row."""
-        made = np.zeros((self.shape[0], matrix.shape[1]), matrix.dtype)
+        """Return the product with a dense matrix; the terms of each entry are summed in the order of the row."""
+        total = np.zeros((self.shape[0], matrix.shape[1]), matrix.dtype)
         for rows, entries, columns in self.slots:
-            made[rows] = made[rows] + value[entries, None] * matrix[columns]
-        return made
+            total[rows] = total[rows] + value[entries, None] * matrix[columns]
+        return total
 
     def placed(self, rows: Sequence[int], columns: Mapping[int, int]) -> EntryMatrix:
-        """The same entries with these rows counted from 0, and the columns by other numbers."""
+        """Return the same entries with these rows numbered from 0, and renumbered columns."""
         row_of = {i: n for n, i in enumerate(rows)}
         places = tuple((row_of[i], columns[j]) for i, j in self.places)
         return EntryMatrix((len(rows), len(columns)), places, self.value, self.changing, self.expressions)
 
     @property
     def given(self) -> EntryMatrix:
-        """The same with every entry among those that a kernel gives, constant ones too."""
-        made = [ca.SX(float(v)) for v in self.value]
+        """The same matrix with all entries computed by a kernel, including constant ones."""
+        items = [ca.SX(float(v)) for v in self.value]
         for n, k in enumerate(self.changing):
-            made[k] = self.expressions[n]
-        every = np.arange(len(made))
-        return EntryMatrix(self.shape, self.places, 0 * self.value, every, ca.vertcat(*made) if made else ca.SX(0, 1))
+            items[k] = self.expressions[n]
+        every = np.arange(len(items))
+        return EntryMatrix(self.shape, self.places, 0 * self.value, every, ca.vertcat(*items) if items else ca.SX(0, 1))
 
     @property
     def transposed(self) -> EntryMatrix:
-        """The entries column after column."""
+        """The transpose: entries column after column."""
         order = sorted(range(len(self.places)), key=lambda k: self.places[k][::-1])
         new = np.argsort(np.array(order, int))
         places = tuple((self.places[k][1], self.places[k][0]) for k in order)
@@ -85,7 +85,7 @@ class EntryMatrix:
 
 
 def sparse_of(matrix: Any) -> EntryMatrix:
-    """An SX matrix by its entries."""
+    """Entries of an SX matrix."""
     matrix = ca.sparsify(matrix)
     rows, columns = matrix.sparsity().get_triplet()
     order = sorted(range(len(rows)), key=lambda k: (rows[k], columns[k]))
@@ -98,39 +98,39 @@ def sparse_of(matrix: Any) -> EntryMatrix:
 
 
 def constant(matrix: np.ndarray) -> EntryMatrix:
-    """A matrix of numbers."""
+    """Entries of a constant matrix."""
     return sparse_of(ca.SX(ca.DM(matrix)))
 
 
 @dataclass(frozen=True, eq=False)
 class EntryProduct:
-    """Entries of C = A B: of entry n the terms start[n] to start[n + 1], left[t] of A times right[t] of B."""
+    """Entries of C = A B: entry n sums the terms start[n] to start[n + 1], entry left[t] of A times right[t] of B."""
 
     start: tuple[int, ...]
     left: np.ndarray
     right: np.ndarray
 
     def applied(self, left: np.ndarray, right: np.ndarray) -> np.ndarray:
-        """The entries of C from those of A and B."""
-        made = np.zeros(len(self.start) - 1, left.dtype)
+        """Return the entries of C from those of A and B."""
+        total = np.zeros(len(self.start) - 1, left.dtype)
         for rows, a, b in self.slots:
-            made[rows] += left[a] * right[b]
-        return made
+            total[rows] += left[a] * right[b]
+        return total
 
     @cached_property
     def slots(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """The first terms of all entries, the second ones, ...: (entries, left, right)."""
+        """First terms of all entries, second ones, ...: (entries, left, right)."""
         sizes = np.diff(self.start)
-        made = []
+        slots = []
         for k in range(int(sizes.max(initial=0))):
             rows = np.flatnonzero(sizes > k)
             terms = np.array(self.start)[rows] + k
-            made.append((rows, self.left[terms], self.right[terms]))
-        return made
+            slots.append((rows, self.left[terms], self.right[terms]))
+        return slots
 
 
 def product(left: Sequence[Place], right: Sequence[Place], out: Sequence[Place]) -> EntryProduct:
-    """How the entries `out` of a product come of entries of both matrices, the inner index ascending."""
+    """Terms of the entries `out` of a product, with the inner index ascending."""
     of_row: dict[int, list[tuple[int, int]]] = defaultdict(list)
     for n, (i, k) in enumerate(left):
         of_row[i].append((k, n))
@@ -142,32 +142,32 @@ def product(left: Sequence[Place], right: Sequence[Place], out: Sequence[Place])
 
 
 def picked(matrix: EntryMatrix, rows: set[int]) -> EntryMatrix:
-    """The entries of some rows alone."""
-    kept = [n for n, (i, _) in enumerate(matrix.places) if i in rows]
-    new = {n: k for k, n in enumerate(kept)}
-    own = [k for k, n in enumerate(matrix.changing) if n in new]
-    changing = np.array([new[n] for n in matrix.changing[own]], int)
-    places = tuple(matrix.places[n] for n in kept)
-    given = matrix.expressions
-    moved = None if given is None else ca.vertcat(*[given[k] for k in own]) if own else ca.SX(0, 1)
-    return EntryMatrix(matrix.shape, places, matrix.value[kept], changing, moved)
+    """Entries of some rows only."""
+    entries = [n for n, (i, _) in enumerate(matrix.places) if i in rows]
+    new = {n: k for k, n in enumerate(entries)}
+    changes = [k for k, n in enumerate(matrix.changing) if n in new]
+    changing = np.array([new[n] for n in matrix.changing[changes]], int)
+    places = tuple(matrix.places[n] for n in entries)
+    expressions = matrix.expressions
+    moved = None if expressions is None else ca.vertcat(*[expressions[k] for k in changes]) if changes else ca.SX(0, 1)
+    return EntryMatrix(matrix.shape, places, matrix.value[entries], changing, moved)
 
 
 def without_ones(matrix: EntryMatrix) -> tuple[EntryMatrix, list[float]]:
-    """A square matrix without the constant ones on its diagonal, and 1 for each row that has had one, else 0."""
+    """A square matrix without the constant ones on its diagonal, and 1 for each row that had one, else 0."""
     moving = set(matrix.changing.tolist())
     one = {i for n, (i, j) in enumerate(matrix.places) if i == j and n not in moving and matrix.value[n] == 1.0}
-    kept = [n for n, (i, j) in enumerate(matrix.places) if i != j or i not in one]
-    new = {n: k for k, n in enumerate(kept)}
+    entries = [n for n, (i, j) in enumerate(matrix.places) if i != j or i not in one]
+    new = {n: k for k, n in enumerate(entries)}
     left = EntryMatrix(
-        matrix.shape, tuple(matrix.places[n] for n in kept), matrix.value[kept],
+        matrix.shape, tuple(matrix.places[n] for n in entries), matrix.value[entries],
         np.array([new[n] for n in matrix.changing.tolist()], int), matrix.expressions,
     )  # fmt: skip
     return left, [1.0 if i in one else 0.0 for i in range(matrix.shape[0])]
 
 
 def pattern(left: Sequence[Place], right: Sequence[Place]) -> list[Place]:
-    """Where a product is not zero."""
+    """Places of the nonzero entries of a product."""
     of_row: dict[int, list[int]] = defaultdict(list)
     for k, j in right:
         of_row[k].append(j)
@@ -175,7 +175,7 @@ def pattern(left: Sequence[Place], right: Sequence[Place]) -> list[Place]:
 
 
 def closed(left: Sequence[Place], begin: Sequence[Place]) -> list[Place]:
-    """Where begin, left begin, left left begin, ... are not zero."""
+    """Places of the nonzero entries of begin, left begin, left left begin, ..."""
     every = set(begin)
     while True:
         more = every | set(pattern(left, sorted(every)))
@@ -184,13 +184,13 @@ def closed(left: Sequence[Place], begin: Sequence[Place]) -> list[Place]:
         every = more
 
 
-SAME = 1e-12  # of the largest: entries that differ by less at random points are equal
+SAME = 1e-12  # of the largest entry: entries that differ by less at random points are equal
 POINTS = 20
 
 
 @dataclass(frozen=True, eq=False)
 class KernelExpressions:
-    """Expressions of symbols."""
+    """Expressions of a kernel and their symbols."""
 
     symbols: list[Any]
     results: list[Any]
@@ -200,7 +200,7 @@ class KernelExpressions:
 
 
 class ExpressionMaker:
-    """Makes expressions of scalars from those of the system, which may hold functions."""
+    """Makes scalar (SX) expressions from those of the system, which may contain functions."""
 
     def __init__(self, system: System) -> None:
         self.system = system
@@ -215,20 +215,20 @@ class ExpressionMaker:
     def kernel(
         self, name: str, sizes: Mapping[str, int], results: Callable[..., Any], upright: Sequence[int] = ()
     ) -> KernelExpressions:
-        """Results of columns of these sizes; of those in `upright` entries that are the same in every attitude are
-        taken where nothing is turned, which leaves less to compute."""
-        own = [self.system.dynamics.symbol(key, size) for key, size in sizes.items()]
+        """Return results as expressions of columns of these sizes. For results in `upright`, entries that do not depend
+        on attitude are evaluated at the identity, which needs fewer operations."""
+        columns = [self.system.dynamics.symbol(key, size) for key, size in sizes.items()]
         try:
-            function = ca.Function(name, own, list(results(*own))).expand()
+            function = ca.Function(name, columns, list(results(*columns))).expand()
         except RuntimeError as error:
             raise GenerationError(
-                f"the model solves equations by iteration in '{name}', which C of a filter does not know"
+                f"the model solves equations by iteration in '{name}'; generated filters do not support this"
             ) from error
         symbols = [ca.SX.sym(key, size) for key, size in sizes.items()]
-        made: list[Any] = [ca.sparsify(r) for r in function.call(symbols)]
+        expressions: list[Any] = [ca.sparsify(r) for r in function.call(symbols)]
         for k in upright:
-            made[k] = self._upright(made[k], symbols, [*sizes].index("x"))
-        return KernelExpressions(symbols, made)
+            expressions[k] = self._upright(expressions[k], symbols, [*sizes].index("x"))
+        return KernelExpressions(symbols, expressions)
 
     def _upright(self, matrix: Any, symbols: list[Any], at_x: int) -> Any:
         x = symbols[at_x]
@@ -240,8 +240,8 @@ class ExpressionMaker:
         both = ca.Function("both", symbols, [ca.vec(ca.densify(matrix)), ca.vec(ca.densify(other))])
         rows = []
         for point in self.points:
-            given = [point if k == at_x else self.rng.normal(size=s.numel()) for k, s in enumerate(symbols)]
-            rows.append([np.asarray(r).ravel() for r in both.call([ca.DM(g) for g in given])])
+            values = [point if k == at_x else self.rng.normal(size=s.numel()) for k, s in enumerate(symbols)]
+            rows.append([np.asarray(r).ravel() for r in both.call([ca.DM(g) for g in values])])
         first, second = (np.array([row[k] for row in rows]) for k in (0, 1))
         scale = np.max(np.abs(first), initial=0.0) or 1.0
         same = np.max(np.abs(first - second), axis=0) <= SAME * scale
@@ -258,35 +258,34 @@ class ExpressionMaker:
                 entries.append(ca.simplify(simple[k]))
         return ca.sparsify(ca.reshape(ca.vertcat(*entries), *matrix.shape))
 
-    def shared(self, made: KernelExpressions, H: EntryMatrix) -> EntryMatrix:
-        """H, of (t, x, u, z). Entries that are, but for the sign, a part of the residual wherever quaternions are of
-        unit length are taken from there: how what is measured follows a turn is often a cross product with what is
-        computed anyway."""
-        parts = _parts(made[0])
-        both = ca.Function("both", made.symbols, [ca.vertcat(*parts), H.expressions])
+    def shared(self, kernel: KernelExpressions, H: EntryMatrix) -> EntryMatrix:
+        """Return H, a function of (t, x, u, z). Entries equal to a subexpression of the residual, up to sign and for
+        unit quaternions, reuse it: the derivative by a rotation is often a cross product with an existing term."""
+        parts = _parts(kernel[0])
+        both = ca.Function("both", kernel.symbols, [ca.vertcat(*parts), H.expressions])
         rows = []
         for point in self.points:
-            given = [ca.DM(point if k == 1 else self.rng.normal(size=s.numel())) for k, s in enumerate(made.symbols)]
-            rows.append([np.asarray(r).ravel() for r in both.call(given)])
+            inputs = [ca.DM(point if k == 1 else self.rng.normal(size=s.numel())) for k, s in enumerate(kernel.symbols)]
+            rows.append([np.asarray(r).ravel() for r in both.call(inputs)])
         first, second = (np.array([row[k] for row in rows]) for k in (0, 1))
         entries = []
-        for entry, own in zip(H.expressions.nonzeros(), second.T, strict=True):
-            near = SAME * (np.max(np.abs(own)) or 1.0)
-            signs = [(sign, np.max(np.abs(first - sign * own[:, None]), axis=0) <= near) for sign in (1, -1)]
-            same_as = [(int(np.argmax(at)), sign) for sign, at in signs if np.any(at)]
+        for entry, values in zip(H.expressions.nonzeros(), second.T, strict=True):
+            near = SAME * (np.max(np.abs(values)) or 1.0)
+            signs = [(sign, np.max(np.abs(first - sign * values[:, None]), axis=0) <= near) for sign in (1, -1)]
+            same_as = [(int(np.argmax(matches)), sign) for sign, matches in signs if np.any(matches)]
             changes = not entry.is_constant() and len(same_as) > 0
             entries.append(same_as[0][1] * parts[same_as[0][0]] if changes else entry)
         return replace(H, expressions=ca.vertcat(*entries)) if entries else H
 
 
 def _parts(column: Any) -> list[Any]:
-    """What the entries of a column are computed of, each once, without constants."""
-    seen, left, made = set[int](), list(column.nonzeros()), []
-    while left:
-        node = left.pop()
-        if node.is_constant() or node.element_hash() in seen:
+    """All subexpressions of the entries of a column, each once, without constants."""
+    visited, pending, parts = set[int](), list(column.nonzeros()), []
+    while pending:
+        node = pending.pop()
+        if node.is_constant() or node.element_hash() in visited:
             continue
-        seen.add(node.element_hash())
-        made.append(node)
-        left += [node.dep(k) for k in range(node.n_dep())]
-    return made
+        visited.add(node.element_hash())
+        parts.append(node)
+        pending += [node.dep(k) for k in range(node.n_dep())]
+    return parts

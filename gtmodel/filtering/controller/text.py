@@ -1,4 +1,4 @@
-"""A filter's tables and its init and step in C, round gt_filter.h."""
+"""C code of a filter: its tables, init and step, based on gt_filter.h."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 PER_LINE = 16
 
 
-def text(made: ControllerFilter, symbol: str, real: Real) -> str:
-    """The C of a filter."""
-    plan = made.plan
+def text(controller: ControllerFilter, symbol: str, real: Real) -> str:
+    """Return the C code of a filter."""
+    plan = controller.plan
     return "".join(
         [
             *[_no_scratch(symbol, kernel) for kernel in plan.kernels],
             _motion(plan, plan.motion, symbol) if plan.motion is not None else "",
             *[_sensor(sensor, symbol) for sensor in plan.sensors],
-            _filter(plan, symbol, real, made.pivot_of(real)),
-            _init(made, symbol),
-            _step(made, symbol),
+            _filter(plan, symbol, real, controller.pivot_of(real)),
+            _init(controller, symbol),
+            _step(controller, symbol),
         ]
     )
 
@@ -54,14 +54,14 @@ def _array(declarator: str, numbers: list[str]) -> str:
 
 
 def _matrix(name: str, matrix: EntryMatrix, columns: Sequence[int] | None = None) -> tuple[str, str]:
-    """Its tables, and its initialiser."""
+    """Tables of a matrix, and its initialiser."""
     tables = _ints(f"{name}_start", matrix.start)
     tables += _ints(f"{name}_column", matrix.columns if columns is None else columns)
-    own = f"{matrix.shape[0]}, {len(matrix.places)}, {name}_start, {name}_column"
+    head = f"{matrix.shape[0]}, {len(matrix.places)}, {name}_start, {name}_column"
     if len(matrix.changing) == len(matrix.places) and matrix.expressions is not None:
-        return tables, f"{{{own}, 0, {len(matrix.changing)}, 0}}"
+        return tables, f"{{{head}, 0, {len(matrix.changing)}, 0}}"
     tables += _reals(f"{name}_value", matrix.value.tolist()) + _ints(f"{name}_place", matrix.changing.tolist())
-    return tables, f"{{{own}, {name}_value, {len(matrix.changing)}, {name}_place}}"
+    return tables, f"{{{head}, {name}_value, {len(matrix.changing)}, {name}_place}}"
 
 
 def _product(name: str, product: EntryProduct) -> tuple[str, str]:
@@ -92,7 +92,7 @@ def _motion(plan: FilterPlan, m: TransitionPlan, symbol: str) -> str:
     paths = f"{m.width}, {_given(m)}, {_turning(plan)}, {m.fixed_path[0].size}, {symbol}_fixed_path, {symbol}_picked"
     fixed = [paths, f"{m.fixed_response.shape[1]}, {symbol}_fixed_response"]
     rest = [*fixed, *[f"{symbol}_{name}" for name in (*names[2:], "power")]]
-    inner = ",\n    ".join([*kernels, *[own for _, own in [*matrices, *products]], *rest])
+    inner = ",\n    ".join([*kernels, *[head for _, head in [*matrices, *products]], *rest])
     return f"{tables}static const gt_filter_motion {symbol}_motion = {{\n    {inner}\n}};\n"
 
 
@@ -111,10 +111,10 @@ def _filter(plan: FilterPlan, symbol: str, real: Real, pivot: float) -> str:
     for sensor in plan.sensors:
         name = f"{symbol}_{sensor.kernel.name}"
         text += _reals(f"{name}_limit", limits(sensor, real).tolist())
-        own = _matrix(f"{name}_jacobian", sensor.jacobian)[1]
+        matrix = _matrix(f"{name}_jacobian", sensor.jacobian)[1]
         rows.append(
             f"    {{{sensor.size}, {sensor.first}, {sensor.delay}, {int(sensor.quaternion)}, {sensor.stale}, "
-            f"{sensor.closed}, {decimal(sensor.gate)}, {name},\n     {own},\n     {name}_variance, {name}_limit}}"
+            f"{sensor.closed}, {decimal(sensor.gate)}, {name},\n     {matrix},\n     {name}_variance, {name}_limit}}"
         )
     inner = ",\n".join(rows)
     text += f"static const gt_filter_sensor {symbol}_sensors[{len(rows)}] = {{\n{inner}\n}};\n"
@@ -136,10 +136,10 @@ def _filter(plan: FilterPlan, symbol: str, real: Real, pivot: float) -> str:
     )
 
 
-def _init(made: ControllerFilter, symbol: str) -> str:
-    plan, space = made.plan, made.system.space
-    mean, deviation = made.mean_members, made.deviation_members
-    known = made.known_members
+def _init(controller: ControllerFilter, symbol: str) -> str:
+    plan, space = controller.plan, controller.system.space
+    mean, deviation = controller.mean_members, controller.deviation_members
+    known = controller.known_members
     fill = []
     for m, (_, at, _) in zip(mean, space.places(), strict=True):
         fill.append(f"    gt_copy(&mean[{at.start}], {m.address('start->')}, {m.count});\n")
@@ -163,7 +163,7 @@ def _init(made: ControllerFilter, symbol: str) -> str:
 
 
 def _remembered(plan: FilterPlan) -> str:
-    """The memory is that of the state `next`."""
+    """C statements that point the memory into the state `next`."""
     known = plan.inputs > 0
     return (
         "    memory.belief.time = &next.time_s;\n    memory.belief.mean = next.mean;\n"
@@ -176,24 +176,24 @@ def _remembered(plan: FilterPlan) -> str:
     )
 
 
-def _step(made: ControllerFilter, symbol: str) -> str:
-    plan, space = made.plan, made.system.space
+def _step(controller: ControllerFilter, symbol: str) -> str:
+    plan, space = controller.plan, controller.system.space
     n, stride, sensors = plan.errors, plan.stride, len(plan.sensors)
-    own = made.sensor_members
+    members = controller.sensor_members
     fill, first = [], 0
-    for m in made.known_members:
+    for m in controller.known_members:
         fill.append(f"    gt_copy(&u[{first}], {m.address('in->')}, {m.count});\n")
         first += m.count
-    for k, (sensor, (value, flag, _, _)) in enumerate(zip(plan.sensors, own, strict=True)):
+    for k, (sensor, (value, flag, _, _)) in enumerate(zip(plan.sensors, members, strict=True)):
         fill.append(f"    gt_copy(&z[{sensor.first}], {value.address('in->')}, {value.count});\n")
         fill.append(f"    flags[{k}] = in->{flag.identifier};\n")
     out = []
-    for m, (_, at, _) in zip(made.mean_members, space.places(), strict=True):
+    for m, (_, at, _) in zip(controller.mean_members, space.places(), strict=True):
         out.append(f"    gt_copy({m.address('out->')}, &now.mean[{at.start}], {m.count});\n")
     out.append(f"    for (k = 0; k < {n}; k++) {{\n        deviation[k] = sqrt(variance[k]);\n    }}\n")
-    for m, (_, _, along) in zip(made.deviation_members, space.places(), strict=True):
+    for m, (_, _, along) in zip(controller.deviation_members, space.places(), strict=True):
         out.append(f"    gt_copy({m.address('out->')}, &deviation[{along.start}], {m.count});\n")
-    for k, (_, _, gated, age) in enumerate(own):
+    for k, (_, _, gated, age) in enumerate(members):
         out.append(f"    out->{gated.identifier} = gated[{k}];\n    out->{age.identifier} = next.age[{k}];\n")
     ahead = plan.depth > 0
     memory = [
@@ -219,7 +219,7 @@ def _step(made: ControllerFilter, symbol: str) -> str:
     arrays = "".join(f"    double {name}[{size}];\n" for name, size in sizes.items())
     work = "".join(f"    work.{name} = {name};\n" for name in sizes)
     return (
-        comment(["The memory of a call is on its stack; the state is a copy until the end."])
+        comment(["All working memory is on the stack; the state is copied and written back at the end."])
         + f"GT_FILTER_OFTEN {step_prototype(symbol)}\n{{\n"
         f"    {symbol}_state next = *state;\n    gt_filter_memory memory;\n    gt_filter_belief now;\n"
         f"    gt_filter_outcome outcome;\n    gt_filter_work work;\n{''.join(memory)}{arrays}"
@@ -238,26 +238,26 @@ def _step(made: ControllerFilter, symbol: str) -> str:
 
 
 def _responses(plan: FilterPlan) -> int:
-    """How many numbers the responses to noise, and what is made of them, take at most."""
+    """Largest number of values for the responses to noise and their products."""
     return 0 if plan.motion is None else (TAYLOR + 1) * len(plan.motion.responses) + 2 * len(plan.noise.places) + 4
 
 
 def _given(m: TransitionPlan) -> int:
-    """The most numbers of matrices that are needed at one time."""
+    """Largest number of matrix entries needed at the same time."""
     first = max(len(m.jacobian.places), len(m.frames.places), len(m.arrival.places))
     return max(first, len(m.drift.places) + len(m.drive.places))
 
 
 def _turning(plan: FilterPlan) -> int:
-    """The most numbers of E and F that change."""
+    """Largest number of changing entries of E and F."""
     return max(12 * len(plan.turned), len(plan.transition.changing))
 
 
 def _values(plan: FilterPlan) -> int:
-    """How many numbers `work.values` holds at most."""
+    """Largest number of values in `work.values`."""
     first = plan.size + 2 * plan.inputs
     if plan.motion is None:
         return first + max(1, len(plan.transition.changing))
     m = plan.motion
-    own = 3 * max(plan.size, 4) + plan.inputs + _given(m) + _turning(plan)
-    return first + own + 4 * m.moving * m.width + m.fixed_path[0].size + m.arrival.shape[0] * m.width + 1
+    more = 3 * max(plan.size, 4) + plan.inputs + _given(m) + _turning(plan)
+    return first + more + 4 * m.moving * m.width + m.fixed_path[0].size + m.arrival.shape[0] * m.width + 1

@@ -1,4 +1,4 @@
-"""A filter's cycle in Python, the same operations in the same order as gt_filter.h, on NumPy's columns."""
+"""A filter cycle in Python: the same operations in the same order as gt_filter.h, on NumPy columns."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ class Pair:
         self.time, self.x, self.factor, self.diagonal, self.closed = time, x, factor, diagonal, closed
 
     def copy(self) -> Pair:
-        """One of its own."""
+        """Return an independent copy."""
         return Pair(*(a.copy() for a in (self.time, self.x, self.factor, self.diagonal, self.closed)))
 
     def variances(self) -> np.ndarray:
-        """The diagonal of U D U', its terms from column to column."""
+        """Return the diagonal of U D U', summed column by column."""
         terms = self.diagonal[:, None] * self.factor * self.factor
         return np.add.accumulate(terms, axis=0)[-1]
 
 
 class Outcome:
-    """What the readings of an instant came to."""
+    """Result of the readings of an instant: innovation and gates."""
 
     def __init__(self, sensors: int, zero: Any) -> None:
         self.nis, self.count, self.gated = zero, 0, [False] * sensors
@@ -46,17 +46,17 @@ class Outcome:
 
 
 class _Called:
-    """A kernel on columns of numbers of one kind."""
+    """A kernel on columns of one number type."""
 
     def __init__(self, kernel: Kernel, real: Real) -> None:
         self.f, self.real = kernel.called(kernel.name), real
         self.shapes = [self.f.numel_out(k) for k in range(self.f.n_out())]
         if real is DOUBLE:
-            self.given = [np.zeros(self.f.numel_in(k)) for k in range(self.f.n_in())]
+            self.arguments = [np.zeros(self.f.numel_in(k)) for k in range(self.f.n_in())]
             self.results = [np.zeros(n) for n in self.shapes]
             self.buffer, self.run = self.f.buffer()
             places: list[tuple[Any, list[Any]]] = [
-                (self.buffer.set_arg, self.given), (self.buffer.set_res, self.results)
+                (self.buffer.set_arg, self.arguments), (self.buffer.set_res, self.results)
             ]  # fmt: skip
             for setter, arrays in places:
                 for k, a in enumerate(arrays):
@@ -66,34 +66,34 @@ class _Called:
     def __call__(self, *columns: Any) -> list[np.ndarray]:
         if self.real is not DOUBLE:
             return [r[:, 0] for r in run(self.f, [np.asarray(c, self.real.dtype).reshape(-1, 1) for c in columns])]
-        for memory, value in zip(self.given, columns, strict=True):
+        for memory, value in zip(self.arguments, columns, strict=True):
             memory[...] = value
         self.run()
         return [r.copy() for r in self.results]
 
 
 class FilterTwin:
-    """The filter of a plan in numbers of one kind."""
+    """The filter of a plan in one number type."""
 
     def __init__(self, plan: FilterPlan, real: Real, pivot: float) -> None:
         self.plan, self.real, self.pivot = plan, real, real.dtype(pivot)
         self.called = {k.name: _Called(k, real) for k in (*plan.kernels, plan.turn) if k is not None}
         if plan.motion is not None:
-            m = plan.motion
-            self.weights, self.powers = real.array(m.weights), real.array(m.powers)
-            self.fixed = [real.array(f) for f in (m.fixed_path, m.fixed_response, m.fixed_total)]
+            motion = plan.motion
+            self.weights, self.powers = real.array(motion.weights), real.array(motion.powers)
+            self.fixed = [real.array(f) for f in (motion.fixed_path, motion.fixed_response, motion.fixed_total)]
         self.variance = [real.array(s.variance) for s in plan.sensors]
-        self.values = {id(m): real.array(m.value) for m in self._matrices()}
+        self.values = {id(motion): real.array(motion.value) for motion in self._matrices()}
         self.same = real.array(np.array(plan.same))
         self.noise_at = tuple(np.array(plan.noise.places, int).reshape(-1, 2).T)
 
     def _matrices(self) -> Sequence[EntryMatrix]:
         m = self.plan.motion
-        own = [] if m is None else [m.jacobian, m.frames, m.arrival, m.drift, m.drive]
-        return [self.plan.transition, self.plan.noise, *own, *[s.jacobian for s in self.plan.sensors]]
+        moving = [] if m is None else [m.jacobian, m.frames, m.arrival, m.drift, m.drive]
+        return [self.plan.transition, self.plan.noise, *moving, *[s.jacobian for s in self.plan.sensors]]
 
     def filled(self, matrix: EntryMatrix, changing: np.ndarray) -> np.ndarray:
-        """Values of all entries."""
+        """Return the values of all entries."""
         value = self.values[id(matrix)].copy()
         value[matrix.changing] = changing
         return value
@@ -101,14 +101,14 @@ class FilterTwin:
     # -- from instant to instant -----------------------------------------------------------------------
 
     def _spread(self, belief: Pair, F: np.ndarray, noise: np.ndarray) -> Status:
-        """The factors of F U D U' F' + Q, from the last column to the first."""
+        """Factor F U D U' F' + Q, from the last column to the first."""
         plan, n, one = self.plan, self.plan.errors, self.real.dtype(1.0)
         start, columns = plan.transition.start, np.array(plan.transition.columns, int)
         moved, P = belief.factor * self.same, np.zeros((n, n), F.dtype)
         P[self.noise_at] = noise
         for k in range(n):
-            own = slice(start[k], start[k + 1])
-            moved[k:, columns[own]] += F[own] * belief.factor[k:, k, None]
+            entries = slice(start[k], start[k + 1])
+            moved[k:, columns[entries]] += F[entries] * belief.factor[k:, k, None]
         for k in reversed(range(n)):
             P += (belief.diagonal[k] * moved[k])[:, None] * moved[k]
         variances = np.diag(P).copy()
@@ -123,7 +123,7 @@ class FilterTwin:
         return Status.OK
 
     def _move(self, time: Any, x: np.ndarray, u0: np.ndarray, u1: np.ndarray) -> tuple[np.ndarray, ...]:
-        """The mean after one step, F, and the entries of Q."""
+        """Mean after one step, F, and the entries of Q."""
         plan, real, step = self.plan, self.real, self.real.dtype(self.plan.step)
         m: Any = plan.motion
         fixed = self.fixed[0]
@@ -137,8 +137,8 @@ class FilterTwin:
         for stage, (share, weight) in enumerate(((0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0))):
             part = real.dtype(share) * step
             u = u0 + real.dtype(share) * (u1 - u0)
-            at = x + part * rates
-            rates, changing = self.called["rates"](time + part, at, u)
+            x_stage = x + part * rates
+            rates, changing = self.called["rates"](time + part, x_stage, u)
             path = np.concatenate([begin + part * change, fixed[stage]])
             change = m.jacobian.times(self.filled(m.jacobian, changing), path)
             total = total + real.dtype(weight) * rates
@@ -146,14 +146,14 @@ class FilterTwin:
         sixth = step / real.dtype(6.0)
         mean, changing = x + sixth * total, [np.zeros(0, real.dtype)]
         for place, _ in plan.turned:
-            mean[place : place + 4], own = self.called["unit"](mean[place : place + 4])
-            changing.append(own)
+            mean[place : place + 4], unit_values = self.called["unit"](mean[place : place + 4])
+            changing.append(unit_values)
         path = np.concatenate([begin + sixth * whole, fixed[4]])
         after = m.arrival.times(self.filled(m.arrival, np.concatenate(changing)), path)
         return mean, self.filled(plan.transition, after.ravel()[m.picked]), noise
 
     def _noise(self, m: TransitionPlan, time: Any, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """The entries of Q."""
+        """Entries of Q."""
         real, (_, fixed, totals) = self.real, self.fixed
         if m.noise is None:
             drift, drive = np.zeros(0, real.dtype), np.zeros(0, real.dtype)
@@ -175,7 +175,7 @@ class FilterTwin:
         return self.filled(self.plan.noise, noise)
 
     def advance(self, belief: Pair, u0: np.ndarray, u1: np.ndarray) -> Status:
-        """One cycle on."""
+        """Advance the belief by one cycle."""
         plan, real = self.plan, self.real
         for part in range(plan.parts):
             begin, end = (u0 + (real.dtype(k) / real.dtype(plan.parts)) * (u1 - u0) for k in (part, part + 1))
@@ -194,14 +194,14 @@ class FilterTwin:
     # -- readings --------------------------------------------------------------------------------------
 
     def _gated(self, s: int, belief: Pair, lever: np.ndarray, residual: np.ndarray) -> bool:
-        """Whether the gate of a sensor leaves its reading out: what it would be alone is tried on a copy."""
+        """Whether the gate of a sensor leaves its reading out, tested with this reading alone on a copy."""
         error = np.zeros(self.plan.errors, self.real.dtype)
         return not self._used(s, belief.copy(), error, lever, residual) <= self.real.dtype(self.plan.sensors[s].gate)
 
     def correct(
         self, belief: Pair, u: np.ndarray, readings: np.ndarray, present: np.ndarray, outcome: Outcome
     ) -> Status:
-        """The belief after the readings of an instant."""
+        """Correct the belief with the readings of an instant."""
         plan, real = self.plan, self.real
         residuals, levers = {}, {}
         for s, sensor in enumerate(plan.sensors):
@@ -232,14 +232,14 @@ class FilterTwin:
         return Status.OK
 
     def _plus(self, x: np.ndarray, error: np.ndarray) -> np.ndarray:
-        of = np.array(self.plan.error_of)
-        made = np.where(of >= 0, x + error[np.maximum(of, 0)], x)
+        error_of = np.array(self.plan.error_of)
+        moved = np.where(error_of >= 0, x + error[np.maximum(error_of, 0)], x)
         for place, at in self.plan.turned:
-            made[place : place + 4] = self.called["turn"](x[place : place + 4], error[at : at + 3])[0]
-        return made
+            moved[place : place + 4] = self.called["turn"](x[place : place + 4], error[at : at + 3])[0]
+        return moved
 
     def _used(self, s: int, belief: Pair, error: np.ndarray, lever: np.ndarray, residual: np.ndarray) -> Any:
-        """All numbers of a reading, one after the other; their normalised innovation squared."""
+        """Use all numbers of a reading, one after the other; return their normalised innovation squared."""
         H, total = self.plan.sensors[s].jacobian, self.real.dtype(0.0)
         for row, variance in enumerate(self.variance[s]):
             along = range(H.start[row], H.start[row + 1])
@@ -249,29 +249,29 @@ class FilterTwin:
         return total
 
     def _used_number(
-        self, belief: Pair, error: np.ndarray, columns: list[int], values: np.ndarray, variance: Any, left: Any
+        self, belief: Pair, error: np.ndarray, columns: list[int], values: np.ndarray, variance: Any, residual: Any
     ) -> Any:
-        """One number of a reading; sums from column to column of U, of which those before the first entry stay."""
-        one, at = self.real.dtype(1.0), slice(columns[0], None)
-        U, D = belief.factor[at], belief.diagonal[at]
+        """Use one number of a reading; sums go from column to column of U, and columns before the first entry stay."""
+        one, columns_from = self.real.dtype(1.0), slice(columns[0], None)
+        U, D = belief.factor[columns_from], belief.diagonal[columns_from]
         lever = np.zeros_like(D)
         for c, v in zip(columns, values, strict=True):
-            left = left - v * error[c]
+            residual = residual - v * error[c]
             lever = lever + v * U[:, c]
         share = D * lever
         sums = np.add.accumulate(np.concatenate([[variance], lever * share]))
         inverse = one / sums
         gain = np.add.accumulate(np.concatenate([np.zeros_like(U[:1]), share[:, None] * U]), axis=0)
-        belief.factor[at] = U - (lever * inverse[:-1])[:, None] * gain[:-1]
-        belief.diagonal[at] = D * (sums[:-1] * inverse[1:])
-        share = left * inverse[-1]
+        belief.factor[columns_from] = U - (lever * inverse[:-1])[:, None] * gain[:-1]
+        belief.diagonal[columns_from] = D * (sums[:-1] * inverse[1:])
+        share = residual * inverse[-1]
         error += gain[-1] * share
-        return left * share
+        return residual * share
 
     # -- cycles ----------------------------------------------------------------------------------------
 
     def cycle(self, state: Any, u: np.ndarray, z: np.ndarray, flags: np.ndarray) -> tuple[Status, Pair | None, Outcome]:
-        """One cycle on a state of arrays, see `ControllerFilter`."""
+        """Do one cycle on a state of arrays, see `ControllerFilter`."""
         plan, ring = self.plan, self.plan.depth + 1
         outcome = Outcome(len(plan.sensors), self.real.dtype(0.0))
         if not np.all(np.isfinite(u)):
@@ -294,13 +294,13 @@ class FilterTwin:
                 continue
             state["age"][s] = 0
             if sensor.delay < state["begun"]:
-                there = (slot + ring - sensor.delay) % ring
+                taken = (slot + ring - sensor.delay) % ring
                 along = slice(sensor.first, sensor.first + sensor.size)
-                state["readings"][there, along] = z[along]
-                state["present"][there, s] = 1
-        belief, left, before = state["belief"], int(state["begun"]), state["before"]
-        if left > plan.depth:
-            slot, left = (slot + 1) % ring, plan.depth
+                state["readings"][taken, along] = z[along]
+                state["present"][taken, s] = 1
+        belief, remaining, before = state["belief"], int(state["begun"]), state["before"]
+        if remaining > plan.depth:
+            slot, remaining = (slot + 1) % ring, plan.depth
             status = self._instant(state, belief, before, slot, outcome)
             before = state["before"] = state["inputs"][slot].copy()
             if status != Status.OK:
@@ -308,8 +308,8 @@ class FilterTwin:
         now = belief
         if plan.depth:
             now, ahead = belief.copy(), Outcome(len(plan.sensors), self.real.dtype(0.0))
-            slot = (int(state["place"]) + ring + 1 - left) % ring
-            for _ in range(left):
+            slot = (int(state["place"]) + ring + 1 - remaining) % ring
+            for _ in range(remaining):
                 status = self._instant(state, now, before, slot, ahead)
                 if status != Status.OK:
                     return status, None, outcome
@@ -337,6 +337,6 @@ class FilterTwin:
 
 
 def limits(sensor: SensorPlan, real: Real) -> np.ndarray:
-    """How large the numbers of a reading may be: there their round-off reaches the smallest deviation."""
+    """Largest numbers of a reading: there the round-off reaches the smallest deviation."""
     most = 2.0 if sensor.quaternion else sensor.deviation / real.precision.round_off
     return np.full(sensor.size, most)

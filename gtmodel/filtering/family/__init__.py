@@ -1,1 +1,1 @@
-"""The other filters of the family, each with the interface of `gtmodel.filtering.Filter`; `make` finds them by name."""
+"""Further filters with the interface of `gtmodel.filtering.Filter`; `make` creates one by its name."""

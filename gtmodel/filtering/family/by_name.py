@@ -1,4 +1,4 @@
-"""Filters by name: one interface, so that one is exchanged for another by a word."""
+"""Filters by name: all have the same interface, so changing the name changes the filter."""
 
 from __future__ import annotations
 
@@ -27,18 +27,19 @@ FILTERS: dict[str, Callable[..., Filter]] = {
 
 
 def make(name: str, system: System | Sequence[System], **options: Any) -> Filter:
-    """A filter by its name.
+    """Make a filter by its name.
 
-    "kf": Kalman's, of a linear system. "ekf": extended, of the error of the state. "iekf": the same, linearised anew
-    three times at each instant. "ukf": unscented. "imm": interacting models, of a list of systems. "particle": with the
-    linearised optimal proposal. "steady": constant gain. "additive": quaternions as four numbers, for comparison.
+    "kf": Kalman filter of a linear system. "ekf": extended error-state filter. "iekf": the same with three
+    linearisations per instant. "ukf": unscented. "imm": interacting models, for a list of systems. "particle": particle
+    filter with the linearised optimal proposal. "steady": constant gain. "additive": quaternions as four numbers, for
+    comparison.
 
     Args:
         name: one of these.
-        system: process and sensors; of "imm" a list of them.
+        system: process and sensors; for "imm" a list of them.
         options: of the filter's class, such as `particles=4000`.
 
-    Raises ArgumentError for a name or an option that is not there, and where the filter cannot be had of this system.
+    Raises ArgumentError for an unknown name or option, and if the filter does not support the system.
 
     >>> parts = [gt.filtering.StatePart("x", unit="m")]
     >>> process = gt.filtering.DiscreteProcess(parts, 0.1, lambda s: {"x": s.x}, [1e-4])
@@ -53,23 +54,23 @@ def make(name: str, system: System | Sequence[System], **options: Any) -> Filter
     """
     if name == "complementary":
         raise ArgumentError(
-            "the complementary filter has no model of noise and takes two signals, not a system: "
+            "the complementary filter has no noise model and takes two signals, not a system: call "
             "gt.filtering.complementary(slow, acceleration, cutoff)",
             "name",
         )
     if name not in FILTERS:
-        there = ", ".join(f"'{n}'" for n in FILTERS)
-        raise ArgumentError(f"there is no filter '{name}'; there are {there}", "name")
+        known = ", ".join(f"'{n}'" for n in FILTERS)
+        raise ArgumentError(f"there is no filter '{name}'; expected one of {known}", "name")
     several = not isinstance(system, System)
     if several != (name == "imm"):
-        sentence = f"'{name}' takes one system; take 'imm' for several" if several else "'imm' takes a list of systems"
+        sentence = f"'{name}' takes one system; use 'imm' for several" if several else "'imm' takes a list of systems"
         raise ArgumentError(sentence, "system")
-    made = FILTERS[name]
-    named = [n for n in signature(ErrorState if made is kalman else made).parameters if n not in ("system", "systems")]
+    cls = FILTERS[name]
+    named = [n for n in signature(ErrorState if cls is kalman else cls).parameters if n not in ("system", "systems")]
     for option in options:
         if option not in named:
-            there = ", ".join(f"'{n}'" for n in named)
-            raise ArgumentError(f"'{name}' has no option '{option}'; it has {there}", option)
+            known = ", ".join(f"'{n}'" for n in named)
+            raise ArgumentError(f"'{name}' has no option '{option}'; it has {known}", option)
     if name == "additive" and "quaternions" not in options:
-        raise ArgumentError("name the states of four numbers: quaternions=['Q']", "quaternions")
-    return made(system, **options)
+        raise ArgumentError("name the states that are quaternions, such as quaternions=['Q']", "quaternions")
+    return cls(system, **options)

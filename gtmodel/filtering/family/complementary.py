@@ -1,4 +1,4 @@
-"""The complementary filter: slow motion from one sensor, fast motion from another, no model of noise."""
+"""The complementary filter: low frequencies from one signal, high ones from another, without a noise model."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ UNEVEN = 1e-6  # of a period
 def complementary(
     slow: Trajectory, acceleration: Trajectory, cutoff: Any, *, order: int = 2, zero_phase: bool = True
 ) -> Trajectory:
-    """z = G z_c + (1 - G) z_a: Dressler 2012, (7.17), with the low-pass filter G of a Butterworth design.
+    """Combine a slow signal and an acceleration: z = G z_c + (1 - G) z_a, with a Butterworth low-pass filter G.
 
-    z_c is right at low frequencies, such as the tool from motor positions; z_a is the acceleration integrated twice,
-    right at high ones. What is not of either, the drift of z_a above all, is suppressed by 1 - G.
+    z_c is accurate at low frequencies, such as the tool position from the motors; z_a is the acceleration integrated
+    twice, accurate at high ones. The factor 1 - G suppresses the drift of z_a. Dressler 2012, (7.17).
 
     Args:
         slow: one signal, z_c (K,) or (K, n), at even times.
-        acceleration: one signal, of the same times and size, in the same axes, without gravity.
+        acceleration: one signal with the same times and size, in the same axes, without gravity.
         cutoff: [Hz], a number or one per component; Dressler 2012, (7.18): 4.50 and 2.63.
-        order: of the Butterworth filter. zero_phase: it runs forward and backward over the log, which halves its gain
-            at the cutoff; off, it is causal.
+        order: of the Butterworth filter. zero_phase: run it forward and backward over the log, which halves its gain
+            at the cutoff; if false, it is causal.
 
-    Returns a trajectory of the same name and unit as `slow`, a wrapped angle unwrapped. Raises ArgumentError where the
+    Returns a trajectory with the name and unit of `slow`; wrapped angles are unwrapped. Raises ArgumentError if the
     signals do not match.
 
     >>> t = 0.004 * np.arange(500)
     >>> truth = 0.01 * np.sin(2 * np.pi * 10 * t)
-    >>> slow = gt.Trajectory(t, {"z": np.zeros(500)}, {"z": "m"})  # the motors see nothing of it
+    >>> slow = gt.Trajectory(t, {"z": np.zeros(500)}, {"z": "m"})  # the motors do not see this motion
     >>> felt = gt.Trajectory(t, {"a": -(2 * np.pi * 10) ** 2 * truth + 0.05}, {"a": "m/s2"})
     >>> z = gt.filtering.complementary(slow, felt, 2.0)["z"]
     >>> bool(np.abs(z - truth)[100:400].max() < 0.05 * 0.01)
@@ -58,27 +58,27 @@ def complementary(
         )
     columns, felt = z_c.reshape(len(t), -1), a.reshape(len(t), -1)
     z_a = twice_integrated(felt, dt)
-    made = np.empty_like(columns)
+    combined = np.empty_like(columns)
     for n, f in enumerate(np.broadcast_to(frequencies, columns.shape[1:])):
         sections = scipy.signal.butter(order, f, fs=1 / dt, output="sos")
-        # G z_c + (1 - G) z_a = z_a + G (z_c - z_a), without the constant and the slope that integration leaves open
-        apart = columns[:, n] - z_a[:, n]
-        line = np.polynomial.Polynomial.fit(t, apart, 1)(t)
-        rest = apart - line
+        # G z_c + (1 - G) z_a = z_a + G (z_c - z_a); the line is the integration constants
+        difference = columns[:, n] - z_a[:, n]
+        line = np.polynomial.Polynomial.fit(t, difference, 1)(t)
+        rest = difference - line
         low = scipy.signal.sosfiltfilt(sections, rest) if zero_phase else scipy.signal.sosfilt(sections, rest)
-        made[:, n] = z_a[:, n] + line + low
-    return Trajectory(t, {name: made.reshape(z_c.shape)}, {name: slow.units[name]}, title="complementary filter")
+        combined[:, n] = z_a[:, n] + line + low
+    return Trajectory(t, {name: combined.reshape(z_c.shape)}, {name: slow.units[name]}, title="complementary filter")
 
 
 def twice_integrated(a: np.ndarray, dt: float) -> np.ndarray:
-    """Positions (K, n) of accelerations (K, n) that run straight between instants, from rest at zero."""
+    """Positions (K, n) from accelerations (K, n) that are linear between instants, from rest at zero."""
     v = np.concatenate([np.zeros((1, a.shape[1])), np.cumsum((a[:-1] + a[1:]) * (dt / 2), axis=0)])
     return np.concatenate(
         [np.zeros((1, a.shape[1])), np.cumsum(v[:-1] * dt + (2 * a[:-1] + a[1:]) * (dt**2 / 6), axis=0)]
     )
 
 
-def _single(given: Trajectory, argument: str) -> tuple[str, np.ndarray]:
-    if len(given.names) != 1:
-        raise ArgumentError(f"expected one signal; found {', '.join(given.names)}", argument)
-    return given.names[0], np.asarray(given[given.names[0]], float)
+def _single(trajectory: Trajectory, argument: str) -> tuple[str, np.ndarray]:
+    if len(trajectory.names) != 1:
+        raise ArgumentError(f"expected one signal; found {', '.join(trajectory.names)}", argument)
+    return trajectory.names[0], np.asarray(trajectory[trajectory.names[0]], float)

@@ -1,4 +1,4 @@
-"""Interacting models: several systems that differ in noise or parameters, and how likely each is the right one now."""
+"""Interacting multiple models: several systems that differ in noise or parameters, with their probabilities."""
 
 from __future__ import annotations
 
@@ -14,39 +14,39 @@ from ..spread import moments, spread_of
 from ..system import System, agree_in_shape
 from ..transition import Advance
 
-NEVER = -1e300  # logarithm of a probability of zero that stays finite in sums
+NEVER = -1e300  # logarithm of zero probability; stays finite in sums
 
 
 class Mixture(NamedTuple):
-    """One belief for each mode, and the logarithm of the modes' probabilities (m, modes)."""
+    """One belief per mode, and the log-probabilities of the modes (m, modes)."""
 
     modes: tuple[Belief, ...]
     logs: np.ndarray
 
     @property
     def time(self) -> float:
-        """[s]"""
+        """Time [s]."""
         return self.modes[0].time
 
     @property
     def probabilities(self) -> np.ndarray:
-        """Of the modes (m, modes)."""
+        """Probabilities of the modes (m, modes)."""
         return np.exp(self.logs)
 
 
 class Interacting(Filter):
     """Interacting multiple models: an error-state filter for each system, mixed before each step.
 
-    From one instant to the next the right system may change, as a Markov chain. Means are mixed as intrinsic means, by
-    minus and plus. The log-likelihood of the run is that of the mixture, and so are its residuals and their spread.
-    A gate judges the mixture, so that all modes use the same readings, and so do the weights of outliers.
+    The true system may change from one instant to the next, as a Markov chain. Means are mixed as intrinsic means, with
+    minus and plus. Log-likelihood, residuals and their covariance are those of the mixture. Gates and outlier weights
+    also apply to the mixture, so that all modes use the same readings.
 
     Args:
         systems: two or more with the same states and sensors, such as `system.with_(noise={"jerk": 1e6})`.
-        stay: the chance to stay in a mode from one instant to the next, the others being equally likely; or the whole
-            matrix of chances, from row to column.
+        stay: probability of staying in a mode from one instant to the next, the others being equally likely; or the
+            whole transition matrix, from row to column.
         probabilities: of the modes at the start; equal if left out.
-        iterations: of each correction, as of `ErrorState`.
+        iterations: of each correction, as in `ErrorState`.
 
     Source: Blom, Bar-Shalom 1988, IEEE Trans. Autom. Control 33, 780-783.
 
@@ -77,82 +77,82 @@ class Interacting(Filter):
         p = np.full(len(systems), 1 / len(systems)) if probabilities is None else np.asarray(probabilities, float)
         if p.shape != (len(systems),) or not np.all(p >= 0) or abs(p.sum() - 1) > 1e-9:
             raise ArgumentError(
-                f"expected {len(systems)} chances that sum to 1; found {probabilities!r}", "probabilities"
+                f"expected {len(systems)} probabilities that sum to 1; found {probabilities!r}", "probabilities"
             )
         self.first = _logs(p)
 
     def begin(self, start: InitialState, time: float, runs: int = 1) -> Mixture:
-        """All modes at the same start."""
+        """Return the same initial belief for all modes."""
         beliefs = tuple(start.belief(filter.system, time, runs) for filter in self.filters)
         return Mixture(beliefs, np.tile(self.first, (runs, 1)))
 
     def advance(
         self, belief: Mixture, time: float, u0: np.ndarray, u1: np.ndarray
     ) -> tuple[Mixture, tuple[Advance, ...]]:
-        """Mixed, then each mode at a later time, and their steps; without time passing nothing is mixed."""
+        """Mix the modes and advance each one; return them and their steps. At the same time nothing is mixed."""
         return self.advanced(belief, time, u0, u1, ())
 
     def advanced(
         self, belief: Mixture, time: float, u0: np.ndarray, u1: np.ndarray, bends: Sequence[tuple[float, np.ndarray]]
     ) -> tuple[Mixture, tuple[Advance, ...]]:
-        """The same with known inputs that bend between: mixed once."""
+        """As `advance`, with known inputs whose slope changes in between; the modes are mixed once."""
         if time > belief.time:
             belief = self._mixed(belief)
         pairs = zip(self.filters, belief.modes, strict=True)
-        made = [filter.advanced(one, time, u0, u1, bends) for filter, one in pairs]
-        return Mixture(tuple(one for one, _ in made), belief.logs), tuple(step for _, step in made)
+        advanced = [filter.advanced(mode, time, u0, u1, bends) for filter, mode in pairs]
+        return Mixture(tuple(mode for mode, _ in advanced), belief.logs), tuple(step for _, step in advanced)
 
     def _mixed(self, belief: Mixture) -> Mixture:
-        """Each mode starts from what the others know of the chance that it follows on them."""
+        """Mix the beliefs: each mode starts from all modes, weighted with the probability that it follows them."""
         joint = belief.probabilities[:, :, None] * self.chances
         after = joint.sum(axis=1)
         modes = []
-        for n, own in enumerate(belief.modes):
-            # a mode that nothing leads to keeps its own belief: its probability is zero
+        for n, mode in enumerate(belief.modes):
+            # a mode with probability zero keeps its own belief
             weights = np.where(after[:, n, None] > 0, joint[:, :, n], np.eye(len(self.filters))[n])
-            modes.append(_combined(self.system, belief.modes, weights / weights.sum(axis=1, keepdims=True), own.x))
+            modes.append(_combined(self.system, belief.modes, weights / weights.sum(axis=1, keepdims=True), mode.x))
         return Mixture(tuple(modes), _logs(after))
 
     def correct(
         self, belief: Mixture, names: tuple[str, ...], z: np.ndarray, u: np.ndarray
     ) -> tuple[Mixture, Innovation]:
-        """All modes after the readings, and how likely each of them has become."""
+        """Return all modes after the readings with their new probabilities, and the innovation of the mixture."""
         pairs = [*zip(self.filters, belief.modes, strict=True)]
-        seen = [filter.seen(one, names, z, u) for filter, one in pairs]
+        measured = [filter.seen(mode, names, z, u) for filter, mode in pairs]
         chances = belief.probabilities
-        residuals = np.stack([residual for residual, _, _, _ in seen], axis=1)
+        residuals = np.stack([residual for residual, _, _, _ in measured], axis=1)
         residual = np.sum(chances[..., None] * residuals, axis=1)
-        apart = np.where(np.isfinite(residuals), residuals - residual[:, None], 0.0)
-        S = moments(apart, chances)
-        own = self.system.variances(names)
-        for n, (filter, (_, _, S_mode, _)) in enumerate(zip(self.filters, seen, strict=True)):
-            S += chances[:, n, None, None] * (S_mode + np.diag(filter.system.variances(names) - own))
+        difference = np.where(np.isfinite(residuals), residuals - residual[:, None], 0.0)
+        S = moments(difference, chances)
+        variances = self.system.variances(names)
+        for n, (filter, (_, _, S_mode, _)) in enumerate(zip(self.filters, measured, strict=True)):
+            S += chances[:, n, None, None] * (S_mode + np.diag(filter.system.variances(names) - variances))
         mixed = spread_of(self.system, names, residual, S, np.empty((len(S), 0, S.shape[-1])))
         beliefs, logs = [], belief.logs.copy()
-        for n, ((filter, one), (residual, H, S, PH)) in enumerate(zip(pairs, seen, strict=True)):
+        for n, ((filter, mode), (residual, H, S, PH)) in enumerate(zip(pairs, measured, strict=True)):
             spread = spread_of(filter.system, names, residual, S, PH, mixed.choice)
             solved = spread.solved()
             logs[:, n] += spread.innovation(names, solved).log_likelihood
-            beliefs.append(filter.corrected(one, names, z, u, spread, solved.K, H))
+            beliefs.append(filter.corrected(mode, names, z, u, spread, solved.K, H))
         total = log_sum(logs)
         innovation = mixed.innovation(names, mixed.solved())._replace(log_likelihood=total + mixed.edge)
         return Mixture(tuple(beliefs), np.maximum(logs - total[:, None], NEVER)), innovation
 
     def details(self, belief: Mixture) -> Mapping[str, np.ndarray]:
-        """Probabilities of the modes."""
+        """Return the probabilities of the modes."""
         return {"mode_probabilities": belief.probabilities}
 
     def summary(self, belief: Mixture) -> Belief:
-        """Mean and covariance of the mixture."""
+        """Return mean and covariance of the mixture."""
         likeliest = np.argmax(belief.logs, axis=1)
-        guess = np.stack([one.x for one in belief.modes])[likeliest, np.arange(len(likeliest))]
+        guess = np.stack([mode.x for mode in belief.modes])[likeliest, np.arange(len(likeliest))]
         return _combined(self.system, belief.modes, belief.probabilities, guess)
 
 
 def _combined(system: System, modes: Sequence[Belief], weights: np.ndarray, guess: np.ndarray) -> Belief:
-    """Mean and covariance of several beliefs with weights (m, modes)."""
+    """Mean and covariance of a mixture of beliefs with weights (m, modes)."""
     space = system.space
-    x, P = np.stack([one.x for one in modes], axis=1), np.stack([one.P for one in modes], axis=1)
+    x, P = np.stack([mode.x for mode in modes], axis=1), np.stack([mode.P for mode in modes], axis=1)
     mean = space.mean(x, weights, guess)
     d = space.minus(x, mean[:, None])
     if system.curved_errors:
@@ -163,7 +163,7 @@ def _combined(system: System, modes: Sequence[Belief], weights: np.ndarray, gues
 
 
 def log_sum(logs: np.ndarray) -> np.ndarray:
-    """Logarithm of the sum over the last axis of numbers given by their logarithms."""
+    """Logarithm of the sum over the last axis, from logarithms."""
     most = logs.max(axis=-1)
     return most + np.log(np.sum(np.exp(logs - most[..., None]), axis=-1))
 
@@ -173,16 +173,16 @@ def _logs(p: np.ndarray) -> np.ndarray:
 
 
 def _chances(stay: Any, modes: int) -> np.ndarray:
-    """The matrix of chances from mode to mode."""
+    """Transition probabilities from mode to mode."""
     try:
-        given = np.asarray(stay, float)
+        p = np.asarray(stay, float)
     except (TypeError, ValueError):
-        given = np.full(3, np.nan)
-    if given.ndim == 0 and 0 < given <= 1:
-        return np.where(np.eye(modes, dtype=bool), given, (1 - given) / (modes - 1))
-    if given.shape != (modes, modes) or not np.all(given >= 0) or np.any(np.abs(given.sum(axis=1) - 1) > 1e-9):
+        p = np.full(3, np.nan)
+    if p.ndim == 0 and 0 < p <= 1:
+        return np.where(np.eye(modes, dtype=bool), p, (1 - p) / (modes - 1))
+    if p.shape != (modes, modes) or not np.all(p >= 0) or np.any(np.abs(p.sum(axis=1) - 1) > 1e-9):
         raise ArgumentError(
-            f"expected a chance between 0 and 1, or ({modes}, {modes}) of them whose rows sum to 1; found {stay!r}",
+            f"expected a probability, or ({modes}, {modes}) of them with rows that sum to 1; found {stay!r}",
             "stay",
         )
-    return given
+    return p

@@ -1,5 +1,4 @@
-"""Kalman filters beside the error-state one: unscented, with the gain that a linear system ends with, and with a
-quaternion as four plain numbers."""
+"""Further Kalman filters: unscented, with steady-state gain, and with a quaternion as four plain numbers."""
 
 from __future__ import annotations
 
@@ -20,12 +19,13 @@ from ..transition import Advance
 class AdditiveQuaternion(ErrorState):
     """Extended Kalman filter whose quaternions are four plain numbers, with a covariance of four: Cvitanic 2021, 4.3.
 
-    The process is declared without `quaternions=`; an orientation is measured as a vector of four. It depends on the
-    sign of what is measured, and its covariance has a direction that means nothing: for comparison with `ErrorState`.
+    For comparison with `ErrorState`. The process is declared without `quaternions=`, and an orientation is measured as
+    a vector of four numbers. The result depends on the sign of the measured quaternion, and one direction of the
+    covariance has no meaning.
 
     Args:
         system: process and sensors.
-        quaternions: names of the states of four numbers that are scaled to unit length after each step and correction.
+        quaternions: names of the states with four numbers; they are normalised after each step and correction.
 
     >>> process = gt.filtering.ProcessModel(
     ...     gt.filtering.TurningBody(),
@@ -43,41 +43,42 @@ class AdditiveQuaternion(ErrorState):
         super().__init__(system, iterations=iterations)
         self._places = []
         for name in quaternions:
-            part, at, _ = system.space.part(name)
+            part, columns, _ = system.space.part(name)
             if part.kind != "vector" or part.size != 4:
-                raise ArgumentError(f"'{name}' is no state of four plain numbers, but a {part.kind}", "quaternions")
-            self._places.append(at)
+                sentence = f"expected four plain numbers for '{name}'; found a {part.kind} of {part.size}"
+                raise ArgumentError(sentence, "quaternions")
+            self._places.append(columns)
 
     def advance(self, belief: Belief, time: float, u0: np.ndarray, u1: np.ndarray) -> tuple[Belief, Advance]:
-        """The belief at a later time, and the step that led there."""
+        """Return the belief at a later time, and the step that led there."""
         after, step = super().advance(belief, time, u0, u1)
         return self._scaled(after), step
 
     def correct(
         self, belief: Belief, names: tuple[str, ...], z: np.ndarray, u: np.ndarray
     ) -> tuple[Belief, Innovation]:
-        """The belief after the readings z (m, numbers) of these sensors, side by side."""
+        """Return the belief after readings z (m, numbers) of these sensors, side by side, and the innovation."""
         after, innovation = super().correct(belief, names, z, u)
         return self._scaled(after), innovation
 
     def _scaled(self, belief: Belief) -> Belief:
         x = belief.x.copy()
-        for at in self._places:
-            x[:, at] /= np.linalg.norm(x[:, at], axis=1, keepdims=True)
+        for columns in self._places:
+            x[:, columns] /= np.linalg.norm(x[:, columns], axis=1, keepdims=True)
         return belief._replace(x=x)
 
 
 class Unscented(Filter):
     """Unscented Kalman filter on the manifold.
 
-    2n + 1 points, the mean and n to each side of it by plus, go through process and sensors; mean and covariance of
-    what comes out are intrinsic, by minus. All weights are positive, so every covariance is. The noise of the process
-    is added as the covariance of its step from the mean.
+    2n + 1 sigma points, the mean and n on each side of it, pass through process and sensors; the results have an
+    intrinsic mean and covariance. All weights are positive, so every covariance is too. Process noise is added as the
+    covariance of the step from the mean.
 
     Args:
         system: process and sensors.
-        centre: weight of the mean itself, between 0 and 1; 1 / (n + 1) if left out, which puts the others
-            sqrt(n + 1) standard deviations from it.
+        centre: weight of the mean, between 0 and 1; 1 / (n + 1) if left out, which places the other points at
+            sqrt(n + 1) standard deviations.
 
     Source: Julier, Uhlmann 2004, Proc. IEEE 92, 401-422; on manifolds Hertzberg et al. 2013, Information Fusion 14.
 
@@ -102,13 +103,13 @@ class Unscented(Filter):
         self.distance = float(np.sqrt(n / (1 - centre)))  # of the other points [standard deviations]
 
     def points(self, x: np.ndarray, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Points (m, 2n + 1, size) around means x (m, size), and their errors (m, 2n + 1, n)."""
+        """Return sigma points (m, 2n + 1, size) around means x (m, size), and their errors (m, 2n + 1, n)."""
         d = self.distance * roots(P).mT
         d = np.concatenate([np.zeros_like(d[:, :1]), d, -d], axis=1)
         return self.system.space.plus(x[:, None], d), d
 
     def advance(self, belief: Belief, time: float, u0: np.ndarray, u1: np.ndarray) -> tuple[Belief, Advance]:
-        """The belief at a later time, and the step that led there, whose F is the linear map that fits the points."""
+        """Return the belief at a later time and the step; its F is the linear map that fits the sigma points."""
         space = self.system.space
         points, _ = self.points(belief.x, belief.P)
         m, k, size = points.shape
@@ -120,34 +121,34 @@ class Unscented(Filter):
         weights = np.broadcast_to(self.weights, (m, k))
         P = moments(e, weights) + Q
         n = space.dimension
-        own = self.distance * roots(belief.P)
-        np.einsum("mii->mi", own)[...] += ~own.any(axis=2)  # what is known exactly has no points around it
+        deviations = self.distance * roots(belief.P)
+        np.einsum("mii->mi", deviations)[...] += ~deviations.any(axis=2)  # exactly known states have no spread
         halves = (e[:, 1 : n + 1] - e[:, n + 1 :]) / 2
         try:
-            F = np.linalg.solve(own.mT, halves).mT
+            F = np.linalg.solve(deviations.mT, halves).mT
         except np.linalg.LinAlgError:
-            F = (np.linalg.pinv(own.mT) @ halves).mT
+            F = (np.linalg.pinv(deviations.mT) @ halves).mT
         return Belief(time, x, P), Advance(x, F, P - F @ belief.P @ F.mT)
 
     def correct(
         self, belief: Belief, names: tuple[str, ...], z: np.ndarray, u: np.ndarray
     ) -> tuple[Belief, Innovation]:
-        """The belief after the readings z (m, numbers) of these sensors, side by side."""
+        """Return the belief after readings z (m, numbers) of these sensors, side by side, and the innovation."""
         system, space = self.system, self.system.space
-        seen = system.group(names).space
+        readings = system.group(names).space
         points, d = self.points(belief.x, belief.P)
         m, k, size = points.shape
         values = system.read(names, belief.time, points.reshape(m * k, size), u).reshape(m, k, -1)
-        expected = seen.mean(values, self.weights, values[:, 0])
-        e = system.independent(names, seen.minus(values, expected[:, None]))
+        expected = readings.mean(values, self.weights, values[:, 0])
+        e = system.independent(names, readings.minus(values, expected[:, None]))
         weights = np.broadcast_to(self.weights, (m, k))
-        residual = system.independent(names, seen.minus(z, expected))
+        residual = system.independent(names, readings.minus(z, expected))
         spread = spread_of(system, names, residual, moments(e, weights), moments(d, weights, e))
         solved = spread.solved()
         correction = (solved.K @ spread.residual[..., None])[..., 0]
-        # Joseph's form over the points: what is left of the error of each, and the noise of the readings
-        left = d - e @ solved.K.mT
-        P = moments(left, weights) + (solved.K * spread.R[:, None, :]) @ solved.K.mT
+        # Joseph's form over the points: the remaining error of each point, and the noise of the readings
+        remaining = d - e @ solved.K.mT
+        P = moments(remaining, weights) + (solved.K * spread.R[:, None, :]) @ solved.K.mT
         if system.curved_errors:
             J = space.carried(belief.x, correction)
             P = J @ P @ J.mT
@@ -158,19 +159,19 @@ SAME_PERIOD = 1e-6  # of a period; stamps are rounded
 
 
 class SteadyState(Filter):
-    """Constant gain from the discrete algebraic Riccati equation: a linear system, all sensors at each instant.
+    """Kalman filter with the constant gain of the discrete algebraic Riccati equation.
 
-    The covariance is constant too, so the deviations at the start are not used. A missing number leaves its residual
-    zero; the gain stays, which is no longer optimal.
+    It needs a linear system and readings of all sensors at each instant. The covariance is constant too, so the initial
+    deviations are not used. A missing number counts as a zero residual with the same gain, which is not optimal.
 
     Args:
         system: linear process and sensors.
-        period: of the instants [s]; that of the sensors, or of a process in discrete time, if left out.
+        period: between instants [s]; the period of the sensors or of the discrete process if left out.
 
     gain: (n, k). prior, posterior: covariances (n, n) before and after a reading.
 
-    Raises ArgumentError for a system that is not linear, and for one whose sensors do not determine a state that noise
-    drives or that does not settle by itself.
+    Raises ArgumentError for a nonlinear system, and for one without a steady state: the sensors do not determine a
+    state that noise drives or that is not stable.
 
     >>> parts = [gt.filtering.StatePart("x", unit="m")]
     >>> process = gt.filtering.DiscreteProcess(parts, 0.1, lambda s: {"x": s.x}, [1e-4])
@@ -183,15 +184,15 @@ class SteadyState(Filter):
     def __init__(self, system: System, *, period: float | None = None) -> None:
         super().__init__(system)
         if not system.linear:
-            raise ArgumentError("a constant gain needs a linear process and linear sensors; take 'ekf'", "system")
+            raise ArgumentError("a constant gain needs a linear process and linear sensors; use 'ekf'", "system")
         for name, sensor in system.sensors.items():
             if sensor.outliers:
-                sentence = f"'{name}' weighs outliers, which changes the gain from reading to reading; take 'kf'"
+                sentence = f"'{name}' weighs outliers, which changes the gain from reading to reading; use 'kf'"
                 raise ArgumentError(sentence, "system")
         periods = {s.period for s in system.sensors.values()} - {None}
         period = period or system.dynamics.period or (periods.pop() if len(periods) == 1 else None)
         if not period or not period > 0:
-            raise ArgumentError("the sensors name no period, or several; give that of the instants [s]", "period")
+            raise ArgumentError("the sensors have no period, or several; give the period of the instants [s]", "period")
         self.period, self.names = float(period), tuple(system.sensors)
         x, u = np.zeros((1, system.space.size)), np.zeros(sum(system.dynamics.inputs.values()))
         step = system.transition(0.0, self.period, x, u, u)
@@ -203,8 +204,8 @@ class SteadyState(Filter):
             self.prior = settled_covariance(F, self.H, Q, R)
         except np.linalg.LinAlgError:
             raise ArgumentError(
-                "there is no constant gain: a state is not determined by the sensors, or is constant and without "
-                "noise, so that its gain goes to zero; give it a sensor or some noise, or take 'kf'",
+                "there is no constant gain: the sensors do not determine a state, or a state is constant without "
+                "noise, so that its gain tends to zero; give it a sensor or some noise, or use 'kf'",
                 "system",
             ) from None
         PH = self.prior @ self.H.T
@@ -214,14 +215,14 @@ class SteadyState(Filter):
         self.posterior = joseph(self.prior[None], solved.K, self.H[None], R[None])[0]
 
     def begin(self, start: InitialState, time: float, runs: int = 1) -> Belief:
-        """The mean of the start, with the covariance that stays."""
+        """Return the initial mean with the steady-state covariance."""
         belief = start.belief(self.system, time, runs)
         return belief._replace(P=np.tile(self.posterior, (runs, 1, 1)))
 
     def advanced(
         self, belief: Belief, time: float, u0: np.ndarray, u1: np.ndarray, bends: Sequence[tuple[float, np.ndarray]]
     ) -> tuple[Belief, Advance]:
-        """As `advance`, with known inputs that bend between."""
+        """As `advance`, with known inputs whose slope changes in between."""
         after, step = self.advance(belief, time, u0, u1)
         x, t = belief.x, belief.time
         for end, u in [*bends, (time, u1)] if bends else []:
@@ -229,12 +230,12 @@ class SteadyState(Filter):
         return (after._replace(x=x), step._replace(x=x)) if bends else (after, step)
 
     def advance(self, belief: Belief, time: float, u0: np.ndarray, u1: np.ndarray) -> tuple[Belief, Advance]:
-        """The belief one period later. Raises ArgumentError for another span of time."""
+        """Return the belief one period later, and the step. Raises ArgumentError for another time span."""
         dt = time - belief.time
         if dt and abs(dt - self.period) > SAME_PERIOD * self.period + 4 * np.spacing(abs(time)):
             raise ArgumentError(
-                f"the gain is for a period of {self.period:g} s; from {belief.time:g} s to the next reading it "
-                f"is {dt:g} s; take 'kf' for uneven ones",
+                f"the gain is for a period of {self.period:g} s, but the next reading after {belief.time:g} s comes "
+                f"{dt:g} s later; use 'kf' for uneven readings",
                 "log",
             )
         step = self.system.transition(belief.time, dt, belief.x, u0, u1)
@@ -243,10 +244,10 @@ class SteadyState(Filter):
     def correct(
         self, belief: Belief, names: tuple[str, ...], z: np.ndarray, u: np.ndarray
     ) -> tuple[Belief, Innovation]:
-        """The belief after readings of all sensors. Raises ArgumentError where one is not there."""
+        """Return the belief after readings of all sensors. Raises ArgumentError if one is missing."""
         if {*names} != {*self.names}:
             missing = ", ".join(f"'{n}'" for n in self.names if n not in names)
-            raise ArgumentError(f"at {belief.time:g} s there is no reading of {missing}; take 'kf' then", "log")
+            raise ArgumentError(f"there is no reading of {missing} at {belief.time:g} s; use 'kf' instead", "log")
         z = z[:, self._order(names)]
         residual, _ = self.system.reading(self.names)(belief.time, belief.x, u, z)
         rows = len(residual)
@@ -257,6 +258,6 @@ class SteadyState(Filter):
         return after, spread.innovation(self.names, spread.solved())
 
     def _order(self, names: tuple[str, ...]) -> Any:
-        """Where the numbers of the sensors stand that come in another order."""
+        """Indices of the numbers of all sensors in readings that come in another order."""
         places = dict(zip(names, self.system.rows_of(names), strict=True))
         return np.concatenate([np.arange(places[name].start, places[name].stop) for name in self.names])

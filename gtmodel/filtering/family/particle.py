@@ -1,4 +1,4 @@
-"""The particle filter with the linearised optimal proposal: each particle looks at the reading before it moves."""
+"""Particle filter with the linearised optimal proposal: each particle uses the reading before it moves."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from ..system import System
 from .interacting import log_sum
 
 Proposal = Literal["optimal", "bootstrap"]
-SINGULAR = 1e-7  # of a factor of correlations: states that are tied to each other within round-off of their squares
-LEAST_SHARE = 0.05  # of the particles: a bootstrap that leaves fewer with weight is refused
+SINGULAR = 1e-7  # determinant of a factor of correlations: below, states are correlated to within round-off
+LEAST_SHARE = 0.05  # of the particles: a bootstrap with a smaller effective size is refused
 
 
 class Looked(NamedTuple):
-    """How the particles looked at a reading: noise of the process before it (n, n) or (m, N, n, n), gains
-    (m, N, n, k), Jacobians (m, N, k, n), variances of the readings (m, N, k)."""
+    """Correction of the particles at a reading: process noise before it (n, n) or (m, N, n, n), gains (m, N, n, k),
+    Jacobians (m, N, k, n), variances of the readings (m, N, k)."""
 
     Q: np.ndarray
     K: np.ndarray
@@ -30,11 +30,11 @@ class Looked(NamedTuple):
 
 
 class Cloud(NamedTuple):
-    """Particles of m runs, each the centre of a Gaussian that it is drawn from when it moves on.
+    """Particles of m runs, each the mean of a Gaussian from which it is drawn when it moves on.
 
     x: (m, N, size). logs: logarithms of their weights (m, N). pending: covariance around each, (n, n) or (m, N, n, n):
-    noise of the process since the last reading, less what the reading says of it; at the start the whole uncertainty.
-    looked: at the last reading. effective: 1 / sum of squared weights (m,). instants: how many readings there were.
+    process noise since the previous reading, after correction by the last one; initially the whole uncertainty.
+    looked: correction at the last reading. effective: 1 / sum of squared weights (m,). instants: number of readings.
     """
 
     time: float
@@ -49,27 +49,27 @@ class Cloud(NamedTuple):
 class ParticleFilter(Filter):
     """Particle filter with the proposal p(x_k | x_(k-1), z_k), linearised at each particle.
 
-    A particle is weighted by how likely the reading was before it moved, and drawn from what process and reading
-    together say of it: exact where the readings are linear. It is drawn when it moves on, so mean and covariance are
-    those of the mixture of Gaussians, which vary less than those of the draws. The proposal "bootstrap" moves particles
-    by the process alone; where the readings are far more exact than the process, one particle is left with all the
-    weight, so it is refused with the effective size that is to be expected. Weights are logarithms; below half the
-    effective size the particles are drawn anew, systematically. The effective size of each instant stands in
-    `Filtered.effective`, and in its notes.
+    The weight of a particle is the likelihood of the reading before the particle moves; its new state is drawn from the
+    posterior given process and reading, which is exact for linear readings. The draw happens at the next step, so mean
+    and covariance are those of the mixture of Gaussians, with less variance than those of the draws. The proposal
+    "bootstrap" moves particles with the process alone. If the readings are much more accurate than the process, it
+    leaves one particle with all the weight; it is then refused, with the expected effective size. Below half of the
+    particles in effective size, particles are resampled systematically. `Filtered.effective` holds the effective size
+    at each instant; a note summarises it.
 
-    States that are marginalised (Rao-Blackwell) are not drawn: each particle keeps a Gaussian of them, given what was
-    drawn, as a Kalman filter of its own. Leave to the draws what the process or the readings bend, and marginalise the
-    rest: the fewer states are drawn, the fewer particles are needed. All readings weigh all particles, so of three axes
-    that have nothing to do with each other each drawn state of one costs the others particles too.
+    Marginalised (Rao-Blackwellised) states are not drawn: each particle keeps a Gaussian of them, conditional on its
+    drawn states, as its own Kalman filter. Draw the states that enter process or readings nonlinearly, and marginalise
+    the others: fewer drawn states need fewer particles. All readings weigh all particles, so each drawn state of one
+    axis costs particles for the other axes too, even if the axes are independent.
 
     Args:
         system: process and sensors.
-        particles: how many.
+        particles: number of particles.
         seed: of all draws; the same seed gives the same numbers.
         proposal: "optimal" or "bootstrap".
         marginalised: names of the states that are not drawn.
 
-    Source: Doucet, Godsill, Andrieu 2000, Statistics and Computing 10, 197-208; of marginalised states Schön,
+    Source: Doucet, Godsill, Andrieu 2000, Statistics and Computing 10, 197-208; for marginalised states Schön,
     Gustafsson, Nordlund 2005, IEEE Transactions on Signal Processing 53, 2279-2289.
 
     >>> parts = [gt.filtering.StatePart("x", unit="m")]
@@ -96,22 +96,22 @@ class ParticleFilter(Filter):
             raise ArgumentError(f"expected at least 2; found {particles}", "particles")
         if proposal not in ("optimal", "bootstrap"):
             raise ArgumentError(f"expected 'optimal' or 'bootstrap'; found {proposal!r}", "proposal")
-        kept = {i for name in marginalised for i in _along(system, name)}
-        if kept and proposal == "bootstrap":
-            raise ArgumentError("the bootstrap proposal draws every state; take proposal='optimal'", "marginalised")
-        if len(kept) == system.space.dimension:
-            raise ArgumentError("no state is left to draw; take 'kf' or 'ekf', or leave a state out", "marginalised")
+        undrawn = {i for name in marginalised for i in _along(system, name)}
+        if undrawn and proposal == "bootstrap":
+            raise ArgumentError("the bootstrap proposal draws every state; use proposal='optimal'", "marginalised")
+        if len(undrawn) == system.space.dimension:
+            raise ArgumentError("no state is left to draw; use 'kf' or 'ekf', or leave a state out", "marginalised")
         self.particles, self.seed, self.proposal = particles, seed, proposal
-        self.drawn = [i for i in range(system.space.dimension) if i not in kept]
+        self.drawn = [i for i in range(system.space.dimension) if i not in undrawn]
 
     def begin(self, start: InitialState, time: float, runs: int = 1) -> Cloud:
-        """All particles at the mean, not yet drawn: until the first reading the cloud is the Gaussian of the start."""
+        """Return undrawn particles at the mean: until the first reading the cloud is the initial Gaussian."""
         belief, N = start.belief(self.system, time, runs), self.particles
         x = np.repeat(belief.x[:, None], N, axis=1)
         return Cloud(belief.time, x, np.full((runs, N), -np.log(N)), belief.P[0], None, np.full(runs, float(N)), 0)
 
     def advance(self, belief: Cloud, time: float, u0: np.ndarray, u1: np.ndarray) -> tuple[Cloud, None]:
-        """Each particle drawn and at a later time, its noise still to come; nothing happens without time passing."""
+        """Draw each particle and move it to a later time, its process noise pending; no change at the same time."""
         if time == belief.time:
             return belief, None
         if belief.looked is not None:
@@ -123,7 +123,7 @@ class ParticleFilter(Filter):
         return belief._replace(time=time, x=step.x.reshape(m, N, size), pending=pending), None
 
     def _drawn(self, belief: Cloud, looked: Looked) -> Cloud:
-        """Particles drawn anew where few carry the weight, then each from its Gaussian."""
+        """Resample the particles if the effective size is small, then draw each from its Gaussian."""
         m, N, n = *belief.logs.shape, self.system.space.dimension
         rng = np.random.default_rng([self.seed, belief.instants])
         which, logs = np.tile(np.arange(N), (m, 1)), belief.logs
@@ -135,19 +135,19 @@ class ParticleFilter(Filter):
             d, pending = self._partly_drawn(belief.pending[runs, which], rng)
         else:
             Q, K, H, R = (a if a.ndim == 2 else a[runs, which] for a in looked)
-            # a draw from the process, corrected by the reading with noise of its own drawn into it (Matheron's rule)
+            # a draw from the process, corrected by the reading with drawn measurement noise (Matheron's rule)
             noise = _draws(Q, rng, (m, N, n))[..., None]
-            own = (rng.standard_normal(R.shape) * np.sqrt(R))[..., None]
-            d, pending = (noise - K @ (H @ noise + own))[..., 0], np.zeros((n, n))
+            drawn_noise = (rng.standard_normal(R.shape) * np.sqrt(R))[..., None]
+            d, pending = (noise - K @ (H @ noise + drawn_noise))[..., 0], np.zeros((n, n))
         return belief._replace(
             x=self.system.space.plus(belief.x[runs, which], d), logs=logs, pending=pending, looked=None
         )
 
     def _partly_drawn(self, P: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Errors (m, N, n) with the drawn states drawn and the others where they are then expected, and the covariances
-        that are left to these; of Gaussians of covariances P (m, N, n, n)."""
+        """For Gaussians with covariances P (m, N, n, n): errors (m, N, n), drawn for the drawn states and conditional
+        means for the others, and the conditional covariances of these."""
         m, N, k = *P.shape[:2], len(self.drawn)
-        # scaled to a diagonal of ones; a drawn state that no noise moves has zeros, and is not moved
+        # scaled to a diagonal of ones; a drawn state without noise has zeros and does not move
         scale = np.sqrt(P.diagonal(0, 2, 3)[..., self.drawn])
         unit = P[..., self.drawn] / np.where(scale > 0, scale, np.inf)[..., None, :]
         square = unit[..., self.drawn, :] / np.where(scale > 0, scale, np.inf)[..., None]
@@ -155,13 +155,13 @@ class ParticleFilter(Filter):
         regular = np.abs(np.linalg.det(L)).min() > SINGULAR
         G = np.linalg.solve(L, unit.mT).mT if regular else unit @ np.linalg.pinv(L, rcond=SINGULAR).mT
         d = (G @ rng.standard_normal((m, N, k, 1)))[..., 0]
-        left = P - G @ G.mT
-        left[..., self.drawn, :] = 0.0
-        left[..., self.drawn] = 0.0
-        return d, left
+        remaining = P - G @ G.mT
+        remaining[..., self.drawn, :] = 0.0
+        remaining[..., self.drawn] = 0.0
+        return d, remaining
 
     def correct(self, belief: Cloud, names: tuple[str, ...], z: np.ndarray, u: np.ndarray) -> tuple[Cloud, Innovation]:
-        """The cloud after the readings z (m, numbers) of these sensors, side by side."""
+        """Return the cloud after readings z (m, numbers) of these sensors, side by side, and the innovation."""
         system, space = self.system, self.system.space
         m, N, size = belief.x.shape
         n, reading, weights = space.dimension, system.reading(names), np.exp(belief.logs)
@@ -169,9 +169,9 @@ class ParticleFilter(Filter):
         residual, H = reading(belief.time, x, u, zs)
         k = residual.shape[1]
         Q = np.broadcast_to(pending, (m, N, n, n)).reshape(m * N, n, n)
-        innovation, choice = self._said(names, residual.reshape(m, N, k), H.reshape(m, N, k, n), Q, weights)
+        innovation, choice = self._innovation(names, residual.reshape(m, N, k), H.reshape(m, N, k, n), Q, weights)
         if self.proposal == "bootstrap":
-            self._check(belief, H.reshape(m, N, k, n), choice.used, weights, system.variances(names))
+            self._refuse(belief, H.reshape(m, N, k, n), choice.used, weights, system.variances(names))
             rng = np.random.default_rng([self.seed, belief.instants, 1])
             x = space.plus(x, _draws(pending, rng, (m, N, n)).reshape(m * N, n))
             residual, H = reading(belief.time, x, u, zs)
@@ -188,25 +188,25 @@ class ParticleFilter(Filter):
         H = H if choice.used.all() else np.where(spread.used[..., None], H, 0.0)
         R = np.broadcast_to(spread.R, residual.shape)
         looked = Looked(pending, *(a.reshape(m, N, *a.shape[1:]) for a in (solved.K, H, R)))
-        made = Cloud(
+        corrected = Cloud(
             belief.time, x.reshape(m, N, size), logs, joseph(Q, solved.K, H, R).reshape(m, N, n, n), looked,
             1 / np.sum(np.exp(2 * logs), axis=1), belief.instants + 1,
         )  # fmt: skip
-        return made, innovation._replace(log_likelihood=total)
+        return corrected, innovation._replace(log_likelihood=total)
 
-    def _said(
+    def _innovation(
         self, names: tuple[str, ...], residual: np.ndarray, H: np.ndarray, Q: np.ndarray, weights: np.ndarray
     ) -> tuple[Innovation, UsedNumbers]:
-        """Residuals of the whole cloud and which readings are used: the gates judge the cloud, not a particle."""
+        """Innovation of the whole cloud and the used readings: gates apply to the cloud, not to a particle."""
         m, N, k, n = H.shape
         mean = np.sum(weights[..., None] * residual, axis=1)
-        apart = np.where(np.isfinite(residual), residual - mean[:, None], 0.0)
-        S = np.einsum("mp,mpij->mij", weights, H @ Q.reshape(m, N, n, n) @ H.mT) + moments(apart, weights)
+        difference = np.where(np.isfinite(residual), residual - mean[:, None], 0.0)
+        S = np.einsum("mp,mpij->mij", weights, H @ Q.reshape(m, N, n, n) @ H.mT) + moments(difference, weights)
         spread = spread_of(self.system, names, mean, S, np.empty((m, 0, k)))
         return spread.innovation(names, spread.solved()), spread.choice
 
-    def _check(self, belief: Cloud, H: np.ndarray, used: np.ndarray, weights: np.ndarray, R: np.ndarray) -> None:
-        """Raises ArgumentError where the bootstrap would leave too few particles with weight."""
+    def _refuse(self, belief: Cloud, H: np.ndarray, used: np.ndarray, weights: np.ndarray, R: np.ndarray) -> None:
+        """Raise ArgumentError if the bootstrap would leave too few particles with weight."""
         P = self.summary(belief).P
         mean = np.einsum("mp,mpij->mij", weights, H) / np.sqrt(R)[:, None] * used[..., None]
         ratios = np.linalg.eigvalsh(mean @ P @ mean.mT)
@@ -215,12 +215,12 @@ class ParticleFilter(Filter):
             raise ArgumentError(
                 f"the bootstrap proposal collapses at {belief.time:g} s: of {self.particles} particles about "
                 f"{max(1.0, share * self.particles):.3g} would keep weight, since the readings are up to "
-                f"{np.sqrt(ratios.max()):.3g} times more exact than what they are to correct; take proposal='optimal'",
+                f"{np.sqrt(ratios.max()):.3g} times more accurate than their prediction; use proposal='optimal'",
                 "proposal",
             )
 
     def summary(self, belief: Cloud) -> Belief:
-        """Mean and covariance of the cloud."""
+        """Return mean and covariance of the cloud."""
         space, weights = self.system.space, np.exp(belief.logs)
         likeliest = belief.x[np.arange(len(weights)), np.argmax(weights, axis=1)]
         x = space.mean(belief.x, weights, likeliest)
@@ -231,21 +231,21 @@ class ParticleFilter(Filter):
         )
 
     def details(self, belief: Cloud) -> Mapping[str, np.ndarray]:
-        """Effective size."""
+        """Return the effective size."""
         return {"effective": belief.effective}
 
 
 def _along(system: System, name: str) -> range:
-    """Which components of an error are those of a state."""
+    """Components of an error that belong to a state."""
     with naming("marginalised"):
         along = system.space.part(name)[2]
     return range(along.start, along.stop)
 
 
 def expected_share(ratios: Any) -> np.ndarray:
-    """The share of particles that keep weight when they are weighted by a reading, in the geometric mean over readings.
+    """Return the expected effective share of particles after weighting by a reading, a geometric mean over readings.
 
-    ratios: eigenvalues (..., k) of R^-1 H P H', the variance of what is read over that of the reading's noise.
+    ratios: eigenvalues (..., k) of R^-1 H P H', the predicted variance over the variance of the reading's noise.
 
     >>> from gtmodel.filtering.family.particle import expected_share
     >>> expected_share([[0.0], [1.0], [1e6]]).round(4).tolist()  # a ratio of deviations of 1, and of a thousand
@@ -256,7 +256,7 @@ def expected_share(ratios: Any) -> np.ndarray:
 
 
 def _draws(covariance: np.ndarray, rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-    """Draws (m, N, n) of zero mean."""
+    """Draws (m, N, n) with zero mean."""
     free = rng.standard_normal(shape)
     if not covariance.any():
         return np.zeros(shape)
@@ -266,7 +266,7 @@ def _draws(covariance: np.ndarray, rng: np.random.Generator, shape: tuple[int, .
 
 
 def _systematic(weights: np.ndarray, offset: float) -> np.ndarray:
-    """Which particles are drawn: evenly spaced on the sum of the weights."""
+    """Indices of the resampled particles: evenly spaced on the cumulated weights."""
     ends = np.cumsum(weights)
-    at = (np.arange(len(weights)) + offset) / len(weights) * ends[-1]
-    return np.minimum(np.searchsorted(ends, at), len(weights) - 1)
+    positions = (np.arange(len(weights)) + offset) / len(weights) * ends[-1]
+    return np.minimum(np.searchsorted(ends, positions), len(weights) - 1)

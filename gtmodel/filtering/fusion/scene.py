@@ -1,5 +1,5 @@
-"""The scene of the fusion study: bodies that a tracker and an inertial unit watch, what these read along a path, and
-the filters for it."""
+"""Scene of the fusion study: bodies with a tracker target and an inertial unit, synthetic readings along a path, and
+the filters."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from .options import FusionFilter, FusionSensors
 
 
 class TranslatingBody(Model):
-    """A body that does not turn, with an inertial unit on it: acceleration driven by white jerk.
+    """A body that does not turn, with an inertial unit: its acceleration is driven by white jerk.
 
-    States p, v, a in the world. `specific_force` is what the accelerometer feels, a - gravity in its own axes.
+    States p, v, a in the world. `specific_force` is the accelerometer's reading, a - gravity in the axes of the unit.
 
-    gravity: acceleration of free fall in the world, zero for a simulation without. mount: axes of the unit in those of
-    the body, a unit quaternion, scalar first. misalignment: a small rotation vector of the unit against `mount`, in its
-    own axes.
+    gravity: acceleration of free fall in the world; zero to leave it out. mount: orientation of the unit in the axes of
+    the body, a unit quaternion, scalar first. misalignment: small rotation vector of the unit relative to `mount`, in
+    its own axes.
 
     >>> body = gt.filtering.TranslatingBody(gravity=[0.0, 0.0, 0.0])
     >>> process = gt.filtering.ProcessModel(body, noise={"jerk": 0.1}, states=["p", "v", "a"])
@@ -57,13 +57,13 @@ class TranslatingBody(Model):
 
 
 class TurningBody(Model):
-    """A body that moves and turns, with an inertial unit on it: acceleration driven by white jerk, angular acceleration
-    by white angular jerk.
+    """A body that moves and turns, with an inertial unit: its acceleration is driven by white jerk, its angular
+    acceleration by white angular jerk.
 
     States p, v, a in the world, Q (unit quaternion, body to world, scalar first), w and alpha in the axes of the body.
-    `specific_force` and `rate` are what accelerometer and gyro feel, in the axes of the unit; the accelerometer sits at
-    `arm` in the axes of the body, so it feels a + alpha x arm + w x (w x arm) - gravity: Cvitanic 2021, (29), written
-    for the unit. The other parameters are those of `TranslatingBody`.
+    `specific_force` and `rate` are the readings of accelerometer and gyro in the axes of the unit. The accelerometer is
+    at `arm` in the axes of the body, so it measures a + alpha x arm + w x (w x arm) - gravity: Cvitanic 2021, (29),
+    written for the unit. The other parameters are those of `TranslatingBody`.
 
     >>> body = gt.filtering.TurningBody(arm=[0.18, 0.1, -0.12])
     >>> process = gt.filtering.ProcessModel(
@@ -117,15 +117,15 @@ def _in_unit(body: Any, v: Any) -> Any:
 MOUNT = (0.0, 0.0, 1.0, 0.0)  # of the unit: half a turn about y, Cvitanic 2021, 4.2.2
 STATES = ("p", "v", "a", "Q", "w", "alpha")
 PRINTED_Q = np.repeat([2.54e-4, 21.2e-4, 98.1e-4], 3)  # Cvitanic 2021, appendix B, per step
-# how well the start is known, on the path at full speed: as well as readings of some milliseconds determine it
+# initial standard deviations on the path at full speed: about the accuracy from some milliseconds of readings
 START = {"p": 1e-5, "v": 1e-3, "a": 0.1, "Q": 1e-3, "w": 1e-3, "alpha": 1.0}
-OUTLYING = 20.0  # deviations of an outlier, in those of the tracker's noise
+OUTLYING = 20.0  # standard deviation of an outlier over that of the tracker's noise
 FREE_FALL = (0.0, 0.0, -9.81)  # m/s2
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A motion, what was read of it, and the truth by state."""
+    """A motion, its synthetic readings, and the truth by state."""
 
     path: TrackedPath
     sensors: FusionSensors
@@ -144,19 +144,19 @@ class Scene:
 
     @property
     def peak(self) -> np.ndarray:
-        """Where the path bends: |angular velocity of the tangent| above a fifth of its largest."""
+        """Mask of the bends of the path: |angular velocity of the tangent| above a fifth of its maximum."""
         turning = np.linalg.norm(self.motion.a, axis=1)
         return turning > 0.2 * turning.max() if turning.max() > 0 else np.zeros(len(turning), bool)
 
     @property
     def initial(self) -> InitialState:
-        """The true state of the start, as well as it is known."""
+        """Initial estimate: the true state, with its uncertainty."""
         truth = self.truth
         return InitialState({n: truth[n][0] for n in self.states}, {n: START[n] for n in self.states})
 
 
 def process_of(path: TrackedPath, sensors: FusionSensors, design: FusionFilter, *, true: bool = False) -> AnyProcess:
-    """The process of the filter; `true`: with what the filter does not know of the unit."""
+    """Process of the filter; `true`: with the errors of the unit that the filter does not know."""
     gravity = FREE_FALL if sensors.gravity else (0.0, 0.0, 0.0)
     turned = (0.0, 0.0, sensors.misalignment if true else 0.0)
     noise: dict[str, Any] = {"jerk": design.jerk_density}
@@ -172,7 +172,7 @@ def process_of(path: TrackedPath, sensors: FusionSensors, design: FusionFilter, 
 
 
 def printed_process(sensors: FusionSensors, design: FusionFilter) -> DiscreteProcess:
-    """(21) to (23) with the covariance of appendix B; the unit's axes by its mount."""
+    """Process of (21) to (23) with the covariance of appendix B; axes of the unit after its mount."""
     dt = sensors.sample_time
     share = 0.5 if design.exact_step else 1.0
     g = np.array(FREE_FALL if sensors.gravity else (0.0, 0.0, 0.0))
@@ -186,7 +186,7 @@ def printed_process(sensors: FusionSensors, design: FusionFilter) -> DiscretePro
 
 
 def sensors_of(path: TrackedPath, s: FusionSensors, design: FusionFilter | None = None) -> list[Sensor]:
-    """As the filter knows them."""
+    """Sensors as the filter knows them."""
     tracker = Sensor("tracker", "p", deviation=s.position_noise)
     unit = Sensor("accelerometer", "specific_force", density=s.acceleration_noise, period=s.sample_time)
     sensors = [tracker, unit]
@@ -194,12 +194,12 @@ def sensors_of(path: TrackedPath, s: FusionSensors, design: FusionFilter | None 
         orientation = Sensor("orientation", "Q", kind="quaternion", deviation=s.orientation_noise)
         gyro = Sensor("gyro", "rate", density=s.rate_noise, period=s.sample_time)
         sensors = [tracker, orientation, unit, gyro]
-    weighed = None if design is None else design.outliers  # of the unit they would be its view of the bends
+    weighed = None if design is None else design.outliers  # not for the unit: at bends its readings look like outliers
     return [replace(s, outliers=weighed) if s.name in ("tracker", "orientation") else s for s in sensors]
 
 
 def scene_of(path: TrackedPath, sensors: FusionSensors, seed: int) -> Scene:
-    """What is read along a path, with the biases and errors that the filter does not know."""
+    """Readings along a path, with the biases and errors that the filter does not know."""
     steps = int(np.floor(path.duration / sensors.sample_time + 1e-9))
     motion = path.motion(sensors.sample_time * np.arange(steps + 1))
     true = System(process_of(path, sensors, FusionFilter(), true=True), sensors_of(path, sensors))
@@ -216,7 +216,7 @@ def scene_of(path: TrackedPath, sensors: FusionSensors, seed: int) -> Scene:
 
 
 def slope_velocity(log: Readings, samples: int = 4) -> np.ndarray:
-    """The first baseline: slope of the line through the last positions (K, 3), NaN before there are enough."""
+    """First baseline: slope of a line through the last positions (K, 3), NaN until there are enough."""
     t = np.arange(samples) - (samples - 1) / 2
     dt = float(np.median(np.diff(log.time)))
     weights = t / (t @ t) / dt
@@ -227,7 +227,7 @@ def slope_velocity(log: Readings, samples: int = 4) -> np.ndarray:
 
 
 def tracker_system(path: TrackedPath, sensors: FusionSensors, design: FusionFilter) -> System:
-    """The second baseline: a Kalman filter on the tracker alone, with white jerk."""
+    """Second baseline: a Kalman filter on the tracker alone, with white jerk."""
     alone = replace(design, printed=False, jerk_density=(design.tracker_jerk_density,) * 3)
     straight = replace(path, axes=3)
     return System(process_of(straight, sensors, alone), sensors_of(straight, sensors, design)[:1])

@@ -1,4 +1,4 @@
-"""The fusion study: tracker and inertial unit along a known path, filtered, against both baselines."""
+"""The fusion study: tracker and inertial unit along a known path, compared with two baselines."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from .options import (
 )
 from .scene import OUTLYING, Scene, process_of, scene_of, sensors_of, slope_velocity, tracker_system
 
-AROUND = 0.2  # s about the bend, of the picture of the angular acceleration
+AROUND = 0.2  # s around the bend in the picture of the angular acceleration
 ITERATIONS = 3  # of the iterated filter
 PARTICLE_SEED = 1
 DECADES = (1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)  # m2/s5
@@ -52,17 +52,17 @@ def fusion_study(
     seed: int = 1,
     **work_options: Unpack[WorkOptions],
 ) -> FusionStudy:
-    """What an inertial unit adds to a laser tracker, along a path whose motion is known: Cvitanic 2021, chapter 4.
+    """Test what an inertial unit adds to a laser tracker along a known path: Cvitanic 2021, chapter 4.
 
-    Readings are synthetic: the true motion with the noise, biases and errors of `sensors`, of which the filter knows
-    the noise alone. The error of the velocity stands beside those of two baselines, the slope of the last four
-    positions and a Kalman filter on the tracker alone; innovations say whether the filter may be believed.
+    Readings are synthetic: the true motion with the noise, biases and errors of `sensors`; the filter knows only the
+    noise. The velocity error is compared with two baselines, the slope of the last four positions and a Kalman filter
+    on the tracker alone. The innovations test whether the filter is consistent.
 
     Args:
         path: sine, line or semicircle at constant speed, in 3 or 5 axes; the sine of the thesis if left out.
         sensors: those of Table 7 if left out.
-        filter: its noise, and whether two filters interact.
-        sweep: one number of the sensors over several values.
+        filter: its process noise, and whether two filters interact.
+        sweep: one sensor parameter over several values.
         seed: of the noise.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
@@ -79,73 +79,72 @@ def fusion_study(
     agree_together(path, sensors, design)
     if sweep is not None:
         agree_on_sweep(path, sensors, design, sweep)
-    work.step("readings", 0.02)
+    work.step("drawing readings", 0.02)
     scene = scene_of(path, sensors, seed)
-    work.step("filters", 0.1)
+    work.step("filtering", 0.1)
     answer = partial(_answer, scene, path, sensors, sweep, seed, work.title)
-    one = _filtered(scene, design, work, keep=lambda one: work.keep(partial(answer, one)))
-    if not len(one.run.time):
+    filtered = _filtered(scene, design, work, keep=lambda filtered: work.keep(partial(answer, filtered)))
+    if not len(filtered.run.time):
         raise Interrupted("stopped before the first readings were filtered")
-    work.keep(partial(answer, one))
+    work.keep(partial(answer, filtered))
     swept = {} if sweep is None else _swept(path, sensors, design, sweep, seed, work)
-    if not one.run.status.ok and not one.stopped:
-        return FusionStudy(status=one.run.status, message=one.run.message, title=work.title, axes=path.axes)
-    c, preferred = one.consistency, None
+    if not filtered.run.status.ok and not filtered.stopped:
+        return FusionStudy(status=filtered.run.status, message=filtered.run.message, title=work.title, axes=path.axes)
+    c, preferred = filtered.consistency, None
     if c is not None and c.nis not in c.band and path.axes == 3:
         work.progress("likelihood of other densities", 0.9)
         preferred = _preferred(scene, design, work)
-    stopped = one.stopped or swept.pop("stopped", False) or work.interrupted()
-    return answer(one, swept, preferred, stopped=stopped)
+    stopped = filtered.stopped or swept.pop("stopped", False) or work.interrupted()
+    return answer(filtered, swept, preferred, stopped=stopped)
 
 
 def _answer(
     scene: Scene, path: TrackedPath, sensors: FusionSensors, sweep: FusionSweep | None, seed: int, title: str,
-    one: _One, swept: dict[str, Any] | None = None, preferred: float | None = None, *, stopped: bool = True,
+    filtered: _Fused, swept: dict[str, Any] | None = None, preferred: float | None = None, *, stopped: bool = True,
 ) -> FusionStudy:  # fmt: skip
-    """The study of what was filtered, smoothed and judged until now; of a filter that was stopped, of the rows it got
-    to."""
-    swept, c = swept or {}, one.consistency
-    said = (
+    """Study of the rows filtered, smoothed and judged so far."""
+    swept, c = swept or {}, filtered.consistency
+    synthetic = (
         f"SYNTHETIC: seed {seed}, tracker {1e3 * sensors.position_noise:.3g} mm, accelerometer "
         f"{sensors.acceleration_noise:.3g} m/s2/rtHz"
     )
     if sensors.outlier_share:
-        said += f", {100 * sensors.outlier_share:g} % of the positions off by {OUTLYING:g} times its noise"
+        synthetic += f", {100 * sensors.outlier_share:g} % of the positions off by {OUTLYING:g} times its noise"
     table, printed = printed_errors(path, sensors)
-    notes = [*one.run.notes, *_notes(scene, preferred)]
-    checks, doubts = suspicion_checks(tested(*_read(scene, one.run)))
+    notes = [*filtered.run.notes, *_notes(scene, preferred)]
+    checks, doubts = suspicion_checks(tested(*_read(scene, filtered.run)))
     notes += doubts
-    done, whole = one.run.time[-1], scene.motion.time[-1]
+    done, whole = filtered.run.time[-1], scene.motion.time[-1]
     if done < whole:
-        notes.append(f"the filter was stopped after {done:.3g} of {whole:.3g} s: numbers are of these alone")
+        notes.append(f"the filter was stopped after {done:.3g} of {whole:.3g} s: all numbers are for this part")
     return FusionStudy(
         status=SolveStatus.INTERRUPTED if stopped else SolveStatus.SOLVED, title=title, axes=path.axes, checks=checks,
-        synthetic=said.removeprefix("SYNTHETIC: "),
+        synthetic=synthetic.removeprefix("SYNTHETIC: "),
         nis=None if c is None else c.nis, nis_band=() if c is None else tuple(c.band),
         nis_numbers=None if c is None else c.expected, verdict="" if c is None else c.message,
-        trajectory=_trajectory(scene, one, said), figures=_figures(scene, one, swept, sweep, title),
-        counted_less={name: float(n.sum()) / len(one.run.time) for name, n in one.run.weighed.items()},
+        trajectory=_trajectory(scene, filtered, synthetic), figures=_figures(scene, filtered, swept, sweep, title),
+        counted_less={name: float(n.sum()) / len(filtered.run.time) for name, n in filtered.run.weighed.items()},
         printed=printed, printed_in=table, notes=notes,
-        preferred_jerk_density=preferred, **one.errors, **swept,
+        preferred_jerk_density=preferred, **filtered.errors, **swept,
     )  # fmt: skip
 
 
 def _read(scene: Scene, run: Filtered) -> list[Data]:
-    """What each sensor read, and its innovations."""
-    read = []
+    """Readings and innovations of each sensor."""
+    data = []
     for name, readings in scene.log.items():
         values, white = np.atleast_3d(readings.values.T).T[0], run.innovations.get(name)
-        left = None if white is None else white[:, 0][np.isfinite(white[:, 0]).all(axis=1)]
-        read.append(Data({name: values}, [name], "reading", recordings=[(name, readings.time)], residuals=left))
-    return read
+        residuals = None if white is None else white[:, 0][np.isfinite(white[:, 0]).all(axis=1)]
+        data.append(Data({name: values}, [name], "reading", recordings=[(name, readings.time)], residuals=residuals))
+    return data
 
 
 @dataclass(frozen=True, eq=False)
-class _One:
+class _Fused:
     """A filtered scene."""
 
     run: Filtered
-    judged: Filtered  # whose innovations are judged: of interacting filters one with the likelier noise
+    judged: Filtered  # run whose innovations are tested: for interacting filters one with scheduled noise
     smoothed: Smoothed | None
     tracker: Filtered
     slope: np.ndarray
@@ -155,25 +154,28 @@ class _One:
 
 
 def _filtered(
-    scene: Scene, design: FusionFilter, work: Work, blame: bool = True, keep: Callable[[_One], object] | None = None
-) -> _One:
-    """keep: is given what there is before it is smoothed and judged."""
+    scene: Scene,
+    design: FusionFilter,
+    work: Work,
+    blame: bool = True,
+    keep: Callable[[_Fused], object] | None = None,
+) -> _Fused:
+    """Filter a scene; keep: called with the result before smoothing and judging."""
     systems = systems_of(scene, design)
-    judge = work.fractions("filter")
-    smoothing = design.smooth
-    run = filter_of(systems, design).run(scene.log, scene.initial, truth=scene.truth, keep=smoothing, progress=judge)
+    report, smoothing = work.fractions("filtering"), design.smooth
+    run = filter_of(systems, design).run(scene.log, scene.initial, truth=scene.truth, keep=smoothing, progress=report)
     alone = tracker_system(scene.path, scene.sensors, design)
     log = {"tracker": scene.log["tracker"]}
     initial = replace(scene.initial, mean=_three(scene.initial.mean), deviation=_three(scene.initial.deviation))
-    tracker = ErrorState(alone).run(log, initial, truth=_three(scene.truth), keep=False, progress=judge)
+    tracker = ErrorState(alone).run(log, initial, truth=_three(scene.truth), keep=False, progress=report)
     slope = slope_velocity(scene.log["tracker"])
     stopped = SolveStatus.INTERRUPTED in (run.status, tracker.status)
     judged, smoothed = run, None
     if keep is not None and len(run.time):
         errors = _errors(scene, run, None, tracker, slope)
-        keep(_One(run, run, None, tracker, slope, errors, None, stopped))
+        keep(_Fused(run, run, None, tracker, slope, errors, None, stopped))
     if len(systems) > 1 and run.status.ok:
-        judged = _scheduled(systems, run, scene, design, judge)
+        judged = _scheduled(systems, run, scene, design, report)
         if judged.status is SolveStatus.INTERRUPTED:
             judged, stopped = run, True
     if design.smooth and judged.status.ok and not stopped:
@@ -181,8 +183,8 @@ def _filtered(
         smoothed = smooth(judged)
     whole = run.status.ok and judged.status.ok and tracker.status.ok and not stopped
     errors = _errors(scene, run, smoothed, tracker, slope) if whole or stopped else {}
-    said = consistency(judged, skip=settled(scene), blame=blame) if whole else None
-    return _One(run, judged, smoothed, tracker, slope, errors, said, stopped)
+    test = consistency(judged, skip=settled(scene), blame=blame) if whole else None
+    return _Fused(run, judged, smoothed, tracker, slope, errors, test, stopped)
 
 
 def _three(values: Any) -> dict[str, Any]:
@@ -190,12 +192,12 @@ def _three(values: Any) -> dict[str, Any]:
 
 
 def settled(scene: Scene) -> float:
-    """From when on errors count [s]: the slope of four needs four positions."""
+    """Time from which errors count [s]: the slope of four needs four positions."""
     return max(SETTLED, 4 * scene.sensors.sample_time)
 
 
 def systems_of(scene: Scene, design: FusionFilter) -> list[System]:
-    """The system of the filter, and of the faster one where there is one."""
+    """The system of the filter, and of the second, faster filter if there is one."""
     slow = System(process_of(scene.path, scene.sensors, design), sensors_of(scene.path, scene.sensors, design))
     if design.fast_jerk_density is None:
         return [slow]
@@ -206,7 +208,7 @@ def systems_of(scene: Scene, design: FusionFilter) -> list[System]:
 
 
 def filter_of(systems: Sequence[System], design: FusionFilter) -> Filter:
-    """The filter that was asked for."""
+    """The filter of this design."""
     if len(systems) > 1:
         from ..family.interacting import Interacting
 
@@ -225,36 +227,36 @@ def filter_of(systems: Sequence[System], design: FusionFilter) -> Filter:
 def _scheduled(
     systems: Sequence[System], run: Filtered, scene: Scene, design: FusionFilter, progress: Callable[[float], bool]
 ) -> Filtered:
-    """One filter with the noise that was likeliest in the light of the whole log: it can be smoothed, and its
-    innovations have an exact band, which those of a mixture have not."""
+    """One filter with the most likely noise at each instant given the whole log: it can be smoothed, and unlike a
+    mixture its innovations have an exact band."""
     assert run.mode_probabilities is not None
     stay = design.stay
     modes = likely_modes(run.mode_probabilities[:, 0], [[stay, 1 - stay], [1 - stay, stay]])
-    one = ScheduledNoise(systems, run.time, modes)
-    return one.run(scene.log, scene.initial, truth=scene.truth, keep=design.smooth, progress=progress)
+    scheduled = ScheduledNoise(systems, run.time, modes)
+    return scheduled.run(scene.log, scene.initial, truth=scene.truth, keep=design.smooth, progress=progress)
 
 
 def _probabilities(run: Filtered) -> np.ndarray | None:
-    """Of the faster of two interacting filters (K,), None where there is one filter."""
+    """Probability of the faster of two interacting filters (K,); None for a single filter."""
     return None if run.mode_probabilities is None else run.mode_probabilities[:, 0, -1]
 
 
 def _errors(
     scene: Scene, run: Filtered, smoothed: Smoothed | None, tracker: Filtered, slope: np.ndarray
 ) -> dict[str, Any]:
-    """Over the rows that were filtered; without what needs more of them than there are."""
+    """Errors over the filtered rows; without the results that need more rows."""
     n = len(run.time)
     v, peak = scene.motion.v[:n], scene.peak[:n]
-    kept = scene.motion.time[:n] >= settled(scene)
-    if not kept.any():
+    late = scene.motion.time[:n] >= settled(scene)
+    if not late.any():
         return {}
 
     def split(error: np.ndarray) -> tuple[float, float]:
         size = np.abs(error)[:, [0, 2]].mean(axis=1)
-        return tuple(float(size[kept & at].mean()) if np.any(kept & at) else 0.0 for at in (~peak, peak))  # type: ignore[return-value]
+        return tuple(float(size[late & b].mean()) if np.any(late & b) else 0.0 for b in (~peak, peak))  # type: ignore[return-value]
 
     def whole(error: np.ndarray) -> float:
-        return float(np.abs(error[kept])[:, [0, 2]].mean())
+        return float(np.abs(error[late])[:, [0, 2]].mean())
 
     velocity = {"slope": slope[:n] - v, "tracker": tracker.error["v"][:n], "fused": run.error["v"]}
     velocity = {name: error for name, error in velocity.items() if len(error) == n}
@@ -274,32 +276,32 @@ def _errors(
         "angular_velocity": "w",
         "angular_acceleration": "alpha",
     }
-    fused = {name: _metrics(run.error[state][kept]) for name, state in states.items() if state in scene.states}
-    made: dict[str, Any] = {**lines, **below, "fused": fused, "alone": _alone(scene, kept)}
+    fused = {name: _metrics(run.error[state][late]) for name, state in states.items() if state in scene.states}
+    errors: dict[str, Any] = {**lines, **below, "fused": fused, "alone": _alone(scene, late)}
     fast = _probabilities(run)
     if fast is not None:
-        made["fast_share"] = tuple(float(fast[kept & at].mean()) if np.any(kept & at) else 0.0 for at in (~peak, peak))
-    return made
+        errors["fast_share"] = tuple(float(fast[late & b].mean()) if np.any(late & b) else 0.0 for b in (~peak, peak))
+    return errors
 
 
 def _metrics(error: np.ndarray) -> tuple[float, float, float]:
-    """Mean over the axes of |error|, mean of its length, mean of |sum of its components|."""
+    """Mean over the axes of |error|, mean length, mean of |sum of the components|."""
     sizes = np.abs(error), np.linalg.norm(error, axis=1), np.abs(error.sum(axis=1))
     return float(sizes[0].mean()), float(sizes[1].mean()), float(sizes[2].mean())
 
 
-def _alone(scene: Scene, kept: np.ndarray) -> dict[str, tuple[float, float, float]]:
-    """Errors of the sensors themselves: what they read less what they would read without noise and bias."""
+def _alone(scene: Scene, rows: np.ndarray) -> dict[str, tuple[float, float, float]]:
+    """Errors of the sensors themselves: readings minus ideal readings."""
     truth = System(process_of(scene.path, scene.sensors, FusionFilter()), sensors_of(scene.path, scene.sensors))
     states = np.concatenate([getattr(scene.motion, name) for name in scene.states], axis=1)
-    made = {}
+    errors = {}
     for name, quantity in _MEASURED.items():
         if name not in truth.sensors:
             continue
         right = truth.read((name,), 0.0, states, np.zeros(0))
         error = Manifold([truth.readings[name]]).minus(scene.log[name].values, right)
-        made[quantity] = _metrics(error[: len(kept)][kept])
-    return made
+        errors[quantity] = _metrics(error[: len(rows)][rows])
+    return errors
 
 
 _MEASURED = {
@@ -318,20 +320,20 @@ def _swept(
             stopped = True
             break
         changed = sensors.with_value(sweep.parameter, value)
-        one = _filtered(scene_of(path, changed, seed), plain, Work(stop=work.interrupted), blame=False)
-        if one.stopped:
+        filtered = _filtered(scene_of(path, changed, seed), plain, Work(stop=work.interrupted), blame=False)
+        if filtered.stopped:
             stopped = True
             break
-        if not one.errors:  # the filter lost the body
+        if not filtered.errors:  # the filter lost the body
             for column in (fused, tracker, slope):
                 column.append(float("inf"))
             right.append(False)
             continue
-        kept = one.run.time >= max(SETTLED, 4 * changed.sample_time)
-        motion = path.motion(one.run.time)
-        for column, v in ((fused, one.run["v"]), (tracker, one.tracker["v"]), (slope, one.slope)):
-            column.append(float(np.abs(v - motion.v)[kept][:, [0, 2]].mean()))
-        right.append(one.consistency is not None and one.consistency.nis in one.consistency.band)
+        rows = filtered.run.time >= max(SETTLED, 4 * changed.sample_time)
+        motion = path.motion(filtered.run.time)
+        for column, v in ((fused, filtered.run["v"]), (tracker, filtered.tracker["v"]), (slope, filtered.slope)):
+            column.append(float(np.abs(v - motion.v)[rows][:, [0, 2]].mean()))
+        right.append(filtered.consistency is not None and filtered.consistency.nis in filtered.consistency.band)
     limits, unit = TABLE_10[sweep.parameter]
     printed = limits[0 if path.axes == 3 else 1]
     values = list(sweep.values[: len(fused)])
@@ -345,7 +347,7 @@ def _swept(
 
 
 def _crossing(values: Sequence[float], ours: Sequence[float], theirs: Sequence[float]) -> float | None:
-    """The first value at which ours is no smaller, between two values on straight lines of the logarithms."""
+    """First value at which our error is not smaller, interpolated linearly in logarithms."""
     with np.errstate(divide="ignore", invalid="ignore"):
         excess = np.log(np.asarray(ours) / np.asarray(theirs))
     for k in range(len(values)):
@@ -358,7 +360,7 @@ def _crossing(values: Sequence[float], ours: Sequence[float], theirs: Sequence[f
 
 
 def _preferred(scene: Scene, design: FusionFilter, work: Work) -> float | None:
-    """Of the decades, the density of white jerk in the plane that the log's likelihood prefers; None if stopped."""
+    """Most likely density of white jerk in the plane, among the decades; None if stopped."""
     plain = replace(design, printed=False)
     system = System(process_of(scene.path, scene.sensors, plain), sensors_of(scene.path, scene.sensors, plain))
 
@@ -373,82 +375,82 @@ def _preferred(scene: Scene, design: FusionFilter, work: Work) -> float | None:
 
 def _notes(scene: Scene, preferred: float | None) -> list[str]:
     if scene.path.axes == 3:
-        said = f"of decades the likelihood of the log prefers white jerk of density {preferred} m2/s5 along x and z"
-        return [said] if preferred else []
+        note = f"the most likely density of white jerk along x and z, among decades, is {preferred} m2/s5"
+        return [note] if preferred else []
     arm = np.linalg.norm(scene.sensors.arm)
     rate = np.linalg.norm(scene.motion.w, axis=1).max()
-    feels = np.linalg.norm(scene.motion.alpha, axis=1).max() * arm + rate**2 * arm
-    if feels < 100:
+    force = np.linalg.norm(scene.motion.alpha, axis=1).max() * arm + rate**2 * arm
+    if force < 100:
         return []
     return [
-        f"at the bends the accelerometer would feel some {feels:.3g} m/s2 on its arm, beyond what such units measure: "
-        "all of this is for an ideal one; take a slower feed"
+        f"at the bends the accelerometer on its arm sees about {force:.3g} m/s2, beyond the range of such units: "
+        "the results assume an ideal unit; use a slower feed"
     ]
 
 
-def _trajectory(scene: Scene, one: _One, said: str) -> Trajectory:
-    n = len(one.run.time)
+def _trajectory(scene: Scene, f: _Fused, synthetic: str) -> Trajectory:
+    n = len(f.run.time)
     motion = scene.motion
-    columns: dict[str, Any] = {"velocity": motion.v[:n], "velocity_fused": one.run["v"]}
-    columns["velocity_deviation"] = one.run.deviation["v"]
+    columns: dict[str, Any] = {"velocity": motion.v[:n], "velocity_fused": f.run["v"]}
+    columns["velocity_deviation"] = f.run.deviation["v"]
     units = dict.fromkeys(columns, "m/s")
-    columns |= {"position_fused": one.run["p"], "nis": one.judged.nis[:n, 0], "at_bend": scene.peak[:n].astype(float)}
+    columns |= {"position_fused": f.run["p"], "nis": f.judged.nis[:n, 0], "at_bend": scene.peak[:n].astype(float)}
     units["position_fused"] = "m"
-    if one.smoothed is not None:
-        columns["velocity_smoothed"], units["velocity_smoothed"] = one.smoothed["v"], "m/s"
-    fast = _probabilities(one.run)
+    if f.smoothed is not None:
+        columns["velocity_smoothed"], units["velocity_smoothed"] = f.smoothed["v"], "m/s"
+    fast = _probabilities(f.run)
     if fast is not None:
         columns["fast_probability"] = fast
-    return Trajectory(one.run.time, columns, units, title="fused", synthetic=said)
+    return Trajectory(f.run.time, columns, units, title="fused", synthetic=synthetic)
 
 
 def _figures(
-    scene: Scene, one: _One, swept: dict[str, Any], sweep: FusionSweep | None, title: str
+    scene: Scene, filtered: _Fused, swept: dict[str, Any], sweep: FusionSweep | None, title: str
 ) -> dict[str, Callable[[], Any]]:
     figures: dict[str, Callable[[], Any]] = {
-        "baselines": partial(_baselines_figure, scene, one, title),
-        "velocity": partial(_velocity_figure, scene, one, title),
-        "innovations": partial(innovations_picture, one.judged, title),
+        "baselines": partial(_baselines_figure, scene, filtered, title),
+        "velocity": partial(_velocity_figure, scene, filtered, title),
+        "innovations": partial(innovations_picture, filtered.judged, title),
     }
     if scene.path.axes == 5:
-        figures["angular_acceleration"] = partial(_alpha_figure, scene, one, title)
+        figures["angular_acceleration"] = partial(_alpha_figure, scene, filtered, title)
     if sweep is not None and swept.get("sweep_values"):
         figures["sweep"] = partial(_sweep_figure, swept, title)
     return figures
 
 
-def _velocity_figure(scene: Scene, one: _One, title: str) -> Any:
+def _velocity_figure(scene: Scene, f: _Fused, title: str) -> Any:
     from ...plot.filters import error_figure
 
-    lines = {name: e for name, e in _velocity_errors(scene, one).items() if name in ("fused", "smoothed")}
-    return error_figure(one.run.time, lines, one.run.deviation["v"], axes=("x", "z"), pick=(0, 2), title=title)
+    lines = {name: e for name, e in _velocity_errors(scene, f).items() if name in ("fused", "smoothed")}
+    return error_figure(f.run.time, lines, f.run.deviation["v"], axes=("x", "z"), pick=(0, 2), title=title)
 
 
-def _baselines_figure(scene: Scene, one: _One, title: str) -> Any:
+def _baselines_figure(scene: Scene, f: _Fused, title: str) -> Any:
     from ...plot.filters import baselines_figure
 
-    n = len(one.run.time)
-    return baselines_figure(one.run.time, _velocity_errors(scene, one), scene.peak[:n], pick=(0, 2), title=title)
+    n = len(f.run.time)
+    return baselines_figure(f.run.time, _velocity_errors(scene, f), scene.peak[:n], pick=(0, 2), title=title)
 
 
-def _velocity_errors(scene: Scene, one: _One) -> dict[str, np.ndarray]:
-    """By method (n, 3) [m/s]."""
-    n = len(one.run.time)
-    estimates = {"slope of four": one.slope, "tracker alone": one.tracker["v"], "fused": one.run["v"]}
-    if one.smoothed is not None:
-        estimates["smoothed"] = one.smoothed["v"]
+def _velocity_errors(scene: Scene, filtered: _Fused) -> dict[str, np.ndarray]:
+    """Velocity errors by method (n, 3) [m/s]."""
+    n = len(filtered.run.time)
+    estimates = {"slope of four": filtered.slope, "tracker alone": filtered.tracker["v"], "fused": filtered.run["v"]}
+    if filtered.smoothed is not None:
+        estimates["smoothed"] = filtered.smoothed["v"]
     return {name: v[:n] - scene.motion.v[:n] for name, v in estimates.items() if len(v) >= n}
 
 
-def _alpha_figure(scene: Scene, one: _One, title: str) -> Any:
+def _alpha_figure(scene: Scene, filtered: _Fused, title: str) -> Any:
     from ...plot.filters import state_figure
 
-    t = one.run.time
+    t = filtered.run.time
     middle = t[np.argmax(np.abs(scene.motion.w[: len(t), 1]))]
     near = np.abs(t - middle) < AROUND
     return state_figure(
-        t[near], scene.motion.alpha[: len(t), 1][near], one.run["alpha"][near, 1],
-        one.run.deviation["alpha"][near, 1], "about y [rad/s²]", title=title,
+        t[near], scene.motion.alpha[: len(t), 1][near], filtered.run["alpha"][near, 1],
+        filtered.run.deviation["alpha"][near, 1], "about y [rad/s²]", title=title,
     )  # fmt: skip
 
 

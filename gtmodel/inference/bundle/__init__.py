@@ -1,12 +1,12 @@
-"""Least squares with local unknowns: poses, points or patterns that only some residuals see are eliminated.
+"""Bundle adjustment: least squares with local unknowns (poses, points, patterns), which are eliminated.
 
 Problem
-    UnknownGroup    unknowns of one kind, one instance per row; unit quaternions move by rotation vectors
-    ResidualBlock   residuals of one kind, as one CasADi function with the unknowns each of them sees
-    GaugeMotion     a motion of everything that residuals may not notice, with its name and remedy
+    UnknownGroup    unknowns of one kind, one instance per row; unit quaternions change by rotation vectors
+    ResidualBlock   residuals of one kind: a CasADi function, and the unknowns on which each observation depends
+    GaugeMotion     a common motion that may leave all residuals unchanged, with its name and remedy
 Fit
     bundle_fit      Gauss-Newton on the Schur complement -> BundleFit
-    BundleFit       values, residuals, the Estimate of what is shared, covariances of what is local
+    BundleFit       values, residuals, Estimate of the shared unknowns, covariances of the local ones
 """
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,5 @@
-"""Normal equations by blocks, the Schur complement of what is local, the equations of what is shared solved, and
-directions that S hardly sees, by J itself."""
+"""Block normal equations, the Schur complement of the local unknowns, the solution for the shared ones, and
+near-singular directions of S, checked with J itself."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ import scipy
 from .residual_block import Linearised
 from .structure import Structure
 
-# columns of S up to which it is a dense matrix: some 500 cameras of nine unknowns
+# columns of S up to which it is a dense matrix: about 500 cameras with nine unknowns
 DENSE = 4500
-# of V with a diagonal of ones: a pivot below is rounding, and the direction is left where it is
+# of V scaled to a diagonal of ones: a smaller pivot is round-off, and the direction does not move
 PIVOT = 1e-13
 
 
 @dataclass(eq=False)
 class BlockNormal:
-    """J'J and J'r at some values, by blocks: `U` of pairs of shared instances, `V` (locals, l, l), `W` by width; `g`
-    (columns,) and `h` (locals, l) are J'r; `cost` of the residuals."""
+    """J'J and J'r by blocks. U: pairs of shared instances; V: local ones (locals, l, l); W: coupling, by width; g
+    (columns,), h (locals, l): J'r; cost: of the residuals."""
 
     U: dict[tuple[int, int], np.ndarray]
     V: np.ndarray
@@ -38,13 +38,13 @@ class BlockNormal:
 
 
 def normal_equations(s: Structure, rows: list[Linearised]) -> BlockNormal:
-    """Sums of all blocks of rows, in the order of `s.rows`."""
+    """Normal equations from all blocks of rows, in the order of `s.rows`."""
     l = s.local.moves if s.local is not None else 0
     U = {kinds: np.zeros((len(k), *kinds)) for kinds, k in s.keys.items()}
     V, h = np.zeros((len(s.eliminated), l, l)), np.zeros((len(s.eliminated), l))
     W = {width: np.zeros((len(e.of), width, l)) for width, e in s.entries.items()}
     g = np.zeros(s.columns)
-    with np.errstate(all="ignore"):  # what is not finite shows in the sums
+    with np.errstate(all="ignore"):  # values that are not finite show in the sums
         for d in s.direct:
             J = rows[d.rows].J
             U[d.kinds][d.to] += d.sums.products(J[d.k], J[d.m], d.chosen, d.chosen)
@@ -69,10 +69,10 @@ def normal_equations(s: Structure, rows: list[Linearised]) -> BlockNormal:
 
 @dataclass(eq=False)
 class ReducedEquations:
-    """The equations of the shared unknowns alone: S (columns, columns), dense or sparse, and the gradient `g`.
+    """Equations of the shared unknowns only: S (columns, columns), dense or sparse, and the gradient `g`.
 
-    `roots` B (locals, l, l) with V^-1 = B B', `Y` = W B by width, `weak` (locals, l, k) spans what V does not
-    determine, None where V determines all; `scale` (columns,) are the lengths of the columns of J.
+    roots: B (locals, l, l) with V^-1 = B B'. Y: W B by width. weak: basis (locals, l, k) of the null space of V, None
+    if V is regular. scale: lengths of the columns of J (columns,).
     """
 
     s: Structure
@@ -85,11 +85,11 @@ class ReducedEquations:
     h: np.ndarray
 
     def back(self, x: np.ndarray) -> np.ndarray:
-        """Increments of the local unknowns (locals, l) for those of the shared ones (columns,), both of J step = -r."""
+        """Return the increments of the local unknowns (locals, l) for increments x of the shared ones (columns,)."""
         return self.local_part(x, self.h)
 
     def local_part(self, x: np.ndarray, h: np.ndarray) -> np.ndarray:
-        """-V^-1 (h + W'x)."""
+        """Return -V^-1 (h + W'x)."""
         inner = np.einsum("bij,bi->bj", self.roots, h)
         for width, Y in self.Y.items():
             e = self.s.entries[width]
@@ -99,19 +99,19 @@ class ReducedEquations:
 
 
 def lengths(s: Structure, n: BlockNormal) -> np.ndarray:
-    """Squared lengths of the columns of J that are shared (columns,)."""
+    """Squared lengths of the shared columns of J (columns,)."""
     squares = np.zeros(s.columns)
     for kinds, keys in s.keys.items():
         first, second = np.divmod(keys, len(s.owner))
-        own = np.flatnonzero(first == second)
-        if len(own):
-            diagonal = np.diagonal(n.U[kinds][own], axis1=1, axis2=2)
-            squares[s.offset[first[own]][:, None] + np.arange(kinds[0])] = diagonal
+        diagonal_blocks = np.flatnonzero(first == second)
+        if len(diagonal_blocks):
+            diagonal = np.diagonal(n.U[kinds][diagonal_blocks], axis1=1, axis2=2)
+            squares[s.offset[first[diagonal_blocks]][:, None] + np.arange(kinds[0])] = diagonal
     return squares
 
 
 def reduced(s: Structure, n: BlockNormal, damping: float = 0.0, dense: bool | None = None) -> ReducedEquations:
-    """Eliminate the local unknowns; `damping` is added as that part of the squared lengths of all columns."""
+    """Eliminate the local unknowns; `damping`, relative to the squared lengths of all columns, is added to J'J."""
     squares = lengths(s, n)
     V = n.V
     if damping:
@@ -125,24 +125,24 @@ def reduced(s: Structure, n: BlockNormal, damping: float = 0.0, dense: bool | No
     if damping:
         for kinds, keys in s.keys.items():
             first, second = np.divmod(keys, len(s.owner))
-            own = np.flatnonzero(first == second)
-            if not len(own):
+            diagonal_blocks = np.flatnonzero(first == second)
+            if not len(diagonal_blocks):
                 continue
-            more = damping * squares[s.offset[first[own]][:, None] + np.arange(kinds[0])]
-            blocks[kinds][own] += more[:, :, None] * np.eye(kinds[0])
+            more = damping * squares[s.offset[first[diagonal_blocks]][:, None] + np.arange(kinds[0])]
+            blocks[kinds][diagonal_blocks] += more[:, :, None] * np.eye(kinds[0])
     g = n.g.copy()
     inner = np.einsum("bij,bi->bj", roots, n.h)
     for width, y in Y.items():
         e = s.entries[width]
-        at = s.offset[e.by_instance.unique][:, None] + np.arange(width)
-        g[at] -= e.by_instance.sums(np.einsum("eij,ej->ei", y, inner[e.of]))
+        columns = s.offset[e.by_instance.unique][:, None] + np.arange(width)
+        g[columns] -= e.by_instance.sums(np.einsum("eij,ej->ei", y, inner[e.of]))
     is_dense = s.columns <= DENSE if dense is None else dense
     S = _dense(s, blocks, Y) if is_dense else _sparse(s, blocks)
     return ReducedEquations(s, S, g, np.sqrt(squares), roots, Y, weak, n.h)
 
 
 def local_roots(V: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """B (n, l, l) with V^-1 = B B', and where V has no inverse the pseudo-inverse and what it leaves out (n, l, k)."""
+    """B (n, l, l) with V^-1 = B B' and None; for a singular V its pseudo-inverse and the null space (n, l, k)."""
     if not V.size:
         return V, None
     size = np.sqrt(np.einsum("bii->bi", V))
@@ -175,8 +175,8 @@ def _dense(s: Structure, blocks: dict[tuple[int, int], np.ndarray], Y: dict[int,
             mine = slice(*np.searchsorted(e.of, [b, b + 1]))
             parts.append(Y[width][mine].reshape(-1, Y[width].shape[2]))
             places.append((s.offset[e.instance[mine]][:, None] + np.arange(width)).reshape(-1))
-        rows, at = np.concatenate(parts), np.concatenate(places)
-        S[np.ix_(at, at)] -= rows @ rows.T
+        rows, where = np.concatenate(parts), np.concatenate(places)
+        S[np.ix_(where, where)] -= rows @ rows.T
     return S
 
 
@@ -197,7 +197,7 @@ def _sparse(s: Structure, blocks: dict[tuple[int, int], np.ndarray]) -> Any:
 
 @dataclass(eq=False)
 class BlockDirections:
-    """`x` (columns, k) and `z` (locals, l, k) are the parts of k directions."""
+    """k directions: x (columns, k) are their shared parts, z (locals, l, k) their local parts."""
 
     x: np.ndarray
     z: np.ndarray
@@ -207,20 +207,22 @@ class BlockDirections:
         return self.x.shape[1]
 
     def then(self, other: BlockDirections) -> BlockDirections:
-        """Both together."""
+        """Return both sets of directions together."""
         return BlockDirections(np.hstack([self.x, other.x]), np.concatenate([self.z, other.z], axis=2))
 
     def of(self, weights: np.ndarray) -> BlockDirections:
-        """Combinations, weights (k, c)."""
+        """Return combinations of the directions, weights (k, c)."""
         return BlockDirections(self.x @ weights, self.z @ weights)
 
     def flat(self, lengths: np.ndarray) -> np.ndarray:
-        """All entries in units of the columns, (entries, k)."""
+        """Return all entries in units of the column lengths, (entries, k)."""
         return np.concatenate([self.x, self.z.reshape(-1, self.count)]) * lengths[:, None]
 
     def by_length(self, s: Structure, rows: Sequence[Linearised]) -> tuple[BlockDirections, np.ndarray]:
-        """The combinations v, with orthogonal weights, along which the J v are orthogonal, and the lengths of these
-        (k,): from J itself, since its square has lost what is below 1e-8."""
+        """Return combinations v with orthogonal weights whose J v are orthogonal, and the lengths of these (k,).
+
+        It uses J itself, since lengths below 1e-8 are lost in J'J.
+        """
         if not self.count:
             return self, np.zeros(0)
         moved = np.concatenate([a.reshape(-1, self.count) for a in along(s, rows, self.x, self.z)])
@@ -230,7 +232,7 @@ class BlockDirections:
 
 
 def along(s: Structure, rows: Sequence[Linearised], x: np.ndarray, z: np.ndarray) -> list[np.ndarray]:
-    """J v of all blocks of rows, each (n, m, k), for k directions x (columns, k), z (locals, l, k)."""
+    """J v for all blocks of rows, each (n, m, k), with k directions x (columns, k), z (locals, l, k)."""
     out = []
     for r, lin in zip(s.rows, rows, strict=True):
         moved = np.zeros((*lin.r.shape, x.shape[1]))
@@ -242,22 +244,21 @@ def along(s: Structure, rows: Sequence[Linearised], x: np.ndarray, z: np.ndarray
     return out
 
 
-# of the diagonal of the Cholesky factor of S with a diagonal of ones, squared: below, S may be singular
+# squared diagonal of the Cholesky factor of S scaled to a diagonal of ones: below, S may be singular
 SHARED_PIVOT = 1e-9
-# columns up to which faint directions are looked for at each step; above it steps are damped by LEAST
+# columns up to which each step searches for faint directions; with more columns steps are damped by LEAST
 SMALL, LEAST = 1500, 1e-9
-# of S with columns of J of length one: eigenvectors below this eigenvalue are faint, and how many are looked for above
+# with columns of J of length one: eigenvalue of S below which its eigenvector is faint, and how many are computed above
 # SMALL columns
 FAINT, SMALLEST = 1e-7, 12
-# length of J v for v of length one in units of the columns: below, v is a direction that nothing measured sees
+# length of J v for v of length one in units of the columns: below, no measurement depends on the direction v
 SILENT = 1e-7
 
 
 @dataclass(eq=False)
 class SharedSolver:
-    """Solves S x = b, b (columns,) or (columns, k), on the columns that anything sees, `used`, by their lengths `size`;
-    what nothing determines stays zero. `unit` solves for columns of length one but along `basis`, where J has the
-    lengths `sizes`."""
+    """Solves S x = b, b (columns,) or (columns, k). used: nonzero columns; size: their lengths. unit: solver for
+    columns of length one, except along `basis`, where J has the lengths `sizes`. Undetermined directions stay zero."""
 
     used: np.ndarray
     size: np.ndarray
@@ -266,27 +267,27 @@ class SharedSolver:
     sizes: np.ndarray
 
     def __call__(self, b: np.ndarray) -> np.ndarray:
-        size, B, seen = self.size.reshape(-1, *[1] * (b.ndim - 1)), self.basis, self.sizes > SILENT
+        size, B, regular = self.size.reshape(-1, *[1] * (b.ndim - 1)), self.basis, self.sizes > SILENT
         right = b[self.used] / size
         part = self.unit(right - B @ (B.T @ right))
         part -= B @ (B.T @ part)
-        part += (B[:, seen] / self.sizes[seen] ** 2) @ (B[:, seen].T @ right)
+        part += (B[:, regular] / self.sizes[regular] ** 2) @ (B[:, regular].T @ right)
         x = np.zeros_like(b)
         x[self.used] = part / size
         return x
 
 
 def step_solver(s: Structure, rows: Sequence[Linearised], r: ReducedEquations) -> SharedSolver:
-    """For a step: by Cholesky where S is far from singular; where it is not, with its faint directions, or damped where
-    there are too many columns to look for them."""
+    """Solver for a step: Cholesky if S is far from singular; otherwise with its faint directions, or damped if there
+    are too many columns to search for them."""
     used = np.flatnonzero(r.scale > 0)
     if not len(used):
         return _plain(used, r.scale[used], np.copy)
     if isinstance(r.S, np.ndarray):
         S = r.S[np.ix_(used, used)] if len(used) < len(r.scale) else r.S
-        own = np.diag(S)
-        if own.min() > 0:
-            size = np.sqrt(own)
+        diagonal = np.diag(S)
+        if diagonal.min() > 0:
+            size = np.sqrt(diagonal)
             try:
                 factor = scipy.linalg.cho_factor(S / np.outer(size, size), lower=True, check_finite=False)
                 if np.diag(factor[0]).min() ** 2 > SHARED_PIVOT:
@@ -306,14 +307,14 @@ def _plain(used: np.ndarray, size: np.ndarray, unit: Callable[[np.ndarray], np.n
 
 
 def solver(r: ReducedEquations, directions: BlockDirections, sizes: np.ndarray) -> SharedSolver:
-    """With all faint directions of S, and the lengths of J along them."""
+    """Solver with the faint directions of S and the lengths of J along them."""
     used, unit = _unit(r)
     size = r.scale[used]
     if not len(used):
         return _plain(used, size, np.copy)
     basis = directions.x[used] * size[:, None]
     if isinstance(unit, np.ndarray):
-        spared = LEAST if len(used) > SMALL else 0.0  # there may be more faint directions than were looked for
+        spared = LEAST if len(used) > SMALL else 0.0  # there may be more faint directions than computed
         whole = unit + basis @ basis.T + spared * np.eye(len(used))
         factor = scipy.linalg.cho_factor(whole, lower=True, check_finite=False)
         return SharedSolver(used, size, lambda b: scipy.linalg.cho_solve(factor, b), basis, sizes)
@@ -325,14 +326,14 @@ def solver(r: ReducedEquations, directions: BlockDirections, sizes: np.ndarray) 
 
 
 def faint(s: Structure, rows: Sequence[Linearised], r: ReducedEquations) -> tuple[BlockDirections, np.ndarray]:
-    """Directions that S hardly sees, or not at all, orthonormal in units of the shared columns, and the lengths of J
-    along them."""
+    """Faint directions, along which S is zero or nearly zero, orthonormal in units of the shared columns, and the
+    lengths of J along them."""
     used, unit = _unit(r)
     if isinstance(unit, np.ndarray):
         subset = None if len(used) <= SMALL else [0, SMALLEST - 1]
         values, vectors = scipy.linalg.eigh(unit, subset_by_index=subset) if len(used) else (np.zeros(0), unit)
     else:
-        begin = np.ones(len(used))  # ARPACK would take a random one
+        begin = np.ones(len(used))  # ARPACK would start with a random vector
         values, vectors = scipy.sparse.linalg.eigsh(
             unit.tocsc(), k=min(SMALLEST, len(used) - 1), sigma=-FAINT, v0=begin
         )
@@ -344,7 +345,7 @@ def faint(s: Structure, rows: Sequence[Linearised], r: ReducedEquations) -> tupl
 
 
 def _unit(r: ReducedEquations) -> tuple[np.ndarray, np.ndarray]:
-    """The columns that anything sees, and S of them with columns of J of length one, dense or sparse."""
+    """Indices of the nonzero columns, and S of them with columns of J of length one, dense or sparse."""
     used = np.flatnonzero(r.scale > 0)
     size = r.scale[used]
     if isinstance(r.S, np.ndarray):

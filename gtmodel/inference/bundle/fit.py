@@ -1,5 +1,5 @@
-"""The descent over shared unknowns, on the Schur complement of the local ones, and what a fit is worth: covariance
-of what is shared and of what is local."""
+"""The bundle fit: descent over shared unknowns on the Schur complement of the local ones, and the covariances of
+both."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from .residual_block import BlockEvaluation, Linearised, ResidualBlock, UnknownG
 from .structure import Structure, structure
 from .undetermined import GaugeMotion, column_lengths, null_space, null_words
 
-PART = 1e-8  # of a null direction in units of the scales: smaller entries are rounding
+PART = 1e-8  # of a null direction in units of the scales: smaller entries are round-off
 
 
 @dataclass(eq=False)
 class Worth:
-    """At the optimum: `C` (columns, columns) covariance of the increments of the shared unknowns, `factor` what it was
-    multiplied by, the `words` on the null space."""
+    """Uncertainty at the optimum. C (columns, columns): covariance of the increments of the shared unknowns; factor:
+    the noise factor in it; words: sentences on the null space."""
 
     s: Structure
     reduced: ReducedEquations
@@ -45,14 +45,14 @@ class Worth:
     estimate: Estimate
 
     def _coupling(self, b: int) -> tuple[np.ndarray, np.ndarray]:
-        """Columns (k,) that local instance b meets, and W B of them (k, l)."""
-        at, parts = [], []
+        """Columns (k,) coupled with local instance b, and their rows of W B (k, l)."""
+        columns, parts = [], []
         for width, e in self.s.entries.items():
             mine = slice(*np.searchsorted(e.of, [b, b + 1]))
-            at.append((self.s.offset[e.instance[mine]][:, None] + np.arange(width)).reshape(-1))
+            columns.append((self.s.offset[e.instance[mine]][:, None] + np.arange(width)).reshape(-1))
             parts.append(self.reduced.Y[width][mine].reshape(-1, self.reduced.Y[width].shape[2]))
         l = self.reduced.roots.shape[1]
-        return np.concatenate([*at, np.zeros(0, int)]).astype(int), np.concatenate([*parts, np.zeros((0, l))])
+        return np.concatenate([*columns, np.zeros(0, int)]).astype(int), np.concatenate([*parts, np.zeros((0, l))])
 
     @cached_property
     def local_covariance(self) -> np.ndarray:
@@ -66,8 +66,8 @@ class Worth:
         return out
 
     def _local(self, b: int) -> np.ndarray:
-        at, Y = self._coupling(b)
-        inner = self.factor * np.eye(Y.shape[1]) + Y.T @ self.C[np.ix_(at, at)] @ Y
+        columns, Y = self._coupling(b)
+        inner = self.factor * np.eye(Y.shape[1]) + Y.T @ self.C[np.ix_(columns, columns)] @ Y
         B = self.reduced.roots[b]
         return B @ inner @ B.T
 
@@ -76,14 +76,14 @@ class Worth:
         place = np.flatnonzero(self.s.eliminated == instance)
         if not len(place):
             raise ArgumentError(f"there is no eliminated instance {instance}")
-        at, Y = self._coupling(int(place[0]))
-        cross = -self.C[:, at] @ Y @ self.reduced.roots[place[0]].T
+        columns, Y = self._coupling(int(place[0]))
+        cross = -self.C[:, columns] @ Y @ self.reduced.roots[place[0]].T
         return np.block([[self.C, cross], [cross.T, self._local(int(place[0]))]])
 
 
 def worth_of(s: Structure, blocks: Sequence[BlockEvaluation], values: Mapping[str, np.ndarray],
              motions: Sequence[GaugeMotion], dense: bool | None) -> Worth:  # fmt: skip
-    """Raises ArgumentError for as many unknowns as measured values, where the noise is not known."""
+    """Uncertainty at an optimum. Raises ArgumentError if there are too few measured values for the unknowns."""
     rows = [b.linearised(values, robust=False) for b in blocks]
     n = normal_equations(s, rows)
     r = reduced(s, n, 0.0, dense)
@@ -104,7 +104,7 @@ def worth_of(s: Structure, blocks: Sequence[BlockEvaluation], values: Mapping[st
 
 
 def _noise_factor(blocks: Sequence[BlockEvaluation], rows: Sequence[Linearised], dof: float, known: bool) -> float:
-    """What S^-1 is multiplied by: the residuals' variance where the noise is unknown, Huber's factor under a loss."""
+    """Factor on S^-1: the variance of the residuals if the noise is unknown, Huber's factor with a loss."""
     if all(b.loss.squares for b in blocks):
         return 1.0 if known else sum(float(np.vdot(x.r, x.r)) for x in rows) / dof
     total, sharp, count = 0.0, 0.0, 0
@@ -125,43 +125,43 @@ def _estimate(s: Structure, values: Mapping[str, np.ndarray], C: np.ndarray, fre
     reported = {name: g.reported(values[name]) for name, g in s.groups.items()}
     for number, (name, k) in enumerate(s.owner):
         g = s.groups[name]
-        shown, slopes = reported[name]
+        instances, slopes = reported[name]
         names += [f"{g.keys[k]}.{label}" for label in g.move_labels]
         units += list(g.units) if len(g.units) == g.moves else [""] * g.moves
-        numbers.append(shown[k])
+        numbers.append(instances[k])
         if slopes is not None and g.turn is not None:
-            at = slice(s.offset[number] + g.turn, s.offset[number] + g.turn + 3)
-            turn[at, at] = slopes[k]
-    kept = np.flatnonzero(free)
+            columns = slice(s.offset[number] + g.turn, s.offset[number] + g.turn + 3)
+            turn[columns, columns] = slopes[k]
+    shared = np.flatnonzero(free)
     x = np.concatenate([*numbers, np.zeros(0)])
-    covariance = (turn @ C @ turn.T)[np.ix_(kept, kept)]
+    covariance = (turn @ C @ turn.T)[np.ix_(shared, shared)]
     residuals = np.concatenate([lin.r.reshape(-1) for lin in rows])
     noise = float(np.sqrt(residuals @ residuals / dof)) if dof else 1.0
     space = np.zeros((0, 0))
     if null.count:
         along_x = np.where(np.abs(null.x * lengths[: s.columns, None]) > PART, null.x, 0.0)
-        along_x = (turn @ along_x)[kept]
+        along_x = (turn @ along_x)[shared]
         along_x = along_x[:, np.abs(along_x).max(axis=0, initial=0.0) > 0]
         space = along_x if along_x.size else space
     return Estimate(
-        tuple(names[k] for k in kept), x[kept], (covariance + covariance.T) / 2, dof, noise, known, residuals, (),
-        units=tuple(units[k] for k in kept) if any(units) else (), notes=words, null_space=space,
+        tuple(names[k] for k in shared), x[shared], (covariance + covariance.T) / 2, dof, noise, known, residuals, (),
+        units=tuple(units[k] for k in shared) if any(units) else (), notes=words, null_space=space,
     )  # fmt: skip
 
 
 Values = dict[str, np.ndarray]
 
-DAMPING = 1e-4  # to begin with, as a part of the squared lengths of all columns
+DAMPING = 1e-4  # initial damping, relative to the squared lengths of all columns
 
 
 @dataclass(frozen=True, eq=False)
 class BundleFit(Descent):
-    """Where the fit ended.
+    """Result of a bundle fit.
 
     cost: half the sum of squares of the whitened residuals, or of their losses.
     residuals: by block, (n, m), neither whitened nor weighted, in the order of the data.
     estimate: of all shared unknowns, named "instance.label", rotations as rotation vectors [rad]; None unless solved.
-    notes: sentences on what the data do not determine; undetermined: in how many directions.
+    notes: sentences on undetermined directions; undetermined: their number.
     """
 
     x: Values
@@ -173,28 +173,30 @@ class BundleFit(Descent):
 
     @property
     def values(self) -> Values:
-        """By group, (count, size); local ones too."""
+        """Values by group, (count, size), including local ones."""
         return self.x
 
     @property
     def shared_covariance(self) -> np.ndarray:
-        """Covariance of the increments of all shared unknowns, group by group, those of quaternions in their own
-        frames; zero for what is fixed. Raises ArgumentError unless solved."""
+        """Covariance of the increments of all shared unknowns, group by group, rotations in their own frames; zero for
+        fixed entries. Raises ArgumentError unless solved."""
         if self._worth is None:
             raise ArgumentError(f"a fit that is not solved has no covariance: {self.message}")
         return self._worth.C
 
     @cached_property
     def local_covariance(self) -> np.ndarray:
-        """Covariance (count, moves, moves) of each local instance, in its increments (rotations in its own frame); NaN
-        for what was kept with the shared unknowns. Raises ArgumentError unless solved."""
+        """Covariance (count, moves, moves) of the increments of each local instance (rotations in its own frame); NaN
+        for instances kept with the shared unknowns. Raises ArgumentError unless solved."""
         if self._worth is None:
             raise ArgumentError(f"a fit that is not solved has no covariance: {self.message}")
         return self._worth.local_covariance
 
     def joint_covariance(self, instance: int) -> np.ndarray:
-        """Covariance of the increments of all shared unknowns and, behind them, of one local instance. Raises
-        ArgumentError unless solved."""
+        """Return the joint covariance of the increments of all shared unknowns followed by one local instance.
+
+        Raises ArgumentError unless solved.
+        """
         if self._worth is None:
             raise ArgumentError(f"a fit that is not solved has no covariance: {self.message}")
         return self._worth.joint(instance)
@@ -212,21 +214,22 @@ def bundle_fit(
     covariance: bool = True,
     stop: Callable[[], bool] | None = None,
 ) -> BundleFit:
-    """Least squares over shared and local unknowns: the local ones are eliminated (Schur complement), so that time and
-    memory grow with the observations and not with their square.
+    """Solve a least-squares problem with shared and local unknowns; the local ones are eliminated (Schur complement).
 
-    groups, blocks: the problem; at most one group is local. motions: what to call the directions in which nothing
-        measured moves, see GaugeMotion.
-    hold_undetermined: whether such directions are left where they are and reported; otherwise they are refused.
+    Time and memory are linear in the number of observations.
+
+    groups, blocks: the problem; at most one group is local. motions: names of undetermined directions, see GaugeMotion.
+    hold_undetermined: whether to leave undetermined directions unchanged and report them; otherwise they are an error.
     dense: whether S is a dense matrix; by default up to 4,500 columns.
-    tolerance: the iteration ends with a step that changes the residuals by this part of their length. limit: of steps.
+    tolerance: the iteration ends with a step that changes the residuals by a smaller share of their length. limit:
+        largest number of steps.
     covariance: whether to form the Estimate.
-    stop: asked before each step; True ends the fit with the best values so far, status INTERRUPTED.
+    stop: called before each step; if it returns True, the fit ends with the best values so far, status INTERRUPTED.
 
     Source: Brown 1958 and Triggs and others 2000, "Bundle adjustment: a modern synthesis", section 6.1.
 
-    Raises ArgumentError for a problem that does not fit together, or for what is not determined. An iteration that
-    fails is a `status`.
+    Raises ArgumentError for an inconsistent problem, or for undetermined directions. A failed iteration has its
+    `status`.
 
     >>> import casadi as ca
     >>> z, a, data = ca.SX.sym("z", 2), ca.SX.sym("a"), ca.SX.sym("data", 2)  # lines of one slope through a bend
@@ -246,13 +249,13 @@ def bundle_fit(
     if len({e.known for e in evaluations}) > 1:
         names = ", ".join(f"'{e.block.name}'" for e in evaluations if not e.known)
         raise ArgumentError(
-            f"the noise of {names} is not given, and that of others is; give sigma to all blocks or none"
+            f"the noise of {names} is not stated, but that of other blocks is; give sigma to all blocks or none"
         )
     start = {name: g.start.copy() for name, g in s.groups.items()}
     end = minimised(
         lambda values: _Here(s, dense, values, [e.linearised(values) for e in evaluations]), start, limit=limit,
         tolerance=tolerance, stop=stop, stuck="are the starting values near enough?",
-        unended="give a larger limit",
+        unended="use a larger limit",
     )  # fmt: skip
     if end.status is SolveStatus.NOT_FINITE:
         end = replace(end, message=_invalid(evaluations, start))
@@ -280,7 +283,7 @@ def _invalid(evaluations: Sequence[BlockEvaluation], values: Values) -> str:
     counts = {b.block.name: int(b.invalid(values).sum()) for b in evaluations}
     bad = [f"{k} of '{name}'" for name, k in counts.items() if k]
     return (
-        f"at the start {' and '.join(bad)} lie outside the range of their model or are not finite; start nearer"
+        f"at the start {' and '.join(bad)} are outside the range of their model or not finite; give a better start"
         if bad
         else "the derivatives are not finite at the start"
     )

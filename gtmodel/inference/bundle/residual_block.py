@@ -1,4 +1,4 @@
-"""Unknowns of one kind, local or fixed, and how they move; residuals of one kind, and what each of their rows sees."""
+"""Unknowns of one kind, local or fixed, with their increments; residuals of one kind, with their unknowns."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ AXES = ("x", "y", "z")
 class UnknownGroup:
     """Unknowns of one kind, such as cameras or poses: `start` (count, size), one instance per row.
 
-    name: by which residual blocks ask for them, and `BundleFit.values` holds them.
+    name: of the group, for residual blocks and `BundleFit.values`.
     labels: names of the `size` entries of an instance; keys: names of the `count` instances, by default "name 1" and so
-        on, or the group's name where there is one. Together they name an unknown, as "left.fx".
-    turn: position of the first of four entries that are a unit quaternion, scalar first, frame to outer coordinates;
-        None without. It moves by a rotation vector in its own frame, q (1, d / 2) / |..|, so that an instance has
-        `moves` = size - 1 degrees of freedom; labels of the three are "turn_x", "turn_y", "turn_z" [rad].
-    local: whether instances are eliminated: there may be many, and no residual should see two of them. Those that one
-        does see together are kept with the others.
-    fixed: what does not move, a mask (count, moves) or (moves,); nothing by default.
-    units: of the `moves` entries as they are reported; empty where unknown.
+        on, or the group's name for a single instance. Together they name an unknown, as in "left.fx".
+    turn: position of the first of four entries of a unit quaternion, scalar first, frame to outer coordinates; None
+        without. Its increment is a rotation vector in its own frame, q (1, d / 2) / |..|, so an instance has
+        `moves` = size - 1 degrees of freedom; the labels of the three are "turn_x", "turn_y", "turn_z" [rad].
+    local: whether instances are eliminated: there may be many, and a residual should depend on only one of them.
+        Instances that share a residual are kept with the shared unknowns.
+    fixed: mask (count, moves) or (moves,) of entries that do not change; none by default.
+    units: of the `moves` entries as reported; empty if unknown.
 
     Raises ArgumentError for shapes that do not fit.
 
@@ -68,7 +68,7 @@ class UnknownGroup:
         )
         put(self, "keys", keys)
         if len(keys) != len(start) or len(set(keys)) < len(keys):
-            raise ArgumentError(f"'{self.name}' has {len(start)} instances and the keys {keys[:5]}; give each its own")
+            raise ArgumentError(f"expected {len(start)} different keys of '{self.name}'; found {keys[:5]}")
         if self.turn is not None:
             length = np.linalg.norm(start[:, self.turn : self.turn + 4], axis=1)
             if self.turn + 4 > start.shape[1] or np.any(np.abs(length - 1) > 1e-6):
@@ -85,22 +85,22 @@ class UnknownGroup:
 
     @property
     def count(self) -> int:
-        """How many instances there are."""
+        """Number of instances."""
         return self.start.shape[0]
 
     @property
     def size(self) -> int:
-        """How many numbers an instance has."""
+        """Number of entries of an instance."""
         return self.start.shape[1]
 
     @property
     def moves(self) -> int:
-        """How many degrees of freedom an instance has."""
+        """Number of degrees of freedom of an instance."""
         return self.size - (self.turn is not None)
 
     @cached_property
     def move_labels(self) -> tuple[str, ...]:
-        """Labels of the `moves` entries: those of a quaternion become turn_x, turn_y and turn_z."""
+        """Labels of the `moves` entries; a quaternion has turn_x, turn_y and turn_z."""
         if self.turn is None:
             return tuple(self.labels)
         return (*self.labels[: self.turn], *(f"turn_{a}" for a in AXES), *self.labels[self.turn + 4 :])
@@ -111,7 +111,7 @@ class UnknownGroup:
         return tuple(f"{k}.{label}" for k in self.keys for label in self.move_labels)
 
     def moved(self, values: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """Values (n, size) after increments (n, moves)."""
+        """Return values (n, size) after increments (n, moves)."""
         if self.turn is None:
             return values + step
         t = self.turn
@@ -119,7 +119,7 @@ class UnknownGroup:
         return np.hstack([values[:, :t] + step[:, :t], changed, values[:, t + 4 :] + step[:, t + 3 :]])
 
     def moved_sx(self, values: ca.SX, step: ca.SX) -> ca.SX:
-        """The same on one instance of symbols, to first order in the step."""
+        """Return the same for one instance of symbols, to first order in the step."""
         if self.turn is None:
             return values + step
         t = self.turn
@@ -127,8 +127,8 @@ class UnknownGroup:
         return ca.vertcat(values[:t] + step[:t], changed, values[t + 4 :] + step[t + 3 :])
 
     def reported(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-        """Numbers (count, moves) for people, quaternions as rotation vectors [rad], and how these move with the
-        increments, (count, 3, 3); None without quaternions."""
+        """Return reported values (count, moves), with rotation vectors [rad] for quaternions, and the derivative of
+        these by the increments (count, 3, 3); None without quaternions."""
         if self.turn is None:
             return values, None
         t = self.turn
@@ -140,19 +140,19 @@ class UnknownGroup:
 class ResidualBlock:
     """n observations of one kind: `function(instance, ..., data)` -> residuals (m,), for each observation.
 
-    name: what residuals and errors call them.
+    name: of the observations, in residuals and errors.
     function: an SX function; its first inputs are instances of unknowns, a column of `size` entries each, in the order
-        of `sees`; the last is the observation's data, where there are any. A second output, if it has one, is a margin
-        (k,) that must stay positive: a step that makes one of them negative is not taken.
-    sees: pairs (name of the group, indices (n,) of the instance each observation sees); a single number is the same
+        of `sees`; the last is the data of the observation, if any. An optional second output is a margin (k,) that must
+        stay positive: a step that makes one of them negative is rejected.
+    sees: pairs (name of the group, indices (n,) of the instance of each observation); a single number is the same
         instance for all. `seen` holds them as arrays, `rows` the data (n, d).
-    data: (n, d), or (n,) for one number each; None where the function takes none.
-    sigma: standard deviation of the noise, one number, (n,) or (n, m); covariance: (n, m, m). None where it is unknown,
-        and then for all blocks.
+    data: (n, d), or (n,) for one number each; None if the function takes none.
+    sigma: standard deviation of the noise, one number, (n,) or (n, m); covariance: (n, m, m). None if unknown, and then
+        for all blocks.
     loss: of the length of the m whitened residuals of an observation: linear, huber, soft_l1 or cauchy, with its
         `width` in standard deviations.
 
-    Raises ArgumentError for what does not fit.
+    Raises ArgumentError if these do not match.
 
     >>> import casadi as ca
     >>> a, z, y = ca.SX.sym("a"), ca.SX.sym("z"), ca.SX.sym("y")
@@ -182,9 +182,7 @@ class ResidualBlock:
             data = data[:, None]
         lengths = {len(i) for _, i in self._indices()} | ({len(data)} if data is not None else set())
         if len(lengths - {1}) > 1 or not lengths:
-            raise ArgumentError(
-                f"'{self.name}' has {sorted(lengths)} indices and rows of data; expected as many of each"
-            )
+            raise ArgumentError(f"expected as many indices as rows of data in '{self.name}'; found {sorted(lengths)}")
         n = max(lengths) if lengths != {0, 1} else 0
         put(self, "n", n)
         put(self, "seen", tuple((g, np.broadcast_to(i, n)) for g, i in self._indices()))
@@ -201,11 +199,11 @@ class ResidualBlock:
 
     @property
     def m(self) -> int:
-        """How many residuals an observation has."""
+        """Number of residuals of an observation."""
         return int(self.function.size1_out(0))
 
     def weighting(self) -> Weighting:
-        """What is known of the noise of the n * m rows."""
+        """Return the weighting of the n * m rows."""
         if self.covariance is not None:
             return weighting(self.n * self.m, covariance=self.covariance)
         sigma = self.sigma
@@ -219,8 +217,8 @@ class ResidualBlock:
 
 @dataclass(eq=False)
 class Linearised:
-    """Of a block at some values: whitened residuals `r` (n, m), and their derivatives by instance, each (n, m, moves).
-    `weight` (n,) is that of the loss, by which r and J are multiplied already, and `cost` its cost."""
+    """A block at some values: whitened residuals `r` (n, m), and their derivatives `J` by instance, each (n, m, moves),
+    both multiplied by the weight of the loss; `cost` is the cost of the loss."""
 
     r: np.ndarray
     J: list[np.ndarray]
@@ -228,7 +226,7 @@ class Linearised:
 
 
 class BlockEvaluation:
-    """A block's residuals and derivatives: one function on all observations, in the order `order` of them."""
+    """Evaluates residuals and derivatives of a block: one function for all observations, in the order `order`."""
 
     def __init__(self, block: ResidualBlock, groups: Mapping[str, UnknownGroup], order: np.ndarray) -> None:
         self.block, self.n = block, len(order)
@@ -246,7 +244,7 @@ class BlockEvaluation:
         self.loss = loss_named(block.loss)
         self.free = [None if g.free.all() else g.free for g in self.groups]
         self.residual, self.slopes = self._functions()
-        self._made: dict[int, dict[int, ca.Function]] = {}
+        self._maps: dict[int, dict[int, ca.Function]] = {}
 
     def _functions(self) -> tuple[ca.Function, ca.Function]:
         block = self.block
@@ -266,7 +264,7 @@ class BlockEvaluation:
         J = ca.substitute([ca.jacobian(out[0], v) for v in d], d, zero)
         names = f"block_{len(x)}"
         residual = ca.Function(names, [*x, *data], plain, {"cse": True})
-        # transposed: an observation's rows then lie one behind the other in memory
+        # transposed, so that the rows of an observation are contiguous in memory
         slopes = ca.Function(f"{names}_jacobian", [*x, *data], [*plain, *[ca.densify(j.T) for j in J]], {"cse": True})
         return residual, slopes
 
@@ -275,15 +273,15 @@ class BlockEvaluation:
         columns = [values[g.name][i].T for g, i in zip(self.groups, self.index, strict=True)]
         if self.data is not None:
             columns.append(self.data)
-        results = map_columns(f, columns, self._made.setdefault(f.__hash__(), {}))
+        results = map_columns(f, columns, self._maps.setdefault(f.__hash__(), {}))
         return [r.T.reshape(self.n, f.numel_out(k)) for k, r in enumerate(results)]
 
     def raw(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Residuals (n, m), neither whitened nor weighted."""
+        """Return residuals (n, m), neither whitened nor weighted."""
         return self._called(self.residual, values)[0]
 
     def invalid(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Which observations (n,) have a margin that is not positive, or no number."""
+        """Return the mask (n,) of observations with a margin that is not positive, or a residual that is not finite."""
         r, *margin = self._called(self.residual, values)
         bad = np.any(~np.isfinite(r), axis=1)
         for m in margin:
@@ -291,7 +289,7 @@ class BlockEvaluation:
         return np.asarray(bad, bool)
 
     def cost(self, values: Mapping[str, np.ndarray]) -> float:
-        """The cost, infinite where a margin is not positive."""
+        """Return the cost, infinite if a margin is not positive."""
         r, *margin = self._called(self.residual, values)
         if margin and not np.all(margin[0] > 0):
             return np.inf
@@ -303,7 +301,7 @@ class BlockEvaluation:
         return self.loss.cost(np.sqrt(np.einsum("ni,ni->n", r, r)), self.block.width)
 
     def linearised(self, values: Mapping[str, np.ndarray], robust: bool = True) -> Linearised:
-        """At these values; without the weights of the loss if not `robust`."""
+        """Linearise at these values; without the weights of the loss if not `robust`."""
         outputs = self._called(self.slopes, values)
         margins = len(outputs) - 1 - len(self.groups)
         n, m = self.n, self.block.m

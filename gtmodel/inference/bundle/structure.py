@@ -1,5 +1,5 @@
-"""Who sees whom: where every instance stands in the normal equations, and sums of products over observations that
-belong together."""
+"""Block structure of the normal equations: position of every instance, and sums of products over groups of
+observations."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ import numpy as np
 from ...results.refusal import ArgumentError
 from .residual_block import ResidualBlock, UnknownGroup
 
-LONG = 12  # members of a group on average: above, one product of whole groups is faster than one per member
-PIECE = 1 << 22  # numbers of products that are held at a time
+LONG = 12  # average group size above which one product per group is faster than one per member
+PIECE = 1 << 22  # numbers of products in memory at a time
 
 
 class GroupedSums:
-    """Members with `keys` (n,), integers; `unique` (k,) are the keys in rising order."""
+    """Sums over members with equal integer `keys` (n,); `unique` (k,) are the keys in ascending order."""
 
     def __init__(self, keys: np.ndarray) -> None:
         ordered = bool(np.all(keys[1:] >= keys[:-1])) if len(keys) else True
@@ -30,8 +30,8 @@ class GroupedSums:
     def products(
         self, A: np.ndarray, B: np.ndarray, a: np.ndarray | None = None, b: np.ndarray | None = None
     ) -> np.ndarray:
-        """Sums (k, p, q) of A[a[n]]' B[b[n]] over the members n of each group; A (., m, p) and B (., m, q), a and b
-        n itself if left out."""
+        """Return sums (k, p, q) of A[a[n]]' B[b[n]] over the members n of each group; A (., m, p), B (., m, q), and
+        a[n] = b[n] = n if left out."""
         out = np.empty((len(self.unique), A.shape[2], B.shape[2]))
         n = self.edges[-1]
         if not n:
@@ -45,35 +45,35 @@ class GroupedSums:
             end = int(np.searchsorted(self.edges, self.edges[begin] + members, side="right")) - 1
             end = min(max(end, begin + 1), len(self.unique))
             rows = slice(self.edges[begin], self.edges[end])
-            left, right = A[rows] if a is None else A[a[rows]], B[rows] if b is None else B[b[rows]]
+            A_rows, B_rows = A[rows] if a is None else A[a[rows]], B[rows] if b is None else B[b[rows]]
             starts = self.edges[begin : end + 1] - self.edges[begin]
             if many:
                 p, q, m = A.shape[2], B.shape[2], A.shape[1]
-                flat, other = left.reshape(-1, p), right.reshape(-1, q)
+                flat_A, flat_B = A_rows.reshape(-1, p), B_rows.reshape(-1, q)
                 for k in range(end - begin):
                     part = slice(starts[k] * m, starts[k + 1] * m)
-                    np.matmul(flat[part].T, other[part], out=out[begin + k])
+                    np.matmul(flat_A[part].T, flat_B[part], out=out[begin + k])
             else:
-                each = np.matmul(left.transpose(0, 2, 1), right)
-                np.add.reduceat(each, starts[:-1], axis=0, out=out[begin:end])
+                members_products = np.matmul(A_rows.transpose(0, 2, 1), B_rows)
+                np.add.reduceat(members_products, starts[:-1], axis=0, out=out[begin:end])
             begin = end
         return out
 
     def sums(self, values: np.ndarray) -> np.ndarray:
-        """Sums (k, ...) of values (n, ...)."""
+        """Return sums (k, ...) of values (n, ...)."""
         ordered = values if self.order is None else values[self.order]
         if not len(self.unique):
             return np.zeros((0, *values.shape[1:]))
         return np.add.reduceat(ordered, self.edges[:-1], axis=0)
 
 
-HEAVY = 32  # shared instances that a local one may meet before its share of S is formed alone: memory stays linear
+HEAVY = 32  # shared instances per local one above which its part of S is formed separately: memory stays linear
 
 
 @dataclass(eq=False)
 class SplitRows:
-    """Observations of a block that see the same kinds of unknowns: `pick` are their numbers in the block. `shared` are
-    pairs (argument of the function, instance (n,)), `local` one such pair or None; sorted by local instance."""
+    """Observations of a block that depend on the same kinds of unknowns, sorted by local instance. pick: their numbers
+    in the block. shared: pairs (argument of the function, instance (n,)); local: one such pair or None."""
 
     block: ResidualBlock
     pick: np.ndarray
@@ -83,8 +83,8 @@ class SplitRows:
 
 @dataclass(eq=False)
 class CouplingEntries:
-    """Blocks W of one width: `instance` (e,) and `of` (e,), the local one they join; `at` (rows, argument) -> sums over
-    observations and the entries they go to."""
+    """Blocks W of one width. instance (e,): shared instance; of (e,): its local instance; sums: (rows, argument) ->
+    sums over observations and their target entries."""
 
     instance: np.ndarray
     of: np.ndarray
@@ -95,16 +95,15 @@ class CouplingEntries:
 
 @dataclass(eq=False)
 class Structure:
-    """The layout. Shared instances are numbered group by group, then local ones that were kept with them; `offset` and
-    `width` (instances,) say where their columns are. Blocks of S exist for the pairs `keys` of two instances, by the
-    pair of their widths."""
+    """Layout of the normal equations. Shared instances are numbered group by group, followed by kept local ones;
+    offset, width (instances,): their columns. keys: pairs of instances with a block in S, by the pair of widths."""
 
     groups: dict[str, UnknownGroup]
     rows: list[SplitRows]
     local: UnknownGroup | None
-    kept: np.ndarray  # local instances that are kept with the shared ones
-    eliminated: np.ndarray  # the others
-    owner: list[tuple[str, int]]  # of each shared instance: group and number in it
+    kept: np.ndarray  # local instances kept with the shared ones
+    eliminated: np.ndarray  # other local instances
+    owner: list[tuple[str, int]]  # group of each shared instance and its number there
     width: np.ndarray
     offset: np.ndarray
     entries: dict[int, CouplingEntries]
@@ -117,19 +116,19 @@ class Structure:
 
     @cached_property
     def numbers(self) -> dict[str, list[int]]:
-        """Of each group, which shared instances are its own."""
-        return {name: [k for k, (own, _) in enumerate(self.owner) if own == name] for name in self.groups}
+        """Shared instances of each group."""
+        return {name: [k for k, (group, _) in enumerate(self.owner) if group == name] for name in self.groups}
 
     @property
     def columns(self) -> int:
-        """Degrees of freedom that are not eliminated."""
+        """Number of degrees of freedom that are not eliminated."""
         return int(self.width.sum())
 
 
 @dataclass(eq=False)
 class EntryPairs:
-    """Pairs of entries of one local instance, widths `kinds`: positions a and b in their CouplingEntries, the sums over
-    those with one key, and where these go."""
+    """Pairs of entries of the same local instance, with the widths `kinds`: positions a and b in their CouplingEntries,
+    sums over equal keys, and the target of each sum."""
 
     kinds: tuple[int, int]
     a: np.ndarray
@@ -140,8 +139,8 @@ class EntryPairs:
 
 @dataclass(eq=False)
 class DirectProducts:
-    """Products J_k' J_m of two arguments of one block of rows, of the observations `chosen` (None: all), instances in
-    rising order; where their sums go."""
+    """Products J_k' J_m of two arguments of one block of rows, for the observations `chosen` (None: all), instances in
+    ascending order, and the target of each sum."""
 
     rows: int
     k: int
@@ -153,10 +152,10 @@ class DirectProducts:
 
 
 def structure(groups: Sequence[UnknownGroup], blocks: Sequence[ResidualBlock], dense: bool | None = None) -> Structure:
-    """Raises ArgumentError for names and numbers that do not exist, and for more than one local group."""
+    """Make the structure. Raises ArgumentError for unknown names or numbers, and for more than one local group."""
     by_name = {g.name: g for g in groups}
     if len(by_name) < len(groups) or len({k for g in groups for k in g.keys}) < sum(g.count for g in groups):
-        raise ArgumentError("two groups or two instances of unknowns have the same name; give each its own")
+        raise ArgumentError("two groups or two instances of unknowns have the same name; make the names different")
     locals_ = [g for g in groups if g.local]
     if len(locals_) > 1:
         raise ArgumentError(f"{' and '.join(g.name for g in locals_)} are both local; only one group can be")
@@ -165,18 +164,18 @@ def structure(groups: Sequence[UnknownGroup], blocks: Sequence[ResidualBlock], d
     for block in blocks:
         for name, index in block.seen:
             if name not in by_name:
-                raise ArgumentError(f"'{block.name}' sees '{name}', which is no group; these are: {', '.join(by_name)}")
+                raise ArgumentError(f"'{block.name}' sees unknown group '{name}'; expected one of {', '.join(by_name)}")
             if len(index) and not 0 <= index.min() <= index.max() < by_name[name].count:
                 raise ArgumentError(
-                    f"'{block.name}' sees number {index.max()} of '{name}', which has {by_name[name].count}"
+                    f"'{block.name}' sees instance {index.max()} of '{name}', which has {by_name[name].count}"
                 )
         for a, (name, i) in enumerate(block.seen):
             for other, j in block.seen[a + 1 :]:
                 if name == other and np.any(i == j):
-                    raise ArgumentError(f"'{block.name}' sees one instance of '{name}' twice; let it see it once")
-        seen = [i for name, i in block.seen if local and name == local.name]
-        for other in seen[1:]:
-            kept[seen[0]] = True
+                    raise ArgumentError(f"'{block.name}' sees an instance of '{name}' twice; name it only once")
+        indices = [i for name, i in block.seen if local and name == local.name]
+        for other in indices[1:]:
+            kept[indices[0]] = True
             kept[other] = True
     owner = [(g.name, k) for g in groups if not g.local for k in range(g.count)]
     first = {}
@@ -201,7 +200,7 @@ def structure(groups: Sequence[UnknownGroup], blocks: Sequence[ResidualBlock], d
 def _split(block: ResidualBlock, local: UnknownGroup | None, kept: np.ndarray, place: np.ndarray, slot: np.ndarray,
            first: dict[str, int]) -> list[SplitRows]:  # fmt: skip
     mine = [k for k, (name, _) in enumerate(block.seen) if local is not None and name == local.name]
-    # observations whose local instance is eliminated, and the others
+    # mask of the observations whose local instance is eliminated
     gone = np.any([~kept[block.seen[k][1]] for k in mine], axis=0) if mine else np.zeros(block.n, bool)
     parts: list[SplitRows] = []
     for eliminates in (True, False):
@@ -222,17 +221,17 @@ def _split(block: ResidualBlock, local: UnknownGroup | None, kept: np.ndarray, p
 
 
 def _entries(s: Structure) -> None:
-    """The blocks of W, and the sums that make them, V and the gradients."""
-    wanted: dict[int, list[np.ndarray]] = {}
+    """Make the blocks of W, and the sums for them, for V and for the gradients."""
+    keys_by_width: dict[int, list[np.ndarray]] = {}
     n = len(s.owner)
     for number, r in enumerate(s.rows):
         for k, instance in r.shared:
             s.shared_sums[number, k] = GroupedSums(instance)
             if r.local is not None and len(instance):
-                wanted.setdefault(int(s.width[instance[0]]), []).append(r.local[1] * n + instance)
+                keys_by_width.setdefault(int(s.width[instance[0]]), []).append(r.local[1] * n + instance)
         if r.local is not None:
             s.local_sums[number] = GroupedSums(r.local[1])
-    for width, keys in wanted.items():
+    for width, keys in keys_by_width.items():
         unique = np.unique(np.concatenate(keys))
         s.entries[width] = CouplingEntries(unique % n, unique // n, GroupedSums(unique % n), GroupedSums(unique // n))
     for number, r in enumerate(s.rows):
@@ -251,10 +250,10 @@ def _pairs(s: Structure, heavy_alone: bool) -> None:
         for place, (k, i) in enumerate(r.shared):
             for m, j in r.shared[place:]:
                 for first, second, chosen in _ordered(k, i, m, j):
-                    one, two = dict(r.shared)[first][chosen], dict(r.shared)[second][chosen]
-                    if not len(one):
+                    instances, others = dict(r.shared)[first][chosen], dict(r.shared)[second][chosen]
+                    if not len(instances):
                         continue
-                    kinds, key = (int(s.width[one[0]]), int(s.width[two[0]])), one * n + two
+                    kinds, key = (int(s.width[instances[0]]), int(s.width[others[0]])), instances * n + others
                     d = DirectProducts(
                         number, first, second, None if isinstance(chosen, slice) else chosen, kinds, GroupedSums(key)
                     )
@@ -289,7 +288,7 @@ def _pairs(s: Structure, heavy_alone: bool) -> None:
 
 
 def _ordered(k: int, i: np.ndarray, m: int, j: np.ndarray) -> list[tuple[int, int, slice | np.ndarray]]:
-    """The two arguments such that the first sees the instance of lower number, and for which observations."""
+    """Arguments ordered such that the first has the lower instance number, with the observations for each order."""
     if k == m or np.all(i < j):
         return [(k, m, slice(None))]
     if np.all(j < i):
@@ -298,12 +297,12 @@ def _ordered(k: int, i: np.ndarray, m: int, j: np.ndarray) -> list[tuple[int, in
 
 
 def _meeting(a: CouplingEntries, b: CouplingEntries, locals_: int, light: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """All pairs of an entry of a and one of b that join the same local instance; entries are sorted by it."""
+    """All pairs of entries of a and b with the same local instance, sorted by it."""
     many_a, many_b = np.bincount(a.of, minlength=locals_) * light, np.bincount(b.of, minlength=locals_) * light
     start_a = np.concatenate([[0], np.cumsum(np.bincount(a.of, minlength=locals_))])[:-1]
     start_b = np.concatenate([[0], np.cumsum(np.bincount(b.of, minlength=locals_))])[:-1]
     total = many_a * many_b
-    of = np.repeat(np.arange(locals_), total)
+    local = np.repeat(np.arange(locals_), total)
     within = np.arange(total.sum()) - np.repeat(np.cumsum(total) - total, total)
-    first, second = np.divmod(within, np.maximum(many_b[of], 1))
-    return start_a[of] + first, start_b[of] + second
+    first, second = np.divmod(within, np.maximum(many_b[local], 1))
+    return start_a[local] + first, start_b[local] + second

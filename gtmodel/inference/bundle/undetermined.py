@@ -1,4 +1,4 @@
-"""Directions in which no residual moves: how many there are, and what to call them."""
+"""Undetermined directions, in which no residual changes: their number and their names."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from .elimination import SILENT, BlockDirections, ReducedEquations
 from .residual_block import Linearised
 from .structure import Structure
 
-SHOWN, PART = 6, 0.05  # names that a sentence lists, and what they have of the largest entry
+SHOWN, PART = 6, 0.05  # names in a sentence, and their least share of the largest entry
 
 
 @dataclass(frozen=True, eq=False)
 class GaugeMotion:
-    """A motion of unknowns that residuals may not notice.
+    """A motion of unknowns that may leave all residuals unchanged.
 
-    words: what moves, "all cameras and points move together along x"; remedy: what determines it, "fix a camera".
-    direction: values by group -> increments (count, moves) by group; groups that it leaves out stand still.
+    words: description, "all cameras and points move together along x"; remedy: "fix a camera". direction: values by
+    group -> increments (count, moves) by group; groups without an entry do not move.
 
     >>> shift = gt.inference.bundle.GaugeMotion("all marks move together", "fix one of them",
     ...     lambda values: {"mark": np.ones_like(values["mark"])})
@@ -35,7 +35,7 @@ class GaugeMotion:
 
 
 def column_lengths(r: ReducedEquations, V: np.ndarray) -> np.ndarray:
-    """Lengths of all columns of J, shared then local; one for what nothing sees."""
+    """Lengths of all columns of J, shared then local; one for zero columns."""
     local = np.sqrt(np.einsum("bii->bi", V)).reshape(-1)
     both = np.concatenate([r.scale, local])
     return np.where(both > 0, both, 1.0)
@@ -44,19 +44,19 @@ def column_lengths(r: ReducedEquations, V: np.ndarray) -> np.ndarray:
 def null_space(
     s: Structure, rows: Sequence[Linearised], r: ReducedEquations, V: np.ndarray, faint: BlockDirections
 ) -> BlockDirections:
-    """Directions in which no row moves, of what is not fixed, from the `faint` ones of S and what single unknowns add;
-    orthogonal in units of the columns' lengths."""
+    """Directions of free unknowns in which no residual changes, from the `faint` ones of S and from single unknowns;
+    orthogonal in units of the column lengths."""
     free = np.concatenate([*(s.groups[n].free[k] for n, k in s.owner), np.zeros(0, bool)])
     unseen = np.flatnonzero((r.scale == 0) & free)
-    one = np.zeros((s.columns, len(unseen)))
-    one[unseen, np.arange(len(unseen))] = 1.0
-    candidates = faint.then(BlockDirections(one, np.zeros((len(s.eliminated), V.shape[1], len(unseen)))))
+    unit = np.zeros((s.columns, len(unseen)))
+    unit[unseen, np.arange(len(unseen))] = 1.0
+    candidates = faint.then(BlockDirections(unit, np.zeros((len(s.eliminated), V.shape[1], len(unseen)))))
     candidates = candidates.then(_weak(s, r))
     return _silent(s, rows, candidates, column_lengths(r, V))
 
 
 def _weak(s: Structure, r: ReducedEquations) -> BlockDirections:
-    """What a single local instance does not determine of itself."""
+    """Directions within single local instances that their residuals do not determine."""
     directions: list[tuple[int, np.ndarray]] = []
     if r.weak is not None and s.local is not None:
         for b in np.flatnonzero(np.abs(r.weak).max(axis=(1, 2)) > 0):
@@ -70,19 +70,19 @@ def _weak(s: Structure, r: ReducedEquations) -> BlockDirections:
 
 
 def _silent(s: Structure, rows: Sequence[Linearised], n: BlockDirections, lengths: np.ndarray) -> BlockDirections:
-    """The combinations of these directions in which no row moves."""
+    """Combinations of these directions in which no residual changes."""
     if not n.count:
         return n
     _, sizes, Vt = np.linalg.svd(n.flat(lengths), full_matrices=False)
-    kept = sizes > 1e-10 * sizes[0]
-    n = n.of(Vt[kept].T / sizes[kept])
+    nonzero = sizes > 1e-10 * sizes[0]
+    n = n.of(Vt[nonzero].T / sizes[nonzero])
     n, sizes = n.by_length(s, rows)
     return n.of(np.eye(n.count)[:, sizes <= SILENT])
 
 
 def null_words(s: Structure, rows: Sequence[Linearised], n: BlockDirections, motions: Sequence[GaugeMotion],
                values: Mapping[str, np.ndarray], lengths: np.ndarray) -> list[str]:  # fmt: skip
-    """A sentence per direction: motions by their names, with the remedy, then the others by what moves."""
+    """A sentence per direction: gauge motions by name with their remedy, then the others by their unknowns."""
     if not n.count:
         return []
     sentences, known = [], np.zeros((len(lengths), 0))
@@ -90,10 +90,10 @@ def null_words(s: Structure, rows: Sequence[Linearised], n: BlockDirections, mot
     moving = [m for m in motions if m.direction(values)]
     parts = [_of_motion(s, m.direction(values)) for m in moving]
     single = []
-    for m, (part, held) in zip(moving, parts, strict=True):
+    for m, (part, moves_fixed) in zip(moving, parts, strict=True):
         flat = part.flat(lengths)[:, 0]
         size = np.linalg.norm(flat)
-        if size > 0 and not held and np.linalg.norm(flat - basis @ (basis.T @ flat)) <= 1e-5 * size:
+        if size > 0 and not moves_fixed and np.linalg.norm(flat - basis @ (basis.T @ flat)) <= 1e-5 * size:
             single.append(m)
             sentences.append(f"{m.words}: {m.remedy}")
             known = np.column_stack([known, flat / size])
@@ -105,35 +105,36 @@ def null_words(s: Structure, rows: Sequence[Linearised], n: BlockDirections, mot
         extra = _rest(common, known)
         for v in extra.T:
             weights = np.linalg.lstsq(every, v, rcond=None)[0]
-            shown = [m for m, w in zip(moving, weights, strict=True) if abs(w) > PART * np.abs(weights).max()]
-            remedies = list(dict.fromkeys(m.remedy for m in shown))
+            involved = [m for m, w in zip(moving, weights, strict=True) if abs(w) > PART * np.abs(weights).max()]
+            remedies = list(dict.fromkeys(m.remedy for m in involved))
             sentences.append(
-                f"a combination of motions is free ({'; '.join(m.words for m in shown)}): {' or '.join(remedies)}"
+                f"a combination of motions is free ({'; '.join(m.words for m in involved)}): {' or '.join(remedies)}"
             )
         known = np.column_stack([known, extra])
     names = _names(s)
     for v in _rest(basis, known).T:
         size = np.abs(v)
-        shown = [names[k] for k in np.flatnonzero(size > PART * size.max())]
-        if len(shown) == 1:
-            sentences.append(f"the data do not determine {shown[0]}: nothing measured moves with it")
+        involved = [names[k] for k in np.flatnonzero(size > PART * size.max())]
+        if len(involved) == 1:
+            sentences.append(f"the data do not determine {involved[0]}: no measurement depends on it")
             continue
-        more = f" and {len(shown) - SHOWN} more" if len(shown) > SHOWN else ""
-        said = ", ".join(shown[:SHOWN]) + more if more else listed(shown)
+        more = f" and {len(involved) - SHOWN} more" if len(involved) > SHOWN else ""
+        unknowns = ", ".join(involved[:SHOWN]) + more if more else listed(involved)
         sentences.append(
-            f"the data do not determine {said} apart from each other: fix one, or measure what moves only one of them"
+            f"the data do not determine {unknowns} apart from each other: fix one, or measure something that depends "
+            "on only one of them"
         )
     return sentences
 
 
 def _rest(basis: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """An orthonormal basis of what `basis` has beside `known`, with few entries where that is possible."""
+    """Basis of the part of `basis` orthogonal to `known`, as sparse as possible."""
     if known.shape[1]:
         Q = np.linalg.qr(known)[0]
         basis = basis - Q @ (Q.T @ basis)
     U, sizes, _ = np.linalg.svd(basis, full_matrices=False)
     rest = U[:, sizes > 1e-4]
-    if rest.shape[1] > 1:  # reduced by rows with pivots: directions that belong to different unknowns come apart
+    if rest.shape[1] > 1:  # row reduction with pivots separates directions of different unknowns
         _, _, order = scipy.linalg.qr(rest.T, pivoting=True, mode="economic")
         pivots = np.sort(order[: rest.shape[1]])
         rest = rest @ np.linalg.inv(rest[pivots])
@@ -142,18 +143,18 @@ def _rest(basis: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 
 def _of_motion(s: Structure, direction: Mapping[str, np.ndarray]) -> tuple[BlockDirections, bool]:
-    """A motion as one direction, and whether it moves what is fixed."""
+    """A motion as one direction, and whether it moves fixed unknowns."""
     x = np.zeros((s.columns, 1))
     z = np.zeros((len(s.eliminated), s.local.moves if s.local is not None else 0, 1))
-    held = False
+    moves_fixed = False
     for name, step in direction.items():
         g = s.groups[name]
-        held |= bool(np.any(np.abs(step[~g.free]) > 1e-9 * np.abs(step).max(initial=0.0)))
+        moves_fixed |= bool(np.any(np.abs(step[~g.free]) > 1e-9 * np.abs(step).max(initial=0.0)))
         if g is s.local:
             z[:, :, 0] = step[s.eliminated]
         for number in s.numbers[name]:
             x[s.offset[number] : s.offset[number] + g.moves, 0] = step[s.owner[number][1]]
-    return BlockDirections(x, z), held
+    return BlockDirections(x, z), moves_fixed
 
 
 def _names(s: Structure) -> list[str]:
