@@ -144,7 +144,7 @@ class FlatModel:
             if not np.isfinite(q.value):
                 # of a part that gtmodel declares, as a sampled block's period, the caller's line is the one to mend
                 where = None if q.where is None or q.where.file.startswith("<") else q.where
-                raise ModelError(f"parameter '{q.name}' of {self.title} has no value; give it one", where)
+                raise ModelError(f"parameter '{q.name}' of {self.title} has no value; set it", where)
         return self.p0
 
     def lookup(self, name: str) -> tuple[tuple[int, ...], list[int], int]:

@@ -217,7 +217,7 @@ class TestRefusals:
             yield gt.connect(self.r.p, self.m.flange)
 
         body = {"r": gt.part(Resistor, R=1.0), "m": gt.part(Mechanical)}
-        assert "'r.p' is a Pin and 'm.flange' a Flange: only ports of one connector" in self.refused(body, equations)
+        assert "'r.p' is a Pin and 'm.flange' is a Flange: only ports of the same connector" in self.refused(body, equations)
 
     def test_something_that_is_no_port(self):
         def equations(self):

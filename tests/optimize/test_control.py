@@ -229,5 +229,5 @@ class TestDelayInPlace:
             def objective(self):
                 return gt.integral(self.u**2)
 
-        with pytest.raises(ModelError, match="the history of 'late' is a finite number at -0"):
+        with pytest.raises(ModelError, match="the history of 'late' must be a finite number at -0"):
             solve(Wrong(), Mesh(4))
