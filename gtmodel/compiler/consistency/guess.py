@@ -30,7 +30,7 @@ class Completion:
         return pair in self._place and self._place[pair] not in self._fixed
 
     def __call__(self, known: np.ndarray, guess: Mapping[Pair, np.ndarray], wanted: Sequence[Pair]) -> np.ndarray:
-        """Return values (wanted, n) near the guess (n,) per symbol; known: (read, n), then the time if the plan uses it."""
+        """Return values (wanted, n) near the guess, (n,) per symbol; known: (read, n), and the time if it is used."""
         rows, columns = (np.array(x, dtype=int) for x in zip(*self._read, strict=True)) if self._read else ([], [])
         guessed = [self._place[p] for p in guess]
         targets = [self._place[p] for p in wanted]

@@ -69,7 +69,7 @@ def moved_sentence(flat: FlatModel, changes: list[Moved]) -> str:
 
 
 def refuse_starts(flat: FlatModel, alias: AliasResult, sampler: Sampler, changes: list[Moved]) -> None:
-    """Raise ModelError if fixed start values were moved and no pose has them; start values that are guesses may move."""
+    """Raise ModelError if fixed start values were moved and no pose has them; guesses may move."""
     fixed: dict[Pair, FlatVariable] = {}
     for v in flat.variables:
         if v.fixed and v.start is not None:
