@@ -124,16 +124,16 @@ WITH_K = {"k": gt.parameter(2.0, unit="1"), **ONE}
 
 # (declarations, equations, sentence): the sentence is a regular expression for everything before the location
 SENTENCES = [
-    (ONE, yields_true, r"Wrong\.equations\(\) yielded True, which is no equation; expected 'a == b' on expressions of "
+    (ONE, yields_true, r"Wrong\.equations\(\) yielded True, which is not an equation; expected 'a == b' with expressions of "
      r"the model, gt\.connect, gt\.branch or gt\.when"),
     (ONE, forgets_to_yield, r"the result of this '==' is discarded; write yield in front of it, or pass it to "
      r"Builder\.add\(\)"),
-    (ONE, returns_nothing, r"equations\(\) of Wrong returned nothing; expected 'yield' in front of each equation"),
-    (ONE, returns_one, r"equations\(\) of Wrong returned one relation; expected 'yield' in front of each equation"),
-    (TWO, is_trivial, r"an equation of 'the model' is always true; remove it or mend it"),
-    (WITH_K, has_no_variable, r"an equation of 'the model' is without any variable \(it says \(k-2\) == 0\); "
-     r"remove it or mend it"),
-    (ONE, is_an_inequality, r"'<=' is no equation; put inequalities into constraints\(\)"),
+    (ONE, returns_nothing, r"equations\(\) of Wrong returned nothing; write 'yield' in front of each equation"),
+    (ONE, returns_one, r"equations\(\) of Wrong returned one relation; write 'yield' in front of each equation"),
+    (TWO, is_trivial, r"an equation of 'the model' is always true; remove or correct it"),
+    (WITH_K, has_no_variable, r"an equation of 'the model' has no variable \(\(k-2\) == 0\); "
+     r"remove or correct it"),
+    (ONE, is_an_inequality, r"a relation with '<=' is not an equation; put inequalities into constraints\(\)"),
     (VECTORS, has_other_shapes, r"shapes \(2,\) and \(3,\) differ in '=='; expected equal shapes"),
     (VECTORS, has_a_number_for_a_vector, r"shapes \(2,\) and \(\) differ in '=='; expected equal shapes"),
     (LENGTH_AND_FORCE, has_other_units, r"units differ in '==': left is m, right is N; a plain number in a "
@@ -147,7 +147,7 @@ SENTENCES = [
     (ONE, assigns, r"models are immutable: 'x' cannot be assigned; .*"),
     (TWO, connects_a_variable, r"connect\(\) takes ports; found Expr"),
     (LENGTH_AND_FORCE, has_an_angle_in_metres, r"sin\(\) takes a dimensionless number or radians; found m"),
-    (TWO, says_it_twice, r"'Wrong equation 2' repeats what connections and equal names already say; remove it"),
+    (TWO, says_it_twice, r"'Wrong equation 2' is redundant: it follows from connections and other equations; remove it"),
 ]  # fmt: skip
 
 
@@ -249,7 +249,7 @@ class TestWholeSystems:
 
         rate = {"rate": gt.input(unit="1/s")}
         here = rf"\(lang/test_nice_errors\.py:{line_of(type(self).test_conflicting_fixed_starts, 'declared =')}\)"
-        sentence = rf"'y' starts at 2 {here} and 'x' at 1 {here}, but they are the same quantity; give one of them"
+        sentence = rf"'y' starts at 2 {here} and 'x' at 1 {here}, but they are the same quantity; set only one of them"
         with pytest.raises(gt.ModelError, match=f"^{sentence}$"):
             model({**declared, **rate}, equations).causal("rate", "x")
 

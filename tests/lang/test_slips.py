@@ -92,8 +92,8 @@ def test_a_slip_in_equations_names_its_line(line: str) -> None:
 @pytest.mark.parametrize(
     ("targets", "said"),
     [
-        (["der(q,2)"], r"to be named: known=\['tau', 'wind'\]"),
-        (["tau"], r"to be named: known=\['wind'\]"),
+        (["der(q,2)"], r"inputs that are known: known=\['tau', 'wind'\]"),
+        (["tau"], r"inputs that are known: known=\['wind'\]"),
         (["tau", "wind"], ""),
     ],
 )
@@ -155,7 +155,7 @@ def test_parts_takes_the_count_first() -> None:
 def test_a_port_that_is_connected_to_nothing_is_named() -> None:
     with pytest.raises(gt.ModelError) as caught:
         Chain().causal(known=["tau"], targets=["der(first.a.phi,2)"])
-    assert "first.a" in str(caught.value).partition("nothing")[2]
+    assert "first.a" in str(caught.value).partition("unconnected")[2]
 
 
 def test_an_ode_without_known_inputs_names_them() -> None:

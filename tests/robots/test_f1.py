@@ -308,7 +308,7 @@ class TestStatus:
 class TestGuess:
     def test_a_wrong_guess_is_a_sentence(self):
         q = home_q()
-        with pytest.raises(TypeError, match=r"the guess of 'T' takes shape \(3,\) or \(1, ...\); found \(2,\)"):
+        with pytest.raises(TypeError, match=r"the guess of 'T' must have shape \(3,\) or \(1, ...\); found \(2,\)"):
             forward()(q, guess={"T": [0.0, 1.0]})
 
     def test_what_a_guess_leaves_open_is_completed(self):
