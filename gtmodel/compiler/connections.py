@@ -58,7 +58,7 @@ def _sentence(ports: list[Connector], through_root: bool) -> str:
     names = " - ".join(p._path for p in ports)
     components = list(dict.fromkeys(p._path.rpartition(".")[0] or p._path for p in ports))
     cause = "two components fix it in the world, and this line connects them" if through_root else "this line closes it"
-    return f"{', '.join(components)} form a loop ({names}): {cause}; {ports[0].overdetermined}"
+    return f"a loop of {', '.join(components)} ({names}): {cause}; {ports[0].overdetermined}"
 
 
 Face = tuple[int, bool]  # port number, seen from inside its owner

@@ -112,7 +112,7 @@ class Shorted(gt.Model):
 
 def test_a_contradiction_is_not_called_a_repetition():
     line = Shorted.equations.__code__.co_firstlineno + 3
-    with pytest.raises(ModelError, match=rf"'Shorted equation 1' contradicts .* say -5 == 0; .*\.py:{line}\)"):
+    with pytest.raises(ModelError, match=rf"'Shorted equation 1' contradicts .* require -5 == 0; .*\.py:{line}\)"):
         simulate(Shorted(), 1.0)
     with pytest.raises(ModelError, match="'Shorted equation 1' is redundant"):
         simulate(Shorted(V=0.0), 1.0)
