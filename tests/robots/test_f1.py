@@ -292,7 +292,7 @@ class TestStatus:
             for a, b in zip(alone, (T[n], e[n], R[n]), strict=True):
                 assert np.array_equal(a, b, equal_nan=True)
             assert np.isnan(alone[0]).all() == (one != Status.OK)
-        assert "on the way from the home pose" in forward().diagnose(q[3])
+        assert "continuation from the home pose" in forward().diagnose(q[3])
 
     def test_out_of_reach_and_no_unit_quaternion(self):
         T, e = poses(13, 4)
