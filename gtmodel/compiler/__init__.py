@@ -1,1 +1,1 @@
-"""The compiler: from a model to one function for any causality. Knows no robot."""
+"""The compiler: turns a model into a function for any causality. It does not depend on robots."""

@@ -1,4 +1,4 @@
-"""Alias elimination: rows that say A^(i) = +-B^(j) disappear, and every removed name stays askable."""
+"""Alias elimination: removes equations A^(i) = +-B^(j); a removed variable can still be a target."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ class Alias:
 
 @dataclass
 class AliasResult:
-    """Equations left over, and what became of every removed variable."""
+    """The remaining equations, and the alias of every removed variable."""
 
     equations: list[FlatEquation]
     removed: dict[int, Alias]
-    names: Any = None  # of all variables by what they stand for: made once, by who asks first
+    names: Any = None  # cache: names of all variables by the quantity that they stand for
 
     def resolve(self, index: int, order: int) -> tuple[int, int, int]:
-        """(sign, kept index, derivative order) of variable `index` differentiated `order` times."""
+        """Return (sign, kept index, derivative order) of derivative `order` of variable `index`."""
         sign = 1
         while index in self.removed:
             a = self.removed[index]
@@ -41,9 +41,9 @@ class AliasResult:
         return sign, index, order
 
     def declared_names(self, flat: FlatModel) -> dict[tuple[int, int], str]:
-        """Derivatives that have a name of their own: (kept index, order) by the variable declared to be it.
+        """Return the names of derivatives that are declared as variables, by (kept index, order).
 
-        A variable inside of a part names no derivative of what lies further out.
+        A variable inside a part does not name the derivative of a variable at a higher level.
         """
         names: dict[tuple[int, int], str] = {}
         for index in sorted(self.removed):
@@ -54,11 +54,11 @@ class AliasResult:
         return names
 
     def rewrite(self, flat: FlatModel, expression: ca.SX) -> ca.SX:
-        """An expression of the original names in terms of the kept ones."""
+        """Rewrite an expression of the original variables in terms of the kept ones."""
         return self.rewrite_all(flat, [expression])[0]
 
     def rewrite_all(self, flat: FlatModel, expressions: list[ca.SX]) -> list[ca.SX]:
-        """`rewrite` of several expressions at once: one substitution."""
+        """Rewrite several expressions with one substitution."""
         old, new = [], []
         for index, order in flat.scope.symbols_in(ca.veccat(*expressions)) if expressions else ():
             if index in self.removed:
@@ -72,11 +72,11 @@ class AliasResult:
 
 
 def eliminate(flat: FlatModel, protected: frozenset[int], apart: frozenset[int] = frozenset()) -> AliasResult:
-    """Remove aliases until none is left; variables in `protected` are kept under their own name, equations that hold
-    one of `apart` are left out. Causalities that agree in both share the answer.
+    """Remove aliases until none is left; the result is cached.
 
-    Only a variable that stands at order 0 is removed (v == der(r) removes v); A' == B' removes nothing,
-    because a constant is free. Raises ModelError when two different fixed starts meet in one class.
+    protected: variables that are never removed. apart: variables whose equations are left out. Only a variable of order
+    0 is removed (v == der(r) removes v); A' == B' removes nothing, because the integration constant is free. Raises
+    ModelError if aliases of the same quantity have different fixed start values.
     """
     key = "aliases", protected, apart
     if key not in flat.cache:
@@ -85,14 +85,14 @@ def eliminate(flat: FlatModel, protected: frozenset[int], apart: frozenset[int] 
 
 
 def _eliminated(flat: FlatModel, protected: frozenset[int], apart: frozenset[int]) -> AliasResult:
-    if "sums" not in flat.cache:  # what the equations as written say is asked of every causality anew
+    if "sums" not in flat.cache:  # shared by all causalities
         flat.cache["sums"] = _sums(flat, flat.equations)
-    left = [
+    rows = [
         n
         for n, e in enumerate(flat.equations)
         if not apart or apart.isdisjoint(i for i, _ in flat.scope.symbols_in(e.residual))
     ]
-    result, sums = AliasResult([flat.equations[n] for n in left], {}), [flat.cache["sums"][n] for n in left]
+    result, sums = AliasResult([flat.equations[n] for n in rows], {}), [flat.cache["sums"][n] for n in rows]
     while _sweep(flat, protected, result, sums):
         pass
     _check_starts(flat, result)
@@ -100,7 +100,7 @@ def _eliminated(flat: FlatModel, protected: frozenset[int], apart: frozenset[int
 
 
 def _sums(flat: FlatModel, equations: list[FlatEquation]) -> list[Terms | None]:
-    """The terms of each equation that is a sum of two symbols with constant coefficients, and None for any other."""
+    """Return the terms of each equation that is a sum of two symbols with constant coefficients; None for others."""
     scope = flat.scope
     sums: list[Terms | None] = [None] * len(equations)
     inside = scope.symbols_in_each([e.residual for e in equations])
@@ -120,17 +120,17 @@ def _sums(flat: FlatModel, equations: list[FlatEquation]) -> list[Terms | None]:
             (a, va), (b, vb) = entries
             sums[n] = (a, float(va)), (b, float(vb))
     candidates = [n for n in of_two if sums[n] is not None]
-    # sign() vanishes at zero and has no derivative: what holds one only looks like x == y
+    # sign() vanishes at zero and has no derivative: an equation with sign() only looks like x == y
     if candidates and is_nonsmooth(flat):
         kinked = kinked_in([equations[n].residual for n in candidates], ca.vertsplit(symbols))
-        for n, places in zip(candidates, kinked, strict=True):
-            if places:
+        for n, positions in zip(candidates, kinked, strict=True):
+            if positions:
                 sums[n] = None
     return sums
 
 
 def _sweep(flat: FlatModel, protected: frozenset[int], result: AliasResult, sums: list[Terms | None]) -> bool:
-    """One sweep; `sums` holds the terms of each equation and is kept in step with them."""
+    """Do one sweep of eliminations; `sums` holds the terms of each equation and is updated too."""
     removed: dict[int, Alias] = {}
     kept: set[int] = set()
     drop: set[int] = set()
@@ -142,11 +142,11 @@ def _sweep(flat: FlatModel, protected: frozenset[int], result: AliasResult, sums
             continue
         sign = -1 if va == vb else 1
         choice = _choose(flat, protected, a, b)
-        for gone, stays in choice:
-            if gone[0] in removed or gone[0] in kept or stays[0] in removed:
+        for old, new in choice:
+            if old[0] in removed or old[0] in kept or new[0] in removed:
                 continue
-            removed[gone[0]] = Alias(sign, stays[0], stays[1])
-            kept.add(stays[0])
+            removed[old[0]] = Alias(sign, new[0], new[1])
+            kept.add(new[0])
             drop.add(row)
             break
     if not removed:
@@ -155,45 +155,42 @@ def _sweep(flat: FlatModel, protected: frozenset[int], result: AliasResult, sums
     rows_left = [i for i in range(len(result.equations)) if i not in drop]
     equations = [result.equations[i] for i in rows_left]
     sums[:] = [sums[i] for i in rows_left]
-    touched = [n for n, e in enumerate(equations) if any(j in removed for j, _ in flat.scope.symbols_in(e.residual))]
-    residuals = result.rewrite_all(flat, [equations[n].residual for n in touched])
-    for n, residual, inside in zip(touched, residuals, flat.scope.symbols_in_each(residuals), strict=True):
+    changed = [n for n, e in enumerate(equations) if any(j in removed for j, _ in flat.scope.symbols_in(e.residual))]
+    residuals = result.rewrite_all(flat, [equations[n].residual for n in changed])
+    for n, residual, inside in zip(changed, residuals, flat.scope.symbols_in_each(residuals), strict=True):
         equations[n] = replace(equations[n], residual=residual)
         if not inside:
-            raise ModelError(_said_already(flat, equations[n]), equations[n].where)
-    for n, terms in zip(touched, _sums(flat, [equations[n] for n in touched]), strict=True):
+            raise ModelError(_empty_equation(flat, equations[n]), equations[n].where)
+    for n, terms in zip(changed, _sums(flat, [equations[n] for n in changed]), strict=True):
         sums[n] = terms
     result.equations = equations
     return True
 
 
-def _said_already(flat: FlatModel, equation: FlatEquation) -> str:
-    """Why an equation of which no variable is left cannot stay: a repetition, or a contradiction."""
-    left = ca.Function("left", [flat.p, flat.scope.time], [equation.residual])
-    values = [float(left(flat.p0, time)) for time in (0.0, 1.0)]
+def _empty_equation(flat: FlatModel, equation: FlatEquation) -> str:
+    """Return the message for an equation without any variable left: redundant, or a contradiction."""
+    residual = ca.Function("residual", [flat.p, flat.scope.time], [equation.residual])
+    values = [float(residual(flat.p0, time)) for time in (0.0, 1.0)]
     if any(abs(value) > 0.0 for value in values):
-        said = f"{values[0]:.6g} == 0" if values[0] == values[1] else "that a function of time is zero"
+        relation = f"{values[0]:.6g} == 0" if values[0] == values[1] else "that a function of time is zero"
         return (
-            f"'{equation.label}' contradicts what connections and equal names already say: together they say {said}; "
-            "remove one of them, or put something between what is connected"
+            f"'{equation.label}' contradicts the connections and other equations: together they require {relation}; "
+            "remove one of them, or insert a part between the connected ports"
         )
-    written = next(e for e in flat.equations if (e.label, e.where) == (equation.label, equation.where))
-    if all(flat.variables[i].role == "flow" for i, _ in flat.scope.symbols_in(written.residual)):
+    original = next(e for e in flat.equations if (e.label, e.where) == (equation.label, equation.where))
+    if all(flat.variables[i].role == "flow" for i, _ in flat.scope.symbols_in(original.residual)):
         return (
-            f"'{equation.label}' follows from the other connections: nothing that is connected here has a reference; "
-            "connect a ground, or whatever fixes the potential"
+            f"'{equation.label}' follows from the other connections: the connected ports have no reference; connect a "
+            "ground, or another part that fixes the potential"
         )
-    return f"'{equation.label}' repeats what connections and equal names already say; remove it"
+    return f"'{equation.label}' is redundant: it follows from connections and other equations; remove it"
 
 
 def _choose(
     flat: FlatModel, protected: frozenset[int], a: tuple[int, int], b: tuple[int, int]
 ) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """Candidates (gone, stays), best first: low state preference, deep path and long name go first."""
-    candidates = []
-    for gone, stays in ((a, b), (b, a)):
-        if gone[1] == 0 and gone[0] not in protected:
-            candidates.append((gone, stays))
+    """Return candidates (removed, kept), best first: a low state preference, deep path or long name is removed."""
+    candidates = [(x, y) for x, y in ((a, b), (b, a)) if x[1] == 0 and x[0] not in protected]
 
     def rank(pair: tuple[tuple[int, int], tuple[int, int]]) -> tuple[int, int, int, str]:
         v = flat.variables[pair[0][0]]
@@ -203,16 +200,16 @@ def _choose(
 
 
 def _check_starts(flat: FlatModel, result: AliasResult) -> None:
-    seen: dict[tuple[int, int], tuple[float, int]] = {}
+    starts: dict[tuple[int, int], tuple[float, int]] = {}
     for v in flat.variables:
         if v.start is None or not v.fixed:
             continue
         sign, kept, order = result.resolve(v.index, 0)
         value = sign * v.start
-        if (kept, order) in seen and seen[(kept, order)][0] != value:
-            other = flat.variables[seen[(kept, order)][1]]
+        if (kept, order) in starts and starts[(kept, order)][0] != value:
+            other = flat.variables[starts[(kept, order)][1]]
             raise ModelError(
                 f"'{v.name}' starts at {v.start:g} ({v.where}) and '{other.name}' at {other.start:g} "
-                f"({other.where}), but they are the same quantity; give one of them"
+                f"({other.where}), but they are the same quantity; set only one of them"
             )
-        seen.setdefault((kept, order), (value, v.index))
+        starts.setdefault((kept, order), (value, v.index))

@@ -1,5 +1,4 @@
-"""What a solved block is, assignments in order with the margins that decide its status, and which expressions may be
-divided by."""
+"""Solved blocks: assignments in order, the margins that decide the status, and the signs of possible pivots."""
 
 from __future__ import annotations
 
@@ -14,7 +13,7 @@ from ..results.status import Status
 from .consistency.points import Sampler
 from .flat import FlatModel
 
-# the status of a margin on the wrong side, by kind
+# the status of a violated margin, by kind
 VERDICTS = {
     "discriminant": Status.OUT_OF_RANGE,
     "condition": Status.OUT_OF_RANGE,
@@ -25,10 +24,10 @@ VERDICTS = {
 
 @dataclass(frozen=True, eq=False)
 class Margin:
-    """A number that must stay on the good side: discriminant or condition >= 0, |pivot| and branch above a tolerance.
+    """A quantity that decides the status: discriminant or condition >= 0, |pivot| and branch above a tolerance.
 
-    `kind` is one of VERDICTS: a condition is on known values, a branch shows where Newton has led, as far as round-off
-    lets it; `scale` (typical size) is found at the sample points.
+    `kind` is a key of VERDICTS. A condition restricts known values; a branch checks which solution Newton's method
+    reached. `scale` is the typical size at the sample points.
     """
 
     kind: str
@@ -39,9 +38,9 @@ class Margin:
 
 @dataclass(frozen=True, eq=False)
 class Root:
-    """A square root with a branch: `sign` is a symbol, `slope` = 2 qa t + qb has this sign at a known point.
+    """A square root with a branch: `sign` is a symbol; `slope` = 2 qa t + qb has this sign at a known point.
 
-    `settled_by` names the declared branch that distinguishes its two solutions; empty: the start values do.
+    `settled_by` names the declared branch that selects the solution; if it is empty, the start values select it.
     """
 
     sign: ca.SX
@@ -53,9 +52,9 @@ class Root:
 
 @dataclass(eq=False)
 class NewtonBlock:
-    """Equations without a closed form: residuals of the unknowns that are left after elimination.
+    """Equations without a closed form: residuals of the unknowns that remain after elimination.
 
-    `z0` and `scale` (nominals) are set from the sample points; labels name the unknowns.
+    `scale` holds the nominal values of the unknowns, `labels` their names.
     """
 
     unknowns: list[ca.SX]
@@ -70,7 +69,7 @@ class NewtonBlock:
 
 @dataclass(frozen=True, eq=False)
 class DenseCore:
-    """matrix @ unknowns == right: what of a linear block no pivot of constants solves, from four unknowns on."""
+    """matrix @ unknowns == right: the part of a linear block without allowed pivots, of four or more unknowns."""
 
     unknowns: list[ca.SX]
     matrix: ca.SX
@@ -79,11 +78,11 @@ class DenseCore:
 
 @dataclass(frozen=True, eq=False)
 class SolvedBlock:
-    """One block: unknown symbols in order with their expressions of earlier symbols.
+    """One solved block: the unknowns in order, each with its expression of earlier symbols.
 
-    `uses`: per equation the names of all symbols in it, for the picture of the block-triangular form. `closures`: the
-    residuals of a block that is not linear in its unknowns. `core`: of a linear one, which `assignments` solve too;
-    the margins of such a block are its pivots.
+    `uses`: the names of all symbols in each equation, for the picture of the block-triangular form. `closures`: the
+    residuals of a block that is nonlinear in its unknowns. `core`: the dense core of a linear block, also solved by
+    `assignments`; the margins of such a block are its pivots.
     """
 
     kind: str
@@ -99,27 +98,27 @@ class SolvedBlock:
     core: DenseCore | None = None
 
 
-# constants first: dividing by a parameter costs an operation and an assumption
+# constant pivots are preferred: dividing by a parameter costs an operation and an assumption
 PARAMETER_COST = 50
-# each digit that a pivot smaller than another entry of its column may lose counts like this many entries
+# cost, in fill-in entries, of each digit lost by a pivot that is smaller than another entry of its column
 DIGIT_COST = 10
 
 POSITIVE, NEGATIVE, NONZERO, UNKNOWN = "+", "-", "n", "?"
-# operations whose sign follows from those of what they act on
+# operations whose sign follows from the signs of their operands
 _SIGNED = frozenset(
     [ca.OP_MUL, ca.OP_DIV, ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_SQ, ca.OP_SQRT, ca.OP_INV, ca.OP_TWICE]
 )
 
 
 def median(values: np.ndarray) -> np.ndarray:
-    """Of the rows, NaN where one is; np.median, which is the same, imports numpy.ma."""
+    """Return the median over the rows, NaN if a value is NaN. np.median does the same, but imports numpy.ma."""
     ordered = np.sort(values, axis=0)
     middle = (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]) / 2
     return np.where(np.isnan(ordered[-1]), np.nan, middle)
 
 
 class SignAnalysis:
-    """Signs of parameter expressions from the declared `positive` and `nonzero`; sizes at consistent points."""
+    """Signs of parameter expressions, from the declared `positive` and `nonzero`, and sizes at consistent points."""
 
     def __init__(self, flat: FlatModel, sampler: Sampler, points: np.ndarray) -> None:
         self._arguments = [sampler.w, flat.p, flat.scope.time]
@@ -132,13 +131,13 @@ class SignAnalysis:
             self._symbols[q.symbol.element_hash()] = sign
 
     def kind(self, e: ca.SX) -> str | None:
-        """ "constant" or "parameter" if the scalar may be divided by, else None."""
+        """Return "constant" or "parameter" if the scalar is an allowed divisor, else None."""
         if e.is_constant():
             return "constant" if float(e) != 0.0 else None
         return "parameter" if self.sign(e) != UNKNOWN else None
 
     def sizes(self, expressions: Sequence[ca.SX]) -> list[float]:
-        """Typical magnitudes: the medians over the consistent points."""
+        """Return typical magnitudes: the medians over the consistent points."""
         sizes = [abs(float(e)) if e.is_constant() else 0.0 for e in expressions]
         varying = [n for n, e in enumerate(expressions) if not e.is_constant()]
         if varying:
@@ -151,7 +150,7 @@ class SignAnalysis:
         return sizes
 
     def sign(self, e: ca.SX) -> str:
-        """Sign of a scalar; unknown as soon as a symbol of unknown sign stands in it, such as a variable."""
+        """Return the sign of a scalar; UNKNOWN if it contains a symbol of unknown sign, such as a variable."""
         if e.is_constant():
             value = float(e)
             return POSITIVE if value > 0 else NEGATIVE if value < 0 else UNKNOWN
@@ -172,8 +171,8 @@ class SignAnalysis:
 
 
 def pivot_cost(kind: str, fill: int, size: float, largest: float) -> float:
-    """Price of a pivot: the entries it fills in, the assumption it makes, and the digits it loses beside the
-    largest entry of its column; infinite for one that is zero beside it."""
+    """Return the cost of a pivot: fill-in, assumption on a parameter, and digits lost relative to the largest entry of
+    its column; infinite for a zero pivot."""
     if not size > 0 or not math.isfinite(largest):
         return math.inf
     return fill + PARAMETER_COST * (kind == "parameter") + DIGIT_COST * math.floor(math.log10(largest / size))

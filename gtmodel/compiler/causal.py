@@ -1,4 +1,4 @@
-"""CausalFunction: one causality as a function on numbers, with a status beside its values."""
+"""CausalFunction: one causality as a numeric function that returns values and a status."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Group = tuple[str, tuple[int, ...], list[int]]
 
 @dataclass(frozen=True)
 class CausalSignal:
-    """A named input or output: shape () or (n,), unit, and the scalar chain symbols it is made of."""
+    """A named input or output: shape () or (n,), unit, and its scalar chain symbols."""
 
     name: str
     shape: tuple[int, ...]
@@ -47,15 +47,16 @@ class CausalSignal:
 
 
 class CausalFunction:
-    """The answer of `Model.causal`: values and a status, for a choice of known variables and targets.
+    """The function that `Model.causal` returns: values and a status, for a choice of known variables and targets.
 
     Call it with one argument per entry of `inputs` (states first, then the known variables and their
     derivatives as far as needed), each of the signal's shape or with a leading row axis (n, ...). It returns
     one array per target, then the status: a `Status` for a single call, an int array (n,) of Status codes for
-    rows. It never throws on data: a row without a solution is NaN with a status that says why. Numbers are in SI units.
+    rows. It never raises because of data: a row without a solution is NaN, and its status gives the reason. Numbers are
+    in SI units.
 
-    `explain()` says how the values are computed, `diagnose(...)` why a call has no answer, `jacobian(...)` gives exact
-    derivatives, `casadi` the same function for CasADi; gt.cgen makes C of it.
+    `explain()` describes how the values are computed, `diagnose(...)` why a call has no solution. `jacobian(...)`
+    returns exact derivatives, `casadi` is the same function for CasADi, and gt.cgen generates C code from it.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> fk = robot.causal(known="q", targets="T")
@@ -87,15 +88,15 @@ class CausalFunction:
         self.outputs = outputs
         self.name = name
         self.margins = plan.margins
-        self.kept: dict[Any, Any] = {}  # what others make of this function, for the next one who asks
+        self.kept: dict[Any, Any] = {}  # cache for results that other modules derive from this function
 
     @cached_property
     def sizes(self) -> Sizes:
-        """How large the numbers of each argument may be; beyond, the status is OUT_OF_RANGE."""
+        """The largest size of each argument; beyond it the status is OUT_OF_RANGE."""
         return self.sizes_in(DOUBLE)
 
     def sizes_in(self, precision: Precision) -> Sizes:
-        """The same for other numbers than double."""
+        """Return the largest sizes of the arguments for another precision than double."""
         arguments = [*[s.pairs for s in self.inputs], *([()] if self.plan.uses_time else [])]
         return sizes_of(self.plan, arguments, precision)
 
@@ -110,36 +111,36 @@ class CausalFunction:
 
     @property
     def casadi(self) -> ca.Function:
-        """ca.Function (inputs...) -> (targets..., status, margins), parameters folded in as numbers.
+        """ca.Function (inputs...) -> (targets..., status, margins), with the parameters as numbers.
 
-        The values are an answer only where `status` is 0, a code of `Status`. With Newton blocks it holds root finders
-        that follow each block from the home pose in a fixed number of steps; the call of this object takes as many as
-        it needs, and says OK at points where this says NOT_CONVERGED.
+        The values are valid only if `status`, a code of `Status`, is 0. For Newton blocks it contains root finders that
+        continue each block from the home pose in a fixed number of steps. A call of this object takes as many steps as
+        it needs, so its status can be OK where this function has NOT_CONVERGED.
         """
         return self._built.whole
 
     @property
     def closed(self) -> ca.Function:
-        """ca.Function (inputs..., unknowns of each Newton block...) -> (targets..., margins): no root finders."""
+        """ca.Function (inputs..., unknowns of each Newton block...) -> (targets..., margins), without root finders."""
         return self._built.closed
 
     @property
     def kernels(self) -> list[NewtonKernel]:
-        """One for each Newton block, in order; empty for a closed form."""
+        """The kernels of the Newton blocks, in order; empty for a closed form."""
         return self._built.kernels
 
     def unknowns(self, *arguments: Any) -> tuple[list[np.ndarray], np.ndarray]:
-        """Unknowns of each Newton block as rows (n, m), for the further inputs of `closed`, and a Status code per row;
-        empty where there is no such block. Arguments as for a call of this object."""
+        """Return the unknowns of each Newton block as rows (n, m), the further inputs of `closed`, and a Status code
+        per row. The list is empty without Newton blocks. Arguments as for a call of this object."""
         columns, _ = self._columns(arguments)
         zs, status = self._unknowns(columns)
         return [z.T for z in zs], status
 
     @cached_property
     def casadi_parametric(self) -> ca.Function:
-        """ca.Function (inputs..., parameters) -> (targets..., status, margins), algebra done without their values.
+        """ca.Function (inputs..., parameters) -> (targets..., status, margins), with symbolic parameters.
 
-        Roots keep the signs that they have at the model's own parameters.
+        Roots keep the signs that they have at the model's parameter values.
         """
         known = [i for _, _, indices in self.groups for i in indices]
         pairs = [p for s in self.outputs for p in s.pairs]
@@ -148,12 +149,12 @@ class CausalFunction:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a user should know: that start values do not satisfy the equations, where the home pose is, and what
-        was preferred as a state and is none."""
+        """Notes for the user: start values that do not satisfy the equations, the home pose, and preferred states that
+        are not states."""
         states = {index for index, _ in self.plan.states}
         others = [i for i in self.preferred if self.plan.alias.resolve(i, 0)[1] not in states]
         names = ", ".join(f"'{self.flat.variables[i].name}'" for i in others)
-        preferred = f"preferred as a state, and no state of this causality: {names}" if others else ""
+        preferred = f"preferred as states, but not states of this causality: {names}" if others else ""
         return tuple(filter(None, [moved_sentence(self.flat, self.plan.moved), preferred]))
 
     @property
@@ -173,13 +174,13 @@ class CausalFunction:
         return ca.Function(f"jac_{f.name()}", args, [*parts, res[-1]])
 
     def __call__(self, *arguments: Any, guess: Mapping[str, Any] | None = None) -> Any:
-        """Values of the targets, then the status. Raises TypeError for a wrong number or shape of arguments.
+        """Return the values of the targets, then the status. Raises TypeError for a wrong number or shape of arguments.
 
-        guess: where Newton blocks start, by name of any variable, each of its variable's shape or with rows: the last
-        sample of a controller, or a simpler model's answer. What it leaves open of the blocks' unknowns follows from
-        the equations, from the home pose. A row whose guess is not near a solution goes the ordinary way, from
-        the home pose; from a near one the solution is that of the guess. Where a declared branch has another sign
-        there than at the home pose, the status is WRONG_BRANCH: such a solution takes `branches`.
+        guess: initial guess for the Newton blocks by name of any variable, each of the variable's shape or with rows;
+        for example the last sample of a controller, or the solution of a simpler model. Unknowns that it does not
+        determine follow from the equations, starting at the home pose. A guess near a solution selects that solution;
+        other rows are continued from the home pose. If a declared branch has another sign at the solution than at the
+        home pose, the status is WRONG_BRANCH: select that solution with `branches`.
         """
         columns, rows = self._columns(arguments)
         guesses = self._guesses(guess, columns) if guess else None
@@ -192,42 +193,42 @@ class CausalFunction:
         return (*shaped, status)
 
     def compile(self) -> bool:
-        """Make machine code for calls on many rows now, or load it from the cache folder; False without a C compiler.
+        """Compile machine code for calls on many rows, or load it from the cache folder; False without a C compiler.
 
-        By itself a function does so once its rows have taken NumPy as long as a compiler takes. The numbers are the
-        same, to the last bit.
+        Otherwise this happens once NumPy has spent as much time on rows as a compiler needs. The results are the same
+        to the last bit.
         """
         kernels = [kernel_of(f, PAID) for f in (self.closed, *[g for k in self.kernels for g in k.functions])]
         return all([k is not None and k.machine.make(True) for k in kernels])
 
     def arguments_along(self, *motion: Any) -> list[Any]:
-        """Arguments of a call for a motion of the one known variable: itself, its rate and so on, as far as given; zero
-        beyond."""
+        """Return the arguments of a call for a motion of the only known variable: position, velocity, ...; derivatives
+        that are not passed are zero."""
         orders = [s.pairs[0][1] for s in self.inputs]
         return [motion[k] if k < len(motion) else np.zeros_like(motion[0]) for k in orders]
 
     def along(self, *motion: Any) -> Any:
-        """The call for a motion of the one known variable: itself, its rate and so on; what is not given is zero."""
+        """Call for a motion of the only known variable: position, velocity, ...; derivatives not passed are zero."""
         return self(*self.arguments_along(*motion))
 
     def jacobian(self, *arguments: Any) -> tuple[np.ndarray, Any]:
-        """d targets / d inputs, (outputs, inputs) or (n, outputs, inputs), and the status."""
+        """Return d targets / d inputs, (outputs, inputs) or (n, outputs, inputs), and the status."""
         columns, rows = self._columns(arguments)
         n = columns[0].shape[1] if columns else 1
         zs, iteration = self._unknowns(columns)
         by_input, by_z, margins = map_columns(self._jacobian, [*columns, *zs])
         full = _stack(by_input, n, sum(c.shape[0] for c in columns))
-        given = np.vstack(columns) if columns else np.zeros((0, n))
+        block_inputs = np.vstack(columns) if columns else np.zeros((0, n))
         sensitivities: list[np.ndarray] = []
         for kernel, z in zip(self._built.kernels, zs, strict=True):
-            dz = kernel.derivative(z, given)
-            k = given.shape[0] - sum(s.shape[1] for s in sensitivities)
+            dz = kernel.derivative(z, block_inputs)
+            k = block_inputs.shape[0] - sum(s.shape[1] for s in sensitivities)
             total = dz[:, :, :k].copy()
             for s in sensitivities:  # earlier unknowns depend on the inputs too
                 total += dz[:, :, k : k + s.shape[1]] @ s
                 k += s.shape[1]
             sensitivities.append(total)
-            given = np.vstack([given, z])
+            block_inputs = np.vstack([block_inputs, z])
         if sensitivities:
             full = full + _stack(by_z, n, sum(z.shape[0] for z in zs)) @ np.concatenate(sensitivities, axis=1)
         status = self.status(columns, [full.reshape(n, full.shape[1] * full.shape[2]).T, margins], iteration)
@@ -235,29 +236,29 @@ class CausalFunction:
         return (full[0], Status(int(status[0]))) if rows is None else (full, status)
 
     def _guesses(self, guess: Mapping[str, Any], columns: list[np.ndarray]) -> list[np.ndarray | None]:
-        """Start values of each Newton block as columns; None for a block that no name of the guess is in."""
+        """Return the start values of each Newton block as columns; None if the guess says nothing about a block."""
         n = columns[0].shape[1] if columns else 1
-        given: dict[Pair, np.ndarray] = {}
+        values: dict[Pair, np.ndarray] = {}
         for text, value in guess.items():
             shape, indices, order = self.flat.lookup(text)
             a = np.asarray(value, dtype=float)
             if a.shape not in (shape, (n, *shape)):
                 raise TypeError(
-                    f"{self.name}: the guess of '{text}' takes shape {shape} or ({n}, ...); found {a.shape}"
+                    f"{self.name}: the guess of '{text}' must have shape {shape} or ({n}, ...); found {a.shape}"
                 )
             flat = np.broadcast_to(a.reshape(-1, len(indices)), (n, len(indices)))
             for k, i in enumerate(indices):
                 sign, kept, m = self.plan.alias.resolve(i, order)
-                given[kept, m] = sign * flat[:, k]
+                values[kept, m] = sign * flat[:, k]
         unknowns = [[p for p in map(self.flat.scope.owner, b.unknowns) if p is not None] for b in self.plan.newton]
-        lacking = [p for pairs in unknowns for p in pairs if p not in given]
-        usable = {p: g for p, g in given.items() if self._completion.knows(p)}
-        if lacking and not usable:
+        missing = [p for pairs in unknowns for p in pairs if p not in values]
+        usable = {p: g for p, g in values.items() if self._completion.knows(p)}
+        if missing and not usable:
             return [None] * len(unknowns)
-        if lacking:
+        if missing:
             rows = np.vstack(columns) if columns else np.zeros((0, n))
-            given |= dict(zip(lacking, self._completion(rows, usable, lacking), strict=True))
-        return [np.array([given[p] for p in pairs]) for pairs in unknowns]
+            values |= dict(zip(missing, self._completion(rows, usable, missing), strict=True))
+        return [np.array([values[p] for p in pairs]) for pairs in unknowns]
 
     @cached_property
     def _completion(self) -> Completion:
@@ -266,38 +267,40 @@ class CausalFunction:
     def _unknowns(
         self, columns: list[np.ndarray], guesses: Sequence[np.ndarray | None] | None = None
     ) -> tuple[list[np.ndarray], np.ndarray]:
-        """Unknowns of the Newton blocks, and a status code for each row."""
+        """Return the unknowns of the Newton blocks, and a status code for each row."""
         n = columns[0].shape[1] if columns else 1
         code = np.zeros(n, dtype=int)
         zs: list[np.ndarray] = []
         if not self._built.kernels:
             return zs, code
-        given = np.vstack(columns) if columns else np.zeros((0, n))
-        given = np.where(self.sizes.within(columns), given, np.nan)  # nothing is looked for where they are too large
+        block_inputs = np.vstack(columns) if columns else np.zeros((0, n))
+        block_inputs = np.where(
+            self.sizes.within(columns), block_inputs, np.nan
+        )  # rows with too large arguments are not solved
         for k, kernel in enumerate(self._built.kernels):
-            z, converged, singular = kernel.solve(given, None if guesses is None else guesses[k])
+            z, converged, singular = kernel.solve(block_inputs, None if guesses is None else guesses[k])
             code = np.where((code == 0) & ~converged, Status.NOT_CONVERGED, code)
             code = np.where((code == 0) & singular, Status.SINGULAR, code)
             zs.append(z)
-            given = np.vstack([given, z])
+            block_inputs = np.vstack([block_inputs, z])
         return zs, code
 
     def _evaluate(
         self, columns: list[np.ndarray], guesses: Sequence[np.ndarray | None] | None = None, answers: bool = False
     ) -> tuple[list[np.ndarray], np.ndarray]:
-        """Targets and margins as columns, and the status of each column; answers: without margins, NaN for none."""
+        """Return targets and margins as columns, and status codes; answers: no margins, and NaN without a solution."""
         zs, iteration = self._unknowns(columns, guesses) if self._built.kernels else ([], None)
         return judged_columns(self._built.closed, columns, self.margins, self.sizes, zs, iteration, answers)
 
     def status(
         self, columns: list[np.ndarray], results: list[np.ndarray], iteration: np.ndarray | None = None
     ) -> np.ndarray:
-        """Status code of each evaluated column from inputs, iterations (`iteration`), margins and outputs; the first
-        cause wins."""
+        """Return the status code of each column, from the inputs, the `iteration` codes, margins and outputs; the first
+        cause counts."""
         return status_codes(self.margins, columns, results, iteration, sizes=self.sizes)
 
     def diagnose(self, *arguments: Any) -> str:
-        """One sentence on a single call: ok, or which root or pivot failed and by how much."""
+        """Return one sentence about a single call: ok, or which root or pivot failed and by how much."""
         columns, _ = self._columns(arguments)
         results, codes = self._evaluate(columns)
         status = Status(int(codes[0]))
@@ -305,56 +308,60 @@ class CausalFunction:
             return f"{status.message}: {large}"
         if status is Status.NOT_CONVERGED:
             labels = "; ".join(k.label for k in self._built.kernels)
-            why = f"no solution for {labels} was reached on the way from the home pose"
-            return "; ".join([f"{status.message}: {why}", *self.notes])
+            reason = f"the continuation from the home pose found no solution for {labels}"
+            return "; ".join([f"{status.message}: {reason}", *self.notes])
         for m, row in zip(self.margins, results[-1], strict=True):
             value = float(row[0])
             if m.kind == "condition" and not value >= 0:
                 return f"{status.message}: the known values do not satisfy {m.label}"
             if m.kind == "discriminant" and not value >= 0:
-                why = f"{m.label} has no real solution, the number under its square root is {value:.4g}"
-                return f"{status.message}: {why}"
+                reason = f"{m.label} has no real solution, the radicand of its square root is {value:.4g}"
+                return f"{status.message}: {reason}"
             if m.kind == "branch" and not value > PIVOT_TOLERANCE * m.scale:
-                why = f"{m.label} is wanted, and its expression, so signed, is {value:.4g}, typically {m.scale:.4g}"
-                return f"{status.message}: {why}; known values nearer to home keep it, `branches` asks for the other"
+                reason = (
+                    f"branch {m.label} is selected, but its signed expression is {value:.4g}, typically {m.scale:.4g}"
+                )
+                return (
+                    f"{status.message}: {reason}; use known values nearer to home, or select the other with `branches`"
+                )
             if m.kind == "pivot" and not abs(value) > PIVOT_TOLERANCE * m.scale:
                 return f"{status.message}: the pivot for {m.label} is {abs(value):.4g}, typically {m.scale:.4g}"
         return status.message
 
     def _too_large(self, columns: list[np.ndarray]) -> str:
-        """Which argument of a single call is the one that is too large, or ""."""
+        """Return a sentence about the argument of a single call that is too large, or ""."""
         if self.sizes.within(columns)[0]:
             return ""
         size = [float(np.max(np.abs(c[:, 0]), initial=0.0)) for c in columns]
         n = int(np.argmax([s / limit for s, limit in zip(size, self.sizes.limits, strict=True)]))
         return (
-            f"{[*[s.name for s in self.inputs], 'time'][n]} is as large as {size[n]:.4g}, and near "
-            f"{self.sizes.limits[n]:.4g} round-off reaches the lengths in the model; give numbers in its units"
+            f"{[*[s.name for s in self.inputs], 'time'][n]} has the size {size[n]:.4g}, and near "
+            f"{self.sizes.limits[n]:.4g} round-off reaches the lengths in the model; check its unit"
         )
 
     def _columns(self, arguments: Sequence[Any]) -> tuple[list[np.ndarray], int | None]:
-        wanted = [(s.name, s.shape) for s in self.inputs]
+        expected = [(s.name, s.shape) for s in self.inputs]
         if self.plan.uses_time:
-            wanted.append(("time", ()))
-        if len(arguments) != len(wanted):
-            names = ", ".join(n for n, _ in wanted)
-            plural = "" if len(wanted) == 1 else "s"
-            raise TypeError(f"{self.name} takes {len(wanted)} argument{plural} ({names}); found {len(arguments)}")
+            expected.append(("time", ()))
+        if len(arguments) != len(expected):
+            names = ", ".join(n for n, _ in expected)
+            plural = "" if len(expected) == 1 else "s"
+            raise TypeError(f"{self.name} takes {len(expected)} argument{plural} ({names}); found {len(arguments)}")
         rows: int | None = None
         arrays = []
-        for (name, shape), value in zip(wanted, arguments, strict=True):
+        for (name, shape), value in zip(expected, arguments, strict=True):
             try:
                 a = np.asarray(value, dtype=float)
             except (TypeError, ValueError):
                 raise TypeError(
-                    f"{self.name}: '{name}' takes numbers of shape {shape} or (n, ...); found {shortened(value)}"
+                    f"{self.name}: '{name}' must be numbers of shape {shape} or (n, ...); found {shortened(value)}"
                 ) from None
             if a.ndim == len(shape) + 1 and a.shape[1:] == shape:
                 if rows is not None and rows != a.shape[0]:
-                    raise TypeError(f"{self.name}: '{name}' has {a.shape[0]} rows, another argument {rows}")
+                    raise TypeError(f"{self.name}: '{name}' has {a.shape[0]} rows, another argument has {rows}")
                 rows = a.shape[0]
             elif a.shape != shape:
-                raise TypeError(f"{self.name}: '{name}' takes shape {shape} or (n, ...); found {a.shape}")
+                raise TypeError(f"{self.name}: '{name}' must have shape {shape} or (n, ...); found {a.shape}")
             arrays.append((a, shape))
         n = 1 if rows is None else rows
         columns = []
@@ -365,7 +372,7 @@ class CausalFunction:
         return columns, rows
 
     def explain(self) -> str:
-        """The certificate in text: blocks, sizes, branch signs, assumptions, file:line."""
+        """Return a text on how the values are computed: blocks, sizes, branch signs, assumptions, file and line."""
         return explain(self)
 
     def __repr__(self) -> str:
@@ -373,12 +380,12 @@ class CausalFunction:
 
 
 def _stack(matrix: np.ndarray, n: int, width: int) -> np.ndarray:
-    """Mapped matrices (r, n * width) as (n, r, width)."""
+    """Return mapped matrices (r, n * width) as (n, r, width)."""
     return matrix.reshape(matrix.shape[0], n, width).transpose(1, 0, 2).copy()
 
 
 def c_name(name: str) -> str:
-    """A name as a C identifier: der(T,2) -> d2_T, arm[0].rod -> arm_0_rod."""
+    """Return a name as a C identifier: der(T,2) -> d2_T, arm[0].rod -> arm_0_rod."""
     order = 0
     while name.startswith("der("):
         inner = name[4:-1]
@@ -390,7 +397,7 @@ def c_name(name: str) -> str:
         text = text.replace("__", "_")
     prefix = "" if order == 0 else ("d_" if order == 1 else f"d{order}_")
     text = prefix + text
-    # CasADi refuses some words, and neither it nor C takes a leading digit
+    # CasADi refuses some words, and neither CasADi nor C allows a leading digit
     return f"f_{text}" if text in ("jac", "null", "hess") or text[0].isdigit() else text
 
 
@@ -403,18 +410,18 @@ def compile_causal(
     branches: Mapping[str, int] | None = None,
     name: str | None = None,
 ) -> CausalFunction:
-    """The function that computes `targets` when `known` is prescribed: any causality of the model.
+    """Return the function that computes `targets` from `known`, for any causality of the model.
 
     Args:
-        known: names of variables prescribed with all their derivatives.
+        known: names of variables that are known with all their derivatives.
         targets: names such as "T", "der(q)", "der(T,2)", "arm[0].rod.tension".
-        prefer: names to keep as states, where what is known does not determine all.
-        branches: sign +1 or -1 by declared branch name, see `gt.branch`; +1 where none is given.
-        name: of the function, in messages and in C; made of targets and known if None.
+        prefer: names of preferred states, if the known variables do not determine everything.
+        branches: sign +1 or -1 by declared branch name, see `gt.branch`; +1 by default.
+        name: name of the function in messages and in C; by default derived from targets and known.
 
-    The answer's inputs are the states, then the known variables with their derivatives as far as anything needs them.
-    Raises ModelError with file and line of the equations concerned, where the model is wrong or what is known does not
-    determine the targets.
+    The inputs of the function are the states, then the known variables with the derivatives that are needed. Raises
+    ModelError, with file and line of the equations, if the model is wrong or the known variables do not determine the
+    targets.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> inverse_dynamics = robot.causal(known="T", targets="tau")
@@ -433,16 +440,16 @@ def compile_causal(
 
 
 def notes_of(model: Model | Builder) -> list[str]:
-    """Notes of all functions that were made of a model so far, each once."""
+    """Return the notes of all functions compiled from a model so far, each once."""
     flat = getattr(model, "_flat", None)
-    made = [] if flat is None else [f for f in flat.cache.values() if isinstance(f, CausalFunction)]
-    return list(dict.fromkeys(note for f in made for note in f.notes))
+    functions = [] if flat is None else [f for f in flat.cache.values() if isinstance(f, CausalFunction)]
+    return list(dict.fromkeys(note for f in functions for note in f.notes))
 
 
-def _names(what: str, given: Any) -> list[str]:
-    names = [given] if isinstance(given, str) else given
+def _names(argument: str, value: Any) -> list[str]:
+    names = [value] if isinstance(value, str) else value
     if not isinstance(names, (list, tuple)) or not all(isinstance(n, str) for n in names):
-        raise ModelError(f"{what} takes names of variables, such as 'T' or 'der(q)'; found {given!r}")
+        raise ModelError(f"{argument} takes names of variables, such as 'T' or 'der(q)'; found {value!r}")
     return list(names)
 
 
@@ -455,12 +462,14 @@ def _compile(
     name: str | None,
 ) -> CausalFunction:
     if not targets:
-        raise ModelError(f"{flat.title}: no target is given; name at least one variable to compute")
+        raise ModelError(f"{flat.title}: there is no target; name at least one variable to compute")
     groups = []
     for text in known:
         shape, indices, order = flat.lookup(text)
         if order:
-            raise ModelError(f"'{text}' cannot be known without '{flat.variables[indices[0]].name}' itself")
+            raise ModelError(
+                f"'{text}' cannot be known without '{flat.variables[indices[0]].name}' itself; name the variable"
+            )
         groups.append((text, shape, indices))
     indices = [i for _, _, g in groups for i in g]
     if len(set(indices)) != len(indices):
@@ -469,7 +478,7 @@ def _compile(
     used = {i for pairs in inside for i, _ in pairs}
     for i in indices:
         if i not in used:
-            raise ModelError(f"'{flat.variables[i].name}' is given as known, but no equation uses it")
+            raise ModelError(f"'{flat.variables[i].name}' is known, but no equation uses it; remove it from known")
     outputs = []
     for text in targets:
         shape, group, order = flat.lookup(text)
@@ -485,7 +494,7 @@ def _compile(
 
 
 def input_signals(plan: CausalPlan, groups: list[Group]) -> list[CausalSignal]:
-    """States first, then the known variables with their derivatives as far as anything reads them."""
+    """Return the states, then the known variables with the derivatives that are needed."""
     flat = plan.flat
     known = {i for _, _, g in groups for i in g}
     states = state_groups(plan, [p for p in plan.inputs if p[0] not in known])
@@ -497,22 +506,21 @@ def input_signals(plan: CausalPlan, groups: list[Group]) -> list[CausalSignal]:
 
 
 def _signal(flat: FlatModel, name: str, shape: tuple[int, ...], indices: list[int], order: int) -> CausalSignal:
-    """Of the variables of that name, differentiated."""
     unit = flat.unit_of(indices[0], order)
     return CausalSignal(derivative_name(name, order), shape, unit, tuple((i, order) for i in indices))
 
 
 def state_groups(plan: CausalPlan, states: list[Pair]) -> list[tuple[int, str, tuple[int, ...], list[int]]]:
-    """State symbols gathered into declared vectors where they are complete."""
+    """Group state symbols into declared vectors if these are complete."""
     flat = plan.flat
-    left = set(states)
+    remaining = set(states)
     result = []
     for order in sorted({k for _, k in states}):
         for name, (shape, indices) in sorted(flat.groups.items(), key=lambda g: (g[0].count("."), g[1][1][:1])):
-            if shape and indices and all((i, order) in left for i in indices):
+            if shape and indices and all((i, order) in remaining for i in indices):
                 result.append((order, name, shape, list(indices)))
-                left -= {(i, order) for i in indices}
-        for i, k in sorted(left):
+                remaining -= {(i, order) for i in indices}
+        for i, k in sorted(remaining):
             if k == order:
                 result.append((order, flat.variables[i].name, (), [i]))
     return result

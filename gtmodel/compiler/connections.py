@@ -1,4 +1,4 @@
-"""Connection sets, potentials equal and flows summing to zero, and trees of overdetermined connectors."""
+"""Equations of connections: equal potentials and flows that sum to zero; trees of overdetermined connectors."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ from ..lang.model import Connector, Model
 from ..lang.source import ModelError, SourceLocation
 from .matrices import difference, total
 
-ROOT = -1  # stands for all roots together: two of them in one tree are a loop through it
+ROOT = -1  # one node for all roots: two roots in one tree form a loop through it
 
 
 def check_trees(connections: list[Connection], edges: list[TreeEdge]) -> None:
-    """Raises ModelError for a loop of edges and connections between overdetermined connectors.
+    """Raise ModelError for a loop of edges and connections between overdetermined connectors.
 
-    The sentence names the line that closes the loop and the ports along it; connections close loops, because the
-    edges inside components are laid first.
+    The message names the ports along the loop and the line of the connection that closes it.
     """
     links: list[tuple[Connector | None, Connector, SourceLocation]] = [(e.a, e.b, e.where) for e in edges]
     links += [(c.a, c.b, c.where) for c in connections if c.a.overdetermined]
@@ -30,15 +29,15 @@ def check_trees(connections: list[Connection], edges: list[TreeEdge]) -> None:
     for a, b, where in links:
         ports.update({id(p): p for p in (a, b) if p is not None})
         start, end = ROOT if a is None else id(a), id(b)
-        way = _way(neighbours, start, end)
-        if way:
-            raise ModelError(_sentence([ports[n] for n in way if n != ROOT], ROOT in way), where)
+        path = _path(neighbours, start, end)
+        if path:
+            raise ModelError(_sentence([ports[n] for n in path if n != ROOT], ROOT in path), where)
         neighbours.setdefault(start, []).append(end)
         neighbours.setdefault(end, []).append(start)
 
 
-def _way(neighbours: dict[int, list[int]], start: int, end: int) -> list[int]:
-    """The only way from start to end in a forest, or an empty list."""
+def _path(neighbours: dict[int, list[int]], start: int, end: int) -> list[int]:
+    """Return the only path from start to end in a forest, or an empty list."""
     before: dict[int, int] = {start: start}
     stack = [start]
     while stack:
@@ -49,17 +48,17 @@ def _way(neighbours: dict[int, list[int]], start: int, end: int) -> list[int]:
                 stack.append(other)
     if end not in before:
         return []
-    way = [end]
-    while way[-1] != start:
-        way.append(before[way[-1]])
-    return way[::-1]
+    path = [end]
+    while path[-1] != start:
+        path.append(before[path[-1]])
+    return path[::-1]
 
 
 def _sentence(ports: list[Connector], through_root: bool) -> str:
     names = " - ".join(p._path for p in ports)
     components = list(dict.fromkeys(p._path.rpartition(".")[0] or p._path for p in ports))
-    what = "two components fix it in the world and here they meet" if through_root else "here it closes"
-    return f"a loop of {', '.join(components)} ({names}): {what}; {ports[0].overdetermined}"
+    cause = "two components fix it in the world, and this line connects them" if through_root else "this line closes it"
+    return f"a loop of {', '.join(components)} ({names}): {cause}; {ports[0].overdetermined}"
 
 
 Face = tuple[int, bool]  # port number, seen from inside its owner
@@ -68,10 +67,10 @@ Face = tuple[int, bool]  # port number, seen from inside its owner
 def connection_equations(
     tree: Tree, connections: list[tuple[Connection, Model]]
 ) -> Iterator[tuple[ca.SX, str, str, SourceLocation]]:
-    """Equations of all connection sets as (residual, label, component path, where).
+    """Yield the equations of all connection sets as (residual, label, component path, where).
 
-    A port seen from inside the component that owns it counts with the opposite flow sign. Raises ModelError
-    for a connection between ports that are neither the component's own nor its parts'.
+    Inside the component that owns a port, its flow has the opposite sign. Raises ModelError for a connection of a port
+    that belongs neither to the component nor to one of its parts.
     """
     number = {id(p): i for i, p in enumerate(tree.ports)}
     parent: dict[Face, Face] = {}
@@ -89,18 +88,18 @@ def connection_equations(
             owner = port._parent
             while isinstance(owner, Connector):  # a port inside a port belongs to the same component
                 owner = owner._parent
-            own = owner is component
-            if not own and (owner is None or owner._parent is not component):
+            inside = owner is component
+            if not inside and (owner is None or owner._parent is not component):
                 raise ModelError(
-                    f"port '{port._path}' is neither a port of "
-                    f"'{component._path or type(component).__name__}' nor of one of its parts",
+                    f"port '{port._path}' belongs neither to '{component._path or type(component).__name__}' nor to "
+                    "one of its parts; connect it in the component that contains it",
                     connection.where,
                 )
-            faces.append((number[id(port)], own))
+            faces.append((number[id(port)], inside))
         a, b = find(faces[0]), find(faces[1])
         if a == b:
             raise ModelError(
-                f"'{connection.a._path}' and '{connection.b._path}' are connected twice",
+                f"'{connection.a._path}' and '{connection.b._path}' are connected twice; remove one connection",
                 connection.where,
             )
         parent[max(a, b)] = min(a, b)
@@ -131,8 +130,8 @@ def _set_equations(
         for k, element in enumerate(element_names(name, item.shape)):
             if item.role == "flow":
                 flow = ca.SX(0)
-                for column, (_, own) in zip(columns, faces, strict=True):
-                    flow = (difference if own else total)(flow, column[k])
+                for column, (_, inside) in zip(columns, faces, strict=True):
+                    flow = (difference if inside else total)(flow, column[k])
                 yield flow, f"flow {element} of {names}", component, line
             elif item.role == "potential":
                 for column, port in zip(columns[1:], ports[1:], strict=True):

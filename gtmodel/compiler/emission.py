@@ -1,5 +1,5 @@
-"""Emission: expressions of solved unknowns written in what a plan reads, with fewer operations and the same numbers
-but for rounding."""
+"""Emission: rewrites expressions of solved unknowns in terms of a plan's inputs, with fewer operations and the same
+values up to round-off."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from .plan import CausalPlan
 from .rewriting import Instruction, applied, rewritten, walked
 
 _SUMS = (ca.OP_ADD, ca.OP_SUB)
-Shifted = tuple[ca.SX, float]  # an expression that nothing else reads, and what is to be added to it
+Shifted = tuple[ca.SX, float]  # an expression that nothing else reads, and a constant to add to it
 
 
 def with_gathered_constants(expressions: Sequence[ca.SX]) -> list[ca.SX]:
-    """The expressions with fewer sums; each with the sparsity it had, common subexpressions shared before."""
+    """Return the expressions with fewer sums and the same sparsity; common subexpressions must be shared already."""
     return rewritten(expressions, lambda read, symbols: walked(read, symbols, _Gathered(read)))
 
 
@@ -45,7 +45,7 @@ class _Gathered:
 
     @staticmethod
     def _sum(op: int, first: Shifted, second: Shifted) -> Shifted | None:
-        """With a constant among its parts; None without one."""
+        """Return a sum with a constant term; None if it has none."""
         (x, c), (y, d) = first, second
         sign = 1.0 if op == ca.OP_ADD else -1.0
         if y.is_constant() and not x.is_constant():
@@ -55,11 +55,11 @@ class _Gathered:
         return None
 
 
-LONGEST = 16  # products in a sum
+LONGEST = 16  # largest number of products in a sum
 
 
 def with_differences(expressions: Sequence[ca.SX]) -> list[ca.SX]:
-    """The expressions, each with the sparsity it had; common subexpressions must be shared before."""
+    """Return the expressions with fewer operations, by reuse of differences; common subexpressions must be shared."""
     return rewritten(expressions, _rewritten)
 
 
@@ -74,7 +74,7 @@ def _rewritten(read: list[Instruction], symbols: list[ca.SX]) -> list[ca.SX] | N
 
 
 class _Plain:
-    """Instructions as they are."""
+    """Forms that leave the instructions unchanged."""
 
     def leaf(self, x: ca.SX) -> ca.SX:
         return x
@@ -87,7 +87,7 @@ class _Plain:
 
 
 def _better(read: list[Instruction]) -> dict[int, Instruction]:
-    """(x - y) - z in place of differences x - (y + z) that profit."""
+    """Replace x - (y + z) by (x - y) - z if x - y is computed anyway."""
     uses = Counter(k for instruction in read for k in instruction.reads)
     differences = {tuple(i.reads): k for k, i in enumerate(read) if i.op == ca.OP_SUB}
     better: dict[int, Instruction] = {}
@@ -104,20 +104,20 @@ def _better(read: list[Instruction]) -> dict[int, Instruction]:
 
 
 def _depends(read: list[Instruction], k: int, on: int) -> bool:
-    """Whether instruction k is computed from the result of another one."""
-    seen, left = set[int](), [k]
-    while left:
-        k = left.pop()
+    """Return whether instruction k depends on instruction `on`."""
+    visited, stack = set[int](), [k]
+    while stack:
+        k = stack.pop()
         if k == on:
             return True
-        if k > on and k not in seen:
-            seen.add(k)
-            left += read[k].reads
+        if k > on and k not in visited:
+            visited.add(k)
+            stack += read[k].reads
     return False
 
 
 def _derivatives_of(read: list[Instruction]) -> dict[int, Instruction]:
-    """s or -s in place of sums of (x - q y) y, where q is (sum of x y -+ s) over (sum of y y)."""
+    """Replace sums of (x - q y) y by s or -s if q is (sum of x y -+ s) / (sum of y y)."""
     replacements: dict[int, Instruction] = {}
     for k, (op, *_) in enumerate(read):
         if op != ca.OP_ADD:
@@ -127,12 +127,12 @@ def _derivatives_of(read: list[Instruction]) -> dict[int, Instruction]:
         first = split[0] if split else None
         if first is None or any(x is None or x[1] != first[1] for x in split):
             continue
-        q_op, given, *_ = read[first[1]]
-        if q_op != ca.OP_DIV or read[given[0]].op not in (ca.OP_ADD, ca.OP_SUB):
+        q_op, reads, *_ = read[first[1]]
+        if q_op != ca.OP_DIV or read[reads[0]].op not in (ca.OP_ADD, ca.OP_SUB):
             continue
-        sign, (product, root), *_ = read[given[0]]
+        sign, (product, root), *_ = read[reads[0]]
         pairs = [(x[0], x[2]) for x in split if x is not None]
-        if _sorted(_products(read, product)) == _sorted(pairs) and _sorted(_products(read, given[1])) == _sorted(
+        if _sorted(_products(read, product)) == _sorted(pairs) and _sorted(_products(read, reads[1])) == _sorted(
             [(y, y) for _, y in pairs]
         ):
             replacements[k] = Instruction(ca.OP_ASSIGN if sign == ca.OP_SUB else ca.OP_NEG, [root])
@@ -140,39 +140,39 @@ def _derivatives_of(read: list[Instruction]) -> dict[int, Instruction]:
 
 
 def _products(read: list[Instruction], k: int) -> list[tuple[int, int]]:
-    """The factors of a sum of products; none if it is something else, or longer than vectors are."""
-    products, left = list[tuple[int, int]](), [k]
-    while left:
-        op, given, *_ = read[left.pop()]
+    """Return the factors of a sum of products; empty if it is something else, or longer than LONGEST."""
+    products, stack = list[tuple[int, int]](), [k]
+    while stack:
+        op, reads, *_ = read[stack.pop()]
         if len(products) == LONGEST:
             return []
         if op == ca.OP_ADD:
-            left += given
+            stack += reads
         elif op in (ca.OP_MUL, ca.OP_SQ):
-            products.append((given[0], given[-1]))
+            products.append((reads[0], reads[-1]))
         else:
             return []
     return products
 
 
 def _off_line(read: list[Instruction], r: int, y: int) -> tuple[int, int, int] | None:
-    """(x, q, y) if r is x - q y."""
-    op, given, *_ = read[r]
-    if op != ca.OP_SUB or read[given[1]].op != ca.OP_MUL:
+    """Return (x, q, y) if r is x - q y."""
+    op, reads, *_ = read[r]
+    if op != ca.OP_SUB or read[reads[1]].op != ca.OP_MUL:
         return None
-    a, b = read[given[1]].reads
-    return None if y not in (a, b) else (given[0], b if a == y else a, y)
+    a, b = read[reads[1]].reads
+    return None if y not in (a, b) else (reads[0], b if a == y else a, y)
 
 
 def _sorted(pairs: list[tuple[int, int]]) -> list[tuple[int, int]]:
     return sorted((min(p), max(p)) for p in pairs)
 
 
-Factored = tuple[float, ca.SX]  # +-2^k and what it multiplies
+Factored = tuple[float, ca.SX]  # a factor +-2^k and an expression
 
 
 def without_factors(expressions: Sequence[ca.SX]) -> list[ca.SX]:
-    """The expressions with fewer operations; each with the sparsity it had."""
+    """Return the expressions with signs and powers of two factored out, with the same sparsity."""
     return rewritten(expressions, lambda read, symbols: walked(read, symbols, _FORMS))
 
 
@@ -227,7 +227,7 @@ def _operation(op: int, given: list[Factored]) -> Factored:
 
 
 def _constant(c: float, x: ca.SX) -> Factored:
-    """A constant that is a power of two becomes a factor."""
+    """Turn a constant that is a power of two into a factor."""
     if x.is_constant():
         value = float(x)
         if value != 0.0 and abs(math.frexp(value)[0]) == 0.5:
@@ -236,7 +236,7 @@ def _constant(c: float, x: ca.SX) -> Factored:
 
 
 def _sum(c: float, x: ca.SX, d: float, y: ca.SX) -> ca.SX:
-    """c x + d y with a difference where one is negative."""
+    """Return c x + d y, as a difference if one factor is negative."""
     if d < 0:
         return difference(_whole((c, x)), _whole((-d, y)))
     if c < 0:
@@ -247,10 +247,8 @@ def _sum(c: float, x: ca.SX, d: float, y: ca.SX) -> ca.SX:
 def express(plan: CausalPlan, expressions: Sequence[ca.SX], extra: Sequence[tuple[ca.SX, ca.SX]] = ()) -> list[ca.SX]:
     """Rewrite expressions of kept symbols in terms of the plan's inputs, Newton unknowns, parameters and time.
 
-    Parameters become what the plan has in their place; `extra` are further (symbol, value) pairs substituted
-    first, in place of what the plan would compute.
-
-    One common-subexpression pass over everything comes last: SX itself shares nothing.
+    Parameters are replaced by `plan.parameters`. `extra`: further (symbol, value) pairs, which replace the values that
+    the plan computes. The last step eliminates common subexpressions, which SX does not share by itself.
     """
     results = substituted(plan, expressions, extra)
     if not results:
@@ -260,14 +258,14 @@ def express(plan: CausalPlan, expressions: Sequence[ca.SX], extra: Sequence[tupl
 
 
 def substituted(plan: CausalPlan, expressions: Sequence[ca.SX], extra: Sequence[tuple[ca.SX, ca.SX]]) -> list[ca.SX]:
-    """As `express`, as it comes: quick, for what is called a few times."""
-    given = {s.element_hash() for s, _ in extra}  # what is given is not computed
+    """Like `express` without any simplification: fast, for functions that are called a few times."""
+    replaced = {s.element_hash() for s, _ in extra}
     roots = [r for b in plan.blocks for r in b.roots]
     pairs = [*extra]
     if plan.flat.parameters:
         pairs.append((plan.flat.p, plan.parameters))
     pairs += [(r.sign, ca.SX(r.value)) for r in roots]
-    pairs += [a for b in plan.blocks for a in b.assignments if a[0].element_hash() not in given]
+    pairs += [a for b in plan.blocks for a in b.assignments if a[0].element_hash() not in replaced]
     results = list(expressions)
     if pairs:
         _, results = ca.substitute_inplace([s for s, _ in pairs], [v for _, v in pairs], results)

@@ -1,5 +1,5 @@
-"""A plan as functions: one closed SX function, a kernel for each Newton block, and one ca.Function that says with its
-values whether they are an answer."""
+"""A plan as functions: one closed SX function, a kernel for each Newton block, and one ca.Function with values and
+status."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from .newton import CORNER, CORRECTIONS, REACH, SINGULAR, TRUST, NewtonKernel
 from .plan import CausalPlan
 from .rows import PIVOT_TOLERANCE
 
-# steps of equal length from the home pose: the call of a CausalFunction takes as many as it needs
+# steps of equal length from the home pose; the call of a CausalFunction takes as many as it needs
 STRIDES = 16
-# a Newton step that is left, in nominals, where the iteration has converged
-LEFT = 1e-9
+# largest remaining Newton step, in nominals, at convergence
+REMAINING = 1e-9
 
 
 def judged(
@@ -33,8 +33,8 @@ def judged(
     sizes: Sizes | None = None,
     iteration: ca.SX | int = 0,
 ) -> ca.SX:
-    """Code of `Status`, decided as `rows.status_codes` does: inputs and their sizes, iterations (`iteration`), margins,
-    targets."""
+    """Return the code of `Status` as in `rows.status_codes`, from inputs and their sizes, the `iteration` code, margins
+    and targets."""
     code = ca.if_else(_finite(targets), ca.SX(Status.OK), ca.SX(Status.NOT_FINITE))
     for k, m in reversed(list(enumerate(facts))):
         if m.kind in ("pivot", "branch"):
@@ -64,10 +64,10 @@ def guarded(
     names_in: Sequence[str],
     names_out: Sequence[str],
 ) -> ca.Function:
-    """MX function of the inputs alone: targets, status, margins.
+    """Return the MX function inputs -> targets, status, margins.
 
-    Each Newton block is followed from the home pose in STRIDES steps, under the tests of `NewtonKernel.solve`; the
-    status is NOT_CONVERGED where one of them fails, also where shorter steps would have led there.
+    Each Newton block is continued from the home pose in STRIDES steps with the tests of `NewtonKernel.solve`. The
+    status is NOT_CONVERGED if a test fails, even if shorter steps would have succeeded.
     """
     count = len(names_in)
     inputs: list[Any] = [ca.MX.sym(n, closed.sparsity_in(k)) for k, n in enumerate(names_in)]
@@ -83,27 +83,27 @@ def guarded(
     code = ca.SX.sym("iteration")
     status = judged(args[:count], outs[:-1], outs[-1], facts, sizes, code)
     judge = ca.Function(f"{name}_judge", [*args, *outs, code], [status])
-    said = judge.call([*inputs, *results, iteration])[0]
-    return ca.Function(name, inputs, [*results[:-1], said, results[-1]], list(names_in), list(names_out))
+    code = judge.call([*inputs, *results, iteration])[0]
+    return ca.Function(name, inputs, [*results[:-1], code, results[-1]], list(names_in), list(names_out))
 
 
 def _followed(kernel: NewtonKernel, a: Any, name: str) -> tuple[Any, Any]:
-    """Unknowns of a block at `a`, and a code of `Status` for the iteration."""
+    """Return the unknowns of a block at `a`, and a code of `Status` for the iteration."""
     z, p = ca.SX.sym("z", len(kernel.z0)), ca.SX.sym("p", len(kernel.a0))
     residual, jacobian = kernel.residual.call([z, p])
     options = {"error_on_fail": False, "abstol": 1e-13, "max_iter": CORRECTIONS, "show_eval_warnings": False}
     problem = {"x": z, "p": p, "g": residual}
     finder = ca.rootfinder(f"{name}_find", "newton", problem, options)
-    # what is left of a Newton step, and the smallest part of the largest pivot, as numbers of one solution
+    # residual, derivatives, and the ratio of the smallest to the largest pivot, at one solution
     _, r = ca.qr(jacobian * ca.repmat(ca.DM(kernel.scale).T, len(kernel.z0), 1))
     pivots = ca.fabs(ca.diag(r))
     least = ca.mmin(pivots) / ca.mmax(pivots)
     at = ca.Function(f"{name}_at", [z, p], [residual, jacobian, kernel.sensitivity(z, p), least])
     home, start, scale = ca.MX(ca.DM(kernel.a0)), ca.MX(ca.DM(kernel.z0)), ca.MX(ca.DM(kernel.scale))
-    for places in map(list, kernel.even):
+    for entries in map(list, kernel.even):
         sign = ca.DM.ones(len(kernel.a0))
-        sign[places] = -1.0
-        a = ca.if_else(ca.dot(ca.DM(kernel.a0[places]), a[places]) < 0, sign * a, a)
+        sign[entries] = -1.0
+        a = ca.if_else(ca.dot(ca.DM(kernel.a0[entries]), a[entries]) < 0, sign * a, a)
     way = a - home
     here = start
     _, slope, by_a, _ = at.call([here, home])
@@ -112,20 +112,20 @@ def _followed(kernel: NewtonKernel, a: Any, name: str) -> tuple[Any, Any]:
     singular: Any = ca.MX(0)
     h = 1.0 / STRIDES
     for k in range(1, STRIDES + 1):
-        there = a if k == STRIDES else home + k * h * way
-        ahead = h * tangent
-        z_there = finder(x0=here + ahead, p=there)["x"]
-        rest, slope, by_a, least_here = at.call([z_there, there])
-        behind = -ca.solve(slope, by_a @ way)
-        left = ca.solve(slope, rest)
-        gone = (z_there - here) / scale
-        off = gone - h / 2 * (tangent + behind) / scale
-        # written so that NaN fails
-        near = ca.mmax(ca.fabs(ahead / scale)) <= REACH
-        straight = ca.mmax(ca.fabs(off)) <= TRUST * ca.mmax(ca.fabs(gone)) + CORNER
-        converged = ca.sum1(ca.fabs(left / scale)) <= LEFT
+        target = a if k == STRIDES else home + k * h * way
+        prediction = h * tangent
+        solution = finder(x0=here + prediction, p=target)["x"]
+        rest, slope, by_a, least_here = at.call([solution, target])
+        new_tangent = -ca.solve(slope, by_a @ way)
+        correction = ca.solve(slope, rest)
+        step = (solution - here) / scale
+        deviation = step - h / 2 * (tangent + new_tangent) / scale
+        # comparisons fail for NaN
+        near = ca.mmax(ca.fabs(prediction / scale)) <= REACH
+        straight = ca.mmax(ca.fabs(deviation)) <= TRUST * ca.mmax(ca.fabs(step)) + CORNER
+        converged = ca.sum1(ca.fabs(correction / scale)) <= REMAINING
         good = good * near * straight * converged
-        here, tangent, singular = z_there, behind, ca.logic_not(least_here > SINGULAR)
+        here, tangent, singular = solution, new_tangent, ca.logic_not(least_here > SINGULAR)
     code = ca.if_else(good == 1, ca.if_else(singular, int(Status.SINGULAR), int(Status.OK)), int(Status.NOT_CONVERGED))
     return here, code
 
@@ -135,8 +135,8 @@ Pair = tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class Built:
-    """closed: (inputs..., z of each Newton block...) -> (targets..., margins); `whole` has no z, and its outputs are
-    (targets..., status, margins)."""
+    """closed: (inputs..., z of each Newton block...) -> (targets..., margins). whole: (inputs...) -> (targets...,
+    status, margins)."""
 
     closed: ca.Function
     kernels: list[NewtonKernel]
@@ -150,9 +150,9 @@ def build(
     name: str,
     parametric: bool = False,
 ) -> Built:
-    """Functions for a plan; inputs and outputs are (C name, chain symbols).
+    """Build the functions of a plan; inputs and outputs are (C name, chain symbols).
 
-    parametric: the parameter vector is the last input; else the plan must have numbers folded in.
+    parametric: the parameter vector is the last input; otherwise the plan must contain numbers as parameters.
     """
     flat = plan.flat
     args = [ca.vertcat(*[flat.scope.symbol(*p) for p in pairs]) for _, pairs in inputs]
@@ -170,7 +170,7 @@ def build(
     *names_out, status_name = _distinct(names_out, [*names_in, *z_names])
     with_status = [*names_out[:-1], status_name, names_out[-1]]
     facts = plan.margins
-    # other parameters are other lengths
+    # limits of sizes hold for one set of parameters only
     sizes = None if parametric else sizes_of(plan, [*[pairs for _, pairs in inputs], *([()] if plan.uses_time else [])])
     margins = [m.expression for m in facts]
     results = express(plan, [*out, ca.vertcat(*margins) if margins else ca.SX(0, 1)])
@@ -181,7 +181,7 @@ def build(
     unknowns = [ca.vertcat(*b.unknowns) for b in plan.newton]
     closed = ca.Function(f"{name}_closed", [*args, *unknowns], results, [*names_in, *z_names], names_out)
     residuals = express(plan, [ca.vertcat(*b.residuals) for b in plan.newton])
-    # kernels take all that is given as one column: inputs, then the unknowns of earlier blocks
+    # kernels take their arguments as one column: inputs, then the unknowns of earlier blocks
     kernels, quaternions = [], _quaternions(plan, [p for _, pairs in inputs for p in pairs])
     for k, (block, r) in enumerate(zip(plan.newton, residuals, strict=True)):
         a, z = ca.vertcat(*args, *unknowns[:k]), unknowns[k]
@@ -199,15 +199,15 @@ def build(
     return Built(closed, kernels, guarded(closed, kernels, facts, sizes, name, names_in, with_status))
 
 
-def _quaternions(plan: CausalPlan, given: Sequence[Pair]) -> tuple[tuple[int, ...], ...]:
-    """Places of vectors of four, each with its derivatives: they may be quaternions, which turn as their opposites."""
+def _quaternions(plan: CausalPlan, inputs: Sequence[Pair]) -> tuple[tuple[int, ...], ...]:
+    """Return the positions of vectors of four with their derivatives: possible quaternions, which q and -q share."""
     vectors = [set(indices) for shape, indices in plan.flat.groups.values() if shape == (4,)]
-    places = (tuple(n for n, (index, _) in enumerate(given) if index in vector) for vector in vectors)
-    return tuple(filter(None, places))
+    positions = (tuple(n for n, (index, _) in enumerate(inputs) if index in vector) for vector in vectors)
+    return tuple(filter(None, positions))
 
 
 def _distinct(names: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
-    """The names with a number behind those that are taken: `a.b` and `a_b` are both a_b in C."""
+    """Append a number to names that are already taken: `a.b` and `a_b` are both a_b in C."""
     distinct: list[str] = []
     for name in names:
         k, new = 1, name
@@ -219,7 +219,7 @@ def _distinct(names: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
 
 
 def _sample(plan: CausalPlan, column: ca.SX) -> np.ndarray:
-    """Values of a column of symbols at the first sample point and its time; parameters at their values."""
+    """Return the values of a column of symbols at the first sample point and its time, with the parameter values."""
     flat = plan.flat
     known = {pair: n for n, pair in enumerate(plan.pairs)}
     parameters = {q.symbol.element_hash(): q.value for q in flat.parameters}

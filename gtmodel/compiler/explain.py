@@ -1,4 +1,4 @@
-"""The certificate of a causality in text."""
+"""Text that describes how a causality is computed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def explain(f: CausalFunction) -> str:
-    """Inputs, outputs, structure, and every block with its kind, unknowns, branch and origin of its equations."""
+    """Describe inputs, outputs, structure, and every block with its kind, unknowns, branch and equations."""
     plan, flat = f.plan, f.flat
     lines = [
         f"{flat.title}: {', '.join(s.name for s in f.outputs)} from {', '.join(s.name for s in f.inputs) or 'nothing'}",
@@ -28,7 +28,7 @@ def explain(f: CausalFunction) -> str:
         if limit < DOUBLE.largest
     ]
     if limited:
-        lines.append(f"  norms of inputs go up to: {', '.join(limited)}")
+        lines.append(f"  largest norms of inputs: {', '.join(limited)}")
     counts: dict[str, int] = {}
     for b in plan.blocks:
         counts[b.kind] = counts.get(b.kind, 0) + 1
@@ -44,32 +44,32 @@ def explain(f: CausalFunction) -> str:
         lines.append(f"  {n:3d} {b.kind}, {unknowns}: {', '.join(b.unknowns)}")
         lines.append(f"      {b.detail}")
         for r in b.roots:
-            by = f"branch '{r.settled_by}'" if r.settled_by else "the start values"
-            lines.append(f"      root of {r.label}: sign {'+' if r.value > 0 else '-'}, by {by}")
+            source = f"branch '{r.settled_by}'" if r.settled_by else "the start values"
+            lines.append(f"      root of {r.label}: sign {'+' if r.value > 0 else '-'}, from {source}")
         for m in b.margins:
-            good = "must not be negative" if m.kind == "discriminant" else "must not vanish"
-            lines.append(f"      {m.kind} of {m.label} {good} (typical size {m.scale:.3g})")
+            requirement = "must not be negative" if m.kind == "discriminant" else "must not vanish"
+            lines.append(f"      {m.kind} of {m.label} {requirement} (typical size {m.scale:.3g})")
         lines += [f"      {e}" for e in b.equations]
     if plan.sides:
-        lines.append(f"  Newton's answers lie on branches: {', '.join(m.label for m in plan.sides)}")
+        lines.append(f"  branches of Newton's solutions: {', '.join(m.label for m in plan.sides)}")
     lines += _home(plan) if plan.newton or any(not r.settled_by for b in plan.blocks for r in b.roots) else []
     lines += [f"  {note}" for note in f.notes]
     assumed = sorted(q.name for q in flat.parameters if q.nonzero)
     if assumed:
         lines.append(f"  assumes nonzero: {', '.join(assumed)}")
     if plan.undetermined:
-        left = [flat.variables[i].name for i in plan.undetermined]
-        lines.append(f"  not determined by what is known, and not needed: {', '.join(left)}")
+        names = [flat.variables[i].name for i in plan.undetermined]
+        lines.append(f"  not determined by the known variables, and not needed: {', '.join(names)}")
     if flat.branches:
         lines.append(f"  declared branches: {', '.join(b.name for b in flat.branches)}")
     return "\n".join(lines)
 
 
 def _home(plan: CausalPlan) -> list[str]:
-    """The pose that roots and Newton continue: what is declared at the top, as far as the equations hold it.
+    """Return the pose that roots and Newton's method continue: top-level variables that occur in the equations.
 
-    Without forces, whose numbers at this point belong to arbitrary rates: of what is differentiated less often than the
-    positions only what roots and Newton solve for.
+    Forces are left out, because their values belong to arbitrary rates: of the variables differentiated less often than
+    positions, only those that roots and Newton's method solve for are listed.
     """
     flat, place = plan.flat, {pair: n for n, pair in enumerate(plan.pairs)}
     order = {i: k for i, k in sorted(plan.pairs)}  # the highest of each variable

@@ -1,4 +1,4 @@
-"""Flattening: a model becomes named scalar variables, parameters and equations with their origin."""
+"""Flattening: turns a model into named scalar variables, parameters and equations with their origin."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _DER = re.compile(r"^der\((?P<inner>.+?)(?:,\s*(?P<order>\d+))?\)$")
 
 @dataclass(frozen=True)
 class FlatVariable:
-    """One scalar variable: everything later stages need to know about it. Values in SI units."""
+    """One scalar variable with its attributes. Values in SI units."""
 
     name: str
     index: int
@@ -51,7 +51,7 @@ class FlatVariable:
 
 @dataclass(frozen=True)
 class FlatParameter:
-    """One scalar parameter symbol; value NaN where none was given."""
+    """One scalar parameter; its value is NaN if it is not set."""
 
     name: str
     symbol: ca.SX
@@ -66,7 +66,7 @@ class FlatParameter:
 
 @dataclass(frozen=True)
 class FlatEquation:
-    """One scalar equation residual == 0, with the component and the line that wrote it."""
+    """One scalar equation residual == 0, with its component, file and line."""
 
     residual: ca.SX
     label: str
@@ -112,20 +112,20 @@ class FlatModel:
     cache: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def unit_of(self, index: int, order: int) -> str:
-        """Unit of a variable's derivative, "?" where none was declared."""
+        """Return the unit of a variable's derivative, "?" if the variable has no unit."""
         unit = self.variables[index].unit
         if unit is None or order == 0:
             return unit or "?"
         return rate_unit(unit, order)
 
     def level(self, index: int) -> int:
-        """How deep in components a variable is declared. The class of a text has none, whatever dots its names have."""
+        """Return the level of the component that declares a variable; 0 for the model itself and for Modelica text."""
         component = self.variables[index].component
         return component.count(".") + 1 if component else 0
 
     @property
     def root(self) -> Model:
-        """The whole model, bound."""
+        """The bound model."""
         return self.tree.root
 
     @cached_property
@@ -139,16 +139,16 @@ class FlatModel:
         return np.array([q.value for q in self.parameters])
 
     def require_values(self) -> np.ndarray:
-        """Parameter values; ModelError naming the first parameter without one."""
+        """Return the parameter values. Raises ModelError that names the first parameter without a value."""
         for q in self.parameters:
             if not np.isfinite(q.value):
-                # of a part that gtmodel declares, as a sampled block's period, the caller's line is the one to mend
+                # for a parameter that gtmodel declares, such as a sampled block's period, the caller's line matters
                 where = None if q.where is None or q.where.file.startswith("<") else q.where
-                raise ModelError(f"parameter '{q.name}' of {self.title} has no value; give it one", where)
+                raise ModelError(f"parameter '{q.name}' of {self.title} has no value; set it", where)
         return self.p0
 
     def lookup(self, name: str) -> tuple[tuple[int, ...], list[int], int]:
-        """Shape, scalar indices and derivative order of a name such as `T`, `T[0]`, `der(q)`, `der(q,2)`."""
+        """Return shape, scalar indices and derivative order of a name such as `T`, `T[0]`, `der(q)`, `der(q,2)`."""
         order = 0
         inner = name.strip()
         while (m := _DER.match(inner)) is not None:
@@ -163,11 +163,11 @@ class FlatModel:
         names = list(dict.fromkeys([*self.groups, *(v.name for v in self.variables)]))
         hint = meant(inner, names, f"top-level names are {self.top()}", most=3)
         if inner in self.bindings:
-            hint = "that is a parameter, whose value is given when the model is made"
+            hint = "it is a parameter, whose value is set when the model is created"
         raise ModelError(f"{self.title} has no variable '{inner}'; {hint}")
 
     def top(self) -> str:
-        """Names declared at the top level, for messages."""
+        """Return the names declared at the top level, for messages."""
         return ", ".join(n for n in self.groups if "." not in n) or "none"
 
     def symbol_name(self, index: int, order: int) -> str:
@@ -175,10 +175,10 @@ class FlatModel:
 
 
 def flatten(model: Model | Builder) -> FlatModel:
-    """Flatten a configured model, or what a Builder holds.
+    """Flatten a configured model or a Builder.
 
-    Raises ModelError, with file and line, for items that are no equations, trivial equations, mis-shaped or
-    mis-dimensioned relations and wrong connections.
+    Raises ModelError, with file and line, for items that are not equations, trivial equations, wrong shapes or units,
+    and wrong connections.
     """
     tree = model.tree if isinstance(model, Builder) else bind(model)
     equations: list[FlatEquation] = []
@@ -241,15 +241,15 @@ def _label(path: str, count: int, component: Model) -> str:
 
 
 def _items(component: Model, method: str) -> Iterable[tuple[Any, SourceLocation | None]]:
-    """Items of a component's generator with the line of its current yield."""
-    what = f"{method}() of {type(component).__name__}"
-    written = getattr(type(component), method)
-    with persons_code(what, written):
+    """Yield the items of a component's generator with the line of its current yield."""
+    title = f"{method}() of {type(component).__name__}"
+    function = getattr(type(component), method)
+    with persons_code(title, function):
         source = getattr(component, method)()
     if source is None or isinstance(source, (Relation, Connection, Branch, When)):
-        what_came = "nothing" if source is None else f"one {type(source).__name__.lower()}"
-        raise ModelError(f"{what} returned {what_came}; expected 'yield' in front of each equation", line_of(written))
-    for item in each_of(source, what):
+        result = "nothing" if source is None else f"one {type(source).__name__.lower()}"
+        raise ModelError(f"{title} returned {result}; write 'yield' in front of each equation", line_of(function))
+    for item in each_of(source, title):
         frame = getattr(source, "gi_frame", None)
         where = of_frame(frame.f_code.co_filename, frame.f_lineno) if frame is not None else None
         for single in flatten_items(item):
@@ -257,36 +257,37 @@ def _items(component: Model, method: str) -> Iterable[tuple[Any, SourceLocation 
 
 
 def _no_equation(item: Any, component: Model, method: str, where: SourceLocation | None) -> ModelError:
-    shown = item if isinstance(item, (bool, int, float, str)) else type(item).__name__
+    text = item if isinstance(item, (bool, int, float, str)) else type(item).__name__
     return ModelError(
-        f"{type(component).__name__}.{method}() yielded {shown}, which is no equation; expected 'a == b' on "
+        f"{type(component).__name__}.{method}() yielded {text}, which is not an equation; expected 'a == b' with "
         "expressions of the model, gt.connect, gt.branch or gt.when",
         where,
     )
 
 
 def _scalars(item: Relation, path: str, scope: Scope) -> Iterable[ca.SX]:
-    """Scalar residuals of a relation, row by row; trivial ones are errors."""
+    """Yield the scalar residuals of a relation, row by row. Raises ModelError for a trivial one."""
     if item.op != "==":
-        raise ModelError(f"'{item.op}' is no equation; put inequalities into constraints()", item.where)
+        raise ModelError(
+            f"a relation with '{item.op}' is not an equation; put inequalities into constraints()", item.where
+        )
     residual = item.residual
     if scope.instants and ca.depends_on(residual, ca.vertcat(*[ca.vec(i.symbol) for i in scope.instants])):
         raise ModelError(
-            ".at() belongs to objective() and constraints() of an Optimization; an equation holds at every time, a "
-            "start value stands in initial_equations() or in start=...",
+            ".at() can be used only in objective() and constraints() of an Optimization: an equation holds at every "
+            "time; for a start value use initial_equations() or start=...",
             item.where,
         )
     for k in range(residual.numel()):
         r = residual[k]
         if not scope.symbols_in(r):
-            held = r.is_zero()
-            what = "always true" if held else f"without any variable (it says {r} == 0)"
-            raise ModelError(f"an equation of '{path or 'the model'}' is {what}; remove it or mend it", item.where)
+            fault = "is always true" if r.is_zero() else f"has no variable ({r} == 0)"
+            raise ModelError(f"an equation of '{path or 'the model'}' {fault}; remove or correct it", item.where)
         yield r
 
 
 def _numbers(sx: ca.SX | None, n: int, default: float, symbols: ca.SX, values: np.ndarray) -> np.ndarray:
-    """Numeric attribute values from parameter values."""
+    """Return numeric attribute values for given parameter values."""
     if sx is None:
         return np.full(n, default)
     if sx.is_constant():
@@ -296,24 +297,26 @@ def _numbers(sx: ca.SX | None, n: int, default: float, symbols: ca.SX, values: n
 
 
 def variables_of(tree: Tree) -> list[FlatVariable]:
-    """All scalar variables of a tree with the numbers of their attributes."""
+    """Return all scalar variables of a tree with the values of their attributes."""
     result: list[FlatVariable] = []
     values = np.full(len(tree.scope.parameters), np.nan)
     for r in tree.parameters:
         if r.values is not None:
             values[r.indices] = r.values
-    given = stacked(tree.scope.parameters), values
+    parameters = stacked(tree.scope.parameters), values
     for r in tree.variables:
         a = r.attributes
         n = len(r.indices)
-        nominal = _numbers(a["nominal"], n, 1.0, *given)
-        low = _numbers(a["min"], n, -np.inf, *given)
-        high = _numbers(a["max"], n, np.inf, *given)
-        # what is fixed and given no value stands at 0, as in Modelica
-        start = None if a["start"] is None and not a["fixed"] else _numbers(a["start"], n, 0.0, *given)
+        nominal = _numbers(a["nominal"], n, 1.0, *parameters)
+        low = _numbers(a["min"], n, -np.inf, *parameters)
+        high = _numbers(a["max"], n, np.inf, *parameters)
+        # a fixed variable without a start value starts at 0, as in Modelica
+        start = None if a["start"] is None and not a["fixed"] else _numbers(a["start"], n, 0.0, *parameters)
         for k, (index, name) in enumerate(zip(r.indices, element_names(r.name, r.item.shape), strict=True)):
             if low[k] > high[k]:
-                raise ModelError(f"'{name}' has min {low[k]:g} above max {high[k]:g}", r.item.where)
+                raise ModelError(
+                    f"'{name}' has min {low[k]:g} above max {high[k]:g}; correct one of them", r.item.where
+                )
             result.append(
                 FlatVariable(
                     name, index, r.item.role, r.item.unit, r.component, r.item.where, r.item.description,
@@ -346,7 +349,7 @@ def _parameters(tree: Tree) -> list[FlatParameter]:
 
 
 def _flagged(tree: Tree, flag: str) -> set[int]:
-    """Parameter symbols that some declaration, perhaps of a part bound to them, calls positive or nonzero."""
+    """Return the parameter symbols declared positive or nonzero, also by a part's parameter bound to them."""
     symbols = set()
     for r in tree.parameters:
         if getattr(r.item, flag, False):
@@ -355,9 +358,9 @@ def _flagged(tree: Tree, flag: str) -> set[int]:
 
 
 def _limits(r: ParameterRecord, k: int) -> tuple[float, float]:
-    def one(value: Any, default: float) -> float:
-        if value is None or isinstance(value, Declaration):  # another parameter's value binds no symbol
+    def limit(value: Any, default: float) -> float:
+        if value is None or isinstance(value, Declaration):  # a bound by another parameter is not a number
             return default
         return float(np.broadcast_to(np.asarray(value, float), r.shape).reshape(-1)[k])
 
-    return one(r.item.low, -np.inf), one(r.item.high, np.inf)
+    return limit(r.item.low, -np.inf), limit(r.item.high, np.inf)

@@ -1,5 +1,4 @@
-"""One flat model for equal configurations, with everything compiled from it before, and the same with other values of
-some parameters."""
+"""Cache of flat models, one for all equal configurations; and flat models with other parameter values."""
 
 from __future__ import annotations
 
@@ -24,13 +23,13 @@ from ..lang.values import BoundParameters, check_parameter
 from .flat import FlatModel, flatten, variables_of
 
 
-def values_by_place(flat: FlatModel, given: Mapping[str, Any]) -> dict[int, float]:
-    """Values of parameters that a person gave by name, by their places in `flat.p`.
+def values_by_place(flat: FlatModel, parameters: Mapping[str, Any]) -> dict[int, float]:
+    """Return parameter values, passed by name, by their positions in `flat.p`.
 
-    Raises ModelError for a name that is no parameter with a value of its own, and for a value that it does not take.
+    Raises ModelError for a name that is not a parameter with a value of its own, and for a wrong value.
     """
     values: dict[int, float] = {}
-    for name, value in given.items():
+    for name, value in parameters.items():
         with about(f"parameters.{name}"):
             record = _record(flat, name)
             assert isinstance(record.item, Parameter)
@@ -46,23 +45,23 @@ def values_by_place(flat: FlatModel, given: Mapping[str, Any]) -> dict[int, floa
 def _record(flat: FlatModel, name: str) -> ParameterRecord:
     known = {r.name: r for r in flat.tree.parameters if isinstance(r.item, Parameter)}
     if name not in known:
-        own = ", ".join(n for n, r in known.items() if r.indices and "." not in n) or "none"
-        hint = meant(name, known, f"top-level ones are {own}", most=2)
+        names = ", ".join(n for n, r in known.items() if r.indices and "." not in n) or "none"
+        hint = meant(name, known, f"top-level parameters are {names}", most=2)
         raise ModelError(f"{flat.title} has no parameter '{name}'; {hint}")
     record = known[name]
     if not record.indices:
         sources = ", ".join(dict.fromkeys(s.name().split("[")[0] for s in ca.symvar(record.expression)))
         raise ModelError(
-            f"parameter '{name}' follows from {sources or 'numbers in the model'}; give that another value"
+            f"parameter '{name}' follows from {sources or 'numbers in the model'}; change that value instead"
         )
     return record
 
 
 def with_values(flat: FlatModel, values: Mapping[int, float]) -> FlatModel:
-    """The model with other numbers at some places of `flat.p`; attributes of variables follow, what was compiled does
-    not come along.
+    """Return the model with other values at some positions of `flat.p`, with an empty cache.
 
-    Raises ModelError where a parameter that follows from these, or is bounded by them, is not allowed.
+    Attributes of variables that depend on these parameters change too. Raises ModelError for a wrong value of a
+    parameter that depends on these, or is bounded by them.
     """
     if not values:
         return flat
@@ -75,30 +74,30 @@ def with_values(flat: FlatModel, values: Mapping[int, float]) -> FlatModel:
         tree = replace(flat.tree, parameters=parameters, variables=dependent.variables)
         others = {v.index: v for v in variables_of(tree)}
         variables = [others.get(v.index, v) for v in variables]
-    given = [replace(q, value=values[n]) if n in values else q for n, q in enumerate(flat.parameters)]
-    return replace(flat, parameters=given, variables=variables, cache={})
+    flat_parameters = [replace(q, value=values[n]) if n in values else q for n, q in enumerate(flat.parameters)]
+    return replace(flat, parameters=flat_parameters, variables=variables, cache={})
 
 
 @dataclass(frozen=True, eq=False)
 class _Dependent:
-    """What follows from some parameters: `variables` with such attributes, `parameters` with all that have values of
-    their own; `bounds`: what these must keep, None where that is nothing."""
+    """Quantities that depend on some parameters: `variables` with such attributes; `parameters`: the dependent ones and
+    all with own values; `bounds`: the checks of their values, or None."""
 
     parameters: list[ParameterRecord]
     variables: list[VariableRecord]
     bounds: BoundParameters | None
 
 
-def _dependent(flat: FlatModel, places: tuple[int, ...]) -> _Dependent:
-    key = "dependent", get_ident(), places
+def _dependent(flat: FlatModel, positions: tuple[int, ...]) -> _Dependent:
+    key = "dependent", get_ident(), positions
     if key not in flat.cache:
-        column = ca.vertcat(*[flat.parameters[n].symbol for n in places])
-        own = [r for r in flat.tree.parameters if r.indices]
+        column = ca.vertcat(*[flat.parameters[n].symbol for n in positions])
+        records = [r for r in flat.tree.parameters if r.indices]
         bound = [r for r in flat.tree.parameters if not r.indices and ca.depends_on(r.expression, column)]
-        named = any(isinstance(b, Declaration) for r in own for b in (r.item.low, r.item.high))
+        named = any(isinstance(b, Declaration) for r in records for b in (r.item.low, r.item.high))
         attributes = [(r, [a for a in r.attributes.values() if isinstance(a, ca.SX)]) for r in flat.tree.variables]
-        variables = [r for r, given in attributes if given and ca.depends_on(ca.vertcat(*map(ca.vec, given)), column)]
-        parameters = [*own, *bound]
+        variables = [r for r, a in attributes if a and ca.depends_on(ca.vertcat(*map(ca.vec, a)), column)]
+        parameters = [*records, *bound]
         bounds = BoundParameters(replace(flat.tree, parameters=parameters)) if bound or named else None
         flat.cache[key] = _Dependent(parameters, variables, bounds)
     return flat.cache[key]
@@ -111,11 +110,11 @@ def _with(record: ParameterRecord, values: Mapping[int, float]) -> ParameterReco
     return replace(record, values=np.array(numbers))
 
 
-KEPT = 16  # of some megabytes each with their compiled functions
+KEPT = 16  # each takes some megabytes with its compiled functions
 
 
 class _Configuration:
-    """A model that equals any other of the same content."""
+    """A cache key: a model that equals every model with the same content."""
 
     def __init__(self, model: Model, content: Content) -> None:
         self.model = model
@@ -129,22 +128,24 @@ class _Configuration:
 
 
 def flat_of(model: Model | Builder) -> FlatModel:
-    """The flattened model, the same for equal configurations. A Builder, to which lines are added, has one of its own,
-    and so have an Optimization and a model that reads what may change unseen. A model whose methods read something that
-    has changed since, such as a global, is flattened anew."""
-    own: FlatModel | None = getattr(model, "_flat", None)
-    kept: Content | None = getattr(model, "_content", None)
+    """Return the flattened model; equal configurations share one.
+
+    A Builder, an Optimization, and a model that reads data that may change unnoticed do not share it. A model is
+    flattened again if data that its methods read, such as a global, have changed.
+    """
+    flat: FlatModel | None = getattr(model, "_flat", None)
+    old_content: Content | None = getattr(model, "_content", None)
     if isinstance(model, Builder):
-        model._flat = flatten(model) if own is None else own
+        model._flat = flatten(model) if flat is None else flat
         return model._flat
-    if own is not None and kept is None:
-        return own
+    if flat is not None and old_content is None:
+        return flat
     content = Content(model)
-    if own is None or kept is None or kept.key != content.key:
+    if flat is None or old_content is None or old_content.key != content.key:
         alone = isinstance(model, Optimization) or not content.whole
-        own = flatten(model) if alone else shared(_Configuration(model, content))
-        model._keep(_flat=own, _content=content)
-    return own
+        flat = flatten(model) if alone else shared(_Configuration(model, content))
+        model._keep(_flat=flat, _content=content)
+    return flat
 
 
 @lru_cache(maxsize=KEPT)

@@ -1,6 +1,6 @@
 """Graphs of equations and unknowns: strong components in the order of computation, and matchings.
 
-SciPy has both; to import it takes longer than what a mechanism of some hundred equations asks of them here.
+SciPy has both, but importing it takes longer than these computations do for a mechanism of some hundred equations.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ Matching = list[int]  # the column of each row, -1 without one
 
 
 def strong_components(roots: Sequence[Node], uses: Callable[[Node], Sequence[Node]]) -> list[list[Node]]:
-    """Tarjan's algorithm from `roots` along `uses`, without recursion.
+    """Return the strong components reached from `roots` along `uses` (Tarjan's algorithm without recursion).
 
-    Components come out with everything they use before them; nodes that no root needs never appear.
+    A component comes after all components that it uses; nodes that no root needs do not appear.
     """
     number: dict[Node, int] = {}
     low: dict[Node, int] = {}
@@ -59,7 +59,7 @@ def strong_components(roots: Sequence[Node], uses: Callable[[Node], Sequence[Nod
 
 
 def neighbours_of(rows: int, entries: Collection[tuple[int, int]]) -> list[list[int]]:
-    """The columns in which each row has an entry, in order."""
+    """Return the columns in which each row has an entry, in order."""
     columns: list[list[int]] = [[] for _ in range(rows)]
     for i, j in sorted(entries):
         columns[i].append(j)
@@ -67,10 +67,10 @@ def neighbours_of(rows: int, entries: Collection[tuple[int, int]]) -> list[list[
 
 
 def largest_matching(neighbours: Sequence[Sequence[int]], columns: int) -> Matching:
-    """As many rows as can be, by shortest alternating paths (Hopcroft and Karp 1973).
+    """Return a maximum matching, from shortest alternating paths (Hopcroft and Karp 1973).
 
-    neighbours: the columns that each row may be matched to. Of equally large ones it is the one that SciPy's
-    `maximum_bipartite_matching` gives.
+    neighbours: the columns that each row may be matched to. If there are several maximum matchings, the result is the
+    same as that of SciPy's `maximum_bipartite_matching`.
 
     >>> from gtmodel.compiler.graph import largest_matching
     >>> largest_matching([[0, 1], [0], [0]], 2)
@@ -87,8 +87,8 @@ def largest_matching(neighbours: Sequence[Sequence[int]], columns: int) -> Match
 
 
 def _levels(neighbours: Sequence[Sequence[int]], match: Matching, row_of: list[int]) -> tuple[list[int], int]:
-    """How many columns an alternating path from an unmatched row takes to each row, -1 where none is needed; and to the
-    nearest free column, -1 where none is reached."""
+    """Return the number of columns on the shortest alternating path from an unmatched row to each row, -1 if it is not
+    needed; and to the nearest free column, -1 if there is none."""
     level = [0 if column < 0 else -1 for column in match]
     queue = [row for row, column in enumerate(match) if column < 0]
     free = -1
@@ -96,33 +96,33 @@ def _levels(neighbours: Sequence[Sequence[int]], match: Matching, row_of: list[i
         if 0 <= free <= level[row]:
             break
         for column in neighbours[row]:
-            other = row_of[column]
-            if other < 0:
+            matched_row = row_of[column]
+            if matched_row < 0:
                 free = level[row] + 1 if free < 0 else free
-            elif level[other] < 0:
-                level[other] = level[row] + 1
-                queue.append(other)
+            elif level[matched_row] < 0:
+                level[matched_row] = level[row] + 1
+                queue.append(matched_row)
     return level, free
 
 
 def _augment(
     root: int, neighbours: Sequence[Sequence[int]], match: Matching, row_of: list[int], level: list[int], free: int
 ) -> None:
-    """Match one row more, along a path of rising levels from it, if there is one."""
+    """Match one more row along a path of rising levels, if there is one."""
     before: dict[int, int] = {}
     stack = [root]
     while stack:
         row = stack.pop()
         deeper = level[row] + 1
         for column in neighbours[row]:
-            other = row_of[column]
-            if other >= 0:
-                if level[other] == deeper:
-                    stack.append(other)
-                    before[other] = row
+            matched_row = row_of[column]
+            if matched_row >= 0:
+                if level[matched_row] == deeper:
+                    stack.append(matched_row)
+                    before[matched_row] = row
             elif free == deeper:
                 while True:
-                    level[row] = -2  # on no other path
+                    level[row] = -2  # exclude it from other paths
                     row_of[column], match[row], column = row, column, match[row]
                     if row == root:
                         return
@@ -130,7 +130,7 @@ def _augment(
 
 
 def alternating(match: Sequence[int], neighbours: Sequence[Sequence[int]], back: Sequence[int]) -> list[int]:
-    """What alternating paths reach from the unmatched; `back` leads from the other side over to this one."""
+    """Return the nodes that alternating paths reach from unmatched ones; `back`: matching from the other side."""
     reached = {k for k, other in enumerate(match) if other < 0}
     stack = sorted(reached)
     while stack:
@@ -141,7 +141,7 @@ def alternating(match: Sequence[int], neighbours: Sequence[Sequence[int]], back:
 
 
 def reversed_matching(match: Matching, columns: int) -> Matching:
-    """The row of each column, -1 without one."""
+    """Return the row of each column, -1 if it has none."""
     row_of = [-1] * columns
     for row, column in enumerate(match):
         if column >= 0:
@@ -150,10 +150,10 @@ def reversed_matching(match: Matching, columns: int) -> Matching:
 
 
 def highest_transversal(size: int, values: Mapping[tuple[int, int], int]) -> Matching | None:
-    """A column for each row of a square pattern, with the highest sum of the values there; None where there is none.
+    """Return a column for each row of a square pattern with the highest sum of values; None if there is no transversal.
 
-    By potentials d_j - c_i >= value_ij: entries at which both are equal are matched, and where that leaves out rows
-    their c grows with the d of the columns that they can have, until there is a further one (Kuhn 1955).
+    Uses potentials d_j - c_i >= value_ij (Kuhn 1955): entries with equality are matched. If rows remain unmatched,
+    their c and the d of the columns that they reach increase until another entry reaches equality.
 
     >>> from gtmodel.compiler.graph import highest_transversal
     >>> highest_transversal(2, {(0, 0): 1, (0, 1): 0, (1, 0): 2, (1, 1): 0})
@@ -164,16 +164,16 @@ def highest_transversal(size: int, values: Mapping[tuple[int, int], int]) -> Mat
     for (_, j), value in values.items():
         d[j] = max(d[j], value)
     while True:
-        tight = [[j for j in own if d[j] - c[i] == values[i, j]] for i, own in enumerate(neighbours)]
+        tight = [[j for j in columns if d[j] - c[i] == values[i, j]] for i, columns in enumerate(neighbours)]
         match = largest_matching(tight, size)
         rows = alternating(match, tight, reversed_matching(match, size))
         if not rows:
             return match
-        met = {j for i in rows for j in tight[i]}
-        gaps = [d[j] - c[i] - values[i, j] for i in rows for j in neighbours[i] if j not in met]
+        reached = {j for i in rows for j in tight[i]}
+        gaps = [d[j] - c[i] - values[i, j] for i in rows for j in neighbours[i] if j not in reached]
         if not gaps:
             return None
         for i in rows:
             c[i] += min(gaps)
-        for j in met:
+        for j in reached:
             d[j] += min(gaps)

@@ -1,5 +1,5 @@
-"""Matrices: entries of symbolic ones as scalars and what is computed of these, constant sparse ones, functions on
-NumPy's own memory, and QR with column pivoting, under types that checkers understand."""
+"""Matrices: entries of symbolic matrices, fast scalar operations, constant sparse matrices, calls on NumPy memory, and
+QR with column pivoting, with types for checkers."""
 
 from __future__ import annotations
 
@@ -10,76 +10,78 @@ from typing import Any, cast
 import casadi as ca
 import numpy as np
 
-# of the right side: a solution of linear equations that leaves less solves them
+# largest residual of a solution of linear equations, relative to the right-hand side
 SOLVED = 1e-6
 
 
 def nonzeros(m: ca.SX) -> list[ca.SX]:
-    """Structural nonzeros, column by column."""
+    """Return the structural nonzeros, column by column."""
     return cast("list[ca.SX]", m.nonzeros())
 
 
 def triplets(m: ca.SX) -> list[tuple[int, int, ca.SX]]:
-    """(row, column, value) of the structural nonzeros, column by column."""
+    """Return (row, column, value) of the structural nonzeros, column by column."""
     return list(zip(*m.sparsity().get_triplet(), nonzeros(m), strict=True))
 
 
 def elements(m: ca.SX) -> list[ca.SX]:
-    """All elements of a matrix, column by column."""
+    """Return all elements of a matrix, column by column."""
     return ca.vertsplit(ca.vec(ca.densify(m)))
 
 
 def stacked(values: list[ca.SX]) -> ca.SX:
-    """A column of scalars; an empty one where there is none. One alone is a column already."""
+    """Return a column of scalars, possibly empty."""
     if len(values) == 1:
         return values[0]
     return ca.vertcat(*values) if values else ca.SX(0, 1)
 
 
 def total(a: ca.SX, b: ca.SX) -> ca.SX:
-    """a + b of two scalars. CasADi's operators, which give the same, first try whether these are numbers: ten times as
-    long as the operation."""
+    """Return a + b for two scalars. CasADi's operators give the same result, but first test whether the operands are
+    numbers, which takes ten times as long as the operation."""
     return ca.SX.binary(ca.OP_ADD, a, b)
 
 
 def difference(a: ca.SX, b: ca.SX) -> ca.SX:
-    """a - b, as `total`."""
+    """Return a - b, see `total`."""
     return ca.SX.binary(ca.OP_SUB, a, b)
 
 
 def product(a: ca.SX, b: ca.SX) -> ca.SX:
-    """a * b, as `total`."""
+    """Return a * b, see `total`."""
     return ca.SX.binary(ca.OP_MUL, a, b)
 
 
 def quotient(a: ca.SX, b: ca.SX) -> ca.SX:
-    """a / b, as `total`."""
+    """Return a / b, see `total`."""
     return ca.SX.binary(ca.OP_DIV, a, b)
 
 
 def left_over(a: np.ndarray, b: np.ndarray, rank: float) -> np.ndarray:
-    """What is left of a x = b after a least-norm solution with weights, solved with columns of equal size.
+    """Return a correction to a weighted least-norm solution: solve a x = b with columns of equal size.
 
-    Weights of columns say which of several solutions is taken. Where they differ by many orders of magnitude, some
-    directions fall below the rank that the weighted matrix is cut at, although the equations have a solution there.
-    Zero where they have none.
+    Column weights select one of several solutions. If they differ by many orders of magnitude, the rank tolerance of
+    the weighted matrix cuts off directions in which the equations have a solution. Returns zero if the equations have
+    no solution.
     """
     size = np.max(np.abs(a), axis=0, initial=0.0)
-    own = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
-    x = own * np.linalg.lstsq(a * own, b, rcond=rank)[0]
+    scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+    x = scale * np.linalg.lstsq(a * scale, b, rcond=rank)[0]
     return x if np.linalg.norm(b - a @ x) <= SOLVED * np.linalg.norm(b) else np.zeros_like(x)
 
 
 def pivoted_qr(a: np.ndarray, mode: str = "full") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Q, R and the column order, largest remaining column first; mode "full" or "economic"."""
-    import scipy  # here: a causality without it starts sooner
+    """Return Q, R and the column order, largest remaining column first; mode "full" or "economic"."""
+    import scipy  # not needed by every causality, and slow to import
 
     return cast("tuple[np.ndarray, np.ndarray, np.ndarray]", scipy.linalg.qr(a, mode=mode, pivoting=True))
 
 
 def called(f: ca.Function, *arguments: np.ndarray | float) -> list[np.ndarray]:
-    """The numbers of each result that are not always zero, column by column. Arguments are dense: a column, or for a
-    matrix its columns as rows (n, height). To make a matrix of CasADi would cost 0.2 us a number.
+    """Call a function and return the structural nonzeros of each result, column by column.
+
+    Arguments are dense: a column, or for a matrix its columns as rows (n, height). Creating CasADi matrices would take
+    0.2 us per number.
 
     >>> import casadi as ca
     >>> from gtmodel.compiler.matrices import called
@@ -89,11 +91,11 @@ def called(f: ca.Function, *arguments: np.ndarray | float) -> list[np.ndarray]:
     """
     buffer: Any
     buffer, run = f.buffer()
-    given: list[Any] = [np.ascontiguousarray(a, dtype=float) for a in arguments]
+    inputs: list[Any] = [np.ascontiguousarray(a, dtype=float) for a in arguments]
     results: list[Any] = [np.zeros(f.nnz_out(k)) for k in range(f.n_out())]
-    for k, a in enumerate(given):
+    for k, a in enumerate(inputs):
         if a.size != f.nnz_in(k):
-            raise ValueError(f"argument {k} of {f.name()} has {f.nnz_in(k)} numbers; found {a.size}")
+            raise ValueError(f"argument {k} of {f.name()} needs {f.nnz_in(k)} numbers; found {a.size}")
         if a.size:
             buffer.set_arg(k, memoryview(a))
     for k, r in enumerate(results):
@@ -105,9 +107,9 @@ def called(f: ca.Function, *arguments: np.ndarray | float) -> list[np.ndarray]:
 
 @dataclass(frozen=True, eq=False)
 class SparseMatrix:
-    """A constant matrix: its entries row by row, and within a row column by column; `of` sums those at one place.
+    """A constant sparse matrix, sorted by row and then by column; `of` sums entries at the same position.
 
-    Without scipy.sparse, whose import takes longer than what collocation asks of it.
+    It avoids scipy.sparse, whose import takes longer than the operations that collocation needs.
 
     >>> from gtmodel.compiler.matrices import SparseMatrix
     >>> m = SparseMatrix.of([1, 0, 1], [0, 1, 0], [2.0, 3.0, 4.0], (2, 2))
@@ -128,14 +130,14 @@ class SparseMatrix:
         values: Sequence[float] | np.ndarray,
         shape: tuple[int, int],
     ) -> SparseMatrix:
-        places = np.asarray(rows, int) * shape[1] + np.asarray(columns, int)
-        places, where = np.unique(places, return_inverse=True)
-        summed = np.bincount(where, weights=values, minlength=len(places))
-        return cls(places // max(shape[1], 1), places % max(shape[1], 1), summed, shape)
+        positions = np.asarray(rows, int) * shape[1] + np.asarray(columns, int)
+        positions, where = np.unique(positions, return_inverse=True)
+        sums = np.bincount(where, weights=values, minlength=len(positions))
+        return cls(positions // max(shape[1], 1), positions % max(shape[1], 1), sums, shape)
 
     @classmethod
     def picked(cls, place: np.ndarray, height: int) -> SparseMatrix:
-        """With a one in each column, in row `place`."""
+        """Return a matrix with a one in each column, in row `place`."""
         return cls.of(place, np.arange(len(place)), np.ones(len(place)), (height, len(place)))
 
     @property
@@ -143,28 +145,29 @@ class SparseMatrix:
         return SparseMatrix.of(self.columns, self.rows, self.values, (self.shape[1], self.shape[0]))
 
     def among(self, begin: int, end: int) -> SparseMatrix:
-        """The rows from `begin` on, before `end`."""
-        own = slice(*np.searchsorted(self.rows, [begin, end]))
-        return SparseMatrix(self.rows[own] - begin, self.columns[own], self.values[own], (end - begin, self.shape[1]))
+        """Return the rows begin, ..., end - 1."""
+        part = slice(*np.searchsorted(self.rows, [begin, end]))
+        shape = (end - begin, self.shape[1])
+        return SparseMatrix(self.rows[part] - begin, self.columns[part], self.values[part], shape)
 
     def of_rows(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The entries of these rows one after the other: number of the row among these, column, value."""
+        """Return the entries of these rows in order: position of the row in `rows`, column, value."""
         begin, end = (np.searchsorted(self.rows, rows, side=side) for side in ("left", "right"))
         count = end - begin
         number = np.repeat(np.arange(len(rows)), count)
-        at = np.arange(len(number)) + np.repeat(begin - np.cumsum(count) + count, count)
-        return number, self.columns[at], self.values[at]
+        entries = np.arange(len(number)) + np.repeat(begin - np.cumsum(count) + count, count)
+        return number, self.columns[entries], self.values[entries]
 
     @property
     def dm(self) -> ca.DM:
-        """For CasADi, by its constructor of sparsities, which is five times faster than the one of matrices."""
+        """The matrix as ca.DM. The constructor of sparsities is five times faster than the one of matrices."""
         order = np.lexsort((self.rows, self.columns))
         begins = np.concatenate([[0], np.cumsum(np.bincount(self.columns, minlength=self.shape[1]))])
         return ca.DM(ca.Sparsity(*self.shape, begins.tolist(), self.rows[order].tolist()), self.values[order])
 
 
 def stacked_rows(parts: Sequence[SparseMatrix]) -> SparseMatrix:
-    """One matrix below the other."""
+    """Stack matrices vertically."""
     begins = np.cumsum([0, *[p.shape[0] for p in parts]])
     rows = np.concatenate([p.rows + begin for p, begin in zip(parts, begins[:-1], strict=True)])
     columns, values = (np.concatenate([getattr(p, name) for p in parts]) for name in ("columns", "values"))

@@ -1,4 +1,4 @@
-"""From a flat model, what is known and what is asked to an ordered list of solved blocks."""
+"""Plan of a causality: turns a flat model, known variables and targets into an ordered list of solved blocks."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ from .structure import (
     system_of,
 )
 
-SAMPLE_POINTS = 5  # rank decisions want three; two more show whether a root's sign depends on the pose
+SAMPLE_POINTS = 5  # rank decisions need three; two more show whether a root's sign depends on the pose
 
 Pair = tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)
 class CausalPlan:
-    """A causality worked out: `inputs` are the chain symbols it reads, `blocks` what it computes.
+    """The plan of a causality: `inputs` are the chain symbols that it reads, `blocks` compute the unknowns.
 
-    `samples` are consistent points (rows) over the chain symbols `pairs`. `parameters` are the numbers or
-    symbols that stand for the parameters in the blocks. `conditions` are equations among the elements of one known
-    variable, which its values must satisfy, `on_known` these with those of their derivatives that concern what is
-    read; `undetermined` variables have too few equations, but no target needs them. `moved` are start values that gave
-    way to the equations. `sides` are branches that show where Newton's answers lie. `numbers`: where this plan holds
-    parameters as symbols, the one with numbers in their place, which says how large inputs may be.
+    `samples` are consistent points (rows) over the chain symbols `pairs`. `parameters` are the numbers or symbols of
+    the parameters in the blocks. `conditions` are equations among the elements of one known variable; `on_known` are
+    these and their derivatives up to the order of the inputs. `undetermined` variables have too few equations, but no
+    target needs them. `moved` are start values that do not satisfy the equations. `sides` are margins that check the
+    branch of Newton's solutions. `numbers`: for a plan with symbolic parameters, the plan with numeric ones, which
+    determines how large inputs may be.
     """
 
     flat: FlatModel
@@ -70,16 +70,16 @@ class CausalPlan:
 
     @property
     def newton(self) -> list[NewtonBlock]:
-        """Blocks without a closed form, in order; their unknowns are inputs of what comes after them."""
+        """Blocks without a closed form, in order; later blocks use their unknowns as inputs."""
         return [b.newton for b in self.blocks if b.newton is not None]
 
     @property
     def margins(self) -> list[Margin]:
-        """What decides the status of an answer: the margins of the blocks in order, then the sides of Newton's."""
+        """The margins that decide the status: those of the blocks in order, then the sides of Newton's solutions."""
         return [m for b in self.blocks for m in b.margins] + self.sides
 
     def symbol(self, index: int, order: int) -> ca.SX:
-        """Expression of an original variable's derivative in kept symbols."""
+        """Return the derivative of an original variable as an expression of kept symbols."""
         sign, kept, k = self.alias.resolve(index, order)
         s = self.flat.scope.symbol(kept, k)
         return s if sign > 0 else -s
@@ -96,26 +96,26 @@ def make_plan(
     at: tuple[np.ndarray, float] | None = None,
     apart: Collection[int] = (),
 ) -> CausalPlan:
-    """Work out one causality.
+    """Make the plan of one causality.
 
     Args:
-        known: scalar variable indices prescribed from outside, with all their derivatives.
+        known: indices of scalar variables that are known with all their derivatives.
         targets: (index, order) pairs to compute.
-        prefer: scalar variable indices to keep as states.
+        prefer: indices of scalar variables preferred as states.
         branches: sign +1 or -1 by branch name; the default is +1.
         rates: compute the derivative of every state too.
-        fold: numbers (or symbols) to put in place of the parameters before any algebra: zeros vanish and
-            numbers become pivots. The structure and the inputs do not depend on it.
+        fold: numbers (or symbols) that replace the parameters before any algebra: zeros vanish and numbers become
+            pivots. The structure and the inputs do not depend on it.
         at: one consistent point over the plan's `pairs`, and its time; states and branches are chosen there,
-            whatever is declared. The simulation uses it to switch states on the way.
-        apart: variable indices that are left out, with the equations that hold them.
+            regardless of declarations. The simulation uses it to switch states during a run.
+        apart: indices of variables that are left out together with their equations.
 
     Raises ModelError for a system that is not square, redundant, singular or without a consistent point.
     """
     if flat.events is not None and flat.events.modes:
         raise ModelError(
-            f"{flat.title} has equations that switch by gt.If, which only simulate() follows; for anything else write "
-            "the side that is meant, or a smooth function",
+            f"{flat.title} has equations that switch with gt.If, which only simulate() supports; here write one of the "
+            "sides, or a smooth function",
             flat.events.modes[0].where,
         )
     check_branches(flat, branches or {})
@@ -157,7 +157,7 @@ def make_plan(
 
 @dataclass(frozen=True, eq=False)
 class _Posed:
-    """What a causality asks of a model: the equations that it needs, with their derivatives, over which symbols."""
+    """The equations that a causality needs, with their derivatives and symbols."""
 
     flat: FlatModel
     alias: AliasResult
@@ -175,8 +175,8 @@ def _posed(
     flat: FlatModel, known: Sequence[int], targets: Sequence[Pair], prefer: Sequence[int], apart: Collection[int]
 ) -> _Posed:
     alias = eliminate(flat, frozenset([*known, *prefer]), frozenset(apart))
-    given = {*known, *apart}
-    unknowns = [v.index for v in flat.variables if v.index not in alias.removed and v.index not in given]
+    excluded = {*known, *apart}
+    unknowns = [v.index for v in flat.variables if v.index not in alias.removed and v.index not in excluded]
     wanted = [alias.resolve(*t)[1:] for t in targets]
     equations, conditions = set_apart(flat, alias.equations, set(known))
     equations, unknowns, undetermined = needed(flat, equations, unknowns, {i for i, _ in wanted})
@@ -192,7 +192,7 @@ def _posed(
 
 
 def _located(posed: _Posed, at: tuple[np.ndarray, float] | None) -> tuple[Sampler, np.ndarray, list[Moved]]:
-    """Consistent points, or the one given; with the start values that were moved."""
+    """Return the sampler, consistent points (or the point `at`), and the start values that were moved."""
     flat = posed.flat
     residuals = stage_residuals(flat, posed.structure, posed.derivatives, posed.conditions, posed.pairs)
     sampler = Sampler(flat, posed.pairs, residuals, starts_of(flat, posed.alias), posed.known)
@@ -204,7 +204,7 @@ def _located(posed: _Posed, at: tuple[np.ndarray, float] | None) -> tuple[Sample
 
 @dataclass(frozen=True, eq=False)
 class _Order:
-    """Which equation gives which unknown, in what order. Nodes are (equation, derivative)."""
+    """Which equation is solved for which unknown, and in which order. Nodes are (equation, derivative)."""
 
     states: list[Pair]
     wanted: list[Pair]
@@ -215,11 +215,11 @@ class _Order:
     components: list[list[Pair]]
 
     def uses(self, flat: FlatModel, nodes: list[Pair]) -> tuple[tuple[str, ...], ...]:
-        """Per equation the names of all symbols in it."""
+        """Return the names of all symbols in each equation."""
         return tuple(tuple(flat.symbol_name(*p) for p in (*self.used[n], self.unknown_of[n])) for n in sorted(nodes))
 
     def reached(self, used: dict[Pair, list[Pair]]) -> list[list[Pair]]:
-        """Blocks of nodes that the targets need, in order."""
+        """Return the blocks of nodes that the targets need, in order."""
         return _reached(self.roots, self.solver, used)
 
 
@@ -247,11 +247,13 @@ def _reached(roots: list[Pair], solver: dict[Pair, Pair], used: dict[Pair, list[
 def _read(
     posed: _Posed, order: _Order, fold: ca.SX | None, sampler: Sampler, samples: np.ndarray
 ) -> tuple[set[Pair], list[KnownCondition]]:
-    """What the equations as written read: a parameter that happens to be zero changes no signature. And
-    the conditions on it."""
+    """Return the symbols that the unfolded equations read, and the conditions on them.
+
+    Unfolded, so that a parameter that happens to be zero does not change the inputs.
+    """
     flat, solver = posed.flat, order.solver
-    written = order.used if fold is None else _users(flat, posed.derivatives, order.unknown_of, solver)
-    read = {p for c in order.reached(written) for node in c for p in written[node] if p not in solver}
+    used = order.used if fold is None else _users(flat, posed.derivatives, order.unknown_of, solver)
+    read = {p for c in order.reached(used) for node in c for p in used[node] if p not in solver}
     read |= {p for p in order.wanted if p not in solver}
     on_known = conditions_on(flat, posed.conditions, read, sampler, samples)
     if on_known:
@@ -266,7 +268,7 @@ def _holds_time(flat: FlatModel, expressions: list[ca.SX]) -> bool:
 
 
 def differentiated(plan: CausalPlan) -> list[tuple[str, ca.SX]]:
-    """All equations that hold at a point, with the derivatives that they imply: (name with file and line, residual)."""
+    """Return all equations of a point and their derivatives as (name with file and line, residual)."""
     return [
         (f"{e.label}{chr(39) * m} ({e.where})", residual)
         for e, chain in zip(plan.structure.equations, differentiate(plan.flat, plan.structure), strict=True)
@@ -275,8 +277,10 @@ def differentiated(plan: CausalPlan) -> list[tuple[str, ca.SX]]:
 
 
 def _points(sampler: Sampler, alias: AliasResult) -> tuple[Sampler, np.ndarray, list[Moved]]:
-    """Consistent points of a causality, and which start values were moved. If some were, the points are about the home
-    pose that all causalities of the model share."""
+    """Return the sampler, consistent points of a causality, and the start values that were moved.
+
+    If start values were moved, the points lie around the home pose that all causalities of the model share.
+    """
     flat, declared = sampler.flat, dict(sampler.starts)
     try:
         samples = sampler.points(SAMPLE_POINTS)
@@ -291,8 +295,10 @@ def _points(sampler: Sampler, alias: AliasResult) -> tuple[Sampler, np.ndarray, 
 
 
 def starts_with(plan: CausalPlan, now: FlatModel) -> tuple[tuple[int, ...], np.ndarray]:
-    """The signs of the roots and the samples that a plan of the model with other numbers would have, `now`; the plan
-    holds as symbols what differs. Raises ModelError where that model has no consistent point."""
+    """Return the root signs and samples of a plan for other parameter values, those of the model `now`.
+
+    The plan must hold the parameters that differ as symbols. Raises ModelError if `now` has no consistent point.
+    """
     key = "root signs", plan
     if key not in plan.flat.cache:
         plan.flat.cache[key] = RootSigns(plan, plan.sampler)
@@ -309,7 +315,7 @@ def starts_with(plan: CausalPlan, now: FlatModel) -> tuple[tuple[int, ...], np.n
 def _users(
     flat: FlatModel, derivatives: list[list[ca.SX]], unknown_of: dict[Pair, Pair], solver: dict[Pair, Pair]
 ) -> dict[Pair, list[Pair]]:
-    """Symbols that each node's equation uses, besides the one it is solved for."""
+    """Return the symbols that each node's equation uses, except the one it is solved for."""
     inside = flat.scope.symbols_in_each([derivatives[i][m] for i, m in unknown_of])
     return {node: [p for p in pairs if solver.get(p) != node] for node, pairs in zip(unknown_of, inside, strict=True)}
 
@@ -322,8 +328,8 @@ def _jacobians(posed: _Posed, sampler: Sampler, samples: np.ndarray) -> list[np.
 
 
 def _with_sizes(plan: CausalPlan, sampler: Sampler) -> CausalPlan:
-    """Typical sizes of the margins, read off the consistent points; pivots that are negative there change their sign,
-    which means nothing and costs an operation."""
+    """Return the plan with typical sizes of the margins at the consistent points; pivots that are negative there change
+    their sign, which saves an operation."""
     flat = plan.flat
     margins = [m for b in plan.blocks for m in b.margins]
     if not margins:

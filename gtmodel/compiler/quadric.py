@@ -1,4 +1,4 @@
-"""Nonlinear blocks with closed form: explicit unknowns, one quadratic, a pencil of spheres (trilateration)."""
+"""Nonlinear blocks with a closed form: explicit unknowns, one quadratic, a pencil of spheres (trilateration)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .blocks import Margin, Root, SignAnalysis, pivot_cost
 from .matrices import elements, triplets
 from .rewriting import kinked_in
 
-NONLINEAR_ROW = 1000  # costs more than any fill-in: only where nothing else is left
+NONLINEAR_ROW = 1000  # costs more than any fill-in, so that it is used last
 
 Assignments = list[tuple[ca.SX, ca.SX]]
 
@@ -21,29 +21,29 @@ class NoClosedForm(Exception):
 def solve_nonlinear(
     residuals: list[ca.SX], unknowns: list[ca.SX], signs: SignAnalysis, kinked: bool = False
 ) -> tuple[Assignments, list[Margin], list[Root], str]:
-    """Closed form of a nonlinear block: assignments in order, margins, roots, a sentence on how.
+    """Solve a nonlinear block in closed form; return assignments in order, margins, roots and a description.
 
-    `kinked`: some unknown stands inside sign(), an absolute value or the like. Raises NoClosedForm if what is left
-    after the explicit unknowns is neither one quadratic nor a pencil of two or three quadrics with proportional
-    Hessians.
+    `kinked`: some unknown is inside sign(), an absolute value or the like. Raises NoClosedForm if the equations that
+    remain after the explicit unknowns are neither one quadratic nor a pencil of two or three quadrics with
+    proportional Hessians.
     """
-    residuals, left, explicit = eliminate_explicit(residuals, unknowns, signs, kinked=kinked)
-    n = len(left)
-    if kinked and any(kinked_in(residuals, left)):
+    residuals, implicit, explicit = eliminate_explicit(residuals, unknowns, signs, kinked=kinked)
+    n = len(implicit)
+    if kinked and any(kinked_in(residuals, implicit)):
         raise NoClosedForm
-    label = ", ".join(s.name() for s in left)
+    label = ", ".join(s.name() for s in implicit)
     if n == 1:
-        core, margins, root = _quadratic(residuals[0], left[0], signs, label)
+        core, margins, root = _quadratic(residuals[0], implicit[0], signs, label)
         kind = "quadratic"
     elif n in (2, 3):
-        core, margins, root = _pencil(residuals, left, signs, label)
+        core, margins, root = _pencil(residuals, implicit, signs, label)
         kind = "sphere pencil"
     else:
         raise NoClosedForm
-    how = f"{kind} in {', '.join(s.name() for s in left)}"
+    detail = f"{kind} in {label}"
     if explicit:
-        how += f", {len(explicit)} explicit"
-    return core + list(reversed(explicit)), margins, [root], how
+        detail += f", {len(explicit)} explicit"
+    return core + list(reversed(explicit)), margins, [root], detail
 
 
 def eliminate_explicit(
@@ -53,14 +53,14 @@ def eliminate_explicit(
     nonlinear_rows: bool = False,
     kinked: bool = False,
 ) -> tuple[list[ca.SX], list[ca.SX], Assignments]:
-    """Take out unknowns that stand linearly, with an allowed pivot, in some row.
+    """Eliminate unknowns that occur linearly, with an allowed pivot, in some row.
 
-    Rows nonlinear in other unknowns are spared unless `nonlinear_rows`: they may hold a quadric. `kinked`: what stands
-    inside a corner of a row is not taken from it. Returns the residuals and unknowns left, and what was taken out, last
-    first in order of computation.
+    Rows that are nonlinear in other unknowns are kept unless `nonlinear_rows`: they may be a quadric. `kinked`: an
+    unknown inside a nonsmooth operation of a row is not eliminated with this row. Returns the remaining residuals and
+    unknowns, and the assignments in reverse order of computation.
     """
     residuals, unknowns = list(residuals), list(unknowns)
-    taken: Assignments = []
+    assignments: Assignments = []
     while len(unknowns) > 1:
         u = ca.vertcat(*unknowns)
         jacobian = ca.jacobian(ca.vertcat(*residuals), u)
@@ -91,8 +91,8 @@ def eliminate_explicit(
         row = residuals.pop(i)
         value = -ca.substitute([row], [x], [ca.SX(0)])[0] / pivot
         residuals = ca.substitute(residuals, [x], [value])
-        taken.append((x, value))
-    return residuals, unknowns, taken
+        assignments.append((x, value))
+    return residuals, unknowns, assignments
 
 
 def _quadratic(residual: ca.SX, u: ca.SX, signs: SignAnalysis, label: str) -> tuple[Assignments, list[Margin], Root]:
@@ -106,7 +106,7 @@ def _quadratic(residual: ca.SX, u: ca.SX, signs: SignAnalysis, label: str) -> tu
     if signs.kind(qa) is None:
         t, margins, root = _root(qa, qb, qc, u, signs, label)
         return [(u, t)], margins, root
-    # about the vertex: far from the origin qb^2 and 4 qa qc would cancel
+    # relative to the vertex: far from the origin qb^2 and 4 qa qc would cancel
     vertex = -qb / 2 / qa
     discriminant = -qa * ca.substitute([residual], [u], [vertex])[0]
     s = ca.SX.sym("sign")
@@ -117,7 +117,7 @@ def _quadratic(residual: ca.SX, u: ca.SX, signs: SignAnalysis, label: str) -> tu
 def _root(
     qa: ca.SX, qb: ca.SX, qc: ca.SX, t: ca.SX, signs: SignAnalysis, label: str
 ) -> tuple[ca.SX, list[Margin], Root]:
-    """t = (-qb + s sqrt(qb^2 - 4 qa qc)) / (2 qa), with half coefficients to save operations."""
+    """Return t = (-qb + s sqrt(qb^2 - 4 qa qc)) / (2 qa), with half coefficients to save operations."""
     half = qb / 2
     discriminant = half * half - qa * qc
     s = ca.SX.sym("sign")
@@ -131,9 +131,9 @@ def _root(
 def _pencil(
     residuals: list[ca.SX], unknowns: list[ca.SX], signs: SignAnalysis, label: str
 ) -> tuple[Assignments, list[Margin], Root]:
-    """Quadrics with proportional Hessians: differences are planes, the last sphere gives a quadratic.
+    """Solve quadrics with proportional Hessians: their differences are planes, one quadric gives a quadratic.
 
-    The unknowns lie on V0 + t N, N perpendicular to all planes; N follows the declared order of rows.
+    The unknowns lie on V0 + t N with N parallel to all planes; the sense of N follows the declared order of rows.
     """
     n = len(unknowns)
     v = ca.vertcat(*unknowns)
@@ -168,9 +168,9 @@ def _pencil(
     value, slope = ca.substitute([row, ca.gradient(row, v)], [v], [centre])
     slope = ca.vertcat(*[ca.SX(0) if central[k] else slope[k] for k in range(n)])
     qc = value + ca.dot(slope, start) + ca.dot(start, hessian @ start) / 2
-    # a sphere's gradient at the foot of a perpendicular is perpendicular to the line
-    round_one = all(central) and all((hessian[k, k] - hessian[0, 0]).is_zero() for k in range(n))
-    qb = ca.SX(0) if round_one else ca.dot(slope + hessian @ start, normal)
+    # for a sphere, the gradient at the foot of the perpendicular is perpendicular to the line
+    is_sphere = all(central) and all((hessian[k, k] - hessian[0, 0]).is_zero() for k in range(n))
+    qb = ca.SX(0) if is_sphere else ca.dot(slope + hessian @ start, normal)
     qa = ca.dot(normal, hessian @ normal) / 2
     line = ca.dot(v - centre - start, normal) / square
     t, margins, root = _root(qa, qb, qc, line, signs, label)
@@ -179,9 +179,9 @@ def _pencil(
 
 
 def _centre(row: ca.SX, v: ca.SX, hessian: ca.SX, signs: SignAnalysis) -> tuple[ca.SX, list[bool]]:
-    """The centre of a quadric along the axes where it has one that needs no pivot, else 0; and where that is.
+    """Return the centre of a quadric, 0 along axes without a centre or an allowed pivot, and which axes have one.
 
-    Seen from there, squares of coordinates far from the origin need not cancel.
+    Coordinates relative to the centre avoid cancellation of their squares far from the origin.
     """
     n = v.numel()
     slope = ca.substitute([ca.gradient(row, v)], [v], [ca.SX.zeros(n, 1)])[0]
@@ -191,7 +191,7 @@ def _centre(row: ca.SX, v: ca.SX, hessian: ca.SX, signs: SignAnalysis) -> tuple[
 
 
 def _ratio(h: ca.SX, reference: ca.SX) -> ca.SX:
-    """mu with h == mu * reference; a zero h (a plane) gives 0. Raises NoClosedForm if not proportional."""
+    """Return mu with h == mu * reference, 0 for a zero h (a plane). Raises NoClosedForm if not proportional."""
     pairs = list(zip(elements(h), elements(reference), strict=True))
     if all(a.is_zero() for a, _ in pairs):
         return ca.SX(0)
@@ -204,7 +204,7 @@ def _ratio(h: ca.SX, reference: ca.SX) -> ca.SX:
         if any(abs(float(x)) > 0 for x in ca.DM(difference).elements()):
             raise NoClosedForm
         return mu
-    # several parameter values: at one point a metric with a parameter may look proportional by chance
+    # several parameter values: at one point the matrices may be proportional by chance
     f = ca.Function("ratio", [ca.vertcat(*symbols)], [difference])
     rng = np.random.default_rng(0)
     for _ in range(3):

@@ -1,4 +1,4 @@
-"""What a causality needs of a flat model: conditions on known values set apart, undetermined rest left out."""
+"""The part of a flat model that a causality needs: without conditions on known values and undetermined equations."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .consistency.points import Sampler
 from .flat import FlatEquation, FlatModel
 from .structure import overdetermined_and_underdetermined
 
-# a unit quaternion printed with six digits is one, anything coarser is refused; of rates the same
+# a unit quaternion with six digits is accepted, anything coarser is refused; the same for rates
 CONDITION_TOLERANCE = 1e-6
 
 Pair = tuple[int, int]
@@ -21,10 +21,10 @@ Pair = tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class KnownCondition:
-    """What known values must satisfy: `order` times differentiated, with `symbols` in it.
+    """A condition on known values, differentiated `order` times, with `symbols` in it.
 
-    `square` is the square of the size that its residual is compared with: that of the equation's own constant (1 for
-    e'e == 1), and of a rate also of its terms.
+    `square` is the square of the size that the residual is compared with: the equation's constant (1 for e'e == 1), for
+    a rate also its terms.
     """
 
     label: str
@@ -34,7 +34,7 @@ class KnownCondition:
     square: ca.SX
 
     def folded(self, p: ca.SX, values: ca.SX) -> KnownCondition:
-        """With values in place of the parameters."""
+        """Return the condition with values in place of the parameters."""
         residual, square = ca.substitute([self.residual, self.square], [p], [values])
         return replace(self, residual=residual, square=square)
 
@@ -42,28 +42,28 @@ class KnownCondition:
 def set_apart(
     flat: FlatModel, equations: Sequence[FlatEquation], known: set[int]
 ) -> tuple[list[FlatEquation], list[FlatEquation]]:
-    """(equations to solve, conditions): a condition holds among the elements of one known variable, e'e = 1.
+    """Return (equations to solve, conditions): a condition relates the elements of one known variable, e'e = 1.
 
-    An equation among several known variables stays: there are too many knowns then.
+    An equation among several known variables is not a condition: there are too many known variables then.
     """
     group_of = {i: n for n, (_, indices) in enumerate(flat.groups.values()) for i in indices}
-    left: list[FlatEquation] = []
+    remaining: list[FlatEquation] = []
     conditions: list[FlatEquation] = []
     for e in equations:
         inside = flat.scope.symbols_in(e.residual)
-        one = len({group_of.get(i, -1 - i) for i, _ in inside}) == 1
-        alone = one and len(inside) > 1 and all(i in known and order == 0 for i, order in inside)
-        (conditions if alone else left).append(e)
-    return left, conditions
+        same_group = len({group_of.get(i, -1 - i) for i, _ in inside}) == 1
+        is_condition = same_group and len(inside) > 1 and all(i in known and order == 0 for i, order in inside)
+        (conditions if is_condition else remaining).append(e)
+    return remaining, conditions
 
 
 def needed(
     flat: FlatModel, equations: list[FlatEquation], unknowns: list[int], targets: set[int]
 ) -> tuple[list[FlatEquation], list[int], list[int]]:
-    """(equations, unknowns, undetermined): without the underdetermined part, where no target lies in it.
+    """Return (equations, unknowns, undetermined) without the underdetermined part, if it contains no target.
 
-    The forces of a mechanism whose loads nobody gave do not stand in the way of its kinematics: by Dulmage and
-    Mendelsohn the well-determined part does not contain them. A system with surplus equations stays whole.
+    Unknown loads of a mechanism then do not prevent computing its kinematics: the well-determined part of the
+    Dulmage-Mendelsohn decomposition does not contain the forces. A system with surplus equations stays complete.
     """
     column = {j: n for n, j in enumerate(unknowns)}
     entries = {
@@ -76,16 +76,16 @@ def needed(
     dropped = {unknowns[j] for j in under}
     if over or not under or not targets or dropped & targets:
         return equations, unknowns, []
-    kept = [e for e in equations if not any(i in dropped for i, _ in flat.scope.symbols_in(e.residual))]
-    return kept, [j for j in unknowns if j not in dropped], sorted(dropped)
+    determined = [e for e in equations if not any(i in dropped for i, _ in flat.scope.symbols_in(e.residual))]
+    return determined, [j for j in unknowns if j not in dropped], sorted(dropped)
 
 
 def conditions_on(
     flat: FlatModel, equations: Sequence[FlatEquation], read: set[Pair], sampler: Sampler, samples: np.ndarray
 ) -> list[KnownCondition]:
-    """The conditions on what is read of known variables, each differentiated as often as these are.
+    """Return the conditions on known variables, each differentiated as often as the derivatives that are read.
 
-    e'e == 1 says e'der(e) == 0 where der(e) is read: a rate that stretches a quaternion is the rate of no rotation.
+    If der(e) is read, e'e == 1 implies e'der(e) == 0: otherwise the rate would change the length of the quaternion.
     """
     read = set(read)
     conditions: dict[tuple[int, int], KnownCondition] = {}
@@ -127,7 +127,7 @@ def _own_size(flat: FlatModel, residual: ca.SX, sampler: Sampler, samples: np.nd
 
 
 def condition_block(conditions: Sequence[KnownCondition]) -> SolvedBlock:
-    """A block that computes nothing; its margins turn negative where the known values break a condition."""
+    """Return a block that computes nothing; its margins are negative if the known values violate a condition."""
     labels = [c.label for c in conditions]
     margins = [Margin("condition", CONDITION_TOLERANCE**2 * c.square - c.residual**2, c.label) for c in conditions]
-    return SolvedBlock("condition", [], labels, [], margins, detail="holds among the known values")
+    return SolvedBlock("condition", [], labels, [], margins, detail="condition on the known values")

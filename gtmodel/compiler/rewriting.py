@@ -1,5 +1,4 @@
-"""Expressions instruction by instruction: reading them, writing them anew, and operations whose discontinuities no
-derivative shows."""
+"""Expressions as instruction lists: reading and rewriting them, and detection of nonsmooth operations."""
 
 from __future__ import annotations
 
@@ -11,12 +10,11 @@ import casadi as ca
 from .flat import FlatModel
 from .matrices import stacked
 
-LARGEST = 50_000  # operations; beyond, the time of a pass would be noticed
+LARGEST = 50_000  # operations; a pass over a larger expression would take too long
 
 
 class Instruction(NamedTuple):
-    """An operation, the numbers of the instructions that it reads, the entry of an input or output, and the value of a
-    constant."""
+    """An operation with the numbers of the instructions that it reads; `place`: the entry of an input or output."""
 
     op: int
     reads: Sequence[int] = ()
@@ -24,86 +22,86 @@ class Instruction(NamedTuple):
     constant: float = 0.0
 
 
-# the outputs, in symbols of the inputs; None to leave everything as it is
+# returns the outputs in symbols of the inputs; None leaves the expressions unchanged
 Rewrite = Callable[[list[Instruction], list[ca.SX]], list[ca.SX] | None]
 
-Form = TypeVar("Form")  # how a pass writes down what an instruction gives
+Form = TypeVar("Form")  # how a pass represents the result of an instruction
 
 
 class Forms(Protocol[Form]):
-    """What a pass makes of instructions: leaves are inputs and constants."""
+    """The results that a pass creates for instructions; leaves are inputs and constants."""
 
     def leaf(self, x: ca.SX) -> Form: ...
 
     def operation(self, k: int, op: int, given: list[Form]) -> Form:
-        """Of instruction `k`, with operation code `op`."""
+        """Return the form of instruction `k` with operation code `op`."""
         ...
 
     def whole(self, form: Form) -> ca.SX: ...
 
 
 def instructions(f: ca.Function) -> list[Instruction]:
-    """Of a function of one column, by what they read: places of the work vector are used again and again."""
-    written: dict[int, int] = {}
-    read: list[Instruction] = []
+    """Return the instructions of a function of one column; their operands are instructions, not work vector entries."""
+    latest: dict[int, int] = {}  # instruction that wrote each entry of the work vector last
+    result: list[Instruction] = []
     for k in range(f.n_instructions()):
-        op, given, put = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+        op, sources, target = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
         if op == ca.OP_INPUT:
-            read.append(Instruction(op, place=given[1]))
+            result.append(Instruction(op, place=sources[1]))
         elif op == ca.OP_CONST:
-            read.append(Instruction(op, constant=float(f.instruction_constant(k))))
+            result.append(Instruction(op, constant=float(f.instruction_constant(k))))
         else:
-            reads = [written[i] for i in given]
-            read.append(Instruction(op, reads, put[1]) if op == ca.OP_OUTPUT else Instruction(op, reads))
+            reads = [latest[i] for i in sources]
+            result.append(Instruction(op, reads, target[1]) if op == ca.OP_OUTPUT else Instruction(op, reads))
         if op != ca.OP_OUTPUT:
-            written[put[0]] = k
-    return read
+            latest[target[0]] = k
+    return result
 
 
 def of_expression(expression: ca.SX) -> tuple[list[Instruction], list[ca.SX]]:
-    """Its instructions, and the symbols that they take in."""
+    """Return the instructions of an expression, and the symbols that are their inputs."""
     symbols = ca.symvar(expression)
     column = ca.vertcat(*symbols) if symbols else ca.SX(0, 1)
     return instructions(ca.Function("f", [column], [ca.densify(expression)])), symbols
 
 
 def walked(read: Sequence[Instruction], symbols: Sequence[ca.SX], forms: Forms[Form]) -> list[ca.SX]:
-    """The outputs, one by one, in these symbols, each instruction written as `forms` makes it."""
-    made: list[Form] = []
+    """Return the outputs as expressions of the symbols, with the instructions rewritten by `forms`."""
+    values: list[Form] = []
     results: dict[int, ca.SX] = {}
     for k, (op, reads, place, constant) in enumerate(read):
         if op == ca.OP_OUTPUT:
-            results[place] = forms.whole(made[reads[0]])
-            made.append(made[reads[0]])
+            results[place] = forms.whole(values[reads[0]])
+            values.append(values[reads[0]])
         elif op in (ca.OP_INPUT, ca.OP_CONST):
-            made.append(forms.leaf(symbols[place] if op == ca.OP_INPUT else ca.SX(constant)))
+            values.append(forms.leaf(symbols[place] if op == ca.OP_INPUT else ca.SX(constant)))
         else:
-            made.append(forms.operation(k, op, [made[i] for i in reads]))
+            values.append(forms.operation(k, op, [values[i] for i in reads]))
     return [results[place] for place in sorted(results)]
 
 
 def applied(op: int, parts: Sequence[ca.SX]) -> ca.SX:
-    """The operation of that code."""
+    """Return the operation with this code applied to expressions."""
     return ca.SX.unary(op, *parts) if len(parts) == 1 else ca.SX.binary(op, *parts)
 
 
 def rewritten(expressions: Sequence[ca.SX], rewrite: Rewrite) -> list[ca.SX]:
-    """The expressions as `rewrite` makes them, each with the sparsity it had."""
+    """Return the expressions rewritten by `rewrite`, with the same sparsity."""
     numbers: list[Any] = [x for e in expressions for x in e.nonzeros()]
     symbols = ca.symvar(ca.vertcat(*numbers)) if numbers else []
     if not symbols:
         return list(expressions)
     f = ca.Function("f", [ca.vertcat(*symbols)], [ca.vertcat(*numbers)])
-    made = rewrite(instructions(f), symbols) if f.n_instructions() <= LARGEST else None
-    if made is None:
+    outputs = rewrite(instructions(f), symbols) if f.n_instructions() <= LARGEST else None
+    if outputs is None:
         return list(expressions)
-    results = iter(made)
+    results = iter(outputs)
     return [
         ca.SX(e.sparsity(), stacked([next(results) for _ in range(e.nnz())])) if e.nnz() else e for e in expressions
     ]
 
 
-# CasADi takes the first or second derivative of these as zero wherever it exists
+# operations whose first or second derivative is zero in CasADi wherever it exists
 NONSMOOTH = frozenset(
     getattr(ca, f"OP_{name}")
     for name in (
@@ -114,7 +112,7 @@ NONSMOOTH = frozenset(
 
 
 def is_nonsmooth(flat: FlatModel) -> bool:
-    """True if some equation holds such an operation; most models have none, and all else here is then skipped."""
+    """Return whether some equation has such an operation; for most models this avoids further analysis."""
     if "nonsmooth" not in flat.cache:
         column = ca.vertcat(*[e.residual for e in flat.equations]) if flat.equations else ca.SX(0, 1)
         flat.cache["nonsmooth"] = any(i.op in NONSMOOTH for i in of_expression(column)[0])
@@ -122,8 +120,8 @@ def is_nonsmooth(flat: FlatModel) -> bool:
 
 
 def kinked_in(rows: Sequence[ca.SX], symbols: Sequence[ca.SX], only: frozenset[int] = NONSMOOTH) -> list[set[int]]:
-    """For each row the places of the symbols that stand inside such an operation."""
-    given = {s.element_hash(): n for n, s in enumerate(symbols)}
+    """Return for each row the positions in `symbols` of those inside an operation of `only`."""
+    position = {s.element_hash(): n for n, s in enumerate(symbols)}
     column = ca.vertcat(*rows)
     read, free = of_expression(column)
     inside: list[frozenset[int]] = []  # symbols that an instruction depends on
@@ -132,7 +130,7 @@ def kinked_in(rows: Sequence[ca.SX], symbols: Sequence[ca.SX], only: frozenset[i
     nothing: frozenset[int] = frozenset()
     for op, reads, place, _ in read:
         depends, kinked = (nothing.union(*[of[i] for i in reads]) for of in (inside, within))
-        if op == ca.OP_INPUT and (n := given.get(free[place].element_hash())) is not None:
+        if op == ca.OP_INPUT and (n := position.get(free[place].element_hash())) is not None:
             depends = frozenset([n])
         kinked = depends if op in only else kinked
         inside.append(depends)

@@ -1,5 +1,4 @@
-"""Closed-form functions on many rows, by CasADi's virtual machine on NumPy memory with a status for each, and at one
-point."""
+"""Closed-form functions on many rows, with a status for each row, and at one point, on NumPy memory."""
 
 from __future__ import annotations
 
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def densified(f: ca.Function) -> ca.Function:
-    """The same function with results that are dense."""
+    """Return the same function with dense results."""
     if all(f.sparsity_out(k).is_dense() for k in range(f.n_out())):
         return f
     symbols = f.sx_in()
@@ -30,9 +29,9 @@ def densified(f: ca.Function) -> ca.Function:
 
 
 class PointFunction:
-    """A function of columns, called with arrays or numbers; gives each result as an array of its shape.
+    """A function of columns, called with arrays or numbers; returns each result as a new array of its shape.
 
-    The results are new at each call; calls from several threads wait for one another.
+    Calls from several threads run one after the other.
     """
 
     def __init__(self, f: ca.Function) -> None:
@@ -42,8 +41,8 @@ class PointFunction:
         self._buffer, self._run = f.buffer()
         set_arg: Any = self._buffer.set_arg
         set_res: Any = self._buffer.set_res
-        places: list[tuple[Any, list[Any]]] = [(set_arg, self._arguments), (set_res, self._results)]
-        for setter, arrays in places:
+        buffers: list[tuple[Any, list[Any]]] = [(set_arg, self._arguments), (set_res, self._results)]
+        for setter, arrays in buffers:
             for k, a in enumerate(arrays):
                 if a.size:
                     setter(k, memoryview(a))
@@ -57,22 +56,22 @@ class PointFunction:
             return [r.T.copy() for r in self._results]
 
 
-# a pivot below this fraction of its typical size means singular. A pivot that is a root, as of a link at right angles
-# to its guideway, is known to the root of round-off only, 1e-8: below that no double distinguishes it from zero
+# a pivot below this fraction of its typical size is singular. A pivot that is a square root, as for a link at right
+# angles to its guideway, has an error of the root of round-off, 1e-8
 PIVOT_TOLERANCE = 1e-7
-# rows per mapped function: what a core keeps near; making one costs no more than some rows
+# rows per mapped function: they fit into the cache, and creating the function costs no more than some rows
 BLOCK = 512
-# rows that a small function takes in one call, and how many operations are few: a call costs as much as some forty
+# rows per call of a small function, and its largest number of operations: a call costs as much as some forty operations
 GROUP, SMALL = 16, 256
 
 
 def map_columns(
     f: ca.Function, columns: Sequence[np.ndarray], made: dict[int, ca.Function] | None = None
 ) -> list[np.ndarray]:
-    """A function on columns side by side: inputs (size, n), results (r, n * c) for outputs of shape (r, c).
+    """Evaluate a function on many columns: inputs (size, n), results (r, n * c) for outputs of shape (r, c).
 
-    `made`: f mapped to numbers of columns, kept by the caller between calls. Many rows go to a `ColumnKernel`; the
-    numbers are the same to the last bit.
+    `made`: a cache of f mapped to numbers of columns, kept by the caller. A `ColumnKernel` evaluates many rows, with
+    the same results to the last bit.
     """
     n = columns[0].shape[1] if columns else 1
     if n == 0:
@@ -114,7 +113,7 @@ def map_columns(
 
 
 def _side_by_side(f: ca.Function, results: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Entries of the outputs (n, r c), column below column, as (r, n c)."""
+    """Return the entries of the outputs (n, r c), stacked by columns, as (r, n c)."""
     shapes = [f.size_out(k) for k in range(len(results))]
     return [r.reshape(len(r) * c, rows).T for r, (rows, c) in zip(results, shapes, strict=True)]
 
@@ -128,9 +127,9 @@ def judged_columns(
     iteration: np.ndarray | None = None,
     answers: bool = False,
 ) -> tuple[list[np.ndarray], np.ndarray]:
-    """Results of map_columns on (columns, unknowns), outputs of one column, and their `status_codes`.
+    """Return the results of map_columns for outputs of one column, and their `status_codes`.
 
-    answers: without the margins, and NaN where a row has a code.
+    answers: return no margins, and NaN in rows whose status is not OK.
     """
     kernel = kernel_of(f, columns[0].shape[1]) if columns else None
     if kernel is None:
@@ -149,7 +148,7 @@ def judged_columns(
 
 
 def _grouped(f: ca.Function, size: int) -> ca.Function:
-    """f mapped to `size` columns, with the same numbers; a small one is written out for GROUP of them at a time."""
+    """Return f mapped to `size` columns; a small function is expanded for GROUP columns at a time."""
     if size % GROUP or not f.is_a("SXFunction") or f.n_instructions() > SMALL:
         return f.map(size)
     return f.map(GROUP).expand().map(size // GROUP)
@@ -163,9 +162,11 @@ def status_codes(
     tolerance: float = PIVOT_TOLERANCE,
     sizes: Sizes | None = None,
 ) -> np.ndarray:
-    """Status code of each column from inputs, `iteration` codes, margins (last of results) and outputs; the first
-    cause wins. `tolerance`: below which part of its typical size a pivot means singular, or a branch is left; limits
-    have the precision of the margins. `sizes`: how large the inputs may be."""
+    """Return the status code of each column, from inputs, `iteration` codes, margins (last of results) and outputs.
+
+    The first cause counts. `tolerance`: fraction of the typical size below which a pivot is singular or a branch is
+    left; limits have the precision of the margins. `sizes`: limits of the inputs.
+    """
     n = results[-1].shape[1]
     number = results[-1].dtype.type
     if n == 1 and number is np.float64:
@@ -212,7 +213,7 @@ def _code_of_one(
 
 
 def _finite(columns: Sequence[np.ndarray], n: int) -> np.ndarray:
-    """In which of n columns all numbers are finite."""
+    """Return in which of n columns all numbers are finite."""
     finite = np.ones(n, dtype=bool)
     for column in columns:
         for row in column:
@@ -220,12 +221,12 @@ def _finite(columns: Sequence[np.ndarray], n: int) -> np.ndarray:
     return finite
 
 
-# a sum of squares over a block that is below this part of what each row may have
+# fraction of the limit of one row below which a sum of squares over a whole block is safe in spite of round-off
 _SURELY = 0.999
 
 
 class BlockJudge:
-    """`status_codes` of one block of rows after the other; where plainly all rows are good, by fewer passes."""
+    """`status_codes` block by block, with fewer passes if all rows are clearly good."""
 
     def __init__(
         self,
@@ -235,11 +236,12 @@ class BlockJudge:
         unknowns: Sequence[np.ndarray] = (),
         iteration: np.ndarray | None = None,
     ) -> None:
-        """`columns`: what is judged by its size; unknowns of Newton blocks are not."""
+        """`columns`: arguments with limits of size; the unknowns of Newton blocks have none."""
         self._margins, self._sizes, self._arguments, self._iteration = margins, sizes, len(columns), iteration
-        apart = [m.kind in ("pivot", "branch") for m in margins]
-        # an ordinary margin may be zero: it lies above the largest number below zero
-        low = [PIVOT_TOLERANCE * m.scale if a else -np.nextafter(0.0, 1.0) for m, a in zip(margins, apart, strict=True)]
+        scaled = [m.kind in ("pivot", "branch") for m in margins]
+        # other margins may be zero: the limit is the largest negative number
+        least = -np.nextafter(0.0, 1.0)
+        low = [PIVOT_TOLERANCE * m.scale if s else least for m, s in zip(margins, scaled, strict=True)]
         high = [-x if m.kind == "pivot" else -np.inf for m, x in zip(margins, low, strict=True)]
         weights = {place: weight for weight, places in sizes.groups for place in places}
         weight = [weights[k] for k, c in enumerate(columns) for _ in c] + [0.0 for z in unknowns for _ in z]
@@ -264,31 +266,31 @@ class BlockJudge:
             if below.any() and not np.all(np.maximum.reduce(margins[below], axis=1) < high[below]):
                 return False
         total = 0.0
-        with np.errstate(over="ignore"):  # infinite is too large as well
+        with np.errstate(over="ignore"):  # infinity exceeds the limit too
             for weight, places in self._sizes.groups:
                 total += weight * sum(float(row @ row) for place in places for row in columns[place])
         return bool(total <= most)
 
 
 class PlainMargin(NamedTuple):
-    """What the status of a row needs of a margin; its symbols stay with the model."""
+    """The data of a margin that the status of a row needs, without symbols of the model."""
 
     kind: str
     scale: float
 
 
 class RowFunction:
-    """A closed-form CausalFunction cut loose from its model: rows in, rows and status codes out; can be pickled.
+    """A closed-form CausalFunction without its model: takes rows, returns rows and status codes; can be pickled.
 
-    Called with arrays (n, ...) as the CausalFunction would be; it gives the very same numbers. Raises ModelError for
-    a function with Newton blocks, which belong to their model.
+    Arguments are arrays (n, ...) as for the CausalFunction; the results are identical. Raises ModelError for a function
+    with Newton blocks, which need the model.
     """
 
     def __init__(self, function: CausalFunction) -> None:
         newton = [b for b in function.plan.blocks if b.kind == "Newton"]
         if newton:
             raise ModelError(
-                f"{function.name} holds {len(newton)} Newton block(s) and cannot leave its model; call it as it is"
+                f"{function.name} has {len(newton)} Newton block(s) and needs its model; call the CausalFunction itself"
             )
         self._function = function.closed
         self._margins = [PlainMargin(m.kind, m.scale) for m in function.margins]
@@ -296,7 +298,7 @@ class RowFunction:
         self._shapes = [s.shape for s in function.outputs]
 
     def __call__(self, *arguments: Any) -> tuple[Any, ...]:
-        """Arrays (n, ...) of the targets and int codes (n,) of `Status`; rows without a solution are NaN."""
+        """Return arrays (n, ...) of the targets and int codes (n,) of `Status`; rows without a solution are NaN."""
         arrays = [np.asarray(a, dtype=float) for a in arguments]
         columns = [a.reshape(a.shape[0], -1).T for a in arrays]
         results, status = judged_columns(self._function, columns, self._margins, self._sizes, answers=True)

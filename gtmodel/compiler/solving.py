@@ -1,4 +1,4 @@
-"""One block of equations solved for its unknowns: linear by sparse elimination, in closed form, or by Newton."""
+"""Solution of one block of equations: linear by sparse elimination, in closed form, or with Newton's method."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from .quadric import NoClosedForm, eliminate_explicit, solve_nonlinear
 from .rewriting import is_nonsmooth, kinked_in
 from .structure import EquationStructure
 
-# a difference of constants this small beside them is round-off of zero: entries are short decimals, seldom 1e-12
+# relative difference of constants below which it is round-off of zero: entries are short decimals, seldom 1e-12
 CANCELLED = 1e-13
-# threshold pivoting: an entry this much smaller than another of its column would cost more than three digits
+# threshold pivoting: a pivot with a smaller ratio to the largest entry of its column would cost more than three digits
 MIN_PIVOT_RATIO = 1e-3
-# unknowns of a core that determinants solve
+# largest number of unknowns of a core that is solved with determinants
 SMALL_CORE = 3
 
 Assignments = list[tuple[ca.SX, ca.SX]]
@@ -25,12 +25,11 @@ Assignments = list[tuple[ca.SX, ca.SX]]
 def solve_linear(
     residuals: list[ca.SX], unknowns: list[ca.SX], jacobian: ca.SX, signs: SignAnalysis, label: str
 ) -> tuple[Assignments, list[Margin], str, DenseCore | None]:
-    """Solve residuals == 0, linear in the unknowns, with the Jacobian of the residuals by them.
+    """Solve residuals == 0, linear in the unknowns, with the Jacobian of the residuals.
 
-    Returns assignments in order of computation, pivot margins of the dense core, a sentence on how, and the core where
-    it is solved by QR.
-    Constant pivots, then parameters declared nonzero; never a state-dependent one: what has no allowed pivot
-    is the core.
+    Returns assignments in order of computation, pivot margins of the dense core, a description, and the core if it is
+    solved by QR. Pivots are constants, then parameters declared nonzero; never state-dependent expressions: equations
+    without an allowed pivot form the core.
     """
     at_zero = ca.substitute(stacked(residuals), stacked(unknowns), ca.SX.zeros(len(unknowns), 1))
     rhs = [-at_zero[i] for i in range(len(residuals))]
@@ -55,22 +54,22 @@ def solve_linear(
         for k in row:
             count[k] -= 1
         changed: list[ca.SX] = []
-        for other, entries in rows.items():
+        for n, entries in rows.items():
             factor = entries.pop(j, None)
             if factor is None:
                 continue
             factor = quotient(factor, pivot)
-            rhs[other] = difference(rhs[other], product(factor, rhs[i]))
+            rhs[n] = difference(rhs[n], product(factor, rhs[i]))
             for k, value in row.items():
-                new = _difference(entries[k], product(factor, value)) if k in entries else product(-factor, value)
-                if new.is_zero():
+                fresh = _difference(entries[k], product(factor, value)) if k in entries else product(-factor, value)
+                if fresh.is_zero():
                     if k in entries:
                         del entries[k]
                         count[k] -= 1
                 else:
                     count[k] += k not in entries
-                    entries[k] = new
-                    changed.append(new)
+                    entries[k] = fresh
+                    changed.append(fresh)
         del count[j]
         entry.learn(changed)
         eliminated.append((j, row, pivot, rhs[i]))
@@ -87,15 +86,15 @@ def solve_linear(
         for k in sorted(row):
             value = difference(value, product(row[k], unknowns[k]))
         assignments.append((unknowns[j], quotient(value, pivot)))
-    how = f"{len(eliminated)} pivots eliminated" + (f", dense core of {size}" if size else "")
-    return assignments, margins, how, core
+    detail = f"{len(eliminated)} pivots eliminated" + (f", dense core of {size}" if size else "")
+    return assignments, margins, detail, core
 
 
 class _Entries:
-    """Kind and size of matrix entries, worked out once for each; the entries are kept alive with them.
+    """Kind and size of matrix entries, computed once for each; it keeps the entries alive.
 
-    An entry that depends on the state is no pivot, but its typical size still shows which other
-    entries of its column are too small.
+    A state-dependent entry is not an allowed pivot, but its typical size shows which other entries of its column are
+    too small.
     """
 
     def __init__(self, signs: SignAnalysis) -> None:
@@ -109,7 +108,7 @@ class _Entries:
 
 
 def _difference(a: ca.SX, b: ca.SX) -> ca.SX:
-    """a - b; exactly zero where two constants cancel but for round-off."""
+    """Return a - b; exactly zero if two constants cancel up to round-off."""
     new = difference(a, b)
     if new.is_constant() and abs(float(new)) <= CANCELLED * abs(float(a)):
         return ca.SX(0)
@@ -117,7 +116,7 @@ def _difference(a: ca.SX, b: ca.SX) -> ca.SX:
 
 
 def _cheapest(rows: dict[int, dict[int, ca.SX]], count: dict[int, int], entry: _Entries) -> tuple[int, int] | None:
-    """Row and column of the cheapest allowed pivot that is not tiny beside its column."""
+    """Return row and column of the cheapest allowed pivot that is not tiny relative to its column."""
     known = entry.known
     largest: dict[int, float] = {}
     facts = {i: {j: known[id(value)] for j, value in row.items()} for i, row in rows.items()}
@@ -149,7 +148,7 @@ def _core(
     unknowns: list[ca.SX],
     label: str,
 ) -> tuple[Assignments, list[Margin], DenseCore | None]:
-    """The dense rest: one division, determinants or QR; the diagonal of R shows how near to singular it is."""
+    """Solve the dense core by division, determinants or QR; the diagonal of R shows how close to singular it is."""
     if len(core_rows) == 1:
         pivot = rows[core_rows[0]][core_cols[0]]
         return [(unknowns[core_cols[0]], rhs[core_rows[0]] / pivot)], [Margin("pivot", pivot, label)], None
@@ -167,10 +166,10 @@ def _core(
 
 
 def _determinants(a: ca.SX, b: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
-    """Two or three unknowns and the diagonal of R by determinants: two thirds of the operations of QR.
+    """Solve for two or three unknowns with determinants, and return the diagonal of R: two thirds of QR's operations.
 
-    Any column may come first in R; with this one gcc keeps most in registers. Near a loss of rank the error is the
-    condition number's, as with QR; only where three columns are nearly parallel at once may it be the square's.
+    Any column may come first in R; with this order gcc uses registers best. Near a loss of rank the error grows with
+    the condition number, as for QR; with its square only if three columns are nearly parallel.
     """
     if a.shape[0] == 2:
         first = ca.norm_2(a[:, 0])
@@ -185,10 +184,10 @@ def _determinants(a: ca.SX, b: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
 
 
 def _gram_schmidt(a: ca.SX, b: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
-    """Any number of unknowns and the diagonal of R.
+    """Solve for any number of unknowns, and return the diagonal of R.
 
-    The right-hand side is reduced like a further column: formed as Q^T b it would carry the lost
-    orthogonality of Q, an error of cond^2 instead of cond.
+    The right-hand side is reduced like another column. Computing Q^T b instead would include the loss of orthogonality
+    of Q, an error of cond^2 instead of cond.
     """
     rest = ca.horzcat(a, b)
     rows: list[ca.SX] = []
@@ -219,7 +218,7 @@ def solve_block(
     signs: SignAnalysis,
     uses: tuple[tuple[str, ...], ...],
 ) -> SolvedBlock:
-    """The block of these nodes (equation, derivative), each solved for its unknown. uses: see `SolvedBlock`."""
+    """Solve the block of these nodes (equation, derivative) for their unknowns. uses: see `SolvedBlock`."""
     order = sorted(nodes, key=lambda n: unknown_of[n])  # canonical: by declaration of the unknowns
     rows = sorted(nodes)
     residuals = [derivatives[i][m] for i, m in rows]
@@ -232,18 +231,18 @@ def solve_block(
     keys = {s.element_hash() for s in unknowns}
     linear = jacobian.is_constant() or not any(s.element_hash() in keys for s in ca.symvar(jacobian))
     if not kinked and linear:
-        assignments, margins, how, core = solve_linear(residuals, unknowns, jacobian, signs, label)
+        assignments, margins, detail, core = solve_linear(residuals, unknowns, jacobian, signs, label)
         kind = "explicit" if len(nodes) == 1 and not margins else "linear"
-        return SolvedBlock(kind, names, equations, assignments, margins, [], how, None, uses, (), core)
+        return SolvedBlock(kind, names, equations, assignments, margins, [], detail, None, uses, (), core)
     try:
-        assignments, margins, roots, how = solve_nonlinear(residuals, unknowns, signs, kinked)
+        assignments, margins, roots, detail = solve_nonlinear(residuals, unknowns, signs, kinked)
     except NoClosedForm:
-        left, unknown, explicit = eliminate_explicit(residuals, unknowns, signs, True, kinked)
-        scale = np.array([flat.variables[p[0]].nominal for p in map(flat.scope.owner, unknown) if p is not None])
-        labels = [u.name() for u in unknown]
-        how = f"Newton in {', '.join(labels)}" + (f", {len(explicit)} explicit" if explicit else "")
-        newton = NewtonBlock(unknown, left, labels, scale)
+        reduced, implicit, explicit = eliminate_explicit(residuals, unknowns, signs, True, kinked)
+        scale = np.array([flat.variables[p[0]].nominal for p in map(flat.scope.owner, implicit) if p is not None])
+        labels = [u.name() for u in implicit]
+        detail = f"Newton in {', '.join(labels)}" + (f", {len(explicit)} explicit" if explicit else "")
+        newton = NewtonBlock(implicit, reduced, labels, scale)
         assigned = list(reversed(explicit))
-        return SolvedBlock("Newton", names, equations, assigned, [], [], how, newton, uses, tuple(residuals))
-    kind = how.split(" in ")[0]
-    return SolvedBlock(kind, names, equations, assignments, margins, roots, how, None, uses, tuple(residuals))
+        return SolvedBlock("Newton", names, equations, assigned, [], [], detail, newton, uses, tuple(residuals))
+    kind = detail.split(" in ")[0]
+    return SolvedBlock(kind, names, equations, assignments, margins, roots, detail, None, uses, tuple(residuals))

@@ -1,4 +1,4 @@
-"""Rank-revealing choice of dummy derivatives: which columns each stage solves for, and so which are states."""
+"""Rank-revealing choice of dummy derivatives: the columns that each stage solves for, and hence the states."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .structure import EquationStructure, remedy_of
 
 # relative to the largest column: separates round-off of a consistent point (1e-12) from poor geometry (1e-5)
 RANK_TOLERANCE = 1e-8
-# beside the largest of its row an entry below this is round-off of a consistent point (1e-12), or zero
+# relative to the largest entry of its row: a smaller entry is round-off of a consistent point (1e-12), or zero
 ROUND_OFF = 1e-10
 
 
@@ -35,11 +35,11 @@ def choose(
     preferred: frozenset[int],
     pattern: set[tuple[int, int]],
 ) -> list[Stage]:
-    """Stages from positions (k = -max d) to k = 0 with their chosen columns.
+    """Return the stages from positions (k = -max d) to k = 0 with their chosen columns.
 
-    `jacobians` are d f_i^(c_i) / d x_j^(d_j) at several consistent points; a choice is made at the point
-    where it is best conditioned; `pattern` holds the entries that do not vanish identically. Raises ModelError for
-    a redundant constraint or an identically singular system, naming the equations of the left null vector.
+    `jacobians` are d f_i^(c_i) / d x_j^(d_j) at several consistent points; the best conditioned choice is taken.
+    `pattern` holds the entries that do not vanish identically. Raises ModelError for a redundant constraint or an
+    identically singular system, naming the equations of the left null vector.
     """
     lowest = -int(structure.d.max(initial=0))
     solved: list[int] = []
@@ -57,7 +57,7 @@ def choose(
 def chosen_columns(
     flat: FlatModel, structure: EquationStructure, jacobian: np.ndarray, preferred: frozenset[int]
 ) -> list[list[int]]:
-    """The columns that `choose` solves for at one point in each of the `stage_choices`; ModelError as there."""
+    """Return the columns that `choose` would select at one point for each of the `stage_choices`; same errors."""
     result: list[list[int]] = []
     solved: list[int] = []
     for k in range(-int(structure.d.max(initial=0)), 1):
@@ -78,13 +78,13 @@ def chosen_columns(
 
 
 def _far_from_singular(m: np.ndarray) -> bool:
-    """Whether elimination solves for all columns, whatever their order."""
+    """Return whether elimination solves for all columns in any order."""
     largest = max(1.0, float(np.max(np.linalg.norm(m, axis=0), initial=0.0)))
     return _conditioning(m) > RANK_TOLERANCE * largest
 
 
 def stage_choices(stages: list[Stage]) -> list[Stage]:
-    """Stages in which there was something to choose: more columns than rows."""
+    """Return the stages with a choice: more columns than rows."""
     return [s for s in stages if s.rows and len(s.columns) > len(s.rows)]
 
 
@@ -100,11 +100,11 @@ def _scaled(
 def _groups(
     flat: FlatModel, structure: EquationStructure, k: int, cols: list[int], solved: list[int], preferred: frozenset[int]
 ) -> list[list[int]]:
-    """Columns in the order in which they are to be solved: earlier choices, then low state preference, then
-    derivatives before what is not differentiated."""
-    before = set(solved)
-    first = [j for j in cols if j in before]
-    rest = [j for j in cols if j not in before]
+    """Return groups of columns in the order in which to solve for them: earlier choices, then low state preference,
+    then higher derivatives first."""
+    earlier = set(solved)
+    first = [j for j in cols if j in earlier]
+    rest = [j for j in cols if j not in earlier]
 
     def preference(j: int) -> tuple[int, int, int]:
         index = structure.unknowns[j]
@@ -126,17 +126,17 @@ def _best(
     best: list[int] = []
     quality = 0.0
     position = {j: n for n, j in enumerate(cols)}
-    seen: set[tuple[int, ...]] = set()
+    tested: set[tuple[int, ...]] = set()
     for m in scaled:
         chosen = _greedy(m, [[position[j] for j in g] for g in groups], len(rows))
-        if len(chosen) < len(rows) or tuple(sorted(chosen)) in seen:
+        if len(chosen) < len(rows) or tuple(sorted(chosen)) in tested:
             continue
-        seen.add(tuple(sorted(chosen)))
-        worst = min(_conditioning(other[:, chosen]) for other in scaled)
+        tested.add(tuple(sorted(chosen)))
+        worst = min(_conditioning(a[:, chosen]) for a in scaled)
         if worst > quality:
             best, quality = [cols[n] for n in chosen], worst
         if len(cols) == len(rows):
-            break  # all of them: another point could only choose them in another order
+            break  # all columns are needed: other points can only change their order
     if quality > RANK_TOLERANCE:
         return best
     if any(np.linalg.matrix_rank(m, tol=RANK_TOLERANCE) == len(rows) for m in scaled) and best:
@@ -147,9 +147,9 @@ def _best(
 
 
 def _regular_by_blocks(m: np.ndarray) -> bool:
-    """Whether the irreducible diagonal blocks of a square matrix are regular, each measured by its own rows.
+    """Return whether the irreducible diagonal blocks of a square matrix are regular, each with rows scaled by itself.
 
-    What stands beside them tells nothing of the rank, however large it is: x in 1e-9 x + y = 0, y = 1 is determined.
+    Entries outside these blocks, however large, do not affect the rank: 1e-9 x + y = 0, y = 1 determines x.
     """
     n = len(m)
     entries = list(zip(*(a.tolist() for a in np.nonzero(np.abs(m) > ROUND_OFF)), strict=True))
@@ -167,28 +167,28 @@ def _regular_by_blocks(m: np.ndarray) -> bool:
 
 
 def _conditioning(m: np.ndarray) -> float:
-    """Smallest singular value; rows are scaled, so that a single small entry shows too."""
+    """Return the smallest singular value; rows are scaled, so that a single small entry counts too."""
     s = np.linalg.svd(m, compute_uv=False)
     return float(s[-1]) if s.size else 1.0
 
 
 def _greedy(m: np.ndarray, groups: list[list[int]], count: int) -> list[int]:
-    """Pivoted elimination group by group; ties go to the first declared column."""
+    """Choose columns by pivoted elimination, group by group; ties go to the first declared column."""
     rest = m.T.copy()  # columns of m, each contiguous
     limit = RANK_TOLERANCE * max(1.0, float(np.max(np.linalg.norm(m, axis=0), initial=0.0)))
     chosen: list[int] = []
     for n, group in enumerate(groups):
-        left = np.array(group, dtype=int)
+        candidates = np.array(group, dtype=int)
         todo = np.array([j for g in groups[n:] for j in g], dtype=int)
-        while left.size and len(chosen) < count:
-            columns = rest[left]
+        while candidates.size and len(chosen) < count:
+            columns = rest[candidates]
             norms = np.sqrt(np.einsum("ij,ij->i", columns, columns))
             top = float(norms.max())
             if top <= limit:
                 break
             pick = int(np.argmax(norms >= top * (1 - 1e-9)))
-            j = int(left[pick])
-            left = left[left != j]
+            j = int(candidates[pick])
+            candidates = candidates[candidates != j]
             todo = todo[todo != j]
             q = rest[j] / norms[pick]
             others = rest[todo]
@@ -200,20 +200,20 @@ def _greedy(m: np.ndarray, groups: list[list[int]], count: int) -> list[int]:
 def _redundant(
     flat: FlatModel, structure: EquationStructure, k: int, rows: list[int], scaled: list[np.ndarray]
 ) -> tuple[str, SourceLocation | None]:
-    """Names the equations in the left null vector, and the place of the first."""
+    """Return the message that names the equations of the left null vector, and the location of the first one."""
     ranks = [int(np.linalg.matrix_rank(a, tol=RANK_TOLERANCE)) for a in scaled]
-    # singular at some points only, as max(u, 0) is where u < 0: these show what vanishes
-    picked = max if max(ranks) < len(rows) else min
-    m = scaled[ranks.index(picked(ranks))]
+    # if it is singular only at some points, as max(u, 0) for u < 0, use such a point
+    select = max if max(ranks) < len(rows) else min
+    m = scaled[ranks.index(select(ranks))]
     u, s, vt = np.linalg.svd(m)
     rank = int(np.sum(s > RANK_TOLERANCE * max(s[0], 1e-300)))
     null = u[:, rank:]
     weight = np.max(np.abs(null), axis=1)
     involved = [rows[i] for i in np.flatnonzero(weight > 1e-6)]
-    shown = "; ".join(f"{structure.equations[i].label} ({structure.equations[i].where})" for i in involved[:8]) + (
+    labels = "; ".join(f"{structure.equations[i].label} ({structure.equations[i].where})" for i in involved[:8]) + (
         f"; and {len(involved) - 8} more" if len(involved) > 8 else ""
     )
-    what = "are redundant or contradict each other" if k < 0 else "leave some unknowns undetermined (singular)"
+    fault = "are redundant or contradict each other" if k < 0 else "leave some unknowns undetermined (singular)"
     flows = k == 0 and all(structure.equations[i].label.startswith("flow ") for i in involved)
     columns = [j for j in range(len(structure.d)) if structure.d[j] + k >= 0]
     free = [columns[n] for n in np.flatnonzero(np.max(np.abs(vt[rank:]), axis=0, initial=0.0) > 1e-6)]
@@ -222,14 +222,15 @@ def _redundant(
     if k < 0:
         advice = remedy_of(flat, [structure.equations[i] for i in involved]) or advice
     if flows:
-        advice = "connect a reference, such as a ground, to what is connected there"
+        advice = "connect a reference, such as a ground, to these ports"
     level = {0: "highest derivatives", -1: "velocities", -2: "positions"}.get(k, f"stage {k}")
-    said = f"{flat.title}: {len(rows)} equations of rank {rank} in stage {k} ({level}): these {what}: {shown}; {advice}"
-    return said, structure.equations[involved[0]].where if involved else None
+    summary = f"{flat.title}: {len(rows)} equations have rank {rank} in stage {k} ({level})"
+    sentence = f"{summary}; these {fault}: {labels}; {advice}"
+    return sentence, structure.equations[involved[0]].where if involved else None
 
 
 def _dropped(flat: FlatModel, structure: EquationStructure, rows: list[int], columns: list[int]) -> str:
-    """Which derivative of these columns drops out of these equations because a parameter is 0; "" where none does."""
+    """Return a sentence if a derivative of these columns drops out of these equations because a parameter is 0."""
     unknowns = {structure.unknowns[j]: int(structure.d[j]) for j in columns}
     for i in rows:
         residual = structure.equations[i].residual
@@ -241,14 +242,14 @@ def _dropped(flat: FlatModel, structure: EquationStructure, rows: list[int], col
                 at_zero = ca.substitute(share, parameter.symbol, 0) if parameter.value == 0 else share
                 if ca.depends_on(share, parameter.symbol) and ca.simplify(at_zero).is_zero():
                     name = f"der({flat.variables[index].name}{f',{order}' if order > 1 else ''})"
-                    return f"{name} drops out where {parameter.name} is 0: give {parameter.name} another value"
+                    return f"{name} drops out because {parameter.name} is 0; set {parameter.name} to another value"
     return ""
 
 
 def _match(
     rows: list[int], chosen: list[int], pattern: set[tuple[int, int]], structure: EquationStructure
 ) -> dict[int, int]:
-    """Row -> chosen column, only where the equation holds the column at its leading order."""
+    """Match rows to chosen columns; an equation must contain the column at its leading order."""
     if not rows:
         return {}
     entries = [

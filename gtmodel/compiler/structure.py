@@ -1,5 +1,5 @@
-"""Structural analysis by the Sigma-method, differentiation counts, index and degrees of freedom, and the equations
-with the derivatives that they imply."""
+"""Structural analysis with the Sigma-method: differentiation counts, index, degrees of freedom, and the differentiated
+equations."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from ..lang.source import ModelError, SourceLocation
 from .flat import FlatEquation, FlatModel
 from .graph import alternating, highest_transversal, largest_matching, neighbours_of, reversed_matching
 
-MAX_SHOWN = 12  # places named in one sentence
+MAX_SHOWN = 12  # equations named in one message
 
 
 @dataclass(frozen=True)
 class EquationStructure:
     """Offsets of the Sigma-method (Pryce 2001).
 
-    Equation i is differentiated c[i] times; unknown j is solved for at derivative d[j]. `lift` of these times
-    are not needed to solve the system, only to reach derivatives that are asked for.
+    Equation i is differentiated c[i] times; the system is solved for derivative d[j] of unknown j. `lift` of these
+    differentiations are needed only for target derivatives.
     """
 
     equations: list[FlatEquation]
@@ -45,17 +45,17 @@ class EquationStructure:
         return int(self.c.max() - self.lift) + int(np.any(self.d == self.lift))
 
     def raised(self, deficit: int) -> EquationStructure:
-        """The same system differentiated `deficit` more times, so that higher derivatives can be asked for."""
+        """Return the same system differentiated `deficit` more times, for targets of higher order."""
         return EquationStructure(self.equations, self.unknowns, self.sigma, self.c + deficit, self.d + deficit, deficit)
 
 
 def analyse(
     flat: FlatModel, equations: list[FlatEquation], unknowns: list[int], targets: Collection[int] = ()
 ) -> EquationStructure:
-    """Differentiation counts of a square system; targets: the unknowns that are asked for.
+    """Return the differentiation counts of a square system; targets: the unknowns that are targets.
 
-    Raises ModelError if the numbers of equations and unknowns differ, or if some of them cannot be matched;
-    the sentence names the surplus equations or variables.
+    Raises ModelError if the numbers of equations and unknowns differ, or if some cannot be matched; the message names
+    the surplus equations or variables.
     """
     column = {j: n for n, j in enumerate(unknowns)}
     sigma: dict[tuple[int, int], int] = {}
@@ -74,7 +74,7 @@ def _transversal(
     flat: FlatModel, equations: list[FlatEquation], unknowns: list[int], targets: Collection[int],
     sigma: dict[tuple[int, int], int],
 ) -> np.ndarray:  # fmt: skip
-    """Column matched to each row by a highest-value transversal."""
+    """Return the column matched to each row in a highest-value transversal."""
     match = highest_transversal(len(equations), sigma)
     if match is None:
         raise ModelError(_unbalanced(flat, equations, unknowns, targets, sigma))
@@ -100,7 +100,7 @@ def _unbalanced(
     flat: FlatModel, equations: list[FlatEquation], unknowns: list[int], targets: Collection[int],
     sigma: dict[tuple[int, int], int],
 ) -> str:  # fmt: skip
-    """A sentence on a system that is not square or cannot be matched, naming the surplus items."""
+    """Return the message for a system that is not square or cannot be matched; it names the surplus items."""
     rows, cols = overdetermined_and_underdetermined(len(equations), len(unknowns), sigma)
     text = f"{flat.title}: {_count(len(equations), 'equation')} for {_count(len(unknowns), 'unknown')}"
     if cols:
@@ -108,36 +108,35 @@ def _unbalanced(
         text += f"; not determined: {names} (too few equations or too few known variables)"
         met = {j for _, j in sigma}
         if absent := [flat.variables[unknowns[j]].name for j in cols if j not in met][:6]:
-            verb = "stands" if len(absent) == 1 else "stand"
-            text += f"; {', '.join(absent)} {verb} in no equation: is one, or its yield, missing?"
+            verb = "appears" if len(absent) == 1 else "appear"
+            text += f"; {', '.join(absent)} {verb} in no equation: is an equation or its yield missing?"
         inputs = [flat.variables[i] for i in (unknowns[j] for j in cols) if i not in targets]
         if (names := [v.name for v in inputs if v.role == "input"][:6]) and not rows:
-            text += f"; inputs that are given have to be named: known=[{', '.join(map(repr, names))}]"
+            text += f"; name the inputs that are known: known=[{', '.join(map(repr, names))}]"
     if not equations and (slips := difflib.get_close_matches("equations", vars(type(flat.root)), n=1)):
-        text += f"; {type(flat.root).__name__}.{slips[0]}() is not asked for any: its name has to be equations"
+        text += f"; {type(flat.root).__name__}.{slips[0]}() is never called; rename it to equations()"
     if rows:
         text += f"; too many equations or knowns among: {_listed([equations[i] for i in rows])}"
         if both := _inputs_that_an_equation_joins(flat, [equations[i] for i in rows], set(unknowns)):
-            text += f"; {both[0]} and {both[1]} are inputs: declare the one that an equation gives as a variable"
+            text += f"; {both[0]} and {both[1]} are inputs: declare the one that an equation determines as a variable"
         if remedy := remedy_of(flat, [equations[i] for i in rows]):
             text += f"; {remedy}"
     if loose := _unconnected(flat):
-        text += f"; connected to nothing, so that their flows are 0: {', '.join(loose[:6])}"
+        text += f"; unconnected ports, whose flows are 0: {', '.join(loose[:6])}"
     return text
 
 
 def remedy_of(flat: FlatModel, equations: Sequence[FlatEquation]) -> str:
-    """What the first component among those of these equations says to do where its equations are too many: its
-    `if_redundant`; "" where none says anything."""
+    """Return the advice `if_redundant` of the first component of these equations that has one, else ""."""
     owners = {c._path: type(c) for c in flat.tree.components}
-    said = (getattr(owners.get(e.component), "if_redundant", "") for e in equations)
-    return next(filter(None, said), "")
+    advice = (getattr(owners.get(e.component), "if_redundant", "") for e in equations)
+    return next(filter(None, advice), "")
 
 
 def _inputs_that_an_equation_joins(
     flat: FlatModel, equations: list[FlatEquation], unknowns: set[int]
 ) -> tuple[str, str] | None:
-    """The names of two inputs, both known, of one equation: usually a component's input and its owner's."""
+    """Return the names of two known inputs of one equation: usually a component's input and the enclosing model's."""
     for equation in equations:
         known = {index for index, _ in flat.scope.symbols_in(equation.residual)} - unknowns
         names = [v.name for v in (flat.variables[i] for i in sorted(known)) if v.role == "input"]
@@ -147,7 +146,7 @@ def _inputs_that_an_equation_joins(
 
 
 def _unconnected(flat: FlatModel) -> list[str]:
-    """Ports of components that no connection joins: the sum of flows in their equation is of one port."""
+    """Return the unconnected ports of components: their flow equation has only one port."""
     alone = (e.label for e in flat.equations if e.label.startswith("flow ") and " ~ " not in e.label)
     return list(dict.fromkeys(name for label in alone if "." in (name := label.partition(" of ")[2])))
 
@@ -157,21 +156,21 @@ def _count(n: int, word: str) -> str:
 
 
 def _listed(equations: list[FlatEquation]) -> str:
-    """Labels with file and line; equations of one component from one line stand together."""
+    """Return labels with file and line; equations of one component from the same line are grouped."""
     groups: dict[tuple[str, SourceLocation], list[str]] = {}
     for e in equations:
         groups.setdefault((e.component, e.where), []).append(e.label)
-    shown = [
+    texts = [
         f"{labels[0]}{f' and {len(labels) - 1} more' if labels[1:] else ''} ({where})"
         for (_, where), labels in groups.items()
     ]
-    return "; ".join(shown[:MAX_SHOWN]) + (f"; and {len(shown) - MAX_SHOWN} more" if shown[MAX_SHOWN:] else "")
+    return "; ".join(texts[:MAX_SHOWN]) + (f"; and {len(texts) - MAX_SHOWN} more" if texts[MAX_SHOWN:] else "")
 
 
 def overdetermined_and_underdetermined(
     rows: int, cols: int, sigma: dict[tuple[int, int], int]
 ) -> tuple[list[int], list[int]]:
-    """Dulmage-Mendelsohn: rows of the overdetermined part, columns of the underdetermined part."""
+    """Return the rows of the overdetermined and the columns of the underdetermined part (Dulmage-Mendelsohn)."""
     by_row = neighbours_of(rows, sigma)
     by_col = neighbours_of(cols, [(j, i) for i, j in sigma])
     col_of_row = largest_matching(by_row, cols)
@@ -183,7 +182,7 @@ Pair = tuple[int, int]
 
 
 def differentiate(flat: FlatModel, structure: EquationStructure) -> list[list[ca.SX]]:
-    """derivatives[i][m] = m-th time derivative of equation i, m = 0..c_i, all equations of one order at once."""
+    """Return derivatives[i][m], the m-th time derivative of equation i, m = 0..c_i."""
     result = [[e.residual] for e in structure.equations]
     for m in range(int(structure.c.max(initial=0))):
         rows = [i for i in range(len(result)) if structure.c[i] > m]
@@ -195,9 +194,9 @@ def differentiate(flat: FlatModel, structure: EquationStructure) -> list[list[ca
 
 
 def _half(e: ca.SX, known: dict[int, ca.SX | None], depth: int = 50) -> ca.SX | None:
-    """e/2 where every term has a factor two, as the derivatives of squares have; None otherwise.
+    """Return e/2 if every term has a factor two, as in the derivatives of squares; otherwise None.
 
-    known: answers by element; depth: how far down it looks, against sums as long as Python's stack.
+    known: cache by element; depth: recursion limit, because sums may be longer than Python's stack.
     """
     key = e.element_hash()
     if key not in known:
@@ -221,10 +220,10 @@ def _halved(e: ca.SX, known: dict[int, ca.SX | None], depth: int) -> ca.SX | Non
         b = None if a is None else _half(e.dep(1), known, depth - 1)
         return None if a is None or b is None else a + b if op == ca.OP_ADD else a - b
     if op == ca.OP_MUL:
-        for one, other in ((e.dep(0), e.dep(1)), (e.dep(1), e.dep(0))):
-            a = _half(one, known, depth - 1)
+        for x, y in ((e.dep(0), e.dep(1)), (e.dep(1), e.dep(0))):
+            a = _half(x, known, depth - 1)
             if a is not None:
-                return a * other
+                return a * y
     return None
 
 
@@ -237,7 +236,7 @@ def folded(flat: FlatModel, derivatives: list[list[ca.SX]], fold: ca.SX) -> list
 
 
 def condition_order(flat: FlatModel, conditions: Sequence[FlatEquation], pairs: Sequence[Pair]) -> int:
-    """How often conditions on known values are differentiated, as often as these occur; -1 without any."""
+    """Return how often conditions on known values are differentiated; -1 if there are none."""
     highest = dict(sorted(pairs))
     return max((highest.get(i, 0) for e in conditions for i, _ in flat.scope.symbols_in(e.residual)), default=-1)
 
@@ -245,7 +244,7 @@ def condition_order(flat: FlatModel, conditions: Sequence[FlatEquation], pairs: 
 def _with_conditions(
     flat: FlatModel, stages: list[ca.SX], conditions: list[FlatEquation], pairs: list[Pair]
 ) -> list[ca.SX]:
-    """Stage residuals with the conditions on known values, differentiated as often as these occur."""
+    """Append the conditions on known values and their derivatives to the stage residuals."""
     if not conditions:
         return stages
     residual = ca.vertcat(*[e.residual for e in conditions])
@@ -264,7 +263,7 @@ def stage_residuals(
     conditions: list[FlatEquation],
     pairs: list[Pair],
 ) -> list[ca.SX]:
-    """Residuals of each stage, positions first; with the conditions on known values."""
+    """Return the residuals of each stage, positions first, including the conditions on known values."""
     c = structure.c
     stages = [
         ca.vertcat(*[derivatives[i][c[i] + k] for i in range(len(c)) if c[i] + k >= 0])
@@ -288,8 +287,8 @@ def pairs_of(
 
 
 def system_of(flat: FlatModel, structure: EquationStructure, derivatives: list[list[ca.SX]]) -> ca.SX:
-    """d f_i^(c_i) / d x_j^(d_j)."""
-    # SX also where nothing is left but aliases
+    """Return d f_i^(c_i) / d x_j^(d_j)."""
+    # ca.SX(...) because vertcat() of no equations is not an SX
     top = ca.SX(ca.vertcat(*[derivatives[i][structure.c[i]] for i in range(len(structure.c))]))
     columns = ca.SX(ca.vertcat(*[flat.scope.symbol(j, int(structure.d[n])) for n, j in enumerate(structure.unknowns)]))
     return ca.jacobian(top, columns)

@@ -1,4 +1,4 @@
-"""The language: models, variables, equations, connections and optimisations, as a person writes them."""
+"""The modelling language: models, variables, equations, connections and optimisation problems."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Binding: a configured model becomes a tree of components whose attributes are expressions."""
+"""Binding: turns a configured model into a tree of components whose attributes are expressions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .values import check_bound, check_parameter, fits, shape_text
 
 @dataclass
 class VariableRecord:
-    """A declared variable after binding: its name, its scalar chains and its attributes (SX or None)."""
+    """A declared variable after binding: name, indices of its derivative chains, attributes (SX or None)."""
 
     name: str
     item: Variable
@@ -32,7 +32,7 @@ class VariableRecord:
 
 @dataclass
 class ParameterRecord:
-    """A declared parameter after binding: own symbols with numeric values, or an expression of others."""
+    """A declared parameter after binding: symbols with numeric values, or an expression of other parameters."""
 
     name: str
     item: Parameter | Free | Discrete
@@ -46,7 +46,7 @@ class ParameterRecord:
 
 @dataclass
 class Tree:
-    """Everything that binding created, in declaration order."""
+    """All records that binding created, in declaration order."""
 
     scope: Scope
     root: Model
@@ -58,21 +58,20 @@ class Tree:
 
 
 def bind(model: Model) -> Tree:
-    """Bind a configured model: make all symbols and resolve modifiers, parts, ports and outer references."""
+    """Bind a configured model: create all symbols and resolve modifiers, parts, ports and outer references."""
     if not isinstance(model, Model):
         hint = f"; write {model.__name__}()" if isinstance(model, type) else ""
         raise ModelError(f"expected a configured model; found {model!r}{hint}")
     scope = Scope()
     tree = Tree(scope=scope, root=model)
-    given_at = {name: model.__dict__["where"] for name in model.__dict__["_modifiers"]}
-    root = _bind(model, {}, "", None, tree, given_at)
-    tree.root = root
+    places = {name: model.__dict__["where"] for name in model.__dict__["_modifiers"]}
+    tree.root = _bind(model, {}, "", None, tree, places)
     check_bound(tree)
     return tree
 
 
 def empty_tree(root: Model) -> Tree:
-    """A tree with only a bound root, to be filled line by line."""
+    """Return a tree with only a bound root, for a Builder to extend."""
     tree = Tree(scope=Scope(), root=root)
     tree.root = _bind(root, {}, "", None, tree)
     return tree
@@ -108,14 +107,15 @@ def _bind(
     path: str,
     parent: Model | None,
     tree: Tree,
-    given_at: dict[str, SourceLocation] | None = None,
+    places: dict[str, SourceLocation] | None = None,
 ) -> Model:
-    """`given_at`: where modifiers were written, of those whose line is known."""
-    cls, places = type(config), given_at or {}
+    """`places`: file and line of each modifier whose line is known."""
+    cls, places = type(config), places or {}
     for item in (item for base in cls.__mro__ for item in vars(base).values()):
         if isinstance(item, Declaration) and item.name == Declaration.name:
             raise ModelError(
-                f"a declaration was given to {cls.__name__} after its body; write it in the body", item.where
+                f"a declaration was added to {cls.__name__} after its class body; write it in the class body",
+                item.where,
             )
     bound = object.__new__(cls)
     values: dict[str, Any] = {}
@@ -128,24 +128,24 @@ def _bind(
         tree.components.append(bound)
 
     def member(name: str, item: Declaration) -> None:
-        given = modifiers.get(name)
+        modifier = modifiers.get(name)
         full = join(path, name)
         if isinstance(item, Parameter):
-            values[name] = _parameter(item, given, full, path, name in modifiers, tree, places.get(name, item.where))
+            values[name] = _parameter(item, modifier, full, path, name in modifiers, tree, places.get(name, item.where))
         elif isinstance(item, Free):
             values[name] = _free(item, full, path, tree)
         elif isinstance(item, Discrete):
             values[name] = _discrete(item, full, path, tree)
         elif isinstance(item, Variable):
-            values[name] = _variable(item, given or {}, full, path, bound, tree)
+            values[name] = _variable(item, modifier or {}, full, path, bound, tree)
         elif isinstance(item, Port):
             values[name] = _port(item, full, bound, tree)
         elif isinstance(item, Outer):
             values[name] = _outer(item, bound, tree)
         elif isinstance(item, Part):
-            values[name] = _part(item, given, full, bound, tree, places.get(name))
+            values[name] = _part(item, modifier, full, bound, tree, places.get(name))
 
-    # an outer reference from below may bind a part before its turn
+    # an outer reference in a nested component may bind a part out of order
     pending = {name: partial(member, name, item) for name, item in walk_declarations(cls)}
     bound.__dict__.update(_pending=pending, _classes={k: _class_of(modifiers.get(k)) for k in modifiers})
     while pending:
@@ -153,24 +153,24 @@ def _bind(
     return bound
 
 
-def _class_of(given: Any) -> type | None:
-    """The class that a modifier puts in place of a part's own; None if it leaves the class as it is."""
-    if isinstance(given, Redeclared):
-        return given.cls
-    if isinstance(given, Model):
-        return type(given)
-    return given if isinstance(given, type) else None
+def _class_of(modifier: Any) -> type | None:
+    """Return the class with which a modifier replaces a part's class; None if it does not replace it."""
+    if isinstance(modifier, Redeclared):
+        return modifier.cls
+    if isinstance(modifier, Model):
+        return type(modifier)
+    return modifier if isinstance(modifier, type) else None
 
 
 def element_names(name: str, shape: tuple[int, ...]) -> list[str]:
-    """Scalar names of a vector or matrix: x[0], x[1], or A[0,0], A[0,1], ... (row by row)."""
+    """Return the scalar names of a vector or matrix: x[0], x[1], or A[0,0], A[0,1], ... (row by row)."""
     if not shape:
         return [name]
     return [f"{name}[{','.join(map(str, index))}]" for index in product(*map(range, shape))]
 
 
 def _assemble(symbols: list[ca.SX], shape: tuple[int, ...]) -> ca.SX:
-    """Scalars given row by row as a column vector or matrix."""
+    """Return scalars, listed row by row, as a column vector or matrix."""
     if not shape:
         return symbols[0]
     if len(shape) == 1:
@@ -179,24 +179,27 @@ def _assemble(symbols: list[ca.SX], shape: tuple[int, ...]) -> ca.SX:
 
 
 def _parameter(
-    item: Parameter, given: Any, full: str, path: str, is_given: bool, tree: Tree, where: SourceLocation
+    item: Parameter, modifier: Any, full: str, path: str, is_set: bool, tree: Tree, where: SourceLocation
 ) -> Expr:
-    given = gathered(given)
-    if isinstance(given, Expr):
-        if not fits(given.shape, item.shape):
+    modifier = gathered(modifier)
+    if isinstance(modifier, Expr):
+        if not fits(modifier.shape, item.shape):
             shape = shape_text(item.shape)
-            raise ModelError(f"parameter '{full}' has shape {shape}; bound to shape {given.shape}", where)
-        if None not in (given.dimension, item.dimension) and given.dimension != item.dimension:
             raise ModelError(
-                f"units do not fit: parameter '{full}' is in {item.unit}, bound to {given.dimension}", where
+                f"parameter '{full}' has shape {shape}; found an expression of shape {modifier.shape}", where
             )
-        record = ParameterRecord(full, item, path, row_by_row(given.sx), [], None, given.shape, where)
+        if None not in (modifier.dimension, item.dimension) and modifier.dimension != item.dimension:
+            raise ModelError(
+                f"units differ: parameter '{full}' is in {item.unit}, its expression is in {modifier.dimension}",
+                where,
+            )
+        record = ParameterRecord(full, item, path, row_by_row(modifier.sx), [], None, modifier.shape, where)
         tree.parameters.append(record)
-        return given
-    value = given if is_given else item.default
+        return modifier
+    value = modifier if is_set else item.default
     array = None if value is None else check_parameter(item, value, full, where)
     if array is None and -1 in item.shape:
-        raise ModelError(f"parameter '{full}' of shape {shape_text(item.shape)} has no value; give one", where)
+        raise ModelError(f"parameter '{full}' of shape {shape_text(item.shape)} has no value; set it", where)
     shape = item.shape if array is None else array.shape
     values = None if array is None else array.reshape(-1)
     names = element_names(full, shape)
@@ -221,7 +224,7 @@ def _free(item: Free, full: str, path: str, tree: Tree) -> Expr:
 
 
 def _discrete(item: Discrete, full: str, path: str, tree: Tree) -> Expr:
-    """Like a parameter, whose derivative is zero; events give it other values."""
+    """Bind a discrete variable like a parameter: its derivative is zero, and events assign new values."""
     names = element_names(full, item.shape)
     first = len(tree.scope.parameters)
     symbols = [tree.scope.new_parameter(n) for n in names]
@@ -232,13 +235,13 @@ def _discrete(item: Discrete, full: str, path: str, tree: Tree) -> Expr:
     return Expr(_assemble(symbols, item.shape), item.shape, item.dimension, tree.scope)
 
 
-def _variable(item: Variable, given: dict[str, Any], full: str, path: str, bound: Model, tree: Tree) -> Expr:
+def _variable(item: Variable, modifier: dict[str, Any], full: str, path: str, bound: Model, tree: Tree) -> Expr:
     scope = tree.scope
     names = element_names(full, item.shape)
     first = len(scope.chains)
     symbols = [scope.new_chain(n) for n in names]
     attributes: dict[str, Any] = {}
-    for key, value in {**item.attributes, **given}.items():
+    for key, value in {**item.attributes, **modifier}.items():
         if key in ("fixed", "prefer") or value is None:
             attributes[key] = value
             continue
@@ -259,30 +262,30 @@ def _variable(item: Variable, given: dict[str, Any], full: str, path: str, bound
 
 
 def _port(item: Port, full: str, owner: Model, tree: Tree) -> Any:
-    def one(name: str) -> Model:
+    def bind_one(name: str) -> Model:
         connector = _bind(item.cls(), {}, name, owner, tree)
         assert isinstance(connector, Connector)
         tree.ports.append(connector)
         return connector
 
     if item.count is None:
-        return one(full)
-    return [one(f"{full}[{i}]") for i in range(item.count)]
+        return bind_one(full)
+    return [bind_one(f"{full}[{i}]") for i in range(item.count)]
 
 
 def _outer(item: Outer, bound: Model, tree: Tree) -> Model:
-    above: Model | None = bound.__dict__["_parent"]
-    while above is not None:
-        for value in above.__dict__["_values"].values():
+    parent: Model | None = bound.__dict__["_parent"]
+    while parent is not None:
+        for value in parent.__dict__["_values"].values():
             if isinstance(value, item.cls):
                 return value
-        for name, other in type(above)._declared.items():
-            if not isinstance(other, Part) or other.count is not None or name not in above.__dict__["_pending"]:
+        for name, part in type(parent)._declared.items():
+            if not isinstance(part, Part) or part.count is not None or name not in parent.__dict__["_pending"]:
                 continue
-            if issubclass(above.__dict__["_classes"].get(name) or other.cls, item.cls):
-                above.__dict__["_pending"].pop(name)()
-                return above.__dict__["_values"][name]
-        above = above.__dict__["_parent"]
+            if issubclass(parent.__dict__["_classes"].get(name) or part.cls, item.cls):
+                parent.__dict__["_pending"].pop(name)()
+                return parent.__dict__["_values"][name]
+        parent = parent.__dict__["_parent"]
     if item.cls not in tree.inner_defaults:
         path = item.cls.__name__.lower()
         tree.inner_defaults[item.cls] = _bind(item.cls(), {}, path, None, tree)
@@ -290,7 +293,7 @@ def _outer(item: Outer, bound: Model, tree: Tree) -> Model:
 
 
 def _resolve(value: Any, parent: Model) -> Any:
-    """A modifier in the scope of the component that wrote it: declarations become their expressions."""
+    """Evaluate a modifier in the component that wrote it: replace declarations by their expressions."""
     if isinstance(value, Declaration):
         if value.name not in type(parent)._declared:
             raise ModelError(f"a modifier refers to '{value.name}', which {type(parent).__name__} does not declare")
@@ -309,47 +312,47 @@ def _resolve(value: Any, parent: Model) -> Any:
     return value
 
 
-def _part(item: Part, given: Any, full: str, parent: Model, tree: Tree, given_at: SourceLocation | None) -> Any:
-    """`given_at`: where the enclosing configuration was written, if it says something about this part."""
+def _part(item: Part, modifier: Any, full: str, parent: Model, tree: Tree, place: SourceLocation | None) -> Any:
+    """`place`: file and line of the enclosing configuration, if it modifies this part."""
 
-    def one(own: dict[str, Any], override: Any, full: str) -> Model:
-        merged = _merge(Redeclared(item.cls, own), override)
+    def bind_one(inner: dict[str, Any], override: Any, full: str) -> Model:
+        merged = _merge(Redeclared(item.cls, inner), override)
         outer = override.modifiers if isinstance(override, Redeclared) else override
-        places = dict.fromkeys(own, item.where)
-        if given_at is not None and isinstance(outer, dict):
-            places |= dict.fromkeys(outer, given_at)
+        places = dict.fromkeys(inner, item.where)
+        if place is not None and isinstance(outer, dict):
+            places |= dict.fromkeys(outer, place)
         cls, mods = _split(merged, full, item.where, places)
         return _bind(cls(), mods, full, parent, tree, places)
 
     if item.count is None:
-        return one({k: _resolve(v, parent) for k, v in item.modifiers.items()}, given, full)
-    count = len(given) if isinstance(given, (list, tuple)) else item.count
+        return bind_one({k: _resolve(v, parent) for k, v in item.modifiers.items()}, modifier, full)
+    count = len(modifier) if isinstance(modifier, (list, tuple)) else item.count
     result = []
     for i in range(count):
         mods = {
             k: _element(_resolve(v, parent), i, count, f"{full}.{k}", item.where) for k, v in item.modifiers.items()
         }
-        result.append(one(mods, given[i] if isinstance(given, (list, tuple)) else given, f"{full}[{i}]"))
+        result.append(bind_one(mods, modifier[i] if isinstance(modifier, (list, tuple)) else modifier, f"{full}[{i}]"))
     return result
 
 
 @dataclass(frozen=True)
 class Redeclared:
-    """A part's class with its modifiers, after what inner and outer declarations say."""
+    """A part's class and modifiers after merging the inner and outer declarations."""
 
     cls: type[Model]
     modifiers: dict[str, Any]
 
 
 def _redeclared(value: Any) -> Any:
-    """A class or a model as what it redeclares; everything else as it is."""
+    """Return a class or a model as a Redeclared; any other value unchanged."""
     if isinstance(value, Model):
         return Redeclared(type(value), value.__dict__["_modifiers"])
     return Redeclared(value, {}) if isinstance(value, type) else value
 
 
 def _merge(old: Any, new: Any) -> Any:
-    """Modifiers of an inner declaration overlaid by those of an outer one: the outer one wins."""
+    """Merge the modifiers of an inner and an outer declaration; the outer one wins."""
     if new is None:
         return old
     new, old = _redeclared(new), _redeclared(old)
@@ -377,16 +380,16 @@ def _element(value: Any, i: int, count: int, name: str, where: SourceLocation) -
         return value.value
     if isinstance(value, (type, Model, dict, Redeclared)):
         return value
-    if isinstance(value, Expr) and not value.shape:  # of the enclosing model; it could not be meant as rows
+    if isinstance(value, Expr) and not value.shape:  # a scalar of the enclosing model goes to all elements
         return value
     try:
         n = len(value)
-    except TypeError:  # a number, also as an array without dimensions
+    except TypeError:  # a number or a zero-dimensional array
         n = None
     if n != count:
         raise ModelError(
             f"modifier '{name}' of an array of {count} parts needs {count} rows; found "
-            f"{'a single value' if n is None else n}; use gt.each(...) to give one value to all",
+            f"{'a single value' if n is None else n}; use gt.each(...) to give all parts the same value",
             where,
         )
     return value[i]

@@ -1,4 +1,4 @@
-"""Builder: the same language without a class, for scripts and notebooks."""
+"""Builder: write a model without a class, for scripts and notebooks."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from .source import ModelError, here
 class Builder:
     """A model written line by line, without a class, for scripts and notebooks.
 
-    Names are declared once; expressions are usable at once; parts are configured models whose ports and
-    variables are attributes of what `part` returns. `causal` and `simulate` are those of a Model.
+    Each name is declared once and can be used immediately. A part is a configured model; its ports and variables are
+    attributes of the object that `part` returns. `causal` and `simulate` work as for a Model.
 
     >>> m = gt.Builder("oscillator")
     >>> k, mass = m.parameter("k", 100.0, unit="N/m"), m.parameter("mass", 1.0, unit="kg")
@@ -35,29 +35,29 @@ class Builder:
         self.title = title
         self.items: list[Any] = []
         self.where = here()
-        self._flat: Any = None  # until something is added
+        self._flat: Any = None  # cache, cleared when something is added
         items = self.items
         root = type(title, (Model,), {"equations": lambda self: tuple(items)})
         self.tree: Tree = empty_tree(root())
 
     def variable(self, name: str, shape: Any = None, **attributes: Any) -> Expr:
-        """Declare a variable; attributes as for gt.variable."""
+        """Declare a variable; same attributes as gt.variable."""
         return self._declare(name, declare.variable(shape, **attributes), bind_variable)
 
     def input(self, name: str, shape: Any = None, **attributes: Any) -> Expr:
-        """Declare an input; attributes as for gt.input."""
+        """Declare an input; same attributes as gt.input."""
         return self._declare(name, declare.input(shape, **attributes), bind_variable)
 
     def discrete(self, name: str, start: Any = 0.0, **attributes: Any) -> Expr:
-        """Declare a discrete variable with its start; attributes as for gt.discrete."""
+        """Declare a discrete variable with its start value; same attributes as gt.discrete."""
         return self._declare(name, declare.discrete(start, **attributes), bind_discrete)
 
     def parameter(self, name: str, value: Any, **attributes: Any) -> Expr:
-        """Declare a parameter with its value; attributes as for gt.parameter."""
+        """Declare a parameter with its value; same attributes as gt.parameter."""
         return self._declare(name, declare.parameter(value, **attributes), bind_parameter)
 
     def part(self, name: str, model: Model) -> Any:
-        """Add a configured model as a component."""
+        """Add a configured model as a component and return it."""
         if not isinstance(model, Model):
             raise ModelError(f"part '{name}' takes a model such as Rod(L=2.0); found {model!r}", here())
         return self._declare(name, declare.part(type(model)), lambda item, tree: bind_part(item, model, tree))
@@ -70,7 +70,9 @@ class Builder:
     def _declare(self, name: str, item: Any, bind: Callable[[Any, Tree], Any]) -> Any:
         values = self.tree.root.__dict__["_values"]
         if not name.isidentifier() or name.startswith("_"):
-            raise ModelError(f"'{name}' is no name; use letters, digits and underscores", here())
+            raise ModelError(
+                f"'{name}' is not a valid name; use letters, digits and underscores, with a letter first", here()
+            )
         if name in values:
             raise ModelError(f"'{name}' is declared twice in {self.title}", here())
         item.name = name
@@ -80,9 +82,9 @@ class Builder:
 
     @property
     def time(self) -> Expr:
-        """Time as an expression."""
+        """The time [s] as an expression."""
         return self.tree.root.time
 
     def names(self) -> Iterable[str]:
-        """Declared names."""
+        """Return the declared names."""
         return tuple(self.tree.root.__dict__["_values"])

@@ -1,4 +1,4 @@
-"""What is true or false at each instant."""
+"""Conditions: relations and logical combinations of them, true or false at each instant."""
 
 from __future__ import annotations
 
@@ -21,11 +21,12 @@ Operation = Literal["relation", "and", "or", "not", "sample", "initial"]
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """What is true or false at each instant: a relation `a <= b`, or several joined by `&` (and), `|` (or), `~` (not).
+    """A logical condition: a relation `a <= b`, or several combined with `&` (and), `|` (or) and `~` (not).
 
-    Comparing expressions makes a `Relation`, which is one; parentheses are needed, `(a <= b) & (c >= d)`. Of continuous
-    quantities a strict `<` is the same as `<=`: at the instant itself the side counts on which the motion goes on.
-    Where a quantity jumps to equality, or an input comes to it, and rests there, `<=` is true and `<` is not.
+    Comparing two expressions creates a `Relation`, which can be used as a condition. Combining relations needs
+    parentheses: `(a <= b) & (c >= d)`. For continuous quantities `<` means the same as `<=`: at the crossing itself
+    the condition takes the value that it has just after. If a quantity jumps to equality, or an input reaches it, and
+    stays there, `<=` is true and `<` is false.
     """
 
     operation: Operation
@@ -46,27 +47,27 @@ class Condition:
 
     def __bool__(self) -> bool:
         raise ModelError(
-            "a condition has no truth value while a model is being built; hand it to gt.when or gt.If", self.where
+            "a condition has no truth value while a model is being built; pass it to gt.when or gt.If", self.where
         )
 
     def condition(self) -> Condition:
-        """Itself."""
+        """Return the condition itself."""
         return self
 
     def walk(self) -> Iterator[Condition]:
-        """This condition and all inside it."""
+        """Yield this condition and all conditions nested in it."""
         yield self
         for part in self.parts:
             yield from part.walk()
 
 
 def condition_of(value: Any) -> Condition:
-    """A relation or a condition as a condition. Raises ModelError for what is none."""
+    """Return a relation or a condition as a condition. Raises ModelError for any other value."""
     if not hasattr(value, "condition"):
-        raise ModelError(f"a condition is a relation such as x <= 0; found {value!r}", here())
+        raise ModelError(f"expected a condition, that is a relation such as x <= 0; found {value!r}", here())
     return value.condition()
 
 
 def joined(operation: Operation, *parts: Any) -> Condition:
-    """Conditions joined to one."""
+    """Combine conditions with a logical operation."""
     return Condition(operation, tuple(map(condition_of, parts)), None, here())

@@ -1,4 +1,4 @@
-"""connect(a, b): potentials equal, flows sum to zero; and branch(name, expression)."""
+"""Items yielded by equations(): connections of ports, branches, energies and edges of orientation trees."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .units import si_unit
 
 @dataclass(frozen=True, eq=False)
 class Connection:
-    """Two connectors that are joined, and the line that joins them. Made by `gt.connect`."""
+    """Two connected connectors and the line that connects them. Created by `gt.connect`."""
 
     a: Connector
     b: Connector
@@ -25,7 +25,7 @@ class Connection:
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """A geometric name for one of several solutions: the sign of `expression`. Made by `gt.branch`."""
+    """A named branch of solutions, identified by the sign of `expression`. Created by `gt.branch`."""
 
     name: str
     expression: Expr
@@ -34,7 +34,7 @@ class Branch:
 
 @dataclass(frozen=True, eq=False)
 class Energy:
-    """A term of the energy balance: "stored" [J], "supplied" [W] or "dissipated" [W]. Made by `gt.energy`."""
+    """A term of the energy balance: "stored" [J], "supplied" [W] or "dissipated" [W]. Created by `gt.energy`."""
 
     kind: str
     expression: Expr
@@ -43,9 +43,9 @@ class Energy:
 
 @dataclass(frozen=True, eq=False)
 class TreeEdge:
-    """The orientation of port b follows from port a's; where a is None, from the component itself, and b is a root.
+    """The orientation of port b follows from port a; if a is None, the component fixes it and b is a root.
 
-    Made by `gt.tree_edge` and `gt.tree_root`.
+    Created by `gt.tree_edge` and `gt.tree_root`.
     """
 
     a: Connector | None
@@ -54,14 +54,14 @@ class TreeEdge:
 
 
 def tree_edge(a: Any, b: Any) -> TreeEdge:
-    """Say that the orientation of port b follows from that of port a through this component's equations.
+    """Declare that this component's equations determine the orientation of port b from that of port a.
 
     Yield it in the equations of a component whose ports are `overdetermined` connectors, such as gt.mechanics.Frame,
     whose rotation matrix has nine entries for three degrees of freedom. Connections and edges must form trees, each
-    with at most one root (see `tree_root`); a loop would ask for the same orientation twice, and is refused with the
-    place of its connections. Raises ModelError for a port whose connector is not overdetermined.
+    with at most one root (see `tree_root`). A loop would determine the same orientation twice; the error names its
+    connections. Raises ModelError for a port whose connector is not overdetermined.
 
-    >>> class Flipped(gt.Model):  # frame b stands as frame a does, turned by half a turn about z
+    >>> class Flipped(gt.Model):  # frame b is frame a turned by 180 degrees about z
     ...     a = gt.port(gt.mechanics.Frame)
     ...     b = gt.port(gt.mechanics.Frame)
     ...     def equations(self):
@@ -86,12 +86,12 @@ def tree_edge(a: Any, b: Any) -> TreeEdge:
 
 
 def tree_root(port: Any) -> TreeEdge:
-    """Say that this component alone gives the orientation of a port, as the world or a free body does.
+    """Declare that this component determines the orientation of a port by itself, as the world or a free body does.
 
-    Yield it in the equations of such a component; see `tree_edge`. Raises ModelError for a port whose connector is not
+    Yield it in the component's equations; see `tree_edge`. Raises ModelError for a port whose connector is not
     overdetermined.
 
-    >>> class Table(gt.Model):  # stands 0.8 m above the world's origin
+    >>> class Table(gt.Model):  # 0.8 m above the world's origin
     ...     frame = gt.port(gt.mechanics.Frame)
     ...     def equations(self):
     ...         yield gt.tree_root(self.frame)
@@ -108,22 +108,20 @@ def tree_root(port: Any) -> TreeEdge:
 def _overdetermined(name: str, *ports: Any) -> tuple[Connector, ...]:
     for p in ports:
         if not isinstance(p, Connector) or not p.overdetermined:
-            raise ModelError(
-                f"{name}() takes ports whose connector is overdetermined; found {type(p).__name__}", here()
-            )
+            raise ModelError(f"{name}() takes ports of an overdetermined connector; found {type(p).__name__}", here())
     return ports
 
 
 def energy(*, stored: Any = None, supplied: Any = None, dissipated: Any = None) -> list[Energy]:
-    """Say what a component contributes to the energy balance of a simulation; yield it among the equations.
+    """Declare a component's contribution to the energy balance of a simulation; yield it in `equations()`.
 
     Args:
-        stored: energy that it holds [J], kinetic or potential.
-        supplied: power that is fed in from outside [W].
-        dissipated: power that is lost [W], not negative.
+        stored: stored energy [J], kinetic or potential.
+        supplied: power supplied from outside [W].
+        dissipated: dissipated power [W], not negative.
 
-    All are scalars, and each may be left out. `simulate` checks that what is stored changes as supplied minus
-    dissipated say, over all parts: a wrong sign in an equation shows there. Raises ModelError for another shape or
+    All are optional scalars. `simulate` checks that the total stored energy changes at the rate of the supplied minus
+    the dissipated power; a wrong sign in an equation makes this check fail. Raises ModelError for another shape or
     unit.
 
     >>> class Oscillator(gt.Model):
@@ -147,17 +145,19 @@ def energy(*, stored: Any = None, supplied: Any = None, dissipated: Any = None) 
         if not isinstance(value, Expr) or value.shape != ():
             raise ModelError(f"energy({kind}=...) takes a scalar expression", here())
         if value.dimension is not None and value.dimension != si_unit(units[kind]).dimension:
-            raise ModelError(f"energy({kind}=...) is in {units[kind]}; found {value.dimension}", here())
+            raise ModelError(
+                f"energy({kind}=...) takes an expression in {units[kind]}; found {value.dimension}", here()
+            )
         result.append(Energy(kind, value, here()))
     return result
 
 
 @named
 def connect(a: Any, b: Any, *more: Any) -> Connection | list[Any]:
-    """Join two ports of the same connector class, or two equally long arrays of ports.
+    """Connect two ports of the same connector class, or two arrays of ports of equal length.
 
-    Yield it among the equations. Potentials of joined ports become equal, and their flows sum to zero; a port that is
-    joined to nothing has zero flows. Raises ModelError if the classes or lengths differ or if an argument is no port.
+    Yield it in `equations()`. The potentials of connected ports are equal and their flows sum to zero; the flows of an
+    unconnected port are zero. Raises ModelError if the classes or lengths differ or if an argument is not a port.
 
     >>> class Oscillator(gt.Model):
     ...     wall = gt.part(gt.mechanics.FixedFlange)
@@ -173,7 +173,8 @@ def connect(a: Any, b: Any, *more: Any) -> Connection | list[Any]:
     if more:
         count = len(more) + 2
         raise CallError(
-            f"connect() joins two ports; found {count}: yield {count - 1} connections, of the first with each other",
+            f"connect() takes two ports; found {count}: yield {count - 1} connections, from the first port to each of "
+            "the others",
             here(),
         )
     if isinstance(a, list) or isinstance(b, list):
@@ -185,8 +186,8 @@ def connect(a: Any, b: Any, *more: Any) -> Connection | list[Any]:
             raise ModelError(f"connect() takes ports; found {type(p).__name__}", here())
     if a._signature() != b._signature():
         raise ModelError(
-            f"'{a._path}' is a {type(a).__name__} and '{b._path}' a {type(b).__name__}: "
-            "only ports of one connector class can be connected",
+            f"'{a._path}' is a {type(a).__name__} and '{b._path}' is a {type(b).__name__}: "
+            "only ports of the same connector class can be connected",
             here(),
         )
     if a is b:
@@ -196,11 +197,11 @@ def connect(a: Any, b: Any, *more: Any) -> Connection | list[Any]:
 
 
 def branch(name: str, expression: Any) -> Branch:
-    """Name one of several solutions by geometry: they differ in the sign of a scalar expression.
+    """Name one of several solutions by the sign of a scalar expression.
 
-    Yield it among the equations. The solution on the positive side is the default one; ask for the other with
-    `model.causal(..., branches={"arm[0].ahead": -1})`, where `arm[0]` is the part that yields it. An answer on the
-    other side than asked for has the status WRONG_BRANCH. Raises ModelError for an expression that is no scalar.
+    Yield it in `equations()`. The default is the solution with the positive sign; select the other one with
+    `model.causal(..., branches={"arm[0].ahead": -1})`, if the part `arm[0]` yields it. A solution with the wrong sign
+    has the status WRONG_BRANCH. Raises ModelError for an expression that is not scalar.
 
     >>> class Rod(gt.Model):
     ...     x = gt.variable(unit="m", start=0.6)
@@ -220,9 +221,9 @@ def branch(name: str, expression: Any) -> Branch:
 
 
 def between(low: Any, x: Any, high: Any) -> list[Relation]:
-    """The two relations low <= x <= high, elementwise; Python itself cannot chain them for expressions.
+    """Return the two relations low <= x <= high, elementwise; Python cannot chain comparisons of expressions.
 
-    Yield it among the constraints of an `Optimization`. A number counts in the unit of x.
+    Yield it in the constraints of an `Optimization`. A number takes the unit of x.
 
     >>> m = gt.Builder()
     >>> lower, upper = gt.between(-1.0, m.variable("x", unit="m"), 1.0)
@@ -233,7 +234,7 @@ def between(low: Any, x: Any, high: Any) -> list[Relation]:
 
 
 def flatten_items(item: Any) -> Iterator[Any]:
-    """Items yielded by equations(): lists are opened, everything else passes."""
+    """Yield the items of nested lists one by one."""
     if isinstance(item, (list, tuple)):
         for x in item:
             yield from flatten_items(x)

@@ -1,4 +1,4 @@
-"""What stands in a class body: variable, input, parameter, part, parts, port, outer, potential, flow, free."""
+"""Declarations in a class body: variable, input, parameter, part, parts, port, outer, potential, flow, free."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Kind = Literal["rotation", "unit", "direction", "semidefinite"]
 
 
 class Declaration:
-    """One named line of a class body; remembers where it was written."""
+    """One declaration in a class body, with its file and line."""
 
     name: str = "?"
 
@@ -40,7 +40,7 @@ class Declaration:
 
     def __set__(self, instance: Any, value: Any) -> None:
         raise ModelError(
-            f"models are immutable: '{self.name}' cannot be assigned; give it when the model is made, "
+            f"models are immutable: '{self.name}' cannot be assigned; pass it when you create the model, "
             f"or use model.with_({self.name}=...)",
             here(),
         )
@@ -52,8 +52,10 @@ class _Quantity(Declaration):
         try:
             self.shape = as_shape(shape)
         except (TypeError, ValueError):
-            meant = f"; write unit={shape!r}" if isinstance(shape, str) else ""
-            raise ModelError(f"a shape is a whole number or several; found {shape!r}{meant}", self.where) from None
+            advice = f"; write unit={shape!r}" if isinstance(shape, str) else ""
+            raise ModelError(
+                f"a shape must be an integer or a tuple of integers; found {shape!r}{advice}", self.where
+            ) from None
         self.unit = unit
         try:
             self.dimension = None if unit is None else si_unit(unit).dimension
@@ -62,18 +64,18 @@ class _Quantity(Declaration):
 
 
 class Variable(_Quantity):
-    """Record of a variable: unit, nominal, min, max, start, fixed, state preference, role."""
+    """Declaration of a variable: unit, role and attributes (nominal, min, max, start, fixed, prefer)."""
 
     def __init__(self, shape: Any, unit: str | None, description: str, role: str, attributes: dict[str, Any]) -> None:
         super().__init__(shape, unit, description)
         if -1 in self.shape:
-            raise ModelError(f"a variable takes a shape of whole numbers; found {shape}", self.where)
+            raise ModelError(f"the shape of a variable must consist of integers; found {shape}", self.where)
         self.role = role
         self.attributes = attributes
 
 
 class Parameter(_Quantity):
-    """Record of a parameter: default value, unit, sign assumptions, bounds that its values are checked against."""
+    """Declaration of a parameter: default value, unit, and the sign, bounds and kind that its values must satisfy."""
 
     def __init__(
         self,
@@ -103,13 +105,13 @@ class Parameter(_Quantity):
 
 
 class Free(_Quantity):
-    """A constant that an optimisation chooses, e.g. a free final time."""
+    """Declaration of a constant that an optimisation chooses, e.g. a free final time."""
 
     def __init__(self, guess: Any, low: Any, high: Any, unit: str | None, description: str) -> None:
         try:
             size = floats(guess).shape
         except (TypeError, ValueError):
-            raise ModelError(f"a guess takes numbers; found {guess!r}", here()) from None
+            raise ModelError(f"a guess must be a number or an array of numbers; found {guess!r}", here()) from None
         super().__init__(size, unit, description)
         self.guess = guess
         self.low = low
@@ -117,7 +119,7 @@ class Free(_Quantity):
 
 
 class Discrete(_Quantity):
-    """Record of a discrete variable: start value, unit, and whether it is an output of a sampled block."""
+    """Declaration of a discrete variable: start value, unit, and whether it is an output of a sampled block."""
 
     low = high = None
     positive = nonzero = False
@@ -126,29 +128,31 @@ class Discrete(_Quantity):
         try:
             self.start = floats(start)
         except (TypeError, ValueError):
-            raise ModelError(f"the start of a discrete variable takes numbers; found {start!r}", here()) from None
+            raise ModelError(
+                f"the start of a discrete variable must be a number or an array of numbers; found {start!r}", here()
+            ) from None
         if not np.all(np.isfinite(self.start)):
             raise ModelError(f"the start of a discrete variable must be finite; found {start!r}", here())
         super().__init__(self.start.shape if shape is None else shape, unit, description)
         if self.start.shape not in ((), self.shape):
             raise ModelError(
-                f"a discrete variable of shape {self.shape} takes a start of that shape; found {self.start.shape}",
+                f"the start of a discrete variable must have its shape {self.shape}; found {self.start.shape}",
                 self.where,
             )
         self.output = output
-        self.helper = False  # made by a translator for its own use, and recorded only where an output asks for it
+        self.helper = False  # auxiliary variable of a translator, recorded only if requested as an output
 
 
 class Part(Declaration):
-    """A component, or an array of `count` of them, with modifiers for each."""
+    """Declaration of a component, or of an array of `count` components, with their modifiers."""
 
     def __init__(self, cls: type[Model], count: int | None, modifiers: dict[str, Any]) -> None:
         super().__init__()
         if not isinstance(cls, type):
-            order = "; parts() takes the count first: gt.parts(3, Arm)" if isinstance(count, type) else ""
-            raise ModelError(f"a part takes a Model class; found {cls!r}{order}", self.where)
+            advice = "; parts() takes the count first: gt.parts(3, Arm)" if isinstance(count, type) else ""
+            raise ModelError(f"a part needs a Model class; found {cls!r}{advice}", self.where)
         if not hasattr(cls, "_declared"):
-            raise ModelError(f"a part takes a Model class; found the class {cls.__name__}", self.where)
+            raise ModelError(f"a part needs a Model class; found the class {cls.__name__}", self.where)
         _check_count(count, self.where)
         self.cls = cls
         self.count = count
@@ -156,19 +160,19 @@ class Part(Declaration):
 
 
 class Port(Declaration):
-    """A connector instance at the border of a component."""
+    """Declaration of a connector, or of an array of `count` connectors, of a component."""
 
     def __init__(self, cls: type[Model], count: int | None) -> None:
         super().__init__()
         if not hasattr(cls, "_signature") or not isinstance(cls, type):
-            raise ModelError(f"a port takes a class of gt.Connector; found {shortened(cls)}", self.where)
+            raise ModelError(f"a port needs a subclass of gt.Connector; found {shortened(cls)}", self.where)
         _check_count(count, self.where)
         self.cls = cls
         self.count = count
 
 
 class Outer(Declaration):
-    """A reference to the nearest enclosing component of a class, e.g. World (gravity)."""
+    """Declaration of a reference to the nearest enclosing component of a class, e.g. World (gravity)."""
 
     def __init__(self, cls: type[Model]) -> None:
         super().__init__()
@@ -176,7 +180,7 @@ class Outer(Declaration):
 
 
 class Each:
-    """Marks a modifier of an array part that goes to every element unchanged."""
+    """Marks a modifier of an array of parts that every element gets unchanged."""
 
     def __init__(self, value: Any) -> None:
         self.value = value
@@ -203,20 +207,20 @@ def variable(
     prefer: int = 0,
     description: str = "",
 ) -> Any:
-    """An unknown of the model, a line of a class body: `x = gt.variable(unit="m", start=0.1)`.
+    """Declare a variable of the model in the class body: `x = gt.variable(unit="m", start=0.1)`.
 
     Args:
         shape: None for a scalar, n for a vector, (n, m) for a matrix.
         unit: SI unit, e.g. "N/m"; None switches the dimension check off for this variable.
         nominal: expected magnitude (> 0), used for scaling.
         min, max: bounds, used by optimisation.
-        start: value at the start, or near home where an equation has several solutions; a guess unless `fixed`.
-        fixed: the start value is an initial condition; it is 0 where none is given.
-        prefer: preference as a state; higher is kept longer, negative is avoided.
+        start: start value: a guess unless `fixed`. It also selects among several solutions of an equation.
+        fixed: the start value is an initial condition; 0 if there is no start value.
+        prefer: preference as a state: variables with higher values are preferred, negative values are avoided.
         description: a few words, shown in errors and listings.
 
-    Its equations decide what it becomes: a state, an unknown solved for, or what a causality is given as known. Raises
-    ModelError for a unit that is none or a nominal that is not positive.
+    The causality decides whether the variable becomes a state, an unknown to solve for or a known quantity. Raises
+    ModelError for an invalid unit or a nominal value that is not positive.
 
     >>> class Ball(gt.Model):
     ...     height = gt.variable(unit="m", start=2.0, fixed=True)
@@ -244,9 +248,9 @@ def input(
     prefer: int = 0,
     description: str = "",
 ) -> Any:
-    """A variable that the surroundings prescribe: known in simulation, chosen by an optimisation.
+    """Declare an input: a variable that simulation takes as known and optimisation chooses.
 
-    Any causality may still ask for it as a target. Arguments and errors as for `variable`; an input has no `fixed`.
+    It can still be a target of a causality. Arguments and errors as for `variable`; an input has no `fixed`.
 
     >>> class Cart(gt.Model):
     ...     m = gt.parameter(5.0, unit="kg", positive=True)
@@ -269,9 +273,9 @@ def input(
 def potential(
     shape: int | Shape | None = None, *, unit: str | None = None, prefer: int = 0, description: str = ""
 ) -> Any:
-    """A connector variable that is equal at all connected ports: a position, a temperature, a voltage.
+    """Declare a connector variable that is equal at all connected ports: a position, a temperature, a voltage.
 
-    It stands in the body of a `Connector`. Arguments as for `variable`.
+    Use it in the body of a `Connector`. Arguments as for `variable`.
 
     >>> class Pin(gt.Connector):
     ...     v = gt.potential(unit="V")
@@ -284,9 +288,10 @@ def potential(
 
 @named
 def flow(shape: int | Shape | None = None, *, unit: str | None = None, description: str = "") -> Any:
-    """A connector variable that sums to zero over connected ports, positive into the component: force, current.
+    """Declare a connector variable whose sum over connected ports is zero, such as a force or a current.
 
-    It stands in the body of a `Connector`. Arguments as for `variable`. A port that nothing is connected to has flow 0.
+    A flow is positive into the component; the flow of an unconnected port is 0. Use it in the body of a `Connector`.
+    Arguments as for `variable`.
 
     >>> class Pin(gt.Connector):
     ...     v = gt.potential(unit="V")
@@ -327,20 +332,20 @@ def parameter(
     kind: Kind | None = None,
     description: str = "",
 ) -> Any:
-    """A constant of the model, whose values are checked when they are given.
+    """Declare a constant of the model. Its values are checked when they are set.
 
     Args:
-        default: value if none is given; None: whoever makes the model has to give one.
-        unit: SI unit; None switches the dimension check off for it.
-        shape: None for the default's; a None inside leaves that length to the value, e.g. (None, 3) for points.
-        positive, nonzero: what its values are; it lets the compiler divide by it.
-        increasing: each entry of a vector is greater than the one before it.
-        min, max: the values it may take, as a number, in its shape, or another parameter of the class.
-        kind: what it describes. "rotation" (3, 3); "unit", each row of length 1 (axes, quaternions); "direction", each
-            row of any length but zero; "semidefinite" (n, n), symmetric and positive semidefinite.
+        default: default value; None: the value has to be passed when the model is created.
+        unit: SI unit; None switches the dimension check off for this parameter.
+        shape: None: the shape of the default. None as an entry leaves that length open, e.g. (None, 3) for points.
+        positive, nonzero: sign of the values; the compiler may then divide by the parameter.
+        increasing: the entries of a vector must be strictly increasing.
+        min, max: bounds: a number, an array of the parameter's shape, or another parameter of the class.
+        kind: "rotation": a rotation matrix (3, 3); "unit": each row has length 1 (axes, quaternions); "direction": no
+            row is zero; "semidefinite": (n, n), symmetric and positive semidefinite.
         description: a few words, shown in errors and listings.
 
-    Raises ModelError, with file and line, for a value of another shape or outside what is declared.
+    Raises ModelError, with file and line, if a value has another shape or violates the declaration.
 
     >>> class Rod(gt.Model):
     ...     L = gt.parameter(1.0, unit="m", positive=True, description="length")
@@ -362,18 +367,17 @@ def parameter(
 def discrete(
     start: Any = 0.0, *, shape: int | Shape | None = None, unit: str | None = None, description: str = ""
 ) -> Any:
-    """A variable that keeps its value between events, a line of a class body: `mode = gt.discrete(0.0)`.
+    """Declare a variable that is constant between events, in the class body: `mode = gt.discrete(0.0)`.
 
     Args:
-        start: its value at the start of a simulation, a number or an array; `simulate(..., start={"mode": 1})` gives
-            another one.
-        shape: None for the start's.
-        unit: SI unit; None switches the dimension check off for it.
+        start: value at the start of a simulation, a number or an array; `simulate(..., start={"mode": 1})` overrides
+            it.
+        shape: None: the shape of the start value.
+        unit: SI unit; None switches the dimension check off for this variable.
         description: a few words, shown in errors and listings.
 
-    It is a number for the equations, with the derivative 0. A `gt.when` gives it new values, or in a `gt.SampledBlock`,
-    where it is part of the state, `step`. A switch is a discrete variable of 0 and 1. Raises ModelError for a start
-    that is no finite number.
+    Its time derivative is 0. A `gt.when` assigns new values. In a `gt.SampledBlock` it is part of the state, and `step`
+    assigns new values. Use the values 0 and 1 for a switch. Raises ModelError for a start value that is not finite.
 
     >>> class Thermostat(gt.Model):
     ...     T = gt.variable(unit="K", start=290.0, fixed=True)
@@ -393,9 +397,9 @@ def discrete(
 def output(
     start: Any = 0.0, *, shape: int | Shape | None = None, unit: str | None = None, description: str = ""
 ) -> Any:
-    """An output of a `gt.SampledBlock`, held between two samples; arguments and errors as for `discrete`.
+    """Declare an output of a `gt.SampledBlock`, held between samples; arguments and errors as for `discrete`.
 
-    start: what it gives until the first step has one.
+    start: value until the first step.
 
     >>> class Gain(gt.SampledBlock):
     ...     k = gt.parameter(2.0)
@@ -411,16 +415,16 @@ def output(
 
 @named
 def free(guess: Any, *, min: Any = None, max: Any = None, unit: str | None = None, description: str = "") -> Any:
-    """A constant for the optimisation to choose, a line in the body of an `Optimization`.
+    """Declare a constant that the optimisation chooses, in the body of an `Optimization`.
 
     Args:
-        guess: where the solver starts; its shape is that of the constant.
+        guess: initial guess; it also sets the shape of the constant.
         min, max: bounds.
         unit: SI unit.
 
-    The usual one is the time that a motion takes, `final_time = gt.free(guess=1.0, min=0.2, unit="s")`.
+    Most often it is the duration of a motion, `final_time = gt.free(guess=1.0, min=0.2, unit="s")`.
 
-    >>> class Cable(gt.Optimization):  # the sum of costs 8 / a for losses and 2 a for copper
+    >>> class Cable(gt.Optimization):  # minimise the cost 8 / a for losses plus 2 a for copper
     ...     a = gt.free(1.0, min=0.1)
     ...     x = gt.variable(start=0.0, fixed=True)
     ...     def equations(self):
@@ -434,11 +438,11 @@ def free(guess: Any, *, min: Any = None, max: Any = None, unit: str | None = Non
 
 
 def part(model: type[Model] | Model, **modifiers: Any) -> Any:
-    """A component: a Model class, or a configured model such as `gt.robots.gantry_tau("l1_tape")`.
+    """Declare a component: a Model class, or a configured model such as `gt.robots.gantry_tau("l1_tape")`.
 
-    Modifiers are values, parameters of the enclosing class (by name as declared there), dictionaries for nested parts,
-    a Model class (redeclaration), or functions of the enclosing model. Raises ModelError for what is no model and for a
-    modifier that it does not declare.
+    A modifier is a value, a parameter of the enclosing class, a dictionary for a nested part, a Model class
+    (redeclaration), or a function of the enclosing model. Raises ModelError if the argument is not a model, or if it
+    does not declare a modifier's name.
 
     >>> class Rod(gt.Model):
     ...     L = gt.parameter(1.0, unit="m")
@@ -458,17 +462,16 @@ def part(model: type[Model] | Model, **modifiers: Any) -> Any:
         return Part(model, None, modifiers)
     configured = getattr(model, "__dict__", {}).get("_modifiers")
     if configured is None:
-        raise ModelError(f"a part takes a Model class or a configured model; found {model!r}", here())
+        raise ModelError(f"a part needs a Model class or a configured model; found {model!r}", here())
     return Part(type(model), None, {**configured, **modifiers})
 
 
 def parts(count: int, cls: type[Model], **modifiers: Any) -> Any:
-    """An array of `count` components of one class; element i gets row i of each modifier, `gt.each(x)` gives x to all.
+    """Declare an array of `count` components of one class.
 
-    A scalar of the enclosing model, such as a declared parameter, goes to all too.
-
-    In equations they are a list, `self.arms[0]`; outside their names are "arms[0]", "arms[1]". Raises ModelError for
-    what is no Model class, and for a modifier that has not one row for each.
+    Element i gets row i of each modifier. Every element gets the value of `gt.each(x)` and of a scalar of the enclosing
+    model, such as a declared parameter. In equations the array is a list, `self.arms[0]`; elsewhere the names are
+    "arms[0]", "arms[1]". Raises ModelError if `cls` is not a Model class, or if a modifier does not have `count` rows.
 
     >>> class Rod(gt.Model):
     ...     L = gt.parameter(1.0, unit="m")
@@ -489,15 +492,15 @@ def parts(count: int, cls: type[Model], **modifiers: Any) -> Any:
 
 @named
 def port(cls: type[Model]) -> Any:
-    """A connector at the border of a component, to be joined to others by `connect` in the model that holds it.
+    """Declare a port of a component; the enclosing model connects it to other ports with `connect`.
 
-    cls: a `Connector` class, such as gt.mechanics.Flange. In equations `self.name.s` is its potential or flow; a flow
-    is positive into the component, so that a force is the one that acts on it.
+    cls: a `Connector` class, such as gt.mechanics.Flange. In equations `self.name.s` is its potential or flow. A flow
+    is positive into the component: a force acts on the component.
 
     >>> class Brake(gt.Model):
     ...     d = gt.parameter(30.0, unit="N.s/m")
     ...     flange = gt.port(gt.mechanics.Flange)
-    ...     def equations(self):  # the flange is pushed forwards: it moves the brake against its drag
+    ...     def equations(self):  # a force on the flange moves the brake against its drag
     ...         yield self.flange.f == self.d * gt.der(self.flange.s)
     >>> class Pushed(gt.Model):
     ...     brake = gt.part(Brake)
@@ -513,9 +516,9 @@ def port(cls: type[Model]) -> Any:
 
 @named
 def ports(count: int, cls: type[Model]) -> Any:
-    """An array of `count` connectors at the border of a component; in equations they are a list.
+    """Declare an array of `count` ports of a component; in equations it is a list.
 
-    >>> class Plate(gt.Model):  # carries what hangs on its three corners
+    >>> class Plate(gt.Model):  # carries loads on its three corners
     ...     corners = gt.ports(3, gt.mechanics.PointFrame)
     ...     load = gt.variable(3, unit="N")
     ...     def equations(self):
@@ -531,9 +534,9 @@ def ports(count: int, cls: type[Model]) -> Any:
 
 @named
 def outer(cls: type[Model]) -> Any:
-    """The nearest enclosing part of a class; a default one is made at the root if there is none.
+    """Declare a reference to the nearest enclosing part of a class; if there is none, a default part at the root.
 
-    So a component deep inside reads what holds for the whole model, such as gravity, without being handed it.
+    With it a nested component reads data of the whole model, such as gravity.
 
     >>> class Stone(gt.Model):
     ...     m = gt.parameter(2.0, unit="kg")
@@ -553,7 +556,7 @@ def outer(cls: type[Model]) -> Any:
 
 
 def each(value: Any) -> Each:
-    """Give the same modifier to every element of an array of parts; without it each gets a row of its own.
+    """Give every element of an array of parts the same modifier value; otherwise element i gets row i.
 
     >>> class Rod(gt.Model):
     ...     axis = gt.parameter([1.0, 0.0], unit="1")
@@ -574,22 +577,22 @@ ATTRIBUTES = ("nominal", "min", "max", "start", "fixed", "prefer")
 def _attributes(nominal: Any, low: Any, high: Any, start: Any, fixed: bool, prefer: int) -> dict[str, Any]:
     for name, value in zip(ATTRIBUTES, (nominal, low, high, start), strict=False):
         if isinstance(value, str):
-            raise ModelError(f"{name} takes numbers; found {value!r}", here())
+            raise ModelError(f"{name} must be a number or an array of numbers; found {value!r}", here())
     if nominal is not None and np.any(np.asarray(nominal, float) <= 0):
-        raise ModelError(f"a nominal is a magnitude and must be positive; found {nominal}", here())
+        raise ModelError(f"nominal is a magnitude and must be positive; found {nominal}", here())
     return dict(zip(ATTRIBUTES, (nominal, low, high, start, fixed, prefer), strict=True))
 
 
 def _check_count(count: Any, where: SourceLocation) -> None:
     if count is not None and (not isinstance(count, (int, np.integer)) or isinstance(count, bool) or count < 0):
-        raise ModelError(f"the count of parts or ports is a whole number and not negative; found {count!r}", where)
+        raise ModelError(f"the count of parts or ports must be a non-negative integer; found {count!r}", where)
 
 
 def _check_kind(kind: Kind, shape: Shape, where: SourceLocation) -> None:
     if kind not in get_args(Kind):
-        raise ModelError(f"kinds of parameters are {', '.join(get_args(Kind))}; found '{kind}'", where)
+        raise ModelError(f"kind must be one of {', '.join(get_args(Kind))}; found '{kind}'", where)
     square = len(shape) == 2 and shape[0] == shape[1] != -1
     fits = {"unit": bool(shape), "direction": bool(shape), "semidefinite": square}.get(kind, shape == (3, 3))
     if not fits:
         expected = {"unit": "rows", "direction": "rows", "semidefinite": "(n, n)"}.get(kind, "(3, 3)")
-        raise ModelError(f"a parameter of kind '{kind}' has shape {expected}; found {shape}", where)
+        raise ModelError(f"a parameter of kind '{kind}' must have shape {expected}; found {shape}", where)

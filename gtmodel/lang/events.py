@@ -1,5 +1,4 @@
-"""What happens at an instant: conditions, when, reinit, pre, equations that depend on conditions, and blocks that
-compute at sample instants."""
+"""Events: conditions, when, reinit, pre, equations that switch with a condition, and sampled blocks."""
 
 from __future__ import annotations
 
@@ -20,10 +19,11 @@ from .units import si_unit
 
 @named
 def sample(period: Any, offset: Any = 0.0) -> Condition:
-    """The condition that becomes true at the instants offset, offset + period, ... [s], for `gt.when`.
+    """Return the condition that becomes true at the times offset, offset + period, ... [s], for `gt.when`.
 
-    Both are numbers or parameters in s. Instants are counted exactly: two samples whose periods have a common multiple
-    meet there. Raises ModelError for a period that is not positive. For controllers, see `gt.SampledBlock`.
+    Both arguments are numbers or parameters in s. The sample times are exact: two samples coincide at the common
+    multiples of their periods. Raises ModelError for a period that is not positive. For controllers, see
+    `gt.SampledBlock`.
 
     >>> class Counter(gt.Model):
     ...     n = gt.discrete(0.0)
@@ -36,24 +36,24 @@ def sample(period: Any, offset: Any = 0.0) -> Condition:
     4.0
     """
     every, start = (gathered(x) for x in (period, offset))
-    for x, what in ((every, "a period"), (start, "an offset")):
+    for x, name in ((every, "period"), (start, "offset")):
         if isinstance(x, Expr):
             if x.shape != () or x.scope.symbols_in(x.sx):
-                raise ModelError(f"{what} of sample() is a number or a parameter; found {x.sx}", here())
+                raise ModelError(f"the {name} of sample() must be a number or a parameter; found {x.sx}", here())
         elif isinstance(x, bool) or not isinstance(x, (int, float)):
-            raise ModelError(f"{what} of sample() is a number of seconds; found {x!r}", here())
+            raise ModelError(f"the {name} of sample() must be a number of seconds; found {x!r}", here())
     if not isinstance(every, Expr) and not every > 0:
-        raise ModelError(f"a period of sample() is positive; found {every:g} s", here())
-    places = [x.sx if isinstance(x, Expr) else ca.SX(float(x)) for x in (every, start)]
-    return Condition("sample", (), None, here(), *places)
+        raise ModelError(f"the period of sample() must be positive; found {every:g} s", here())
+    times = [x.sx if isinstance(x, Expr) else ca.SX(float(x)) for x in (every, start)]
+    return Condition("sample", (), None, here(), *times)
 
 
 @named
 def initial() -> Condition:
-    """The condition that is true at the start of a simulation and never again, for `gt.when`.
+    """Return the condition that is true only at the start of a simulation, for `gt.when`.
 
-    For what is to be decided there, as the direction in which a friction begins to slide; joined by `&` with what
-    decides it. Where nothing changes by it the simulation has no event.
+    Combine it with another condition by `&` to initialise a discrete variable, such as the direction in which friction
+    starts to slide. If it changes nothing, the simulation records no event.
 
     >>> class Drawer(gt.Model):
     ...     x = gt.variable(start=0.0, fixed=True)
@@ -69,7 +69,7 @@ def initial() -> Condition:
 
 @dataclass(frozen=True, eq=False)
 class Reinit:
-    """A variable that starts anew at an event, from a value, by an impulse of `force`. Made by `gt.reinit`."""
+    """A variable that an event resets to a value, optionally by an impulse of `force`. Created by `gt.reinit`."""
 
     variable: ca.SX
     value: ca.SX
@@ -79,7 +79,7 @@ class Reinit:
 
 @dataclass(frozen=True, eq=False)
 class EnergyLoss:
-    """The energy [J] that an event takes out of what is stored. Made by `gt.energy_loss`."""
+    """The stored energy [J] lost at an event. Created by `gt.energy_loss`."""
 
     expression: ca.SX
     where: SourceLocation
@@ -87,7 +87,7 @@ class EnergyLoss:
 
 @dataclass(frozen=True, eq=False)
 class Termination:
-    """A simulation ends at an event, with a sentence. Made by `gt.terminate`."""
+    """The end of a simulation at an event, with a message. Created by `gt.terminate`."""
 
     sentence: str
     failed: bool
@@ -96,7 +96,7 @@ class Termination:
 
 @dataclass(frozen=True, eq=False)
 class When:
-    """Actions at the instants at which a condition becomes true; `before`: what has precedence. Made by `gt.when`."""
+    """Actions at the instants when a condition becomes true; `before`: the preceding branch. Created by `gt.when`."""
 
     condition: Condition
     actions: tuple[Relation | Reinit | EnergyLoss | Termination, ...]
@@ -104,10 +104,10 @@ class When:
     before: When | None = None
 
     def elsewhen(self, condition: Any, *actions: Any) -> When:
-        """Other actions at the instants at which another condition becomes true, unless one before it does so too.
+        """Add actions for the instants when another condition becomes true, unless a preceding condition does so too.
 
-        Of conditions that become true at one instant only the first one acts; the others have had their moment. Each
-        branch is an event of its own, counted in its place. Arguments and errors as of `gt.when`.
+        If several conditions become true at the same instant, only the first branch acts; the others are skipped. Each
+        branch is a separate event, numbered in order. Arguments and errors as in `gt.when`.
 
         >>> class Tank(gt.Model):
         ...     level = gt.variable(unit="m", start=0.5, fixed=True)
@@ -121,25 +121,25 @@ class When:
         return _when(condition, actions, self)
 
     def branches(self) -> list[When]:
-        """This one and those that have precedence, the first one first."""
+        """Return the preceding branches and this one, in order."""
         return [*(self.before.branches() if self.before is not None else ()), self]
 
 
 @named
 def when(condition: Any, *actions: Any) -> When:
-    """At each instant at which a condition becomes true, do all of the actions; yield it among the equations.
+    """Execute actions at each instant when a condition becomes true; yield it in `equations()`.
 
     Args:
-        condition: a relation, several joined by `&`, `|` and `~`, or `gt.sample(period)`.
-        actions: `n == expression` gives a discrete variable a new value; `gt.reinit(v, expression)` lets a continuous
-            one start anew; `gt.energy_loss(expression)` says how much energy goes at this instant; `gt.terminate(...)`
-            ends the simulation.
+        condition: a relation, several combined with `&`, `|` and `~`, or `gt.sample(period)`.
+        actions: `n == expression` assigns a new value to a discrete variable; `gt.reinit(v, expression)` resets a
+            continuous variable; `gt.energy_loss(expression)` declares the energy lost at this instant;
+            `gt.terminate(...)` ends the simulation.
 
-    Nothing happens while the condition stays true, nor at the start where it is true already. On the right of an action
-    continuous variables have the values that they reached, `gt.pre(n)` is the value of a discrete variable before the
-    event, and `n` alone the one after it. What follows from the actions happens at the same instant, until nothing
-    changes any more. `gt.simulate` finds the instant to round-off. `.elsewhen(...)` behind it adds branches that act
-    where no earlier one does. Raises ModelError for what is no action.
+    Nothing happens while the condition stays true, or if it is already true at the start. On the right-hand side of an
+    action, continuous variables have their values just before the event; `gt.pre(n)` is the value of a discrete
+    variable before the event and `n` its value after it. Events triggered by the actions occur at the same instant,
+    until nothing changes any more. `gt.simulate` locates the instant to round-off. `.elsewhen(...)` adds branches that
+    act if no earlier branch does. Raises ModelError if an argument is not an action.
 
     >>> class Ball(gt.Model):
     ...     h = gt.variable(unit="m", start=1.0, fixed=True)
@@ -162,39 +162,38 @@ def when(condition: Any, *actions: Any) -> When:
 
 def _when(condition: Any, actions: tuple[Any, ...], before: When | None) -> When:
     if not actions:
-        raise ModelError("an event without an action has no effect; give when() what is to happen", here())
-    given: list[Any] = []
+        raise ModelError("an event without an action has no effect; pass when() at least one action", here())
+    flat: list[Any] = []
     for action in actions:
-        given.extend(action if isinstance(action, (list, tuple)) else [action])
-    for action in given:
+        flat.extend(action if isinstance(action, (list, tuple)) else [action])
+    for action in flat:
         if not isinstance(action, (Relation, Reinit, EnergyLoss, Termination)):
-            shown = type(action).__name__
             raise ModelError(
-                f"an action of when() is n == expression of a discrete variable, gt.reinit, gt.energy_loss or "
-                f"gt.terminate; found {shown}",
+                "an action of when() must be n == expression for a discrete variable n, gt.reinit, gt.energy_loss or "
+                f"gt.terminate; found {type(action).__name__}",
                 here(),
             )
         if isinstance(action, Relation) and action.op != "==":
-            raise ModelError(f"'{action.op}' is no action of when(); expected '=='", action.where)
+            raise ModelError(f"a relation with '{action.op}' is not an action of when(); expected '=='", action.where)
     if dropped() is not None:
-        raise ModelError("nothing takes what this when() says; write yield in front of it", here())
-    return When(condition_of(condition), tuple(given), here(), before)
+        raise ModelError("the result of this when() is discarded; write yield in front of it", here())
+    return When(condition_of(condition), tuple(flat), here(), before)
 
 
 @named
 def reinit(x: Any, value: Any, *, impulse: Any = None) -> Reinit:
-    """An action of `gt.when`: a continuous variable, or its derivative, starts anew from a value.
+    """An action of `gt.when`: reset a continuous variable, or its derivative, to a value.
 
     Args:
-        x: a variable that the simulation integrates, `self.v` or `gt.der(self.s)`, scalar or vector.
-        value: an expression of what was there just before the event.
-        impulse: a force of the model, as many entries as x, that is zero between impacts by an equation of its own,
-            `self.contact == 0`. An impulse of it then gives x its value, and all other velocities follow from the
-            model's masses and constraints. Left out, other states keep their values.
+        x: a state of the simulation, `self.v` or `gt.der(self.s)`, scalar or vector.
+        value: the new value, an expression of quantities just before the event.
+        impulse: a force of the model with the shape of x. An equation of its own, `self.contact == 0`, must keep it
+            zero between impacts. At the event an impulse of this force gives x its new value, and all other velocities
+            follow from the model's masses and constraints. Without `impulse` the other states keep their values.
 
-    Raises ModelError for what is no variable, and for another shape or unit.
+    Raises ModelError if x is not a variable, and for another shape or unit.
 
-    >>> class Pushed(gt.Model):  # two carts, joined by a spring, of which the first one hits a wall
+    >>> class Pushed(gt.Model):  # two carts with a spring between them; the first one hits a wall
     ...     x = gt.variable(2, unit="m", start=[1.0, 2.0], fixed=True)
     ...     v = gt.variable(2, unit="m/s", start=[-1.0, -1.0], fixed=True)
     ...     m = gt.parameter(2.0, unit="kg")
@@ -211,25 +210,25 @@ def reinit(x: Any, value: Any, *, impulse: Any = None) -> Reinit:
     >>> round(run.events[0].impulses["wall"], 6)  # N.s: 2 kg (0.5 + 1) m/s
     3.0
     """
-    for given, what in ((x, "reinit()"), (impulse, "the impulse of reinit()")):
-        if given is None and given is impulse:
+    for argument, name in ((x, "reinit()"), (impulse, "the impulse of reinit()")):
+        if argument is None and argument is impulse:
             continue
-        if not isinstance(given, Expr) or any(given.scope.owner(s) is None for s in _entries(given.sx)):
-            shown = given.sx if isinstance(given, Expr) else repr(given)
-            raise ModelError(f"{what} takes a variable of the model, or its derivative; found {shown}", here())
+        if not isinstance(argument, Expr) or any(argument.scope.owner(s) is None for s in _entries(argument.sx)):
+            text = argument.sx if isinstance(argument, Expr) else repr(argument)
+            raise ModelError(f"{name} must be a variable of the model or its derivative; found {text}", here())
     if impulse is not None and impulse.shape != x.shape:
-        raise ModelError(f"reinit() of shape {x.shape} takes an impulse of that shape; found {impulse.shape}", here())
-    same = relation(x, value, "==")
+        raise ModelError(f"the impulse of reinit() must have the shape {x.shape} of x; found {impulse.shape}", here())
+    equation = relation(x, value, "==")
     force = None if impulse is None else row_by_row(impulse.sx)
-    return Reinit(row_by_row(same.lhs), row_by_row(same.rhs), force, here())
+    return Reinit(row_by_row(equation.lhs), row_by_row(equation.rhs), force, here())
 
 
 @named
 def energy_loss(energy: Any) -> EnergyLoss:
-    """An action of `gt.when`: the energy [J] that leaves the model's stored energy at this instant, as an impact's.
+    """An action of `gt.when`: declare the stored energy [J] lost at this instant, for example in an impact.
 
-    energy: a scalar expression of what was there just before the event, not negative. `simulate` compares it with the
-    change of the stored energies that the model declares by `gt.energy`. Raises ModelError for another shape or unit.
+    energy: a scalar expression of quantities just before the event, not negative. `simulate` compares it with the
+    change of the stored energy declared with `gt.energy`. Raises ModelError for another shape or unit.
 
     >>> m = gt.Builder()
     >>> v = m.variable("v", unit="m/s")
@@ -240,18 +239,18 @@ def energy_loss(energy: Any) -> EnergyLoss:
     if not isinstance(energy, Expr) or energy.shape != ():
         raise ModelError("energy_loss() takes a scalar expression", here())
     if energy.dimension is not None and energy.dimension != si_unit("J").dimension:
-        raise ModelError(f"energy_loss() is in J; found {energy.dimension}", here())
+        raise ModelError(f"energy_loss() takes an energy in J; found {energy.dimension}", here())
     return EnergyLoss(energy.sx, here())
 
 
 @named
 def terminate(sentence: str, *, failed: bool = False) -> Termination:
-    """An action of `gt.when`: the simulation ends at this instant, once all that happens there has happened.
+    """An action of `gt.when`: end the simulation at this instant, after all events of the instant.
 
     Args:
-        sentence: why, which becomes the result's message.
-        failed: the motion has left what the model is good for: the run has the status `failed`, and a simulation that
-            is to raise raises. Else it has reached its end early, which is no failure.
+        sentence: the reason; it becomes the result's message.
+        failed: True if the motion has left the validity range of the model: the run has the status `failed`, or raises
+            if the simulation was told to raise. False if the simulation just ends early.
 
     Raises ModelError for an empty sentence.
 
@@ -267,16 +266,16 @@ def terminate(sentence: str, *, failed: bool = False) -> Termination:
     ('solved', 1.0)
     """
     if not isinstance(sentence, str) or not sentence.strip():
-        raise ModelError(f"terminate() takes a sentence that says why; found {sentence!r}", here())
+        raise ModelError(f"terminate() needs a sentence with the reason; found {sentence!r}", here())
     return Termination(sentence, failed, here())
 
 
 @named
 def pre(x: Any) -> Expr:
-    """The value of an expression just before the event, in an action of `gt.when`.
+    """Return the value of an expression just before the event, in an action of `gt.when`.
 
-    It is for discrete variables: `n == gt.pre(n) + 1`. Continuous variables have the values before the event there
-    anyhow. Raises ModelError for what is no expression.
+    Use it for discrete variables: `n == gt.pre(n) + 1`. In an action, continuous variables always have their values
+    before the event. Raises ModelError if x is not an expression.
 
     >>> m = gt.Builder()
     >>> gt.pre(m.variable("x", unit="m"))
@@ -288,18 +287,18 @@ def pre(x: Any) -> Expr:
 
 
 @named
-def If(condition: Any, then: Any, otherwise: Any) -> Any:  # as Modelica's, and `if` is taken
-    """One of two expressions, or one of two equations, by a condition; `simulate` switches at the exact instant.
+def If(condition: Any, then: Any, otherwise: Any) -> Any:  # `if` is a keyword
+    """Return one of two expressions or equations, depending on a condition; `simulate` locates the switch exactly.
 
     Args:
-        condition: a relation, or several joined by `&`, `|` and `~`.
-        then, otherwise: expressions of one shape and unit, or two equations `a == b`, which may speak of different
-            things: an ideal diode is `gt.If(conducts, self.v == 0, self.i == 0)`.
+        condition: a relation, or several combined with `&`, `|` and `~`.
+        then, otherwise: expressions of equal shape and unit, or two equations `a == b`, possibly of different
+            variables: an ideal diode is `gt.If(conducts, self.v == 0, self.i == 0)`.
 
-    Between two switches only one side is there: the other one may be undefined. Raises ModelError for shapes or units
-    that do not fit. In an optimisation use `gt.maximum`, `gt.clip` or a smooth function in its place.
+    Between two switches only the active side is evaluated; the other one may be undefined. Raises ModelError if the
+    shapes or units differ. In an optimisation use `gt.maximum`, `gt.clip` or a smooth function instead.
 
-    >>> class Charger(gt.Model):  # 2 A until 4.2 V are reached, then nothing
+    >>> class Charger(gt.Model):  # 2 A up to 4.2 V, then 0 A
     ...     v = gt.variable(unit="V", start=3.0, fixed=True)
     ...     current = gt.variable(unit="A")
     ...     C = gt.parameter(1.0, unit="A.s/V")
@@ -311,32 +310,36 @@ def If(condition: Any, then: Any, otherwise: Any) -> Any:  # as Modelica's, and 
     >>> [round(e.time, 6) for e in run.events], float(run.trajectory["v"][-1].round(6))
     ([0.6], 4.2)
     """
-    chosen = condition_of(condition)
-    if instant := next((c.operation for c in chosen.walk() if c.operation in ("sample", "initial")), None):
-        raise ModelError(f"{instant}() is true at single instants only: it belongs into gt.when", here())
+    switch = condition_of(condition)
+    if instant := next((c.operation for c in switch.walk() if c.operation in ("sample", "initial")), None):
+        raise ModelError(f"{instant}() is true only at single instants; use it in gt.when", here())
     equations = [isinstance(x, Relation) for x in (then, otherwise)]
     if any(equations):
         if not all(equations) or then.op != "==" or otherwise.op != "==":
             raise ModelError("If() takes two expressions or two equations a == b", here())
         a, b = then.residual, otherwise.residual
         if a.shape != b.shape:
-            raise ModelError(f"the equations of If() have {a.numel()} and {b.numel()} rows", here())
-        m = then.scope.mode(chosen)
+            raise ModelError(
+                f"the equations of If() have {a.numel()} and {b.numel()} rows; expected equal numbers", here()
+            )
+        m = then.scope.mode(switch)
         return Relation(m * a + (1 - m) * b, ca.SX.zeros(*a.shape), "==", None, here(), then.scope)
     then, otherwise = gathered(then), gathered(otherwise)
-    scope = scope_of(then, otherwise) or _scope_of(chosen)
-    (a, shape), (b, other) = operand(then, scope), operand(otherwise, scope)
-    if shape != other:
-        raise ModelError(f"the sides of If() have shapes {shape} and {other}; expected equal ones", here())
+    scope = scope_of(then, otherwise) or _scope_of(switch)
+    (a, shape), (b, shape_b) = operand(then, scope), operand(otherwise, scope)
+    if shape != shape_b:
+        raise ModelError(f"the sides of If() have shapes {shape} and {shape_b}; expected equal shapes", here())
     dimensions = {x.dimension for x in (then, otherwise) if isinstance(x, Expr) and x.dimension is not None}
     if len(dimensions) > 1:
-        raise DimensionError(f"units do not fit in If(): {' and '.join(sorted(map(str, dimensions)))}", here())
-    m = scope.mode(chosen)
+        raise DimensionError(
+            f"the sides of If() have different units: {' and '.join(sorted(map(str, dimensions)))}", here()
+        )
+    m = scope.mode(switch)
     return Expr(m * a + (1 - m) * b, shape, dimensions.pop() if dimensions else None, scope)
 
 
 def _scope_of(condition: Condition) -> Scope:
-    """Of the expressions that it compares."""
+    """Return the scope of the expressions in a condition."""
     return next(c.relation.scope for c in condition.walk() if c.relation is not None)
 
 
@@ -345,18 +348,18 @@ def _entries(sx: ca.SX) -> list[ca.SX]:
 
 
 class SampledBlock(Model):
-    """A controller or filter that reads its inputs every `period` and computes outputs, which are held until the next.
+    """A sampled controller or filter: every `period` it reads its inputs and computes outputs, with zero-order hold.
 
-    A subclass declares inputs (`gt.input`), outputs (`gt.output`), what it remembers (`gt.discrete`) and parameters,
-    and writes `step(self, inputs, state)` on numbers: it returns a dictionary of new outputs and new values of what it
-    remembers; what it does not name keeps its value. In `step`, `self.kp` is the number of a parameter, `inputs.x` a
-    float or an array, `state.integral` what was remembered.
+    A subclass declares inputs (`gt.input`), outputs (`gt.output`), states (`gt.discrete`) and parameters, and defines
+    `step(self, inputs, state)` on numbers. `step` returns a dictionary of new outputs and new states; those that it
+    does not name keep their values. In `step`, `self.kp` is the value of a parameter, `inputs.x` a float or an array,
+    `state.integral` the value of a state.
 
-    The block is a part like any other, `gt.part(PI, period=0.004, kp=30.0)`: the enclosing model's equations say what
-    its inputs are and use its outputs. Only `gt.simulate` runs it.
+    A block is a part like any other, `gt.part(PI, period=0.004, kp=30.0)`: the equations of the enclosing model
+    determine its inputs and use its outputs. Only `gt.simulate` runs it.
 
-    period: time between two samples [s]. offset: of the first one [s]. delay: between a sample and the instant at which
-    its outputs are there [s], any part of a period or several of them.
+    period: sampling period [s]. offset: time of the first sample [s]. delay: time from a sample to the update of the
+    outputs [s], less or more than a period.
 
     >>> class PI(gt.SampledBlock):
     ...     kp = gt.parameter(4.0, unit="1/s")
@@ -378,16 +381,16 @@ class SampledBlock(Model):
     (0.101, 1251)
     """
 
-    period = parameter(unit="s", positive=True, description="time between two samples")
-    delay = parameter(0.0, unit="s", min=0.0, description="between a sample and its outputs")
+    period = parameter(unit="s", positive=True, description="sampling period")
+    delay = parameter(0.0, unit="s", min=0.0, description="time from a sample to the update of the outputs")
     offset = parameter(0.0, unit="s", min=0.0, description="time of the first sample")
 
     def step(self, inputs: Any, state: Any) -> dict[str, Any]:
-        """New outputs and state from the inputs at a sample and the state before it; a subclass writes it.
+        """Return the new outputs and states, from the inputs and the previous states; a subclass defines it.
 
-        inputs, state: have the declared names as attributes, numbers or arrays of NumPy. Raises ModelError in a class
-        that has none.
+        inputs, state: objects with the declared names as attributes, numbers or NumPy arrays. Raises ModelError if a
+        class does not define `step`.
         """
         cls = type(self)
-        own = [item.where for item in cls._declared.values() if item is not SampledBlock._declared.get(item.name)]
-        raise ModelError(f"{cls.__name__} has no step(self, inputs, state); write one", own[0] if own else None)
+        lines = [item.where for item in cls._declared.values() if item is not SampledBlock._declared.get(item.name)]
+        raise ModelError(f"{cls.__name__} has no step(self, inputs, state); define it", lines[0] if lines else None)

@@ -1,4 +1,4 @@
-"""Expressions of the language: CasADi SX that also knows shape, physical dimension and its scope."""
+"""Expressions of the language: a CasADi SX with its shape, physical dimension and scope."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .units import Dimension, UnitError
 
 Shape = tuple[int, ...]
 ONE = Dimension()
-# what numpy functions do to expressions, by name; `functions` fills it
+# implementations of NumPy's functions for expressions, by name; filled in `functions`
 UFUNCS: dict[str, Callable[..., Any]] = {}
 
 
@@ -27,7 +27,7 @@ def _columns(shape: Shape) -> tuple[int, int]:
 
 
 class DimensionError(ModelError, UnitError):
-    """Units do not fit: a ModelError that is also a UnitError."""
+    """Different units where equal ones are needed: a ModelError that is also a UnitError."""
 
 
 class IndexRangeError(ModelError, IndexError):
@@ -37,12 +37,12 @@ class IndexRangeError(ModelError, IndexError):
 class Expr:
     """A scalar (shape ()), vector (n,) or matrix (n, m) expression of a model.
 
-    Inside `equations()` every `self.name` of a variable, an input or a parameter is one. It is calculated with as with
-    an array of NumPy (+ - * / ** @, indices, slices, np.sin), and ==, <= and >= of two make a `Relation`, an equation
-    or a constraint. `dimension` is None where it is unknown (a variable declared without a unit). Plain numbers and
-    arrays adopt the other side's dimension in sums and equations and count as dimensionless in products.
+    Inside `equations()` every `self.name` of a variable, an input or a parameter is an expression. It supports NumPy's
+    operations (+ - * / ** @, indices, slices, np.sin); ==, <= and >= create a `Relation`, an equation or a constraint.
+    `dimension` is None if it is unknown (a variable declared without a unit). In sums and equations, plain numbers and
+    arrays take the dimension of the other side; in products they are dimensionless.
 
-    Raises ModelError, with file and line, for shapes or units that do not fit.
+    Raises ModelError, with file and line, if shapes or units are incompatible.
 
     >>> m = gt.Builder()
     >>> x, force = m.variable("x", 3, unit="m"), m.variable("force", unit="N")
@@ -63,7 +63,7 @@ class Expr:
         self.dimension = dimension
         self.scope = scope
 
-    # numpy on the left hands over to us; functions such as np.sin work on expressions too
+    # called by NumPy if its operand is on the left, and by functions such as np.sin
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
         fun = UFUNCS.get(ufunc.__name__)
         if method != "__call__" or kwargs or fun is None:
@@ -72,8 +72,8 @@ class Expr:
 
     def __float__(self) -> float:
         raise ModelError(
-            f"'{self.sx}' has no number while a model is being built; in place of functions of math use those of gt, "
-            "such as gt.sin",
+            f"'{self.sx}' has no numeric value while a model is being built; use functions of gt, such as gt.sin, "
+            "instead of those of math",
             here(),
         )
 
@@ -86,23 +86,23 @@ class Expr:
 
     def __iter__(self) -> Iterator[Expr]:
         if not self.shape:
-            raise TypeError("a scalar expression cannot be iterated over")
+            raise TypeError("cannot iterate over a scalar expression")
         return (self[i] for i in range(self.shape[0]))
 
     def __getitem__(self, index: int | slice | tuple[int | slice, int | slice]) -> Expr:
         if not self.shape:
-            raise ModelError(f"a scalar cannot be indexed by {index}", here())
+            raise ModelError(f"a scalar cannot be indexed with {index}", here())
         rows, *more = index if isinstance(index, tuple) else (index,)
         if len(more) >= len(self.shape):
             indices = f"{1 + len(more)} indices {index}"
             raise IndexRangeError(
-                f"an expression of shape {self.shape} takes {len(self.shape)}; found {indices}", here()
+                f"an expression of shape {self.shape} has {len(self.shape)} dimensions; found {indices}", here()
             )
-        places = [_places(k, n, self.shape) for k, n in zip((rows, *more), self.shape, strict=False)]
-        shape = tuple(len(p) for p in places if isinstance(p, list)) + self.shape[len(places) :]
-        row, column = (*places, slice(None))[:2]
+        positions = [_positions(k, n, self.shape) for k, n in zip((rows, *more), self.shape, strict=False)]
+        shape = tuple(len(p) for p in positions if isinstance(p, list)) + self.shape[len(positions) :]
+        row, column = (*positions, slice(None))[:2]
         part = self.sx[row, column]
-        if not isinstance(row, list) and shape:  # one row stands as a column
+        if not isinstance(row, list) and shape:  # a single row becomes a column
             part = part.T
         return Expr(part, shape, self.dimension, self.scope)
 
@@ -155,7 +155,7 @@ class Expr:
         return Expr(self.sx**power, self.shape, dim, self.scope)
 
     def __xor__(self, power: Any) -> Expr:
-        raise ModelError("'^' is no power; write **", here())
+        raise ModelError("'^' is not the power operator in Python; write **", here())
 
     def __matmul__(self, other: Any) -> Expr:
         return matmul(self, other)
@@ -184,22 +184,23 @@ class Expr:
     __hash__ = object.__hash__
 
     def at(self, instant: Any) -> Expr:
-        """The value at an instant, a number [s], `self.start_time` or `self.final_time`: `x.at(0.5)`.
+        """Return the value at an instant: a number [s], `self.start_time` or `self.final_time`, as in `x.at(0.5)`.
 
-        For objectives and constraints of an Optimization. Raises ModelError for an instant that is no scalar.
+        For objectives and constraints of an Optimization. Raises ModelError for an instant that is not scalar.
         """
         time, shape = operand(instant, self.scope)
         if shape != ():
-            raise ModelError(f"an instant is a scalar time; found shape {shape}", here())
+            raise ModelError(f"an instant must be a scalar time; found shape {shape}", here())
         return Expr(self.scope.value_at(self.sx, time), self.shape, self.dimension, self.scope)
 
 
 @dataclass(frozen=True, eq=False)
 class Relation:
-    """An equation or a constraint: `lhs == rhs`, `lhs <= rhs` or `lhs >= rhs`, with the line where it was written.
+    """An equation or a constraint: `lhs == rhs`, `lhs <= rhs` or `lhs >= rhs`, with its file and line.
 
-    Comparing expressions makes it. It has no truth value: yield it. In `gt.when` and `gt.If` it is a condition, and
-    `&`, `|` and `~` join several. strict: written with < or >, which differ from <= and >= for discrete variables only.
+    Comparing expressions creates it. It has no truth value: yield it. In `gt.when` and `gt.If` it is a condition;
+    combine several with `&`, `|` and `~`. strict: written with < or >, which differ from <= and >= only for discrete
+    variables.
     """
 
     lhs: ca.SX
@@ -220,69 +221,70 @@ class Relation:
         return joined("not", self)
 
     def condition(self) -> Condition:
-        """This relation as a condition. Raises ModelError for `==` and for more than one entry."""
+        """Return this relation as a condition. Raises ModelError for `==` and for more than one entry."""
         if self.op == "==":
             raise ModelError(
-                "'==' of two real quantities holds at no instant that a simulation could meet; compare by <= or >=",
+                "a simulation cannot detect '==' of two real quantities; compare them with <= or >=",
                 self.where,
             )
         if self.residual.numel() != 1:
             raise ModelError(
-                f"a condition compares scalars; found {self.residual.numel()} entries: name the one that is meant, or "
-                "join several by & and |",
+                f"a condition compares scalars; found {self.residual.numel()} entries: select one, or combine several "
+                "conditions with & and |",
                 self.where,
             )
         return Condition("relation", (), self, self.where)
 
     @property
     def residual(self) -> ca.SX:
-        """lhs - rhs, a column, row by row."""
+        """lhs - rhs as a column, row by row."""
         return row_by_row(self.lhs - self.rhs)
 
     def __bool__(self) -> bool:
         raise ModelError(
-            f"an equation or inequality ('{self.op}') has no truth value while a model is being built; "
-            "expected it to be yielded; for a <= x <= b use gt.between(a, x, b), in place of if gt.If, gt.branch or "
-            "gt.maximum, in place of and, or, not the signs &, |, ~ inside gt.when and gt.If",
+            f"an equation or inequality ('{self.op}') has no truth value while a model is being built: yield it. "
+            "Instead of a <= x <= b write gt.between(a, x, b); instead of if use gt.If, gt.branch or gt.maximum; "
+            "instead of and, or, not write &, |, ~ inside gt.when and gt.If",
             self.where,
         )
 
 
 def row_by_row(sx: ca.SX) -> ca.SX:
-    """The entries of a matrix as a column, row by row; a column as it is."""
+    """Return the entries of a matrix as a column, row by row; a column is unchanged."""
     return sx if sx.size2() == 1 else ca.vec(sx.T)
 
 
-def _places(index: Any, n: int, shape: Shape) -> int | list[int]:
-    """An index or a slice as place or places; ModelError for what is none, also an IndexError where it is out of range.
+def _positions(index: Any, n: int, shape: Shape) -> int | list[int]:
+    """Return the position of an index or the positions of a slice.
 
-    1.9 is no index: truncated, it would be another entry than meant. Nor is a slice cut off at the last entry.
+    Raises ModelError for an index that is not an integer, and IndexRangeError for one out of range. Unlike in Python, a
+    slice must not exceed the range.
     """
 
     def whole(k: Any) -> int:
         try:
             return operator.index(k)
         except TypeError:
-            raise ModelError(f"an expression is indexed by whole numbers, not by {index!r}", here()) from None
+            raise ModelError(f"an index must be an integer; found {index!r}", here()) from None
 
     if not isinstance(index, slice):
-        place = whole(index)
-        if not -n <= place < n:
-            raise IndexRangeError(f"index {place} is out of range for an expression of shape {shape}", here())
-        return place
+        position = whole(index)
+        if not -n <= position < n:
+            raise IndexRangeError(f"index {position} is out of range for an expression of shape {shape}", here())
+        return position
     start, stop, step = (None if k is None else whole(k) for k in (index.start, index.stop, index.step))
     if step == 0:
-        raise IndexRangeError("a slice takes a step other than 0", here())
+        raise IndexRangeError("the step of a slice must not be 0", here())
     if any(k is not None and not -n <= k <= n for k in (start, stop)):
         text = f"{'' if start is None else start}:{'' if stop is None else stop}"
         raise IndexRangeError(
-            f"slice {text} is out of range for an expression of shape {shape}; expected ends from {-n} to {n}", here()
+            f"slice {text} is out of range for an expression of shape {shape}; expected limits from {-n} to {n}", here()
         )
     return list(range(n))[slice(start, stop, step)]
 
 
 def dimension_of(value: Any) -> Dimension | None:
-    """Dimension of an operand; a plain number is dimensionless in products."""
+    """Return the dimension of an operand; a plain number is dimensionless in products."""
     return value.dimension if isinstance(value, Expr) else ONE
 
 
@@ -295,7 +297,7 @@ def over(a: Dimension | None, b: Dimension | None) -> Dimension | None:
 
 
 def gathered(value: Any) -> Any:
-    """A list that holds expressions as one expression, with its unit; everything else as it is."""
+    """Combine a list that holds expressions into one expression; return any other value unchanged."""
     if isinstance(value, np.ndarray) and value.dtype == object:
         value = value.tolist()
     if isinstance(value, (list, tuple)):
@@ -310,16 +312,16 @@ def scope_of(*values: Any) -> Any:
 
 
 def written_out(*values: Any) -> bool:
-    """Whether there are CasADi columns among these, and no expressions of a model."""
+    """Return whether some values are CasADi matrices and none is an expression of a model."""
     return scope_of(*values) is None and any(isinstance(v, (ca.SX, ca.MX, ca.DM)) for v in values)
 
 
 def vector(parts: Sequence[Any]) -> Expr:
-    """A vector (n,) from n scalars, or a matrix (n, m), one row each, from n vectors of length m.
+    """Return a vector (n,) from n scalars, or a matrix (n, m) from n rows of length m.
 
-    All have one unit; numbers adopt it. Of the CasADi columns that a step of a filter is written with it is one of
-    them. Raises ModelError for parts of different shapes or units, and for numbers alone
-    (use numpy.array).
+    All parts have the same unit; plain numbers take it. For CasADi columns, as in the step of a filter, the result is a
+    CasADi column. Raises ModelError for parts of different shapes or units, and if all parts are numbers (use
+    numpy.array).
 
     >>> m = gt.Builder()
     >>> x, y = m.variable("x", unit="m"), m.variable("y", unit="m")
@@ -329,17 +331,17 @@ def vector(parts: Sequence[Any]) -> Expr:
     (2, 2)
     """
     if not isinstance(parts, Iterable):
-        raise ModelError(f"gt.vector takes the parts of a vector, [a, b, c]; found {parts!r}", here())
-    if written_out(*parts):  # in a step or an output of a filter, which has no units
+        raise ModelError(f"gt.vector takes a list of the entries, [a, b, c]; found {parts!r}", here())
+    if written_out(*parts):  # the step or output of a filter has no units
         return ca.vertcat(*parts)  # type: ignore[return-value]
     parts = [gathered(p) for p in parts]
     scope = scope_of(*parts)
     if scope is None:
-        raise ModelError("gt.vector takes at least one expression; use numpy.array on numbers", here())
+        raise ModelError("gt.vector needs at least one expression; for numbers use numpy.array", here())
     items = [operand(p, scope) for p in parts]
     shape = items[0][1]
     if any(s != shape for _, s in items) or len(shape) > 1:
-        raise ModelError(f"parts of a vector have shapes {[s for _, s in items]}; expected equal ones", here())
+        raise ModelError(f"parts of a vector have shapes {[s for _, s in items]}; expected equal shapes", here())
     dims = {p.dimension for p in parts if isinstance(p, Expr) and p.dimension is not None}
     if len(dims) > 1:
         raise ModelError(f"parts of a vector have different units: {sorted(map(str, dims))}", here())
@@ -349,7 +351,7 @@ def vector(parts: Sequence[Any]) -> Expr:
 
 
 def operand(value: Any, scope: Scope) -> tuple[ca.SX, Shape]:
-    """SX and shape of an expression, number, list or array."""
+    """Return the SX and the shape of an expression, number, list or array."""
     value = gathered(value)
     if isinstance(value, Expr):
         if value.scope is not scope:
@@ -370,28 +372,30 @@ def operand(value: Any, scope: Scope) -> tuple[ca.SX, Shape]:
 def _elementwise(a: Expr, b: Any, op: str) -> tuple[ca.SX, ca.SX, Shape, Scope]:
     sb, shape_b = operand(b, a.scope)
     if a.shape != shape_b and a.shape != () and shape_b != ():
-        raise ModelError(f"shapes {a.shape} and {shape_b} do not fit in '{op}'; expected equal shapes", here())
+        raise ModelError(f"shapes {a.shape} and {shape_b} differ in '{op}'; expected equal shapes", here())
     return a.sx, sb, a.shape or shape_b, a.scope
 
 
 def aligned(a: Expr, b: Any, op: str) -> tuple[ca.SX, ca.SX, Dimension | None, Shape, Scope]:
-    """Operands of a sum or a relation: equal shapes (a number may stand for a vector only when it is zero)
-    and equal dimensions; returns both, the common dimension, shape and scope."""
+    """Check the operands of a sum or a relation; return both and the common dimension, shape and scope.
+
+    Shapes and dimensions must be equal. Only the number 0 is broadcast to a vector, or any number in a comparison.
+    """
     b = gathered(b)
     sb, shape_b = operand(b, a.scope)
     if a.shape != shape_b:
         zero = (not isinstance(b, Expr)) and shape_b == () and float(b) == 0.0
         comparison = op in ("<=", ">=", "minimum", "maximum") and () in (a.shape, shape_b)
         if not (zero or comparison):
-            raise ModelError(f"shapes {a.shape} and {shape_b} do not fit in '{op}'; expected equal shapes", here())
+            raise ModelError(f"shapes {a.shape} and {shape_b} differ in '{op}'; expected equal shapes", here())
     if not isinstance(b, Expr):
         dim = a.dimension
     elif a.dimension is None or b.dimension is None:
         dim = a.dimension if b.dimension is None else b.dimension
     elif a.dimension != b.dimension:
         raise DimensionError(
-            f"units do not fit in '{op}': left is {a.dimension}, right is {b.dimension}; a bare number in a product "
-            "has no unit: declare it as a parameter with its unit",
+            f"units differ in '{op}': left is {a.dimension}, right is {b.dimension}; a plain number in a product has "
+            "no unit: declare it as a parameter with its unit",
             here(),
         )
     else:
@@ -408,18 +412,20 @@ def relation(a: Expr, b: Any, op: str, strict: bool = False) -> Relation:
         sb = ca.repmat(sb, rows, cols)
     name = dropped()
     if name is not None:
-        lost = f"reads '{name}', which this '{op}' is given to" if name else f"takes what this '{op}' says"
-        raise ModelError(f"nothing {lost}; write yield in front of it, or hand it to add() of a Builder", here())
+        fate = f"assigned to '{name}', which is never read" if name else "discarded"
+        raise ModelError(
+            f"the result of this '{op}' is {fate}; write yield in front of it, or pass it to Builder.add()", here()
+        )
     return Relation(sa, sb, op, dimension, here(), a.scope, strict)
 
 
 def matmul(a: Any, b: Any) -> Expr:
-    """Matrix product of expressions or arrays with inner lengths that fit."""
+    """Return the matrix product of expressions or arrays."""
     a, b = gathered(a), gathered(b)
     scope = a.scope if isinstance(a, Expr) else b.scope
     (sa, shape_a), (sb, shape_b) = operand(a, scope), operand(b, scope)
     if not shape_a or not shape_b or shape_a[-1] != shape_b[0]:
-        raise ModelError(f"shapes {shape_a} and {shape_b} do not fit in '@'", here())
+        raise ModelError(f"shapes {shape_a} and {shape_b} do not fit in '@'; expected equal inner dimensions", here())
     product = (sa.T if len(shape_a) == 1 else sa) @ sb
     shape = shape_a[:-1] + shape_b[1:]
     if len(shape) == 1 and product.shape[0] == 1:

@@ -1,4 +1,4 @@
-"""Functions of the language on expressions, numbers and arrays: der, dot, cross, sin, tanh, ..."""
+"""Functions of expressions, numbers and arrays: der, dot, cross, sin, tanh, ..."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from .units import SECOND
 
 
 def der(x: Any, order: int = 1) -> Expr:
-    """Time derivative of any expression, `order` times; its unit is divided by s each time.
+    """Return the time derivative of order `order` of any expression; its unit is divided by s for each order.
 
-    It follows the rules of differentiation: der(x**2) is 2 x der(x). A parameter and a function of parameters have the
-    derivative 0. Which derivatives are states, and which equations have to be differentiated, the compiler finds.
+    The rules of differentiation apply: der(x**2) is 2 x der(x). The derivative of a parameter, or of a function of
+    parameters, is 0. The compiler finds out which derivatives are states and which equations it has to differentiate.
     Raises ModelError for a plain number (its derivative is zero: write 0) or a negative order.
 
     >>> m = gt.Builder()
@@ -30,9 +30,9 @@ def der(x: Any, order: int = 1) -> Expr:
     if not isinstance(x, Expr):
         raise ModelError(f"der() takes an expression of the model; found {x!r}", here())
     if isinstance(order, bool) or not isinstance(order, (int, np.integer)):
-        raise ModelError(f"der() takes an order that is a whole number; found {order!r}", here())
+        raise ModelError(f"the order of der() must be an integer; found {order!r}", here())
     if order < 0:
-        raise ModelError(f"der() takes an order of 0 or more; found {order}", here())
+        raise ModelError(f"the order of der() must be 0 or more; found {order}", here())
     for _ in range(order):
         dim = None if x.dimension is None else x.dimension / SECOND
         x = Expr(x.scope.derivative(x.sx), x.shape, dim, x.scope)
@@ -40,22 +40,22 @@ def der(x: Any, order: int = 1) -> Expr:
 
 
 def _product(name: str, a: Any, b: Any, shape: tuple[int, ...]) -> Expr:
-    """A product of two vectors, which both have the shape of the result where that is no scalar."""
-    if written_out(a, b):  # in a step or an output of a filter
+    """Return the product of two vectors; if the result is a vector, both must have its shape."""
+    if written_out(a, b):  # in the step or output of a filter
         return getattr(ca, name)(a, b)
     a, b = gathered(a), gathered(b)
     scope = scope_of(a, b)
     if scope is None:
-        raise ModelError(f"gt.{name} takes at least one expression of the model; use numpy.{name} on numbers", here())
+        raise ModelError(f"gt.{name} needs at least one expression of the model; for numbers use numpy.{name}", here())
     (sa, shape_a), (sb, shape_b) = operand(a, scope), operand(b, scope)
     if len(shape_a) != 1 or shape_a != shape_b or (shape and shape_a != shape):
-        wanted = f"length {shape[0]}" if shape else "equal length"
-        raise ModelError(f"{name}() takes two vectors of {wanted}; found {shape_a} and {shape_b}", here())
+        expected = f"length {shape[0]}" if shape else "equal length"
+        raise ModelError(f"{name}() takes two vectors of {expected}; found {shape_a} and {shape_b}", here())
     return Expr(getattr(ca, name)(sa, sb), shape, times(dimension_of(a), dimension_of(b)), scope)
 
 
 def dot(a: Any, b: Any) -> Expr:
-    """Scalar product of two vectors of equal length; its unit is the product of both.
+    """Return the scalar product of two vectors of equal length; its unit is the product of their units.
 
     Raises ModelError for other shapes, and for two arrays of numbers (use numpy.dot).
 
@@ -70,7 +70,7 @@ def dot(a: Any, b: Any) -> Expr:
 
 
 def cross(a: Any, b: Any) -> Expr:
-    """Vector product of two vectors of length 3; its unit is the product of both.
+    """Return the vector product of two vectors of length 3; its unit is the product of their units.
 
     Raises ModelError for other shapes, and for two arrays of numbers (use numpy.cross).
 
@@ -84,7 +84,7 @@ def cross(a: Any, b: Any) -> Expr:
 
 
 def sqrt(x: Any) -> Any:
-    """Square root, elementwise; of an expression in m2 it is in m. Of numbers, numpy.sqrt.
+    """Return the square root, elementwise. The root of an expression in m2 is in m; for numbers it is numpy.sqrt.
 
     >>> m = gt.Builder()
     >>> x, y = m.variable("x", unit="m"), m.variable("y", unit="m")
@@ -100,7 +100,7 @@ def sqrt(x: Any) -> Any:
 
 
 def norm(x: Any) -> Any:
-    """Euclidean length of a vector, in its unit. Its derivative is singular where the vector is zero.
+    """Return the Euclidean norm of a vector, in its unit. The derivative is singular at the zero vector.
 
     >>> m = gt.Builder()
     >>> gt.norm(m.variable("r", 2, unit="m"))
@@ -114,7 +114,7 @@ def norm(x: Any) -> Any:
 
 
 def absolute(x: Any) -> Any:
-    """Absolute value, elementwise, in the same unit. Its derivative is discontinuous at zero.
+    """Return the absolute value, elementwise, in the same unit. The derivative is discontinuous at zero.
 
     >>> m = gt.Builder()
     >>> gt.absolute(m.variable("x", unit="m"))
@@ -126,10 +126,10 @@ def absolute(x: Any) -> Any:
 
 
 def sign(x: Any) -> Any:
-    """Sign, elementwise and without a unit: -1, 0 or 1.
+    """Return the sign, elementwise and without a unit: -1, 0 or 1.
 
-    It is for identification with data away from zero. Simulation refuses the sign of what moves, because its
-    discontinuity makes integrators fail or return wrong answers; gt.tanh(x / width) is smooth.
+    `simulate` treats each zero crossing of x as an event. It fails if both sides lead back to zero, as in sticking
+    friction. Linearisation refuses the sign of a variable; gt.tanh(x / width) is a smooth replacement.
 
     >>> m = gt.Builder()
     >>> speed = m.variable("speed", unit="m/s")
@@ -140,7 +140,7 @@ def sign(x: Any) -> Any:
 
 
 def _pure(name: str, fun: Callable[[ca.SX], ca.SX], numeric: Callable[[Any], Any], doc: str) -> Callable[[Any], Any]:
-    """An elementwise function of what has no unit; `doc`: its first sentence, and an example."""
+    """Return an elementwise function of dimensionless arguments; `doc`: its first sentence, and an example."""
 
     def apply(x: Any) -> Any:
         if not isinstance(x, Expr):
@@ -153,8 +153,8 @@ def _pure(name: str, fun: Callable[[ca.SX], ca.SX], numeric: Callable[[Any], Any
     apply.__name__ = apply.__qualname__ = name
     apply.__doc__ = f"""{meaning}
 
-    Takes a scalar, vector or matrix expression, or numbers as NumPy does. Raises ModelError for an expression with a
-    unit; angles are in rad.
+    Takes a scalar, vector or matrix expression, or numbers like NumPy. Raises ModelError for an expression with a unit;
+    angles are in rad.
 
 {example.rstrip()}
     """
@@ -200,7 +200,7 @@ asin = _pure(
     "asin",
     ca.asin,
     np.arcsin,
-    """Angle [rad] from -pi/2 to pi/2 whose sine is given, from -1 to 1, elementwise.
+    """Arcsine of a number from -1 to 1, elementwise: an angle from -pi/2 to pi/2 [rad].
     >>> float(np.degrees(gt.asin(0.5)).round(9))
     30.0
     """,
@@ -209,7 +209,7 @@ acos = _pure(
     "acos",
     ca.acos,
     np.arccos,
-    """Angle [rad] from 0 to pi whose cosine is given, from -1 to 1, elementwise.
+    """Arccosine of a number from -1 to 1, elementwise: an angle from 0 to pi [rad].
     >>> float(np.degrees(gt.acos(0.5)).round(9))
     60.0
     """,
@@ -218,7 +218,7 @@ atan = _pure(
     "atan",
     ca.atan,
     np.arctan,
-    """Angle [rad] from -pi/2 to pi/2 whose tangent is given, elementwise; atan2 knows the quadrant.
+    """Arctangent, elementwise: an angle from -pi/2 to pi/2 [rad]; atan2 also finds the quadrant.
     >>> float(np.degrees(gt.atan(1.0)).round(9))
     45.0
     """,
@@ -227,10 +227,10 @@ exp = _pure(
     "exp",
     ca.exp,
     np.exp,
-    """Exponential function of a number without a unit, elementwise.
+    """Exponential function, elementwise.
     >>> m = gt.Builder()
     >>> decay_time = m.parameter("decay_time", 0.2, unit="s")
-    >>> gt.exp(-m.time / decay_time)  # a time alone has a unit, and is refused
+    >>> gt.exp(-m.time / decay_time)  # gt.exp(-m.time) is refused: its argument has a unit
     Expr(exp((-(time/decay_time))), shape=(), unit=1)
     """,
 )
@@ -238,7 +238,7 @@ log = _pure(
     "log",
     ca.log,
     np.log,
-    """Natural logarithm of a positive number without a unit, elementwise.
+    """Natural logarithm of a positive number, elementwise.
     >>> float(gt.log(np.e))
     1.0
     """,
@@ -247,10 +247,10 @@ tanh = _pure(
     "tanh",
     ca.tanh,
     np.tanh,
-    """Hyperbolic tangent, elementwise: a smooth step from -1 to 1.
+    """Hyperbolic tangent, elementwise: a smooth transition from -1 to 1.
     >>> m = gt.Builder()
     >>> speed, width = m.variable("speed", unit="m/s"), m.parameter("width", 0.01, unit="m/s")
-    >>> gt.tanh(speed / width)  # in place of gt.sign(speed), smooth
+    >>> gt.tanh(speed / width)  # a smooth replacement of gt.sign(speed)
     Expr(tanh((speed/width)), shape=(), unit=1)
     """,
 )
@@ -268,34 +268,34 @@ def _pair(a: Any, b: Any, fun: Callable[[Any, Any], Any], numeric: Any, name: st
 
 
 def minimum(a: Any, b: Any) -> Any:
-    """Smaller of two expressions of equal unit, elementwise. Its derivative is discontinuous where both are equal.
+    """Return the smaller of two expressions of equal unit, elementwise; its derivative jumps where they are equal.
 
-    Raises ModelError for other units or shapes.
+    Raises ModelError for different units or shapes.
 
     >>> m = gt.Builder()
-    >>> gt.minimum(m.variable("x", unit="m"), 0.5)  # the number counts in m
+    >>> gt.minimum(m.variable("x", unit="m"), 0.5)  # 0.5 m
     Expr(fmin(x,0.5), shape=(), unit=m)
     """
     return _pair(a, b, ca.fmin, np.minimum, "minimum")
 
 
 def maximum(a: Any, b: Any) -> Any:
-    """Larger of two expressions of equal unit, elementwise. Its derivative is discontinuous where both are equal.
+    """Return the larger of two expressions of equal unit, elementwise; its derivative jumps where they are equal.
 
-    Raises ModelError for other units or shapes.
+    Raises ModelError for different units or shapes.
 
     >>> m = gt.Builder()
     >>> gap = m.variable("gap", unit="m")
-    >>> 1e5 * gt.maximum(-gap, 0)  # a contact pushes, and never pulls
+    >>> 1e5 * gt.maximum(-gap, 0)  # a contact only pushes
     Expr((100000*fmax((-gap),0)), shape=(), unit=m)
     """
     return _pair(a, b, ca.fmax, np.maximum, "maximum")
 
 
 def atan2(y: Any, x: Any) -> Any:
-    """Angle [rad] of the point (x, y) about the origin, from -pi to pi; x and y have the same unit.
+    """Return the polar angle of the point (x, y), from -pi to pi [rad]; x and y have the same unit.
 
-    The order of the arguments is y, then x, as in C and NumPy. Raises ModelError for two units.
+    The order of the arguments is y, then x, as in C and NumPy. Raises ModelError for different units.
 
     >>> m = gt.Builder()
     >>> x, y = m.variable("x", unit="m"), m.variable("y", unit="m")
@@ -304,13 +304,14 @@ def atan2(y: Any, x: Any) -> Any:
     >>> round(float(gt.atan2(1.0, -1.0)), 4)  # 135 degrees
     2.3562
     """
-    e = _pair(y, x, ca.atan2, np.arctan2, "atan2")
-    return Expr(e.sx, e.shape, ONE, e.scope) if isinstance(e, Expr) else e
+    angle = _pair(y, x, ca.atan2, np.arctan2, "atan2")
+    return Expr(angle.sx, angle.shape, ONE, angle.scope) if isinstance(angle, Expr) else angle
 
 
 def clip(x: Any, low: float, high: float) -> Any:
-    """x limited to [low, high], elementwise and in the unit of x: a saturation. Its derivative is discontinuous at
-    both limits.
+    """Return x limited to [low, high], elementwise and in the unit of x (saturation).
+
+    Its derivative is discontinuous at both limits.
 
     >>> m = gt.Builder()
     >>> gt.clip(m.variable("force", unit="N"), -700, 700)

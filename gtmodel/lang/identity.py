@@ -1,8 +1,8 @@
-"""What a class of models means: the class, and all that its methods read from outside.
+"""Identity of a model for caches: its class, and everything that its methods read from outside.
 
-`equations` is Python. It may read a global, a variable of the function around it, an attribute of a class, a default,
-or another function that reads them. Two models of one class and equal modifiers are the same model only while all of
-these are equal. Every cache of what is made from a model asks here.
+`equations` is Python code. It may read a global, a variable of the enclosing function, a class attribute, a default
+argument, or another function that reads these. Two models of the same class with equal modifiers are the same model
+only if all of these are equal. Every cache of results derived from a model uses `Content` as its key.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ import numpy as np
 
 from .model import Model
 
-# objects that one class may reach; a class that reaches more, such as one that calls a large library, is not shared
+# limit of objects that a class may refer to; a class with more, such as one that calls a large library, is not cached
 MOST = 4000
-# what these hold does not change while a program runs
+# modules whose contents do not change while a program runs
 _FIXED = frozenset({*sys.stdlib_module_names, "gtmodel", "numpy", "casadi", "scipy"}) - {"__main__"}
-# calls that read by a name that no code object shows
+# functions that read names which do not appear in the code object
 _UNSEEN = frozenset({"globals", "locals", "vars", "eval", "exec", "__import__", "import_module"})
-# what reads the world: files, environment, clock, chance, modules by a text; by module, or by names within one
+# modules, and below functions, that read files, the environment, the clock, random numbers or modules named by a string
 _WORLD = frozenset({
     "io", "_io", "os", "posix", "sys", "time", "datetime", "random", "pathlib", "glob", "subprocess", "socket",
     "urllib", "sqlite3", "secrets", "uuid", "tempfile", "importlib",
@@ -35,21 +35,21 @@ _READERS = frozenset({
     "load", "loadtxt", "genfromtxt", "fromfile", "memmap", "loadmat", "random", "from_csv", "from_npz", "read_log",
     "read_recording",
 })  # fmt: skip
-_LEFT_OUT = frozenset({"__dict__", "__weakref__", "__doc__", "__module__", "__firstlineno__", "__static_attributes__"})
+_PYTHONS = frozenset({"__dict__", "__weakref__", "__doc__", "__module__", "__firstlineno__", "__static_attributes__"})
 
 
 class Content:
-    """What a value says, to the last bit: 0.0 is not -0.0, and 1 is not True.
+    """The exact content of a value, as a hashable key: 0.0 differs from -0.0, and 1 from True.
 
-    key: equal for equal contents. whole: false if something in it may change unseen, such as an open file; it stands in
-    the key as the object that it is.
+    key: equal for equal contents. whole: false if a part may change without notice, such as an open file; the key then
+    holds the object itself.
     """
 
     def __init__(self, value: Any) -> None:
         self.whole = True
-        self._places: dict[int, int] = {}
+        self._numbers: dict[int, int] = {}
         self._names: set[tuple[int, str]] = set()
-        self._held: list[Any] = []  # an object that is gone would leave its number to another one
+        self._references: list[Any] = []  # keeps objects alive, so that Python does not reuse their id
         self.key: Hashable = self._of(value)
 
     def _of(self, value: Any) -> Hashable:
@@ -61,12 +61,12 @@ class Content:
             return ("complex", value.real.hex(), value.imag.hex())
         if isinstance(value, type) and _is_fixed(value):
             return value
-        if id(value) in self._places:
-            return ("again", self._places[id(value)])
-        if len(self._places) >= MOST:
+        if id(value) in self._numbers:
+            return ("again", self._numbers[id(value)])
+        if len(self._numbers) >= MOST:
             return self._opaque(value)
-        self._places[id(value)] = len(self._places)
-        self._held.append(value)
+        self._numbers[id(value)] = len(self._numbers)
+        self._references.append(value)
         return self._of_new(value)
 
     def _of_new(self, value: Any) -> Hashable:
@@ -82,7 +82,7 @@ class Content:
         if isinstance(value, type):
             return self._of_class(value)
         if isinstance(value, ModuleType):
-            return _Same(value)  # its attributes are read where a function names them
+            return _Same(value)  # `_named` reads the attributes that a function names
         if isinstance(value, FunctionType):
             return self._of_function(value)
         if isinstance(value, MethodType):
@@ -94,21 +94,21 @@ class Content:
         if isinstance(value, (BuiltinFunctionType, np.ufunc, ca.Function, ca.DM)):
             return _Same(value)
         if isinstance(value, Model) and "_modifiers" not in value.__dict__:
-            return self._opaque(value)  # bound already: a part of a tree, with symbols of its own
+            return self._opaque(value)  # already bound: part of a tree with its own symbols
         return self._of_object(value)
 
     def _of_class(self, cls: type) -> Hashable:
-        """A class of a person: its members and those of its bases, without what Python writes into it."""
-        own = [base for base in cls.__mro__ if not _is_fixed(base)]
-        members = [(base, name, item) for base in own for name, item in list(vars(base).items())]
-        held = [(base, name, self._of(item)) for base, name, item in members if name not in _LEFT_OUT]
-        return (cls, tuple(held))
+        """Return the content of a user's class: the members of the class and its bases, except Python's own."""
+        bases = [base for base in cls.__mro__ if not _is_fixed(base)]
+        members = [(base, name, item) for base in bases for name, item in list(vars(base).items())]
+        contents = [(base, name, self._of(item)) for base, name, item in members if name not in _PYTHONS]
+        return (cls, tuple(contents))
 
     def _of_function(self, f: FunctionType) -> Hashable:
-        same = _Same(f)
+        identity = _Same(f)
         if _fixed_name(f.__module__ or ""):
-            closed = [_cell(c) for c in f.__closure__ or ()]
-            return (same, tuple(map(self._of, closed)))
+            variables = [_cell(c) for c in f.__closure__ or ()]
+            return (identity, tuple(map(self._of, variables)))
         read = _read_by(f.__code__)
         defaults = (f.__defaults__, f.__kwdefaults__, tuple(map(_cell, f.__closure__ or ())))
         named = [f.__globals__.get(n, vars(builtins).get(n, _MISSING)) for n in read.names]
@@ -116,11 +116,11 @@ class Content:
         modules = [*named, *defaults[2]]
         if read.unseen or any(_reads_world(value, read.names) for value in modules):
             self.whole = False
-        inside = tuple(content for m in modules if isinstance(m, ModuleType) for content in self._named(m, read.names))
-        return (same, f.__code__, self._of(defaults), tuple(map(self._of, named)), inside)
+        contents = tuple(x for m in modules if isinstance(m, ModuleType) for x in self._named(m, read.names))
+        return (identity, f.__code__, self._of(defaults), tuple(map(self._of, named)), contents)
 
     def _named(self, module: ModuleType, names: Iterable[str]) -> Iterator[Hashable]:
-        """What a function that names `module` may read of it: its attributes of any name in that code."""
+        """Yield the contents that a function may read from `module`: the attributes whose names occur in its code."""
         if _fixed_name(module.__name__):
             return
         for name in names:
@@ -133,19 +133,19 @@ class Content:
                 yield from self._named(value, names)
 
     def _of_object(self, value: Any) -> Hashable:
-        """An object of Python: its class and what it holds."""
+        """Return the content of any other object: its class and its attributes."""
         members = getattr(value, "__dict__", None)
         slots = [n for base in type(value).__mro__ for n in _slots(base) if n not in ("__dict__", "__weakref__")]
         if not isinstance(members, dict) and not slots:
             return (type(value),) if type(value) is object else self._opaque(value)
         if _is_fixed(type(value)) and not type(value).__module__.startswith("gtmodel"):
             return self._opaque(value)
-        held = {n: getattr(value, n, _MISSING) for n in slots}
+        attributes = {n: getattr(value, n, _MISSING) for n in slots}
         if isinstance(value, Model):
-            held["_modifiers"] = value.__dict__["_modifiers"]
+            attributes["_modifiers"] = value.__dict__["_modifiers"]
         elif isinstance(members, dict):
-            held.update(members)
-        return (self._of(type(value)), self._of(held))
+            attributes.update(members)
+        return (self._of(type(value)), self._of(attributes))
 
     def _opaque(self, value: Any) -> Hashable:
         self.whole = False
@@ -153,7 +153,7 @@ class Content:
 
 
 class _Same:
-    """Equal to itself alone, and held so that it stays what it is."""
+    """Key of an object that equals only itself; it keeps the object alive."""
 
     def __init__(self, value: Any) -> None:
         self.value = value
@@ -169,7 +169,7 @@ _MISSING = object()
 
 
 class _Read:
-    """What a code reads by name, the functions inside it too."""
+    """The names that a code object and its nested functions read."""
 
     def __init__(self, code: CodeType) -> None:
         inner = [_read_by(c) for c in code.co_consts if isinstance(c, CodeType)]
@@ -185,7 +185,7 @@ def _read_by(code: CodeType) -> _Read:
 
 
 def _reads_world(value: Any, names: Iterable[str]) -> bool:
-    """Whether a module, class or function may give something else at the next call, to a code of these names."""
+    """Return whether code with these names may get another result from a module, class or function at the next call."""
     module = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
     if not isinstance(module, str) or not _fixed_name(module):
         return False
@@ -194,7 +194,7 @@ def _reads_world(value: Any, names: Iterable[str]) -> bool:
 
 
 def _absolute(imported: Iterable[str], f: FunctionType) -> Iterator[str]:
-    """Full names of modules, those that a relative import names too."""
+    """Yield the full names of imported modules, with relative imports resolved."""
     package = f.__globals__.get("__package__") or ""
     for name in imported:
         yield name

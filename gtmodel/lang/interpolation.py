@@ -1,5 +1,4 @@
-"""Curves as expressions: interpolation through points by straight pieces or a natural cubic spline, and polynomial
-pieces."""
+"""Curves as expressions: linear and cubic spline interpolation, and piecewise polynomials."""
 
 from __future__ import annotations
 
@@ -14,15 +13,15 @@ from .source import ModelError, here
 
 
 def steps_of(x: ca.SX, breaks: Sequence[ca.SX | float]) -> list[ca.SX]:
-    """1 from each break on, 0 before it: their derivatives are zero."""
+    """Return for each break a step: 0 before it and 1 from it on, with zero derivative."""
     return [x >= b for b in breaks]
 
 
 def chosen(steps: Sequence[ca.SX], pieces: Sequence[ca.SX]) -> ca.SX:
-    """The column of the piece that the argument lies in: piece k + 1 begins where steps[k] does.
+    """Return the column of the piece that contains the argument: piece k + 1 begins at the step steps[k].
 
-    A sum of all pieces, all but one of them times 0, so that it is exact: adding up changes from piece to piece would
-    lose the digits of a small one after a large one.
+    It is the sum of all pieces, each times 0 or 1, and therefore exact. A sum of changes from piece to piece would lose
+    digits of a small piece after a large one.
     """
     weights: dict[tuple[int, int], ca.SX] = {}
 
@@ -44,16 +43,16 @@ def chosen(steps: Sequence[ca.SX], pieces: Sequence[ca.SX]) -> ca.SX:
 
 
 def piecewise(x: Any, breaks: Any, coefficients: Any) -> Expr:
-    """The curve whose piece k is sum_n coefficients[n, k] * (x - breaks[k])^(order - n), n = 0 ... order.
+    """Return a piecewise polynomial with the pieces sum_n coefficients[n, k] * (x - breaks[k])^(order - n).
 
     Args:
         x: scalar expression.
         breaks: (pieces + 1,) numbers, strictly increasing, in the unit of x.
-        coefficients: (order + 1, pieces) or (order + 1, pieces, m), highest power first, as scipy's PPoly has them.
+        coefficients: (order + 1, pieces) or (order + 1, pieces, m), highest power first, as in scipy's PPoly.
 
-    Its unit is that of what it is compared with. Beyond both ends the end pieces go on; at a break the piece on its
-    right counts. Time derivatives take the pieces as they are, so the curve should be as smooth as the model
-    differentiates it. Raises ModelError for wrong shapes.
+    The curve has no declared unit: it takes the unit of the other side of an equation. Beyond the breaks the end pieces
+    are extrapolated; at a break the right piece applies. Time derivatives ignore jumps at the breaks, so the curve
+    needs continuous derivatives up to the order that the model uses. Raises ModelError for wrong shapes.
 
     >>> class Cam(gt.Model):
     ...     phi = gt.variable(unit="rad")
@@ -68,11 +67,11 @@ def piecewise(x: Any, breaks: Any, coefficients: Any) -> Expr:
     if not isinstance(x, Expr) or x.shape != ():
         raise ModelError("piecewise() takes a scalar expression", here())
     if breaks.ndim != 1 or len(breaks) < 2 or not np.all(np.diff(breaks) > 0):
-        raise ModelError(f"piecewise() takes breaks that increase; found {breaks}", here())
+        raise ModelError(f"piecewise() needs strictly increasing breaks; found {breaks}", here())
     if c.ndim not in (2, 3) or c.shape[1] != len(breaks) - 1:
         raise ModelError(
-            f"piecewise() takes coefficients (order + 1, {len(breaks) - 1}) or (order + 1, {len(breaks) - 1}, m); "
-            f"found {c.shape}",
+            f"piecewise() takes coefficients of shape (order + 1, {len(breaks) - 1}) or (order + 1, {len(breaks) - 1}, "
+            f"m); found {c.shape}",
             here(),
         )
     sx = operand(x, x.scope)[0]
@@ -89,20 +88,20 @@ def piecewise(x: Any, breaks: Any, coefficients: Any) -> Expr:
 def interpolate(
     x: Any, at: Any, values: Any, method: Literal["linear", "cubic"] = "linear", derivative: Literal[0, 1] = 0
 ) -> Expr:
-    """The curve through the points (at, values), evaluated at x; or its derivative.
+    """Return the value, or the derivative, at x of the curve through the points (at, values).
 
     Args:
         x: scalar expression, with the unit of `at`.
         at: abscissae (n,), strictly increasing, n >= 2; numbers or parameters (declare these `increasing`).
-        values: (n,) or (n, m); plain numbers make a curve without a unit.
-        method: "linear": straight pieces, continuous; "cubic": natural spline, two continuous derivatives.
-        derivative: 0 the value, 1 its derivative d/dx, in the unit of values per unit of x.
+        values: ordinates (n,) or (n, m); plain numbers are dimensionless.
+        method: "linear": piecewise linear, continuous; "cubic": natural spline, two continuous derivatives.
+        derivative: 0: the value; 1: the derivative d/dx, in the unit of values per unit of x.
 
-    Beyond the first and the last point the curve goes on straight: "linear" with its end pieces, "cubic" tangentially,
-    which keeps the second derivative continuous. At a point the piece to its right counts, so the derivative of
-    straight pieces is defined there too; time derivatives of it take the pieces as they are, without impulses.
+    The extrapolation is straight: "linear" continues the end pieces, "cubic" continues with the tangent, which keeps
+    the second derivative continuous. At a point the right piece applies, so the derivative of a piecewise linear curve
+    is defined there too; its time derivative contains no impulses.
 
-    Raises ModelError for shapes and units that do not fit, and for numbers in `at` that do not increase.
+    Raises ModelError if shapes or units are incompatible, and for numbers in `at` that do not increase.
 
     >>> class Rail(gt.Model):
     ...     at = gt.parameter([0.0, 1.0, 2.0], unit="m", increasing=True)
@@ -118,7 +117,7 @@ def interpolate(
     at, values = gathered(at), gathered(values)
     scope = next((e.scope for e in (x, at, values) if isinstance(e, Expr)), None)
     if scope is None:
-        raise ModelError("interpolate() takes at least one expression; use numpy or scipy on numbers", here())
+        raise ModelError("interpolate() needs at least one expression; for numbers use numpy or scipy", here())
     (sx, shape), (sa, shape_a), (sv, shape_v) = (operand(e, scope) for e in (x, at, values))
     if shape != () or len(shape_a) != 1 or not shape_v or shape_v[0] != shape_a[0] or shape_a[0] < 2:
         raise ModelError(
@@ -134,9 +133,11 @@ def interpolate(
         )
     units = [e.dimension for e in (x, at) if isinstance(e, Expr)]
     if None not in units and len(set(units)) > 1:
-        raise ModelError(f"interpolate(): x is in {units[0]}, its abscissae are in {units[1]}", here())
+        raise ModelError(
+            f"interpolate(): x is in {units[0]}, the abscissae are in {units[1]}; expected equal units", here()
+        )
     if not isinstance(at, Expr) and not np.all(np.diff(np.asarray(at, float)) > 0):
-        raise ModelError(f"interpolate() takes abscissae that increase; found {at}", here())
+        raise ModelError(f"interpolate() needs strictly increasing abscissae; found {at}", here())
     pieces = _linear(sa, sv) if method == "linear" else _cubic(sa, sv)
     steps = steps_of(sx, ca.vertsplit(sa) if method == "cubic" else ca.vertsplit(sa)[1:-1])
     begin, *coefficients = (chosen(steps, c) for c in pieces)
@@ -153,7 +154,7 @@ def interpolate(
 
 
 def _linear(at: ca.SX, values: ca.SX) -> list[list[ca.SX]]:
-    """Per piece: where it begins, value there, derivative. The end pieces go on for ever."""
+    """Return for each piece its start, the value there and the derivative. The end pieces extrapolate."""
     n = at.numel()
     rows = [values[k, :].T for k in range(n)]
     jacobian = [(rows[k + 1] - rows[k]) / (at[k + 1] - at[k]) for k in range(n - 1)]
@@ -161,13 +162,13 @@ def _linear(at: ca.SX, values: ca.SX) -> list[list[ca.SX]]:
 
 
 def _cubic(at: ca.SX, values: ca.SX) -> list[list[ca.SX]]:
-    """Per piece: where it begins, value, derivative, quadratic and cubic coefficient; straight pieces at both ends."""
+    """Return for each piece its start, value, slope, quadratic and cubic coefficient; both end pieces are linear."""
     n = at.numel()
     y = [values[k, :].T for k in range(n)]
     h = [at[k + 1] - at[k] for k in range(n - 1)]
     d = [(y[k + 1] - y[k]) / h[k] for k in range(n - 1)]
     zero = ca.SX.zeros(*y[0].shape)
-    # second derivatives over six, zero at the ends: tridiagonal and diagonally dominant, so without pivoting
+    # m: second derivatives divided by six, zero at the ends; tridiagonal and diagonally dominant, hence no pivoting
     m, upper, right = [zero] * n, [ca.SX(0)] * n, [zero] * n
     for k in range(1, n - 1):
         pivot = 2 * (h[k - 1] + h[k]) - h[k - 1] * upper[k - 1]

@@ -1,5 +1,4 @@
-"""Model and Connector, classes whose body declares and whose equations() yields the physics, and methods that an
-engine provides."""
+"""Model and Connector: classes with declarations in the body and physics in equations()."""
 
 from __future__ import annotations
 
@@ -18,7 +17,7 @@ from .values import check_parameter
 
 
 class EngineMethod:
-    """A method that is a function of another module, which is imported when the method is first asked for."""
+    """A method implemented by a function of another module, which is imported on first access."""
 
     def __init__(self, module: str, function: str) -> None:
         self._module, self._function = module, function
@@ -29,15 +28,16 @@ class EngineMethod:
 
 
 class Model:
-    """Base class of all components and of whole models: declarations in the class body, physics in `equations()`.
+    """Base class of components and of whole models: declarations in the class body, physics in `equations()`.
 
     The body declares with gt.variable, input, parameter, part, parts, port, ports and outer. `equations()` yields
-    equations `a == b` in any order and solved for nothing, connections, branches and energies; there `self.name` is the
-    expression, part or port of that name.
+    equations `a == b`, in any order and not solved for any variable, connections, branches and energies. In it
+    `self.name` is the expression, part or port of that name.
 
-    `Rod(L=2.0)` is an immutable configuration: a class and its modifiers, which are values of parameters, attributes of
-    variables (`x={"start": 0.2}`) and modifiers of parts (`arm={"L": 2.0}`). Ask it `causal` for what follows from
-    what, `simulate` for its motion, `with_` for a variant. All errors of a model are ModelError, with file and line.
+    `Rod(L=2.0)` is an immutable configuration: a class and its modifiers. Modifiers are values of parameters,
+    attributes of variables (`x={"start": 0.2}`) and modifiers of parts (`arm={"L": 2.0}`). `causal` computes targets
+    from known variables, `simulate` computes the motion, `with_` returns a variant. All errors of a model are
+    ModelError, with file and line.
 
     >>> class Pendulum(gt.Model):  # a point mass on a rod, in Cartesian coordinates, y upwards
     ...     L = gt.parameter(1.0, unit="m", positive=True)
@@ -55,12 +55,12 @@ class Model:
     >>> pendulum = Pendulum(m=2.0)
     >>> pendulum.causal(known="x", targets="y")(0.6)
     (-0.8, <Status.OK: 0>)
-    >>> hold = pendulum.causal(known="x", targets="torque")  # of x, der(x), der(x,2)
+    >>> hold = pendulum.causal(known="x", targets="torque")  # a function of x, der(x), der(x,2)
     >>> torque, status = hold(0.6, 0.0, 0.0)
     >>> round(torque, 3)  # m g x
     11.772
     >>> swing = pendulum.causal(known="torque", targets="der(x,2)", prefer="x")
-    >>> [signal.name for signal in swing.inputs]  # the states, then what is known
+    >>> [signal.name for signal in swing.inputs]  # the states, then the known variables
     ['x', 'der(x)', 'torque']
     >>> run = pendulum.simulate(1.0, inputs={"torque": 0.0}, start={"x": 0.6, "der(x)": 0.0})
     >>> run.status.ok
@@ -83,18 +83,16 @@ class Model:
                 elif isinstance(declared.get(name), Free):
                     del declared[name]
                 elif name in declared:
-                    raise ModelError(f"'{name}' in {cls.__name__} hides a declaration of the same name")
+                    raise ModelError(f"'{name}' in {cls.__name__} hides a declaration of the same name; rename it")
         for name, item in vars(cls).items():
             if isinstance(item, Model) and "where" in item.__dict__:
-                made = type(item).__name__
-                raise ModelError(
-                    f"'{name}' is no part yet; write {name} = gt.part({made}, ...)", item.__dict__["where"]
-                )
+                advice = f"write {name} = gt.part({type(item).__name__}, ...)"
+                raise ModelError(f"'{name}' is not declared as a part; {advice}", item.__dict__["where"])
         for name, item in declared.items():
             if name.startswith("_"):
-                raise ModelError(f"declared names may not start with an underscore; found '{name}'", item.where)
+                raise ModelError(f"declared names must not start with an underscore; found '{name}'", item.where)
             if name in _RESERVED:
-                raise ModelError(f"'{name}' is a method of every model; choose another name", item.where)
+                raise ModelError(f"'{name}' is an attribute of every model; choose another name", item.where)
         cls._declared = declared
 
     def __init__(self, **modifiers: Any) -> None:
@@ -103,14 +101,14 @@ class Model:
         check_modifiers(type(self), modifiers, here())
 
     def _keep(self, **values: Any) -> None:
-        """What an engine keeps with a model; no part of what the model says."""
+        """Store an engine's data with a model; they are not part of the configuration."""
         self.__dict__.update(values)
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise ModelError(f"models are immutable: '{name}' cannot be assigned; use model.with_({name}=...)", here())
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("_"):  # Python's own questions, such as for __array__
+        if name.startswith("_"):  # looked up by Python or NumPy, such as __array__
             raise AttributeError(f"'{type(self).__name__}' has no attribute '{name}'")
         raise AttributeError(f"{type(self).__name__} has no declaration '{name}'{near(name, type(self)._declared)}")
 
@@ -129,13 +127,13 @@ class Model:
 
     @property
     def time(self) -> Any:
-        """Time as an expression, inside equations()."""
+        """The time [s] as an expression, inside equations()."""
         return self.__dict__["_time"]
 
     def with_(self, **modifiers: Any) -> Any:
-        """A new model with some modifiers replaced; the old one stays as it is.
+        """Return a new model with some modifiers replaced; this one stays unchanged.
 
-        A dictionary, of a part or of a variable's attributes, replaces the entries it names and keeps the others.
+        A dictionary, for a part or for a variable's attributes, replaces the entries it names and keeps the others.
 
         >>> class Rod(gt.Model):
         ...     L = gt.parameter(1.0, unit="m")
@@ -146,26 +144,26 @@ class Model:
         return type(self)(**_merged(self.__dict__["_modifiers"], modifiers))
 
     def equations(self) -> Iterable[Any]:
-        """Yield equations (`a == b`), connections, branches and energies; `super().equations()` has a base class's."""
+        """Yield equations (`a == b`), connections, branches and energies; `super().equations()` yields the base's."""
         return ()
 
     def initial_equations(self) -> Iterable[Any]:
-        """Yield equations that hold at the start time only, such as `der(self.x) == 0` for a start at equilibrium."""
+        """Yield equations that hold only at the start time, such as `der(self.x) == 0` for a start at equilibrium."""
         return ()
 
     def __repr__(self) -> str:
-        shown = ", ".join(f"{k}={v!r}" for k, v in self.__dict__.get("_modifiers", {}).items())
-        return f"{type(self).__name__}({shown})"
+        modifiers = ", ".join(f"{k}={v!r}" for k, v in self.__dict__.get("_modifiers", {}).items())
+        return f"{type(self).__name__}({modifiers})"
 
 
 class Connector(Model):
-    """A set of potentials and flows at which components are joined; declare it once, use it as `gt.port(Pin)`.
+    """A set of potentials and flows by which components are connected; declare it once, use it as `gt.port(Pin)`.
 
-    Potentials of connected ports are equal and their flows sum to zero; a flow counts positive into its component.
+    Potentials of connected ports are equal and their flows sum to zero. A flow is positive into its component.
 
-    A class may set `overdetermined` to the reason, quoted in errors, why its connectors may not be joined in a loop: a
-    potential with more numbers than degrees of freedom, such as a rotation matrix. Components then say with
-    gt.tree_edge and gt.tree_root which port follows from which. Where it is empty, loops are fine.
+    A potential with more numbers than degrees of freedom, such as a rotation matrix, must not be connected in a loop.
+    Such a class sets `overdetermined` to the reason, which errors quote, and its components declare with gt.tree_edge
+    and gt.tree_root which port determines which. If `overdetermined` is empty, loops are allowed.
 
     >>> class Flange(gt.Connector):
     ...     s = gt.potential(unit="m")
@@ -186,7 +184,7 @@ class Connector(Model):
     ...     force = gt.variable(unit="N")
     ...     def equations(self):
     ...         yield self.flange.f == -self.force
-    >>> class Row(gt.Model):  # two springs, one behind the other
+    >>> class Row(gt.Model):  # two springs in series
     ...     wall = gt.part(Wall)
     ...     springs = gt.parts(2, Spring, k=[100.0, 300.0])
     ...     hand = gt.part(Hand)
@@ -203,14 +201,14 @@ class Connector(Model):
 
     @classmethod
     def _signature(cls) -> tuple[tuple[str, str, tuple[int, ...]], ...]:
-        own = [(name, item.role, item.shape) for name, item in cls._declared.items() if isinstance(item, Variable)]
-        inner = [(name, item.cls.__name__, ()) for name, item in cls._declared.items() if isinstance(item, Port)]
-        return (*own, *inner)
+        variables = [(name, i.role, i.shape) for name, i in cls._declared.items() if isinstance(i, Variable)]
+        ports = [(name, i.cls.__name__, ()) for name, i in cls._declared.items() if isinstance(i, Port)]
+        return (*variables, *ports)
 
 
 def walk_declarations(cls: type[Model]) -> Iterator[tuple[str, Declaration]]:
-    """Declarations in the order in which they can be bound: parameters, free constants, variables and
-    ports, then outer references and parts."""
+    """Yield the declarations in the order of binding: parameters, free constants, discrete and continuous variables,
+    ports, outer references, parts."""
     order = (Parameter, Free, Discrete, Variable, Port, Outer, Part)
     yield from sorted(cls._declared.items(), key=lambda kv: [isinstance(kv[1], kind) for kind in order].index(True))
 
@@ -221,7 +219,7 @@ def _merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
 
 
 def _frozen(value: Any) -> Any:
-    """A copy of a modifier that nobody else can change: arrays inside, also in lists and dictionaries."""
+    """Return a copy of a modifier whose arrays, also in lists and dictionaries, are read-only."""
     if isinstance(value, np.ndarray):
         value = value.copy()
         value.flags.writeable = False
@@ -239,13 +237,14 @@ def check_modifiers(
     part: str = "",
     places: dict[str, SourceLocation] | None = None,
 ) -> None:
-    """Raises ModelError for modifiers that a model of this class does not take.
+    """Raise ModelError for modifiers that a model of this class does not accept.
 
-    part: its full name, "" for the whole model. places: where single modifiers were written, `where` for the others.
+    part: full name of the part, "" for the whole model. places: file and line of single modifiers, `where` for all
+    others.
     """
-    what, given_at = f" (part '{part}')" if part else "", where
+    what, default_place = f" (part '{part}')" if part else "", where
     for name, value in modifiers.items():
-        where = (places or {}).get(name, given_at)
+        where = (places or {}).get(name, default_place)
         if name not in cls._declared:
             hint = meant(name, cls._declared, f"it has {', '.join(sorted(cls._declared)) or 'none'}")
             raise ModelError(f"{cls.__name__}{what} has no declaration '{name}'; {hint}", where)
@@ -255,28 +254,28 @@ def check_modifiers(
             raise ModelError(f"'{name}' of {cls.__name__}{what} is {kind} and takes no modifier", where)
         if isinstance(item, Free):
             raise ModelError(
-                f"'{name}' of {cls.__name__}{what} is free, for the optimisation to choose, and takes no modifier; "
-                "declare a parameter, or another guess in a subclass",
+                f"'{name}' of {cls.__name__}{what} is chosen by the optimisation and takes no modifier; declare a "
+                "parameter, or set another guess in a subclass",
                 where,
             )
         if isinstance(item, Discrete):
             raise ModelError(
-                f"'{name}' of {cls.__name__}{what} is a discrete variable and takes no modifier; give its value at the "
-                f"start to simulate(): start={{'{name}': ...}}",
+                f"'{name}' of {cls.__name__}{what} is a discrete variable and takes no modifier; pass its start value "
+                f"to simulate(): start={{'{name}': ...}}",
                 where,
             )
         if isinstance(item, Parameter) and not _symbolic(value):
             check_parameter(item, value, f"{part}.{name}" if part else name, where)
         elif isinstance(item, Variable) and (not isinstance(value, dict) or set(value) - set(ATTRIBUTES)):
             raise ModelError(
-                f"'{name}' is a variable: a modifier is a dictionary with keys of {', '.join(ATTRIBUTES)}; "
+                f"'{name}' is a variable: its modifier must be a dictionary with keys from {', '.join(ATTRIBUTES)}; "
                 f"found {value!r}",
                 where,
             )
 
 
 def _symbolic(value: Any) -> bool:
-    """True for what becomes a value only when the model is bound, and for None: no value."""
+    """Return whether a modifier has no value before binding; also true for None."""
     if isinstance(value, (list, tuple)):
         return any(map(_symbolic, value))
     return value is None or isinstance(value, (Declaration, Each, Expr)) or callable(value)

@@ -1,4 +1,4 @@
-"""Optimization: a model with an objective, constraints and a horizon, read like Optimica."""
+"""Optimization: a model with an objective, constraints and a horizon, as in Optimica."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from .units import SECOND
 class Optimization(Model):
     """A dynamic optimisation problem: a Model with an objective, constraints and a horizon. `gt.solve` solves it.
 
-    Class attributes `start_time` and `final_time` are numbers [s], 0 and 1 if left out, or
-    `gt.free(guess=..., min=...)`. Inputs that no equation determines are the controls. `objective()` returns the scalar
-    to minimise. `constraints()` yields `==`, `<=`, `>=` and `gt.between`; an expression with `.at(t)` is a point
-    constraint, any other holds along the whole path. Bounds of variables, `min` and `max`, hold along it too.
+    The class attributes `start_time` and `final_time` are numbers [s], by default 0 and 1, or
+    `gt.free(guess=..., min=...)`. The controls are the inputs that no equation determines. `objective()` returns the
+    scalar to minimise. `constraints()` yields `==`, `<=`, `>=` and `gt.between`: an expression with `.at(t)` is a point
+    constraint, any other one a path constraint. The bounds `min` and `max` of variables are path constraints too.
 
     >>> class Fastest(gt.Optimization):  # a cart from x = 1 m to 0, from rest to rest
     ...     final_time = gt.free(1.0, min=0.1, unit="s")
@@ -44,35 +44,36 @@ class Optimization(Model):
 
     start_time: Any = 0.0
     final_time: Any = 1.0
-    _written: ClassVar[SourceLocation]  # where the class begins; of a text in its text
+    _written: ClassVar[SourceLocation]  # first line of the class, in its Python file or Modelica text
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         if "_written" not in vars(cls):
             cls._written = here()
-        # `final_time = T` is the same quantity under a second name
+        # `final_time = T` gives a declared quantity a second name
         for name in ("start_time", "final_time"):
             item = cls._declared.get(name)
-            twin = next((n for n, other in cls._declared.items() if n != name and other is item), None)
-            if item is not None and twin is None and item.name != name and item.name in cls._declared:
-                twin = item.name  # declared anew by a subclass
-            if item is not None and twin is not None:
-                item.name = twin
+            alias = next((n for n, declared in cls._declared.items() if n != name and declared is item), None)
+            if item is not None and alias is None and item.name != name and item.name in cls._declared:
+                alias = item.name  # a subclass declares it anew
+            if item is not None and alias is not None:
+                item.name = alias
                 del cls._declared[name]
 
     def objective(self) -> Any:
-        """The scalar to minimise: built from `x.at(t)`, `gt.integral(...)`, `self.final_time` and free constants."""
+        """Return the scalar to minimise, an expression of `x.at(t)`, `gt.integral(...)`, `self.final_time` and free
+        constants."""
         raise ModelError(f"{type(self).__name__} has no objective; define objective(self)", self.__dict__.get("where"))
 
     def constraints(self) -> Iterable[Any]:
-        """Yield relations: point constraints with `.at(t)`, all others along the whole path."""
+        """Yield the constraints: relations with `.at(t)` are point constraints, all others path constraints."""
         return ()
 
 
 def integral(integrand: Any) -> Expr:
-    """Integral of a scalar over the horizon, for objectives and constraints (Lagrange cost); its unit is times s.
+    """Return the integral of a scalar over the horizon (Lagrange cost), for objectives and constraints.
 
-    Raises ModelError for what is no scalar expression.
+    Its unit is the unit of the integrand times s. Raises ModelError if the argument is not a scalar expression.
 
     >>> class Regulator(gt.Optimization):
     ...     x = gt.variable(start=1.0, fixed=True)
@@ -94,15 +95,15 @@ def integral(integrand: Any) -> Expr:
 
 
 class Delayed(Variable):
-    """Record of an input that follows another one some time later."""
+    """Declaration of a delayed copy of an input."""
 
     def __init__(self, source: Variable, tau: float, history: Any) -> None:
         super().__init__(source.shape, source.unit, f"{source.name} delayed", "input", dict(source.attributes))
         self.source, self.tau, self.history = source, tau, history
-        self.attributes |= {"min": None, "max": None}  # the input's own bounds hold it
+        self.attributes |= {"min": None, "max": None}  # the bounds of the source suffice
 
     def before(self, time: float) -> float:
-        """Value at a time [s] before the start of the horizon."""
+        """Return the value at a time [s] before the start of the horizon."""
         value: Any = self.history(time) if callable(self.history) else self.history
         try:
             number = float(value)
@@ -110,23 +111,23 @@ class Delayed(Variable):
             number = np.nan
         if not np.isfinite(number):
             raise ModelError(
-                f"the history of '{self.name}' is a finite number at {time:g} s; found {value!r}", self.where
+                f"the history of '{self.name}' must be a finite number at {time:g} s; found {value!r}", self.where
             )
         return number
 
 
 def delayed(source: Any, tau: float, *, history: Any) -> Any:
-    """The input `source` of the same class as it was `tau` seconds ago: `late = gt.delayed(u, 0.1, history=0.0)`.
+    """Declare an input `source` of the same class delayed by `tau` seconds: `late = gt.delayed(u, 0.1, history=0.0)`.
 
     Args:
         source: a scalar gt.input of the same class. A part may delay its own input.
-        tau: constant delay [s], above zero.
-        history: the value of the source before the start: a number or a function of time [s].
+        tau: constant delay [s], positive.
+        history: the source before the start: a number or a function of time [s].
 
-    It is for optimisation on a given horizon, on a mesh where the instant `tau` before and `tau` after each edge is an
-    edge too. Raises ModelError for another source or a delay that is not positive.
+    It is for optimisation on a fixed horizon. The mesh must have an edge `tau` before and `tau` after each edge. Raises
+    ModelError for another source or a delay that is not positive.
 
-    >>> class Late(gt.Optimization):  # x' = u(t - 0.5); until 0.5 s nothing can be done
+    >>> class Late(gt.Optimization):  # x' = u(t - 0.5); the control has no effect before 0.5 s
     ...     x = gt.variable(start=1.0, fixed=True)
     ...     u = gt.input()
     ...     late = gt.delayed(u, 0.5, history=0.0)
@@ -141,21 +142,21 @@ def delayed(source: Any, tau: float, *, history: Any) -> Any:
     if not isinstance(source, Variable) or source.role != "input" or source.shape != ():
         raise ModelError(f"gt.delayed takes a scalar gt.input of the same class; found {source!r}", here())
     if not np.isfinite(tau) or tau <= 0:
-        raise ModelError(f"a delay is positive; found {tau!r} s", here())
+        raise ModelError(f"a delay must be positive; found {tau!r} s", here())
     return Delayed(source, float(tau), history)
 
 
 def misfit(expression: Any, times: Any, measured: Any, *, sigma: Any = None) -> Expr:
-    """Sum of squares of (expression - measured) / sigma over measured instants: the cost of an estimation.
+    """Return the sum of squares of (expression - measured) / sigma over the measured instants: an estimation cost.
 
     Args:
-        expression: scalar or vector (k,) of the model.
+        expression: scalar or vector (k,) expression of the model.
         times: instants (n,) [s] within the horizon.
         measured: values (n,) or (n, k), in the expression's SI unit.
-        sigma: standard deviation of the noise, a number or (k,), in the same unit; None: one unknown number for all
-            measured values, estimated from the residuals. See gt.estimate for the covariance.
+        sigma: standard deviation of the noise, a number or (k,), in the same unit; None: one unknown standard deviation
+            for all measured values, estimated from the residuals. See gt.estimate for the covariance.
 
-    Raises ModelError for shapes that do not fit and numbers that are not finite.
+    Raises ModelError for incompatible shapes and for numbers that are not finite.
 
     >>> class Decay(gt.Optimization):
     ...     rate = gt.free(1.0, min=0.0, unit="1/s")
@@ -169,26 +170,26 @@ def misfit(expression: Any, times: Any, measured: Any, *, sigma: Any = None) -> 
     """
     if not isinstance(expression, Expr) or len(expression.shape) > 1:
         raise ModelError(f"gt.misfit takes a scalar or a vector expression; found {expression!r}", here())
-    at_times = np.asarray(times, float)
+    instants = np.asarray(times, float)
     size = expression.shape[0] if expression.shape else 1
     values = np.asarray(measured, float)
-    if at_times.ndim != 1 or values.shape not in ((len(at_times), *expression.shape), (len(at_times), size)):
+    if instants.ndim != 1 or values.shape not in ((len(instants), *expression.shape), (len(instants), size)):
         raise ModelError(
-            f"gt.misfit takes n instants and a row for each of the expression's shape {expression.shape}; found "
-            f"{at_times.shape} and {values.shape}",
+            f"gt.misfit takes n instants and n rows of the expression's shape {expression.shape}; found "
+            f"{instants.shape} and {values.shape}",
             here(),
         )
-    if not (np.all(np.isfinite(at_times)) and np.all(np.isfinite(values))) or not at_times.size:
-        raise ModelError("gt.misfit takes at least one measured value, and finite ones only", here())
+    if not (np.all(np.isfinite(instants)) and np.all(np.isfinite(values))) or not instants.size:
+        raise ModelError("gt.misfit needs at least one measured value, and all must be finite", here())
     noise = np.ones(()) if sigma is None else np.asarray(sigma, float)
     if noise.shape not in ((), (size,)):
-        raise ModelError(f"sigma is one number, or one for each of {size} measured; found {noise.shape}", here())
+        raise ModelError(f"sigma must be one number, or one for each of {size} columns; found {noise.shape}", here())
     noise = np.broadcast_to(noise, (size,))
     if not np.all((noise > 0) & np.isfinite(noise)):
-        raise ModelError(f"sigma is a standard deviation, positive and finite; found {sigma!r}", here())
-    values = values.reshape(len(at_times), size)
+        raise ModelError(f"sigma is a standard deviation and must be positive and finite; found {sigma!r}", here())
+    values = values.reshape(len(instants), size)
     residuals = [
-        (expression.at(float(t)).sx - ca.DM(row)) / ca.DM(noise) for t, row in zip(at_times, values, strict=True)
+        (expression.at(float(t)).sx - ca.DM(row)) / ca.DM(noise) for t, row in zip(instants, values, strict=True)
     ]
     everything = ca.vertcat(*residuals)
     expression.scope.misfits.append(Misfit(everything, sigma is not None))

@@ -1,4 +1,4 @@
-"""Symbols of one flattening: every scalar variable is a chain x, x', x'', ... made on demand."""
+"""Symbols of one flattened model: every scalar variable is a chain x, x', x'', ..., extended on demand."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """A symbol that stands for an expression at one instant; time None means its integral over the horizon."""
+    """A symbol for the value of an expression at an instant; if time is None, for its integral over the horizon."""
 
     symbol: ca.SX
     expression: ca.SX
@@ -25,7 +25,7 @@ class Instant:
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
-    """Measured residuals in symbols of instants, and whether they are in units of a known standard deviation."""
+    """Residuals of measurements in symbols of instants; known: scaled with a known standard deviation."""
 
     residual: ca.SX
     known: bool
@@ -34,14 +34,14 @@ class Misfit:
 class Scope:
     """Registry of the derivative chains and parameters of one flattened model.
 
-    Symbols belong to the scope, never to the module: two flattenings of one model share nothing.
+    Symbols belong to the scope: two flattenings of the same model share no symbols.
     """
 
     def __init__(self) -> None:
         self.chains: list[list[ca.SX]] = []
         self.names: list[str] = []
         self._owner: dict[int, tuple[int, int]] = {}
-        # answers of symbols_in by element hash, beside the expression: a hash is only good while its expression lives
+        # cache of symbols_in by element hash; it keeps the expression, because a hash is valid only while that exists
         self._symbols: dict[int, tuple[ca.SX, tuple[tuple[int, int], ...]]] = {}
         self.parameters: list[ca.SX] = []
         self.parameter_names: list[str] = []
@@ -49,19 +49,19 @@ class Scope:
         self._time_key = self.time.element_hash()
         self.instants: list[Instant] = []
         self.misfits: list[Misfit] = []
-        # 1 where the condition holds, 0 where it does not; constant between two events
+        # 1 if the condition is true, else 0; constant between two events
         self.modes: list[tuple[ca.SX, Condition]] = []
-        # symbols for values just before an event, with what they are values of
+        # symbols for values just before an event, with their expressions
         self.earlier: list[tuple[ca.SX, ca.SX]] = []
 
     def new_chain(self, name: str) -> ca.SX:
-        """A new scalar variable; returns its symbol of order 0."""
+        """Add a scalar variable; return its symbol of order 0."""
         self.chains.append([])
         self.names.append(name)
         return self.symbol(len(self.chains) - 1, 0)
 
     def symbol(self, index: int, order: int) -> ca.SX:
-        """The symbol of variable `index` differentiated `order` times."""
+        """Return the symbol of derivative `order` of variable `index`."""
         chain = self.chains[index]
         while len(chain) <= order:
             k = len(chain)
@@ -71,31 +71,31 @@ class Scope:
         return chain[order]
 
     def new_parameter(self, name: str) -> ca.SX:
-        """A new scalar parameter symbol: its time derivative is zero."""
+        """Add a scalar parameter; return its symbol, whose time derivative is zero."""
         s = ca.SX.sym(name)
         self.parameters.append(s)
         self.parameter_names.append(name)
         return s
 
     def mode(self, condition: Condition) -> ca.SX:
-        """A symbol that is 1 while a condition holds, else 0: its time derivative is zero."""
+        """Return a symbol that is 1 while a condition is true, else 0; its time derivative is zero."""
         symbol = ca.SX.sym(f"mode{len(self.modes)}")
         self.modes.append((symbol, condition))
         return symbol
 
     def before(self, expression: ca.SX) -> ca.SX:
-        """Symbols for the entries of an expression just before an event."""
+        """Return symbols for the entries of an expression just before an event."""
         entries = [ca.SX.sym(f"pre({x})") for x in ca.vertsplit(ca.vec(ca.densify(expression)))]
         self.earlier += zip(entries, ca.vertsplit(ca.vec(ca.densify(expression))), strict=True)
         return ca.reshape(ca.vertcat(*entries), *expression.shape)
 
     def owner(self, symbol: ca.SX) -> tuple[int, int] | None:
-        """(variable index, derivative order) of a chain symbol; None for parameters and time."""
+        """Return (variable index, derivative order) of a chain symbol; None for parameters and time."""
         return self._owner.get(symbol.element_hash())
 
     def symbols_in(self, expression: ca.SX) -> tuple[tuple[int, int], ...]:
-        """Chain symbols that occur in an expression as sorted (variable index, order) pairs."""
-        if not isinstance(expression, ca.SX):  # vertcat() of nothing is no SX
+        """Return the chain symbols in an expression as sorted (variable index, order) pairs."""
+        if not isinstance(expression, ca.SX):  # vertcat() without arguments is not an SX
             expression = ca.SX(expression)
         if not expression.is_scalar(True):
             return self._search(expression)
@@ -105,7 +105,7 @@ class Scope:
         return self._symbols[key][1]
 
     def symbols_in_each(self, expressions: Sequence[ca.SX]) -> list[tuple[tuple[int, int], ...]]:
-        """`symbols_in` of many scalars: the new ones are searched at once, in little more time than one."""
+        """Return `symbols_in` of many scalars; searching them together takes little longer than searching one."""
         new = {e.element_hash(): e for e in expressions if e.is_scalar(True)}
         new = {key: e for key, e in new.items() if key not in self._symbols}
         if len(new) > 1:
@@ -114,9 +114,9 @@ class Scope:
             owners = [self._owner.get(s.element_hash()) for s in symbols]
             inside: list[list[tuple[int, int]]] = [[] for _ in new]
             if symbols:
-                of_rows = ca.Function("symbols", [ca.vertcat(*symbols)], [column]).jac_sparsity(0, 0)
-                for row, place in zip(*of_rows.get_triplet(), strict=True):
-                    if (pair := owners[place]) is not None:
+                sparsity = ca.Function("symbols", [ca.vertcat(*symbols)], [column]).jac_sparsity(0, 0)
+                for row, number in zip(*sparsity.get_triplet(), strict=True):
+                    if (pair := owners[number]) is not None:
                         inside[row].append(pair)
             for (key, e), pairs in zip(new.items(), inside, strict=True):
                 self._symbols[key] = e, tuple(sorted(pairs))
@@ -127,12 +127,12 @@ class Scope:
         return tuple(sorted(pair for pair in owners if pair is not None))
 
     def derivative(self, expression: ca.SX) -> ca.SX:
-        """Total time derivative of an expression, by the chain rule over all chain symbols in it."""
+        """Return the total time derivative of an expression, from the chain rule for all chain symbols in it."""
         if expression.is_symbolic() and expression.size2() == 1:
-            own = [self.owner(s) for s in ([expression] if expression.numel() == 1 else ca.vertsplit(expression))]
-            following = [self.symbol(pair[0], pair[1] + 1) for pair in own if pair is not None]
-            if len(following) == len(own):
-                return following[0] if len(following) == 1 else ca.vertcat(*following)
+            owners = [self.owner(s) for s in ([expression] if expression.numel() == 1 else ca.vertsplit(expression))]
+            derivatives = [self.symbol(pair[0], pair[1] + 1) for pair in owners if pair is not None]
+            if len(derivatives) == len(owners):
+                return derivatives[0] if len(derivatives) == 1 else ca.vertcat(*derivatives)
         symbols: list[ca.SX] = []
         rates: list[ca.SX] = []
         for s in ca.symvar(expression):
@@ -149,22 +149,22 @@ class Scope:
         return ca.jtimes(expression, ca.vertcat(*symbols), ca.vertcat(*rates))
 
     def value_at(self, expression: ca.SX, time: ca.SX) -> ca.SX:
-        """A symbol for the value of an expression at a constant time.
+        """Return a symbol for the value of an expression at a constant time.
 
-        Raises ModelError for a time that is none, and for a value that stands for one instant already.
+        Raises ModelError for a time that is not constant, and for an expression that holds the value at an instant.
         """
         constant = {p.element_hash() for p in self.parameters}
-        if moving := [s.name() for s in ca.symvar(time) if s.element_hash() not in constant]:
+        if varying := [s.name() for s in ca.symvar(time) if s.element_hash() not in constant]:
             raise ModelError(
                 f".at() takes a constant time: a number [s], self.start_time, self.final_time or an expression of "
-                f"parameters; found one that depends on {', '.join(moving)}",
+                f"parameters; found one that depends on {', '.join(varying)}",
                 here(),
             )
-        along = {self.time.element_hash(), *constant}
-        if any(self.owner(s) is None and s.element_hash() not in along for s in ca.symvar(expression)):
+        allowed = {self.time.element_hash(), *constant}
+        if any(self.owner(s) is None and s.element_hash() not in allowed for s in ca.symvar(expression)):
             raise ModelError(
-                ".at() takes an expression along the path; found one that holds a value at an instant or an integral "
-                "already; take .at() of what stands inside",
+                ".at() takes an expression along the path; found one that already holds a value at an instant or an "
+                "integral; apply .at() to the variables inside",
                 here(),
             )
         symbol = ca.SX.sym(f"at{len(self.instants)}", *expression.shape)
@@ -173,7 +173,7 @@ class Scope:
 
 
 def derivative_name(name: str, order: int) -> str:
-    """`x`, `der(x)`, `der(x,2)`: the name under which a derivative is asked for."""
+    """Return the name of a derivative: `x`, `der(x)`, `der(x,2)`."""
     if order == 0:
         return name
     return f"der({name})" if order == 1 else f"der({name},{order})"

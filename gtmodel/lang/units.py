@@ -1,7 +1,7 @@
-"""SI units: what a declared unit text such as ``"kg.m2/s2"`` means, and conversion at the boundary.
+"""SI units: parsing of unit texts such as ``"kg.m2/s2"``, and conversion at the boundary.
 
-Inside gtmodel every number is in SI. Units with a scale (``mm``, ``deg``, ``ms``) are read here and nowhere
-else: `si_unit` refuses them in declarations, `convert` turns them into SI where data come in or go out.
+Inside gtmodel every number is in SI. Only this module reads scaled units (``mm``, ``deg``, ``ms``): `si_unit`
+refuses them in declarations, `convert` converts input data to SI and output data from SI.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ MAX_SCALE_BITS = 1000  # keeps every scale well inside the range of a double (2*
 
 
 class UnitError(ValueError):
-    """A unit text, or a combination of units, that has no meaning. The message is one plain sentence."""
+    """A unit text, or a combination of units, without a meaning."""
 
 
 class UnknownSymbol(UnitError):
-    """A unit text with a symbol that is none; what was meant is looked for when somebody reads the message."""
+    """A unit text with an unknown symbol; close matches are searched only when the message is read."""
 
     def __init__(self, text: str, symbol: str) -> None:
         super().__init__(text, symbol)
@@ -40,18 +40,18 @@ class UnknownSymbol(UnitError):
             for i in range(1, len(symbol))
             if symbol[:i] in _SYMBOLS and symbol[i:] in _SYMBOLS
         ]
-        hint = "close matches are " + ", ".join(map(repr, close)) if close else "known are " + ", ".join(_SYMBOLS)
-        return f"unit {self._text!r} holds the unknown symbol {symbol!r}; {hint}"
+        hint = "close matches are " + ", ".join(map(repr, close)) if close else "known symbols: " + ", ".join(_SYMBOLS)
+        return f"unit {self._text!r} has the unknown symbol {symbol!r}; {hint}"
 
 
 @dataclass(frozen=True)
 class Dimension:
     """Product of powers of the seven SI base units; immutable and hashable.
 
-    exponents : the powers of (kg, m, s, A, K, mol, cd), seven ints or Fractions; whole ones are kept as ints.
+    exponents : the powers of (kg, m, s, A, K, mol, cd), seven ints or Fractions; integral Fractions become ints.
 
-    An angle has dimension one, and torque and energy share theirs: messages to people should quote the
-    declared text of the unit, not ``str`` of its dimension.
+    An angle has dimension one, and torque and energy have the same dimension. Messages should therefore quote the
+    declared unit text, not ``str`` of its dimension.
 
     Raises UnitError when there are not exactly seven exponents.
     """
@@ -61,7 +61,7 @@ class Dimension:
     def __post_init__(self) -> None:
         exponents = tuple(e if type(e) is int else _rational(e) for e in self.exponents)
         if len(exponents) != len(BASE_SYMBOLS):
-            raise UnitError(f"a dimension got {len(exponents)} exponents; give seven, for {', '.join(BASE_SYMBOLS)}")
+            raise UnitError(f"a dimension needs seven exponents, of {', '.join(BASE_SYMBOLS)}; found {len(exponents)}")
         object.__setattr__(self, "exponents", exponents)
 
     @property
@@ -80,20 +80,20 @@ class Dimension:
         return Dimension(tuple(a - b for a, b in zip(self.exponents, other.exponents, strict=True)))
 
     def __pow__(self, power: int | float | Fraction) -> Dimension:
-        """Rational power. A float is accepted when it is a fraction with denominator up to 64."""
+        """Return a rational power. A float must equal a fraction with a denominator up to 64."""
         exact = _rational(power)
         return Dimension(tuple(a * exact for a in self.exponents))
 
     def __str__(self) -> str:
-        """The derived name (``"N"``) when there is one, else base units such as ``"kg.m/s"``.
+        """Return the derived unit (``"N"``) if there is one, else base units such as ``"kg.m/s"``.
 
-        1/s is written so, never ``"Hz"``: it may as well be an angular velocity. `parse_unit` reads it back.
+        1/s never becomes ``"Hz"``: it may be an angular velocity. `parse_unit` reads the text back.
         """
         return _DERIVED_NAME.get(self) or _base_text(self)
 
 
 def _rational(power: int | float | Fraction) -> int | Fraction:
-    """The exact power, an int where it is whole; raises UnitError for a float that is no simple fraction."""
+    """Return the exact power, as an int if possible; raises UnitError for a float that is not a simple fraction."""
     if type(power) is int:
         return power
     exact = None
@@ -104,22 +104,22 @@ def _rational(power: int | float | Fraction) -> int | Fraction:
     if exact is not None and (exact == power or float(exact) == power):
         return int(exact) if exact.denominator == 1 else exact
     raise UnitError(
-        f"a dimension was raised to the power {power!r}; expected an integer or a fraction with a "
+        f"a dimension is raised to the power {power!r}; expected an integer or a fraction with a "
         f"denominator up to {MAX_DENOMINATOR}, for example fractions.Fraction(1, 3)"
     )
 
 
 def _base_text(dimension: Dimension) -> str:
-    above, below = [], []
+    numerator, denominator = [], []
     for symbol, exponent in zip(BASE_SYMBOLS, dimension.exponents, strict=True):
         if exponent:
             size = Fraction(abs(exponent))
             power = "" if size == 1 else str(size) if size.denominator == 1 else f"^({size})"
-            (above if exponent > 0 else below).append(symbol + power)
-    text = ".".join(above) or "1"
-    if not below:
+            (numerator if exponent > 0 else denominator).append(symbol + power)
+    text = ".".join(numerator) or "1"
+    if not denominator:
         return text
-    return f"{text}/{below[0]}" if len(below) == 1 else f"{text}/({'.'.join(below)})"
+    return f"{text}/{denominator[0]}" if len(denominator) == 1 else f"{text}/({'.'.join(denominator)})"
 
 
 DIMENSIONLESS = Dimension()
@@ -130,7 +130,7 @@ _BASE = {
 
 @dataclass(frozen=True)
 class _ScaledSymbol:
-    """A symbol that is not SI: 1 symbol = factor * pi**pi_power of ``si``; ``noun`` is for the message."""
+    """A scaled symbol: 1 symbol = factor * pi**pi_power of ``si``; ``noun`` is for messages."""
 
     si: str
     factor: Fraction
@@ -138,7 +138,7 @@ class _ScaledSymbol:
     pi_power: int = 0
 
 
-# Coherent SI names, each as a product of names above it. The order decides the canonical name of a dimension.
+# Derived SI units, each a product of those above it. The order decides the canonical name of a dimension.
 _DERIVED = {
     "N": "kg.m/s2",
     "Pa": "N/m2",
@@ -184,14 +184,14 @@ _RADIAN_SYMBOLS = {"rad", "deg", "urad", "rpm"}
 
 @dataclass(frozen=True)
 class ParsedUnit:
-    """What `parse_unit` read.
+    """The result of `parse_unit`.
 
-    text      : the text as written, stripped; ``"1"`` when it was empty.
+    text      : the text as written, stripped; ``"1"`` if it was empty.
     dimension : its `Dimension`.
     factor    : exact rational part of the scale.
     pi_power  : power of pi in the scale (1 for ``deg`` and ``rpm``).
 
-    Two texts with one meaning ("J", "N.m") are two Units: compare ``dimension`` and ``scale``.
+    Two texts with the same meaning ("J", "N.m") are not equal: compare ``dimension`` and ``scale``.
     """
 
     text: str
@@ -206,7 +206,7 @@ class ParsedUnit:
 
     @property
     def is_si(self) -> bool:
-        """True when the scale is exactly one."""
+        """True if the scale is exactly one."""
         return self.factor == 1 and self.pi_power == 0
 
     @property
@@ -240,7 +240,7 @@ _POWER = re.compile(r"\^?(?P<whole>-?[0-9]+)|\^\((?P<above>-?[0-9]+)(?:/(?P<belo
 
 
 class _Reader:
-    """Recursive descent over one text.
+    """Recursive descent parser of a unit text.
 
     product = factor {("." | "*" | " " | "/") factor}, factor = (symbol | "1" | "(" product ")") [power].
     """
@@ -270,8 +270,8 @@ class _Reader:
                 value, divided = value * self.power(self.factor(), -1), True
             elif divided:
                 raise UnitError(
-                    f"unit {self.text!r} has a product after '/', which can be read in two ways; put the "
-                    "denominator in parentheses, as in 'J/(kg.K)', or the product first, as in 'J.K/kg'"
+                    f"unit {self.text!r} has a product after '/', which is ambiguous; put the denominator in "
+                    "parentheses, as in 'J/(kg.K)', or the product first, as in 'J.K/kg'"
                 )
             else:
                 value = value * self.factor()
@@ -284,8 +284,8 @@ class _Reader:
         elif match := _NUMBER.match(self.text, self.at):
             if match.group() != "1":
                 raise UnitError(
-                    f"unit {self.text!r} holds the number {match.group()}; the only number that may stand "
-                    "alone is 1, as in '1/s': put factors into the value"
+                    f"unit {self.text!r} has the factor {match.group()}; the only number allowed is 1, as in '1/s': "
+                    "put the factor into the value"
                 )
             self.at = match.end()
             return _Value(DIMENSIONLESS)
@@ -319,7 +319,7 @@ class _Reader:
             whole = int(power)
             return _Value(value.dimension**power, value.factor**whole, value.pi_power * whole)
         if value.factor != 1 or value.pi_power:
-            raise UnitError(f"unit {self.text!r} takes a root of a scaled unit; write it with SI units instead")
+            raise UnitError(f"unit {self.text!r} has a root of a scaled unit; use SI units instead")
         return _Value(value.dimension**power)
 
     def skip_spaces(self) -> bool:
@@ -362,18 +362,18 @@ def _parse(text: str) -> ParsedUnit:
 
 
 def parse_unit(text: str) -> ParsedUnit:
-    """Read a unit text, SI or scaled.
+    """Parse a unit text, SI or scaled.
 
-    Symbols: kg m s A K mol cd rad, N Pa J W V Ohm S F H Hz C Wb T, and with a scale um mm km us ms min g deg
-    rpm kN MN kPa MPa GPa bar kHz kW mA mV mH uF kOhm. Products by ".", "*" or a space, quotients by "/", powers
-    "m2", "m^2", "s-1", "m^(1/2)", parentheses. "" and "1" are dimensionless. A product after "/" is refused
-    as ambiguous.
+    Symbols: kg m s A K mol cd rad, N Pa J W V Ohm S F H Hz C Wb T, and with a scale um mm km ns us ms min g deg
+    urad rpm kN MN kPa MPa GPa bar kHz kW mA mV mH uF kOhm. Products are written with ".", "*" or a space, quotients
+    with "/", powers as "m2", "m^2", "s-1" or "m^(1/2)"; parentheses are allowed. "" and "1" are dimensionless. A
+    product after "/" is refused as ambiguous.
 
-    Raises UnitError when the text is no string, a symbol is unknown (with close matches), or it cannot be
-    read; the message says where.
+    Raises UnitError if the text is not a string, has an unknown symbol (with close matches), or has a syntax error
+    (with its position).
     """
     if not isinstance(text, str):
-        raise UnitError(f"a unit is {text!r} of type {type(text).__name__}; expected a text such as 'm' or 'N.m/rad'")
+        raise UnitError(f"unit {text!r} is of type {type(text).__name__}; expected a string such as 'm' or 'N.m/rad'")
     text = text.strip()
     if len(text) > MAX_TEXT_LENGTH:
         raise UnitError(f"a unit text has {len(text)} characters; expected at most {MAX_TEXT_LENGTH}")
@@ -381,9 +381,9 @@ def parse_unit(text: str) -> ParsedUnit:
 
 
 def si_unit(text: str) -> ParsedUnit:
-    """Read a unit text that must be SI, as declarations of the language do.
+    """Parse a unit text that must be SI, as in declarations.
 
-    Raises UnitError as `parse_unit` does, and when the scale is not one, naming the SI unit to use instead.
+    Raises UnitError as `parse_unit` does, and for a scaled unit, naming the SI unit to use instead.
     """
     unit = parse_unit(text)
     if not unit.is_si:
@@ -396,7 +396,7 @@ def si_unit(text: str) -> ParsedUnit:
 
 
 def rate_unit(unit: str, order: int = 1) -> str:
-    """Unit of a quantity's time derivative: "m" -> "m/s2" at order 2, "m/s" -> "m/s2" at order 1."""
+    """Return the unit of a quantity's time derivative: "m" -> "m/s2" at order 2, "m/s" -> "m/s2" at order 1."""
     if (rate := re.fullmatch(r"([^/]+)/s(\d*)", unit)) is not None:
         unit, order = rate[1], order + int(rate[2] or 1)
     per = "s" if order == 1 else f"s{order}"
@@ -404,20 +404,20 @@ def rate_unit(unit: str, order: int = 1) -> str:
 
 
 def convert(value: Any, from_unit: str, to_unit: str) -> Any:
-    """The same quantity in another unit: ``convert(250.0, "mm", "m")`` is 0.25.
+    """Convert a quantity to another unit: ``convert(250.0, "mm", "m")`` is 0.25.
 
     value : number or array (any shape), in `from_unit`; the result has its shape, in `to_unit`. Decimal
-    scales are applied by one exact factor or divisor, so 9 ms is 0.009 s and not 0.009000000000000001 s.
+    scales are applied as one exact factor or divisor, so 9 ms is 0.009 s and not 0.009000000000000001 s.
 
-    Raises UnitError when the dimensions differ, and between what counts cycles and what measures angle (rad/s, deg/s,
-    rpm): the factor 2 pi between them is not a matter of units. Hz counts cycles, and so does a frequency that names no
-    angle: 1/min is 1/60 Hz. Only 1/s is rad/s as well, as in SI, but never revolutions.
+    Raises UnitError if the dimensions differ, and for a conversion between a unit of cycles and a unit of angle (rad/s,
+    deg/s, rpm): the factor 2 pi must be explicit. Hz counts cycles, and so does a frequency without an angle: 1/min is
+    1/60 Hz. 1/s alone also means rad/s, as in SI, but never revolutions.
     """
     source, target = parse_unit(from_unit), parse_unit(to_unit)
     if source.dimension != target.dimension:
         raise UnitError(
             f"unit {source.text!r} has dimension {source.dimension} and {target.text!r} has "
-            f"{target.dimension}; convert between units of one dimension only"
+            f"{target.dimension}; units can be converted only within one dimension"
         )
     for cycles, angle in ((source, target), (target, source)):
         if _counts_cycles(cycles, angle) and _holds(angle, _RADIAN_SYMBOLS) and not _holds(angle, {"Hz"}):

@@ -167,5 +167,5 @@ class TestConflicts:
             yield self.x == self.y
             yield self.y == self.x
 
-        with pytest.raises(gt.ModelError, match=r"'Made equation 2' repeats .*\(compiler/test_alias\.py:\d+\)"):
+        with pytest.raises(gt.ModelError, match=r"'Made equation 2' is redundant: .*\(compiler/test_alias\.py:\d+\)"):
             made(scalars("x", "y"), equations).causal((), "x")

@@ -218,8 +218,8 @@ class TestNewton:
         p = np.tile(f.flat.p0[:, None], len(self.u))
         said = f.casadi_parametric.map(len(self.u))(self.u[None], p)[2]
         np.testing.assert_array_equal(np.asarray(said).ravel(), wanted)
-        assert f"right = {side:+d} is wanted" in f.diagnose(-0.7 * side)
-        assert f"Newton's answers lie on branches: right = {side:+d}" in f.explain()
+        assert f"branch right = {side:+d} is selected" in f.diagnose(-0.7 * side)
+        assert f"branches of Newton's solutions: right = {side:+d}" in f.explain()
 
     @pytest.mark.parametrize("side", [1, -1])
     def test_a_guess_does_not_lead_off_it(self, side):

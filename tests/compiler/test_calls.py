@@ -121,9 +121,9 @@ class TestWrongArguments:
         [
             ((), r"q_from_T takes 1 argument \(T\); found 0"),
             ((T, T), r"takes 1 argument \(T\); found 2"),
-            (([1.0, 2.0],), r"'T' takes shape \(3,\) or \(n, ...\); found \(2,\)"),
-            ((np.zeros((4, 2)),), r"'T' takes shape \(3,\) or \(n, ...\); found \(4, 2\)"),
-            ((1.0,), r"'T' takes shape \(3,\) or \(n, ...\); found \(\)"),
+            (([1.0, 2.0],), r"'T' must have shape \(3,\) or \(n, ...\); found \(2,\)"),
+            ((np.zeros((4, 2)),), r"'T' must have shape \(3,\) or \(n, ...\); found \(4, 2\)"),
+            ((1.0,), r"'T' must have shape \(3,\) or \(n, ...\); found \(\)"),
         ],
     )
     def test_number_and_shape(self, arguments, sentence):
@@ -136,7 +136,7 @@ class TestWrongArguments:
 
     def test_rows_must_agree(self):
         f = RODS.causal("T", "der(q)")
-        with pytest.raises(TypeError, match=r"'der\(T\)' has 3 rows, another argument 2"):
+        with pytest.raises(TypeError, match=r"'der\(T\)' has 3 rows, another argument has 2"):
             f(np.zeros((2, 3)), np.zeros((3, 3)))
 
     def test_a_misspelt_keyword(self):
@@ -146,7 +146,7 @@ class TestWrongArguments:
     @pytest.mark.parametrize(
         "known, targets, sentence",
         [
-            ("T", (), "no target is given; name at least one variable to compute"),
+            ("T", (), "there is no target; name at least one variable to compute"),
             ("T", "rod[0].tensoin", r"no variable 'rod\[0\]\.tensoin'; did you mean 'rod\[0\]\.tension' or"),
             ("X", "q", "no variable 'X'; top-level names are q, T, tau"),
             ("der(T)", "q", r"'der\(T\)' cannot be known without"),

@@ -217,7 +217,9 @@ class TestRefusals:
             yield gt.connect(self.r.p, self.m.flange)
 
         body = {"r": gt.part(Resistor, R=1.0), "m": gt.part(Mechanical)}
-        assert "'r.p' is a Pin and 'm.flange' a Flange: only ports of one connector" in self.refused(body, equations)
+        assert "'r.p' is a Pin and 'm.flange' is a Flange: only ports of the same connector" in self.refused(
+            body, equations
+        )
 
     def test_something_that_is_no_port(self):
         def equations(self):
@@ -244,7 +246,7 @@ class TestRefusals:
             yield gt.connect(self.load.a.p, self.g.p)
 
         body = {"load": gt.part(Parallel), "g": gt.part(Ground)}
-        assert "port 'load.a.p' is neither a port of 'Refused' nor of one of its parts" in self.refused(body, equations)
+        assert "port 'load.a.p' belongs neither to 'Refused' nor to one of its parts" in self.refused(body, equations)
 
     def test_flow_without_a_connector_of_its_own(self):
         # the law of a component refers to its own ports only; a typing error in a name is told with its line

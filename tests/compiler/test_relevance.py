@@ -34,7 +34,7 @@ def test_forces_that_nobody_gave_do_not_stand_in_the_way_of_kinematics():
     assert status is gt.Status.OK
     assert (y, acceleration) == (0.6, 3.0)
     assert c == pytest.approx(-0.28, abs=1e-15)
-    assert "not determined by what is known, and not needed: F, G" in f.explain()
+    assert "not determined by the known variables, and not needed: F, G" in f.explain()
 
 
 def test_a_target_among_them_is_refused_by_name():

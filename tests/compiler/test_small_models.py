@@ -161,7 +161,7 @@ class TestFourBar:
     def test_the_branches_are_told_apart_by_the_declared_name(self):
         f = FOUR_BAR.causal("theta", "C")
         assert [r.settled_by for b in f.plan.blocks for r in b.roots] == ["open"]
-        assert "by branch 'open'" in f.explain()
+        assert "from branch 'open'" in f.explain()
         assert "sphere pencil" in f.explain()
 
 

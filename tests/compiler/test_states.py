@@ -118,7 +118,7 @@ class TestRedundancy:
         with pytest.raises(gt.ModelError) as error:
             FourRods(home=home).causal("tau", "der(T,2)")
         sentence = str(error.value)
-        assert "19 equations of rank 18 in stage -2 (positions)" in sentence
+        assert "19 equations have rank 18 in stage -2 (positions)" in sentence
         assert "redundant or contradict each other" in sentence
         for culprit in ("rod[2] equation 1 (mechanics/rod.py:", "fourth equation 1 (mechanics/rod.py:"):
             assert culprit in sentence
@@ -153,13 +153,15 @@ class TestRedundancy:
 
         with pytest.raises(gt.ModelError) as error:
             Hidden().causal(["u", "w"], ["x", "y"])
-        assert error.match(r"2 equations of rank 1 .*undetermined \(singular\): Hidden equation 1 .*Hidden equation 2")
+        assert error.match(
+            r"2 equations have rank 1 .*undetermined \(singular\): Hidden equation 1 .*Hidden equation 2"
+        )
 
     @pytest.mark.parametrize("angle", [0.3, 1.0, 2.0])
     def test_a_platform_on_three_parallel_rods(self, angle):
         # the rods are redundant in the platform's upright position only, which they enforce themselves
         model = Platform(T=dict(start=[np.cos(angle), np.sin(angle)]))
-        with pytest.raises(gt.ModelError, match=r"4 equations of rank 3 in stage -2 \(positions\)"):
+        with pytest.raises(gt.ModelError, match=r"4 equations have rank 3 in stage -2 \(positions\)"):
             model.causal((), ["T", "c", "s"])
 
     def test_poor_geometry_is_not_redundancy(self):
@@ -186,5 +188,5 @@ class TestRedundancy:
                 yield from super().equations()
                 yield (self.x / self.L) ** 2 + (self.y / self.L) ** 2 == 1
 
-        with pytest.raises(gt.ModelError, match=r"2 equations of rank 1 in stage -2 \(positions\)"):
+        with pytest.raises(gt.ModelError, match=r"2 equations have rank 1 in stage -2 \(positions\)"):
             Doubled().causal((), "tension")

@@ -153,7 +153,7 @@ class TestNotSquare:
             def equations(self):
                 yield self.x == 1
 
-        with pytest.raises(gt.ModelError, match="'z' is given as known, but no equation uses it"):
+        with pytest.raises(gt.ModelError, match="'z' is known, but no equation uses it"):
             Spare().causal("z", "x")
 
     def test_a_known_that_only_aliases_use_is_used(self):

@@ -60,7 +60,7 @@ def test_a_name_is_declared_once_and_is_a_name() -> None:
     m = oscillator()
     with pytest.raises(gt.ModelError, match="'x' is declared twice in oscillator"):
         m.variable("x", unit="m")
-    with pytest.raises(gt.ModelError, match="'2x' is no name"):
+    with pytest.raises(gt.ModelError, match="'2x' is not a valid name"):
         m.variable("2x")
     with pytest.raises(gt.ModelError, match="takes a model such as"):
         m.part("p", gt.mechanics.PointMass)

@@ -104,7 +104,7 @@ class TestRefused:
             Curve(at=[0.0, 1.0, 2.0], values=np.zeros((3, 2)))
 
     def test_no_value(self):
-        with pytest.raises(gt.ModelError, match=r"parameter 'values' of shape \(n, 3\) has no value; give one"):
+        with pytest.raises(gt.ModelError, match=r"parameter 'values' of shape \(n, 3\) has no value; set it"):
             Curve(at=[0.0, 1.0]).causal("x", "linear")
 
     def test_lengths_that_differ(self):
@@ -114,13 +114,13 @@ class TestRefused:
     @pytest.mark.parametrize(
         ("call", "sentence"),
         [
-            (lambda m: gt.interpolate(m.t, m.at, m.values), "x is in s, its abscissae are in m"),
-            (lambda m: gt.interpolate(m.x, [0.0, 0.0], [1.0, 2.0]), "abscissae that increase"),
+            (lambda m: gt.interpolate(m.t, m.at, m.values), "x is in s, the abscissae are in m"),
+            (lambda m: gt.interpolate(m.x, [0.0, 0.0], [1.0, 2.0]), "strictly increasing abscissae"),
             (lambda m: gt.interpolate(m.x, [0.0], [1.0]), "n >= 2 abscissae"),
             (lambda m: gt.interpolate(m.x, m.at, m.values, "quintic"), "'linear' or 'cubic'"),
             (lambda m: gt.interpolate(m.x, m.at, m.values, derivative=2), "derivative 0 or 1"),
             (lambda m: gt.interpolate(1.0, [0.0, 1.0], [1.0, 2.0]), "at least one expression"),
-            (lambda m: m.y == gt.interpolate(m.x, m.at, m.values)[0], "units do not fit"),
+            (lambda m: m.y == gt.interpolate(m.x, m.at, m.values)[0], "units differ"),
         ],
     )
     def test_in_the_equation(self, call, sentence):
@@ -135,7 +135,7 @@ class TestRefused:
             Wrong(at=AT, values=VALUES).causal("x", "y")
 
     def test_a_variable_of_open_length(self):
-        with pytest.raises(gt.ModelError, match=r"a variable takes a shape of whole numbers; found \(None, 3\)"):
+        with pytest.raises(gt.ModelError, match=r"the shape of a variable must consist of integers; found \(None, 3\)"):
             gt.variable((None, 3), unit="m")
 
 

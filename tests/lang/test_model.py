@@ -370,8 +370,8 @@ class TestRefusals:
             (lambda: Gain(k=[1.0, 2.0]), r"parameter 'k' has shape \(\); found a value of shape \(2,\)"),
             (lambda: Gain(k=np.inf), "parameter 'k' must be finite"),
             (lambda: Gain(k="three"), r"parameter 'k' takes a number; found 'three'"),
-            (lambda: Gain(y=3.0), "'y' is a variable: a modifier is a dictionary with keys of nominal, min"),
-            (lambda: Gain(y=dict(begin=3.0)), "'y' is a variable: a modifier is a dictionary"),
+            (lambda: Gain(y=3.0), "'y' is a variable: its modifier must be a dictionary with keys from nominal, min"),
+            (lambda: Gain(y=dict(begin=3.0)), "'y' is a variable: its modifier must be a dictionary"),
             (lambda: PointMass(frame=1.0), "'frame' of PointMass is a port and takes no modifier"),
             (lambda: PointMass(world=World()), "'world' of PointMass is an outer reference and takes no modifier"),
             (lambda: Gain().with_(kk=1.0), "Gain has no declaration 'kk'"),
@@ -407,7 +407,7 @@ class TestRefusals:
             c = gt.parameter(1.0, unit="m")
             gain = gt.part(Gain, k=c)
 
-        with pytest.raises(gt.ModelError, match=r"units do not fit: parameter 'gain\.k' is in 1, bound to m"):
+        with pytest.raises(gt.ModelError, match=r"units differ: parameter 'gain\.k' is in 1, its expression is in m"):
             value(Top(), "gain.y")
 
     @pytest.mark.parametrize("c", [-2.0, 0.0])
@@ -433,8 +433,8 @@ class TestRefusals:
     @pytest.mark.parametrize(
         "body, sentence",
         [
-            (dict(equations=gt.variable(unit="m")), "'equations' is a method of every model"),
-            (dict(_x=gt.variable(unit="m")), "may not start with an underscore"),
+            (dict(equations=gt.variable(unit="m")), "'equations' is an attribute of every model"),
+            (dict(_x=gt.variable(unit="m")), "must not start with an underscore"),
         ],
     )
     def test_names(self, body, sentence):
@@ -446,7 +446,7 @@ class TestRefusals:
             gt.variable(unit="mm")
 
     def test_nominal_is_a_magnitude(self):
-        with pytest.raises(gt.ModelError, match="a nominal is a magnitude and must be positive; found -1"):
+        with pytest.raises(gt.ModelError, match="nominal is a magnitude and must be positive; found -1"):
             gt.variable(unit="m", nominal=-1.0)
 
     def test_min_above_max(self):

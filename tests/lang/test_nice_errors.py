@@ -124,30 +124,30 @@ WITH_K = {"k": gt.parameter(2.0, unit="1"), **ONE}
 
 # (declarations, equations, sentence): the sentence is a regular expression for everything before the location
 SENTENCES = [
-    (ONE, yields_true, r"Wrong\.equations\(\) yielded True, which is no equation; expected 'a == b' on expressions of "
-     r"the model, gt\.connect, gt\.branch or gt\.when"),
-    (ONE, forgets_to_yield, r"nothing takes what this '==' says; write yield in front of it, or hand it to add\(\) of "
-     r"a Builder"),
-    (ONE, returns_nothing, r"equations\(\) of Wrong returned nothing; expected 'yield' in front of each equation"),
-    (ONE, returns_one, r"equations\(\) of Wrong returned one relation; expected 'yield' in front of each equation"),
-    (TWO, is_trivial, r"an equation of 'the model' is always true; remove it or mend it"),
-    (WITH_K, has_no_variable, r"an equation of 'the model' is without any variable \(it says \(k-2\) == 0\); "
-     r"remove it or mend it"),
-    (ONE, is_an_inequality, r"'<=' is no equation; put inequalities into constraints\(\)"),
-    (VECTORS, has_other_shapes, r"shapes \(2,\) and \(3,\) do not fit in '=='; expected equal shapes"),
-    (VECTORS, has_a_number_for_a_vector, r"shapes \(2,\) and \(\) do not fit in '=='; expected equal shapes"),
-    (LENGTH_AND_FORCE, has_other_units, r"units do not fit in '==': left is m, right is N; a bare number in a "
+    (ONE, yields_true, r"Wrong\.equations\(\) yielded True, which is not an equation; expected 'a == b' with "
+     r"expressions of the model, gt\.connect, gt\.branch or gt\.when"),
+    (ONE, forgets_to_yield, r"the result of this '==' is discarded; write yield in front of it, or pass it to "
+     r"Builder\.add\(\)"),
+    (ONE, returns_nothing, r"equations\(\) of Wrong returned nothing; write 'yield' in front of each equation"),
+    (ONE, returns_one, r"equations\(\) of Wrong returned one relation; write 'yield' in front of each equation"),
+    (TWO, is_trivial, r"an equation of 'the model' is always true; remove or correct it"),
+    (WITH_K, has_no_variable, r"an equation of 'the model' has no variable \(\(k-2\) == 0\); "
+     r"remove or correct it"),
+    (ONE, is_an_inequality, r"a relation with '<=' is not an equation; put inequalities into constraints\(\)"),
+    (VECTORS, has_other_shapes, r"shapes \(2,\) and \(3,\) differ in '=='; expected equal shapes"),
+    (VECTORS, has_a_number_for_a_vector, r"shapes \(2,\) and \(\) differ in '=='; expected equal shapes"),
+    (LENGTH_AND_FORCE, has_other_units, r"units differ in '==': left is m, right is N; a plain number in a "
      r"product has no unit: declare it as a parameter with its unit"),
-    (LENGTH_AND_FORCE, has_other_units_inside, r"units do not fit in '\+': left is m, right is N; .*"),
-    (LENGTH_AND_FORCE, has_a_bare_number_with_a_unit, r"units do not fit in '==': left is N, right is m; a bare "
+    (LENGTH_AND_FORCE, has_other_units_inside, r"units differ in '\+': left is m, right is N; .*"),
+    (LENGTH_AND_FORCE, has_a_bare_number_with_a_unit, r"units differ in '==': left is N, right is m; a plain "
      r"number in a product has no unit: declare it as a parameter with its unit"),
-    (ONE, has_a_chain, r"an equation or inequality \('>='\) has no truth value while a model is being built; expected "
-     r"it to be yielded; for a <= x <= b use gt\.between\(a, x, b\), in place of if gt\.If, gt\.branch or .*"),
-    (ONE, asks_for_truth, r"an equation or inequality \('=='\) has no truth value while a model is being built; .*"),
+    (ONE, has_a_chain, r"an equation or inequality \('>='\) has no truth value while a model is being built: yield "
+     r"it\. Instead of a <= x <= b write gt\.between\(a, x, b\); instead of if use gt\.If, gt\.branch or .*"),
+    (ONE, asks_for_truth, r"an equation or inequality \('=='\) has no truth value while a model is being built: .*"),
     (ONE, assigns, r"models are immutable: 'x' cannot be assigned; .*"),
     (TWO, connects_a_variable, r"connect\(\) takes ports; found Expr"),
     (LENGTH_AND_FORCE, has_an_angle_in_metres, r"sin\(\) takes a dimensionless number or radians; found m"),
-    (TWO, says_it_twice, r"'Wrong equation 2' repeats what connections and equal names already say; remove it"),
+    (TWO, says_it_twice, r"'Wrong equation 2' is redundant: it follows from connections and other .*; remove it"),
 ]  # fmt: skip
 
 
@@ -202,9 +202,7 @@ class TestWholeSystems:
     """Errors of the system as a whole name its title, its sizes and the next thing to try."""
 
     def test_missing_value(self):
-        sentence = (
-            rf"parameter 'L' of Rod has no value; give it one \(lang/test_nice_errors\.py:{line_of(Rod, 'L = gt')}\)"
-        )
+        sentence = rf"parameter 'L' of Rod has no value; set it \(lang/test_nice_errors\.py:{line_of(Rod, 'L = gt')}\)"
         with pytest.raises(gt.ModelError, match=f"^{sentence}$"):
             Rod().causal((), "length")
 
@@ -251,7 +249,7 @@ class TestWholeSystems:
 
         rate = {"rate": gt.input(unit="1/s")}
         here = rf"\(lang/test_nice_errors\.py:{line_of(type(self).test_conflicting_fixed_starts, 'declared =')}\)"
-        sentence = rf"'y' starts at 2 {here} and 'x' at 1 {here}, but they are the same quantity; give one of them"
+        sentence = rf"'y' starts at 2 {here} and 'x' at 1 {here}, but they are the same quantity; set only one of them"
         with pytest.raises(gt.ModelError, match=f"^{sentence}$"):
             model({**declared, **rate}, equations).causal("rate", "x")
 
@@ -334,10 +332,10 @@ class TestParameters:
     @pytest.mark.parametrize(
         "attributes, words",
         [
-            (dict(kind="rotate", shape=(3, 3)), "kinds of parameters are rotation, unit, .*; found 'rotate'"),
-            (dict(kind="rotation", shape=3), r"kind 'rotation' has shape \(3, 3\); found \(3,\)"),
-            (dict(kind="semidefinite", shape=(2, 3)), r"kind 'semidefinite' has shape \(n, n\); found \(2, 3\)"),
-            (dict(kind="unit"), r"kind 'unit' has shape rows; found \(\)"),
+            (dict(kind="rotate", shape=(3, 3)), "kind must be one of rotation, unit, .*; found 'rotate'"),
+            (dict(kind="rotation", shape=3), r"kind 'rotation' must have shape \(3, 3\); found \(3,\)"),
+            (dict(kind="semidefinite", shape=(2, 3)), r"kind 'semidefinite' must have shape \(n, n\); found \(2, 3\)"),
+            (dict(kind="unit"), r"kind 'unit' must have shape rows; found \(\)"),
         ],
     )
     def test_a_kind_of_value_that_does_not_fit(self, attributes, words):
@@ -373,7 +371,5 @@ class TestParameters:
         class Fit(gt.Model):
             k = gt.free(1.0)
 
-        with pytest.raises(
-            gt.ModelError, match="'k' of Fit is free, for the optimisation to choose, and takes no modif"
-        ):
+        with pytest.raises(gt.ModelError, match="'k' of Fit is chosen by the optimisation and takes no modif"):
             Fit(k=2.0)

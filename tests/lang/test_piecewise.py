@@ -31,8 +31,8 @@ def test_values_and_derivatives():
     [
         (lambda m: (1.0, CURVE.x, CURVE.c), "takes a scalar expression"),
         (lambda m: (m.y, CURVE.x, CURVE.c), "takes a scalar expression"),
-        (lambda m: (m.x, CURVE.x[::-1], CURVE.c), "takes breaks that increase"),
-        (lambda m: (m.x, CURVE.x[:-1], CURVE.c), r"takes coefficients \(order \+ 1, 2\)"),
+        (lambda m: (m.x, CURVE.x[::-1], CURVE.c), "strictly increasing breaks"),
+        (lambda m: (m.x, CURVE.x[:-1], CURVE.c), r"takes coefficients of shape \(order \+ 1, 2\)"),
     ],
 )
 def test_wrong_arguments(arguments, words):

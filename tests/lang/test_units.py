@@ -232,24 +232,24 @@ GRAMMAR = "expected symbols joined by '.', '*', a space or '/', with powers such
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("kgg.m", "unit 'kgg.m' holds the unknown symbol 'kgg'; close matches are 'kg', 'g', 'kg.g'"),
-        ("ohm", "unit 'ohm' holds the unknown symbol 'ohm'; close matches are 'Ohm', 'kOhm', 'm'"),
-        ("Nm", "unit 'Nm' holds the unknown symbol 'Nm'; close matches are 'm', 'N', 'um', 'N.m'"),
+        ("kgg.m", "unit 'kgg.m' has the unknown symbol 'kgg'; close matches are 'kg', 'g', 'kg.g'"),
+        ("ohm", "unit 'ohm' has the unknown symbol 'ohm'; close matches are 'Ohm', 'kOhm', 'm'"),
+        ("Nm", "unit 'Nm' has the unknown symbol 'Nm'; close matches are 'm', 'N', 'um', 'N.m'"),
         (
             "parsec",
-            "unit 'parsec' holds the unknown symbol 'parsec'; known are kg, m, s, A, K, mol, cd, rad, N, "
+            "unit 'parsec' has the unknown symbol 'parsec'; known symbols: kg, m, s, A, K, mol, cd, rad, N, "
             "Pa, J, W, C, V, Ohm, S, F, Wb, H, T, Hz, um, mm, km, ns, us, ms, min, g, deg, urad, rpm, kN, MN, kPa, "
             "MPa, GPa, bar, kHz, kW, mA, mV, mH, uF, kOhm",
         ),
         (
             "J/kg.K",
-            "unit 'J/kg.K' has a product after '/', which can be read in two ways; put the denominator in "
+            "unit 'J/kg.K' has a product after '/', which is ambiguous; put the denominator in "
             "parentheses, as in 'J/(kg.K)', or the product first, as in 'J.K/kg'",
         ),
         (
             "1000.m",
-            "unit '1000.m' holds the number 1000; the only number that may stand alone is 1, as in '1/s': "
-            "put factors into the value",
+            "unit '1000.m' has the factor 1000; the only number allowed is 1, as in '1/s': "
+            "put the factor into the value",
         ),
         ("(m/s", "unit '(m/s' has a '(' that is never closed; add the missing ')'"),
         ("m/", "unit 'm/' ends where a symbol was expected; complete or remove the last operator"),
@@ -259,13 +259,13 @@ GRAMMAR = "expected symbols joined by '.', '*', a space or '/', with powers such
         ("m^x", f"unit 'm^x' has an unexpected '^' at character 2; {GRAMMAR}"),
         ("/s", f"unit '/s' has an unexpected '/' at character 1; {GRAMMAR}"),
         ("m^(1/0)", "unit 'm^(1/0)' has a power with denominator 0; write a fraction such as '^(1/2)'"),
-        ("mm^(1/2)", "unit 'mm^(1/2)' takes a root of a scaled unit; write it with SI units instead"),
+        ("mm^(1/2)", "unit 'mm^(1/2)' has a root of a scaled unit; use SI units instead"),
         ("mm999", "unit 'mm999' has a scale outside the range of a double; use smaller powers"),
         ("(mm^99)^99", "unit '(mm^99)^99' has a scale outside the range of a double; use smaller powers"),
         ("mm-99.mm-99", "unit 'mm-99.mm-99' has a scale outside the range of a double; use smaller powers"),
         ("deg900", "unit 'deg900' has a scale outside the range of a double; use smaller powers"),
         ("(" * 101, "a unit text has 101 characters; expected at most 100"),
-        (None, "a unit is None of type NoneType; expected a text such as 'm' or 'N.m/rad'"),
+        (None, "unit None is of type NoneType; expected a string such as 'm' or 'N.m/rad'"),
     ],
 )
 def test_error_sentences(text: str, sentence: str) -> None:
@@ -322,7 +322,7 @@ def test_declarations_must_be_si(text: str, sentence: str) -> None:
         (
             "mm",
             "s",
-            "unit 'mm' has dimension m and 's' has s; convert between units of one dimension only",
+            "unit 'mm' has dimension m and 's' has s; units can be converted only within one dimension",
         ),
         (
             "Hz",
@@ -372,12 +372,12 @@ def test_irrational_power_and_wrong_length() -> None:
     with pytest.raises(UnitError) as caught:
         parse_unit("m").dimension ** math.pi
     assert str(caught.value) == (
-        "a dimension was raised to the power 3.141592653589793; expected an integer or a fraction with a "
+        "a dimension is raised to the power 3.141592653589793; expected an integer or a fraction with a "
         "denominator up to 64, for example fractions.Fraction(1, 3)"
     )
     with pytest.raises(UnitError) as caught:
         Dimension((1, 2))
-    assert str(caught.value) == "a dimension got 2 exponents; give seven, for kg, m, s, A, K, mol, cd"
+    assert str(caught.value) == "a dimension needs seven exponents, of kg, m, s, A, K, mol, cd; found 2"
 
 
 @pytest.mark.parametrize(

@@ -96,7 +96,5 @@ def test_edges_take_overdetermined_ports_only():
         def equations(self):
             yield gt.tree_root(self.point)
 
-    with pytest.raises(
-        gt.ModelError, match=r"tree_root\(\) takes ports whose connector is overdetermined; found Point"
-    ):
+    with pytest.raises(gt.ModelError, match=r"tree_root\(\) takes ports of an overdetermined connector; found Point"):
         flatten(Wrong())

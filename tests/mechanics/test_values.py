@@ -75,10 +75,10 @@ def turned(digits: int) -> np.ndarray:
 @pytest.mark.parametrize(
     "R, words",
     [
-        (2 * np.eye(3), r"must be a rotation; found \[.*\], whose columns are not of length 1 and at right angles: "
-         r"R'R is off by 3; give the nearest rotation, U V' of its singular value decomposition"),
-        (np.diag([1.0, -1.0, 1.0]), r"must be a rotation; found \[.*\], a reflection: its determinant is -1; .*"),
-        ([[1.0, 0.01, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], r"R'R is off by 0\.01;"),
+        (2 * np.eye(3), r"must be a rotation matrix; found \[.*\], whose columns are not orthonormal: "
+         r"R'R differs from the identity by 3; use the nearest rotation, U V' of its singular value decomposition"),
+        (np.diag([1.0, -1.0, 1.0]), r"must be a rotation matrix; found \[.*\], a reflection: its determinant is -1; "),
+        ([[1.0, 0.01, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], r"R'R differs from the identity by 0\.01;"),
     ],
 )  # fmt: skip
 def test_what_is_no_rotation(R, words):

@@ -162,7 +162,7 @@ class TestMachineCode:
             raise KeyError(uid)
 
         monkeypatch.setattr("pwd.getpwuid", nobody)
-        with pytest.raises(CompilerMissing, match=r"no home folder is known .* set GTMODEL_CACHE"):
+        with pytest.raises(CompilerMissing, match=r"there is no home folder .* set GTMODEL_CACHE"):
             solve(features.Tank(), Mesh(2, 1), solver=MACHINE)
 
     def test_a_compiler_that_fails(self, monkeypatch):

@@ -168,7 +168,7 @@ class TestDelay:
             with pytest.raises(ModelError, match=sentence):
                 solve(model, mesh)
         for source, tau in ((gt.variable(), 0.1), (gt.input(2), 0.1), (3.0, 0.1), (gt.input(), 0.0)):
-            with pytest.raises(ModelError, match=r"gt.delayed takes a scalar gt.input|a delay is positive"):
+            with pytest.raises(ModelError, match=r"gt.delayed takes a scalar gt.input|a delay must be positive"):
                 gt.delayed(source, tau, history=0.0)
 
 
@@ -229,5 +229,5 @@ class TestDelayInPlace:
             def objective(self):
                 return gt.integral(self.u**2)
 
-        with pytest.raises(ModelError, match="the history of 'late' is a finite number at -0"):
+        with pytest.raises(ModelError, match="the history of 'late' must be a finite number at -0"):
             solve(Wrong(), Mesh(4))

@@ -88,7 +88,7 @@ def test_a_prior_is_noticed_also_where_it_vanishes(name):
     "sigma, sentence",
     [
         (np.inf, "positive and finite; found inf"),
-        ([0.1, 0.2, 0.3], r"one number, or one for each of 1 measured; found \(3,"),
+        ([0.1, 0.2, 0.3], r"one number, or one for each of 1 columns; found \(3,"),
     ],
 )
 def test_wrong_sigma(sigma, sentence):
@@ -229,7 +229,7 @@ def late(history):
 
 @pytest.mark.parametrize("history", [np.nan, "abc", lambda t: np.inf], ids=["nan", "text", "infinite"])
 def test_a_history_is_finite(history):
-    with pytest.raises(ModelError, match="the history of 'late' is a finite number at"):
+    with pytest.raises(ModelError, match="the history of 'late' must be a finite number at"):
         solve(late(history), Mesh(8))
 
 

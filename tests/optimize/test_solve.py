@@ -75,7 +75,7 @@ WRONG = {
     ),
     "chained comparison": (
         lambda: case(constraints=lambda self: [-1 <= self.u <= 1]),
-        r"has no truth value .* use gt.between\(a, x, b\).*optimize/test_solve.py",
+        r"has no truth value .* write gt.between\(a, x, b\).*optimize/test_solve.py",
     ),
     "path and instant in one constraint": (
         lambda: case(constraints=lambda self: [self.x <= self.x.at(0.0)]),

@@ -143,7 +143,7 @@ def test_npz_of_another_program(tmp_path: Path) -> None:
         ),
         (
             "# note\ntime [s],x [kgg]\n0,1\n",
-            "FILE line 2, column 2: unit 'kgg' holds the unknown symbol 'kgg'; close matches are 'kg', 'g', 'kg.g'",
+            "FILE line 2, column 2: unit 'kgg' has the unknown symbol 'kgg'; close matches are 'kg', 'g', 'kg.g'",
         ),
         (
             "t [s],x [m]\n0,1\n",

@@ -292,7 +292,7 @@ class TestStatus:
             for a, b in zip(alone, (T[n], e[n], R[n]), strict=True):
                 assert np.array_equal(a, b, equal_nan=True)
             assert np.isnan(alone[0]).all() == (one != Status.OK)
-        assert "on the way from the home pose" in forward().diagnose(q[3])
+        assert "continuation from the home pose" in forward().diagnose(q[3])
 
     def test_out_of_reach_and_no_unit_quaternion(self):
         T, e = poses(13, 4)
@@ -308,7 +308,7 @@ class TestStatus:
 class TestGuess:
     def test_a_wrong_guess_is_a_sentence(self):
         q = home_q()
-        with pytest.raises(TypeError, match=r"the guess of 'T' takes shape \(3,\) or \(1, ...\); found \(2,\)"):
+        with pytest.raises(TypeError, match=r"the guess of 'T' must have shape \(3,\) or \(1, ...\); found \(2,\)"):
             forward()(q, guess={"T": [0.0, 1.0]})
 
     def test_what_a_guess_leaves_open_is_completed(self):

@@ -108,7 +108,7 @@ def test_initial_equations_without_yield():
             _ = self.x == 1.0
 
     line = Forgotten.initial_equations.__code__.co_firstlineno + 1
-    with pytest.raises(ModelError, match=rf"nothing takes what this '==' says; write yield .*py:{line}\)"):
+    with pytest.raises(ModelError, match=rf"the result of this '==' is discarded; write yield .*py:{line}\)"):
         simulate(Forgotten(), 1.0, inputs={"u": 1.0})
     line = Kept.initial_equations.__code__.co_firstlineno
     with pytest.raises(ModelError, match=rf"initial_equations\(\) of Kept returned nothing; .*py:{line}\)"):

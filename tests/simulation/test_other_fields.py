@@ -112,9 +112,9 @@ class Shorted(gt.Model):
 
 def test_a_contradiction_is_not_called_a_repetition():
     line = Shorted.equations.__code__.co_firstlineno + 3
-    with pytest.raises(ModelError, match=rf"'Shorted equation 1' contradicts .* say -5 == 0; .*\.py:{line}\)"):
+    with pytest.raises(ModelError, match=rf"'Shorted equation 1' contradicts .* require -5 == 0; .*\.py:{line}\)"):
         simulate(Shorted(), 1.0)
-    with pytest.raises(ModelError, match="'Shorted equation 1' repeats what connections"):
+    with pytest.raises(ModelError, match="'Shorted equation 1' is redundant"):
         simulate(Shorted(V=0.0), 1.0)
 
 
@@ -147,8 +147,8 @@ class FloatingCapacitor(Floating):
 @pytest.mark.parametrize(
     ("model", "sentence"),
     [
-        (Floating, "follows from the other connections: .* has a reference; connect a ground"),
-        (FloatingCapacitor, r"flow i of .*; connect a reference, such as a ground, to what is connected there$"),
+        (Floating, "follows from the other connections: .* have no reference; connect a ground"),
+        (FloatingCapacitor, r"flow i of .*; connect a reference, such as a ground, to these ports$"),
     ],
 )
 def test_a_circuit_without_a_ground(model, sentence):

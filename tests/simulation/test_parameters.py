@@ -237,7 +237,7 @@ class TestRefused:
             gt.simulate(SwingingPendulum(), 1.0, start={"x": 0.6, "der(x)": 0.0}, parameters=given)
 
     def test_what_follows_from_another_one(self):
-        with pytest.raises(gt.ModelError, match=r"'mass\[1\].m' follows from m; give that"):
+        with pytest.raises(gt.ModelError, match=r"'mass\[1\].m' follows from m; change that"):
             gt.simulate(TwoMasses(), 1.0, inputs={"F": 0.0}, parameters={"mass[1].m": 2.0})
 
     def test_what_follows_is_checked_too(self):

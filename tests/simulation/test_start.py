@@ -189,11 +189,11 @@ class TestConflicts:
         ("start", "sentence"),
         [
             ({"x": 1.2}, r"with the prescribed x = 1\.2: .*Pendulum equation 3 \(support/models\.py:\d+\)"),
-            ({"x": 0.6, "y": -0.9}, r"with the prescribed x = 0\.6, y = -0\.9: .*left in Pendulum equation 3 "),
+            ({"x": 0.6, "y": -0.9}, r"with the prescribed x = 0\.6, y = -0\.9: .*remains in Pendulum equation 3 "),
             ({"x": 0.6, "der(x)": 1.0, "der(y)": 0.0}, r"der\(x\) = 1, .*Pendulum equation 3' "),
             ({"x": [1.0, 2.0]}, "the start of 'x' has 1 entries; found 2"),
             ({"x": np.nan}, "the start of 'x' must be finite"),
-            ({"x": "left"}, "the start of 'x' takes numbers; found 'left'"),
+            ({"x": "left"}, "the start of 'x' must be numbers; found 'left'"),
             ({"z": 1.0}, "Pendulum has no variable 'z'"),
         ],
     )
@@ -212,12 +212,12 @@ class TestConflicts:
     def test_one_quantity_with_two_values(self):
         robot = gt.robots.gantry_tau("l1_tape")
         with pytest.raises(
-            ModelError, match=r"the starts of 'T' and 'plate\.frame\.r' are the same quantity and differ"
+            ModelError, match=r"'T' and 'plate\.frame\.r' are the same quantity, but their start values differ"
         ):
             simulate(robot, 1.0, inputs={"tau": 0.0}, start={"T": [0.5, -0.9, 0.3], "plate.frame.r": 0.0})
 
     def test_an_input_has_no_start_of_its_own(self):
-        with pytest.raises(ModelError, match="'u' cannot be started"):
+        with pytest.raises(ModelError, match="'u' cannot have a start value"):
             simulate(SeriesRLC(), 1.0, inputs={"u": 5.0}, start={"u": 0.0})
 
     def test_a_singular_pose_is_no_start(self):

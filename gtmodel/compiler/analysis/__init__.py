@@ -1,1 +1,1 @@
-"""What expressions show before they are computed: bounds, sizes, pace, nonsmooth points, constant and common parts."""
+"""Analysis of expressions before evaluation: bounds, sizes, step lengths, events."""

@@ -1,5 +1,4 @@
-"""Bounds of an expression of time, and of its rate, over cells of time by interval arithmetic, and how long a step may
-be without missing what happens."""
+"""Interval bounds of functions of time and their rates, and the longest integration steps that miss nothing."""
 
 from __future__ import annotations
 
@@ -29,7 +28,7 @@ def _negative(a: Bounds) -> Bounds:
 
 
 def _product(a: Any, b: Any) -> Any:
-    """a b, where zero times infinity is zero: the bounds of a product of intervals."""
+    """Return a b with zero times infinity equal to zero, for the bounds of a product of intervals."""
     with np.errstate(invalid="ignore", over="ignore"):
         return np.where((a == 0) | (b == 0), 0.0, a * b)
 
@@ -70,7 +69,7 @@ def _rising(f: Callable[[Any], Any], a: Bounds) -> Bounds:
 
 
 def _cosine(a: Bounds) -> Bounds:
-    """Of cos: its ends, and 1 or -1 where a multiple of pi of that parity lies between."""
+    """Return the bounds of cos: its end values, or 1 or -1 if an even or odd multiple of pi lies between."""
     with np.errstate(invalid="ignore"):
         ends = np.cos(a[0]), np.cos(a[1])
         low, high = np.minimum(*ends), np.maximum(*ends)
@@ -104,14 +103,14 @@ def _size(a: Bounds) -> Bounds:
 
 
 def _tanh_slope(a: Bounds) -> Bounds:
-    """1/cosh^2, which 1 - tanh^2 loses to cancellation."""
+    """Return 1/cosh^2; 1 - tanh^2 would suffer from cancellation."""
     size = _size(a)
     with np.errstate(over="ignore"):
         return np.cosh(size[1]) ** -2.0, np.cosh(size[0]) ** -2.0
 
 
 def _piecewise_constant(step: Callable[[Any], Any]) -> tuple[Callable[[Bounds], Bounds], Callable[[Bounds], Bounds]]:
-    """A function that is constant but for its discontinuities, where its rate is unbounded."""
+    """Return the bounds of a piecewise constant function, whose rate is unbounded at its jumps."""
 
     def rate(a: Bounds) -> Bounds:
         still = step(a[0]) == step(a[1])
@@ -179,7 +178,7 @@ def _negated(a: Dual) -> Dual:
 
 
 def _comparison(a: Dual, b: Dual) -> Dual:
-    """a < b as 0 or 1; unbounded in its rate where it changes."""
+    """Return a < b as 0 or 1; its rate is unbounded where it changes."""
     true, false = a[0][1] < b[0][0], a[0][0] > b[0][1]
     known = true | false
     return (np.where(true, 1.0, 0.0), np.where(false, 0.0, 1.0)), (
@@ -230,7 +229,7 @@ def _chain(operation: int, a: Dual) -> Dual:
 
 
 def bounds(steps: Sequence[Instruction], low: np.ndarray, high: np.ndarray) -> Dual:
-    """Bounds of the last of `steps`, and of its rate, over cells of time from `low` to `high` (n,), as arrays (n,)."""
+    """Return the bounds (n,) of the last of `steps`, and of its rate, over time cells from `low` to `high` (n,)."""
     duals: list[Dual] = []
     with np.errstate(all="ignore"):
         for op, reads, _, constant in steps:
@@ -255,11 +254,11 @@ def bounds(steps: Sequence[Instruction], low: np.ndarray, high: np.ndarray) -> D
 
 
 def functions_of_time(column: ca.SX, t: ca.SX) -> list[list[Instruction]]:
-    """The largest parts of expressions that depend on t and on nothing else, as steps; each part once."""
+    """Return the largest parts of expressions that depend only on t, as instruction lists; each part once."""
     rest = [s for s in ca.symvar(column) if not ca.is_equal(s, t)]
     steps = instructions(ca.Function("parts", [ca.vertcat(t, *rest)], [column]))
-    alone: list[bool] = []  # a step depends on nothing but t
-    moves: list[bool] = []
+    alone: list[bool] = []  # whether a step depends on nothing but t
+    moves: list[bool] = []  # whether it depends on t
     parts: dict[int, None] = {}
     for op, reads, place, _ in steps:
         inside = place == 0 if op == ca.OP_INPUT else all(alone[n] for n in reads)
@@ -271,7 +270,7 @@ def functions_of_time(column: ca.SX, t: ca.SX) -> list[list[Instruction]]:
 
 
 def _with_ancestors(steps: list[Instruction], last: int) -> list[Instruction]:
-    """The steps that one of them needs, it last."""
+    """Return the steps that the step `last` needs, ending with it."""
     needed, todo = {last}, [last]
     while todo:
         fresh = [n for n in steps[todo.pop()].reads if n not in needed]
@@ -282,35 +281,35 @@ def _with_ancestors(steps: list[Instruction], last: int) -> list[Instruction]:
     return [steps[n]._replace(reads=[place[a] for a in steps[n].reads]) for n in order]
 
 
-# of a function's range: what leaves a straight line by more is followed
+# tolerance of a straight line, relative to a function's range
 SEEN = 1e-4
-# of a function's size: a range below this part of it is not looked at any closer, it may be round-off
+# a range below this fraction of a function's size is not refined, it may be round-off
 FLOOR = 1e-3
-# a run begins as so many cells, and none is shorter than this part of the run
+# initial number of cells of a run, and shortest cell as a fraction of the run
 CELLS, SHORTEST = 64, 2.0**-40
-# cells of one function, and operations over them: a function that takes more is followed as closely as its cells are
+# limits of the cells of one function, and of the operations on them; beyond, cells are not refined any further
 MOST_CELLS, MOST_WORK = 300_000, 20_000_000
-# straight stretches whose lengths differ by more do not share one longest step: the integrator restarts between them
+# if the lengths of straight stretches differ by more than this factor, the integrator restarts between them
 RATIO = 16.0
-# a step may be as long as so many straight stretches of its surroundings: a pulse has more of them
+# longest step in straight stretches of its neighbourhood: a pulse has more of them
 STRETCHES = 32.0
 
 
 @dataclass(frozen=True, eq=False)
 class Pace:
-    """`knots`: times [s] at which an integrator must restart, `longest`: longest step [s] before the first of them,
-    between them, and after the last."""
+    """`knots`: times [s] at which an integrator must restart; `longest`: longest steps [s] before, between and after
+    them."""
 
     knots: np.ndarray
     longest: np.ndarray
 
     def at(self, time: float) -> float:
-        """Longest step [s] from a time on."""
+        """Return the longest step [s] from a time on."""
         return float(self.longest[int(np.searchsorted(self.knots, time, side="right"))])
 
 
 def pace_of(column: ca.SX, t: ca.SX, start: float, end: float) -> Pace:
-    """Pace of every part of expressions that is a function of t alone."""
+    """Return the common pace of all parts of expressions that are functions of t alone."""
     paces = [_pace(steps, start, end) for steps in functions_of_time(column, t)]
     knots = np.unique(np.concatenate([np.zeros(0), *(p.knots for p in paces)]))
     middles = np.concatenate([[start], knots])
@@ -318,13 +317,13 @@ def pace_of(column: ca.SX, t: ca.SX, start: float, end: float) -> Pace:
 
 
 def edges_of(column: ca.SX, t: ca.SX, start: float, end: float) -> np.ndarray:
-    """Times [s] between which every part of expressions that is a function of t alone is a straight line to SEEN."""
+    """Return times [s] between which all functions of t alone in expressions are straight lines within SEEN."""
     ends = [_stretches(steps, start, end)[1][:-1] for steps in functions_of_time(column, t)]
     return np.unique(np.concatenate([np.zeros(0), *map(np.array, ends)]))
 
 
 def _pace(steps: Sequence[Instruction], start: float, end: float) -> Pace:
-    """Pieces of time in which the straight stretches of a function are of one length, up to RATIO."""
+    """Return the pieces of time in which the straight stretches of a function have equal lengths up to RATIO."""
     lengths, ends = _stretches(steps, start, end)
     knots: list[float] = []
     longest: list[float] = []
@@ -342,47 +341,47 @@ def _pace(steps: Sequence[Instruction], start: float, end: float) -> Pace:
 
 
 def _stretches(steps: Sequence[Instruction], start: float, end: float) -> tuple[list[float], list[float]]:
-    """Lengths and ends of stretches, one after another, on each of which a function is a straight line to SEEN."""
-    low, high, (a, b), (da, db), seen = _cells(steps, start, end)
+    """Return lengths and ends of successive stretches on which a function is a straight line within SEEN."""
+    low, high, (a, b), (da, db), tolerance = _cells(steps, start, end)
     lengths: list[float] = []
     ends: list[float] = []
     begin = start
     hull: tuple[float, float, float, float] | None = None
     rows = zip(low.tolist(), high.tolist(), a.tolist(), b.tolist(), da.tolist(), db.tolist(), strict=True)
-    for first, last, *here in rows:
+    for first, last, *cell in rows:
         if hull is None:
-            hull = here[0], here[1], here[2], here[3]
+            hull = cell[0], cell[1], cell[2], cell[3]
             continue
-        joined = min(hull[0], here[0]), max(hull[1], here[1]), min(hull[2], here[2]), max(hull[3], here[3])
-        if min(joined[1] - joined[0], (joined[3] - joined[2]) * (last - begin)) <= seen:
+        joined = min(hull[0], cell[0]), max(hull[1], cell[1]), min(hull[2], cell[2]), max(hull[3], cell[3])
+        if min(joined[1] - joined[0], (joined[3] - joined[2]) * (last - begin)) <= tolerance:
             hull = joined
             continue
         lengths.append(first - begin)
         ends.append(first)
-        begin, hull = first, (here[0], here[1], here[2], here[3])
+        begin, hull = first, (cell[0], cell[1], cell[2], cell[3])
     return [*lengths, end - begin], [*ends, end]
 
 
 def _cells(
     steps: Sequence[Instruction], start: float, end: float
 ) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray], float]:
-    """Cells from `start` to `end` over which bounds show that a function is a straight line, the bounds of its value
-    and rate over them, and the distance from the line that counts."""
+    """Return cells from `start` to `end` over which a function is a straight line, the bounds of its value and rate,
+    and the absolute tolerance."""
     edges = np.linspace(start, end, CELLS + 1)
     table = _evaluated(steps, edges[:-1], edges[1:])
-    work, shortest, seen = 2 * CELLS * len(steps), SHORTEST * (end - start), 0.0
+    work, shortest, tolerance = 2 * CELLS * len(steps), SHORTEST * (end - start), 0.0
     while True:
         low, high, a, b, da, db, middles = table
         with np.errstate(invalid="ignore", over="ignore"):
             off = np.fmin(b - a, (db - da) * (high - low))
-        # by values that it takes: bounds of what is written as a difference may be far wider than its range
-        if (taken := middles[np.isfinite(middles)]).size:
-            seen = SEEN * max(float(np.ptp(taken)), FLOOR * float(np.max(np.abs(taken))))
-        split = ~(off <= seen) & (high - low > shortest)
+        # from its values: the bounds of a difference may be much wider than its range
+        if (values := middles[np.isfinite(middles)]).size:
+            tolerance = SEEN * max(float(np.ptp(values)), FLOOR * float(np.max(np.abs(values))))
+        split = ~(off <= tolerance) & (high - low > shortest)
         if not split.any() or work > MOST_WORK or low.size > MOST_CELLS:
             order = np.argsort(low)
             low, high, a, b, da, db, _ = table[:, order]
-            return low, high, (a, b), (da, db), seen
+            return low, high, (a, b), (da, db), tolerance
         middle = 0.5 * (low[split] + high[split])
         fresh = _evaluated(steps, np.append(low[split], middle), np.append(middle, high[split]))
         work += 2 * fresh.shape[1] * len(steps)
@@ -390,7 +389,7 @@ def _cells(
 
 
 def _evaluated(steps: Sequence[Instruction], low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Rows: cells, bounds of the value, bounds of the rate, value in the middle."""
+    """Return the rows low, high, bounds of the value, bounds of the rate, value in the middle of each cell."""
     (a, b), (da, db) = bounds(steps, low, high)
     middle = 0.5 * (low + high)
     return np.array([low, high, a, b, da, db, bounds(steps, middle, middle)[0][0]])

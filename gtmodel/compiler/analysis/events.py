@@ -1,4 +1,4 @@
-"""Events of a flat model: what is compared, which modes there are, and what happens when."""
+"""Events of a flat model: comparisons, modes, actions, sampled blocks."""
 
 from __future__ import annotations
 
@@ -27,8 +27,10 @@ Logic = tuple[Any, ...]
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """True where `expression` is not negative, or where it is positive if it is `strict`: a relation of a condition.
-    discrete: it changes at events only."""
+    """A relation of a condition: true if `expression` is not negative, or positive if `strict`.
+
+    discrete: it changes only at events.
+    """
 
     expression: ca.SX
     strict: bool
@@ -39,7 +41,7 @@ class Comparison:
 
 @dataclass(frozen=True, eq=False)
 class SampleTimes:
-    """Instants offset, offset + period, ... [s], as expressions of parameters; without them the start."""
+    """The times offset, offset + period, ... [s], as expressions of parameters; None: only the start."""
 
     period: ca.SX | None
     offset: ca.SX | None
@@ -48,7 +50,7 @@ class SampleTimes:
 
 @dataclass(frozen=True, eq=False)
 class FlatMode:
-    """A symbol that is 1 where its condition holds, else 0; name: of what a person wrote, "If" or "sign()"."""
+    """A symbol that is 1 while its condition is true, else 0; name: of the function in the model, "If" or "sign()"."""
 
     symbol: ca.SX
     logic: Logic
@@ -58,11 +60,13 @@ class FlatMode:
 
 @dataclass(frozen=True, eq=False)
 class FlatWhen:
-    """`assigns`: places in `flat.p` with new values; `reinits`: variables' derivatives with new values; `forces`: those
-    of them that an impulse of another variable brings about, by that one; `loss`: energy [J] that goes, None where
-    nobody says. Values are expressions of flat symbols, of the discrete variables' new values
-    under their own symbols and of their old ones under those of `FlatEvents.before`; `before`: numbers of the events
-    that have precedence where they act in the same round; `end`: the simulation's, None where it goes on."""
+    """One event with its actions.
+
+    `assigns`: positions in `flat.p` with new values; `reinits`: derivatives of variables with new values; `forces`: for
+    reinits by an impulse, the variable whose impulse it is; `loss`: energy loss [J], None if not declared; `before`:
+    numbers of the events that have precedence in the same round; `end`: the end of the simulation, or None. Values are
+    expressions of flat symbols: a discrete variable's symbol is its new value, and `FlatEvents.before` its old one.
+    """
 
     name: str
     logic: Logic
@@ -77,13 +81,13 @@ class FlatWhen:
 
 @dataclass(frozen=True, eq=False)
 class BlockSignal:
-    """An input (indices of variables), an output or a state (places in `flat.p`) of a sampled block."""
+    """An input (indices of variables), an output or a state (positions in `flat.p`) of a sampled block."""
 
     name: str
     shape: tuple[int, ...]
     places: list[int]
     unit: str | None
-    helper: bool = False  # recorded only where an output asks for it
+    helper: bool = False  # recorded only if requested as an output
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +106,11 @@ class FlatBlock:
 
 @dataclass(frozen=True, eq=False)
 class FlatEvents:
-    """All of a model. `discrete` are places in `flat.p` of what changes at events, `before` symbols for their values
-    just before; `shown` are the declared discrete variables by name."""
+    """All events of a model.
+
+    `discrete`: positions in `flat.p` of the discrete variables; `before`: symbols for their values just before an
+    event; `shown`: the declared discrete variables with their names.
+    """
 
     comparisons: list[Comparison]
     samples: list[SampleTimes]
@@ -116,10 +123,10 @@ class FlatEvents:
 
 
 def collect_events(tree: Tree, whens: Sequence[tuple[When, Model]], equations: list[FlatEquation]) -> FlatEvents | None:
-    """The events of a bound model; None where it has none.
+    """Return the events of a bound model; None if it has none.
 
-    Raises ModelError for a discrete variable that nothing sets, for one set twice by one event, and for pre() outside
-    the actions of gt.when.
+    Raises ModelError for a discrete variable that no event sets or that one event sets twice, and for pre() outside the
+    actions of gt.when.
     """
     records = [r for r in tree.parameters if isinstance(r.item, Discrete)]
     blocks = [c for c in tree.components if isinstance(c, SampledBlock)]
@@ -129,21 +136,21 @@ def collect_events(tree: Tree, whens: Sequence[tuple[When, Model]], equations: l
     for e in equations:
         collector.refuse_earlier(e.residual, e.where)
     modes = [FlatMode(symbol, collector.logic(c), c.where) for symbol, c in tree.scope.modes]
-    made: list[FlatWhen] = []
+    events: list[FlatWhen] = []
     for when, component in whens:
-        first = len(made)
+        first = len(events)
         for branch in when.branches():
-            made.append(collector.when(branch, component, len(made), tuple(range(first, len(made)))))
+            events.append(collector.when(branch, component, len(events), tuple(range(first, len(events)))))
     flat_blocks = [_block(tree, b) for b in blocks]
-    _refuse_unset(records, made, flat_blocks)
+    _refuse_unset(records, events, flat_blocks)
     shown = [BlockSignal(r.name, r.shape, r.indices, r.item.unit, r.item.helper) for r in records]
     return FlatEvents(
-        collector.comparisons, collector.samples, modes, made, flat_blocks, collector.places, collector.before, shown
+        collector.comparisons, collector.samples, modes, events, flat_blocks, collector.places, collector.before, shown
     )
 
 
 class _Collector:
-    """Conditions as logic over numbered comparisons; actions in symbols."""
+    """Collects conditions as logic over numbered comparisons, and actions as expressions of symbols."""
 
     def __init__(self, tree: Tree, records: list[ParameterRecord]) -> None:
         self._scope = tree.scope
@@ -158,15 +165,12 @@ class _Collector:
         self._known: dict[int, Logic] = {}
 
     def refuse_earlier(self, expression: ca.SX, where: SourceLocation) -> None:
-        """Raises ModelError where pre() stands in what holds at every time."""
+        """Raise ModelError if an equation or condition contains pre()."""
         if self._earlier and ca.depends_on(expression, ca.vertcat(*self._earlier)):
-            raise ModelError(
-                "pre() belongs to the actions of gt.when, which happen at one instant; here write the variable itself",
-                where,
-            )
+            raise ModelError("pre() can be used only in the actions of gt.when; here write the variable itself", where)
 
     def logic(self, condition: Condition) -> Logic:
-        """The same condition gives the same comparison."""
+        """Return the logic of a condition; equal relations share a comparison."""
         if condition.operation in ("sample", "initial"):
             self.samples.append(SampleTimes(condition.every, condition.offset, condition.where))
             return "sample", len(self.samples) - 1
@@ -178,7 +182,7 @@ class _Collector:
             sign = 1 if relation.op == ">=" else -1
             expression = ca.SX(sign * relation.residual)
             if not ca.symvar(expression):
-                raise ModelError("a condition compares numbers only, it never changes; remove it", relation.where)
+                raise ModelError("a condition compares only numbers and never changes; remove it", relation.where)
             text = f"{relation.lhs} {relation.op} {relation.rhs}"
             time = ca.depends_on(expression, self._scope.time)
             discrete = not time and not self._scope.symbols_in(expression)
@@ -204,7 +208,9 @@ class _Collector:
                     pair = self._scope.owner(variable)
                     assert pair is not None
                     if pair in reinits:
-                        raise ModelError(f"'{variable}' starts anew twice in one event", action.where)
+                        raise ModelError(
+                            f"'{variable}' is reset twice in one event; remove one gt.reinit", action.where
+                        )
                     reinits[pair] = self._value(value)
                 if action.force is not None:
                     owner = self._scope.owner
@@ -217,7 +223,7 @@ class _Collector:
                 for place, value in self._assigned(action):
                     if place in assigns:
                         name = self._scope.parameter_names[place]
-                        raise ModelError(f"'{name}' gets two values in one event", action.where)
+                        raise ModelError(f"'{name}' gets two values in one event; remove one of them", action.where)
                     assigns[place] = value
         ordered = self._ordered(assigns, when.where)
         name = f"{path}.event {n + 1}" if path else f"event {n + 1}"
@@ -229,15 +235,16 @@ class _Collector:
         for left, right in zip(_entries(action.lhs), _entries(action.rhs), strict=True):
             owner = self._owner.get(left.element_hash()) if left.is_symbolic() else None
             if owner is None:
-                more = "; a continuous variable starts anew by gt.reinit" if self._scope.symbols_in(left) else ""
+                advice = "; reset a continuous variable with gt.reinit" if self._scope.symbols_in(left) else ""
                 raise ModelError(
-                    f"an action n == expression has a discrete variable on its left; found {left}{more}", action.where
+                    f"an action n == expression needs a discrete variable on its left; found {left}{advice}",
+                    action.where,
                 )
             result.append((owner[0], self._value(right)))
         return result
 
     def _value(self, expression: ca.SX) -> ca.SX:
-        """With pre(...) in symbols of what was before; inner ones first."""
+        """Replace pre(...) by expressions of the symbols `before`, inner ones first."""
         for symbol, earlier in reversed(self._scope.earlier):
             if ca.depends_on(expression, symbol):
                 before = ca.substitute(earlier, self._discrete, self.before) if self.places else earlier
@@ -245,28 +252,28 @@ class _Collector:
         return ca.SX(expression)
 
     def _ordered(self, assigns: dict[int, ca.SX], where: SourceLocation) -> list[tuple[int, ca.SX]]:
-        """New values that others read come first. Raises ModelError for a loop."""
-        left = dict(assigns)
+        """Sort new values so that each comes after those that it reads. Raises ModelError for a loop."""
+        remaining = dict(assigns)
         ordered: list[tuple[int, ca.SX]] = []
-        while left:
+        while remaining:
             ready = [
                 place
-                for place, value in left.items()
-                if not any(ca.depends_on(value, self._scope.parameters[other]) for other in left)
+                for place, value in remaining.items()
+                if not any(ca.depends_on(value, self._scope.parameters[n]) for n in remaining)
             ]
             if not ready:
-                names = ", ".join(self._scope.parameter_names[place] for place in left)
+                names = ", ".join(self._scope.parameter_names[place] for place in remaining)
                 raise ModelError(
-                    f"the new values of {names} depend on each other in a loop; write gt.pre(...) where the value "
-                    "before the event is meant",
+                    f"the new values of {names} depend on each other in a loop; write gt.pre(...) for the value before "
+                    "the event",
                     where,
                 )
-            ordered += [(place, left.pop(place)) for place in ready]
+            ordered += [(place, remaining.pop(place)) for place in ready]
         return ordered
 
 
 def _entries(sx: ca.SX) -> list[ca.SX]:
-    """Row by row, as names count."""
+    """Return the entries row by row, in the order of their names."""
     return ca.vertsplit(ca.vec(ca.densify(sx).T)) if sx.numel() else []
 
 
@@ -274,27 +281,28 @@ def _block(tree: Tree, block: SampledBlock) -> FlatBlock:
     path = block._path
     cls = type(block)
     if cls.step is SampledBlock.step:
-        block.step(None, None)  # which says so
-    inside = f"{path}." if path else ""
+        block.step(None, None)  # raises the error
+    prefix = f"{path}." if path else ""
     inputs = [
-        BlockSignal(r.name.removeprefix(inside), r.item.shape, r.indices, r.item.unit)
+        BlockSignal(r.name.removeprefix(prefix), r.item.shape, r.indices, r.item.unit)
         for r in tree.variables
         if r.component == path
     ]
     for r in tree.variables:
         if r.component == path and isinstance(r.item, Variable) and r.item.role != "input":
             raise ModelError(
-                f"'{r.name}' of a sampled block is a continuous variable; a block has inputs, outputs and discrete "
-                "variables",
+                f"'{r.name}' of a sampled block is a continuous variable; a block can have inputs, outputs and "
+                "discrete variables",
                 r.item.where,
             )
-    own = [r for r in tree.parameters if r.component == path and isinstance(r.item, Discrete)]
+    discrete = [r for r in tree.parameters if r.component == path and isinstance(r.item, Discrete)]
     outputs, state = (
-        [BlockSignal(r.name.removeprefix(inside), r.shape, r.indices, r.item.unit) for r in own if r.item.output is out]
-        for out in (True, False)
-    )
+        [BlockSignal(r.name.removeprefix(prefix), r.shape, r.indices, r.item.unit) for r in discrete
+         if r.item.output is is_output]
+        for is_output in (True, False)
+    )  # fmt: skip
     if not outputs:
-        raise ModelError(f"sampled block '{path or cls.__name__}' has no output", None)
+        raise ModelError(f"sampled block '{path or cls.__name__}' has no output; declare one with gt.output", None)
     values = block._values
     period, delay, offset = (ca.SX(values[name].sx) for name in ("period", "delay", "offset"))
     return FlatBlock(path or cls.__name__, block, period, delay, offset, inputs, outputs, state)
@@ -305,22 +313,22 @@ def _refuse_unset(records: list[ParameterRecord], whens: list[FlatWhen], blocks:
     set_by = {place for w in whens for place, _ in w.assigns}
     for r in records:
         if of_blocks.issuperset(r.indices):
-            if taken := set_by.intersection(r.indices):
-                when = next(w for w in whens if any(place in taken for place, _ in w.assigns))
-                raise ModelError(f"'{r.name}' is set by its sampled block; no event may set it too", when.where)
+            if both := set_by.intersection(r.indices):
+                when = next(w for w in whens if any(place in both for place, _ in w.assigns))
+                raise ModelError(f"'{r.name}' is set by its sampled block; an event must not set it too", when.where)
         elif isinstance(r.item, Discrete) and r.item.output:
             raise ModelError(f"'{r.name}' is an output, which only a SampledBlock has; use gt.discrete", r.where)
         elif not set_by.intersection(r.indices):
-            raise ModelError(f"no event sets the discrete variable '{r.name}'; declare a parameter", r.where)
+            raise ModelError(f"no event sets the discrete variable '{r.name}'; declare a parameter instead", r.where)
 
 
 def acting(whens: Sequence[FlatWhen], became: Sequence[int]) -> list[int]:
-    """Of the events whose conditions became true in one round those that act: the others have one before them."""
+    """Return the events that act among those whose conditions became true in one round, by precedence."""
     return [n for n in became if not set(whens[n].before).intersection(became)]
 
 
 def holds(logic: Logic, atoms: np.ndarray, samples: Sequence[bool] = ()) -> bool:
-    """Whether a condition is true where its comparisons and samples are."""
+    """Return whether a condition is true for given values of its comparisons and samples."""
     operation, *parts = logic
     if operation == "atom":
         return bool(atoms[parts[0]])
@@ -333,7 +341,7 @@ def holds(logic: Logic, atoms: np.ndarray, samples: Sequence[bool] = ()) -> bool
 
 
 def block_numbers(block: SampledBlock, flat: FlatModel, p: np.ndarray) -> Any:
-    """The block with numbers for its parameters, to call `step` on."""
+    """Return the block with numbers as parameters, for calls of `step`."""
     known: dict[str, Any] = {}
     for name, value in block._values.items():
         item = type(block)._declared.get(name)

@@ -1,7 +1,7 @@
-"""How large the numbers of an input may be: until round-off reaches the lengths that the closures themselves hold.
+"""Limits of the size of inputs: round-off must stay small relative to the lengths in the closure equations.
 
-|T - A - q v|^2 = L^2 with q a million times L leaves, of thirteen digits of L, one. Where no closure stands between an
-input and an answer, as for rates and forces, the limit is one that no machine comes near.
+In |T - A - q v|^2 = L^2 with q a million times L, one of thirteen digits of L remains. For inputs that pass no closure
+equation, such as rates and forces, the limit is far beyond any practical value.
 """
 
 from __future__ import annotations
@@ -18,56 +18,56 @@ from ..rewriting import Instruction, of_expression
 
 Pair = tuple[int, int]
 
-# sizes that are tried: 2^k and 1.5 2^k, which float and double hold exactly
+# candidate limits: 2^k and 1.5 2^k, which float and double represent exactly
 TRIED = np.sort(np.concatenate([2.0 ** np.arange(-40, 54), 1.5 * 2.0 ** np.arange(-40, 53)]))
-ROOM = 8.0  # times its size at home, at least
-# their size does not grow with that of the lengths: components of unit vectors and quaternions, angles
+ROOM = 8.0  # smallest limit relative to the size at the home pose
+# units of unknowns whose size does not grow with the lengths: components of unit vectors and quaternions, angles
 NUMBERS, ANGLES = {"1"}, {"rad", "deg"}
 _PERIODIC = frozenset([ca.OP_SIN, ca.OP_COS, ca.OP_TAN])
 _BOUNDED = _PERIODIC | {ca.OP_TANH, ca.OP_SIGN, ca.OP_ATAN, ca.OP_ATAN2, ca.OP_ASIN, ca.OP_ACOS, ca.OP_ERF}
-DIGITS = ".6g"  # of values at the home pose: the noise of another linear algebra library must not reach a limit
+DIGITS = ".6g"  # of values at the home pose: limits must not depend on the linear algebra library
 
 
 @dataclass(frozen=True)
 class Precision:
-    """Numbers to compute with. `share`: what round-off may take of the lengths in a closure; `largest`: of any input.
-    Beyond it, what differences of large rates leave is round-off, and it is squared."""
+    """A floating-point precision. `share`: largest round-off relative to the lengths in a closure equation; `largest`:
+    largest size of any input, beyond which differences of large rates are only round-off."""
 
     round_off: float
     share: float
     largest: float
 
 
-# 1e-8 of the lengths: what is lost where a pose is nearly singular comes on top
+# 1e-8 of the lengths; near a singular pose further digits are lost
 DOUBLE = Precision(2.0**-53, 1e-8, 2.0**53)
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """`limits`: for each argument the largest size of its numbers. The norm of all of them, each in units of its limit,
-    is at most one: that takes a single comparison."""
+    """`limits`: the largest size of each argument. The norm of all arguments, each divided by its limit, must not
+    exceed one: a single comparison."""
 
     limits: tuple[float, ...]
 
     @property
     def most(self) -> float:
-        """What the weighted sum of squares may come to."""
+        """The largest allowed weighted sum of squares."""
         return max(self.limits, default=1.0) ** 2
 
     @property
     def groups(self) -> list[tuple[float, list[int]]]:
-        """(weight of squares, places of the arguments with it) in the order of the sum."""
+        """(weight of the squares, positions of the arguments with this weight) in the order of the sum."""
         groups: dict[float, list[int]] = {}
         for n, limit in enumerate(self.limits):
             groups.setdefault(self.most / limit**2, []).append(n)
         return list(groups.items())
 
     def norm(self, columns: Sequence[ca.SX]) -> ca.SX:
-        """The weighted sum of squares that is compared with `most`, in symbols."""
+        """Return the weighted sum of squares as an expression, for comparison with `most`."""
         return sum([weight * ca.sumsqr(columns[n]) for weight, places in self.groups for n in places], ca.SX(0))
 
     def within(self, columns: Sequence[np.ndarray]) -> np.ndarray:
-        """Which columns of the arguments (size, n) are small enough, in the precision of the numbers; NaN is not."""
+        """Return which columns of the arguments (size, n) are within the limits; false for NaN."""
         total = np.zeros(columns[0].shape[1] if columns else 1, columns[0].dtype if columns else float)
         number = total.dtype.type
         if len(total) == 1 and number is np.float64:
@@ -95,8 +95,8 @@ class Sizes:
 
 
 def sizes_of(plan: CausalPlan, arguments: Sequence[Sequence[Pair]], precision: Precision = DOUBLE) -> Sizes:
-    """Limits for arguments that consist of these chain symbols; one without symbols is the time."""
-    plan, scope = plan.numbers or plan, plan.flat.scope  # lengths are numbers there
+    """Return the limits for arguments that consist of these chain symbols; an argument without symbols is the time."""
+    plan, scope = plan.numbers or plan, plan.flat.scope  # `numbers` has numeric lengths
     reach = _Reach(plan)
     limits = []
     for pairs in arguments:
@@ -108,7 +108,7 @@ def sizes_of(plan: CausalPlan, arguments: Sequence[Sequence[Pair]], precision: P
 
 
 class _Reach:
-    """What each symbol of a plan depends on: inputs anywhere, and inputs not through a periodic function."""
+    """The inputs that each symbol of a plan depends on: all, and those not only through a periodic function."""
 
     def __init__(self, plan: CausalPlan) -> None:
         self._plan = plan
@@ -121,10 +121,10 @@ class _Reach:
         self._known: dict[int, tuple[frozenset[int], frozenset[int]]] = {}
 
     def of(self, symbol: ca.SX) -> tuple[frozenset[int], frozenset[int]]:
-        """(all inputs, those not through a periodic function) as hashes of their symbols."""
+        """Return (all inputs, those not only through a periodic function) as hashes of their symbols."""
         key = symbol.element_hash()
         if key not in self._known:
-            self._known[key] = frozenset([key]), frozenset([key])  # itself, where nothing computes it
+            self._known[key] = frozenset([key]), frozenset([key])  # an input depends on itself
             block = self._block.get(key)
             if block is not None:
                 own = self.unknowns(block)
@@ -146,7 +146,7 @@ class _Reach:
 
 
 def _outside(expression: ca.SX, symbols: Sequence[ca.SX]) -> frozenset[int]:
-    """Which symbols stand in an expression outside periodic functions."""
+    """Return which symbols occur in an expression outside periodic functions."""
     if not symbols:
         return frozenset()
     read, free = of_expression(expression)
@@ -163,19 +163,19 @@ def _outside(expression: ca.SX, symbols: Sequence[ca.SX]) -> frozenset[int]:
 
 
 def _limit(plan: CausalPlan, reach: _Reach, k: int, keys: frozenset[int], precision: Precision) -> float:
-    """The largest size of inputs at which the closures of block k keep their lengths."""
+    """Return the largest size of inputs at which round-off is small in the closures of block k."""
     block = plan.blocks[k]
-    own = reach.unknowns(block)
+    unknown_keys = reach.unknowns(block)
     closures = ca.vertcat(*block.closures)
     symbols = ca.symvar(closures)
-    known = [s for s in symbols if s.element_hash() not in own]
+    known = [s for s in symbols if s.element_hash() not in unknown_keys]
     concerned = [s for s in known if reach.of(s)[0] & keys]
     if not concerned:
         return np.inf
     straight = _outside(closures, symbols)
     moved = {s.element_hash() for s in concerned if reach.of(s)[1] & keys} & straight
-    if moved:  # the unknowns go with them
-        own_symbols = [s for s in symbols if s.element_hash() in own]
+    if moved:  # the unknowns move with the inputs
+        own_symbols = [s for s in symbols if s.element_hash() in unknown_keys]
         moved |= {s.element_hash() for s in own_symbols if _unit(plan, s) not in NUMBERS | ANGLES}
     turned = frozenset() if moved else frozenset(s.element_hash() for s in concerned)
     values = [_home(plan, s) for s in symbols]
@@ -197,8 +197,10 @@ def _limit(plan: CausalPlan, reach: _Reach, k: int, keys: frozenset[int], precis
 def _errors(
     read: Sequence[Instruction], given: Sequence[tuple[np.ndarray, np.ndarray]], eps: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Magnitudes and round-off of a column, (rows, sizes), from those of its symbols: sums of magnitudes, whatever
-    cancels. What is no sum and no product is taken for the larger of its arguments."""
+    """Return magnitudes and round-off of a column, (rows, sizes), from those of its symbols.
+
+    Magnitudes are added, ignoring cancellation. An unknown operation gets the larger magnitude of its arguments.
+    """
     work: list[tuple[np.ndarray, np.ndarray]] = []
     none = np.zeros_like(given[0][0])
     outputs: dict[int, tuple[np.ndarray, np.ndarray]] = {}
@@ -239,7 +241,7 @@ def _unit(plan: CausalPlan, symbol: ca.SX) -> str:
 
 
 def _home(plan: CausalPlan, symbol: ca.SX) -> float:
-    """Size of a symbol at the home pose, to so many digits that another linear algebra library finds the same."""
+    """Return the size of a symbol at the home pose, rounded to be independent of the linear algebra library."""
     pair = plan.flat.scope.owner(symbol)
     if pair is None or pair not in plan.pairs:
         return 0.0 if pair is not None else abs(plan.sampler.time)

@@ -1,5 +1,4 @@
-"""Models with events as engines take them, in one mode, with sign() as a switch, or not at all; names of events, what
-they do, and what goes on as it was."""
+"""Models with events for the engines: in one mode, with sign() as a switch, or refused; names and values of events."""
 
 from __future__ import annotations
 
@@ -18,7 +17,7 @@ from .events import Comparison, FlatEvents, FlatMode, FlatWhen, Logic, Pair
 
 @dataclass(frozen=True, eq=False)
 class NamedEvent:
-    """A condition that acts when it becomes true (`when`: its number), or a switch (`mode`: its number)."""
+    """An event that acts when its condition becomes true (`when`: its number), or a switch (`mode`: its number)."""
 
     name: str
     logic: Logic
@@ -27,12 +26,12 @@ class NamedEvent:
     mode: int | None = None
 
     def shown(self, events: FlatEvents) -> str:
-        """Its name, its line and its condition."""
+        """Return the name, the line and the condition."""
         return f"{self.name} ({self.where}): {text_of(self.logic, events)}"
 
 
 def named_events(events: FlatEvents) -> dict[str, NamedEvent]:
-    """All of a model by name: "event 1" of gt.when, "If 1" of gt.If, "sign() 1", in the order of their lines."""
+    """Return all events of a model by name: "event 1" of gt.when, "If 1" of gt.If, "sign() 1", in order of lines."""
     named = {w.name: NamedEvent(w.name, w.logic, w.where, when=n) for n, w in enumerate(events.whens)}
     count: Counter[str] = Counter()
     for n, m in enumerate(events.modes):
@@ -43,12 +42,12 @@ def named_events(events: FlatEvents) -> dict[str, NamedEvent]:
 
 
 def listing(events: FlatEvents) -> str:
-    """All events with their lines and conditions."""
+    """Return all events with their lines and conditions."""
     return "; ".join(e.shown(events) for e in named_events(events).values())
 
 
 def comparisons_in(logic: Logic) -> list[int]:
-    """Numbers of the comparisons in a condition."""
+    """Return the numbers of the comparisons in a condition."""
     operation, *parts = logic
     if operation == "atom":
         return [parts[0]]
@@ -56,7 +55,7 @@ def comparisons_in(logic: Logic) -> list[int]:
 
 
 def samples_in(logic: Logic) -> list[int]:
-    """Numbers of the samples in a condition."""
+    """Return the numbers of the samples in a condition."""
     operation, *parts = logic
     if operation == "sample":
         return [parts[0]]
@@ -64,7 +63,7 @@ def samples_in(logic: Logic) -> list[int]:
 
 
 def text_of(logic: Logic, events: FlatEvents) -> str:
-    """A condition as it reads."""
+    """Return the text of a condition."""
     operation, *parts = logic
     if operation == "atom":
         return events.comparisons[parts[0]].text
@@ -77,21 +76,21 @@ def text_of(logic: Logic, events: FlatEvents) -> str:
 
 
 def keys_of(when: FlatWhen) -> list[int | Pair]:
-    """What an event gives new values: places in `flat.p`, derivatives of variables."""
+    """Return the quantities that an event changes: positions in `flat.p`, derivatives of variables."""
     return [*(place for place, _ in when.assigns), *(pair for pair, _ in when.reinits)]
 
 
 def values_of(when: FlatWhen) -> list[ca.SX]:
-    """The new values, as many as keys, and behind them the energy that it takes where that is said."""
+    """Return the new values in the order of `keys_of`, followed by the energy loss if it is declared."""
     loss = [] if when.loss is None else [when.loss]
     return [*(x for _, x in when.assigns), *(x for _, x in when.reinits), *loss]
 
 
 def acting_together(flat: FlatModel, whens: Sequence[FlatWhen]) -> ca.SX:
-    """The values of all of them as one column, in which the new values of discrete variables that any of them sets
-    stand for these variables; what they were before stands under `FlatEvents.before`.
+    """Return the values of several simultaneous events as one column.
 
-    Raises ModelError where new values depend on each other in a loop.
+    Discrete variables that an event sets are replaced by their new values; the old ones are `FlatEvents.before`. Raises
+    ModelError if new values depend on each other in a loop.
     """
     column = ca.SX(ca.vertcat(*[x for w in whens for x in values_of(w)]))
     new: dict[int, ca.SX] = {}
@@ -99,22 +98,24 @@ def acting_together(flat: FlatModel, whens: Sequence[FlatWhen]) -> ca.SX:
         for place, value in when.assigns:
             new.setdefault(place, value)
     symbols = {place: flat.parameters[place].symbol for place in new}
-    # each substitution settles one link of a chain
+    # each substitution resolves one link of a chain
     for _ in new:
         column = ca.substitute(column, ca.vertcat(*symbols.values()), ca.vertcat(*new.values()))
     if new and ca.depends_on(column, ca.vertcat(*symbols.values())):
         names = ", ".join(str(s) for s in symbols.values())
         raise ModelError(
-            f"the new values of {names} depend on each other in a loop of events; write gt.pre(...) where the value "
-            "before the event is meant",
+            f"the new values of {names} depend on each other in a loop of events; write gt.pre(...) for the value "
+            "before the event",
             whens[-1].where,
         )
     return column
 
 
 def differentiated(flat: FlatModel) -> list[Pair]:
-    """The variables' derivatives whose own derivative stands in an equation of a model in one mode: these are
-    continuous. Another name of such a quantity is not, where an equation of another mode gives it to something else."""
+    """Return the derivatives of variables whose time derivative occurs in an equation: these are continuous.
+
+    An alias of such a quantity is not necessarily continuous: another mode may equate it with another quantity.
+    """
     if "differentiated" not in flat.cache:
         highest: dict[int, int] = {}
         for pairs in flat.scope.symbols_in_each([e.residual for e in flat.equations]):
@@ -125,15 +126,15 @@ def differentiated(flat: FlatModel) -> list[Pair]:
 
 
 def names_of(continuous: Iterable[Pair], alias: AliasResult) -> dict[Pair, list[Pair]]:
-    """Those of the continuous quantities that stand for each kept one, its own name first."""
+    """Return the continuous quantities that are aliases of each kept one, the kept one first."""
     names: dict[Pair, list[Pair]] = {}
     for pair in continuous:
         names.setdefault(alias.resolve(*pair)[1:], []).append(pair)
-    return {kept: sorted(own, key=lambda pair: pair != kept) for kept, own in names.items()}
+    return {kept: sorted(pairs, key=lambda pair: pair != kept) for kept, pairs in names.items()}
 
 
 def in_mode(flat: FlatModel, values: Sequence[bool]) -> FlatModel:
-    """The model while its modes have these values: a model without events, of the same symbols."""
+    """Return the model with fixed values of its modes: a model without events and with the same symbols."""
     events = flat.events
     assert events is not None
     if not events.modes:
@@ -156,27 +157,27 @@ def in_mode(flat: FlatModel, values: Sequence[bool]) -> FlatModel:
 
 
 def refuse_events(flat: FlatModel) -> None:
-    """Raises ModelError, with file and line, for a model with events where only smooth ones are taken."""
+    """Raise ModelError, with file and line, for a model with events."""
     events = flat.events
     if events is None:
         return
     if events.blocks:
         raise ModelError(
-            f"{flat.title} has the sampled block '{events.blocks[0].name}', whose steps are no equations; optimise the "
-            "continuous model, and try the result in gt.simulate",
+            f"{flat.title} has the sampled block '{events.blocks[0].name}', whose steps are not equations; optimise "
+            "the continuous model, then test the result with gt.simulate",
             getattr(events.blocks[0].model, "where", None),
         )
     first = next(iter(named_events(events).values()), None)
     raise ModelError(
-        f"{flat.title} has events, and an optimisation does not choose their order: give it by gt.solve_phases("
-        f"gt.phases_of_events(model, [names in order])), or write a smooth function; events are {listing(events)}",
+        f"{flat.title} has events, and an optimisation does not choose their order: set it with gt.solve_phases("
+        f"gt.phases_of_events(model, [names in order])), or use a smooth function; the events are {listing(events)}",
         first.where if first else None,
     )
 
 
 def with_switching_signs(flat: FlatModel) -> FlatModel:
-    """The model with each sign() of what moves as an event: 1 or -1, and switched where its argument is zero. The model
-    itself where it has none."""
+    """Return the model with each sign() of a variable as a switch with the values 1 and -1; the model itself if it has
+    none."""
     key = "switching signs"
     if key not in flat.cache:
         flat.cache[key] = _with_signs(flat) if is_nonsmooth(flat) else flat
@@ -202,7 +203,7 @@ def _with_signs(flat: FlatModel) -> FlatModel:
 
 
 class _Signs:
-    """Writes an expression anew with modes in place of sign()."""
+    """Forms that replace sign() by modes."""
 
     def __init__(
         self, fixed: set[int], where: SourceLocation, comparisons: list[Comparison], modes: list[FlatMode]

@@ -1,1 +1,1 @@
-"""Closed-form functions on columns of rows: one operation at a time on a block that stays in the cache."""
+"""Closed-form functions on many rows: one operation at a time on a block of rows that fits into the cache."""

@@ -1,5 +1,5 @@
-"""A function on columns of rows by NumPy, block by block, with the numbers of CasADi's virtual machine, and which
-functions have one."""
+"""Column kernels: functions on many rows with NumPy, block by block, with the same results as CasADi's virtual machine;
+and the choice of functions that get a kernel."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from ..tape.machine import AT_ONCE, Interpreted, interpreter
 from .machine import MachineCode, Prospect
 from .program import LIBM, ColumnProgram, Step, on_columns, program_of
 
-# rows of a block: some thirty columns of them stay in a core's second cache, and a call costs less than its numbers
+# rows of a block: some thirty columns fit into the L2 cache, and the overhead of a call is small
 BLOCK = 4096
-# rows are computed by multiples of it; and what an elementwise function takes at once
+# rows are computed in multiples of PIECE; an elementwise function takes TAKEN rows at once
 PIECE = 256
 TAKEN = 64
 
@@ -33,7 +33,7 @@ _ONE = np.array(1.0)
 
 
 class Workspace:
-    """The memory of one run: a column for each place, and the steps bound to its first rows, by their number."""
+    """The memory of one run: a column for each place, and the steps bound to its first rows, by number of rows."""
 
     def __init__(self, program: ColumnProgram, rows: int = BLOCK) -> None:
         self._program = program
@@ -43,10 +43,10 @@ class Workspace:
             self.columns[place] = value
 
     def run(self, rows: int) -> None:
-        """All steps on the first rows, a multiple of TAKEN."""
+        """Run all steps on the first rows, a multiple of TAKEN."""
         steps = self._bound.get(rows)
         if steps is None:
-            # one array for each place and constant, which all steps share: they stay in the cache
+            # all steps share one array for each place and constant, so that they stay in the cache
             columns, constants = list(self.columns[:, :rows]), dict[tuple[float, float], np.ndarray]()
             steps = self._bound[rows] = [_bound(s, columns, constants) for s in self._program.steps]
         for step in steps:
@@ -79,13 +79,13 @@ def _if_else_zero(condition: np.ndarray, value: np.ndarray, target: np.ndarray) 
 
 
 def _in_doubles(column: np.ndarray) -> np.ndarray:
-    """As C reads it: numbers that are doubles, whole doubles apart."""
+    """Return a column that C can read: aligned doubles with strides of whole doubles."""
     column = np.asarray(column, dtype=float)
     return column if column.flags.aligned and not any(s % 8 for s in column.strides) else column.copy()
 
 
 def _called(op: int, given: Sequence[Any], target: Any) -> Callable[[], Any]:
-    """An operation of libm on columns, by CasADi's virtual machine on their memory."""
+    """Return a libm operation on columns, computed by CasADi's virtual machine in their memory."""
     buffer: Any
     buffer, run = _elementwise(op, len(given), len(target)).buffer()
     for k, column in enumerate(given):
@@ -107,36 +107,38 @@ def _elementwise(op: int, arguments: int, rows: int) -> ca.Function:
 
 
 class Judge(Protocol):
-    """Gives rows their status codes, block by block."""
+    """Computes the status codes of rows, block by block."""
 
     @property
     def limits(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-        """Rows whose outputs are finite are plainly good where each margin is above the first or below the second, and
-        the sum of squares of the entries of all inputs, weighted by the third, at most the fourth."""
+        """(low, high, weight, most): a row with finite outputs is clearly good if each margin is above `low` or below
+        `high`, and the sum of squares of all inputs, weighted with `weight`, is at most `most`."""
         ...
 
     def codes(
         self, rows: slice, inputs: Sequence[np.ndarray], outputs: Sequence[np.ndarray], plainly: bool
     ) -> np.ndarray | None:
-        """Of these rows, from their inputs and outputs as columns, margins last; None where all are 0. `plainly`:
-        `limits` are kept by all, and inputs and outputs are not needed."""
+        """Return the codes of these rows from their inputs and outputs as columns, margins last; None if all are 0.
+
+        plainly: all rows satisfy `limits`; inputs and outputs are not needed.
+        """
         ...
 
 
 class ColumnKernel:
-    """A program with its memory; threads may share it."""
+    """A program with its memory; several threads may share it."""
 
     def __init__(self, program: ColumnProgram) -> None:
         self.program = program
         self.machine = Prospect(program)
-        self._idle: list[Workspace] = []  # as many as threads have run at the same time
+        self._idle: list[Workspace] = []  # one for each thread that ran at the same time
 
     def run(
         self, columns: Sequence[np.ndarray], judge: Judge | None = None, answers: bool = False
     ) -> tuple[list[np.ndarray], np.ndarray | None]:
-        """Inputs (size, n) -> outputs (n, entries) and, with a judge, status codes (n,).
+        """Evaluate inputs (size, n); return outputs (n, entries) and, with a judge, status codes (n,).
 
-        answers: without the last output, the margins, and NaN where a row has a code.
+        answers: leave out the last output, the margins, and set rows with a nonzero code to NaN.
         """
         n = columns[0].shape[1]
         sizes = [s.stop - s.start for s in self.program.outputs]
@@ -160,7 +162,7 @@ class ColumnKernel:
     def _by_numpy(
         self, columns: Sequence[np.ndarray], results: Sequence[np.ndarray], judge: Judge | None
     ) -> Iterator[tuple[slice, np.ndarray | None]]:
-        """Fill the results; the codes of each block of rows."""
+        """Fill the results with NumPy; yield the codes of each block of rows."""
         n, program = columns[0].shape[1], self.program
         space = self._idle.pop() if self._idle else Workspace(program)
         work = space.columns
@@ -174,7 +176,7 @@ class ColumnKernel:
                         work[places] = column[:, :1]
                     continue
                 work[places, :size] = column[:, rows]
-                if size < whole:  # more of the same, so that nothing odd is computed
+                if size < whole:  # repeat the last row as padding
                     work[places, size:whole] = column[:, rows.stop - 1 : rows.stop]
             with np.errstate(all="ignore"):
                 space.run(whole)
@@ -189,7 +191,7 @@ class ColumnKernel:
     def _by_machine(
         self, machine: MachineCode, columns: Sequence[np.ndarray], results: Sequence[np.ndarray], judge: Judge | None
     ) -> Iterator[tuple[slice, np.ndarray | None]]:
-        """The same. Margins that nobody wants are computed again, for blocks where one may be bad."""
+        """Fill the results with machine code; margins that are not results are recomputed for possibly bad blocks."""
         n, last = columns[0].shape[1], len(self.program.outputs) - 1
         wanted = [*results, *[None] * (last + 1 - len(results))]
         run = machine.bound(columns, wanted, None if judge is None else judge.limits)
@@ -209,15 +211,15 @@ class ColumnKernel:
             yield rows, judge.codes(rows, given, [g.T for g in got], False)
 
 
-# rows of a call from which a kernel is the faster one, and rows in all after which making it has paid: reading an
-# instruction costs as much as CasADi's virtual machine takes for it on some thousand rows
+# rows of a call from which a kernel is faster, and total rows from which creating it pays: reading an instruction
+# costs as much as CasADi's virtual machine needs for it on some thousand rows
 FEWEST, PAID = 128, 1024
 KEPT = 64  # functions
 
 
 @dataclass
 class _Entry:
-    """A function, which is held so that its number stays its own, with the rows seen so far."""
+    """A function, kept alive so that its hash stays unique, with the number of rows evaluated so far."""
 
     function: ca.Function
     rows: int = 0
@@ -229,7 +231,7 @@ _entries: OrderedDict[int, _Entry] = OrderedDict()
 
 
 def kernel_of(f: ca.Function, rows: int) -> ColumnKernel | None:
-    """The kernel for a call on so many rows; None where CasADi's virtual machine is to take them."""
+    """Return the kernel for a call on this number of rows; None if CasADi's virtual machine should evaluate them."""
     if rows < FEWEST:
         return None
     key = f.__hash__()
@@ -239,7 +241,7 @@ def kernel_of(f: ca.Function, rows: int) -> ColumnKernel | None:
         while len(_entries) > KEPT:
             _entries.popitem(last=False)
     except KeyError:
-        pass  # another thread has just taken it away
+        pass  # another thread has just removed it
     entry.rows += rows
     if entry.kernel is None and not entry.impossible and entry.rows >= PAID:
         program = program_of(f)
@@ -248,21 +250,20 @@ def kernel_of(f: ca.Function, rows: int) -> ColumnKernel | None:
     return entry.kernel
 
 
-# seconds that an operation takes the virtual machine at a point; how often a solver asks for a function
+# seconds of an operation in the virtual machine at one point; typical number of calls by a solver
 OPERATION, CALLS = 7e-9, 30
-# Seconds of the virtual machine from which the interpreter is used where it is there: to read an operation takes
-# 2.5 us, and a call some 20 us. Seconds that all functions of a process would take from which it is built, which takes
-# half of one, once on a machine.
+# Seconds in the virtual machine from which an existing interpreter is used: reading an operation takes 2.5 us, a call
+# some 20 us. Seconds of all functions of a process from which the interpreter is built, which takes half a second once
+# per machine.
 USED, BUILT = 0.01, 1.0
-# Points from which NumPy takes the columns where there is no interpreter: an operation costs it 0.4 us for all, twice
-# that where a solver has used the cache in between, and to bind it to its columns takes 6 us, which the solver's calls
-# are to pay.
+# Points from which NumPy is used if there is no interpreter: an operation takes 0.4 us for all points, twice that if a
+# solver has used the cache in between, and binding it to its columns takes 6 us once.
 MANY = 256
 
 
 @dataclass
 class _Asked:
-    """Seconds of the virtual machine that all functions of this process would have taken."""
+    """Seconds that all functions of this process would have taken in the virtual machine."""
 
     seconds: float = 0.0
 
@@ -271,9 +272,9 @@ _asked = _Asked()
 
 
 def mapped(f: ca.Function, points: int) -> ca.Function:
-    """f of many points, matrices with a column for each: the numbers are f's to the last bit.
+    """Return f mapped to many points, with matrices that have a column per point; results equal f's to the last bit.
 
-    What is returned may be a `Batch`: it has no derivatives, and is to be held as long as a function that calls it.
+    The result may be a `Batch`, which has no derivatives and must be kept alive as long as a function that calls it.
 
     >>> import casadi as ca
     >>> from gtmodel.compiler.columns.kernel import mapped
@@ -289,7 +290,7 @@ def mapped(f: ca.Function, points: int) -> ca.Function:
 
 
 def _interpreted(f: ca.Function, points: int) -> PointProgram | None:
-    """By the interpreter in C, where it pays and where it is there."""
+    """Return f for the interpreter in C if that pays and the interpreter is available."""
     seconds = f.n_instructions() * points * OPERATION * CALLS if on_columns(f) else 0.0
     if seconds < USED or points < AT_ONCE:
         return None
@@ -299,20 +300,21 @@ def _interpreted(f: ca.Function, points: int) -> PointProgram | None:
 
 
 class PointProgram(Protocol):
-    """What computes many points at once; how many numbers its inputs and its outputs have at each."""
+    """A program that evaluates many points at once; `inputs` and `outputs`: numbers of entries at each point."""
 
     inputs: list[int]
     outputs: list[int]
 
     def __call__(self, inputs: Sequence[np.ndarray | None], outputs: Sequence[np.ndarray | None], points: int) -> None:
-        """Inputs and outputs of float64, the numbers of one point behind those of another; of inputs None for zeros, of
-        outputs None for what is not wanted."""
+        """Evaluate; arrays are float64, one point after another. An input None is zero, an output None is skipped."""
         ...
 
 
 class Batch(ca.Callback):
-    """A program as a function of CasADi: matrices with a column for each point. It is to be held as long as a function
-    that calls it, and has no derivatives."""
+    """A program as a CasADi function of matrices with a column per point.
+
+    It has no derivatives and must be kept alive as long as a function that calls it.
+    """
 
     def __init__(self, name: str, program: PointProgram, points: int) -> None:
         super().__init__()
@@ -341,7 +343,7 @@ class Batch(ca.Callback):
 
 
 class _Columns:
-    """A program on columns that have memory for so many points; for one thread."""
+    """A program on columns with memory for a fixed number of points; for one thread."""
 
     def __init__(self, program: ColumnProgram, points: int) -> None:
         self._program = program
@@ -355,7 +357,7 @@ class _Columns:
                 columns[places] = 0.0
             elif given.size:
                 columns[places, :points] = given.reshape(points, -1).T
-                columns[places, points:] = columns[places, points - 1 : points]  # so that nothing odd is computed
+                columns[places, points:] = columns[places, points - 1 : points]  # padding
         with np.errstate(all="ignore"):
             self._work.run(columns.shape[1])
         for places, wanted in zip(self._program.outputs, outputs, strict=True):

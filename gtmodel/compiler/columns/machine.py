@@ -1,4 +1,4 @@
-"""A program on columns as C, loops that a compiler makes vectors of, compiled where that pays, and calls of it."""
+"""Column programs as C code with loops that a compiler can vectorise, compiled when that pays, and their calls."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from ..toolchain import CompilerMissing, kept_library
 from .program import LIBM, ColumnProgram, Step
 
-# rows of the inner loops, whose columns lie on the stack
+# rows of the inner loops, whose columns are on the stack
 AT_ONCE = 32
 NAME = "gt_columns"
 TEXT = {
@@ -22,11 +22,11 @@ TEXT = {
     ca.OP_FABS: "fabs({0})", ca.OP_FLOOR: "floor({0})", ca.OP_CEIL: "ceil({0})", ca.OP_LT: "{0} < {1}",
     ca.OP_LE: "{0} <= {1}", ca.OP_EQ: "{0} == {1}", ca.OP_NE: "{0} != {1}", ca.OP_NOT: "{0} == 0.0",
     ca.OP_AND: "{0} != 0.0 && {1} != 0.0", ca.OP_OR: "{0} != 0.0 || {1} != 0.0",
-    # of equal zeros CasADi gives the first, libm's fmin the negative one
+    # for zeros of different sign CasADi returns the first, libm's fmin the negative one
     ca.OP_FMIN: "{0} <= {1} || {1} != {1} ? {0} : {1}", ca.OP_FMAX: "{0} >= {1} || {1} != {1} ? {0} : {1}",
     ca.OP_IF_ELSE_ZERO: "{0} != 0.0 ? {1} : 0.0", ca.OP_SIGN: "{0} < 0.0 ? -1.0 : ({0} > 0.0 ? 1.0 : {0})",
 }  # fmt: skip
-# the square root may set errno for nobody; what goes to libm goes there as it is written
+# sqrt need not set errno; calls of libm must not be replaced by builtins
 FLAGS = (
     "-O3",
     "-fno-math-errno",
@@ -104,10 +104,10 @@ long {name}(const double *const *in, const long *step, double *const *out, const
 
 
 def source(program: ColumnProgram) -> str:
-    """The function that `machine.MachineKernel` calls.
+    """Return the C source of the function that `MachineCode` calls.
 
-    Steps are put into loops by how many calls of libm lie before them: those between hold no call, and their numbers
-    need no memory.
+    Steps are grouped into loops by the number of libm calls before them: loops without calls need no memory for
+    intermediate values.
     """
     steps, values = _numbered(program)
     level: list[int] = []
@@ -150,8 +150,8 @@ def _constant_output(entry: int, value: float) -> str:
 
 
 def _numbered(program: ColumnProgram) -> tuple[list[Step], int]:
-    """The steps with numbers of their own for what they give, `values` and up in the operands; as `target` the place
-    of an output, or -1."""
+    """Return the steps with unique numbers for their results, from `values` on in the operands; `target`: the place of
+    an output, or -1."""
     values = program.inputs[-1].stop
     first = program.outputs[-1].stop if program.outputs else values
     now: dict[int, int] = {k: k for k in range(values)}
@@ -189,18 +189,18 @@ def _constant(x: float) -> str:
     return f"({x.hex()})"
 
 
-# seconds that a step takes NumPy for a row, and a call of libm CasADi's virtual machine
+# seconds per row of a step in NumPy, and of a libm call in CasADi's virtual machine
 STEP, CALL = 0.6e-9, 20e-9
-# seconds of gcc: at all, and for each step
+# seconds of gcc: constant, and per step
 COMPILE, COMPILE_STEP = 0.2, 1e-3
-# seconds on rows from which it pays to look whether a library is there
+# seconds spent on rows from which it pays to look for a cached library
 LOOK = 0.02
-# more than this gcc does not take, nor the stack
+# limits for gcc and for the stack
 MOST_STEPS, MOST_ENTRIES = 4000, 500
 
 
 class MachineCode:
-    """The function of `source`, loaded."""
+    """The loaded function of `source`."""
 
     def __init__(self, library: str) -> None:
         self._function = getattr(ctypes.CDLL(library), NAME)
@@ -214,10 +214,10 @@ class MachineCode:
         results: Sequence[np.ndarray | None],
         limits: tuple[np.ndarray, np.ndarray, np.ndarray, float] | None = None,
     ) -> Callable[[int, int], bool]:
-        """(begin, end) -> whether one of these rows may be a bad one, by the limits of a `kernel.Judge`; their results
-        are then written.
+        """Return a function (begin, end) that writes the results of these rows and returns whether one may be bad,
+        according to the limits of a `kernel.Judge`.
 
-        Inputs (size, n) with any strides, results (n, entries), None for what is not wanted; all of float64.
+        Inputs (size, n) with any strides, results (n, entries), None for results to skip; all float64.
         """
         strides = [s // 8 for c in columns for s in (c.strides[1], c.strides[0])]
         given = (ctypes.c_void_p * len(columns))(*[_address(c) for c in columns])
@@ -239,8 +239,8 @@ def _address(a: np.ndarray) -> int:
 
 
 class Prospect:
-    """Machine code of a program, made when the time that rows have taken without it has come to what making takes; one
-    that is kept from another day is used sooner."""
+    """Machine code of a program, compiled when the rows so far have taken as much time as compiling would; a cached
+    library is used earlier."""
 
     def __init__(self, program: ColumnProgram) -> None:
         self._program = program
@@ -252,7 +252,7 @@ class Prospect:
         self._made: MachineCode | None = None
 
     def of(self, rows: int) -> MachineCode | None:
-        """For a call on so many rows; None where NumPy is to take them."""
+        """Return the machine code for a call on this number of rows; None if NumPy should evaluate them."""
         if self._made is None and self._possible:
             self._spent += rows * self._row
             if self._spent >= COMPILE + COMPILE_STEP * len(self._program.steps):
@@ -262,8 +262,8 @@ class Prospect:
         return self._made
 
     def make(self, build: bool) -> bool:
-        """Load the library, or build it if wanted; whether it is there. A machine without a compiler, or where nothing
-        can be kept, stays with NumPy."""
+        """Load the library, or build it if `build`; return whether it is available. Without a compiler or a cache
+        folder NumPy is used."""
         if self._made is not None or not self._possible:
             return self._made is not None
         self._looked = True

@@ -1,4 +1,4 @@
-"""The instruction list of a function as steps on columns: which operation, of what, into which place."""
+"""Column programs: the instruction list of a function as steps on columns, with operation, operands and target."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import casadi as ca
 
-# what IEEE 754 defines to the last bit, whoever computes it
+# operations that IEEE 754 defines to the last bit
 EXACT = frozenset([
     ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE, ca.OP_INV, ca.OP_SQRT, ca.OP_FABS,
     ca.OP_FLOOR, ca.OP_CEIL, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR,
     ca.OP_IF_ELSE_ZERO, ca.OP_ASSIGN,
 ])  # fmt: skip
-# what is asked of libm, as the virtual machine asks it; any other operation stays with the virtual machine
+# operations computed by libm, as in the virtual machine; functions with any other operation get no column program
 LIBM = {
     ca.OP_SIN: "sin", ca.OP_COS: "cos", ca.OP_TAN: "tan", ca.OP_ASIN: "asin", ca.OP_ACOS: "acos", ca.OP_ATAN: "atan",
     ca.OP_ATAN2: "atan2", ca.OP_SINH: "sinh", ca.OP_COSH: "cosh", ca.OP_TANH: "tanh", ca.OP_EXP: "exp",
@@ -24,7 +24,7 @@ LIBM = {
 
 
 class Step(NamedTuple):
-    """An operation of places (int) or constants (float), and the place of what it gives."""
+    """An operation on places (int) or constants (float), and the place of its result."""
 
     op: int
     operands: tuple[int | float, ...]
@@ -33,10 +33,10 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True)
 class ColumnProgram:
-    """A function on columns. Places 0, 1, ... hold the entries of all inputs, then those of all outputs, then what is
-    between; a place is taken again as soon as nobody reads it any more.
+    """A function on columns.
 
-    `constants`: outputs that never change.
+    Places 0, 1, ... hold the entries of all inputs, then those of all outputs, then intermediate values; a place is
+    reused as soon as its value is not needed any more. `constants`: constant outputs.
     """
 
     inputs: tuple[slice, ...]
@@ -47,12 +47,12 @@ class ColumnProgram:
 
     @property
     def calls(self) -> int:
-        """How many steps go to libm."""
+        """Number of steps that call libm."""
         return sum(s.op in LIBM for s in self.steps)
 
 
 def on_columns(f: ca.Function) -> bool:
-    """Whether a function has an instruction list, arguments that are dense single columns, and dense results."""
+    """Return whether a function has an instruction list, arguments that are dense single columns, and dense results."""
     if not f.is_a("SXFunction") or f.n_in() == 0:
         return False
     dense = [f.sparsity_in(k).is_dense() and f.size2_in(k) == 1 for k in range(f.n_in())]
@@ -60,8 +60,8 @@ def on_columns(f: ca.Function) -> bool:
 
 
 def program_of(f: ca.Function) -> ColumnProgram | None:
-    """Of a function with dense single columns in and dense outputs; None where one is not, or where an operation is
-    unknown here."""
+    """Return the program of a function with dense single-column inputs and dense outputs; None for other functions, and
+    for unknown operations."""
     if not on_columns(f):
         return None
     inputs = _slices(0, [f.size1_in(k) for k in range(f.n_in())])
@@ -92,7 +92,7 @@ def program_of(f: ca.Function) -> ColumnProgram | None:
         if isinstance(value, float):
             constants.append((place, value))
         elif value < 0 and value not in settled:
-            settled[value] = place  # computed where it is wanted
+            settled[value] = place  # computed directly in the output
         else:
             ends.append(Step(ca.OP_ASSIGN, (settled.get(value, value),), place))
     placed, places = _placed(steps, settled, first)
@@ -105,8 +105,7 @@ def _slices(begin: int, sizes: Sequence[int]) -> tuple[slice, ...]:
 
 
 def _placed(steps: Sequence[Step], settled: dict[int | float, int], first: int) -> tuple[list[Step], int]:
-    """The steps with places in the stead of numbers of steps, those from `first` on shared one after the other; and how
-    many places there are."""
+    """Return the steps with places instead of step numbers, reusing places from `first` on, and their number."""
     last: dict[int | float, int] = {}
     for k, step in enumerate(steps):
         for x in step.operands:
@@ -117,17 +116,17 @@ def _placed(steps: Sequence[Step], settled: dict[int | float, int], first: int) 
     placed: list[Step] = []
     top = first
     for k, (op, operands, number) in enumerate(steps):
-        given: list[int | float] = []
+        arguments: list[int | float] = []
         freed: list[int] = []
         for x in operands:
             if x.__class__ is int and x < 0:
-                given.append(place[x])
+                arguments.append(place[x])
                 if last[x] == k and x not in settled:
                     freed.append(place[x])
-                    last[x] = -1  # freed once, read twice
+                    last[x] = -1  # free it only once if it is read twice
             else:
-                given.append(x)
-        # an exact operation may write over what it reads; a call may not
+                arguments.append(x)
+        # an exact operation may overwrite its operands; a call may not
         in_place = op in EXACT and op != ca.OP_IF_ELSE_ZERO
         if in_place:
             free += freed
@@ -138,5 +137,5 @@ def _placed(steps: Sequence[Step], settled: dict[int | float, int], first: int) 
             place[number] = free.pop()
         if not in_place:
             free += freed
-        placed.append(Step(op, tuple(given), place[number]))
+        placed.append(Step(op, tuple(arguments), place[number]))
     return placed, top

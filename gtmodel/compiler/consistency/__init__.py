@@ -1,1 +1,1 @@
-"""Points that satisfy the equations: sampled, the home pose, completed guesses, initial values."""
+"""Consistent points: sample points, the home pose, completed guesses, initial values."""

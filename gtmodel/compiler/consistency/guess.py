@@ -1,4 +1,4 @@
-"""A guess by any variables completed: what it leaves open follows from the known values and the equations."""
+"""Completion of a guess of some variables: the others follow from the known values and the equations."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ Pair = tuple[int, int]
 
 
 class Completion:
-    """Fills guesses up to all symbols of a plan, row by row, from its home pose.
+    """Completes guesses to all symbols of a plan, row by row, starting at its home pose.
 
-    `read` are the symbols that stand in the rows of known values, in their order.
+    `read`: the symbols in the rows of known values, in order.
     """
 
     def __init__(self, plan: CausalPlan, read: Sequence[Pair]) -> None:
@@ -26,24 +26,24 @@ class Completion:
         self._fixed = {n for _, n in self._read}
 
     def knows(self, pair: Pair) -> bool:
-        """Whether a guess of this symbol is of use: the equations hold it, and its value is not known."""
+        """Return whether a guess of this symbol is useful: it occurs in the equations, and its value is not known."""
         return pair in self._place and self._place[pair] not in self._fixed
 
     def __call__(self, known: np.ndarray, guess: Mapping[Pair, np.ndarray], wanted: Sequence[Pair]) -> np.ndarray:
-        """Values (wanted, n) near the guess of (n,) each; known: (read, n), behind it the time if the plan uses it."""
+        """Return values (wanted, n) near the guess, (n,) per symbol; known: (read, n), and the time if it is used."""
         rows, columns = (np.array(x, dtype=int) for x in zip(*self._read, strict=True)) if self._read else ([], [])
-        given = [self._place[p] for p in guess]
-        at = [self._place[p] for p in wanted]
+        guessed = [self._place[p] for p in guess]
+        targets = [self._place[p] for p in wanted]
         free = np.ones(len(self._place))
-        free[columns] = free[given] = 0.0
+        free[columns] = free[guessed] = 0.0
         values = np.full((len(wanted), known.shape[1]), np.nan)
         for n in range(known.shape[1]):
             w = self._plan.samples[0].copy()
-            w[columns], w[given] = known[rows, n], [g[n] for g in guess.values()]
+            w[columns], w[guessed] = known[rows, n], [g[n] for g in guess.values()]
             if not np.all(np.isfinite(w)):
                 continue
             if self._plan.uses_time:
                 self._sampler.time = float(known[-1, n])
-            self._sampler.follow(w, free, at)
-            values[:, n] = w[at]
+            self._sampler.follow(w, free, targets)
+            values[:, n] = w[targets]
         return values

@@ -1,6 +1,6 @@
-"""The home pose of a model whose start values do not satisfy its equations: one for all causalities.
+"""The home pose of a model whose start values do not satisfy its equations, shared by all causalities.
 
-Forward and inverse functions continue it; from two they might lead to two assembly modes.
+Forward and inverse functions continue this pose; from different poses they might lead to different assembly modes.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from ..alias import AliasResult, eliminate
 from ..flat import FlatModel, FlatVariable
 from .points import RESIDUAL_TOLERANCE, Sampler
 
-# what lies farther from its start value than this, in nominals, was moved: the points about it spread less
+# distance in nominals beyond which a start value counts as moved: sample points are closer to it
 MOVED = 0.1
-# one variable alone is moved, from its start value and from others drawn about it, this far off in nominals
+# distances in nominals of the random start values from which a single variable is moved
 SPREADS = (0.0, 0.3, 0.3, 1.0, 1.0, 3.0, 3.0)
 SHOWN = 6
 
@@ -26,7 +26,7 @@ Pair = tuple[int, int]
 
 @dataclass(frozen=True)
 class Moved:
-    """A start value that was moved: scalar variable by name, from where to where."""
+    """A start value that was moved: name of the scalar variable, declared value and value at home."""
 
     name: str
     start: float
@@ -34,8 +34,7 @@ class Moved:
 
 
 def starts_of(flat: FlatModel, alias: AliasResult, home: dict[int, float] | None = None) -> dict[Pair, float]:
-    """Start values by kept symbol: a variable's own before that of a removed name for the same quantity; those of the
-    home pose before all."""
+    """Return start values by kept symbol. The home pose has precedence, then the kept variable, then its aliases."""
     starts: dict[Pair, float] = {}
     for index, value in sorted((home or {}).items()):
         sign, kept, order = alias.resolve(index, 0)
@@ -48,7 +47,7 @@ def starts_of(flat: FlatModel, alias: AliasResult, home: dict[int, float] | None
 
 
 def moved(flat: FlatModel, sampler: Sampler, w: np.ndarray, starts: dict[Pair, float]) -> list[Moved]:
-    """Start values that a consistent point does not keep."""
+    """Return the start values that a consistent point does not keep."""
     moves = []
     for (index, order), start in sorted(starts.items()):
         place = sampler.position.get((index, order))
@@ -58,20 +57,19 @@ def moved(flat: FlatModel, sampler: Sampler, w: np.ndarray, starts: dict[Pair, f
 
 
 def moved_sentence(flat: FlatModel, changes: list[Moved]) -> str:
-    """One sentence on start values that were moved; empty if none was."""
+    """Return a sentence about the start values that were moved; empty if there are none."""
     if not changes:
         return ""
-    shown = ", ".join(f"{m.name} from {m.start:.4g} to {m.home:.4g}" for m in changes[:SHOWN])
+    names = ", ".join(f"{m.name} from {m.start:.4g} to {m.home:.4g}" for m in changes[:SHOWN])
     rest = f" and {len(changes) - SHOWN} more" if len(changes) > SHOWN else ""
     return (
-        f"the start values of {flat.title} do not satisfy its equations: the home pose has {shown}{rest}; give start "
-        "values that do, or a function may answer in another assembly mode than meant"
+        f"the start values of {flat.title} do not satisfy its equations: the home pose moves {names}{rest}; set "
+        "consistent start values, otherwise functions may return another assembly mode than intended"
     )
 
 
 def refuse_starts(flat: FlatModel, alias: AliasResult, sampler: Sampler, changes: list[Moved]) -> None:
-    """Raises ModelError where start values that are declared as fixed were moved and no pose keeps them: a guess
-    refuses nothing, a declared start does."""
+    """Raise ModelError if fixed start values were moved and no pose has them; guesses may move."""
     fixed: dict[Pair, FlatVariable] = {}
     for v in flat.variables:
         if v.fixed and v.start is not None:
@@ -83,19 +81,19 @@ def refuse_starts(flat: FlatModel, alias: AliasResult, sampler: Sampler, changes
     declared = replace(sampler, starts=starts_of(flat, alias))
     if declared.keeps({p for p in fixed if p in sampler.position}):
         return
-    shown = ", ".join(f"{v.name} = {v.start:g}" for v in at_fault[:SHOWN])
+    values = ", ".join(f"{v.name} = {v.start:g}" for v in at_fault[:SHOWN])
     raise ModelError(
-        f"{flat.title} cannot be assembled with the fixed start values {shown}: no pose that satisfies its equations "
-        "has them; give values that can be reached, or leave fixed=True out, and they are guesses",
+        f"{flat.title} cannot be assembled with the fixed start values {values}: no pose with them satisfies the "
+        "equations; set reachable values, or remove fixed=True to make them guesses",
         at_fault[0].where,
     )
 
 
 def home_of(flat: FlatModel) -> dict[int, float]:
-    """Values of variables, by index, at a consistent pose in which as few start values as possible are moved.
+    """Return variables, by index, at a consistent pose in which as few start values as possible are moved.
 
-    If one declared variable alone can, it does: a wrong guess for passive joints does not move the actuated ones.
-    Else all are moved, as little as it takes. Empty where no pose is found.
+    If moving one declared variable suffices, only this one moves: a wrong guess of passive joints does not move the
+    actuated ones. Otherwise all move as little as possible. Empty if no pose is found.
     """
     if "home" not in flat.cache:
         flat.cache["home"] = _home_of(flat)
@@ -106,7 +104,7 @@ def _home_of(flat: FlatModel) -> dict[int, float]:
     alias = eliminate(flat, frozenset())
     residuals = [e.residual for e in alias.equations]
     inside = [flat.scope.symbols_in(r) for r in residuals]
-    # of positions alone: rates and forces have other equations in each causality
+    # only equations of positions: those of rates and forces depend on the causality
     chosen = [n for n, symbols in enumerate(inside) if symbols and all(order == 0 for _, order in symbols)]
     pairs = sorted({p for n in chosen for p in inside[n]})
     starts = {p: x for p, x in starts_of(flat, alias).items() if p in set(pairs)}
@@ -114,7 +112,7 @@ def _home_of(flat: FlatModel) -> dict[int, float]:
         return {}
     sampler = Sampler(flat, pairs, [ca.vertcat(*[residuals[n] for n in chosen])], starts)
     best: tuple[float, np.ndarray] | None = None
-    for group in [set[Pair](), *_groups(flat, starts)]:  # first what has no start alone
+    for group in [set[Pair](), *_groups(flat, starts)]:  # first only variables without a start value
         free = np.array([p in group or p not in starts for p in pairs], dtype=float)
         for seed, spread in enumerate(SPREADS):
             rng = np.random.default_rng(seed)
@@ -137,7 +135,7 @@ def _home_of(flat: FlatModel) -> dict[int, float]:
 
 
 def _groups(flat: FlatModel, starts: dict[Pair, float]) -> list[set[Pair]]:
-    """Start values by the declared variable that they belong to, in order of declaration."""
+    """Return the start values grouped by declared variable, in order of declaration."""
     name_of = {i: name for name, (_, indices) in flat.groups.items() for i in indices}
     groups: dict[str, set[Pair]] = {}
     for p in sorted(starts):

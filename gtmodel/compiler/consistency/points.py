@@ -1,4 +1,4 @@
-"""Consistent points: numbers that satisfy all differentiated equations, found stage by stage."""
+"""Consistent points: values that satisfy all differentiated equations, computed stage by stage."""
 
 from __future__ import annotations
 
@@ -18,32 +18,32 @@ if TYPE_CHECKING:
     import scipy
 
 MAX_TRIES = 60
-HOPELESS = 20  # tries without any point after which none is expected
+HOPELESS = 20  # tries without any point after which the search stops
 NEWTON_STEPS = 60
-POINTS = 5  # of which the nearest is taken
-PATIENCE = 10  # steps that must at least halve the residual; Newton that has not found its way by then seldom does
+POINTS = 5  # number of points from which the nearest is selected
+PATIENCE = 10  # steps within which the residual must be halved; slower iterations seldom converge
 # residuals are in SI units of equations of order one; Gauss-Newton converges quadratically past this
 RESIDUAL_TOLERANCE = 1e-11
-# spread of sample points round the declared start values, in nominals: large enough to leave symmetric poses
+# spread of sample points around the declared start values, in nominals: large enough to leave symmetric poses
 SPREAD = 0.05
-# every second one: where constraints are stiff, start values far from consistent lead to another assembly mode
+# spread of every second point: with stiff constraints, inconsistent start values lead to another assembly mode
 NARROW = 0.005
-# what has a start value is moved this much less than what has none: the points stay near the home pose
+# weight of variables with a start value: the points stay near the home pose
 HELD = 0.1
-# steps in which what has none follows what has one or is known, which waits
+# steps in which variables without a start value follow those that have one or are known
 FOLLOWING_STEPS = 10
-# on the way from home to a guess far off no step is longer, in nominals: an angle goes no further round than it must
+# longest step from home to a distant guess, in nominals: an angle makes no extra turn
 LONGEST = 0.5
-FOLLOWED = 1e-7  # a shorter one ends it
-# a step that leaves the domain of a root or a logarithm is halved, down to this part
+FOLLOWED = 1e-7  # a shorter step ends the iteration
+# a step that leaves the domain of a root or a logarithm is halved, down to this fraction
 SHORTEST_PART = 1e-12
-# what starts outside the domain is drawn again, at most so often
+# largest number of random draws for a start outside the domain
 DRAWS = 30
-# s; some models have no solution at time 0; no round numbers, where roots may meet
+# s; some models have no solution at time 0; not round numbers, at which roots may coincide
 OTHER_TIMES = (1.1, 11.3, 0.13, 97.0)
-# singular values below this fraction of the largest are directions that the equations leave free
+# singular values below this fraction of the largest are free directions
 RANK = 1e-10
-# rows or columns up to which a dense matrix costs less than the sparse one's bookkeeping
+# number of rows or columns up to which a dense matrix is faster than a sparse one
 DENSE = 200
 
 Jacobian: TypeAlias = "np.ndarray | scipy.sparse.csc_matrix"
@@ -65,12 +65,12 @@ class _Stage:
             jacobian = np.zeros(self._shape)
             jacobian[self._indices, self._columns] = values
             return r, jacobian
-        import scipy  # here and below: small systems need none, and start sooner
+        import scipy  # here and below: small systems do not need it, and it is slow to import
 
         return r, scipy.sparse.csc_matrix((values, self._indices, self._pointers), shape=self._shape)
 
     def outside(self, w: np.ndarray, p: np.ndarray, time: float) -> np.ndarray:
-        """Which columns stand in a row that is not finite, or whose derivatives are not."""
+        """Return which columns occur in a row whose value or derivatives are not finite."""
         r, values = called(self._fun, w, p, time)
         rows = ~np.isfinite(r)
         rows[self._indices[~np.isfinite(values)]] = True
@@ -88,21 +88,20 @@ def _in_columns(jacobian: scipy.sparse.csc_matrix, reach: np.ndarray) -> scipy.s
 def _least_norm(jacobian: Jacobian, reach: np.ndarray, r: np.ndarray) -> np.ndarray:
     scaled: Any = jacobian * reach if isinstance(jacobian, np.ndarray) else _in_columns(jacobian, reach)
     rows = np.flatnonzero(abs(scaled).sum(axis=1))
-    if len(rows) < len(r):  # equations among what stays where it is
+    if len(rows) < len(r):  # equations among symbols that do not move
         scaled, r = (scaled if isinstance(scaled, np.ndarray) else scaled.tocsr())[rows], r[rows]
     step = _through_normal_equations(scaled, r)
-    left = np.linalg.norm(scaled @ step + r)
-    if not left <= SOLVED * np.linalg.norm(r):
-        whole = scaled if isinstance(scaled, np.ndarray) else scaled.toarray()
-        step = np.linalg.lstsq(whole, -r, rcond=RANK)[0]
-        left = whole @ step + r
-        if np.linalg.norm(left) > SOLVED * np.linalg.norm(r):
-            step += left_over(whole, -left, RANK)
+    if not np.linalg.norm(scaled @ step + r) <= SOLVED * np.linalg.norm(r):
+        dense = scaled if isinstance(scaled, np.ndarray) else scaled.toarray()
+        step = np.linalg.lstsq(dense, -r, rcond=RANK)[0]
+        residual = dense @ step + r
+        if np.linalg.norm(residual) > SOLVED * np.linalg.norm(r):
+            step += left_over(dense, -residual, RANK)
     return reach * step
 
 
 def _through_normal_equations(scaled: Any, r: np.ndarray) -> np.ndarray:
-    """Least-norm step; NaN where the normal equations are singular."""
+    """Return the least-norm step; NaN if the normal equations are singular."""
     try:
         if isinstance(scaled, np.ndarray):
             return scaled.T @ np.linalg.solve(scaled @ scaled.T, -r)
@@ -117,11 +116,11 @@ def _through_normal_equations(scaled: Any, r: np.ndarray) -> np.ndarray:
 
 @dataclass
 class Sampler:
-    """Makes consistent points of a differentiated system.
+    """Computes consistent points of a differentiated system.
 
     `pairs` are the chain symbols in order; `stages` the residuals of each stage, positions first; `starts`
-    the declared start values by chain symbol; `known` the variables that are prescribed; `time` [s] of the points;
-    `ease` (one for each symbol) how readily it is moved beside the others, 1 if left out.
+    the declared start values by chain symbol; `known` the known variables; `time` [s] of the points;
+    `ease` (one per symbol): relative weight of its movement, 1 by default.
     """
 
     flat: FlatModel
@@ -156,9 +155,9 @@ class Sampler:
         self._followers = [np.multiply(nominal, ~started & ~given), np.multiply(nominal, ~started)]
 
     def points(self, count: int) -> np.ndarray:
-        """`count` consistent points near the start values, the nearest first. Raises ModelError if there is none.
+        """Return `count` consistent points near the start values, the nearest first; ModelError if there is none.
 
-        They belong to time 0, or where the equations have no solution then to one of OTHER_TIMES, which is in `time`.
+        They belong to time 0, or to one of OTHER_TIMES if the equations have no solution at 0; `time` is set to it.
         """
         points, closest = self._points(count)
         clock = self.flat.scope.time.element_hash()
@@ -170,7 +169,7 @@ class Sampler:
         if not points:
             points = self._past_guesses(count)
         if not points:
-            # a later stage may bind what an earlier one left free: the system is singular then, and its rank shows it
+            # a later stage may determine what an earlier one left free: then the system is singular, as its rank shows
             points, _ = replace(self, stages=[ca.vertcat(*self.stages)], time=0.0)._points(count)
         if not points:
             if not np.isfinite(closest):
@@ -182,7 +181,7 @@ class Sampler:
         return np.array(sorted(points, key=self._distance))
 
     def _refuse_numberless(self) -> None:
-        """Raises ModelError for an equation out of which no number comes, whatever its variables are."""
+        """Raise ModelError for an equation that is not finite for any values of its variables."""
         flat, rng = self.flat, np.random.default_rng(0)
         for e in flat.equations:
             symbols = [flat.scope.symbol(*pair) for pair in flat.scope.symbols_in(e.residual)]
@@ -191,12 +190,12 @@ class Sampler:
             draws = [rng.standard_normal(len(symbols)) for _ in range(HOPELESS)]
             if not any(np.isfinite(float(function(x, flat.require_values(), self.time))) for x in draws):
                 raise ModelError(
-                    f"{flat.title}: no number comes out of {e.label}, whatever its variables are; does it divide by a "
+                    f"{flat.title}: {e.label} is not finite for any values of its variables; does it divide by a "
                     "parameter that is 0?", e.where,
                 )  # fmt: skip
 
     def keeps(self, held: Collection[tuple[int, int]]) -> bool:
-        """Whether some point has exactly these start values, whatever the others are."""
+        """Return whether a consistent point has exactly these start values, with any values of the others."""
         free = np.array([pair not in held for pair in self.pairs])
         trial = replace(self, ease=np.where(free, 1.0, 0.0))
         for seed in range(HOPELESS):
@@ -208,11 +207,10 @@ class Sampler:
         return False
 
     def _past_guesses(self, count: int) -> list[np.ndarray]:
-        """Points that keep fewer start values: a guess refuses nothing. First those of what follows from what is known
-        and from fixed start values are let go, then those of what is known too."""
+        """Return points that ignore guesses: first only those of unknown variables, then those of known ones too."""
         fixed = {p: x for p, x in self.starts.items() if p[1] or self.flat.variables[p[0]].fixed}
-        given = {p: x for p, x in self.starts.items() if p in fixed or p[0] in self.known}
-        for kept in (given, fixed):
+        fixed_or_known = {p: x for p, x in self.starts.items() if p in fixed or p[0] in self.known}
+        for kept in (fixed_or_known, fixed):
             points = replace(self, starts=kept, time=0.0)._points(count)[0] if len(kept) < len(self.starts) else []
             if points:
                 self.time = 0.0
@@ -220,7 +218,7 @@ class Sampler:
         return []
 
     def _points(self, count: int) -> tuple[list[np.ndarray], float]:
-        """Up to `count` points, and the smallest residual of the tries that failed."""
+        """Return up to `count` points, and the smallest residual of the failed tries."""
         points: list[np.ndarray] = []
         closest = np.inf
         for seed in range(MAX_TRIES):
@@ -239,12 +237,12 @@ class Sampler:
         return points, closest
 
     def nearest(self) -> np.ndarray | None:
-        """The consistent point nearest to the start values of a few, None if there is none."""
+        """Return the nearest to the start values of a few consistent points, None if there is none."""
         points, _ = self._points(POINTS)
         return min(points, key=self._distance) if points else None
 
     def residual(self, w: np.ndarray) -> float:
-        """Largest residual at a point, over the largest number in it, but at least over 1; infinite outside the
+        """Return the largest residual at a point, divided by its largest value if that exceeds 1; infinite outside the
         domain."""
         p, scale = self.flat.require_values(), max(1.0, float(np.max(np.abs(w), initial=0.0)))
         results = [fun(w, p, self.time) for fun, _ in self._functions]
@@ -254,21 +252,21 @@ class Sampler:
         )
 
     def _distance(self, w: np.ndarray) -> float:
-        """How far a point is from the start values, in nominals."""
+        """Return the distance of a point from the start values, in nominals."""
         off = [(w[self.position[pair]] - value) / self.flat.variables[pair[0]].nominal
                for pair, value in self.starts.items() if pair in self.position]  # fmt: skip
         return float(np.linalg.norm(off))
 
     def near(self, rng: np.random.Generator, spread: float) -> np.ndarray:
-        """Start values with noise of `spread` nominals, and noise alone where there is none; the equations may not
-        hold there."""
+        """Return start values with noise of `spread` nominals, and noise alone for other variables; the point need not
+        be consistent."""
         nominal = [self.flat.variables[index].nominal for index, _ in self.pairs]
         noise = np.multiply(nominal, rng.standard_normal(len(self.pairs)))
         start = np.array([self.starts.get(pair, np.nan) for pair in self.pairs], dtype=float)
         return np.where(np.isnan(start), noise, start + spread * noise)
 
     def _into_domain(self, w: np.ndarray, rng: np.random.Generator) -> None:
-        """Draw again what stands in equations without a number: half as far from a start value, or anywhere."""
+        """Redraw the variables of equations that are not finite: closer to a start value, or anywhere without one."""
         p = self.flat.require_values()
         for fun, new in self._functions:
             spread = np.full(new.size, SPREAD)
@@ -283,7 +281,7 @@ class Sampler:
                     w[new[n]] = self.starts[pair] + spread[n] * noise if pair in self.starts else noise
 
     def correct(self, w: np.ndarray) -> float:
-        """Gauss-Newton with least-norm steps in each stage; changes w; returns the worst residual."""
+        """Correct w in place by least-norm Gauss-Newton steps in each stage; return the worst residual."""
         p = self.flat.require_values()
         worst = 0.0
         for fun, new in self._functions:
@@ -314,8 +312,8 @@ class Sampler:
         return worst
 
     def follow(self, w: np.ndarray, free: np.ndarray, wanted: Collection[int]) -> None:
-        """Let the symbols whose `free` (one each) is not 0 follow the others in w, as far as that goes: `wanted` ones,
-        by position, and those that come up in the same stages of the equations or before."""
+        """Let the symbols with nonzero `free` (one per symbol) follow the others in w, as far as possible: the `wanted`
+        ones, by position, and those of the same stages or earlier ones."""
         p, nominal = self.flat.require_values(), np.array([self.flat.variables[i].nominal for i, _ in self.pairs])
         stages = [n for n, (_, new) in enumerate(self._functions) if not set(wanted).isdisjoint(new.tolist())]
         for fun, new in self._functions[: max(stages, default=-1) + 1]:
@@ -334,7 +332,8 @@ class Sampler:
                     break
 
     def _follow(self, fun: _Stage, new: np.ndarray, reach: np.ndarray, w: np.ndarray, p: np.ndarray) -> None:
-        """Let what has a reach follow what has none, as far as it goes: else a wrong solution may be the nearest."""
+        """Let symbols with a nonzero reach follow the others as far as possible: otherwise the nearest solution may be
+        a wrong one."""
         if not np.any(reach):
             return
         best = np.inf
@@ -351,7 +350,7 @@ class Sampler:
     def _step(
         self, fun: _Stage, new: np.ndarray, step: np.ndarray, w: np.ndarray, p: np.ndarray
     ) -> tuple[np.ndarray, Jacobian | None]:
-        """Change w by the step, or by as much of it as leaves the equations numbers; what they give there."""
+        """Change w by the step, or by a fraction of it that stays in the domain; return residual and Jacobian."""
         begin, part = w[new].copy(), 1.0
         while True:
             w[new] = begin + part * step

@@ -1,1 +1,1 @@
-"""Expressions as numbered operations: written once each, differentiated by elimination, run on many points at once."""
+"""Tapes: expressions as numbered operations, differentiated by elimination and evaluated at many points at once."""

@@ -1,9 +1,9 @@
 """Derivatives on a tape: the operations between arguments and results are eliminated one by one.
 
-Every operation k says dk = sum of c dx over what it reads, c its partial derivative. To eliminate x is to put what it
-is made of in its place wherever it is read, until arguments and results alone are left: the Jacobian. Any order is
-right; forward and reverse differentiation are two of them (Griewank and Walther 2008, chapter 9). Second derivatives
-go along: w dx dy for every pair of which an operation is a nonlinear function, weighted by its adjoint.
+Every operation k satisfies dk = sum of c dx over its operands x with partial derivatives c. Eliminating x replaces dx
+by its own sum wherever it is read, until only arguments and results remain: the Jacobian. Any order is correct; forward
+and reverse differentiation are two of them (Griewank and Walther 2008, chapter 9). Second derivatives are w dx dy for
+every pair of operands in which an operation is nonlinear, weighted with its adjoint.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ Entries = dict[tuple[int, int], int]  # (row, column) -> number on the tape
 
 
 def jacobian(tape: Tape, results: Sequence[int], arguments: Sequence[int]) -> Entries:
-    """d results / d arguments, which are inputs of the tape; without entries that are always zero.
+    """Return d results / d arguments without structural zeros; arguments are inputs of the tape.
 
-    What is read once, or reads one thing only, is eliminated first, which fills nothing in; then from the end.
+    Operations with one reader or one operand are eliminated first, because they cause no fill-in; then from the end.
 
     >>> from gtmodel.compiler.tape.elimination import jacobian
     >>> from gtmodel.compiler.tape.operations import Tape
@@ -46,13 +46,13 @@ def jacobian(tape: Tape, results: Sequence[int], arguments: Sequence[int]) -> En
 
 
 def gradient(tape: Tape, results: Sequence[int], weights: Sequence[int], arguments: Sequence[int]) -> list[int]:
-    """d (sum of weights times results) / d arguments."""
+    """Return d (sum of weights times results) / d arguments."""
     adjoints = _Graph(tape, results, arguments).adjoints(results, weights)
     return [adjoints.get(k, tape.constant(0.0)) for k in arguments]
 
 
 def hessian(tape: Tape, results: Sequence[int], weights: Sequence[int], arguments: Sequence[int]) -> Entries:
-    """Upper triangle of the second derivatives of the sum of weights times results.
+    """Return the upper triangle of the second derivatives of the sum of weights times results.
 
     >>> from gtmodel.compiler.tape.elimination import hessian
     >>> from gtmodel.compiler.tape.operations import Tape
@@ -74,8 +74,8 @@ def _zero(tape: Tape, k: int) -> bool:
 
 
 class _Graph:
-    """reads[k][x] = dk/dx for operations k, whose results and arguments stay; readers[x] the operations that read x;
-    curvature[x][y] = curvature[y][x] second derivatives by what is still there."""
+    """Graph of the remaining operations: reads[k][x] = dk/dx; readers[x]: operations that read x; curvature[x][y] =
+    curvature[y][x]: second derivatives by remaining operations."""
 
     def __init__(self, tape: Tape, results: Iterable[int], arguments: Sequence[int]) -> None:
         self.tape = tape
@@ -107,7 +107,7 @@ class _Graph:
             ]
 
     def adjoints(self, results: Sequence[int], weights: Sequence[int]) -> dict[int, int]:
-        """Derivatives of the weighted sum of the results by each operation."""
+        """Return the derivatives of the weighted sum of the results by each operation."""
         tape, adjoints = self.tape, dict[int, int]()
         for k, weight in zip(results, weights, strict=True):
             if k in self.readers:
@@ -120,7 +120,7 @@ class _Graph:
         return adjoints
 
     def bend(self, adjoints: dict[int, int]) -> None:
-        """Second derivatives of each operation, times its adjoint."""
+        """Add the second derivatives of each operation, times its adjoint, to the curvature."""
         for k, own in self._second.items():
             if k in adjoints:
                 for x, y, w in own:
@@ -133,57 +133,57 @@ class _Graph:
             self.curvature.setdefault(y, {})[x] = value
 
     def simple(self, k: int, curved: bool = False) -> bool:
-        """To eliminate it fills in nothing."""
+        """Return whether eliminating k causes no fill-in."""
         if len(self.reads[k]) <= 1:
             return True
         more = len(self.curvature.get(k, ())) if curved else 0
         return len(self.readers[k]) + more <= 1
 
     def eliminate(self, priority: Priority) -> None:
-        """All but arguments and results, those of least priority first."""
-        left = {k for k in self.order if k not in self.arguments}
-        now = {k: priority(self, k) for k in left}
+        """Eliminate all operations except arguments and results, in increasing order of priority."""
+        remaining = {k for k in self.order if k not in self.arguments}
+        now = {k: priority(self, k) for k in remaining}
         heap = [(p, k) for k, p in now.items()]
         heapq.heapify(heap)
         while heap:
             p, k = heapq.heappop(heap)
-            if k not in left or now[k] != p:
+            if k not in remaining or now[k] != p:
                 continue
-            left.discard(k)
+            remaining.discard(k)
             for x in self._eliminated(k):
-                if x in left and (p := priority(self, x)) != now[x]:
+                if x in remaining and (p := priority(self, x)) != now[x]:
                     now[x] = p
                     heapq.heappush(heap, (p, x))
 
     def _eliminated(self, k: int) -> set[int]:
-        """Without operation k; the operations whose neighbours have changed."""
+        """Eliminate operation k; return the operations whose neighbours have changed."""
         tape, reads, readers = self.tape, self.reads, self.readers
-        own, later = reads.pop(k), readers.pop(k)
-        for reader in later:
+        operands, dependents = reads.pop(k), readers.pop(k)
+        for reader in dependents:
             row = reads[reader]
             c = row.pop(k)
-            for x, d in own.items():
+            for x, d in operands.items():
                 part = tape.product(c, d)
                 if x in row:
                     row[x] = tape.total(row[x], part)
                 else:
                     row[x] = part
                     readers[x].add(reader)
-        for x in own:
+        for x in operands:
             readers[x].discard(k)
-        changed = later.union(own)
+        changed = dependents.union(operands)
         bent = self.curvature.pop(k, None)
         if bent:
             twice = bent.pop(k, None)
             if twice is not None:
-                items = list(own.items())
+                items = list(operands.items())
                 for n, (x, c) in enumerate(items):
                     part = tape.product(twice, c)
                     for y, d in items[n:]:
                         self._bent(x, y, tape.product(part, d))
             for y, w in bent.items():
                 del self.curvature[y][k]
-                for x, c in own.items():
+                for x, c in operands.items():
                     part = tape.product(c, w)
                     self._bent(x, y, _twice(tape, part) if x == y else part)
             changed.update(bent)
@@ -195,7 +195,7 @@ def _twice(tape: Tape, k: int) -> int:
 
 
 def _partials(tape: Tape, k: int) -> tuple[list[int], list[int]]:
-    """First derivatives of operation k by its operands, and second ones: of both operands xx, xy, yy."""
+    """Return the first derivatives of operation k by its operands, and the second ones: xx, xy, yy for two operands."""
     op, operands = tape.op[k], tape.operands(k)
     zero, one = tape.constant(0.0), tape.constant(1.0)
     if op == ca.OP_ADD:
@@ -221,7 +221,7 @@ def _partials(tape: Tape, k: int) -> tuple[list[int], list[int]]:
 
 @cache
 def _pattern(op: int, count: int) -> list[Instruction]:
-    """The derivatives of an operation, as CasADi has them."""
+    """Return the instructions of CasADi's derivatives of an operation."""
     x = [ca.SX.sym("x") for _ in range(count)]
     value = ca.SX.unary(op, *x) if count == 1 else ca.SX.binary(op, *x)
     first = ca.gradient(value, ca.vertcat(*x))

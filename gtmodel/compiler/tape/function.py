@@ -1,4 +1,4 @@
-"""Numbers of a tape as a function of CasADi, of one point or of many, and from a tape back to its expressions."""
+"""Entries of a tape as a CasADi function of one or many points, and as CasADi expressions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .operations import NONE, Tape
 
 
 def written(tape: Tape, numbers: Sequence[int], symbols: ca.SX) -> ca.SX:
-    """A column with these numbers of the tape, the symbols at its inputs."""
+    """Return a column with these entries of the tape as expressions of the symbols at its inputs."""
     if not len(numbers):
         return ca.SX(0, 1)
     groups: dict[tuple[int, int], list[int]] = {}  # by level and operation
@@ -28,33 +28,33 @@ def written(tape: Tape, numbers: Sequence[int], symbols: ca.SX) -> ca.SX:
             level[k] = 1 + (level[tape.first[k]] if y == NONE else max(level[tape.first[k]], level[y]))
         groups.setdefault((level[k], op), []).append(k)
     place: dict[int, int] = {}
-    made = ca.SX.zeros(len(level), 1)
+    entries = ca.SX.zeros(len(level), 1)
     begin = 0
-    for (_, op), own in sorted(groups.items()):
-        x = [tape.first[k] for k in own]
+    for (_, op), members in sorted(groups.items()):
+        x = [tape.first[k] for k in members]
         if op == ca.OP_INPUT:
             value = symbols[x]
         elif op == ca.OP_CONST:
-            value = ca.SX(ca.DM([tape.constants[k] for k in own]))
-        elif tape.second[own[0]] == NONE:
-            value = ca.SX.unary(op, made[[place[i] for i in x]])
+            value = ca.SX(ca.DM([tape.constants[k] for k in members]))
+        elif tape.second[members[0]] == NONE:
+            value = ca.SX.unary(op, entries[[place[i] for i in x]])
         else:
-            y = [place[tape.second[k]] for k in own]
-            value = ca.SX.binary(op, made[[place[i] for i in x]], made[y])
-        made[begin : begin + len(own)] = value
-        place.update(zip(own, range(begin, begin + len(own)), strict=True))
-        begin += len(own)
-    return made[[place[k] for k in numbers]]
+            y = [place[tape.second[k]] for k in members]
+            value = ca.SX.binary(op, entries[[place[i] for i in x]], entries[y])
+        entries[begin : begin + len(members)] = value
+        place.update(zip(members, range(begin, begin + len(members)), strict=True))
+        begin += len(members)
+    return entries[[place[k] for k in numbers]]
 
 
-# seconds that CasADi's virtual machine takes for an operation of a large function; how often a solver asks for it
+# seconds of an operation of a large function in CasADi's virtual machine; typical number of calls by a solver
 OPERATION, CALLS = 4e-9, 30
-# seconds of the virtual machine from which the interpreter is used where it is there, and from which it is built
+# seconds in the virtual machine from which an existing interpreter is used, and from which it is built
 USED, BUILT = 0.05, 1.0
 
 
 class TapeFunction:
-    """Columns of numbers on a tape, of arguments that are columns too and have the tape's inputs one after the other.
+    """Columns of entries of a tape as a function; the arguments are columns that hold the tape's inputs in order.
 
     >>> import casadi as ca
     >>> from gtmodel.compiler.tape.function import TapeFunction
@@ -68,19 +68,21 @@ class TapeFunction:
     def __init__(self, name: str, tape: Tape, arguments: Sequence[ca.SX], outputs: Sequence[Sequence[int]]) -> None:
         self.name = name
         self._tape, self._arguments, self._outputs = tape, list(arguments), list(outputs)
-        self._maps: dict[int, ca.Function] = {}  # held: a Batch lives no longer than somebody holds it
+        self._maps: dict[int, ca.Function] = {}  # keeps each Batch alive
 
     @cached_property
     def casadi(self) -> ca.Function:
-        """Of one point."""
+        """The function at one point."""
         column = written(self._tape, [k for numbers in self._outputs for k in numbers], ca.vertcat(*self._arguments))
         ends = np.cumsum([0, *map(len, self._outputs)]).tolist()
         return ca.Function(self.name, self._arguments, ca.vertsplit(column, ends))
 
     def map(self, points: int) -> ca.Function:
-        """Of many points, a column for each. Where it pays and there is a C compiler, by the interpreter: the numbers
-        are the same but for round-off, and the function has no derivatives; this object is to be held as long as it is
-        in use."""
+        """Return the function of many points, with a column per point.
+
+        If it pays and there is a C compiler, the interpreter is used: results are equal up to round-off, the function
+        has no derivatives, and this object must be kept alive as long as the function is used.
+        """
         if points not in self._maps:
             seconds = len(self._tape.op) * points * OPERATION * CALLS
             library = interpreter(seconds >= BUILT) if seconds >= USED and known(self._tape) else None

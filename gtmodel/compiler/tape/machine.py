@@ -1,8 +1,8 @@
-"""Instructions on many points at once: an interpreter in C, compiled once for this machine, whatever they are.
+"""Instructions at many points at once: an interpreter in C, compiled once per machine.
 
-CasADi's virtual machine takes one point after the other, and of a function with 200,000 operations it reads every
-operation from memory again for each. Here an operation is read once for some points, whose numbers lie side by side.
-The operations are those of `columns.source`, rounded alike, so that the numbers are the virtual machine's.
+CasADi's virtual machine evaluates one point after the other; for a function with 200,000 operations it reads every
+operation from memory for each point. Here an operation is read once for several points, whose values are contiguous.
+The operations are those of `columns.source` with the same rounding, so the results equal the virtual machine's.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ def _arguments(op: int) -> str:
 
 @cache
 def interpreter(build: bool) -> ctypes.CDLL | None:
-    """The library, built where it is not there if wanted; None where there is none."""
+    """Return the library, built if it does not exist and `build` is set; None if it is not available."""
     try:
         library = kept_library(source(), FLAGS[1:], build)
         return None if library is None else ctypes.CDLL(str(library))
@@ -140,17 +140,17 @@ def interpreter(build: bool) -> ctypes.CDLL | None:
 
 
 class Interpreted:
-    """Instructions at many points, by the library of `interpreter`.
+    """Instructions evaluated at many points with the library of `interpreter`.
 
-    code: (steps, 4), an operation, the places of what it reads and of what it gives. Places 0, 1, ... hold the entries
-    of all inputs, then the constants; result: those of the entries of all outputs.
+    code: (steps, 4): operation, places of its operands and of its result. Places 0, 1, ... hold the entries of all
+    inputs, then the constants; result: the places of the entries of all outputs.
     """
 
     def __init__(
         self, library: ctypes.CDLL, code: np.ndarray, places: int, constants: Sequence[float], result: np.ndarray,
         inputs: Sequence[int], outputs: Sequence[int],
     ) -> None:  # fmt: skip
-        """inputs, outputs: how many entries each has."""
+        """inputs, outputs: number of entries of each."""
         self._run = library.gt_tape_run
         self._code, self._places, self._result = code, places, result
         self._constants = np.array(constants, float)
@@ -161,7 +161,7 @@ class Interpreted:
     def of_tape(
         cls, library: ctypes.CDLL, tape: Tape, inputs: Sequence[int], outputs: Sequence[Sequence[int]]
     ) -> Interpreted:
-        """Outputs are columns of numbers of a tape; inputs: how many places of its inputs belong to each argument."""
+        """Create it from columns of entries of a tape; inputs: number of the tape's inputs in each argument."""
         n, own = len(tape.op), sum(inputs)
         op, first, second = (np.array(a, np.int32) for a in (tape.op, tape.first, tape.second))
         constants = list(tape.constants)
@@ -181,8 +181,8 @@ class Interpreted:
 
     @classmethod
     def of_function(cls, library: ctypes.CDLL, f: ca.Function) -> Interpreted | None:
-        """The instructions of a function with dense columns in and dense outputs, as CasADi's virtual machine has them;
-        None where one is not, or where the interpreter lacks an operation."""
+        """Create it from the instructions of a function with dense columns as inputs and dense outputs; None for other
+        functions, and if the interpreter lacks an operation."""
         if not on_columns(f):
             return None
         op = [f.instruction_id(k) for k in range(f.n_instructions())]
@@ -216,7 +216,7 @@ class Interpreted:
         return len(self._code)
 
     def __call__(self, inputs: Sequence[np.ndarray | None], outputs: Sequence[np.ndarray | None], points: int) -> None:
-        """Inputs and outputs of float64, the numbers of one point behind those of another."""
+        """Evaluate; inputs and outputs are float64 with one point after another."""
         given = (ctypes.c_void_p * max(len(inputs), 1))(*[None if a is None else a.ctypes.data for a in inputs])
         wanted = (ctypes.c_void_p * max(len(outputs), 1))(*[None if a is None else a.ctypes.data for a in outputs])
         work = np.empty((self._places, AT_ONCE))
@@ -229,7 +229,7 @@ class Interpreted:
 
 
 def known(tape: Tape) -> bool:
-    """Whether the interpreter has all operations of a tape."""
+    """Return whether the interpreter has all operations of a tape."""
     return set(tape.op) <= KNOWN
 
 

@@ -1,7 +1,7 @@
-"""A tape: operations with numbers, each written once; what is asked of it is worked with as whole numbers.
+"""A tape: numbered operations without duplicates; expressions are represented by their numbers.
 
-A CasADi expression costs some microseconds for each operation that Python makes, and a pass over it for common
-subexpressions costs as much again. On a tape nothing is written twice, so that no such pass is needed.
+In CasADi, each operation created from Python takes some microseconds, and a pass for common subexpressions takes as
+much again. A tape never stores an operation twice, so it needs no such pass.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ import casadi as ca
 
 from ..rewriting import Instruction, instructions
 
-NONE = -1  # where an operation has no second operand
+NONE = -1  # instead of a missing second operand
 _SYMMETRIC = frozenset([ca.OP_ADD, ca.OP_MUL, ca.OP_FMIN, ca.OP_FMAX, ca.OP_EQ, ca.OP_NE, ca.OP_AND, ca.OP_OR])
-_ORDERED = frozenset([ca.OP_FMIN, ca.OP_FMAX])  # of equal zeros the first counts: not exchanged
+_ORDERED = frozenset([ca.OP_FMIN, ca.OP_FMAX])  # not exchanged: for zeros of different sign the result is the first
 
 
 class Tape:
-    """Operations in order: number k is `op[k]` of the numbers `first[k]` and `second[k]`; of an input `first[k]` is its
-    place, of a constant `constants[k]` its value.
+    """Operations in order: entry k is `op[k]` applied to the entries `first[k]` and `second[k]`. For an input
+    `first[k]` is its place; `constants[k]` is the value of a constant.
 
     >>> from gtmodel.compiler.tape.operations import Tape
     >>> tape = Tape()
@@ -38,7 +38,7 @@ class Tape:
         self._values: dict[tuple[float, float], int] = {}
 
     def _written(self, op: int, x: int, y: int = NONE) -> int:
-        """As it is."""
+        """Return the number of an operation, which is added if it is new."""
         if x > y >= 0 and op in _SYMMETRIC and op not in _ORDERED:
             x, y = y, x
         key = (op, x, y)
@@ -70,7 +70,7 @@ class Tape:
         return self.constant(-self.constants[x]) if x in self.constants else self._written(ca.OP_NEG, x)
 
     def product(self, x: int, y: int) -> int:
-        """Zeros and ones vanish, signs go before it."""
+        """Return x * y; zeros and ones are eliminated, and signs are moved in front."""
         constants = self.constants
         if x in constants:
             x, y = y, x
@@ -98,7 +98,7 @@ class Tape:
         return k if signs[0] == signs[1] else self.negative(k)
 
     def total(self, x: int, y: int) -> int:
-        """x + y, a difference where one has a sign before it."""
+        """Return x + y, as a difference if one is negated."""
         constants = self.constants
         if x in constants and y in constants:
             return self.constant(constants[x] + constants[y])
@@ -120,7 +120,7 @@ class Tape:
         return self._written(ca.OP_SUB, x, y)
 
     def applied(self, op: int, x: int, y: int = NONE) -> int:
-        """The operation of that code."""
+        """Return the operation with this code."""
         if op == ca.OP_ADD:
             return self.total(x, y)
         if op == ca.OP_MUL:
@@ -130,19 +130,19 @@ class Tape:
         return x if op == ca.OP_ASSIGN else self._written(op, x, y)
 
     def taken(self, read: Iterable[Instruction], arguments: Sequence[int]) -> list[int]:
-        """What the instructions give of arguments that stand on the tape."""
-        made: list[int] = []
+        """Append instructions whose arguments are on the tape; return the numbers of their outputs."""
+        entries: list[int] = []
         results: dict[int, int] = {}
         for op, reads, place, value in read:
             if op == ca.OP_INPUT:
-                made.append(arguments[place])
+                entries.append(arguments[place])
             elif op == ca.OP_CONST:
-                made.append(self.constant(value))
+                entries.append(self.constant(value))
             elif op == ca.OP_OUTPUT:
-                results[place] = made[reads[0]]
-                made.append(made[reads[0]])
+                results[place] = entries[reads[0]]
+                entries.append(entries[reads[0]])
             else:
-                made.append(self.applied(op, *[made[i] for i in reads]))
+                entries.append(self.applied(op, *[entries[i] for i in reads]))
         return [results[place] for place in sorted(results)]
 
     def operands(self, k: int) -> tuple[int, ...]:
@@ -151,41 +151,44 @@ class Tape:
         return (self.first[k],) if self.second[k] == NONE else (self.first[k], self.second[k])
 
     def needed(self, numbers: Iterable[int]) -> list[int]:
-        """These and all that they are made of, in order."""
-        seen, left = set[int](), list(numbers)
+        """Return these entries and all that they depend on, in order."""
+        visited, stack = set[int](), list(numbers)
         first, second, op = self.first, self.second, self.op
-        while left:
-            k = left.pop()
-            if k not in seen:
-                seen.add(k)
+        while stack:
+            k = stack.pop()
+            if k not in visited:
+                visited.add(k)
                 if op[k] not in (ca.OP_INPUT, ca.OP_CONST):
-                    left.append(first[k])
+                    stack.append(first[k])
                     if second[k] != NONE:
-                        left.append(second[k])
-        return sorted(seen)
+                        stack.append(second[k])
+        return sorted(visited)
 
 
 def read_in(tape: Tape, expression: ca.SX, symbols: ca.SX) -> list[int]:
-    """The entries of a column, its symbols at places 0, 1, ... of the inputs."""
+    """Put the entries of a column on the tape, its symbols at inputs 0, 1, ...; return their numbers."""
     f = ca.Function("f", [symbols], [ca.densify(expression)])
     return tape.taken(instructions(f), [tape.input(k) for k in range(symbols.numel())])
 
 
 def parted(tape: Tape, numbers: Sequence[int], given: Sequence[int]) -> tuple[list[int], Tape, list[int]]:
-    """What of these numbers depends on the inputs `given` alone is taken out: its numbers on this tape; a tape of the
-    rest, whose first inputs, after the places of this tape's, are what was taken out; and the numbers on that."""
+    """Split off the parts of these entries that depend only on the inputs `given`.
+
+    Returns the numbers of these parts on this tape, a tape of the rest, which has them as inputs after the places of
+    this tape's inputs, and the numbers of the entries on that tape.
+    """
     alone = set(given)
     outside: dict[int, int] = {}
     rest = Tape()
-    there: dict[int, int] = {}
+    moved_numbers: dict[int, int] = {}
     places = 1 + max((tape.first[k] for k in range(len(tape.op)) if tape.op[k] == ca.OP_INPUT), default=-1)
 
     def moved(k: int) -> int:
         if k in alone and tape.op[k] not in (ca.OP_CONST, ca.OP_INPUT):
             return rest.input(places + outside.setdefault(k, len(outside)))
-        if k not in there:
-            there[k] = rest.constant(tape.constants[k]) if k in tape.constants else rest.input(tape.first[k])
-        return there[k]
+        if k not in moved_numbers:
+            moved_numbers[k] = rest.constant(tape.constants[k]) if k in tape.constants else rest.input(tape.first[k])
+        return moved_numbers[k]
 
     for k in tape.needed(numbers):
         operands = tape.operands(k)
@@ -195,6 +198,6 @@ def parted(tape: Tape, numbers: Sequence[int], given: Sequence[int]) -> tuple[li
         elif all(x in alone for x in operands):
             alone.add(k)
         else:
-            there[k] = rest.applied(tape.op[k], *[moved(x) for x in operands])
+            moved_numbers[k] = rest.applied(tape.op[k], *[moved(x) for x in operands])
     results = [moved(k) for k in numbers]
     return list(outside), rest, results
