@@ -229,4 +229,4 @@ def test_several_faults_are_named_after_the_first() -> None:
     text = Report(
         (Finding("a", "none", "missing", "do this"), Finding("b", "x"), Finding("c", "none", "bad", "do that"))
     ).message
-    assert text == "gtmodel cannot solve problems here: a: missing; do this; wrong too: c"
+    assert text == "gtmodel cannot solve problems here: a: missing; do this; also wrong: c"

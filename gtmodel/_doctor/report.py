@@ -66,7 +66,7 @@ class Report:
         wrong = [row for row in self.rows if row.advice]
         if not wrong:
             return "gtmodel can solve problems here"
-        more = f"; wrong too: {', '.join(row.what for row in wrong[1:])}" if wrong[1:] else ""
+        more = f"; also wrong: {', '.join(row.what for row in wrong[1:])}" if wrong[1:] else ""
         return f"gtmodel cannot solve problems here: {wrong[0].what}: {wrong[0].remark}; {wrong[0].advice}{more}"
 
     def cells(self) -> list[tuple[str, str, str]]:

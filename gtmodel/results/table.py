@@ -22,15 +22,23 @@ Columns = Mapping[str, Sequence[Any] | np.ndarray]
 HEAD = ("quantity", "value", "unit", "")
 
 
-def cells(study: Study) -> list[tuple[str, str, str, str]]:
-    """Rows of quantity, value, unit and verdict: status, iterations, quantities, checks."""
+def cells(study: Study, brief: bool = False) -> list[tuple[str, str, str, str]]:
+    """Return rows of quantity, value, unit and verdict: status, iterations, quantities, notes, checks.
+
+    brief: count the checks that passed in one row and list only those that failed.
+    """
     rows = [("status", study.status.value, "", "")]
     if study.iterations is not None:
         rows.append(("iterations", str(study.iterations), "", ""))
     for label, value, *unit in study.rows or _of_values(study):
         rows.append((label, number(value), str(unit[0]) if unit else "", ""))
     rows += [("note", note, "", "") for note in study.notes]
+    passed = sum(check.passed for check in study.checks.values())
+    if brief and passed:
+        rows.append(("checks passed", str(passed), "", ""))
     for name, check in study.checks.items():
+        if brief and check.passed:
+            continue
         stem, unit = split(name)
         rows.append((stem.replace("_", " "), number(_value(check)), unit, _verdict(check)))
     return rows

@@ -111,8 +111,8 @@ def test_a_result_is_read_back_to_start_from(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("no JSON", "is no result.json of gtmodel"),
-        ("[1]", "is no result.json of gtmodel"),
+        ("no JSON", "is not a result.json of gtmodel"),
+        ("[1]", "is not a result.json of gtmodel"),
         ('{"kind": "trajectory"}', "is a result of kind 'trajectory'; this problem is of kind 'optimization'"),
         ('{"kind": "optimization", "trajectory": {"time_s": [0, 0]}}', "its trajectory cannot be read"),
         ('{"kind": "optimization", "trajectory": 3}', "its trajectory cannot be read"),

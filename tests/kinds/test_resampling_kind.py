@@ -100,7 +100,7 @@ def test_wrong_files(folder: Path, old: str, new: str, key: str, part: str, gtmo
 def test_a_file_without_signals_is_refused(folder: Path, gtmodel: Commands) -> None:
     text = (folder / "p.toml").read_text()
     (folder / "p.toml").write_text(text[: text.index("[signals.angle]")] + "[signals]\n")
-    assert ": signals: is empty; expected an entry or more (by the" in gtmodel("solve", folder / "p.toml").sentence
+    assert ": signals: is empty; expected at least one entry (by the" in gtmodel("solve", folder / "p.toml").sentence
 
 
 def test_clocks_that_are_not_brought_together_have_nothing_in_common(folder: Path, gtmodel: Commands) -> None:
