@@ -325,7 +325,10 @@ REFUSED = [
     (["solve", "swing.toml", "--start", "pendulum.py"], "--start pendulum.py is not a result.json"),
     (["solve", "swing.toml", "--out", "."], "--out . holds files that gtmodel did not write"),
     (["solve", "swing.toml", "--set", "model=pendulum.py:SwingDown"], "has no 'SwingDown'; did you mean 'SwingUp'?"),
-    (["solve", "swing.toml", "--set", "model=pendulum.py:Pendulum"], "'pendulum.py:Pendulum' is not a subclass of Optimization"),
+    (
+        ["solve", "swing.toml", "--set", "model=pendulum.py:Pendulum"],
+        "'pendulum.py:Pendulum' is not a subclass of Optimization",
+    ),
     (["solve", "swing.toml", "--set", "model=pendulum.py"], "names no class; write 'package.module:Class'"),
     (["solve", "swing.toml", "--set", "model=nowhere.py:A"], "there is no Python file 'nowhere.py'"),
     (["solve", "swing.toml", "--set", "model=nowhere:A"], "there is no Python module 'nowhere'"),
