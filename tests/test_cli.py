@@ -323,7 +323,7 @@ REFUSED = [
     (["solve", "swing.toml", "--max-seconds", "-1"], "--max-seconds -1: expected a positive time in s"),
     (["solve", "swing.toml", "--start", "nowhere"], "--start nowhere: there is no such file"),
     (["solve", "swing.toml", "--start", "pendulum.py"], "--start pendulum.py is not a result.json"),
-    (["solve", "swing.toml", "--out", "."], "--out . holds files that gtmodel did not write"),
+    (["solve", "swing.toml", "--out", "."], "--out . contains files that gtmodel did not write"),
     (["solve", "swing.toml", "--set", "model=pendulum.py:SwingDown"], "has no 'SwingDown'; did you mean 'SwingUp'?"),
     (
         ["solve", "swing.toml", "--set", "model=pendulum.py:Pendulum"],

@@ -66,7 +66,7 @@ SIX[2, 1] = NAN
         ),
         (
             {"values": {"time": TIME}},
-            "a signal is named 'time', which is the name of the time grid; choose another name",
+            "a signal is named 'time', the name of the time grid; choose another name",
         ),
         (
             {"values": {"T": np.zeros((4, 3)), "T[2]": TIME}},
@@ -107,7 +107,7 @@ def test_ragged_data() -> None:
         ),
         ("T[3]", "there is no component 'T[3]': signal 'T' has 3, from 'T[0]' to 'T[2]'"),
         ("t[0]", "there is no signal 't[0]'; did you mean 'T[0]'?"),
-        ("zzz", "there is no signal 'zzz'; the trajectory holds 'T', 'arm[0].rod.tension', 'count'"),
+        ("zzz", "there is no signal 'zzz'; the trajectory has 'T', 'arm[0].rod.tension', 'count'"),
         ("count[0]", "there is no signal 'count[0]'; did you mean 'count'?"),
     ],
 )
@@ -150,7 +150,7 @@ def test_unit_of_an_unknown_signal() -> None:
         (lambda x: x.select([]), "a trajectory needs at least one signal; values is empty"),
         (
             lambda x: x.merge(x),
-            "signal 'T' is in both trajectories; use select() or with_values() to say which one is meant",
+            "signal 'T' is in both trajectories; use select() or with_values() to choose one",
         ),
         (
             lambda x: x.merge(x.resample(dt=0.1)),

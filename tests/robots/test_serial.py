@@ -136,7 +136,7 @@ WRONG = {
     '<!DOCTYPE r [\n<!ENTITY x "y">]><robot name="r"/>': "line 2: declares an entity",
     "<robot name='r'>\n<link name='a'></robot>": "line 2: is no XML: mismatched tag",
     "<sdf/>": "line 1: is SDF; expected URDF",
-    "<robot>\n" + "<link>" * 60 + "</link>" * 60 + "</robot>": "line 2: holds elements inside one another, more than",
+    "<robot>\n" + "<link>" * 60 + "</link>" * 60 + "</robot>": "line 2: has elements nested, more than",
     "<model/>": "line 1: the outermost element is <model>; expected <robot>",
     '<robot name="r"><link name="${n}"/></robot>': "line 1: is xacro, a template; make the URDF first",
     '<robot name="r"/>': "line 1: holds no <link>",
