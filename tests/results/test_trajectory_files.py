@@ -200,7 +200,7 @@ def test_npz_of_another_program(tmp_path: Path) -> None:
         (
             "time [ms],x [m]\n0,1\n# pause\n4,1\n4,2\n",
             "FILE line 5, column 'time': 4.0 ms does not come after 4.0 ms in line 4; time must increase "
-            "strictly, so average the rows of one time or keep the first",
+            "strictly, so average the rows with equal time or keep the first",
         ),
         (
             "# synthetic:\ntime [s],x [m]\n0,1\n",
@@ -228,7 +228,7 @@ def test_what_from_csv_refuses(tmp_path: Path, text: str, sentence: str) -> None
 def test_lines_that_end_in_carriage_returns_alone(tmp_path: Path) -> None:
     path = tmp_path / "old.csv"
     path.write_bytes(b"time [s],x [m]\r0,1\r1,2\r")
-    with pytest.raises(TrajectoryError, match="line 1 holds a carriage return"):
+    with pytest.raises(TrajectoryError, match="line 1 has a carriage return"):
         Trajectory.from_csv(path)
 
 

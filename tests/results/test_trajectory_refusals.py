@@ -21,7 +21,7 @@ SIX[2, 1] = NAN
         (
             {"time": [0.0, 0.2, 0.2, 0.3]},
             "time[2] = 0.2 s does not come after time[1] = 0.2 s; time must increase strictly, so average "
-            "the rows of one time or keep the first",
+            "the rows with equal time or keep the first",
         ),
         (
             {"time": [0.0, 0.3, 0.2, 0.4]},
@@ -30,7 +30,7 @@ SIX[2, 1] = NAN
         (
             {"time": [0.0, 0.3, 0.2, 0.3]},
             "time[2] = 0.2 s does not come after time[1] = 0.3 s; time must increase strictly, so sort the rows, and "
-            "average the rows of one time or keep the first",
+            "average the rows with equal time or keep the first",
         ),
         ({"time": [0.0, INF, 2.0, 3.0]}, "time[1] is inf; expected finite seconds"),
         ({"time": []}, "time has shape (0,); expected (n,) with n at least 1"),
@@ -55,8 +55,8 @@ SIX[2, 1] = NAN
             {"values": {"x": [-INF, 1, 2, 3]}},
             "signal 'x' is -inf in row 0; expected finite numbers, so remove the row or fill the gap before",
         ),
-        ({"values": {"x": ["a", "b", "c", "d"]}}, "signal 'x' holds <U1 data; expected real numbers"),
-        ({"values": {"x": [1j, 0, 0, 0]}}, "signal 'x' holds complex128 data; expected real numbers"),
+        ({"values": {"x": ["a", "b", "c", "d"]}}, "signal 'x' has <U1 data; expected real numbers"),
+        ({"values": {"x": [1j, 0, 0, 0]}}, "signal 'x' has complex128 data; expected real numbers"),
         ({"values": {}}, "a trajectory needs at least one signal; values is empty"),
         ({"values": {3: TIME}}, "a signal is named 3 of type int; expected a text"),
         (
