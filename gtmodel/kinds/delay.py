@@ -38,8 +38,8 @@ ARGUMENTS = {"recordings": "pair", "search": "search"}
 def call(problem: Schema, context: Context) -> Call:
     """Return the call of the study, on the pairs of the log or on a synthetic pair."""
     if (problem.log is None) == (problem.synthetic is None):
-        found = "both" if problem.log else "neither"
-        raise InputError(f"expected one of [log] and [synthetic]; found {found}", "log")
+        present = "both" if problem.log else "neither"
+        raise InputError(f"expected one of [log] and [synthetic]; found {present}", "log")
     if problem.synthetic is not None:
         if problem.pair:
             raise InputError("belongs to [log]; a synthetic recording has one pair", "pair[0]")

@@ -177,8 +177,8 @@ def _map(problem: Schema) -> Call:
     section = problem.map
     assert section is not None
     if (not section.plant) == (section.synthetic is None):
-        found = "both" if section.plant else "neither"
-        raise InputError(f"expected one of [[map.plant]] and [map.synthetic]; found {found}", "map.plant")
+        present = "both" if section.plant else "neither"
+        raise InputError(f"expected one of [[map.plant]] and [map.synthetic]; found {present}", "map.plant")
     rad = [np.deg2rad(rows).tolist() for rows in (section.poses_deg, section.table_deg)]
     if section.synthetic is not None:
         measured: Any = options_of(section, "synthetic")["synthetic"]
@@ -197,9 +197,9 @@ def _measured(section: JointMapKeys) -> delayed.MeasuredPlants:
     for n, row in enumerate(section.plant):
         for name in ("m", "c", "k"):
             if set(getattr(row, name)) != set(directions):
-                found = ", ".join(getattr(row, name))
+                present = ", ".join(getattr(row, name))
                 raise InputError(
-                    f"has {found}; expected {', '.join(directions)}, as in gain_step", f"map.plant[{n}].{name}"
+                    f"has {present}; expected {', '.join(directions)}, as in gain_step", f"map.plant[{n}].{name}"
                 )
     m, c, k = (np.array([[getattr(row, q)[d] for d in directions] for row in section.plant]) for q in ("m", "c", "k"))
     joints = np.deg2rad([row.joints_deg for row in section.plant])

@@ -57,8 +57,8 @@ def explain(problem: Schema, context: Context) -> str:
 def _points(problem: Schema, context: Context) -> Path | Any:
     """The path of the CSV file, or the options of the grid."""
     if bool(problem.points) == (problem.grid is not None):
-        found = "both" if problem.points else "neither"
-        raise InputError(f"give either points = a CSV file or a [grid]; found {found}", "points")
+        present = "both" if problem.points else "neither"
+        raise InputError(f"give either points = a CSV file or a [grid]; found {present}", "points")
     if problem.grid is not None:
         return problem.grid.options()
     return context.file(problem.points, "points")

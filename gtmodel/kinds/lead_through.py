@@ -52,8 +52,8 @@ def call(problem: Schema, context: Context) -> Call:
     options = options_of(problem, *TABLES)
     surface, hole = options.pop("surface"), options.pop("hole")
     if (surface is None) == (hole is None):
-        found = "both" if surface is not None else "neither"
-        raise InputError(f"expected one of [surface] and [hole]; found {found}", "surface")
+        present = "both" if surface is not None else "neither"
+        raise InputError(f"expected one of [surface] and [hole]; found {present}", "surface")
     if problem.stiffness is not None and "force_gain_m_s_N" in problem.gains.model_fields_set:
         raise InputError("follows from [stiffness]; leave one of the two out", "gains.force_gain_m_s_N")
     phases, gains, turning = (options.pop(name) for name in ("phases", "gains", "turning"))

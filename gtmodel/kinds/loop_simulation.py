@@ -89,8 +89,8 @@ def call(problem: Schema, context: Context) -> Call:
     if context.start is not None:
         raise InputError("--start: the simulation starts on its reference; leave it out")
     if (problem.move is None) == (problem.reference is None):
-        found = "both" if problem.move else "neither"
-        raise InputError(f"expected one of [move] and [reference]; found {found}", "move")
+        present = "both" if problem.move else "neither"
+        raise InputError(f"expected one of [move] and [reference]; found {present}", "move")
     law = law_of(problem.law, problem.model(context))
     return Call(
         control.loop_simulation, _plant(problem, context), law, _reference(problem, context),

@@ -138,8 +138,8 @@ def explain(problem: Schema, context: Context) -> str:
 def _one_source(problem: Schema) -> None:
     """Raises InputError if the tables contradict each other."""
     if (problem.pictures is None) == (problem.synthetic is None):
-        found = "both" if problem.pictures is not None else "neither"
-        raise InputError(f"expected one of [pictures] and [synthetic]; found {found}", "pictures")
+        present = "both" if problem.pictures is not None else "neither"
+        raise InputError(f"expected one of [pictures] and [synthetic]; found {present}", "pictures")
     if problem.places is not None and problem.synthetic is None:
         raise InputError("needs [synthetic], with volume, target and noise", "places")
     if problem.pictures is not None and problem.target is None:

@@ -61,8 +61,8 @@ def call(problem: Schema, context: Context) -> Call:
         raise InputError("--start: this kind does not use an earlier result; leave it out")
     measured, synthetic = problem.readings, problem.synthetic
     if (measured is None) == (synthetic is None):
-        found = "both" if measured is not None else "neither"
-        raise InputError(f"expected one of [readings] and [synthetic]; found {found}", "readings")
+        present = "both" if measured is not None else "neither"
+        raise InputError(f"expected one of [readings] and [synthetic]; found {present}", "readings")
     if synthetic is not None:
         sensor = options_of(synthetic, "sensor")["sensor"]
         return Call(

@@ -94,7 +94,7 @@ def test_what_the_constructor_refuses(changes: dict[str, Any], sentence: str) ->
 
 
 def test_ragged_data() -> None:
-    with pytest.raises(TrajectoryError, match=r"signal 'x' is no array .*; expected rows of equal length"):
+    with pytest.raises(TrajectoryError, match=r"signal 'x' is not an array .*; expected rows of equal length"):
         Trajectory([0.0, 1.0], {"x": [[1.0], [1.0, 2.0]]})
 
 

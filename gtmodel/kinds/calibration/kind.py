@@ -134,8 +134,8 @@ def _tests(keys: JointStiffness, robot: Model, context: Context) -> MeasuredTest
 
 def _one_of(keys: Schema | JointStiffness, key: str) -> None:
     if (keys.measurements is None) == (keys.synthetic is None):
-        found = "both" if keys.measurements else "neither"
-        raise InputError(f"expected one of [measurements] and [synthetic]; found {found}", key)
+        present = "both" if keys.measurements else "neither"
+        raise InputError(f"expected one of [measurements] and [synthetic]; found {present}", key)
 
 
 def _calibration(stiffness: StiffnessStudy, problem: Schema, context: Context) -> CalibrationStudy:

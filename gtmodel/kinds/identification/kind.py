@@ -38,8 +38,8 @@ def call(problem: Schema, context: Context) -> Call:
         "title": problem.title or f"identification of {problem.robot}",
     }
     if (problem.log is None) == (problem.synthetic is None):
-        found = "both" if problem.log else "neither"
-        raise InputError(f"expected one of [log] and [synthetic]; found {found}", "log")
+        present = "both" if problem.log else "neither"
+        raise InputError(f"expected one of [log] and [synthetic]; found {present}", "log")
     if problem.synthetic is not None:
         if problem.closed_loop is not None:
             raise InputError("needs measured motion; give a [log]", "closed_loop")
