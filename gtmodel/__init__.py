@@ -1,12 +1,12 @@
-"""gtmodel: write a robot's equations once; every causality is derived.
+"""gtmodel: write a robot's equations once; gtmodel derives every causality.
 
 Language: Model, Connector, Optimization; variable, input, parameter, part, parts, port, outer, connect, der.
 Engines: Model.causal (any causality), solve (optimal control), simulate, cgen.generate (C code).
 Libraries, imported when first used: calibrate, cgen, compliance, control, filtering, fmu, identify, inference,
 kinematics, loop, measurements, mechanics, milling, modelica, motion, optimize, plot, results, robots, simulation,
 vibration, vision.
-load("problem.toml") gives the study that a problem file means, as a call on objects; load_robot("mine.toml") the model
-of a robot file; shipped("data/l1_synthetic.csv") the path of a file that comes with gtmodel.
+load("problem.toml") returns the study that a problem file describes, as a call on Python objects. load_robot("mine.toml")
+returns the model of a robot file, shipped("data/l1_synthetic.csv") the path of a file that comes with gtmodel.
 """
 
 import os as _os
@@ -16,7 +16,7 @@ from contextlib import suppress as _suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-# as a command, Ctrl-C during the imports ends the process and shows no traceback; cli.main takes over from here
+# as a command, Ctrl-C during the imports ends the process without a traceback; later, cli.main handles it
 if _sys.argv and _os.path.basename(_sys.argv[0]) in ("-m", "gtmodel", "gtmodel.exe"):
     with _suppress(ValueError):  # not the main thread
         _signal.signal(_signal.SIGINT, _signal.SIG_DFL)
@@ -82,10 +82,10 @@ __all__ = ["load", "load_robot", "shipped"]
 
 
 def load(path: str | Path, *settings: str) -> Any:
-    """The study that a problem file means, as a `Call` on Python objects: look at it, change it, call it.
+    """Return the study that a problem file describes, as a `Call`: its arguments can be changed before the run.
 
-    path: a TOML file, or the name of a problem shipped with gtmodel. settings: "key=value", as `--set` takes them.
-    Raises InputError, with file and key.
+    path: a TOML file, or the name of a problem shipped with gtmodel. settings: "key=value", as for `--set`.
+    Raises InputError, which names file and key.
 
     >>> import gtmodel as gt
     >>> call = gt.load("compliance_l1", "section.step_m=0.3")

@@ -1,21 +1,21 @@
-"""The command `gtmodel` as a process of its own, which is ``python -m gtmodel`` too."""
+"""Entry point of the command `gtmodel` and of ``python -m gtmodel``."""
 
 import atexit
 import gc
 import sys
 
-SELDOM = 300_000  # new objects between two searches for garbage; imports and a compiled motion are 110,000
+SELDOM = 300_000  # new objects between two garbage collections; the imports and a compiled motion create 110,000
 
 
 def run() -> int:
     """Run the command line and return its exit code.
 
-    Garbage is searched for seldom, and not when the process ends, whose memory is given back as a whole: what a command
-    imports and compiles stays until then.
+    Garbage collection is rare, and off at exit: imported and compiled objects live until the process ends, and the
+    operating system then frees all memory at once.
     """
     gc.set_threshold(SELDOM)
     atexit.register(gc.freeze)
-    from gtmodel.cli import main  # here: its imports are searched as well
+    from gtmodel.cli import main  # here, so that the threshold applies to its imports as well
 
     return main()
 

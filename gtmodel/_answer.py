@@ -1,4 +1,4 @@
-"""How a command ends: a table or one JSON object on stdout, a sentence on stderr, and the exit code."""
+"""End of a command: a table or one JSON object on stdout, an error sentence on stderr, and the exit code."""
 
 from __future__ import annotations
 
@@ -22,24 +22,25 @@ _EXIT = {"solved": 0, "bad_input": 2}
 
 
 class Answer:
-    """What is known about a command when it ends: problem, kind, how a run finished, or other data to print."""
+    """Result of a command: problem, kind, and a finished run or other data to print. `brief` counts passed checks."""
 
     def __init__(self, problem: str) -> None:
         self.problem = problem
         self.kind: str | None = None
         self.title = ""
+        self.brief = False
         self.finished: Finished | None = None
         self.data: dict[str, Any] | None = None
 
 
 @contextmanager
-def answering(context: typer.Context, as_json: bool, asked: str) -> Iterator[Answer]:
-    """Whatever happens inside becomes a table or one JSON object, a sentence on stderr, and the exit code."""
+def answering(context: typer.Context, as_json: bool, subject: str) -> Iterator[Answer]:
+    """Turn the result or the exception of the block into a table or JSON object, an error sentence and an exit code."""
     began = time.monotonic()
-    answer = Answer(Path(asked).name)
+    answer = Answer(Path(subject).name)
     try:
         with terminal.nothing_on_stdout() if as_json else nullcontext(), warnings.catch_warnings():
-            if not context.obj:  # what NumPy remarks on the way stands, where it matters, in the status of the result
+            if not context.obj:  # NumPy's warnings that matter show in the status of the result
                 warnings.simplefilter("ignore", RuntimeWarning)
                 warnings.showwarning = lambda message, *_, **__: print(f"{asked}: {message}", file=sys.stderr)
             yield answer
@@ -50,7 +51,7 @@ def answering(context: typer.Context, as_json: bool, asked: str) -> Iterator[Ans
             traceback.print_exc()
         from gtmodel.problem_files import python_models
 
-        status, sentence = python_models.describe(error, asked)
+        status, sentence = python_models.describe(error, subject)
         print(sentence, file=sys.stderr)
         if as_json:
             from gtmodel.results import Study
@@ -69,11 +70,11 @@ def answering(context: typer.Context, as_json: bool, asked: str) -> Iterator[Ans
 
         print_json(summary(answer.problem, answer.kind, outcome, wall_s))
     else:
-        terminal.outcome_table(answer.title, outcome)
+        terminal.outcome_table(answer.title, outcome, answer.brief)
         for path in answer.finished.files:
             print(f"wrote {path}")
     if not outcome.status.ok:
-        print(f"{asked}: {outcome.message}", file=sys.stderr)
+        print(f"{subject}: {outcome.message}", file=sys.stderr)
     code = _EXIT.get(outcome.status, 1)
     if answer.finished.unwritten:
         print(answer.finished.unwritten, file=sys.stderr)
@@ -87,6 +88,6 @@ def print_json(data: dict[str, Any]) -> None:
     text = line(data)
     try:
         text.encode(sys.stdout.encoding or "utf-8")
-    except UnicodeEncodeError:  # JSON has its own spelling of a sign
+    except UnicodeEncodeError:  # JSON can escape every character
         text = line(data, ascii_only=True)
     print(text)

@@ -1,7 +1,7 @@
-"""Where the files lie that are not Python: ``problems/`` and ``codegen/``.
+"""Location of the files that are not Python: ``problems/`` and ``codegen/``.
 
-In a clone (and its editable install) they stand at the top, beside the package; a wheel carries them inside
-it, as ``gtmodel/_data/``. Nothing else in gtmodel should know the difference.
+In a clone (and its editable install) these folders are at the top, next to the package. A wheel contains them as
+``gtmodel/_data/``. No other module of gtmodel should depend on the difference.
 """
 
 from pathlib import Path
@@ -10,17 +10,17 @@ _PACKAGE = Path(__file__).resolve().parent
 
 
 def _shipped(name: str) -> Path:
-    # `_data` exists in an installed wheel only. It is asked first: beside an installed package
-    # lie other people's packages, and one of them may be called `problems`.
+    # `_data` exists in an installed wheel only. It comes first because another package, installed next to this one,
+    # may be called `problems`.
     inside = _PACKAGE / "_data" / name
     return inside if inside.is_dir() else _PACKAGE.parent / name
 
 
 def problems_dir() -> Path:
-    """Folder of the declared problems, one TOML each, with their ``data/`` beside them."""
+    """Return the folder of the shipped problems, one TOML file each, with their ``data/``."""
     return _shipped("problems")
 
 
 def codegen_dir() -> Path:
-    """Folder of the hand-written C99 that generated code is delivered with."""
+    """Return the folder of the hand-written C99 files that accompany generated code."""
     return _shipped("codegen")

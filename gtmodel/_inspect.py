@@ -1,4 +1,4 @@
-"""``gtmodel inspect``: from a log file to the study and its folder."""
+"""``gtmodel inspect``: inspect a log file and write the result."""
 
 from __future__ import annotations
 
@@ -17,34 +17,34 @@ from gtmodel.results.written import pictured, record
 KIND = "inspect"
 
 
-def run(file: str, asked: dict[str, Any], job: Context, *, out: Path | None = None, plot: bool = False) -> Finished:
-    """`gtmodel.measurements.inspect` of a file, written into `out` where it is given.
+def run(file: str, fields: dict[str, Any], job: Context, *, out: Path | None = None, plot: bool = False) -> Finished:
+    """Run `gtmodel.measurements.inspect` on a file and write the result into `out`, if there is one.
 
     Args:
-        asked: fields of `LogForm` that the command gives.
+        fields: fields of `LogForm` that the command line sets.
 
-    Raises InputError, one sentence.
+    Raises InputError with one sentence.
     """
     path = Path(file)
     if not path.exists():
         raise InputError(f"there is no file '{file}'")
     try:
-        form = LogForm(**asked)
+        form = LogForm(**fields)
     except ArgumentError as error:
         raise InputError(f"--{error.argument.replace('_', '-')} {error.message}") from error
     if out is None:
         return _inspected(path, form, job)
-    with output.held(out, job) as mine:
-        done = _inspected(path, form, job)
-        files = written.files_of(done.outcome, as_json.result(path.name, KIND, done.outcome))
-        faults = pictured(done.outcome, files) if plot else []
-        inputs = {"log": str(path), **asked}
+    with output.held(out, job) as folder:
+        finished = _inspected(path, form, job)
+        files = written.files_of(finished.outcome, as_json.result(path.name, KIND, finished.outcome))
+        faults = pictured(finished.outcome, files) if plot else []
+        inputs = {"log": str(path), **fields}
         try:
-            with output.said_of_out():
-                paths = written.put(mine, files, lambda files: record(inputs, done.wall_s, files))
+            with output.about_out():
+                paths = written.put(folder, files, lambda files: record(inputs, finished.wall_s, files))
         except InputError as error:
-            return Finished(done.outcome, done.wall_s, unwritten=str(error))
-        return Finished(done.outcome, done.wall_s, paths, unwritten="; ".join(faults))
+            return Finished(finished.outcome, finished.wall_s, unwritten=str(error))
+        return Finished(finished.outcome, finished.wall_s, paths, unwritten="; ".join(faults))
 
 
 def _inspected(path: Path, form: LogForm, job: Context) -> Finished:
@@ -52,7 +52,7 @@ def _inspected(path: Path, form: LogForm, job: Context) -> Finished:
         with job.under_way():
             outcome = inspect(path, form, **job.work())
     except ArgumentError as error:
-        # the command names the file itself
-        said = error.message.removeprefix(shown(path))
-        raise InputError(said.lstrip(": ") or error.message) from error
+        # the command puts the file name in front
+        message = error.message.removeprefix(shown(path))
+        raise InputError(message.lstrip(": ") or error.message) from error
     return Finished(outcome, time.monotonic() - job.began)

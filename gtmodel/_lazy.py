@@ -1,4 +1,4 @@
-"""Packages whose public names are imported when they are first used: a command starts with what it needs."""
+"""Packages that import their public names at first use, so that a command loads only the modules it needs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, ForwardRef
 
-# names of before that stand elsewhere now, read for one release: package -> name -> package
+# names that moved and still work for one release: old package -> name -> new package
 _MOVED: dict[str, dict[str, str]] = {
     "gtmodel.control.delayed": dict.fromkeys(
         ("ChatterRadius", "CorrectedTool", "chatter_radius", "corrected_depth"), "gtmodel.milling"
@@ -21,27 +21,27 @@ _MOVED: dict[str, dict[str, str]] = {
 
 
 class _NoSuchName(AttributeError):
-    """Python asks a package for its submodules too, and expects this; near names are looked for when a person reads."""
+    """AttributeError that searches for similar names only when printed: Python raises it for submodules too."""
 
     def __init__(self, package: ModuleType, name: str) -> None:
         super().__init__(name=name, obj=package)
-        self.package, self.asked = package.__name__, name  # its name: an error that a worker process sends is pickled
+        self.package, self.asked = package.__name__, name  # a name can be pickled by a worker process, a module cannot
 
     def __str__(self) -> str:
         from ._near import near
 
-        there = [name for name in dir(sys.modules[self.package]) if not name.startswith("_")]
-        longer = [name for name in there if _word(self.asked).search(name)]  # a name of before, made more precise
+        names = [name for name in dir(sys.modules[self.package]) if not name.startswith("_")]
+        longer = [name for name in names if _word(self.asked).search(name)]  # an earlier name, made more precise
         either = "' or '".join(longer)
-        meant = f"; did you mean '{either}'?" if 0 < len(longer) <= 3 else near(self.asked, there)
-        return f"module '{self.package}' has no attribute '{self.asked}'{meant}"
+        hint = f"; did you mean '{either}'?" if 0 < len(longer) <= 3 else near(self.asked, names)
+        return f"module '{self.package}' has no attribute '{self.asked}'{hint}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _no_such_name, (self.package, self.asked)
 
 
 def _word(name: str) -> re.Pattern[str]:
-    """Finds a name as a whole word of another one, such as Mesh in MotionMesh and modes in natural_modes."""
+    """Pattern that finds a name as a whole word of a longer name: Mesh in MotionMesh, modes in natural_modes."""
     return re.compile(rf"(?:^|_|(?<=[a-z0-9])(?=[A-Z])){re.escape(name)}(?:$|_|(?=[A-Z]))")
 
 
@@ -50,27 +50,27 @@ def _no_such_name(package: str, name: str) -> _NoSuchName:
 
 
 class _Package(ModuleType):
-    """A package that looks its public names up in `_public`: name -> module and attribute, "" for a module itself.
+    """A package that looks up its public names in `_public`: name -> module and attribute, "" for a module itself.
 
-    Its other modules are imported when they are first used too: `gt.motion.elastic` needs no import of its own.
+    It imports its other modules at first use too: `gt.motion.elastic` needs no import statement.
     """
 
     _public: dict[str, tuple[str, str]]
 
     def __getattr__(self, name: str) -> Any:
-        if (there := _MOVED.get(self.__name__, {}).get(name)) is not None:
-            warnings.warn(f"{self.__name__}.{name} is {there}.{name} now", DeprecationWarning, stacklevel=2)
-            return getattr(import_module(there), name)
-        own = f"{self.__name__}.{name}"
-        if name not in self._public and (name.startswith("_") or not name.isidentifier() or find_spec(own) is None):
+        if (package := _MOVED.get(self.__name__, {}).get(name)) is not None:
+            warnings.warn(f"{self.__name__}.{name} is {package}.{name} now", DeprecationWarning, stacklevel=2)
+            return getattr(import_module(package), name)
+        path = f"{self.__name__}.{name}"
+        if name not in self._public and (name.startswith("_") or not name.isidentifier() or find_spec(path) is None):
             raise _NoSuchName(self, name)
-        module, attribute = self._public.get(name, (own, ""))
+        module, attribute = self._public.get(name, (path, ""))
         value = getattr(import_module(module), attribute) if attribute else import_module(module)
         self.__dict__[name] = value
         return value
 
     def __setattr__(self, name: str, value: Any) -> None:
-        # Python binds a submodule in its package; where a function has the same name, the function is meant
+        # Python binds a submodule in its package; a public function of the same name takes precedence
         if isinstance(value, ModuleType) and self._public.get(name, ("", ""))[1]:
             return
         super().__setattr__(name, value)
@@ -80,8 +80,10 @@ class _Package(ModuleType):
 
 
 def public(package: str) -> None:
-    """Make the names that a package's __init__ imports in `if TYPE_CHECKING:`, where editors and type checkers read
-    them, its `__all__`: from here on each is imported when it is first used."""
+    """Make the names that a package's __init__ imports in `if TYPE_CHECKING:` its `__all__`, imported at first use.
+
+    Editors and type checkers read the names in that block.
+    """
     module = sys.modules[package]
     names = _names(package, Path(str(module.__file__)))
     module.__dict__["_public"] = names
@@ -90,8 +92,9 @@ def public(package: str) -> None:
 
 
 def hint(module: str, name: str) -> Any:
-    """The class `name` of a module, for annotations alone: what runs in place of an import in `if TYPE_CHECKING:`, so
-    that `typing.get_type_hints` finds the class, and imports it when somebody asks.
+    """Return a forward reference to the class `name` of a module, for annotations only.
+
+    It stands in the `else` of `if TYPE_CHECKING:`. `typing.get_type_hints` then finds the class and imports it.
 
     if TYPE_CHECKING:
         from matplotlib.figure import Figure
@@ -107,7 +110,7 @@ def _names(package: str, file: Path) -> dict[str, tuple[str, str]]:
         if not (isinstance(block, ast.If) and isinstance(block.test, ast.Name) and block.test.id == "TYPE_CHECKING"):
             continue
         for line in block.body:
-            assert isinstance(line, ast.ImportFrom), f"{file}:{line.lineno} is no `from ... import`"
+            assert isinstance(line, ast.ImportFrom), f"{file}:{line.lineno}: expected `from ... import`"
             module = resolve_name("." * line.level + (line.module or ""), package)
             for entry in line.names:
                 if line.module is None:

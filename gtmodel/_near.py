@@ -1,4 +1,4 @@
-"""Which name was meant, for the end of a sentence about one that is not there."""
+"""Suggestions for a misspelt name, to end an error message with."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 
 def meant(name: object, known: Iterable[str], otherwise: str = "", *, most: int = 1, cutoff: float = 0.6) -> str:
-    """ "did you mean 'a' or 'b'?" of at most `most` known names that are close to `name`; `otherwise` where none is.
+    """Return "did you mean 'a' or 'b'?" with at most `most` known names close to `name`; `otherwise` if none is close.
 
     >>> from gtmodel._near import meant
     >>> meant("lenght", ["length", "mass"], "it has length, mass")
@@ -18,6 +18,6 @@ def meant(name: object, known: Iterable[str], otherwise: str = "", *, most: int 
 
 
 def near(name: object, known: Iterable[str]) -> str:
-    """The same behind a semicolon, "; did you mean 'a'?", or nothing."""
+    """Return "; did you mean 'a'?", or an empty string if no known name is close."""
     hint = meant(name, known)
     return f"; {hint}" if hint else ""

@@ -1,4 +1,4 @@
-"""How far a command is, on stderr: one changing line on a terminal, else a plain line every ten seconds."""
+"""Progress of a command on stderr: one changing line on a terminal, otherwise a plain line every ten seconds."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ EVERY_S = 10.0
 
 
 class _Stage:
-    """What was reported last: stage, share done, numbers."""
+    """The last report: stage, share done, numbers."""
 
     def __init__(self) -> None:
         self._stage = "working"
@@ -54,9 +54,9 @@ class LiveLine(_Stage):
 
 
 class PlainLines(_Stage):
-    """Progress as plain lines, one every `every` seconds: the time since the beginning, the stage, how far it is.
+    """Progress as plain lines, one every `every` seconds: the elapsed time, the stage and the share done.
 
-    write takes one line; clock gives seconds. Work that ends before the first line is due writes none.
+    write prints one line; clock returns seconds. Work that ends before the first line is due prints nothing.
     """
 
     def __init__(
@@ -67,17 +67,17 @@ class PlainLines(_Stage):
         self._began, self._next = clock(), every
 
     def tick(self) -> float:
-        """Write the line that is due, if one is; the time [s] until the next one."""
+        """Write a line if one is due, and return the time [s] until the next one."""
         elapsed = self._clock() - self._began
         if elapsed >= self._next:
-            with suppress(OSError, ValueError):  # nobody reads any more
+            with suppress(OSError, ValueError):  # stderr is closed
                 self._write(f"{timedelta(seconds=int(elapsed))} {self.text}")
             self._next = (elapsed // self._every + 1) * self._every
         return self._next - elapsed
 
     @contextmanager
     def ticking(self) -> Iterator[None]:
-        """Lines come while the work inside runs, also in a step that reports nothing."""
+        """Print lines while the block runs, also in a step that reports nothing."""
         done = threading.Event()
 
         def watch() -> None:

@@ -1,4 +1,4 @@
-"""What the command line shows to people: tables on stdout, progress on stderr; Ctrl-C and SIGTERM ask to stop."""
+"""Terminal of the command line: tables on stdout, progress on stderr, Ctrl-C and SIGTERM as requests to stop."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 _SPELLING = {"─": "-", "│": "|", "µ": "u", "μ": "u", "°": "deg", "·": "*", "×": "x", "√": "sqrt", "≤": "<=", "≥": ">="}
 _STOPS = ("SIGINT", "SIGTERM", "SIGHUP")
-# a study that does not ask is ended some two seconds after it was to end
+# a study that does not check for a stop is ended about two seconds after its time
 GRACE_S, EVERY_S = 1.4, 0.2
-SECOND, AGAIN = 2, 20  # which of the alarms ends it
+SECOND, AGAIN = 2, 20  # the alarm that ends it, and the number of alarms until the next attempt
 
 
 def opened() -> None:
-    """A standard stream that is closed (`>&-`) leads nowhere from here on: else the next file that is opened would take
-    its number, and what a solver prints would stand in a result."""
+    """Connect closed standard streams (`>&-`) to the null device. Otherwise the next opened file would get the stream's
+    number, and a solver's output would end up in a result file."""
     for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         try:
             os.fstat(number)
@@ -41,7 +41,7 @@ def opened() -> None:
 
 
 def printable() -> None:
-    """From here on what the terminal's encoding lacks is spelled with what it has: a result is never lost to a sign."""
+    """Replace characters that the terminal cannot encode with a spelling that it can, so that no result is lost."""
     codecs.register_error("spelled", _spelled)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -60,19 +60,19 @@ def _plain_letters(sign: str) -> str:
 
 
 def interruptible() -> None:
-    """Ctrl-C is an exception again; `gtmodel/__init__.py` let it end the process while the imports ran."""
+    """Turn Ctrl-C into an exception again; `gtmodel/__init__.py` lets it end the process during the imports."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
         with suppress(ValueError):  # not the main thread
             signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def hush() -> None:
-    """Let nothing more be said on a stdout that is closed or full, not even when Python ends."""
+    """Discard further output if stdout is closed or full, also the flush at the end of Python."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], title: str = "") -> None:
-    """Print one table. Texts are shown as they are: a bracket is no markup."""
+    """Print one table. Texts are printed literally: brackets are not markup."""
     if not sys.stdout.isatty():
         from gtmodel.results.plain_table import plain
 
@@ -83,30 +83,33 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], title: str = "") -
     from rich.table import Table
     from rich.text import Text
 
-    shown = Table(box=SIMPLE_HEAD, title=Text(title) if title else None, title_justify="left", pad_edge=False)
+    grid = Table(box=SIMPLE_HEAD, title=Text(title) if title else None, title_justify="left", pad_edge=False)
     for name in head:
-        shown.add_column(name, overflow="fold")
+        grid.add_column(name, overflow="fold")
     for row in rows:
-        shown.add_row(*(Text(cell) for cell in row))
+        grid.add_row(*(Text(cell) for cell in row))
     console = Console()
     with console.capture() as captured:
-        console.print(shown)
+        console.print(grid)
     # rich pads every line to the width of the table
     print("\n".join(line.rstrip() for line in captured.get().splitlines()).strip("\n"))
 
 
-def outcome_table(title: str, outcome: Study) -> None:
-    """Print one study: its status, its rows, its checks; the message below. A failure's goes to stderr."""
+def outcome_table(title: str, outcome: Study, brief: bool = False) -> None:
+    """Print the status, rows and checks of a study, and below them its message. Error messages go to stderr.
+
+    brief: count the checks that passed and list only those that failed.
+    """
     from gtmodel.results.table import HEAD, cells
 
-    table(HEAD, cells(outcome), title)
+    table(HEAD, cells(outcome, brief), title)
     if outcome.status.ok and outcome.message not in (outcome.status.message, outcome.status.value):
         print(f"\n{outcome.message}")
 
 
 @contextmanager
 def nothing_on_stdout() -> Iterator[None]:
-    """What a model, a solver or a compiler prints meanwhile goes to stderr: stdout holds one JSON object only."""
+    """Send the output of models, solvers and compilers to stderr: stdout gets nothing but one JSON object."""
     sys.stdout.flush()
     try:
         saved = os.dup(1)
@@ -124,14 +127,17 @@ def nothing_on_stdout() -> Iterator[None]:
 
 
 def _flush_c() -> None:
-    """Push out what C code still holds in its own buffer for stdout."""
+    """Flush the stdout buffer of the C library."""
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).fflush(None)
 
 
 def _late(context: Context) -> Callable[[int, Any], None]:
-    """What an alarm does: it ends a study that was to end and does not ask. Not at the first one, which may come right
-    before a solver's callback asks, and not again before what was kept could be made."""
+    """Alarm handler that ends a study which is overdue and does not check for a stop.
+
+    The first alarm does nothing, since a solver's callback may be about to check. After an alarm that ends the study,
+    the next attempt comes only after the study had time to compute its last result.
+    """
     from gtmodel.results.work import Interrupted  # here: `--help` does without numpy
 
     alarms = 0
@@ -149,8 +155,11 @@ def _late(context: Context) -> Callable[[int, Any], None]:
 def watching(
     context: Context, stopping: str = "stopping at the best iterate", *, quiet: bool = False
 ) -> Iterator[None]:
-    """Progress on stderr, unless `quiet`; the first Ctrl-C asks for a stop, which shows as `stopping`, the second one
-    breaks off. SIGTERM, of a batch system or of `timeout`, and a terminal that is closed ask likewise."""
+    """Show progress on stderr, unless `quiet`, and turn signals into requests to stop.
+
+    The first Ctrl-C requests a stop and prints `stopping`; the second one aborts. SIGTERM, from a batch system or from
+    `timeout`, and closing the terminal request a stop too.
+    """
 
     def interrupt(number: int, _frame: Any) -> None:
         if context.stop_requested:
@@ -159,10 +168,10 @@ def watching(
         alarm(GRACE_S)
         with suppress(OSError):  # the terminal may be gone
             again = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
-            sentence = f"{stopping}; {again} again breaks off"
+            sentence = f"{stopping}; {again} again aborts"
             try:
                 print(sentence, file=sys.stderr)
-            except RuntimeError:  # the signal came while the stream itself was being written to
+            except RuntimeError:  # the signal came during a write to this stream
                 os.write(2, f"{sentence}\n".encode())
 
     def notice(sentence: str) -> None:
@@ -174,7 +183,7 @@ def watching(
 
     context.notice = notice
     before: dict[int, Any] = {}
-    with suppress(ValueError):  # not the main thread: nobody asks it to stop
+    with suppress(ValueError):  # not the main thread: it gets no signals
         for name in _STOPS:
             number = getattr(signal, name, None)
             if number is None or (name == "SIGHUP" and signal.getsignal(number) is signal.SIG_IGN):  # nohup

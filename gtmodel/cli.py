@@ -1,6 +1,6 @@
 """The command ``gtmodel``.
 
-Exit code 0: solved and every check passed; 1: not; 2: bad input, one plain sentence on stderr.
+Exit code 0: solved and every check passed; 1: failed; 2: bad input, with one sentence on stderr.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-# nobody looks at a window; set before anything imports matplotlib
+# no windows; set before anything imports matplotlib
 os.environ.setdefault("MPLBACKEND", "Agg")
-# pydantic asks every installed package for plugins of its own, of which our schemas need none
+# pydantic searches every installed package for plugins; our schemas need none
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 import typer
@@ -30,47 +30,47 @@ app = typer.Typer(
 )
 
 
-def _problems(begun: str) -> list[str]:
-    """What a shell completes a problem to: TOML files here, and the shipped names."""
+def _problems(prefix: str) -> list[str]:
+    """Shell completions of a problem: TOML files here, and the shipped names."""
     from gtmodel.problem_files.files import shipped_names
 
-    here = sorted(str(path) for path in Path().glob(f"{begun}*.toml"))
-    return here + [name for name in shipped_names() if name.startswith(begun)]
+    here = sorted(str(path) for path in Path().glob(f"{prefix}*.toml"))
+    return here + [name for name in shipped_names() if name.startswith(prefix)]
 
 
-def _kinds(begun: str) -> list[str]:
+def _kinds(prefix: str) -> list[str]:
     from gtmodel.problem_files import names
 
-    return [name for name in names() if name.startswith(begun)]
+    return [name for name in names() if name.startswith(prefix)]
 
 
-def _folder(given: Path | None) -> Path | None:
-    """A folder; an option in its place is more likely a folder forgotten."""
-    if given is not None and str(given).startswith("-"):
-        raise typer.BadParameter(f"expected a folder, found '{given}'; a folder of that name is written ./{given}")
-    return given
+def _folder(path: Path | None) -> Path | None:
+    """Refuse an option in place of a folder: the folder was probably forgotten."""
+    if path is not None and str(path).startswith("-"):
+        raise typer.BadParameter(f"expected a folder, found '{path}'; write ./{path} for a folder of that name")
+    return path
 
 
 Json = Annotated[bool, typer.Option("--json", help="Print exactly one JSON object on stdout.")]
 Problem = Annotated[
     str,
     typer.Argument(
-        metavar="PROBLEM.toml", help="Problem file, or the name of a shipped one.", autocompletion=_problems
+        metavar="PROBLEM.toml", help="Problem file, or the name of a shipped problem.", autocompletion=_problems
     ),
 ]
 Set = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the file, as limits.force_N=500; repeatable."),
+    typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the file: limits.force_N=500; repeatable."),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Show no progress on stderr.")]
 WriteFailed = Annotated[
     bool,
-    typer.Option("--write-failed", help="Write files for machines though a check failed, marked in the first line."),
+    typer.Option("--write-failed", help="Write machine files even if a check failed, marked in the first line."),
 ]
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _version(requested: bool) -> None:
+    if requested:
         from gtmodel._version import __version__
 
         print(f"gtmodel {__version__}")
@@ -109,17 +109,20 @@ def list_(
 @app.command()
 def explain(
     context: typer.Context,
-    what: Annotated[str, typer.Argument(metavar="ROBOT|PROBLEM.toml", help="As robot = in a problem file.")],
+    what: Annotated[
+        str, typer.Argument(metavar="ROBOT|PROBLEM.toml", help="Robot, as after robot = in a problem file, or problem.")
+    ],
     known: Annotated[list[str] | None, typer.Option(help="Prescribed variables, separated by commas.")] = None,
     targets: Annotated[list[str] | None, typer.Option(help="Variables to compute.")] = None,
     prefer: Annotated[list[str] | None, typer.Option(help="Variables to keep as states.")] = None,
     settings: Set = None,
-    python: Annotated[bool, typer.Option("--python", help="Print a class of Modelica text in Python.")] = False,
-    flat: Annotated[bool, typer.Option("--flat", help="Print it as flat Modelica, without components.")] = False,
+    full: Annotated[bool, typer.Option("--full", help="List every block of equations with its source line.")] = False,
+    python: Annotated[bool, typer.Option("--python", help="Print a Modelica class in Python.")] = False,
+    flat: Annotated[bool, typer.Option("--flat", help="Print a Modelica class flattened, without components.")] = False,
 ) -> None:
-    """Show how a robot's variables follow from the known ones, or what a problem asks for.
+    """Show how a robot's variables follow from the known ones, or what a problem computes.
 
-    A robot or a problem that names a Python file has that file run.
+    If the robot or the problem names a Python file, the command runs that file.
     """
     from gtmodel.problem_files import explaining
     from gtmodel.problem_files.load import refuse_twice
@@ -127,7 +130,7 @@ def explain(
     with answering(context, False, what):
         refuse_twice(settings or ())
         options = (known or (), targets or (), prefer or (), settings or ())
-        text = explaining.printed(what, flat, *options) if python or flat else explaining.of(what, *options)
+        text = explaining.printed(what, flat, *options) if python or flat else explaining.of(what, *options, full=full)
     print(text)
 
 
@@ -135,17 +138,17 @@ def explain(
 def schema(
     context: typer.Context,
     kind: Annotated[
-        str | None, typer.Argument(metavar="KIND", help="Without it: the kinds.", autocompletion=_kinds)
+        str | None, typer.Argument(metavar="KIND", help="Lists the kinds if left out.", autocompletion=_kinds)
     ] = None,
     as_json: Json = False,
     for_editors: Annotated[
         bool, typer.Option("--json-schema", help="Print the JSON Schema with which editors complete and check keys.")
     ] = False,
 ) -> None:
-    """Show the keys of a kind of problem, with units and defaults, and what its `values` will hold.
+    """Show the keys of a kind of problem with units and defaults, and the names in `values` of its result.
 
-    For an editor such as VS Code with Even Better TOML: gtmodel schema KIND --json-schema > KIND.schema.json, and
-    #:schema ./KIND.schema.json as the first line of the problem file; for robot files: gtmodel schema robot.
+    For an editor such as VS Code with Even Better TOML, run gtmodel schema KIND --json-schema > KIND.schema.json and
+    write #:schema ./KIND.schema.json as the first line of the problem file. KIND is robot for robot files.
     """
     if for_editors:
         with answering(context, False, kind or "schema"):
@@ -172,9 +175,9 @@ def schema(
 
 @app.command()
 def doctor(context: typer.Context, as_json: Json = False) -> None:
-    """Show versions, solvers, compiler, extras and cache of this machine, for a report of a fault.
+    """Show versions, solvers, compiler, extras and cache of this machine, for a bug report.
 
-    Exit code 0 when gtmodel can solve problems here; else the message says what to do.
+    Exit code 0 if gtmodel can solve problems here; otherwise the message says what to do.
     """
     from gtmodel._doctor.report import HEAD, examined
 
@@ -199,8 +202,10 @@ def solve(
         Path | None, typer.Option(metavar="DIR", help="Write the result into this folder.", callback=_folder)
     ] = None,
     as_json: Json = False,
-    plot: Annotated[bool, typer.Option("--plot", help="Draw pictures; without --out into ./NAME-result.")] = False,
-    max_seconds: Annotated[float | None, typer.Option(metavar="S", help="Stop then, keeping the best iterate.")] = None,
+    plot: Annotated[bool, typer.Option("--plot", help="Draw pictures; into ./NAME-result without --out.")] = False,
+    max_seconds: Annotated[
+        float | None, typer.Option(metavar="S", help="Time limit; the best iterate is kept.")
+    ] = None,
     start: Annotated[
         Path | None, typer.Option(metavar="RESULT", help="Start from the result.json of an earlier --out.")
     ] = None,
@@ -217,7 +222,7 @@ def solve(
         with terminal.watching(job, quiet=quiet):
             answer.finished = run.solve(loaded, job, out=folder, plot=plot, write_failed=write_failed)
         if plot and not answer.finished.outcome.figures:
-            print(f"{problem}: there is no picture of this result", file=sys.stderr)
+            print(f"{problem}: this result has no picture", file=sys.stderr)
 
 
 @app.command()
@@ -225,33 +230,35 @@ def inspect(
     context: typer.Context,
     file: Annotated[str, typer.Argument(metavar="FILE", help="Log: text, MATLAB, Parquet, or a ROS bag.")],
     delimiter: Annotated[
-        str | None, typer.Option(metavar="NAME", help="comma, semicolon, tab, blank or bar; recognised if left out.")
+        str | None, typer.Option(metavar="NAME", help="comma, semicolon, tab, blank or bar; detected if left out.")
     ] = None,
-    decimal: Annotated[str | None, typer.Option(metavar="NAME", help="point, or comma where decimals have it.")] = None,
+    decimal: Annotated[str | None, typer.Option(metavar="NAME", help="Decimal sign: point or comma.")] = None,
     header: Annotated[
-        int | None, typer.Option(metavar="LINE", help="Line of the names, from 1; 0 where there is none.")
+        int | None, typer.Option(metavar="LINE", help="Line of the column names, from 1; 0 if there is none.")
     ] = None,
     encoding: Annotated[str | None, typer.Option(metavar="NAME", help="Such as cp1252; UTF-8 if left out.")] = None,
-    stream: Annotated[str | None, typer.Option(metavar="NAME", help="Only this one, such as a topic.")] = None,
+    stream: Annotated[str | None, typer.Option(metavar="NAME", help="Read only this stream, such as a topic.")] = None,
     samples: Annotated[
-        str | None, typer.Option(metavar="NAME", help="rows or columns: where the samples of a matrix are.")
+        str | None, typer.Option(metavar="NAME", help="rows or columns: direction of the samples in a matrix.")
     ] = None,
     most_growth: Annotated[
-        float | None, typer.Option(metavar="TIMES", help="How many times its size may be read of the file; 200.")
+        float | None, typer.Option(metavar="TIMES", help="Largest unpacked size, as a multiple of the file size; 200.")
     ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the result into this folder.", callback=_folder)
     ] = None,
     as_json: Json = False,
-    plot: Annotated[bool, typer.Option("--plot", help="Draw the log; without --out into ./NAME-log.")] = False,
-    max_seconds: Annotated[float | None, typer.Option(metavar="S", help="Stop then, with what was read.")] = None,
+    plot: Annotated[bool, typer.Option("--plot", help="Draw the log; into ./NAME-log without --out.")] = False,
+    max_seconds: Annotated[
+        float | None, typer.Option(metavar="S", help="Time limit; the rows read so far are used.")
+    ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Show what a log holds before it is used: columns, units guessed and why, rates, jitter, gaps, clocks, ranges."""
+    """Show the contents of a log: columns, guessed units with reasons, rates, jitter, gaps, clocks, ranges."""
     from gtmodel import _inspect
     from gtmodel.problem_files.base import Context
 
-    given = {
+    options = {
         "delimiter": delimiter, "decimal": decimal, "header": header, "encoding": encoding, "stream": stream,
         "samples": samples, "most_growth": most_growth,
     }  # fmt: skip
@@ -259,9 +266,9 @@ def inspect(
         answer.kind, answer.title = _inspect.KIND, Path(file).name
         job = Context(name=Path(file).stem, max_seconds=max_seconds)
         folder = out or (Path(f"{job.name}-log") if plot else None)
-        asked = {name: value for name, value in given.items() if value is not None}
-        with terminal.watching(job, "stopping with what was read", quiet=quiet):
-            answer.finished = _inspect.run(file, asked, job, out=folder, plot=plot)
+        fields = {name: value for name, value in options.items() if value is not None}
+        with terminal.watching(job, "stopping with the rows read so far", quiet=quiet):
+            answer.finished = _inspect.run(file, fields, job, out=folder, plot=plot)
 
 
 @app.command()
@@ -271,10 +278,10 @@ def codegen(
     out: Annotated[
         Path, typer.Option("-o", "--out", metavar="DIR", help="Folder to write the code into.", callback=_folder)
     ],
-    check: Annotated[bool, typer.Option("--check", help="Compile it and compare it with Python.")] = False,
+    check: Annotated[bool, typer.Option("--check", help="Compile the code and compare it with Python.")] = False,
     fmu: Annotated[
         str | None,
-        typer.Option("--fmu", metavar="3|2|both", help="Functional mock-up units of FMI 3.0, 2.0 or both instead."),
+        typer.Option("--fmu", metavar="3|2|both", help="Write functional mock-up units of FMI 3.0, 2.0 or both."),
     ] = None,
     settings: Set = None,
     as_json: Json = False,
@@ -285,6 +292,7 @@ def codegen(
     from gtmodel.problem_files import run
 
     with answering(context, as_json, problem) as answer:
+        answer.brief = True
         loaded = _load(problem, settings, answer)
         job = run.context_of(loaded)
         with terminal.watching(job, "stopping after this step", quiet=quiet):
@@ -301,25 +309,25 @@ def loop(
         str, typer.Option(metavar="LAW", help="trajectory, dynamics, replay, path or lead_through.")
     ] = "trajectory",
     reference: Annotated[
-        Path | None, typer.Option(metavar="CSV", help="Motion to follow, as reference.csv of gtmodel solve --out.")
+        Path | None, typer.Option(metavar="CSV", help="Motion to follow: the reference.csv of gtmodel solve --out.")
     ] = None,
     plant: Annotated[
-        Path | None, typer.Option(metavar="FMU", help="Unit that is moved, of the problem's table [plant].")
+        Path | None, typer.Option(metavar="FMU", help="Unit to simulate as the plant, see [plant] of the problem.")
     ] = None,
     plant_timeout: Annotated[
-        float | None, typer.Option(metavar="S", help="Longest call of the unit; plant.timeout_s, or 60 s.")
+        float | None, typer.Option(metavar="S", help="Time limit of a call of the unit; plant.timeout_s, or 60 s.")
     ] = None,
-    lockstep: Annotated[bool, typer.Option("--lockstep", help="Cycle by cycle as fast as it goes.")] = False,
+    lockstep: Annotated[bool, typer.Option("--lockstep", help="Run cycle by cycle, as fast as possible.")] = False,
     elastic: Annotated[
         float | None,
         typer.Option("--elastic", metavar="HZ", help="Arm on springs behind the motors; rigid if left out."),
     ] = None,
     deceleration: Annotated[
         float | None,
-        typer.Option(metavar="M_S2", help="Braking of a lost robot; the largest that the reference asks if left out."),
+        typer.Option(metavar="M_S2", help="Braking after a lost connection; the reference's largest if left out."),
     ] = None,
     following: Annotated[
-        float | None, typer.Option(metavar="M", help="Cart from its last command, beyond which it brakes; 0.25.")
+        float | None, typer.Option(metavar="M", help="Brake if a cart is farther from its last command; 0.25.")
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="OUT", help="Results; DIR/loop by default.", callback=_folder)
@@ -327,7 +335,7 @@ def loop(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Run the 4 ms loop with generated code against a simulated controller on loopback, its law off and on."""
+    """Run the 4 ms loop with generated code against a simulated controller on loopback, without and with its law."""
     from gtmodel.problem_files import loop_run
     from gtmodel.problem_files.base import Context
 
@@ -349,7 +357,7 @@ def _editor_schema(kind: str | None, as_json: bool) -> str:
     if as_json:
         raise InputError("--json-schema is JSON already; leave --json out")
     if kind is None:
-        raise InputError(f"--json-schema needs a kind; there are {', '.join(names())}; robot for robot files")
+        raise InputError(f"--json-schema needs a kind: {', '.join(names())}; or robot for robot files")
     return text_of(kind)
 
 
@@ -358,7 +366,7 @@ def _commands() -> set[str]:
 
 
 def _plain(sentence: str, words: list[str]) -> str:
-    """What the command line says of its words, and what a person likely meant by them."""
+    """Error message about the command line, with a hint at the probable mistake."""
     sentence = sentence.replace(
         "Input should be a valid number, unable to parse string as a number", "expected a number"
     )
@@ -367,8 +375,8 @@ def _plain(sentence: str, words: list[str]) -> str:
         return f"{sentence}; write {''.join(words[max(0, place - 1) : place + 2])}, without blanks around ="
     if "No such option" not in sentence:
         return sentence
-    if words[0].startswith("-") and (asked := next((w for w in words if w in _commands()), None)):
-        return f"{sentence.partition(' (')[0]} here; options stand behind the command: gtmodel {asked} ... {words[0]}"
+    if words[0].startswith("-") and (command := next((w for w in words if w in _commands()), None)):
+        return f"{sentence.partition(' (')[0]} here; options come after the command: gtmodel {command} ... {words[0]}"
     single = next(
         (w for w in words if len(w) > 2 and w[0] == "-" and w[1:].replace("-", "").isalpha() and w[1] != "-"), None
     )
@@ -383,7 +391,7 @@ def _load(problem: str, settings: Sequence[str] | None, answer: Answer) -> Any:
     answer.problem, answer.kind = loaded.name, loaded.problem.kind
     answer.title = loaded.problem.title or loaded.path.stem
     if loaded.shipped:
-        print(f"there is no {problem} here; the one shipped with gtmodel is used: {loaded.path}", file=sys.stderr)
+        print(f"there is no {problem} here; using the one shipped with gtmodel: {loaded.path}", file=sys.stderr)
     return loaded
 
 
@@ -401,19 +409,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if not words:
             print(sentence)
             return error.exit_code
-        asked = " ".join(["gtmodel", *words[:1]])
-        helped = asked if words[0] in _commands() else "gtmodel"
-        print(f"{asked}: {sentence}; '{helped} --help' shows the options.", file=sys.stderr)
+        called = " ".join(["gtmodel", *words[:1]])
+        command = called if words[0] in _commands() else "gtmodel"
+        print(f"{called}: {sentence}; '{command} --help' shows the options.", file=sys.stderr)
         if "--json" in words:
             from gtmodel.results import SolveStatus, Study
             from gtmodel.results.as_json import summary
 
             print_json(summary("", None, Study(status=SolveStatus.BAD_INPUT, message=sentence), 0.0))
         return 2
-    except BrokenPipeError:  # `gtmodel list | head`: the reader has seen enough
+    except BrokenPipeError:  # the reader closed the pipe, as in `gtmodel list | head`
         terminal.hush()
         return 1
-    except OSError as error:  # what a command does answers for its own files: this is the terminal, pipe or disk
+    except OSError as error:  # commands handle errors of their files: this one is from the terminal, pipe or disk
         terminal.hush()
         print(f"gtmodel: the output cannot be printed: {error.strerror or error}", file=sys.stderr)
         return 1

@@ -97,8 +97,10 @@ def test_schema_without_a_kind_lists_the_kinds(gtmodel: Commands) -> None:
 
 
 def test_explain_prints_the_certificate_of_a_robot(gtmodel: Commands) -> None:
-    told = gtmodel("explain", "l1_tape", "--known", "q", "--targets", "T")
-    assert told.code == 0 and "sphere" in told.out and "mechanics/rod.py:" in told.out
+    words = ("explain", "l1_tape", "--known", "q", "--targets", "T")
+    short, full = gtmodel(*words), gtmodel(*words, "--full")
+    assert short.code == 0 and "sphere pencil" in short.out and "mechanics/rod.py:" not in short.out
+    assert full.code == 0 and "mechanics/rod.py:" in full.out and len(full.out) > 2 * len(short.out)
 
 
 def test_explain_takes_names_with_commas_and_repeated_options(gtmodel: Commands) -> None:
@@ -109,7 +111,7 @@ def test_explain_takes_names_with_commas_and_repeated_options(gtmodel: Commands)
 
 
 def test_explain_of_own_slider_crank_names_its_branch(gtmodel: Commands) -> None:
-    told = gtmodel("explain", "slider_crank.py:SliderCrank", "--known", "phi", "--targets", "x")
+    told = gtmodel("explain", "slider_crank.py:SliderCrank", "--known", "phi", "--targets", "x", "--full")
     assert told.code == 0 and "branch 'ahead'" in told.out and "slider_crank.py:20" in told.out
 
 
@@ -264,6 +266,8 @@ def test_codegen_checks_own_models(gtmodel: Commands, here: Path, problem: str) 
     assert done.code == 0, done.err
     assert list(done.json) == JSON_KEYS
     assert done.json["checks"] and all(check["passed"] for check in done.json["checks"].values())
+    table = gtmodel("codegen", problem, "-o", "code", "--check", "--set", "check.points=50").out
+    assert f"checks passed {len(done.json['checks'])}" in " ".join(table.split()) and "at most 0" not in table
     values = done.json["values"]
     assert sorted(values["files"]) == sorted(p.name for p in (here / "code").iterdir())
     assert list(values) == list(described(CodeStudy))
@@ -318,11 +322,14 @@ REFUSED = [
     (["solve", "swing.toml", "--set", "nonsense"], "--set nonsense: expected key=value"),
     (["solve", "swing.toml", "--max-seconds", "-1"], "--max-seconds -1: expected a positive time in s"),
     (["solve", "swing.toml", "--start", "nowhere"], "--start nowhere: there is no such file"),
-    (["solve", "swing.toml", "--start", "pendulum.py"], "--start pendulum.py is no result.json"),
-    (["solve", "swing.toml", "--out", "."], "--out . holds files that gtmodel did not write"),
-    (["solve", "swing.toml", "--set", "model=pendulum.py:SwingDown"], "holds no 'SwingDown'; did you mean 'SwingUp'?"),
-    (["solve", "swing.toml", "--set", "model=pendulum.py:Pendulum"], "'pendulum.py:Pendulum' is no Optimization"),
-    (["solve", "swing.toml", "--set", "model=pendulum.py"], "names no class; expected 'package.module:Class'"),
+    (["solve", "swing.toml", "--start", "pendulum.py"], "--start pendulum.py is not a result.json"),
+    (["solve", "swing.toml", "--out", "."], "--out . contains files that gtmodel did not write"),
+    (["solve", "swing.toml", "--set", "model=pendulum.py:SwingDown"], "has no 'SwingDown'; did you mean 'SwingUp'?"),
+    (
+        ["solve", "swing.toml", "--set", "model=pendulum.py:Pendulum"],
+        "'pendulum.py:Pendulum' is not a subclass of Optimization",
+    ),
+    (["solve", "swing.toml", "--set", "model=pendulum.py"], "names no class; write 'package.module:Class'"),
     (["solve", "swing.toml", "--set", "model=nowhere.py:A"], "there is no Python file 'nowhere.py'"),
     (["solve", "swing.toml", "--set", "model=nowhere:A"], "there is no Python module 'nowhere'"),
     (
@@ -330,13 +337,13 @@ REFUSED = [
         "no declaration 'angel'; did you mean 'angle'?",
     ),
     (["solve", "pendulum_code.toml"], "use gtmodel codegen"),
-    (["codegen", "swing.toml", "-o", "code"], "swing.toml: kind: is 'optimization', which gives no code"),
+    (["codegen", "swing.toml", "-o", "code"], "swing.toml: kind: is 'optimization', which generates no code"),
     (["codegen", "pendulum_code.toml", "-o", "."], "is not empty and was not written by gtmodel"),
     (["explain", "l1_tap"], "there is no robot 'l1_tap'; did you mean 'l1_tape'?"),
     (["explain", "l1_tape", "--known", "q"], "name its --targets; top-level names are q, T, tau"),
     (["explain", "pendulum.py:Pendulum", "--targets", "phi"], "pendulum.py:Pendulum: 1 equation for 2 unknowns"),
     (["explain", "l1_tape", "--known", "q", "--targets", "taw"], "has no variable 'taw'; did you mean 'tau'"),
-    (["explain", "swing.toml", "--targets", "phi"], "leave --known and --targets out"),
+    (["explain", "swing.toml", "--targets", "phi"], "leave --known, --targets and --prefer out"),
     (["schema", "trajectry"], "there is no kind 'trajectry'; did you mean 'trajectory'?"),
     (["list", "robot"], "did you mean 'robots'?"),
     (["solve", "swing.toml", "--nonsense"], "gtmodel solve: No such option: --nonsense"),
@@ -349,7 +356,7 @@ REFUSED = [
 def test_bad_input_is_one_sentence_and_exit_code_2(gtmodel: Commands, words: list[str], sentence: str) -> None:
     done = gtmodel(*words)
     assert done.code == 2 and done.out == ""
-    said = [line for line in done.err.splitlines() if "the one shipped with gtmodel is used" not in line]
+    said = [line for line in done.err.splitlines() if "using the one shipped with gtmodel" not in line]
     assert len(said) == 1 and sentence in said[0], done.err
 
 

@@ -152,7 +152,7 @@ def test_a_signal_amid_a_line_of_progress_asks_for_a_stop_all_the_same(
         monkeypatch.setattr(sys, "stderr", Busy())
         signal.raise_signal(signal.SIGTERM)
     assert context.stop_requested
-    assert "SIGTERM again breaks off" in capfd.readouterr().err
+    assert "SIGTERM again aborts" in capfd.readouterr().err
 
 
 def alarms(context: Context, count: int) -> int:

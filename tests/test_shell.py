@@ -156,7 +156,7 @@ def test_a_shell_completes_names(words: str, there: str, tmp_path: Path) -> None
 
 def test_explain_takes_a_shipped_name_and_says_that_it_runs_python(gtmodel: Commands) -> None:
     assert gtmodel("explain", "vibration_two_mass").code == 0
-    assert "file run" in " ".join(gtmodel("explain", "--help").out.split())
+    assert "runs that file" in " ".join(gtmodel("explain", "--help").out.split())
 
 
 def test_what_numpy_remarks_on_the_way_is_not_printed(tmp_path: Path) -> None:

@@ -1,9 +1,9 @@
-"""``gtmodel doctor``: what this machine has of what gtmodel uses, on one screen to paste into an issue.
+"""``gtmodel doctor``: programs and packages of this machine that gtmodel uses, on one screen to paste into an issue.
 
-report.py        the rows, whether gtmodel can do its main job, and what to do where it cannot
-requirements.py  packages: what pyproject.toml asks for and what is installed
+report.py        the rows, whether gtmodel can solve problems here, and advice if it cannot
+requirements.py  packages: required by pyproject.toml, and installed
 machine.py       Python, platform, C compiler, other programs, cache
-trials.py        the solvers, tried in a process of their own: one that crashes takes nothing with it
+trials.py        trials of the solvers in a separate process, which may crash
 
-Only the standard library is imported here, so that a missing package is a row and not a traceback.
+The package imports only the standard library, so that a missing package gives a row and not a traceback.
 """

@@ -1,4 +1,4 @@
-"""What is on this machine besides Python packages: compiler, other programs, cache of libraries."""
+"""Compiler, other programs and cache of libraries on this machine."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SOURCE = "double tried(double x);\ndouble tried(double x) { return 2.0 * x; }\n
 
 
 def first_line(*command: str) -> str:
-    """The first line that a command prints; "" where it fails."""
+    """Return the first line that a command prints; "" if it fails."""
     try:
         done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=SECONDS)
     except (OSError, subprocess.SubprocessError):
@@ -26,7 +26,7 @@ def first_line(*command: str) -> str:
 
 
 def compiler() -> tuple[str, str]:
-    """The C compiler with its version, and what is wrong with it: a tiny function is compiled, loaded and called."""
+    """Return the C compiler with its version, and its fault in a test that compiles and calls a tiny function."""
     chain = find()
     if isinstance(chain, str):
         return "none", chain
@@ -36,34 +36,34 @@ def compiler() -> tuple[str, str]:
 def _tried(chain: Toolchain) -> str:
     try:
         with tempfile.TemporaryDirectory(prefix="gtmodel-doctor-", ignore_cleanup_errors=True) as name:
-            source, made, library = (Path(name) / f"tried.{ending}" for ending in ("c", "o", "so"))
+            source, object_file, library = (Path(name) / f"tried.{ending}" for ending in ("c", "o", "so"))
             source.write_text(_SOURCE, encoding="utf-8")
-            for good, said in (chain.compile(source, made), chain.link_shared([made], library)):
+            for good, output in (chain.compile(source, object_file), chain.link_shared([object_file], library)):
                 if not good:
-                    return f"it fails on a tiny function: {' '.join(said.split())[:200]}"
+                    return f"it fails on a tiny function: {' '.join(output.split())[:200]}"
             function = ctypes.CDLL(str(library)).tried
             function.argtypes, function.restype = [ctypes.c_double], ctypes.c_double
-            return "" if function(21.0) == 42.0 else "what it compiles gives wrong numbers"
+            return "" if function(21.0) == 42.0 else "compiled code returns wrong numbers"
     except OSError as error:
-        return f"what it compiles does not run: {error}"
+        return f"compiled code does not run: {error}"
 
 
 def program(name: str, option: str) -> str:
-    """The first line of `name option`, "none" where there is no such program."""
+    """Return the first line of `name option`, or "none" if there is no such program."""
     path = shutil.which(name)
     return "none" if path is None else first_line(path, option) or f"{path}, which does not start"
 
 
 def cache() -> tuple[str, str]:
-    """The folder of compiled libraries with their number and size, and why it cannot be used."""
+    """Return the folder of compiled libraries with their number and size, and the reason if it cannot be used."""
     try:
         folder = cache_folder()
     except RuntimeError:
         return "none", "no home folder is known: set GTMODEL_CACHE to a folder of your own"
     try:
         sizes = [path.stat().st_size for path in folder.glob("*.so")] if folder.is_dir() else []
-        there = next(p for p in (folder, *folder.parents) if p.exists())
-        reason = "" if _written_to(there) else "cannot be written to"
+        existing = next(p for p in (folder, *folder.parents) if p.exists())
+        reason = "" if _writable(existing) else "cannot be written to"
         reason = reason or (exposed(folder) if folder.is_dir() else "")
     except OSError as error:
         return str(folder), f"cannot be read: {error.strerror}"
@@ -71,8 +71,8 @@ def cache() -> tuple[str, str]:
     return text, f"{reason}: set GTMODEL_CACHE to a folder of your own" if reason else ""
 
 
-def _written_to(folder: Path) -> bool:
-    """Whether a file can be made there: permissions alone say so of a kernel's folder too, such as /proc."""
+def _writable(folder: Path) -> bool:
+    """True if a file can be created; permissions are not enough, for example in /proc."""
     try:
         with tempfile.TemporaryFile(dir=folder, prefix="gtmodel-doctor-"):
             return True
@@ -81,7 +81,7 @@ def _written_to(folder: Path) -> bool:
 
 
 def discreet(text: str) -> str:
-    """A text without the home folder and the name of the user: ~ and USER stand in their places."""
+    """Replace the home folder by ~ and the user's name by USER in a text."""
     try:
         home = str(home_folder())
     except RuntimeError:

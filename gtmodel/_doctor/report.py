@@ -1,4 +1,4 @@
-"""The rows of ``gtmodel doctor``, whether gtmodel can do its main job here, and what to do where it cannot."""
+"""The rows of ``gtmodel doctor``, whether gtmodel can solve problems here, and advice if it cannot."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .requirements import Requirement, Requirements, requirements
 from .trials import IMPORTS, LINEAR_SOLVERS
 
 HEAD = ("what", "version or state", "remark")
-# what a solve or the re-simulation after it cannot do without; the others are alternatives
+# required for a solve or its re-simulation; the others are alternatives
 NEEDED = ("ipopt mumps", "fatrop", "cvodes", "idas")
 ALTERNATIVES = ("osqp", "qrqp")
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -32,8 +32,7 @@ TRIALS = Path(__file__).with_name("trials.py")
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at: what it is, its version or state, what is to be said of it; `advice` says what to
-    do where gtmodel cannot do its main job without it."""
+    """One row: subject, version or state, remark; `advice` if gtmodel cannot solve problems without it."""
 
     what: str
     state: str
@@ -43,7 +42,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Trial:
-    """How a solver did: its fault, "" where it works, and what it says of itself."""
+    """Trial of a solver: its fault, "" if it works, and information about it."""
 
     fault: str = ""
     about: str = ""
@@ -51,13 +50,13 @@ class Trial:
 
 @dataclass(frozen=True)
 class Report:
-    """What was found."""
+    """All rows."""
 
     rows: tuple[Finding, ...]
 
     @property
     def ok(self) -> bool:
-        """True where gtmodel can solve problems."""
+        """True if gtmodel can solve problems."""
         return not any(row.advice for row in self.rows)
 
     @property
@@ -66,21 +65,21 @@ class Report:
         wrong = [row for row in self.rows if row.advice]
         if not wrong:
             return "gtmodel can solve problems here"
-        more = f"; wrong too: {', '.join(row.what for row in wrong[1:])}" if wrong[1:] else ""
+        more = f"; also wrong: {', '.join(row.what for row in wrong[1:])}" if wrong[1:] else ""
         return f"gtmodel cannot solve problems here: {wrong[0].what}: {wrong[0].remark}; {wrong[0].advice}{more}"
 
     def cells(self) -> list[tuple[str, str, str]]:
-        """The rows of the table."""
+        """Return the rows of the table."""
         return [(row.what, row.state, row.remark) for row in self.rows]
 
     def document(self) -> dict[str, Any]:
-        """What --json prints."""
+        """Return the object that --json prints."""
         rows = {row.what: {k: v for k, v in asdict(row).items() if k != "what"} for row in self.rows}
         return {"gtmodel": __version__, "ok": self.ok, "message": self.message, "rows": rows}
 
 
 def examined() -> Report:
-    """Look at everything. Solvers and compiler are tried at the same time."""
+    """Examine everything; solvers and compiler are tried in parallel."""
     with ThreadPoolExecutor(2) as pool:
         trials, compiler = pool.submit(tried), pool.submit(machine.compiler)
         wanted = requirements()
@@ -92,7 +91,7 @@ def examined() -> Report:
 
 
 def tried() -> dict[str, Trial]:
-    """What trials.py finds, in a process of its own; one that ends in the middle is started again behind it."""
+    """Run trials.py in a separate process; after a crash, start it again with the trials that are left."""
     done: dict[str, Trial] = {}
     program = [sys.executable, "-P", str(TRIALS)]
     while True:
@@ -105,11 +104,11 @@ def tried() -> dict[str, Trial]:
         except OSError as error:
             return {**done, "python": Trial(str(error))}
         for line in lines.splitlines():
-            said = json.loads(line)
-            if "begin" in said:
-                begun = said["begin"]
+            event = json.loads(line)
+            if "begin" in event:
+                begun = event["begin"]
             else:
-                done[said["trial"]] = Trial(said["fault"], said["about"])
+                done[event["trial"]] = Trial(event["fault"], event["about"])
         if not begun or begun in done:
             return done
         done[begun] = Trial(end)
@@ -135,14 +134,14 @@ def _processors() -> int:
 
 def _packages(wanted: Requirements) -> list[Finding]:
     if not wanted.packages:
-        return [Finding("packages", "unknown", "neither pyproject.toml nor an installation says what gtmodel needs")]
+        return [Finding("packages", "unknown", "neither pyproject.toml nor an installation lists the requirements")]
     rows = []
-    for one in wanted.packages:
-        fault, remark, advice = one.missing(), "", ""
+    for package in wanted.packages:
+        fault, remark, advice = package.missing(), "", ""
         if fault:
-            remark = f"{fault}: {one.least} or newer is needed" if one.least else fault
-            advice = f"install it: {PIP} install '{one}'"
-        rows.append(Finding(one.name, one.installed() or "none", remark, advice))
+            remark = f"{fault}: {package.least} or newer is needed" if package.least else fault
+            advice = f"install it: {PIP} install '{package}'"
+        rows.append(Finding(package.name, package.installed() or "none", remark, advice))
     return rows
 
 

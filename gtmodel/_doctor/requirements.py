@@ -1,4 +1,4 @@
-"""Packages: what gtmodel asks for, and what is installed."""
+"""Packages that gtmodel requires, and their installed versions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _EXTRA = re.compile(r"""extra\s*==\s*["']([\w.-]+)["']""")
 
 @dataclass(frozen=True)
 class Requirement:
-    """A package that is asked for: its name, extras of it, the least version as text, "" for any."""
+    """A required package: name, extras, and smallest version as text, "" for any."""
 
     name: str
     extras: tuple[str, ...] = ()
@@ -24,14 +24,14 @@ class Requirement:
         return f"{self.name}>={self.least}" if self.least else self.name
 
     def installed(self) -> str:
-        """The installed version; "" where there is none."""
+        """Return the installed version; "" if there is none."""
         try:
             return metadata.version(self.name)
         except metadata.PackageNotFoundError:
             return ""
 
     def missing(self) -> str:
-        """What is wrong with the installed version, "" where nothing is."""
+        """Return "missing" or "too old", or "" if the installed version is fine."""
         version = self.installed()
         if not version:
             return "missing"
@@ -40,7 +40,7 @@ class Requirement:
 
 @dataclass(frozen=True)
 class Requirements:
-    """The least Python, the packages that gtmodel needs, and those of each extra; nothing where that is not known."""
+    """Smallest Python version, required packages, and packages of each extra; empty if unknown."""
 
     python: str
     packages: tuple[Requirement, ...]
@@ -48,7 +48,7 @@ class Requirements:
 
 
 def requirements(package: str = "gtmodel") -> Requirements:
-    """Those of the pyproject.toml beside the package, in a clone; else those that were installed with it."""
+    """Return the requirements in pyproject.toml, in a clone, otherwise those in the metadata of the installation."""
     beside = Path(__file__).resolve().parents[2] / "pyproject.toml"
     if beside.is_file():
         project = tomllib.loads(beside.read_text(encoding="utf-8")).get("project", {})
@@ -65,15 +65,15 @@ def requirements(package: str = "gtmodel") -> Requirements:
 
 
 def read(texts: list[str]) -> tuple[Requirement, ...]:
-    """Requirements as pyproject.toml writes them, of which the name and the least version count."""
-    asked = []
+    """Parse requirements of pyproject.toml; name, extras and smallest version count."""
+    parsed = []
     for text in texts:
         match = _REQUIREMENT.match(text)
         if match is not None:
             least = re.search(r">=\s*([\w.]+)", match[3])
             extras = tuple(e.strip() for e in (match[2] or "").split(",") if e.strip())
-            asked.append(Requirement(match[1], extras, least[1] if least else ""))
-    return tuple(asked)
+            parsed.append(Requirement(match[1], extras, least[1] if least else ""))
+    return tuple(parsed)
 
 
 def _extra(text: str) -> str:
@@ -84,7 +84,7 @@ def _extra(text: str) -> str:
 def _whole(
     package: str, python: str, packages: tuple[Requirement, ...], extras: dict[str, tuple[Requirement, ...]]
 ) -> Requirements:
-    """With the packages of an extra that another one names, as dev names gtmodel[notebooks]."""
+    """Requirements in which an extra includes the extras that it names, as dev names gtmodel[notebooks]."""
 
     def opened(name: str, seen: tuple[str, ...]) -> list[Requirement]:
         every = []
@@ -98,7 +98,7 @@ def _whole(
 
 
 def _numbers(version: str) -> tuple[int, ...]:
-    """The release numbers of a version: "3.8.0rc1" is (3, 8, 0); without zeros at the end, so that 3.8 is 3.8.0."""
+    """Release numbers of a version without trailing zeros: "3.8.0rc1" gives (3, 8), so that 3.8 equals 3.8.0."""
     match = re.match(r"\d+(\.\d+)*", version)
     numbers = [int(part) for part in match[0].split(".")] if match else []
     while numbers and numbers[-1] == 0:

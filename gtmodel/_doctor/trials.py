@@ -1,6 +1,6 @@
-"""Solvers tried on tiny problems whose answer is known. Run as a program with the names of what to leave out.
+"""Trials of the solvers on tiny problems with known answers; a program whose arguments are the trials to leave out.
 
-It prints one JSON object a line: {"begin": name} before a trial, {"trial": name, "fault": "", "about": ""} after it.
+It prints one JSON object per line: {"begin": name} before a trial, {"trial": name, "fault": "", "about": ""} after it.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ Trial = Callable[[], str]
 
 
 def trials() -> Iterator[tuple[str, Trial]]:
-    """Names and trials; a trial returns what is to be said of a success, and raises where there is none."""
+    """Yield names and trials; a trial returns information about a success, and raises otherwise."""
     yield from ((f"import {name}", partial(_import, name)) for name in IMPORTS)
     yield "blas", _blas
     yield from ((f"ipopt {name}", partial(_ipopt, name)) for name in LINEAR_SOLVERS[:1])
     yield "fatrop", _fatrop
     yield from ((name, partial(_quadratic, name)) for name in ("osqp", "qrqp"))
     yield from ((name, partial(_integrated, name)) for name in ("cvodes", "idas"))
-    # last: where a library is half there, these are the ones that may crash
+    # last, because these may crash if a library is incomplete
     yield from ((f"ipopt {name}", partial(_ipopt, name)) for name in LINEAR_SOLVERS[1:])
 
 
@@ -39,7 +39,7 @@ def _import(name: str) -> str:
 
 
 def _blas() -> str:
-    """The BLAS of NumPy and its threads, where it is an OpenBLAS of a wheel."""
+    """BLAS of NumPy, with its threads if it is the OpenBLAS of a wheel."""
     import numpy as np
 
     config: Any = np.show_config(mode="dicts")
@@ -88,7 +88,7 @@ def _quadratic(name: str) -> str:
 
 
 def _integrated(name: str) -> str:
-    """dy/dt = -y over one second; by IDAS as z = dy/dt, 0 = z + y."""
+    """dy/dt = -y over one second; for IDAS as z = dy/dt, 0 = z + y."""
     import casadi as ca
 
     y, z = ca.SX.sym("y"), ca.SX.sym("z")
@@ -100,12 +100,12 @@ def _integrated(name: str) -> str:
 def _equal(answer: Any, expected: list[float]) -> str:
     values = [float(v) for v in answer.full().ravel()]
     if not all(abs(v - e) < TOLERANCE for v, e in zip(values, expected, strict=True)):
-        raise RuntimeError(f"answers {values} where {expected} is right")
+        raise RuntimeError(f"found {values}; expected {expected}")
     return ""
 
 
 def main(left_out: list[str]) -> None:
-    """Try all but these; what the solvers print goes nowhere."""
+    """Run all other trials; the output of the solvers is discarded."""
     shown = os.fdopen(os.dup(1), "w")
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)

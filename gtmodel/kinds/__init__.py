@@ -1,1 +1,1 @@
-"""The kinds of problem: a module each, or a folder with keys.py and kind.py; see ARCHITECTURE.md."""
+"""Kinds of problem: each is a module, or a folder with keys.py and kind.py; see ARCHITECTURE.md."""

@@ -1,4 +1,4 @@
-"""Kind "accuracy": the greatest positioning error over a section, from errors of carts and links."""
+"""Kind "accuracy": largest positioning error over a section, from errors of carts and links."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class Schema(RobotProblem):
     section: Made[options.ErrorSection] = Made[options.ErrorSection].left_out()
     method: Literal["support", "projection"] = Field(
         default="support",
-        description="how ellipsoids become corners: exact first-order bound, or the iteration of Dressler 2012, A.2",
+        description="bound over ellipsoids of errors: exact to first order, or the iteration of Dressler 2012, A.2",
     )
-    cases: list[Made[options.LinkErrors]] = Field(min_length=1, description="errors to look at, one after the other")
+    cases: list[Made[options.LinkErrors]] = Field(min_length=1, description="cases of errors")
     monte_carlo: Made[options.MonteCarloDraws] = Made[options.MonteCarloDraws].left_out()
 
 
@@ -32,9 +32,9 @@ NAME = "accuracy"
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """Every case over all that is reached, tested in other ways."""
+    """Return the call of the study: every case over the reachable part of the section, with tests."""
     if context.start is not None:
-        raise InputError("--start: an accuracy map is computed from the beginning; leave it out")
+        raise InputError("--start: an accuracy map does not use an earlier result; leave it out")
     return Call(
         accuracy.accuracy_study, problem.model(context), _cases(problem), section=problem.section.options(),
         method=problem.method, monte_carlo=problem.monte_carlo.options(), title=problem.title,
@@ -42,7 +42,7 @@ def call(problem: Schema, context: Context) -> Call:
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """The section, the rectangle, and each case with its method."""
+    """Describe the section, the rectangle, and each case with its method."""
     cases, section, draws = _cases(problem), problem.section.options(), problem.monte_carlo.options()
     region = accuracy.section_study.region_of(problem.model(context), cases, section)
     lines = [
@@ -53,7 +53,7 @@ def explain(problem: Schema, context: Context) -> str:
     for k, case in enumerate(accuracy.case.with_method(cases, problem.method)):
         accuracy.case.errors_of(case, k, region.robot)
         lines.append(f"  {case.name}: {accuracy.case.describe(case)}")
-    lines.append(f"  beside them {draws.samples} synthetic draws, seed {draws.seed}")
+    lines.append(f"  for comparison: {draws.samples} synthetic draws, seed {draws.seed}")
     return "\n".join(lines)
 
 

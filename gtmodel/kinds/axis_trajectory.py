@@ -17,26 +17,26 @@ RESULT = "gtmodel.motion.AxisStudy"
 
 
 class AxisPathSection(PathSection):
-    """The path to follow, from start to goal, and how the tool is held."""
+    """The path to follow, from start to goal, and the direction of the tool."""
 
     tool_axis: Point = Field([1.0, 0.0, 0.0], description="direction of the tool in plate coordinates")
     tool: list[Made[axis_options.ToolDirection]] = Field(
         [], description="tool directions between start and goal; the tool turns smoothly from each to the next"
     )
 
-    def held(self) -> axis_options.ToolCourse:
-        """How the tool is held."""
-        return axis_options.ToolCourse(self.tool_axis, [one.options() for one in self.tool])
+    def course(self) -> axis_options.ToolCourse:
+        """Return the directions of the tool along the path."""
+        return axis_options.ToolCourse(self.tool_axis, [direction.options() for direction in self.tool])
 
 
 class Schema(RobotProblem):
     """Optimal motion of the F1 from rest to rest, free between two positions of its axes or along a path."""
 
-    degrees_of_freedom: Literal[5, 6] = Field(5, description="5 keeps q4 = -q5 all the way, 6 leaves all axes free")
+    degrees_of_freedom: Literal[5, 6] = Field(5, description="5 keeps q4 = -q5 throughout, 6 leaves all axes free")
     start: Made[axis_options.AxisEnd]
     goal: Made[axis_options.AxisEnd]
     limits: Made[options.AxisLimits]
-    path: AxisPathSection | None = Field(default=None, description="the path to follow; free if it is left out")
+    path: AxisPathSection | None = Field(default=None, description="the path to follow; free motion if left out")
     cost: Made[axis_options.AxisCost] = Made[axis_options.AxisCost].left_out()
     mesh: Made[axis_options.AxisMesh] = Made[axis_options.AxisMesh].left_out()
     solver: Made[axis_options.AxisSolver] = Made[axis_options.AxisSolver].left_out()
@@ -50,25 +50,25 @@ ARGUMENTS = PATH_ARGUMENTS | {
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The study of the motion."""
-    return Call(axes.axis_study, **_asked(problem, context))
+    """Return the call of the study of the motion."""
+    return Call(axes.axis_study, **_arguments(problem, context))
 
 
-def _asked(problem: Schema, context: Context) -> dict[str, Any]:
+def _arguments(problem: Schema, context: Context) -> dict[str, Any]:
     path = problem.path
     return dict(
         robot=problem.model(context), path=None if path is None else path.options(context),
-        tool=None if path is None else path.held(), degrees_of_freedom=problem.degrees_of_freedom,
+        tool=None if path is None else path.course(), degrees_of_freedom=problem.degrees_of_freedom,
         **options_of(problem), earlier=context.guess(), title=problem.title,
     )  # fmt: skip
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """What is optimised: states, controls, unknowns without a closed form, bounds."""
+    """Describe the optimisation: states, controls, unknowns without a closed form, bounds."""
     from gtmodel.optimize.formulation.problem import build  # here: the keys alone need no engine
 
-    asked = {name: value for name, value in _asked(problem, context).items() if value is not None}
-    plan = axes.plan_of(axes.AxisProblem(**asked))
+    arguments = {name: value for name, value in _arguments(problem, context).items() if value is not None}
+    plan = axes.plan_of(axes.AxisProblem(**arguments))
     built = build(plan.optimization, problem.solver.options().formulation)
     mesh, (low, high) = plan.problem.mesh, plan.strokes
     further = list(dict.fromkeys(m.key for m in plan.guard.margins))

@@ -1,4 +1,4 @@
-"""Kind "calibration_plan": which poses to measure with which device, and what the calibration will then be worth."""
+"""Kind "calibration_plan": poses to measure with a device, and the expected accuracy of the calibration."""
 
 from __future__ import annotations
 
@@ -25,43 +25,43 @@ MOVED = ("free", "fixed", "tied", "unit_quaternions", "sizes")
 class TrackerSection(Made):
     """A laser tracker, which measures a distance and two angles."""
 
-    kind: Literal["laser_tracker"] = Field(description="which device")
+    kind: Literal["laser_tracker"] = Field(description="kind of device")
 
 
 @made_from(options.PatternCamera)
 class CameraSection(Made):
     """A fixed camera that sees a pattern on the plate."""
 
-    kind: Literal["camera"] = Field(description="which device")
+    kind: Literal["camera"] = Field(description="kind of device")
 
 
 @made_from(options.Wire)
 class WireSection(Made):
     """A wire sensor, a bar or an interferometer: the distance of the tool centre point from one point."""
 
-    kind: Literal["distance"] = Field(description="which device")
+    kind: Literal["distance"] = Field(description="kind of device")
 
 
 @made_from(options.Gauge)
 class GaugeSection(Made):
-    """A dial gauge over a plane, or one coordinate: the height of the tool centre point above a known plane."""
+    """A dial gauge or another sensor for the height of the tool centre point above a known plane."""
 
-    kind: Literal["plane"] = Field(description="which device")
+    kind: Literal["plane"] = Field(description="kind of device")
 
 
 @made_from(Fit, *(f.name for f in fields(Fit) if f.name not in MOVED))
 class _Moved(RobotProblem, Made):
-    """Which parameters are to be calibrated."""
+    """Parameters to calibrate."""
 
     device: Annotated[
         TrackerSection | CameraSection | WireSection | GaugeSection,
-        Field(discriminator="kind", description="what measures"),
+        Field(discriminator="kind", description="measuring device"),
     ]
 
 
 @made_from(Task, "robot", "device", "choice", "title")
 class Schema(_Moved):
-    """A calibration planned before anything is measured (Dressler 2012, Fig. 5.21)."""
+    """Plan of a calibration before the measurement (Dressler 2012, Fig. 5.21)."""
 
 
 NAME = "calibration_plan"
@@ -69,9 +69,9 @@ ARGUMENTS = {"choice": ""}
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The steps of Fig. 5.21, with more poses while the criteria are not met."""
+    """Return the call of the study: the steps of Fig. 5.21, adding poses until the criteria are met."""
     if context.start is not None:
-        raise InputError("--start: a plan is made from the beginning; leave it out")
+        raise InputError("--start: a plan does not use an earlier result; leave it out")
     p = problem
     free, fixed, tied, quaternions, sizes = (getattr(p, name) for name in MOVED)
     choice = Choice(free, fixed, tied, quaternions, sizes=sizes)
@@ -79,23 +79,23 @@ def call(problem: Schema, context: Context) -> Call:
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """The steps and what a point must pass."""
-    asked = call(problem, context)
-    task = Task(*asked.arguments, **asked.options)
+    """Describe the steps and the limits of the candidate points."""
+    study = call(problem, context)
+    task = Task(*study.arguments, **study.options)
     turns, device = plan.steps.turns_of(task), plan.device.measuring(task)
     stages = plan.steps.stages_of(task, turns[0], device)
-    lines = [f"{problem.title or 'calibration plan'}: candidates every {task.room.step:g} m, which must pass"]
-    seen: list[str] = []
+    lines = [f"{problem.title or 'calibration plan'}: candidates every {task.room.step:g} m that pass"]
+    listed: list[str] = []
     for name, reach in stages.items():
-        new = [limit.name for limit in reach.limits if limit.name not in seen]
-        seen += new
+        new = [limit.name for limit in reach.limits if limit.name not in listed]
+        listed += new
         if name == "safety":
             s = task.safety
             cone = np.degrees(s.cone)
-            new = [f"the same, {cone:g} deg, {s.stroke:g} m of stroke and {s.obstacles:g} m of air narrower"]
+            new = [f"these limits narrowed by {cone:g} deg, {s.stroke:g} m of stroke and {s.obstacles:g} m of distance"]
         lines.append(f"  {name}: {', '.join(['inverse kinematics'] * (name == 'workspace') + new) or 'nothing more'}")
     lines.append(f"  safety distance: {task.safety.edge:g} m in 26 directions")
     p = task.poses
-    many = f"{p.number} to {p.most} poses by {p.method}, and {p.held_out} held out"
-    lines.append(f"then {many}; {device.signal} is measured")
+    number = f"{p.number} to {p.most} poses, chosen by {p.method}, and {p.held_out} held out"
+    lines.append(f"then {number}; {device.signal} is measured")
     return "\n".join([*lines, *(f"  {s}" for s in stages["device"].assumptions)])

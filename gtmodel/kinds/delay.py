@@ -1,4 +1,4 @@
-"""Kind "delay": how late one signal comes behind another that shows the same motion."""
+"""Kind "delay": delay of one signal behind another that shows the same motion."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ RESULT = "gtmodel.measurements.DelayStudy"
 class PairSection(FileSection):
     """Two signals that show one motion."""
 
-    name: str = Field(default="", description="of the second one, for tables; its column if left out")
-    reference: RecordedSignalSection = Field(description="the signal that counts as on time")
-    late: RecordedSignalSection = Field(description="the one whose delay is sought; negative where it comes earlier")
+    name: str = Field(default="", description="name of the late signal, for tables; its column if left out")
+    reference: RecordedSignalSection = Field(description="the signal without delay")
+    late: RecordedSignalSection = Field(description="the delayed signal; its delay is negative if it is earlier")
 
 
 class Schema(Problem):
-    """How late signals come behind others that show the same motion. One of [log] and [synthetic] gives them."""
+    """Delays between signals that show the same motion. The signals come from [log] or from [synthetic]."""
 
     log: RecordingFiles | None = Field(default=None, description="a measured recording")
-    pair: list[PairSection] = Field(default=[], description="one table for each, with [log]")
+    pair: list[PairSection] = Field(default=[], description="pairs of signals in [log], one table for each")
     synthetic: Made[options.SyntheticDelay] | None = Field(default=None, description="a synthetic recording")
     search: Made[options.Search] = Made[options.Search].left_out()
 
@@ -36,10 +36,10 @@ ARGUMENTS = {"recordings": "pair", "search": "search"}
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The study of the pairs of the log, or of a synthetic one."""
+    """Return the call of the study, on the pairs of the log or on a synthetic pair."""
     if (problem.log is None) == (problem.synthetic is None):
-        given = "both" if problem.log else "none of them"
-        raise InputError(f"expected one of [log] and [synthetic]; found {given}", "log")
+        present = "both" if problem.log else "neither"
+        raise InputError(f"expected one of [log] and [synthetic]; found {present}", "log")
     if problem.synthetic is not None:
         if problem.pair:
             raise InputError("belongs to [log]; a synthetic recording has one pair", "pair[0]")
@@ -48,9 +48,9 @@ def call(problem: Schema, context: Context) -> Call:
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """How the signals are sampled, and where their delay is sought."""
+    """Describe the sampling of the signals and the range of the delay."""
     search = problem.search.options()
-    lines = [f"{problem.title or NAME}: delays up to {1e3 * search.longest:g} ms either way"]
+    lines = [f"{problem.title or NAME}: delays up to {1e3 * search.longest:g} ms in both directions"]
     if problem.log is not None:
         for name, (first, late) in _pairs(problem, context).items():
             rates = [f"{len(t)} rows at {sampling_of(t.time).rate:.6g} Hz" for t in (first, late)]
@@ -73,14 +73,14 @@ def _pairs(problem: Schema, context: Context) -> dict[str, tuple[Trajectory, Tra
         column = pair.late.column
         name = pair.name or (column if isinstance(column, str) else ", ".join(column))
         if name in pairs:
-            raise InputError(f"two pairs are called '{name}'; name them apart", f"pair[{n}].name")
+            raise InputError(f"two pairs are called '{name}'; give them different names", f"pair[{n}].name")
         pairs[name] = by_name[f"reference_{n}"], by_name[f"late_{n}"]
     return pairs
 
 
 def _called(trajectory: Trajectory, name: str, column: Column) -> Trajectory:
-    """A signal with the name of its column, by which messages call it."""
-    called = column.name if isinstance(column.name, str) else ", ".join(column.name)
+    """A signal with the name of its column, for messages."""
+    label = column.name if isinstance(column.name, str) else ", ".join(column.name)
     return Trajectory(
-        trajectory.time, {called: trajectory[name]}, {called: trajectory.unit(name)}, synthetic=trajectory.synthetic
+        trajectory.time, {label: trajectory[name]}, {label: trajectory.unit(name)}, synthetic=trajectory.synthetic
     )

@@ -1,4 +1,4 @@
-"""Kind "elastic_motion": how an elastic tool swings after motions planned rigid, shaped, and planned elastic."""
+"""Kind "elastic_motion": vibration of an elastic tool after motions planned rigid, shaped, and planned elastic."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RESULT = "gtmodel.motion.ElasticStudy"
 
 
 class PlaceSection(FileSection):
-    """Where the motion begins or ends, at rest."""
+    """Start or end of the motion, at rest."""
 
     tcp_m: Annotated[list[float], Field(min_length=3, max_length=3)] = Field(
         description="tool centre point, three coordinates in the robot's frame"
@@ -25,7 +25,7 @@ class PlaceSection(FileSection):
 
 
 class LimitsSection(FileSection):
-    """What the motors can."""
+    """Limits of the motors."""
 
     force_N: PositiveFloat = Field(description="largest force of each motor")
 
@@ -47,7 +47,7 @@ ARGUMENTS = {"start": "start.tcp_m", "goal": "goal.tcp_m", "force": "limits.forc
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The study of the plans and their swings."""
+    """Return the call of the study of the plans and their vibration."""
     if context.start is not None:
         raise InputError("--start: the elastic plan starts from the rigid one; leave it out")
     return Call(
@@ -57,14 +57,14 @@ def call(problem: Schema, context: Context) -> Call:
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """What is planned and compared."""
+    """Describe the motions that are compared."""
     elastic.plans.three_link(problem.model(context))
     t = problem.tool.options()
     return "\n".join(
         [
             f"{problem.title or NAME}: {t.mass:g} kg on a spring, {t.frequency:g} Hz, damping {t.damping:g}",
-            "  rigid: time and energy with the tool as payload; ZV, ZVD: that motion shaped",
-            "  elastic: the spring in the equations, the tool at rest at the end as a constraint",
+            "  rigid: time and energy with the tool as rigid payload; ZV, ZVD: this motion with an input shaper",
+            "  elastic: with the spring in the equations and the tool at rest at the end as a constraint",
             *(f"  {sentence}" for sentence in ASSUMED),
         ]
     )

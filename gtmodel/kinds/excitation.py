@@ -1,4 +1,4 @@
-"""Kind "excitation": the motion from which a robot's masses and friction are identified best, within all limits."""
+"""Kind "excitation": the motion that identifies a robot's masses and friction best, within all limits."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RESULT = "gtmodel.identify.ExcitationStudy"
 
 @made_from(options.IdentificationExperiment)
 class Schema(RobotProblem, Made):
-    """The motion from which masses and friction are identified best."""
+    """The motion that identifies masses and friction best."""
 
     motion: Made[options.Family]
     limits: Made[Limits]
@@ -30,7 +30,7 @@ ARGUMENTS = {"experiment": "", "start": "--start"}
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The study, from an earlier result too."""
+    """Return the call of the study, which may start from an earlier result."""
     start = None
     if context.start is not None:
         start = np.array((context.start.get("values") or {}).get("unknowns", []), dtype=float)
@@ -43,7 +43,7 @@ def call(problem: Schema, context: Context) -> Call:
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """What is identified, the unknowns and the bounded rows."""
+    """Describe the parameters, the unknowns and the bounds."""
     motion, criterion = problem.motion.options(), problem.search.options().criterion
     plan = excitation.task.plan_of(
         problem.model(context), motion, problem.limits.options(), problem.options(), criterion
@@ -56,6 +56,6 @@ def explain(problem: Schema, context: Context) -> str:
         f"  motion of T: {motion.family}, {task.basis.size} unknowns for each of {task.dimension} coordinates, "
         f"{task.basis.period:g} s, at rest at both ends",
         f"  criterion: {criterion}, over {task.points} samples of a period",
-        f"  bounded at each: {', '.join(f'{key} ({n})' for key, n in rows.items())}; "
-        f"checked on {excitation.FINER} times as many",
+        f"  bounded at each sample: {', '.join(f'{key} ({n})' for key, n in rows.items())}; "
+        f"checked at {excitation.FINER} times as many samples",
     ])  # fmt: skip

@@ -1,4 +1,4 @@
-"""Kind "friction": friction of the actuators and the mass they hold, from runs at constant velocity."""
+"""Kind "friction": friction of the actuators and the mass they carry, from runs at constant velocity."""
 
 from __future__ import annotations
 
@@ -22,39 +22,40 @@ RESULT = "gtmodel.identify.FrictionStudy"
 
 @made_from(options.HeldPose)
 class HeldPoseSection(Made):
-    """Where the tool centre point was held in the cross-section while the carts ran."""
+    """Position of the tool centre point in the cross-section during the runs of the carts."""
 
-    files: list[str] = Field(default=[], description="logs of this pose, with [log]")
+    files: list[str] = Field(default=[], description="log files of this pose, for [log]")
 
 
 @made_from(options.ConstantVelocity)
 class FrictionLogSection(LogSampling, Made):
-    """Measured logs; each pose names its own files."""
+    """Measured logs; each pose names its files."""
 
     position_m: MeasuredSignalSection = Field(description="positions of the carts")
     force_N: MeasuredSignalSection = Field(description="forces of the motors")
 
 
 class Schema(RobotProblem):
-    """Friction from constant-velocity runs. One of [log], [synthetic] and [printed] gives the forces."""
+    """Friction from constant-velocity runs. The forces come from one of [log], [synthetic] and [printed]."""
 
     directions: Literal["separate", "symmetric"] = Field(
-        default="separate", description="separate: coefficients by direction of motion"
+        default="separate", description="separate: different coefficients for each direction of motion"
     )
     gravity: Literal["most_symmetric", "poses"] = Field(
         default="most_symmetric",
-        description="how the mass is found beside friction by direction: least asymmetry, or the change between poses",
+        description="how the mass is separated from friction: by least asymmetry of the friction, or by the change "
+        "between poses",
     )
     accept: list[options.FrictionAlarm] = Field(
         default=[],
-        description="alarms about runs and columns that are notes and refuse nothing: copied_rows, exchanged_columns, "
-        "driving_friction, negative_mass",
+        description="alarms about runs and columns that become notes instead of errors: copied_rows, "
+        "exchanged_columns, driving_friction, negative_mass",
     )
-    pose: list[HeldPoseSection] = Field(min_length=1, description="one table for each; the first is the picture's")
+    pose: list[HeldPoseSection] = Field(min_length=1, description="one table for each; the picture shows the first")
     log: FrictionLogSection | None = Field(default=None, description="measured logs")
     synthetic: Made[options.SyntheticRuns] | None = Field(default=None, description="synthetic logs")
     printed: Made[options.FrictionCoefficients] | None = Field(
-        default=None, description="published lines; their mass is the one that was chosen, and is found anew"
+        default=None, description="published coefficients; the study determines their mass again"
     )
 
 
@@ -69,18 +70,18 @@ ARGUMENTS = {
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The study of the logs, read or synthetic, or of the published lines."""
-    given = [k for k in ("log", "synthetic", "printed") if getattr(problem, k) is not None]
-    if len(given) != 1:
+    """Return the call of the study, on measured or synthetic logs or on published coefficients."""
+    tables = [k for k in ("log", "synthetic", "printed") if getattr(problem, k) is not None]
+    if len(tables) != 1:
         raise InputError(
-            f"found {', '.join(f'[{k}]' for k in given) or 'none of them'}; "
-            "expected one of [log], [synthetic], [printed]",
-            given[-1] if given else "log",
+            "expected one of [log], [synthetic] and [printed]; "
+            f"found {' and '.join(f'[{k}]' for k in tables) or 'none of them'}",
+            tables[-1] if tables else "log",
         )
     model, poses = problem.model(context), [pose.options() for pose in problem.pose]
     if problem.printed is not None:
         if len(poses) > 1:
-            raise InputError("published lines belong to one pose; leave the others out", "pose")
+            raise InputError("published coefficients belong to one pose; leave the others out", "pose")
         return Call(friction.published_friction_study, model, problem.printed.options(), poses[0], title=problem.title)
     logs = problem.synthetic.options() if problem.synthetic is not None else _logs(problem, context)
     limits = None if problem.log is None else problem.log.options()
@@ -91,12 +92,12 @@ def call(problem: Schema, context: Context) -> Call:
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """The gravity pattern by pose, and how forces follow from it."""
+    """Describe the gravity pattern in each pose and the force equation."""
     poses = [pose.options() for pose in problem.pose]
     pattern = friction.gravity_pattern(problem.model(context), poses)
     lines = [f"{problem.title or NAME}: {pattern.shape[1]} carts in {len(pattern)} poses"]
     for pose, row in zip(poses, pattern, strict=True):
-        lines.append(f"{pose.name or 'pose'}: forces that hold one kilogram {listed(row)} N/kg")
+        lines.append(f"{pose.name or 'pose'}: cart forces that hold one kilogram {listed(row)} N/kg")
     lines.append("tau = m pattern + fc+ + fv+ v forwards, m pattern - fc- + fv- v backwards (eqs. (6.8), (6.9))")
     return "\n".join(lines)
 
@@ -120,6 +121,6 @@ def _refuse_free(log: FrictionLogSection) -> None:
         for what in ("scale", "offset", "delay_s"):
             if getattr(getattr(log, name), what) == "estimate":
                 raise InputError(
-                    "constant-velocity runs do not tell it apart from gravity and friction; give a number",
+                    "constant-velocity runs cannot separate it from gravity and friction; give a number",
                     f"log.{name}.{what}",
                 )

@@ -1,4 +1,4 @@
-"""Kind "learning_control": a law that learns from run to run, on a synthetic robot or for a measured run."""
+"""Kind "learning_control": iterative learning control, on a synthetic robot or for a measured run."""
 
 from __future__ import annotations
 
@@ -20,57 +20,63 @@ from gtmodel.results.refusal import naming
 if TYPE_CHECKING:
     from gtmodel.control.learning import ModelledRobot
 
-EVEN = 0.01  # of a period
+EVEN = 0.01  # largest deviation of a time step, relative to the sampling period
 RESULT = ("gtmodel.control.learning.LearningStudy", "gtmodel.control.learning.NextInputStudy")
 
 
 class RunSignals(FileSection):
     """Columns of a run, one for each axis."""
 
-    reference: RecordedSignalSection = Field(description="what the robot is to follow, without the input")
-    input: RecordedSignalSection | None = Field(default=None, description="what was added to it; zero if left out")
-    motor: RecordedSignalSection | None = Field(
-        default=None, description="the motors through the forward kinematics; for cases 1, 2A and 2B"
+    reference: RecordedSignalSection = Field(description="reference of the robot, without the learned input")
+    input: RecordedSignalSection | None = Field(
+        default=None, description="input added to the reference; zero if left out"
     )
-    acceleration: RecordedSignalSection | None = Field(default=None, description="of the tool; for cases 2A and 2B")
-    tool: RecordedSignalSection | None = Field(default=None, description="measured; for case 3")
+    motor: RecordedSignalSection | None = Field(
+        default=None, description="motor positions through the forward kinematics; for cases 1, 2A and 2B"
+    )
+    acceleration: RecordedSignalSection | None = Field(
+        default=None, description="acceleration of the tool; for cases 2A and 2B"
+    )
+    tool: RecordedSignalSection | None = Field(default=None, description="measured tool position; for case 3")
 
 
 class RunSection(RecordingFiles):
-    """One measured run, at the robot's sampling."""
+    """One measured run, at the robot's sampling period."""
 
     signals: RunSignals
-    repeats: list[str] = Field(default=[], description="files of runs that were identical to each other")
-    ramp_samples: int = Field(default=references.RAMP, ge=1, description="of lead-in and of lead-out")
-    acceleration_noise_m_s2: float = Field(default=0.07, gt=0, description="of a reading of the accelerometer")
-    synthetic: str = Field(default="", description="what made the run, where it was simulated")
+    repeats: list[str] = Field(default=[], description="files of runs with identical inputs")
+    ramp_samples: int = Field(default=references.RAMP, ge=1, description="length of lead-in and of lead-out")
+    acceleration_noise_m_s2: float = Field(
+        default=0.07, gt=0, description="standard deviation of an accelerometer reading"
+    )
+    synthetic: str = Field(default="", description="origin of the run, if it was simulated")
 
 
 class LearnedPlantSection(RecordingFiles):
     """The robot's axes: from a log (files, signals), from a model in Python, or b q^-delay / (1 - a q^-1)."""
 
     signals: RunSignals | None = Field(
-        default=None, description="of the log, under a reference that excites, such as a random one"
+        default=None, description="signals of the log; the reference must excite the axes, for example at random"
     )
     order: int | None = Field(
-        default=None, ge=1, description="states of an axis, the delay not counted; by held-out samples if left out"
+        default=None, ge=1, description="states of an axis without the delay; from held-out samples if left out"
     )
-    model: str | None = Field(default=None, description="in Python, file.py:Class")
-    parameters: dict[str, Any] = Field(default={}, description="of the model, in SI")
-    reference: list[str] = Field(default=[], description="the model's inputs, one for each axis")
-    motor: list[str] = Field(default=[], description="its variables of the motors, one for each axis")
-    tool: list[str] = Field(default=[], description="of the tool, for cases 2A, 2B and 3")
-    acceleration: list[str] = Field(default=[], description="of the tool's acceleration, for cases 2A and 2B")
-    b: list[float] = Field(default=[], description="one for each axis, as in (6.11)")
-    a: list[float] = Field(default=[], description="one for each axis, as in (6.11)")
+    model: str | None = Field(default=None, description="model in Python, file.py:Class")
+    parameters: dict[str, Any] = Field(default={}, description="values of the model's parameters by name, in SI")
+    reference: list[str] = Field(default=[], description="inputs of the model, one for each axis")
+    motor: list[str] = Field(default=[], description="motor variables of the model, one for each axis")
+    tool: list[str] = Field(default=[], description="tool variables, for cases 2A, 2B and 3")
+    acceleration: list[str] = Field(default=[], description="tool accelerations, for cases 2A and 2B")
+    b: list[float] = Field(default=[], description="b of (6.11), one for each axis")
+    a: list[float] = Field(default=[], description="a of (6.11), one for each axis")
     delay_samples: int | None = Field(
-        default=None, ge=0, description="until a reference acts; of a log where its response begins if left out"
+        default=None, ge=0, description="delay of the response to a reference; estimated from a log if left out"
     )
-    synthetic: str = Field(default="", description="what made the log, where it was simulated")
+    synthetic: str = Field(default="", description="origin of the log, if it was simulated")
 
     def of_a_log(self, context: Context) -> ModelledRobot:
-        """The axes identified. Raises InputError."""
-        import numpy as np  # here, as below: the keys alone need none of it
+        """Return the axes identified from the log. Raises InputError."""
+        import numpy as np  # here, as below: the keys alone do not need it
 
         if self.signals is None:
             raise InputError("is missing; name the columns of reference and motor", "plant.signals")
@@ -90,26 +96,26 @@ class LearnedPlantSection(RecordingFiles):
         return learning.identified_robot(u, columns, period, self.order, self.delay_samples)
 
     def of_a_model(self, context: Context) -> ModelledRobot:
-        """The axes of the model, linear where it starts. Raises InputError."""
+        """Return the axes of the model, linearised at its start. Raises InputError."""
         from gtmodel.problem_files import python_models
 
         assert self.model is not None
         model = python_models.resolve(self.model, context, "plant.model", self.parameters)
-        named = {"motor": self.motor, "tool": self.tool, "acceleration": self.acceleration}
-        for name, variables in {"reference": self.reference, **named}.items():
+        outputs = {"motor": self.motor, "tool": self.tool, "acceleration": self.acceleration}
+        for name, variables in {"reference": self.reference, **outputs}.items():
             if (len(variables) != len(self.reference) and (variables or name == "motor")) or not self.reference:
                 raise InputError(
-                    f"names {len(variables)} variables; expected one for each axis, as reference names them",
+                    f"names {len(variables)} variables; expected one for each axis, as in reference",
                     f"plant.{name}",
                 )
-        period, made = self.sample_time_s or options.SAMPLE_TIME, []
+        period, axes = self.sample_time_s or options.SAMPLE_TIME, []
         for k, reference in enumerate(self.reference):
-            signals = {name: variables[k] for name, variables in named.items() if variables}
+            signals = {name: variables[k] for name, variables in outputs.items() if variables}
             try:
-                made.append(learning.linear_axis(model, reference, signals, period, self.delay_samples or 0))
+                axes.append(learning.linear_axis(model, reference, signals, period, self.delay_samples or 0))
             except ModelError as error:
                 raise InputError(str(error), "plant.model") from error
-        return learning.ModelledRobot(made)
+        return learning.ModelledRobot(axes)
 
 
 @made_from(options.ElasticTip)
@@ -117,37 +123,37 @@ class SimulatedSection(Made):
     """A Gantry-Tau of the catalogue with a tool on a spring, simulated with its controller."""
 
     robot: str = Field(default="l1_tape", description="a Gantry-Tau of the catalogue")
-    inertia: str = Field(default="model_2", description="its masses and friction")
+    inertia: str = Field(default="model_2", description="masses and friction of the robot")
 
 
 class Schema(Problem):
-    """Iterative learning control: rate and floor before the first iteration, and the runs of a synthetic robot beside
-    them. With [log]: from one measured run the input of the next one."""
+    """Iterative learning control: predicted rate and floor, and simulated runs to compare with. With [log]: the input
+    of the next run from one measured run."""
 
     robot: Made[options.LearningRobot] = Made[options.LearningRobot].left_out()
     plant: LearnedPlantSection | None = Field(
-        default=None, description="the robot's axes from a log, a model or printed numbers, in place of [robot]"
+        default=None, description="the robot's axes from a log, a model or given numbers, instead of [robot]"
     )
     learning: Made[options.LearningDesign] = Made[options.LearningDesign].left_out()
     reference: Made[references.SquarePath] = Made[references.SquarePath].left_out()
     noise: Made[options.LearningNoise] = Made[options.LearningNoise].left_out()
     simulated: SimulatedSection | None = Field(
-        default=None, description="a robot that is simulated, of which [robot] is the model that the law knows"
+        default=None, description="a simulated robot; [robot] is the model that the law uses"
     )
-    log: RunSection | None = Field(default=None, description="a measured run, in place of [reference] and [noise]")
+    log: RunSection | None = Field(default=None, description="a measured run, instead of [reference] and [noise]")
 
 
 def recorded(
     log: RecordingFiles, signals: RunSignals, files: Sequence[str], key: str, context: Context, synthetic: str
 ) -> Trajectory:
-    """The signals of a recording on one clock, from these files. Raises InputError."""
-    given = {name: getattr(signals, name) for name in type(signals).model_fields}
-    columns = {name: section.recorded() for name, section in given.items() if section is not None}
+    """Return the signals of a recording with a single clock. Raises InputError."""
+    sections = {name: getattr(signals, name) for name in type(signals).model_fields}
+    columns = {name: section.recorded() for name, section in sections.items() if section is not None}
     recording = log.model_copy(update={"files": list(files)}).recording(columns, context, key)
     by_name = {name: t for t in recording.values() for name in t.names}
     clock = by_name["reference"]
     if any(t is not clock for t in by_name.values()):
-        raise InputError("has signals with clocks of their own; resample them on one (kind resampling)", key)
+        raise InputError("has signals with different clocks; resample them first (kind resampling)", key)
     return Trajectory(
         clock.time, {name: clock[name] for name in columns}, {name: clock.unit(name) for name in columns},
         synthetic=synthetic or clock.synthetic,
@@ -163,14 +169,14 @@ ARGUMENTS = {
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The study of a synthetic robot, or of one measured run."""
+    """Return the call of the study of a synthetic robot or of one measured run."""
     if context.start is not None:
         raise InputError("--start: learning starts from an input in the log; leave it out")
     design, path, noise = options_of(problem, "learning", "reference", "noise").values()
     robot = robot_of(problem, context)
     if problem.simulated is not None:
         if problem.log is not None:
-            raise InputError("is a robot in place of a measured run; leave one of both out", "simulated")
+            raise InputError("is a robot instead of a measured run; leave one of the two out", "simulated")
         section = problem.simulated
         try:
             model = robots.gantry_tau(section.robot, inertia=section.inertia)
@@ -182,12 +188,12 @@ def call(problem: Schema, context: Context) -> Call:
         return Call(learning.study, robot, path, design, noise, title=problem.title)
     for name in ("reference", "noise"):
         if name in problem.model_fields_set:
-            raise InputError("belongs to a synthetic robot; with [log] leave it out", name)
+            raise InputError("belongs to a synthetic robot; leave it out with [log]", name)
     log = problem.log
     run = _run(log, log.files, context)
     repeats = [_run(log, [name], context) for name in log.repeats]
     if 0 < len(repeats) < 3:
-        raise InputError(f"names {len(repeats)} runs; their scatter wants three or more", "log.repeats")
+        raise InputError(f"names {len(repeats)} runs; their scatter needs at least three", "log.repeats")
     return Call(
         learning.next_input, robot, run, design, repeats=repeats, ramp=log.ramp_samples,
         acceleration_noise=log.acceleration_noise_m_s2, title=problem.title,
@@ -195,19 +201,19 @@ def call(problem: Schema, context: Context) -> Call:
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """Which robot, which law, what is learned from."""
+    """Describe the robot, the law and the data to learn from."""
     design, path, noise = options_of(problem, "learning", "reference", "noise").values()
     robot = robot_of(problem, context)
     lines = [f"{problem.title or NAME}: case {design.case}, law {design.law}, axes {', '.join(robot.axes)}"]
     if isinstance(robot, learning.ModelledRobot):
         for k, name in enumerate(robot.axes):
             mode = robot.mode(k)
-            of = "no light mode" if mode is None else f"lightest mode {mode[0]:.3g} Hz (damping {mode[1]:.2g})"
-            lines.append(f"  {name}: {', '.join(robot.plants[k].signals)}; {of}")
+            text = "no light mode" if mode is None else f"lightest mode {mode[0]:.3g} Hz (damping {mode[1]:.2g})"
+            lines.append(f"  {name}: {', '.join(robot.plants[k].signals)}; {text}")
     elif robot.loop == "lag":
         tools = ", ".join(f"{f:g} Hz (damping {z:g})" for f, z in zip(robot.frequency, robot.damping, strict=True))
-        lines.append(f"  motor loop: lag of {1e3 * robot.lag:g} ms behind {robot.delay} samples; tool: {tools}")
-    lines.append(f"  Q: low pass at {design.low_pass:g} Hz, of {len(design.models(robot, 0))} models per axis")
+        lines.append(f"  motor loop: lag of {1e3 * robot.lag:g} ms after {robot.delay} samples; tool: {tools}")
+    lines.append(f"  Q: low pass at {design.low_pass:g} Hz, for {len(design.models(robot, 0))} models per axis")
     if problem.simulated is not None:
         tip = problem.simulated.options()
         lines.append(f"  simulated: {problem.simulated.robot} with {tip.mass:g} kg on a spring at {tip.frequency:g} Hz")
@@ -227,12 +233,12 @@ def _run(log: RunSection, files: list[str], context: Context) -> Trajectory:
 
 
 def robot_of(problem: Schema, context: Context) -> LearningRobot | learning.ModelledRobot:
-    """What [robot] or [plant] says. Raises InputError."""
+    """Return the robot in [robot] or [plant]. Raises InputError."""
     section = problem.plant
     if section is None:
         return options_of(problem, "robot")["robot"]
     if "robot" in problem.model_fields_set:
-        raise InputError("is the robot by a log, a model or numbers; leave [robot] out", "plant")
+        raise InputError("defines the robot already; leave [robot] out", "plant")
     ways = [name for name in ("files", "model", "b") if getattr(section, name)]
     if len(ways) != 1:
         raise InputError(

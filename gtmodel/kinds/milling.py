@@ -1,4 +1,4 @@
-"""Kind "milling": where to mill, by static and dynamic deflection over the angle about the spindle."""
+"""Kind "milling": best angle about the spindle for milling, from static and dynamic deflection."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 RESULT = "gtmodel.milling.MillingStudy"
 
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
-SOURCES = ("oscillator", "modal", "oscillator_field")  # of dynamics; at most one
+SOURCES = ("oscillator", "modal", "oscillator_field")  # at most one of them defines the dynamics
 
 
 @made_from(Cutter, "coefficients")
@@ -28,7 +28,7 @@ class CutterKeys(Made[CuttingCoefficients]):
     """A helical end mill, with cutting coefficients for the material."""
 
     def options(self) -> Any:
-        """The cutter."""
+        """Return the cutter."""
         K = {name: getattr(self, key) for key, name in Made[CuttingCoefficients].attributes.items()}
         return Cutter(**self.given(), coefficients=CuttingCoefficients(**K))
 
@@ -37,22 +37,24 @@ class CutterKeys(Made[CuttingCoefficients]):
 class CutKeys(Made):
     """The cut."""
 
-    speed_rpm: float = Field(description="of the spindle, turns per minute")
-    feed_direction: Three = Field(default=[1.0, 0.0, 0.0], description="across the tool axis, world coordinates")
+    speed_rpm: float = Field(description="spindle speed, revolutions per minute")
+    feed_direction: Three = Field(
+        default=[1.0, 0.0, 0.0], description="feed direction, orthogonal to the tool axis, world coordinates"
+    )
 
 
 class OscillatorRow(FileSection):
     """Measured dynamics of the tool at one angle."""
 
     angle_deg: float = Field(description="redundant angle A")
-    m_kg: Three = Field(description="along x, y, z of the world")
+    m_kg: Three = Field(description="mass along x, y, z of the world")
     c_kg_s: Annotated[list[float], Field(min_length=2, max_length=3)] = Field(
-        description="damping along x, y, z, the same as N.s/m; without z its damping ratio is the mean of the other two"
+        description="damping along x, y, z, in kg/s = N.s/m; without z, its damping ratio is the mean of the others"
     )
-    k_N_m: Three = Field(description="along x, y, z")
+    k_N_m: Three = Field(description="stiffness along x, y, z")
 
     def oscillators(self) -> Oscillators:
-        """Raises ValueError."""
+        """Return the oscillators. Raises ValueError."""
         if len(self.c_kg_s) == 3:
             return Oscillators(*(np.array([x]) for x in (self.m_kg, self.c_kg_s, self.k_N_m)))
         if min(*self.m_kg, *self.c_kg_s, *self.k_N_m) <= 0:
@@ -62,15 +64,15 @@ class OscillatorRow(FileSection):
 
 @made_from(options.MillingSearch, "speeds", "speed_range")
 class SearchSection(Made):
-    """What may be chosen besides the angle."""
+    """Choices besides the angle."""
 
-    speeds_rpm: list[float] = Field(default=[], description="spindle speeds to compare with the given one")
+    speeds_rpm: list[float] = Field(default=[], description="spindle speeds to compare with cut.speed_rpm")
     speed_range_rpm: Annotated[list[PositiveFloat], Field(min_length=2, max_length=2)] | None = Field(
-        default=None, description="least and greatest speed of an NLP over angle and speed together; none if left out"
+        default=None, description="lowest and highest speed of an NLP over angle and speed; no NLP if left out"
     )
 
     def options(self) -> Any:
-        """In turns per second."""
+        """Return the options, with speeds in revolutions per second."""
         between = self.speed_range_rpm and [rpm / 60 for rpm in self.speed_range_rpm]
         return options.MillingSearch(**self.given(), speeds=[rpm / 60 for rpm in self.speeds_rpm], speed_range=between)
 
@@ -83,34 +85,36 @@ class LobesSection(FileSection):
 
 
 class Schema(RobotProblem):
-    """Where to mill: the angle about the spindle by static and dynamic deflection.
+    """Best angle about the spindle for milling, from static and dynamic deflection.
 
-    At most one of [[oscillator]], [modal] and oscillator_field gives the dynamics.
+    At most one of [[oscillator]], [modal] and oscillator_field defines the dynamics.
     """
 
-    place_m: Three = Field(description="of the tool centre point, world coordinates")
+    place_m: Three = Field(description="position of the tool centre point, world coordinates")
     tool: Made[options.MillingTool] = Made[options.MillingTool].left_out()
     cutter: CutterKeys
     cut: CutKeys
     joint_stiffness_MNm_rad: list[PositiveFloat] = Field(
-        min_length=6, max_length=6, description="by joint, for the static index"
+        min_length=6, max_length=6, description="stiffness of each joint, for the static index"
     )
-    limits_deg: list[list[float]] | None = Field(default=None, description="of the joints; those of the KR 500-3 else")
+    limits_deg: list[list[float]] | None = Field(
+        default=None, description="limits of the joints; those of the KR 500-3 if left out"
+    )
     oscillator: list[OscillatorRow] | None = Field(default=None, description="one table for each known angle")
     modal: Made[options.Modal] | None = Field(default=None, description="dynamics from joint stiffness")
     oscillator_field: str | None = Field(
-        default=None, description="file of a Gaussian-process field over the poses, as kind dynamic_stiffness writes it"
+        default=None, description="file of a Gaussian-process field over the poses, written by kind dynamic_stiffness"
     )
     search: SearchSection = SearchSection.left_out()
-    lobes: LobesSection | None = Field(default=None, description="stability lobes too")
-    compensation: Made[options.PathOffset] | None = Field(default=None, description="compensation too")
-    printed_tests: bool = Field(default=False, description="predict the twelve tests of Cvitanic 2021 too")
+    lobes: LobesSection | None = Field(default=None, description="also compute stability lobes")
+    compensation: Made[options.PathOffset] | None = Field(default=None, description="also compensate the deflection")
+    printed_tests: bool = Field(default=False, description="also predict the twelve tests of Cvitanic 2021")
 
     def dynamics(self, context: Context) -> Any:
-        """Where the dynamics come from; None where none are given. Raises InputError."""
-        given = [k for k in SOURCES if getattr(self, k) is not None]
-        if len(given) > 1:
-            raise InputError(f"found {' and '.join(given)}; expected at most one source of dynamics", given[-1])
+        """Return the source of the dynamics, or None. Raises InputError."""
+        sources = [k for k in SOURCES if getattr(self, k) is not None]
+        if len(sources) > 1:
+            raise InputError(f"found {' and '.join(sources)}; expected at most one source of dynamics", sources[-1])
         if self.oscillator is not None:
             return _table(self.oscillator)
         if self.modal is not None:
@@ -120,8 +124,7 @@ class Schema(RobotProblem):
 
 def _table(rows: list[OscillatorRow]) -> AngleTable:
     if len(rows) < 2:
-        said = f"holds {len(rows)} angles; expected two or more, between which dynamics are known"
-        raise InputError(said, "oscillator")
+        raise InputError(f"has {len(rows)} angles; expected at least two, to interpolate the dynamics", "oscillator")
     oscillators = []
     for n, row in enumerate(rows):
         with naming(f"oscillator[{n}]", ValueError):
@@ -142,7 +145,7 @@ NAME = "milling"
 
 
 def arguments(problem: Schema) -> dict[str, str]:
-    """Where the study's arguments stand in the file."""
+    """Return the keys of the study's arguments."""
     source = next((k for k in SOURCES if getattr(problem, k) is not None), "")
     return {
         "speed": "cut.speed_rpm",
@@ -155,13 +158,13 @@ def arguments(problem: Schema) -> dict[str, str]:
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The study of the declared place, and of what it is compared with."""
+    """Return the call of the study of the place in the file and its alternatives."""
     limits, lobes = problem.limits_deg, problem.lobes
-    made = options_of(problem, "cutter", "cut", "tool", "search", "compensation")
+    keywords = options_of(problem, "cutter", "cut", "tool", "search", "compensation")
     return Call(
-        milling.study, problem.model(context), made.pop("cutter"), made.pop("cut"), place=problem.place_m,
+        milling.study, problem.model(context), keywords.pop("cutter"), keywords.pop("cut"), place=problem.place_m,
         speed=problem.cut.speed_rpm / 60, feed=problem.cut.feed_direction,
-        joint_stiffness=[1e6 * k for k in problem.joint_stiffness_MNm_rad], **made,
+        joint_stiffness=[1e6 * k for k in problem.joint_stiffness_MNm_rad], **keywords,
         dynamics=problem.dynamics(context), source=problem.oscillator_field or "",
         limits=limits and [np.deg2rad(row).tolist() for row in limits],
         lobes=lobes and (lobes.from_rpm / 60, lobes.to_rpm / 60),
@@ -170,10 +173,10 @@ def call(problem: Schema, context: Context) -> Call:
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """What will be compared."""
-    made = call(problem, context)
+    """Describe the alternatives and the cut."""
+    study = call(problem, context)
     later = ("lobes", "compensation", "tests")
-    task = milling.task.task_of(*made.arguments, **{k: v for k, v in made.options.items() if k not in later})
+    task = milling.task.task_of(*study.arguments, **{k: v for k, v in study.options.items() if k not in later})
     s, lag = task.search, np.rad2deg(task.cutter.lag(task.cut.axial_depth))
     counts = [1 + len(x) for x in (s.places, s.feed_directions, s.speeds)]
     return "\n".join(
@@ -182,7 +185,7 @@ def explain(problem: Schema, context: Context) -> str:
             f"{counts[2]} speeds",
             f"{task.cut.mode} milling with {task.cutter.teeth} teeth at {task.speed * task.cutter.teeth:.4g} Hz; the "
             f"helix lags by {lag:.3g} deg over the depth",
-            "forces by Cvitanic 2021, eqs. (12)-(17); static index |K^-1 F_peak| (18), dynamic index max |x(t)| (19)",
+            "forces: Cvitanic 2021, eqs. (12)-(17); static index |K^-1 F_peak| (18), dynamic index max |x(t)| (19)",
             f"dynamics: {task.whence or 'none, static index only'}",
         ]
     )

@@ -1,4 +1,4 @@
-"""Kind "modes": all assembly modes of six links, with a certificate that none is missing."""
+"""Kind "modes": all assembly modes of six links, with a certificate of completeness."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ Lengths = Annotated[list[PositiveFloat], Field(min_length=6, max_length=6)]
 
 @made_from(options.CommandedPose, "axes")
 class PoseSection(Made):
-    """Carts and rotary axes, or a tool pose."""
+    """Positions of carts and rotary axes, or a tool pose."""
 
     q_rad: Three | None = Field(default=None, description="rotary axes q4, q5, q6 of an F1; zero if left out")
-    q_deg: Three | None = Field(default=None, description="the same in degrees")
+    q_deg: Three | None = Field(default=None, description="rotary axes q4, q5, q6 of an F1, in degrees")
 
     def options(self) -> options.CommandedPose:
-        """The pose in SI. Raises InputError for angles in both units."""
+        """Return the pose in SI. Raises InputError for angles in both units."""
         if self.q_rad is not None and self.q_deg is not None:
             raise InputError("give either q_rad or q_deg", "pose")
         axes = self.q_rad if self.q_deg is None else np.radians(self.q_deg).tolist()
@@ -45,23 +45,21 @@ class Platform(FileSection):
 
 
 class Draw(FileSection):
-    """Random platforms, synthetic: base joints in a cube of side 2 m, plate joints in one of side 1 m."""
+    """Random synthetic platforms: base joints in a cube of side 2 m, plate joints in a cube of side 1 m."""
 
-    platforms: int = Field(default=20, ge=1, le=100000, description="how many")
-    seed: int = Field(default=1, ge=0, description="of the random numbers")
+    platforms: int = Field(default=20, ge=1, le=100000, description="number of platforms")
+    seed: int = Field(default=1, ge=0, description="seed of the random numbers")
 
 
 class Schema(Problem):
-    """Assembly modes of a robot with six links, of a platform given by its joints, or of random ones.
+    """Assembly modes of a robot with six links, of a platform given by its joints, or of random platforms.
 
-    Give robot, platform or draw; with a robot a pose (its home if left out) or poses, with a platform perhaps the
-    pose that is commanded.
+    Give robot, platform or draw. A robot needs a pose (its home if left out) or poses; for a platform you may give the
+    commanded pose.
     """
 
     robot: str | None = Field(default=None, description="catalogue name or TOML robot file, with six links")
-    parameters: dict[str, Any] = Field(
-        default={}, description="modifiers of the model, by its own parameter names, in SI"
-    )
+    parameters: dict[str, Any] = Field(default={}, description="values of the model's parameters by name, in SI")
     pose: PoseSection | None = Field(default=None)
     poses: str | None = Field(
         default=None,
@@ -77,17 +75,17 @@ ARGUMENTS = {"legs": "platform", "pose.axes": "pose"}
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """All modes of every pose, and the commanded one among them."""
+    """Return the call of the study: all modes of every pose, and the commanded mode among them."""
     if context.start is not None:
-        raise InputError("--start: the modes are found from stored start systems; leave it out")
-    given = [key for key in ("robot", "platform", "draw") if getattr(problem, key) is not None]
-    if len(given) != 1:
-        raise InputError(f"give one of robot, platform and draw; found {' and '.join(given) or 'none'}", *given[1:2])
-    return Call(assembly_modes.modes_study, *_asked(problem, context), title=problem.title or _about(problem))
+        raise InputError("--start: the method starts from stored systems; leave it out")
+    keys = [key for key in ("robot", "platform", "draw") if getattr(problem, key) is not None]
+    if len(keys) != 1:
+        raise InputError(f"give one of robot, platform and draw; found {' and '.join(keys) or 'none'}", *keys[1:2])
+    return Call(assembly_modes.modes_study, *_arguments(problem, context), title=problem.title or _about(problem))
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """The legs of the first pose, the pose commanded, and the method."""
+    """Describe the legs in the first pose, the commanded pose and the method."""
     hands = assembly_modes.modes_of_poses.legs_of(*call(problem, context).arguments)
     lines = [f"{problem.title or 'assembly modes'}: {_about(problem)}, {len(hands)} pose{'s' * (len(hands) > 1)}"]
     if hands.q.shape[1]:
@@ -110,17 +108,17 @@ def _about(problem: Schema) -> str:
     return "a platform on six legs" if problem.platform is not None else f"assembly modes of {problem.robot}"
 
 
-def _asked(problem: Schema, context: Context) -> tuple[Any, Any]:
+def _arguments(problem: Schema, context: Context) -> tuple[Any, Any]:
     """The robot or the legs, and the poses."""
     if problem.robot is None:
         for key in ("parameters", "poses"):
             if getattr(problem, key):
-                raise InputError("are those of a robot; leave them out", key)
+                raise InputError("belongs to a robot; leave it out", key)
         if problem.draw is None:
             assert problem.platform is not None
             return _legs(problem.platform, problem.pose), None
         if problem.pose is not None:
-            raise InputError("random platforms are in random poses; leave it out", "pose")
+            raise InputError("random platforms have random poses; leave it out", "pose")
         return assembly_modes.draw(problem.draw.platforms, problem.draw.seed), None
     if problem.poses is not None and problem.pose is not None:
         raise InputError("give either pose or poses", "poses")
@@ -136,10 +134,10 @@ def _legs(platform: Platform, pose: PoseSection | None) -> assembly_modes.Hands:
         foreign = [key for key in ("q_m", "q_rad", "q_deg") if getattr(pose, key) is not None]
         if foreign:
             raise InputError("a platform has no carts; give tcp_m with quaternion or zyz_deg", f"pose.{foreign[0]}")
-        given = pose.options()
-        if given.tcp is None or len(given.given()) != 2:
+        commanded = pose.options()
+        if commanded.tcp is None or len(commanded.given()) != 2:
             raise InputError("the commanded pose of a platform is tcp_m with either quaternion or zyz_deg", "pose")
-        T, e = np.array(given.tcp), assembly_modes.modes_of_poses.orientations([given], np.zeros(4), "pose")
+        T, e = np.array(commanded.tcp), assembly_modes.modes_of_poses.orientations([commanded], np.zeros(4), "pose")
     return assembly_modes.bare(np.array(platform.A_m), np.array(platform.B_m), np.array(platform.L_m), T, e)
 
 

@@ -1,4 +1,4 @@
-"""Kind "optimization": a person's own `Optimization` class, solved by collocation."""
+"""Kind "optimization": an `Optimization` class of the user, solved by collocation."""
 
 from __future__ import annotations
 
@@ -19,52 +19,50 @@ RESULT = "gtmodel.optimize.OptimizationStudy"
 
 
 class MeshSection(FileSection):
-    """Where the equations are collocated."""
+    """Mesh of the collocation."""
 
     elements: PositiveInt = Field(default=50, le=10000, description="number of elements of the horizon")
     points: int = Field(default=3, ge=1, le=9, description="collocation points per element")
-    scheme: Literal["radau", "gauss"] = Field(default="radau", description="where the points of an element lie")
+    scheme: Literal["radau", "gauss"] = Field(default="radau", description="points of an element")
     control: Literal["polynomial", "bernstein", "linear", "constant"] = Field(
         default="polynomial",
-        description="per element: a polynomial bounded at its points only, one bounded at every instant (bernstein), "
-        "a continuous line, or one value",
+        description="controls on an element: polynomial, bounded at the collocation points; bernstein, a polynomial "
+        "bounded at every instant; linear, continuous; or constant",
     )
 
 
 class SolverSection(FileSection):
-    """In which form the problem is solved, and when the solver stops."""
+    """Form of the problem and termination of the solver."""
 
     formulation: Literal["auto", "inverse", "explicit", "torn", "dae"] = Field(
         default="auto",
-        description="what is eliminated: as the model suggests, controls by the motion, all but states and controls, "
-        "all but unknowns without a closed form, or nothing",
+        description="eliminated variables: auto, as the model suggests; inverse, the controls, from the motion; "
+        "explicit, all but states and controls; torn, all but unknowns without a closed form; dae, none",
     )
 
-    tolerance: PositiveFloat = Field(default=1e-8, description="on the scaled optimality conditions")
+    tolerance: PositiveFloat = Field(default=1e-8, description="tolerance of the scaled optimality conditions")
     max_iterations: PositiveInt = Field(
-        default=1000, description="limit of iterations, of both tries where there are two"
+        default=1000, description="limit of iterations, in total if there are two tries"
     )
     barrier: Literal["auto", "adaptive", "monotone"] = Field(
-        default="auto", description="how IPOPT lowers its barrier; auto: adaptive, and monotone where that fails"
+        default="auto", description="IPOPT's barrier strategy; auto: adaptive, then monotone if that fails"
     )
     compile: bool = Field(
-        default=False, description="the elements as machine code: the same optimum, sooner where it is solved again"
+        default=False, description="compile the elements: same optimum, faster if the problem is solved repeatedly"
     )
 
 
 class Schema(Problem):
-    """A dynamic optimisation problem written in Python, or in Optimica text."""
+    """A dynamic optimisation problem in Python or Optimica."""
 
     model: str = Field(
-        description="the Optimization: package.module:Class or file.py:Class; or a class of a text, file.mop:Class"
+        description="the Optimization: package.module:Class or file.py:Class; or an Optimica class, file.mop:Class"
     )
     library: list[str] = Field(
-        default=[], description="of a text: files and folders with further classes, beside those of MODELICAPATH"
+        default=[], description="files and folders with further Modelica classes, besides those in MODELICAPATH"
     )
     guess: str = Field(default="", description="result.json, or its folder, of an earlier run to start from")
-    parameters: dict[str, Any] = Field(
-        default={}, description="modifiers of the model, by its own parameter names, in SI"
-    )
+    parameters: dict[str, Any] = Field(default={}, description="values of the model's parameters by name, in SI")
     mesh: MeshSection = MeshSection.left_out()
     solver: SolverSection = SolverSection.left_out()
 
@@ -73,11 +71,11 @@ NAME = "optimization"
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The person's optimisation. Raises InputError and ModelError for a wrong one."""
+    """Return the call of the optimisation. Raises InputError and ModelError if the model is wrong."""
     model = _model(problem, context)
     mesh = Mesh(**problem.mesh.model_dump())
     if getattr(type(model), "_static", False) and "mesh" not in problem.model_fields_set:
-        mesh = Mesh(1, points=2)  # a static optimization of a text is one of an instant
+        mesh = Mesh(1, points=2)  # a static Optimica problem has no time
     guess = _guess(problem, context, model)
     again = partial(modelica.simulated_guess, model) if guess is None and is_reference(problem.model) else None
     return Call(
@@ -87,11 +85,11 @@ def call(problem: Schema, context: Context) -> Call:
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """What is optimised: the unknowns of the discretised problem's model and their bounds."""
+    """Describe the optimisation: unknowns, constraints and bounds."""
     from gtmodel.optimize.formulation.problem import build  # here: the keys alone need no engine
 
     built = build(_model(problem, context), problem.solver.formulation)
-    held = [int(np.sum(np.isfinite(b.low) | np.isfinite(b.high))) for b in (built.start_bounds, built.end_bounds)]
+    bounded = [int(np.sum(np.isfinite(b.low) | np.isfinite(b.high))) for b in (built.start_bounds, built.end_bounds)]
     lines = [
         f"{built.flat.title}: {len(built.state_names)} states, {len(built.control_names)} controls, "
         f"{len(built.free_names)} free constants",
@@ -104,7 +102,7 @@ def explain(problem: Schema, context: Context) -> str:
             else []
         ),
         f"  {len(built.path)} path constraints, {len(built.points)} point constraints, "
-        f"{held[0]} states bounded at the start and {held[1]} at the end",
+        f"{bounded[0]} states bounded at the start and {bounded[1]} at the end",
     ]
     return "\n".join(lines)
 
@@ -116,7 +114,7 @@ def _model(problem: Schema, context: Context) -> lang.Optimization:
 
 
 def _guess(problem: Schema, context: Context, model: lang.Optimization) -> Trajectory | None:
-    """An earlier result; of a text with free time a simulation, as its users made one by hand."""
+    """An earlier result; for an Optimica problem with free time, a simulation."""
     if context.start is None and problem.guess:
         context.start = earlier.read(context.folder / problem.guess, NAME)
     if (guess := context.guess()) is not None or not is_reference(problem.model):

@@ -15,18 +15,18 @@ RESULT = "gtmodel.measurements.ResamplingStudy"
 
 
 class SignalSection(RecordedSignalSection):
-    """A signal that is wanted on the grid."""
+    """A signal to resample."""
 
-    delay_s: float = Field(default=0.0, description="how late it is, which is taken off; the kind delay estimates it")
+    delay_s: float = Field(default=0.0, description="delay to remove from the signal; kind delay estimates it")
 
 
 class Schema(Problem):
-    """Signals of a recording on one even grid: uneven rows and gaps resampled, clocks brought together."""
+    """Signals of a recording on one even grid: uneven rows and gaps are resampled, clocks are aligned."""
 
-    log: RecordingFiles = Field(description="the files that were recorded at once")
-    signals: dict[str, SignalSection] = Field(description="by the names that they get on the grid", min_length=1)
+    log: RecordingFiles = Field(description="files of one recording")
+    signals: dict[str, SignalSection] = Field(description="signals, by their names on the grid", min_length=1)
     grid: Made[options.EvenGrid] = Made[options.EvenGrid].left_out()
-    align: list[Made[options.AlignBy]] = Field(default=[], description="one table for each clock that is moved")
+    align: list[Made[options.AlignBy]] = Field(default=[], description="clocks to align, one table for each")
 
 
 NAME = "resampling"
@@ -34,7 +34,7 @@ ARGUMENTS = {"recording": "log", "align_by": "align", "delays": "signals"}
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The study of the signals that the file names."""
+    """Return the call of the study of the signals in the file."""
     delays = {name: signal.delay_s for name, signal in problem.signals.items() if signal.delay_s}
     return Call(
         resampling_study, _recording(problem, context), *options_of(problem, "grid", "align").values(), delays=delays,
@@ -43,16 +43,16 @@ def call(problem: Schema, context: Context) -> Call:
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """How the clocks run, and which signals have them."""
+    """Describe the clocks and their signals."""
     lines = [f"{problem.title or NAME}: {len(problem.signals)} signals"]
     for clock, rows in _recording(problem, context).items():
-        said = sampling_of(rows.time)
-        jitter, gaps = f"jitter {100 * said.jitter:.2g} %", f"{len(said.gaps)} gaps"
+        sampling = sampling_of(rows.time)
+        jitter, gaps = f"jitter {100 * sampling.jitter:.2g} %", f"{len(sampling.gaps)} gaps"
         lines.append(
-            f"clock {clock}: {said.rows} rows at {said.rate:.6g} Hz, {jitter}, {gaps}: {', '.join(rows.names)}"
+            f"clock {clock}: {sampling.rows} rows at {sampling.rate:.6g} Hz, {jitter}, {gaps}: {', '.join(rows.names)}"
         )
     lines += [
-        f"'{pair.other}' is brought to the clock of '{pair.reference}'"
+        f"the clock of '{pair.other}' is aligned with the clock of '{pair.reference}'"
         for pair in options_of(problem, "align")["align"]
     ]
     return "\n".join(lines)

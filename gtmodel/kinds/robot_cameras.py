@@ -1,4 +1,4 @@
-"""Kind "robot_cameras": a robot and its cameras calibrated together, or where two cameras are to stand."""
+"""Kind "robot_cameras": joint calibration of a robot and its cameras, or placement of two cameras."""
 
 from __future__ import annotations
 
@@ -18,67 +18,67 @@ RESULT = "gtmodel.vision.robot_cameras.RobotCamerasStudy"
 
 @made_from(targets.FiveSquares)
 class FiveSquaresSection(Made):
-    """Black squares on the tool; their layout is an example unless given."""
+    """Black squares on the tool; give their layout, or an example layout is used."""
 
-    kind: Literal["five_squares"] = Field(description="which target")
+    kind: Literal["five_squares"] = Field(description="kind of target")
 
 
 @made_from(targets.Chessboard)
 class ChessboardSection(Made):
     """A chessboard; its marks are the inner corners."""
 
-    kind: Literal["chessboard"] = Field(description="which target")
+    kind: Literal["chessboard"] = Field(description="kind of target")
 
 
 @made_from(targets.Charuco)
 class CharucoSection(Made):
     """A chessboard with coded marks."""
 
-    kind: Literal["charuco"] = Field(description="which target")
+    kind: Literal["charuco"] = Field(description="kind of target")
 
 
 class PicturesSection(FileSection):
-    """Corners that were detected, and what the actuators read at the same poses."""
+    """Detected corners, and actuator readings in the same poses."""
 
     corners: str = Field(
-        description="CSV: camera, pose, mark, u, v and, where known, sigma; path from this file's folder"
+        description="CSV: camera, pose, mark, u, v and, if known, sigma; path from the problem's folder"
     )
     actuators: str = Field(
-        description="CSV: pose, each actuator, and rate1 ... of a moving robot; path from this file's folder"
+        description="CSV: pose, each actuator and, for a moving robot, rate1 ...; path from the problem's folder"
     )
-    unit: str = Field(default="mm", description="of the actuators' columns")
-    sigma_pixel: PositiveFloat = Field(
-        default=0.1, description="standard deviation of a corner where no column says it"
-    )
+    unit: str = Field(default="mm", description="unit of the actuator columns")
+    sigma_pixel: PositiveFloat = Field(default=0.1, description="standard deviation of a corner without a column sigma")
     second_device: str | None = Field(
         default=None,
-        description="CSV: pose, x, y, z in `unit`, positions by a second device; path from this file's folder",
+        description="CSV: pose, x, y, z in `unit`, positions from a second device; path from the problem's folder",
     )
-    second_device_noise_um: PositiveFloat = Field(default=10.0, description="of each of its coordinates")
+    second_device_noise_um: PositiveFloat = Field(
+        default=10.0, description="standard deviation of each coordinate of the second device"
+    )
     source: Source = ""
 
 
 class Schema(RobotProblem):
-    """A robot and its cameras calibrated together, or with [places] where two cameras will be worth most. One of
-    [pictures] and [synthetic] says what is seen."""
+    """Joint calibration of a robot and its cameras or, with [places], the best placement of two cameras. The images are
+    in [pictures] or in [synthetic]."""
 
-    pictures: PicturesSection | None = Field(default=None, description="measured pictures")
+    pictures: PicturesSection | None = Field(default=None, description="measured images")
     target: Annotated[FiveSquaresSection | ChessboardSection | CharucoSection, Field(discriminator="kind")] | None = (
-        Field(default=None, description="whose marks the corners are; with [pictures]")
+        Field(default=None, description="target in the images of [pictures]")
     )
     camera: list[Made[options.CameraStart]] = Field(
         default=[],
-        description="one table [[camera]] for each, as known before; of synthetic ones the size alone if left out",
+        description="start values, one table [[camera]] for each; if left out, only the synthetic image size is known",
     )
-    synthetic: Made[options.SyntheticRobotCameras] | None = Field(default=None, description="synthetic instead")
+    synthetic: Made[options.SyntheticRobotCameras] | None = Field(default=None, description="synthetic images")
     calibration: Made[options.RobotCameras] = Made[options.RobotCameras].left_out()
     places: Made[options.CameraPlaces] | None = Field(
-        default=None, description="a plan: places of two cameras to compare, with [synthetic]"
+        default=None, description="placements of two cameras to compare, for [synthetic]"
     )
-    held_out_every: int = Field(default=2, ge=2, description="every how many-th pose no fit sees")
-    two_steps: bool = Field(default=False, description="whether positions are intersected first too, for comparison")
+    held_out_every: int = Field(default=2, ge=2, description="hold out every n-th pose")
+    two_steps: bool = Field(default=False, description="also fit in two steps, with triangulation first, to compare")
     accuracy_mm: PositiveFloat | None = Field(
-        default=None, description="greatest mean error of held-out synthetic positions, or rms of the best place"
+        default=None, description="largest mean error of held-out synthetic positions, or rms of the best placement"
     )
 
 
@@ -96,9 +96,9 @@ ARGUMENTS = {
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The study of the pictures, or of the places."""
+    """Return the call of the study of the images or of the placements."""
     if context.start is not None:
-        raise InputError("--start: cameras and robot start from what the pictures say; leave it out")
+        raise InputError("--start: the calibration starts from the images; leave it out")
     _one_source(problem)
     robot = problem.model(context)
     accuracy = None if problem.accuracy_mm is None else 1e-3 * problem.accuracy_mm
@@ -108,46 +108,46 @@ def call(problem: Schema, context: Context) -> Call:
         scene, places = options_of(problem, "synthetic", "places").values()
         return Call(robot_cameras.places_study, robot, scene, places, setting, accuracy=accuracy, title=problem.title)
     cameras = options_of(problem, "camera")["camera"]
-    seen = _pictures(problem, context) if problem.synthetic is None else problem.synthetic.options()
+    pictures = _pictures(problem, context) if problem.synthetic is None else problem.synthetic.options()
     return Call(
-        robot_cameras.study, robot, seen, cameras, setting, held_out=problem.held_out_every,
+        robot_cameras.study, robot, pictures, cameras, setting, held_out=problem.held_out_every,
         two_steps=problem.two_steps, accuracy=accuracy, title=problem.title,
     )  # fmt: skip
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """What is seen, what is estimated, and what gives metres."""
+    """Describe the images, the unknowns and the source of the scale."""
     _one_source(problem)
     setting = problem.calibration.options()
     name = problem.title or NAME
     if problem.places is not None:
         places = problem.places.options()
-        many = len(places.baselines) * len(places.distances)
-        return f"{name}: {many} places of two cameras, by the errors that a calibration there will leave"
+        number = len(places.baselines) * len(places.distances)
+        return f"{name}: {number} placements of two cameras, compared by the errors after a calibration"
     if problem.synthetic is not None:
         lines = [f"{name}: {problem.synthetic.options().words}"]
     else:
         p = _pictures(problem, context)
-        lines = [f"{name}: {len(p)} corners of {len(p.poses)} poses in {', '.join(p.cameras)}"]
+        lines = [f"{name}: {len(p)} corners in {len(p.poses)} poses and the cameras {', '.join(p.cameras)}"]
     estimated = ", ".join(w.replace("_", " ") for w in setting.estimate) or "nothing"
     lines.append(f"  cameras: {estimated} estimated; {setting.mounted}")
-    lines.append(f"  metres from: {setting.scale.replace('_', ' ')}")
+    lines.append(f"  scale from: {setting.scale.replace('_', ' ')}")
     return "\n".join(lines)
 
 
 def _one_source(problem: Schema) -> None:
-    """Raises InputError where the tables contradict each other."""
+    """Raises InputError if the tables contradict each other."""
     if (problem.pictures is None) == (problem.synthetic is None):
-        given = "both" if problem.pictures is not None else "none of them"
-        raise InputError(f"expected one of [pictures] and [synthetic]; found {given}", "pictures")
+        present = "both" if problem.pictures is not None else "neither"
+        raise InputError(f"expected one of [pictures] and [synthetic]; found {present}", "pictures")
     if problem.places is not None and problem.synthetic is None:
-        raise InputError("a plan needs [synthetic], which says volume, target and noise", "places")
+        raise InputError("needs [synthetic], with volume, target and noise", "places")
     if problem.pictures is not None and problem.target is None:
-        raise InputError("is missing; it says where the marks of the pictures are", "target")
+        raise InputError("is missing; describe the target in the images", "target")
     if problem.pictures is not None and not problem.camera:
-        raise InputError("is missing; give [[camera]] with name and size of the picture", "camera")
+        raise InputError("is missing; give [[camera]] with name and image size", "camera")
     if problem.synthetic is not None and problem.target is not None:
-        raise InputError("belongs to [pictures]; synthetic ones show five squares", "target")
+        raise InputError("belongs to [pictures]; synthetic images show five squares", "target")
 
 
 def _pictures(problem: Schema, context: Context) -> RobotPictures:

@@ -17,7 +17,7 @@ RESULT = "gtmodel.simulation.SimulationStudy"
 
 
 def _numbers(value: Any) -> Any:
-    """Refuses what is neither a number nor a list of numbers, in one sentence for both."""
+    """Refuse anything but a number or a list of numbers, with one sentence."""
     entries = value if isinstance(value, list) else [value]
     if not all(isinstance(x, (int, float)) and not isinstance(x, bool) and math.isfinite(x) for x in entries):
         raise ValueError("expected a number or a list of numbers")
@@ -25,7 +25,7 @@ def _numbers(value: Any) -> Any:
 
 
 def _keys(value: Any) -> Any:
-    """Refuses a table that is no file input, naming the keys: an input's name is a person's, no schema knows it."""
+    """Refuse a table that is not a file input, and name the valid keys."""
     if isinstance(value, dict) and (wrong := [key for key in value if key not in File.model_fields]):
         raise ValueError(f"there is no key '{wrong[0]}'; there are {', '.join(File.model_fields)}")
     if isinstance(value, dict) and "file" not in value:
@@ -39,10 +39,11 @@ Values = Annotated[float | list[float], BeforeValidator(_numbers)]
 class File(FileSection):
     """An input from a trajectory file."""
 
-    file: str = Field(description="CSV file as gtmodel writes it; the path starts at the problem's folder")
-    signal: str = Field(default="", description="its name in the file, where that is another one")
+    file: str = Field(description="CSV file in the format that gtmodel writes; the path starts at the problem's folder")
+    signal: str = Field(default="", description="name of the signal in the file; the input's name if left out")
     interpolation: Literal["linear", "previous", "cubic"] = Field(
-        default="linear", description="between rows; previous holds each row, cubic has two derivatives"
+        default="linear",
+        description="interpolation between rows; previous is a zero-order hold, cubic has two continuous derivatives",
     )
 
 
@@ -53,21 +54,25 @@ Input = Annotated[
 
 
 class Schema(RobotProblem):
-    """Simulation of a robot. Quantities go by the model's own names, such as T, "der(T)" or "arm[0].rod.tension"."""
+    """Simulation of a robot. Variables have the model's names, such as T, "der(T)" or "arm[0].rod.tension"."""
 
-    final_time_s: PositiveFloat = Field(description="when the simulation ends; it starts at 0")
+    final_time_s: PositiveFloat = Field(description="end of the simulation, which starts at 0")
     step_s: PositiveFloat | None = Field(
-        default=None, description="interval of the recorded rows; a 500th of the run if it is left out"
+        default=None, description="interval of the recorded rows; final_time_s / 500 if left out"
     )
     max_step_s: PositiveFloat | None = Field(
-        default=None, description="longest step of the integrator; none if it is left out"
+        default=None, description="longest step of the integrator; no limit if left out"
     )
-    tolerance: float = Field(default=1e-9, ge=1e-14, le=0.1, description="of the integrator, relative and absolute")
+    tolerance: float = Field(
+        default=1e-9, ge=1e-14, le=0.1, description="tolerance of the integrator, relative and absolute"
+    )
     flattener: Literal["gtmodel", "rumoca"] = Field(
-        default="gtmodel", description="of a class of Modelica text; rumoca is a package of its own, for models alone"
+        default="gtmodel", description="flattener of a Modelica class; rumoca is a separate package, for models only"
     )
-    method: Literal["bdf", "adams"] = Field(default="bdf", description="adams for smooth motion at tight tolerances")
-    prefer: list[str] = Field(default=[], description="names to keep as states, as long as they are good for it")
+    method: Literal["bdf", "adams"] = Field(
+        default="bdf", description="integration method; adams for smooth motion at tight tolerances"
+    )
+    prefer: list[str] = Field(default=[], description="names to keep as states, if possible")
     outputs: list[str] = Field(default=[], description="further names to record")
     start: dict[str, Values] = Field(default={}, description="start values by name, in SI units")
     inputs: dict[str, Input] = Field(
@@ -79,19 +84,19 @@ NAME = "simulation"
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The motion, keeping what there is when it ends early."""
+    """Return the call of the simulation."""
     if context.start is not None:
-        raise InputError("--start: a simulation begins at its [start]; give the values there")
+        raise InputError("--start: a simulation starts at its [start]; give the values there")
     model = problem.model(context) if problem.flattener == "gtmodel" else _flattened(problem, context)
     simulation.study.refuse_unknown(model, inputs=problem.inputs)  # before files are read
     inputs = _inputs(problem, context)
     if (
         is_reference(problem.robot)
-        and (held := modelica.held_inputs(model)).keys() >= inputs.keys()
-        and len(held) > len(inputs)
+        and (constant := modelica.held_inputs(model)).keys() >= inputs.keys()
+        and len(constant) > len(inputs)
     ):
-        context.notes.append(f"held at their start values: {', '.join(n for n in held if n not in inputs)}")
-        inputs = held | inputs
+        context.notes.append(f"held at their start values: {', '.join(n for n in constant if n not in inputs)}")
+        inputs = constant | inputs
     return Call(
         simulation.simulation_study, model, problem.final_time_s, inputs=inputs,
         start=problem.start, step=problem.step_s, max_step=problem.max_step_s, outputs=problem.outputs,
@@ -101,27 +106,27 @@ def call(problem: Schema, context: Context) -> Call:
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """States with their start values, and how their rates follow from them and the inputs."""
-    made = call(problem, context)
-    model, _ = made.arguments
-    given = {name: made.options[name] for name in ("start", "inputs", "outputs", "prefer")}
-    simulation.study.refuse_unknown(model, **given)
-    del given["outputs"]
-    text = simulation.explain_simulation(model, **given, tolerance=problem.tolerance, method=problem.method)
+    """Describe the states with their start values, and how their rates follow from states and inputs."""
+    study = call(problem, context)
+    model, _ = study.arguments
+    options = {name: study.options[name] for name in ("start", "inputs", "outputs", "prefer")}
+    simulation.study.refuse_unknown(model, **options)
+    del options["outputs"]
+    text = simulation.explain_simulation(model, **options, tolerance=problem.tolerance, method=problem.method)
     return f"{problem.title or NAME}: {problem.final_time_s:g} s\n{text}"
 
 
 def _flattened(problem: Schema, context: Context) -> Any:
     """A class of a Modelica text, flattened by another program."""
     if not is_reference(problem.robot):
-        raise InputError(f"'{problem.robot}' is no class of a Modelica text; leave flattener out", "flattener")
+        raise InputError(f"'{problem.robot}' is not a Modelica class; leave flattener out", "flattener")
     return problem_files.python_models.resolve(
         problem.robot, context, "robot", problem.parameters, flattener=problem.flattener
     )
 
 
 def _inputs(problem: Schema, context: Context) -> dict[str, Any]:
-    """Inputs as `simulate` takes them; files are read and entered into the context."""
+    """Inputs for `simulate`; files are read and recorded in the context."""
     inputs: dict[str, Any] = {}
     for name, value in problem.inputs.items():
         if not isinstance(value, File):

@@ -1,4 +1,4 @@
-"""Kind "stereo": lenses of cameras and where these stand, from pictures of a board."""
+"""Kind "stereo": lens parameters and poses of cameras from images of a board."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ RESULT = "gtmodel.vision.StereoStudy"
 
 
 class CornersSection(FileSection):
-    """Corners of the board in all pictures: a CSV with the columns picture, corner, X, Y [squares] and u_NAME, v_NAME
+    """Corners of the board in all images: a CSV with the columns picture, corner, X, Y [squares] and u_NAME, v_NAME
     [pixel] of each camera, or camera, picture, corner, X, Y, u, v, sigma."""
 
     file: str = Field(description="path from the problem's folder")
     source: Source = ""
-    leave_out: list[str] = Field(default=[], description="names of pictures that are not taken")
+    leave_out: list[str] = Field(default=[], description="names of images to leave out")
 
 
 class Schema(Problem):
-    """Lenses of one or more cameras and where these stand, from corners of a board in their pictures."""
+    """Lens parameters and poses of one or more cameras from the corners of a board in their images."""
 
     corners: CornersSection
     board: Made[options.BoardPictures]
@@ -37,15 +37,15 @@ ARGUMENTS = {"corners": "corners.file"}
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The study of the corners that the file names."""
+    """Return the call of the study of the corners in the file."""
     if context.start is not None:
-        raise InputError("--start: a calibration of cameras starts from its pictures; leave it out")
+        raise InputError("--start: a calibration of cameras starts from its images; leave it out")
     board, fit, start = options_of(problem, "board", "fit", "start").values()
     return Call(vision.stereo_study, _table(problem, context), board, fit, start, title=problem.title)
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """What each camera saw, and in what lengths the result will be."""
+    """Describe the images of each camera and the unit of length."""
     lines = stereo.explained_pictures(_table(problem, context), problem.board.options())
     return "\n".join([f"{problem.title or NAME}: {lines[0]}", *lines[1:]])
 

@@ -21,42 +21,44 @@ KNOWN = {
     "subspace": "structure",
     "step_response": "steps",
     "impulse": "hit",
-}  # what synthetic data are made of, by model
+}  # table of the synthetic system, by model
 
 
 class MeasurementsSection(LogFiles):
-    """A measured log. Step responses may be several recordings; the other models take one."""
+    """A measured log. Step responses may have several recordings; the other models need one."""
 
     position_m: MeasuredSignalSection = Field(description="measured positions, one column or several")
-    force_N: MeasuredSignalSection | None = Field(default=None, description="forces as inputs; or reference_m")
+    force_N: MeasuredSignalSection | None = Field(default=None, description="forces as inputs; or give reference_m")
     reference_m: MeasuredSignalSection | None = Field(
-        default=None, description="position references as inputs; or force_N"
+        default=None, description="position references as inputs; or give force_N"
     )
     after_s: NonNegativeFloat = Field(
-        default=0.0, description="what lies before, counted from the log's first row, is left out"
+        default=0.0, description="time after the log's first row from which rows are used"
     )
 
     def records(self, model: str, context: Context) -> list[Record]:
-        """The recordings of the log. Raises InputError."""
+        """Return the recordings of the log. Raises InputError."""
         records = self._sessions(model, context)
         if model != "step_response" and len(records) > 1:
             raise InputError(
-                f"hold {len(records)} recordings; the model '{model}' takes one, so name one file", "measurements.files"
+                f"found {len(records)} recordings; the model '{model}' needs one: name one file", "measurements.files"
             )
         return records
 
     def _sessions(self, model: str, context: Context) -> list[Record]:
         keys = {"position_m": self.position_m, "force_N": self.force_N, "reference_m": self.reference_m}
-        given = {name: signal for name, signal in keys.items() if signal is not None}
-        inputs = [name for name in given if name != "position_m"]
+        sections = {name: signal for name, signal in keys.items() if signal is not None}
+        inputs = [name for name in sections if name != "position_m"]
         if len(inputs) != (0 if model == "impulse" else 1):
-            wanted = "no input: a decay has none" if model == "impulse" else "one of force_N and reference_m"
-            raise InputError(f"expected {wanted}, besides position_m", "measurements")
-        for name, signal in given.items():
+            expected = "no input, because a decay has none," if model == "impulse" else "one of force_N and reference_m"
+            raise InputError(f"expected {expected} besides position_m", "measurements")
+        for name, signal in sections.items():
             for what in ("scale", "offset", "delay_s"):
                 if getattr(signal, what) == "estimate":
-                    raise InputError("a black box does not tell it; give a number", f"measurements.{name}.{what}")
-        signals = {name: signal.signal(f"measurements.{name}") for name, signal in given.items()}
+                    raise InputError(
+                        "a black-box model cannot estimate it; give a number", f"measurements.{name}.{what}"
+                    )
+        signals = {name: signal.signal(f"measurements.{name}") for name, signal in sections.items()}
         raw = self.read(self.files, signals, context, "measurements.files")
         records = []
         try:
@@ -66,7 +68,8 @@ class MeasurementsSection(LogFiles):
                 y = t["position_m"][first:]
                 if len(y) < 2:
                     raise InputError(
-                        f"{self.after_s:g} s leave {len(y)} samples of {session.name}; lower it", "measurements.after_s"
+                        f"{self.after_s:g} s leave {len(y)} samples of {session.name}; reduce it",
+                        "measurements.after_s",
                     )
                 u = t[inputs[0]][first:] if inputs else np.zeros(len(y))
                 records.append(Record(u, y, session.sample_time, t.synthetic))
@@ -77,42 +80,40 @@ class MeasurementsSection(LogFiles):
 
 @made_from(options.Sampling)
 class SyntheticRecordsSection(Made):
-    """A synthetic recording of a known system, to see what identification gives back."""
+    """A synthetic recording of a known system, to test the identification."""
 
     structure: Made[options.SyntheticStructure] | None = Field(default=None, description='for model = "subspace"')
     steps: Made[options.Steps] | None = Field(default=None, description='for model = "step_response"')
     hit: Made[options.Hit] | None = Field(default=None, description='for model = "impulse"')
 
     def known(self, model: str) -> Any:
-        """The options that the recordings are made of. Raises InputError."""
+        """Return the options of the synthetic system. Raises InputError."""
         name = KNOWN[model]
         wrong = next((k for k in KNOWN.values() if k != name and getattr(self, k) is not None), None)
         if getattr(self, name) is None or wrong:
-            raise InputError(f"the model '{model}' needs [synthetic.{name}] and no other", f"synthetic.{wrong or name}")
+            raise InputError(f"the model '{model}' needs [synthetic.{name}] only", f"synthetic.{wrong or name}")
         return getattr(self, name).options()
 
 
 class Schema(Problem):
-    """Vibration: one of [measurements], [synthetic] and [matrices] gives the data."""
+    """Vibration models. The data are in one of [measurements], [synthetic] and [matrices]."""
 
-    model: Literal["subspace", "step_response", "impulse", "matrices"] = Field(description="what is looked for")
+    model: Literal["subspace", "step_response", "impulse", "matrices"] = Field(description="kind of model")
     measurements: MeasurementsSection | None = Field(default=None, description="a measured log")
     synthetic: SyntheticRecordsSection | None = Field(default=None, description="a synthetic recording")
-    matrices: Made[options.Matrices] | None = Field(
-        default=None, description='printed matrices, for model = "matrices"'
-    )
+    matrices: Made[options.Matrices] | None = Field(default=None, description='given matrices, for model = "matrices"')
     subspace: Made[options.Subspace] = Made[options.Subspace].left_out()
     physical: Made[options.Physical] | None = Field(default=None, description="M, D, K from the subspace model")
     step_response: Made[options.StepResponse] = Made[options.StepResponse].left_out()
     impulse: Made[options.Impulse] = Made[options.Impulse].left_out()
 
     def data(self, context: Context) -> tuple[list[Record], Any]:
-        """The recordings for the model asked for, and what synthetic ones were made of. Raises InputError."""
-        given = [name for name in ("measurements", "synthetic", "matrices") if getattr(self, name) is not None]
-        if self.model == "matrices" or len(given) != 1 or given[0] == "matrices":
+        """Return the recordings for the model, and the system behind synthetic recordings. Raises InputError."""
+        tables = [name for name in ("measurements", "synthetic", "matrices") if getattr(self, name) is not None]
+        if self.model == "matrices" or len(tables) != 1 or tables[0] == "matrices":
             raise InputError(
                 f"expected one of [measurements] and [synthetic] for the model '{self.model}'",
-                given[-1] if given else "",
+                tables[-1] if tables else "",
             )
         if self.measurements is not None:
             return self.measurements.records(self.model, context), None
@@ -134,21 +135,21 @@ _LINES = {
 
 
 def arguments(problem: Schema) -> dict[str, str]:
-    """Where the study's arguments stand in the file."""
+    """Return the keys of the study's arguments."""
     known = f"synthetic.{KNOWN.get(problem.model, '')}"
     return {"model": problem.model, "known": known, "records": known if problem.synthetic else "measurements"}
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """Read or make the recording, then the study of the model asked for."""
+    """Return the call of the study of the recordings or matrices."""
     if problem.physical is not None and problem.model != "subspace":
-        raise InputError(f"goes with model = 'subspace', not '{problem.model}'", "physical")
+        raise InputError(f"needs model = 'subspace'; found '{problem.model}'", "physical")
     if problem.model == "matrices":
-        given = [name for name in ("measurements", "synthetic", "matrices") if getattr(problem, name) is not None]
-        if given != ["matrices"] or problem.matrices is None:
-            raise InputError("expected [matrices] alone for the model 'matrices'", given[0] if given else "matrices")
+        tables = [name for name in ("measurements", "synthetic", "matrices") if getattr(problem, name) is not None]
+        if tables != ["matrices"] or problem.matrices is None:
+            raise InputError("expected only [matrices] for the model 'matrices'", tables[0] if tables else "matrices")
         return Call(vibration.matrices_study, problem.matrices.options(), title=problem.title)
-    context.progress("reading", 0.1)
+    context.progress("reading logs", 0.1)
     records, known = problem.data(context)
     force = problem.measurements is None or problem.measurements.force_N is not None
     return Call(
@@ -158,7 +159,7 @@ def call(problem: Schema, context: Context) -> Call:
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """What is fitted to what."""
+    """Describe the model and the recordings."""
     lines = [f"{problem.title or NAME}: model {problem.model}", _LINES[problem.model]]
     if problem.model != "matrices":
         records, _ = problem.data(context)

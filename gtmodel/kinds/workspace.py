@@ -1,4 +1,4 @@
-"""Kind "workspace": which tool centre points a robot reaches, and the cross-section and volume of them."""
+"""Kind "workspace": reachable tool centre points of a robot, with cross-section and volume."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ Angle = Annotated[float, Field(gt=0, le=180)]
 
 
 class Schema(RobotProblem):
-    """Workspace of a robot whose plate keeps its orientation or follows from T."""
+    """Workspace of a robot whose plate has a constant orientation, or one that depends on T."""
 
-    home_m: Point | None = Field(default=None, description="pose of the cone axes; the robot's own home if left out")
-    compare_cones_deg: list[Angle] = Field(default=[], description="cones to report beside the limits in force")
-    points_m: list[Point] = Field(default=[], description="points to judge one by one")
+    home_m: Point | None = Field(default=None, description="pose of the cone axes; the robot's home if left out")
+    compare_cones_deg: list[Angle] = Field(default=[], description="further cone angles to report")
+    points_m: list[Point] = Field(default=[], description="single points to test")
     section: Made[CrossSection] = Made[CrossSection].left_out()
-    volume: Made[options.Sections] | None = Field(default=None)
+    volume: Made[options.Sections] | None = Field(default=None, description="volume from parallel sections")
     limits: Made[options.WorkspaceLimits] = Made[options.WorkspaceLimits].left_out()
     bodies: Made[options.Bodies] = Made[options.Bodies].left_out()
     obstacles: list[Made[options.Box]] = Field(default=[], description="boxes that links and plate must not touch")
@@ -39,9 +39,9 @@ NAME = "workspace"
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The section with and without limits, then the volume."""
+    """Return the call of the study of the section, with and without limits, and of the volume."""
     if context.start is not None:
-        raise InputError("--start: a workspace is mapped from the beginning; leave it out")
+        raise InputError("--start: a workspace map does not use an earlier result; leave it out")
     return Call(
         workspace.workspace_study, problem.model(context), problem.limits.options(), home=problem.home_m,
         section=problem.section.options(), volume=None if problem.volume is None else problem.volume.options(),
@@ -52,19 +52,19 @@ def call(problem: Schema, context: Context) -> Call:
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """The tests in their order, the section and the grid."""
-    made = call(problem, context)
-    robot, limits = made.arguments
+    """Describe the section, the grid and the tests in their order."""
+    study = call(problem, context)
+    robot, limits = study.arguments
     task = workspace.reach.task_of(
-        robot, limits, *(made.options[k] for k in ("home", "section", "bodies", "obstacles", "beams"))
+        robot, limits, *(study.options[k] for k in ("home", "section", "bodies", "obstacles", "beams"))
     )
-    section, low, high = task.section, task.low, task.high
+    section, low, high, step = task.section, task.low, task.high, study.options["section"].step
     lines = [
-        f"{problem.title or 'workspace'}: section orthogonal to ({listed(section.normal)}), through "
+        f"{problem.title or NAME}: section orthogonal to ({listed(section.normal)}), through "
         f"({listed(section.origin)}) m",
         f"  u along ({listed(section.across)}) from {low[0]:.4g} to {high[0]:.4g} m, "
-        f"v along ({listed(section.up)}) from {low[1]:.4g} to {high[1]:.4g} m, step {made.options['section'].step:g} m",
-        "  a point is tested by, in this order:",
+        f"v along ({listed(section.up)}) from {low[1]:.4g} to {high[1]:.4g} m, step {step:g} m",
+        "  tests of a point, in this order:",
         "    inverse kinematics",
         *(f"    {limit.name}" for limit in task.reach.limits),
         *(f"  {sentence}" for sentence in task.reach.assumptions),

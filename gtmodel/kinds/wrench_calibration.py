@@ -1,4 +1,4 @@
-"""Kind "wrench_calibration": what a force sensor reads without contact, so that only contact is left."""
+"""Kind "wrench_calibration": readings of a force sensor without contact, to subtract them from contact forces."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RESULT = "gtmodel.control.lead_through.WrenchStudy"
 
 @made_from(SyntheticReadings, "sensor")
 class SyntheticWrenches(Made):
-    """Synthetic readings, with the sensor as it truly is."""
+    """Synthetic readings of a sensor with known errors."""
 
     sensor: Made[SyntheticSensor] = Made[SyntheticSensor].left_out()
 
@@ -25,24 +25,26 @@ class ReadingsSection(FileSection):
     """Measured readings: CSV files with the columns time, turn[0..2] (rotation vector of the sensor's axes in the world
     frame), force[0..2] and moment[0..2], each with its unit."""
 
-    file: str = Field(description="readings at rest and free of contact, a row for each pose")
-    pushes: str | None = Field(default=None, description="readings while a fixed point presses where forces are to act")
-    force_noise_N: PositiveFloat | None = Field(
-        default=None, description="standard deviation of a reading; the residuals give it if left out"
+    file: str = Field(description="readings at rest without contact, a row for each pose")
+    pushes: str | None = Field(
+        default=None, description="readings during pushes of a fixed point against the contact point of the tool"
     )
-    moment_noise_Nm: PositiveFloat | None = Field(default=None, description="standard deviation of a reading")
-    drift: bool = Field(default=False, description="estimate a linear drift of the biases over the recording too")
+    force_noise_N: PositiveFloat | None = Field(
+        default=None, description="standard deviation of a force reading; from the residuals if left out"
+    )
+    moment_noise_Nm: PositiveFloat | None = Field(default=None, description="standard deviation of a moment reading")
+    drift: bool = Field(default=False, description="also estimate a linear drift of the biases over the recording")
     accept: list[WrenchAlarm] = Field(
-        default_factory=list, description="alarms about the readings that are notes and fail nothing"
+        default_factory=list, description="alarms about the readings that become notes instead of errors"
     )
 
 
 class Schema(Problem):
-    """Bias, mass and centre of what a force sensor carries, from readings at rest in several poses, with intervals, and
-    the lever arm to where forces act."""
+    """Bias, mass and centre of mass of the load on a force sensor, from readings at rest in several poses, with
+    intervals, and the lever arm to the contact point."""
 
-    readings: ReadingsSection | None = Field(default=None, description="measured; in place of [synthetic]")
-    synthetic: SyntheticWrenches | None = Field(default=None, description="in place of [readings]")
+    readings: ReadingsSection | None = Field(default=None, description="measured readings")
+    synthetic: SyntheticWrenches | None = Field(default=None, description="synthetic readings")
 
 
 NAME = "wrench_calibration"
@@ -54,13 +56,13 @@ ARGUMENTS = {
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The study of measured or synthetic readings."""
+    """Return the call of the study of measured or synthetic readings."""
     if context.start is not None:
-        raise InputError("--start: nothing is solved from a start here; leave it out")
+        raise InputError("--start: this kind does not use an earlier result; leave it out")
     measured, synthetic = problem.readings, problem.synthetic
     if (measured is None) == (synthetic is None):
-        both = "both" if measured is not None else "none of them"
-        raise InputError(f"expected one of [readings] and [synthetic]; found {both}", "readings")
+        present = "both" if measured is not None else "neither"
+        raise InputError(f"expected one of [readings] and [synthetic]; found {present}", "readings")
     if synthetic is not None:
         sensor = options_of(synthetic, "sensor")["sensor"]
         return Call(
@@ -83,11 +85,11 @@ def _read(name: str, key: str, context: Context) -> Trajectory:
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """What is read, and what is asked."""
-    lines = [f"{problem.title or NAME}: bias, mass and centre of a force sensor's load"]
+    """Describe the readings."""
+    lines = [f"{problem.title or NAME}: bias, mass and centre of mass of a force sensor's load"]
     if problem.synthetic is not None:
-        given = problem.synthetic.given()
-        lines.append(f"  {given['poses']} poses at rest and {given['pushes']} pushes, synthetic, seed {given['seed']}")
+        s = problem.synthetic.given()
+        lines.append(f"  {s['poses']} poses at rest and {s['pushes']} pushes, synthetic, seed {s['seed']}")
     if problem.readings is not None:
-        lines.append(f"  readings of {problem.readings.file}")
+        lines.append(f"  readings from {problem.readings.file}")
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""Problems in TOML files: loading, keys, sentences, settings, running, schema, listing."""
+"""Problems in TOML files: loading, keys, error messages, settings, running, schema, listing."""
 
 from typing import TYPE_CHECKING
 

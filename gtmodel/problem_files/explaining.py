@@ -1,7 +1,8 @@
-"""``gtmodel explain``: the certificate of a causality of a robot, or what a problem asks for."""
+"""``gtmodel explain``: the certificate of a robot's causality, or the task that a problem states."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -17,6 +18,9 @@ from .load import load
 from .robot_file import is_robot_file
 from .robots import resolve
 
+# a numbered block of a certificate, and its details: six blanks
+_BLOCK = re.compile(r" {2,4}\d+ (explicit  |[\w ]+, \d+ unknowns?: )| {6}(?!root of )")
+
 
 def of(
     what: str,
@@ -24,36 +28,48 @@ def of(
     targets: Iterable[str] = (),
     prefer: Iterable[str] = (),
     settings: Iterable[str] = (),
+    full: bool = True,
 ) -> str:
-    """The text for a robot (see `robots.resolve`) or for a problem file.
+    """Return the text for a robot (see `robots.resolve`) or for a problem file.
 
-    known, targets, prefer: names, several in one text separated by commas. Raises InputError, and ModelError
-    with file and line for a causality that does not exist.
+    known, targets, prefer: names; one text may contain several, separated by commas. full: with every block. Raises
+    InputError, and ModelError with file and line for a causality that does not exist.
     """
-    given, wanted, kept = split(known), split(targets), split(prefer)
-    if _is_problem(what) or (is_reference(what) and not (given or wanted or kept)):
-        if given or wanted or kept:
-            raise InputError("a problem file says itself what is known; leave --known and --targets out")
+    text = _text(what, split(known), split(targets), split(prefer), settings)
+    return text if full else summary(text)
+
+
+def _text(what: str, known: list[str], targets: list[str], prefer: list[str], settings: Iterable[str]) -> str:
+    if _is_problem(what) or (is_reference(what) and not (known or targets or prefer)):
+        if known or targets or prefer:
+            raise InputError("a problem file states what is known; leave --known, --targets and --prefer out")
         loaded = load(what, settings)
         return run.explain(loaded, run.context_of(loaded))
     context = Context()
     model = resolve(whole(what) if is_reference(what) else what, context, key="")
-    if not wanted and isinstance(model, SerialArm):
+    if not targets and isinstance(model, SerialArm):
         return description(model)
-    if not wanted:
+    if not targets:
         raise InputError(f"name its --targets; top-level names are {flat_of(model).top()}")
-    return "\n".join([compile_causal(model, given, wanted, kept).explain(), *context.notes])
+    return "\n".join([compile_causal(model, known, targets, prefer).explain(), *context.notes])
+
+
+def summary(text: str) -> str:
+    """Return certificates without their numbered blocks; the signs of roots and conditions on known values stay."""
+    lines = text.splitlines()
+    short = [line for line in lines if not _BLOCK.match(line)] if "\n  blocks: " in text else lines
+    return text if short == lines else "\n".join([*short, "add --full to list every block with its source lines"])
 
 
 def printed(what: str, flat: bool, *options: Iterable[str]) -> str:
-    """A class of a Modelica text as a Python module, or as flat Modelica. Raises InputError for anything else."""
+    """Return a class of a Modelica text as a Python module or as flat Modelica. Raises InputError for anything else."""
     if not is_reference(what) or any(options):
-        raise InputError("--python and --flat take a class of a Modelica text, as f.mop:VDP_Opt, and no other options")
+        raise InputError("--python and --flat need a Modelica class, such as f.mop:VDP_Opt, and take no other options")
     return (flat_of_text if flat else python_of)(what, library=libraries())
 
 
 def split(texts: Iterable[str]) -> list[str]:
-    """Names out of texts, split at the commas that stand outside parentheses: "der(T,2),q" holds two."""
+    """Split texts into names at the commas outside parentheses: "der(T,2),q" contains two names."""
     names: list[str] = []
     for text in texts:
         depth, start = 0, 0
@@ -66,7 +82,7 @@ def split(texts: Iterable[str]) -> list[str]:
 
 
 def _is_problem(what: str) -> bool:
-    """A TOML file is a problem unless it is plainly a robot file."""
+    """True for a TOML file that is not clearly a robot file, and for a shipped problem."""
     if not what.endswith(".toml"):
         return what in shipped_names()
     try:

@@ -1,4 +1,4 @@
-"""Problem files as they lie on the disk: which file a name means, its TOML and slips in it, and what there is."""
+"""Problem files on the disk: find them by name, parse their TOML, explain typing errors, and list the shipped files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..results.disk import path_of
 
 
 class InputError(ValueError):
-    """What a person gave is wrong: one plain sentence, with the file, its key and line if they are known."""
+    """Wrong input: one sentence, with file, key and line if they are known."""
 
     def __init__(self, sentence: str, key: str = "", file: str = "", line: int | None = None) -> None:
         super().__init__(sentence, key, file, line)
@@ -34,43 +34,43 @@ class InputError(ValueError):
         return text if self.line is None else f"{text} (line {self.line})"
 
     def within(self, file: str, key: str = "", content: bytes | None = None) -> InputError:
-        """The same fault seen from outside: in this file with this content, at this key, unless it says so itself."""
+        """Return the error with this file, key and the line in `content`, as far as it does not name its own."""
         key = self.key or key
         line = self.line if self.file or self.line or content is None else line_of(content, key)
         return InputError(self.message, key, self.file or file, line)
 
 
 _NUMBER = r"=\s*[-+]?"
-# the first that is found in the line stands in the sentence; a quoted text is left out for those below the quotes
+# the first pattern that matches the line gives the hint; _SLIPS sees the line without quoted texts
 _QUOTES = (
-    (r"[“”„‘’»«]", "a text stands in straight quotes, \"text\" or 'text'"),
-    (r"^[^'#]*\\", "a path is written with /, or in single quotes, where a backslash stands for itself"),
+    (r"[“”„‘’»«]", "write a text in straight quotes, \"text\" or 'text'"),
+    (r"^[^'#]*\\", "write a path with /, or in single quotes, where a backslash has no special meaning"),
     (r'^[^"#]*"[^"]*$|^[^\'#]*\'[^\']*$', "a quote is missing"),
 )
 _SLIPS = (
-    (r"^\s*[\w.]+\s*:", "a key is set with =, not with a colon"),
-    (r"==", "a key is set with one ="),
-    (_NUMBER + r"\d+,\d", "a number is written with a decimal point"),
-    (_NUMBER + r"0\d", "a number has no zero in front"),
-    (_NUMBER + r"(\d+\.(?!\d)|\.\d)", "a number has a digit on both sides of its point"),
-    (_NUMBER + r"[\d.]+(e[-+]?\d+)?\s*[^\W\d_]", "a number stands without its unit, which the key says"),
-    (r"=\s*(True|False)\b", "true and false are written in small letters"),
-    (r"=\s*(None|null|nil|NULL)?\s*(#|$)", "a key without a value is left out"),
-    (r"\s//|\s/\*|\s;", "a comment begins with #"),
-    (r"=\s*[^\W\d]", "a text stands in quotes"),
+    (r"^\s*[\w.]+\s*:", "set a key with =, not with a colon"),
+    (r"==", "set a key with one ="),
+    (_NUMBER + r"\d+,\d", "write a number with a decimal point"),
+    (_NUMBER + r"0\d", "write a number without a leading zero"),
+    (_NUMBER + r"(\d+\.(?!\d)|\.\d)", "write a digit on both sides of the decimal point"),
+    (_NUMBER + r"[\d.]+(e[-+]?\d+)?\s*[^\W\d_]", "write a number without its unit; the key names the unit"),
+    (r"=\s*(True|False)\b", "write true and false in lower case"),
+    (r"=\s*(None|null|nil|NULL)?\s*(#|$)", "remove a key that has no value"),
+    (r"\s//|\s/\*|\s;", "start a comment with #"),
+    (r"=\s*[^\W\d]", "write a text in quotes"),
 )
 _REASONS = (
-    (r"overwrite a value", "the key is there twice"),
-    (r"[Cc]annot declare", "the table is there twice"),
+    (r"overwrite a value", "the key appears twice"),
+    (r"[Cc]annot declare", "the table appears twice"),
 )
 
 
 def slip(line: str, reason: str) -> str:
-    """The likely slip in a line that a parser refused for `reason`; the reason itself where none is seen.
+    """Return advice about the likely mistake in a line that a parser refused for `reason`; else the reason itself.
 
     >>> from gtmodel.problem_files.files import slip
     >>> slip("payload_kg = 5,0", "Expected newline")
-    'a number is written with a decimal point'
+    'write a number with a decimal point'
     """
     bare = re.sub(r'"[^"]*"|\'[^\']*\'', '""', line)
     for text, table in ((reason, _REASONS), (line, _QUOTES), (bare, _SLIPS)):
@@ -81,42 +81,42 @@ def slip(line: str, reason: str) -> str:
 
 
 def shown_line(line: str) -> str:
-    """A line of a file as it may stand in a sentence."""
+    """Return a line of a file in quotes, shortened, for a message."""
     text = line if line.isprintable() else repr(line)[1:-1]
     return f"'{text}'" if len(text) <= 60 else f"'{text[:57]}...'"
 
 
 def find(path: str | Path) -> tuple[Path, bool]:
-    """The file, and True when it is one shipped with gtmodel: "problems/NAME.toml", "NAME.toml" or "NAME"."""
-    asked = path_of(path)
-    if not asked.stem.isprintable():  # it titles files and pictures
-        raise InputError("the name of a problem file has to be one line of printable characters", file=repr(str(path)))
+    """Return the file, and True if it is shipped with gtmodel: "problems/NAME.toml", "NAME.toml" or "NAME"."""
+    wanted = path_of(path)
+    if not wanted.stem.isprintable():  # the name becomes a title of files and pictures
+        raise InputError("the name of a problem file must be one line of printable characters", file=repr(str(path)))
     try:
-        there = asked.exists()
+        exists = wanted.exists()
     except OSError as error:  # such as a name that is too long
         raise InputError(f"cannot be read: {error.strerror}", file=str(path)) from error
-    if there:
-        return asked, False
+    if exists:
+        return wanted, False
     folder = problems_dir()
-    if asked.parent in (Path(), Path("problems")):
-        for name in (asked.name, f"{asked.name}.toml"):
+    if wanted.parent in (Path(), Path("problems")):
+        for name in (wanted.name, f"{wanted.name}.toml"):
             if (folder / name).is_file():
                 return folder / name, True
-    name = asked.name.removesuffix(".toml")
-    beside = difflib.get_close_matches(name, [p.stem for p in asked.parent.glob("*.toml")], n=1)
+    name = wanted.name.removesuffix(".toml")
+    neighbours = difflib.get_close_matches(name, [p.stem for p in wanted.parent.glob("*.toml")], n=1)
     close = difflib.get_close_matches(name, shipped_names(), n=1)
-    hint = f"did you mean the shipped '{close[0]}'?" if close else "gtmodel list problems shows the shipped ones"
-    hint = f"did you mean '{asked.with_name(beside[0])}.toml'?" if beside else hint
+    hint = f"did you mean the shipped '{close[0]}'?" if close else "gtmodel list problems shows the shipped problems"
+    hint = f"did you mean '{wanted.with_name(neighbours[0])}.toml'?" if neighbours else hint
     raise InputError(f"there is no such file; {hint}", file=str(path))
 
 
 def shipped_names() -> list[str]:
-    """Names of the problems shipped with gtmodel."""
+    """Return the names of the problems shipped with gtmodel."""
     return sorted(p.stem for p in problems_dir().glob("*.toml"))
 
 
 def read(path: Path) -> bytes:
-    """The bytes of a file. Raises InputError where it cannot be read."""
+    """Return the bytes of a file. Raises InputError if it cannot be read."""
     try:
         return path.read_bytes()
     except OSError as error:
@@ -125,7 +125,7 @@ def read(path: Path) -> bytes:
 
 
 def parse(content: bytes) -> dict[str, Any]:
-    """TOML as plain data. Raises InputError with the line."""
+    """Parse TOML into plain data. Raises InputError with the line."""
     try:
         return toml_of(content.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
@@ -137,19 +137,19 @@ def parse(content: bytes) -> dict[str, Any]:
         reason = str(error).partition(" (at ")[0]
         place = re.search(r"at line (\d+)", str(error))  # else at the end
         line = int(place[1]) if place else content.count(b"\n", 0, len(content.rstrip())) + 1
-        written = [*content.decode("utf-8-sig").splitlines(), ""][line - 1].strip()
-        line_text = f"; found {shown_line(written)}" if written else ""
-        raise InputError(f"line {line}: not TOML: {slip(written, reason)}{line_text}") from error
+        text = [*content.decode("utf-8-sig").splitlines(), ""][line - 1].strip()
+        line_text = f"; found {shown_line(text)}" if text else ""
+        raise InputError(f"line {line}: not TOML: {slip(text, reason)}{line_text}") from error
 
 
 def parts_of(key: str) -> list[str | int]:
-    """`goal.tcp_m[1]`, or `goal.tcp_m.1` as `--set` writes it, as ["goal", "tcp_m", 1]."""
+    """Split `goal.tcp_m[1]`, or `goal.tcp_m.1` as in `--set`, into ["goal", "tcp_m", 1]."""
     return [int(part) if part.isdecimal() else part.strip() for part in re.findall(r"[^.\[\]]+", key)]
 
 
 def line_of(content: bytes, key: str) -> int | None:
-    """The line of a TOML text on which the value of a dotted key begins, or the innermost table or list around it that
-    is there; None without one.
+    """Return the line of a TOML text on which the value of a dotted key begins, or the innermost table or list around
+    it; None if the text has neither.
 
     >>> from gtmodel.problem_files.files import line_of
     >>> line_of(b'kind = "modes"\\n[[rows]]\\na = 1\\n[[rows]]\\na = [\\n  2,\\n]', "rows[1].a[0]")
@@ -196,15 +196,15 @@ HEADS = {
 
 
 def of(what: str = "all") -> dict[str, Any]:
-    """{"robots": {name: {...}}} or {"problems": ...}, or both for "all"; {"classes": ...} of a Modelica
-    file. Raises InputError for another word."""
+    """Return {"robots": {name: {...}}} or {"problems": ...}, both for "all", or {"classes": ...} for a Modelica file.
+    Raises InputError for another word."""
     if is_reference(what):
         return {"classes": modelica.listing(what)}
     if what not in ("all", "robots", "problems"):
         hint = meant(what, ("robots", "problems"), "expected 'robots' or 'problems'")
         raise InputError(f"there is no list of '{what}'; {hint}")
-    makers = {"robots": _robots, "problems": _problems}
-    return {name: make() for name, make in makers.items() if what in ("all", name)}
+    lists = {"robots": _robots, "problems": _problems}
+    return {name: entries_of() for name, entries_of in lists.items() if what in ("all", name)}
 
 
 def _robots() -> dict[str, dict[str, Any]]:

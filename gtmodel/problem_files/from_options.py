@@ -1,5 +1,5 @@
-"""Tables of a problem file made from the options of a study, their keys as flat rows, and the key of the file behind
-an argument that a library refused."""
+"""Tables of a problem file derived from options classes, their keys as flat rows, and the key of the file that
+corresponds to a refused argument."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ REQUIRED = "required"
 
 
 class Key(NamedTuple):
-    """One key of a problem file; lists of tables are written ``functions[].name``."""
+    """One key of a problem file; ``functions[].name`` is in a list of tables, ``signals.*.unit`` in tables by name."""
 
     key: str
     type: str
@@ -58,31 +58,31 @@ class Key(NamedTuple):
 
 
 class _Generator(GenerateJsonSchema):
-    """pydantic's own, without a serializer for each default that is JSON already, or a table of such."""
+    """pydantic's generator, without a serializer for defaults that are JSON already, or tables of them."""
 
     def encode_default(self, dft: Any) -> Any:
         if type(dft) in (NoneType, bool, int, float, str):
             return dft
         if isinstance(dft, pydantic.BaseModel):
             return {name: self.encode_default(value) for name, value in dft}
-        return [self.encode_default(one) for one in dft] if type(dft) is list else super().encode_default(dft)
+        return [self.encode_default(entry) for entry in dft] if type(dft) is list else super().encode_default(dft)
 
 
 @cache
 def json_schema(schema: type[pydantic.BaseModel]) -> dict[str, Any]:
-    """The JSON schema; made once, so leave it as it is."""
+    """Return the JSON schema. It is cached: do not change it."""
     return schema.model_json_schema(schema_generator=_Generator)
 
 
 @cache
 def keys_of(schema: type[pydantic.BaseModel]) -> tuple[Key, ...]:
-    """All keys of a schema, tables opened, in the order of the schema."""
+    """Return all keys of a schema, with those of nested tables, in the order of the schema."""
     document = json_schema(schema)
     return tuple(_keys(document, document, "", True))
 
 
 def tables_of(schema: type[pydantic.BaseModel]) -> list[str]:
-    """Names of all tables of a schema, also empty ones: "limits", "functions[]"."""
+    """Return the names of all tables of a schema: "limits", "functions[]"."""
     parents = {key.parent for key in keys_of(schema)}
     whole = {parent[: i if i >= 0 else None] for parent in parents for i in (parent.find("."), -1)}
     return sorted(whole - {""})
@@ -91,18 +91,20 @@ def tables_of(schema: type[pydantic.BaseModel]) -> list[str]:
 def _keys(node: Mapping[str, Any], document: Mapping[str, Any], prefix: str, needed: bool) -> Iterator[Key]:
     required = node.get("required", [])
     for name, field in node.get("properties", {}).items():
-        opened = [resolve(choice, document) for choice in _choices(field)]
-        inner = [(c, "") for c in opened if "properties" in c]
-        lists = [i for c in opened if "properties" in (i := resolve(c.get("items", {}), document))]
+        choices = [resolve(choice, document) for choice in _choices(field)]
+        inner = [(c, "") for c in choices if "properties" in c]
+        lists = [i for c in choices if "properties" in (i := resolve(c.get("items", {}), document))]
         inner += [(i, "[]") for i in lists if (i, "") not in inner]  # one table or several: listed once
         must = name in required
-        for table, suffix in inner:
-            yield from _keys(table, document, f"{prefix}{name}{suffix}.", needed and must)
         if not inner:
             default = _default(field, must, prefix, needed)
             text = _type_text(field, document)
             unit = field.get("unit") or (unit_of(name) if is_numeric(field, document) else "")
             yield Key(prefix + name, text, unit, default, field.get("description", ""))
+            named = [resolve(v, document) for c in choices for v in _choices(_values(c))]
+            inner = [(v, ".*") for v in named if "properties" in v]
+        for table, suffix in inner:
+            yield from _keys(table, document, f"{prefix}{name}{suffix}.", needed and must)
 
 
 def _default(field: Mapping[str, Any], must: bool, prefix: str, needed: bool) -> str:
@@ -118,22 +120,28 @@ def _choices(field: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     choices = field.get("anyOf") or field.get("oneOf")
     if choices is None:
         return [field] if field.get("type") != "null" else []
-    return [one for c in choices for one in _choices(c)]
+    return [choice for c in choices for choice in _choices(c)]
 
 
 def resolve(node: Mapping[str, Any], document: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A part of a schema, or the definition that it refers to."""
+    """Return a part of a schema, or the definition that it refers to."""
     reference = node.get("$ref")
     return document["$defs"][reference.rpartition("/")[2]] if reference else node
 
 
 def _items(node: Mapping[str, Any], document: Mapping[str, Any]) -> Mapping[str, Any]:
-    """What a list holds; a fixed-length list is taken to hold one type."""
+    """Schema of a list's entries; in a fixed-length list all entries have the type of the first."""
     return resolve(node.get("items") or (node.get("prefixItems") or [{}])[0], document)
 
 
+def _values(node: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Schema of the values of a table with free names; empty if the values may be anything."""
+    values = node.get("additionalProperties")
+    return values if isinstance(values, Mapping) else {}
+
+
 def is_numeric(node: Mapping[str, Any], document: Mapping[str, Any]) -> bool:
-    """True for numbers, lists of them, and a choice that holds one of these."""
+    """True for numbers, lists of numbers, and choices that include one of these."""
     return any(_holds_numbers(resolve(choice, document), document) for choice in _choices(node))
 
 
@@ -149,60 +157,59 @@ def _type_text(field: Mapping[str, Any], document: Mapping[str, Any]) -> str:
 
 
 def _several(text: str) -> str:
-    """The type of a list's entries in the plural."""
-    for noun in ("whole number", "number", "text", "table", "list"):
-        if text.startswith(noun):
-            return f"{noun}s{text.removeprefix(noun)}"
-    return text
+    """A type in the plural, each of its alternatives."""
+    return re.sub(r"(?:(?<=^)|(?<= or ))(whole number|number|text|table|list)\b", r"\1s", text)
 
 
 def _one_type(node: Mapping[str, Any], document: Mapping[str, Any]) -> str:
     if "enum" in node or "const" in node:
-        return " or ".join(f'"{v}"' for v in node.get("enum", [node.get("const")]))
+        return " or ".join(json.dumps(v, ensure_ascii=False) for v in node.get("enum", [node.get("const")]))
     kind = node.get("type")
     if kind == "array":
         low, high = node.get("minItems"), node.get("maxItems")
         count = f"{low} " if low is not None and low == high else ""
         return f"list of {count}{_several(_type_text(_items(node, document), document))}"
+    if kind == "object" and (values := _values(node)):
+        return f"table of {_several(_type_text(values, document))}"
     bounds = ", ".join(f"{sign} {node[key]:g}" for key, sign in _BOUNDS if key in node)
     text = _TYPES.get(kind or "", "anything")
     return f"{text} {bounds}" if bounds else text
 
 
-_NUMBER, _EMPTY = re.compile(r"\[\d+\]"), re.compile(r"\[\]")  # of an entry of a list; of its key
+_NUMBER, _EMPTY = re.compile(r"\[\d+\]"), re.compile(r"\[\]")  # index of an entry in an argument; in a key
 _ENTRY = re.compile(r"(.*?)((?:\[\d+\])?)")
 
 
 def key_of(schema: type[pydantic.BaseModel], argument: str, renamed: Mapping[str, str]) -> str:
-    """The dotted key of an argument: ("map.step", {"map": "section"}) is "section.step_m" where that key exists.
+    """Return the dotted key of an argument: ("map.step", {"map": "section"}) gives "section.step_m" if that key exists.
 
-    renamed: arguments, or their beginnings, that stand elsewhere in the file; the longest that fits counts. What has
-    no key is said under its own name. An entry of a list keeps its number: "cases[1].length" is "cases[1].length_um",
-    also where the list has another name in the file: {"poses": "pose"} stands for "poses[1]" too, {"rows[].at": ""} for
-    what any row holds, and {"poses[].values": "tables[].signals"} for what the table of the same number holds.
+    renamed: arguments, or the first parts of them, that have another name in the file; the longest match counts. An
+    argument without a key keeps its own name. An entry of a list keeps its index: "cases[1].length" gives
+    "cases[1].length_um", also if the list has another name in the file. {"poses": "pose"} applies to "poses[1]" too,
+    {"rows[].at": ""} to every row, and {"poses[].values": "tables[].signals"} gives the table of the same index.
     """
     parts = argument.split(".")
     for n in range(len(parts), 0, -1):
         head = ".".join(parts[:n])
-        whole, number = _ENTRY.fullmatch(head).groups()  # pyright: ignore[reportOptionalMemberAccess]
+        whole, index = _ENTRY.fullmatch(head).groups()  # pyright: ignore[reportOptionalMemberAccess]
         places = (
             renamed.get(head),
             renamed.get(_NUMBER.sub("[]", head)),
-            renamed[whole] + number if whole in renamed else None,
+            renamed[whole] + index if whole in renamed else None,
         )
-        place = next((p for p in places if p is not None), None)
-        if place is not None:
-            own = iter(_NUMBER.findall(head))
-            place = _EMPTY.sub(lambda empty, own=own: next(own, empty[0]), place)
-            parts = [p for p in (place, *parts[n:]) if p]
+        path = next((p for p in places if p is not None), None)
+        if path is not None:
+            indices = iter(_NUMBER.findall(head))
+            path = _EMPTY.sub(lambda empty, indices=indices: next(indices, empty[0]), path)
+            parts = [p for p in (path, *parts[n:]) if p]
             break
-    wanted = ".".join(parts)
-    plain = _NUMBER.sub("[]", wanted)
+    key = ".".join(parts)
+    plain = _NUMBER.sub("[]", key)
     if plain in tables_of(schema):
-        return wanted
-    numbers = iter(_NUMBER.findall(wanted))
+        return key
+    remaining = iter(_NUMBER.findall(key))
     keys = (key.key for key in keys_of(schema) if plain in (key.key, _stem(key.key)))
-    return next((_EMPTY.sub(lambda _: next(numbers), key) for key in keys), wanted)
+    return next((_EMPTY.sub(lambda _: next(remaining), key) for key in keys), key)
 
 
 def _stem(key: str) -> str:
@@ -214,9 +221,9 @@ O = TypeVar("O")
 
 
 class Made(FileSection, Generic[O]):
-    """A table whose keys are the fields of an options class, as `Made[Limits]`; `options` gives the object back.
+    """A table whose keys are the fields of an options class, as `Made[Limits]`; `options` returns that object.
 
-    A table with keys of its own besides is a subclass, decorated with `made_from`.
+    A table with further keys is a subclass, decorated with `made_from`.
     """
 
     made_of: ClassVar[type]
@@ -226,17 +233,17 @@ class Made(FileSection, Generic[O]):
         return section_of(options)
 
     def options(self) -> O:
-        """The options that the table says, in SI. Raises ArgumentError where they contradict each other."""
+        """Return the options, in SI. Raises ArgumentError if they contradict each other."""
         return self.made_of(**self.given())
 
     def given(self) -> dict[str, Any]:
-        """The fields of these options, in SI."""
+        """Return the fields of these options, in SI."""
         return {self.attributes[key]: _given(self, key) for key in self.attributes}
 
 
 def options_of(problem: FileSection, *names: str) -> dict[str, Any]:
-    """The options that tables of a problem say, by the names of these; all of its tables where none are named. Raises
-    ArgumentError, with the table before the name of a field."""
+    """Return the options in tables of a problem, by table name; in all its tables if no names are given. Raises
+    ArgumentError about `table.field`."""
     tables = {name: getattr(problem, name) for name in names or type(problem).model_fields}
     return {name: _objects(value, name) for name, value in tables.items() if names or isinstance(value, Made)}
 
@@ -251,30 +258,30 @@ def _given(table: Made, key: str) -> Any:
 
 
 def _objects(value: Any, name: str) -> Any:
-    """Tables as the options that they say, also in lists and by name; what they refuse is said with their place."""
+    """Convert tables to options, also those in lists and tables; errors name the table."""
     if isinstance(value, Made):
         with naming(f"{name}."):
             return value.options()
     if isinstance(value, dict):
-        return {key: _objects(one, f"{name}.{key}") for key, one in value.items()}
+        return {key: _objects(item, f"{name}.{key}") for key, item in value.items()}
     if isinstance(value, list):
-        return [_objects(one, f"{name}[{k}]") for k, one in enumerate(value)]
+        return [_objects(item, f"{name}[{k}]") for k, item in enumerate(value)]
     return value
 
 
 def made_from(options: type[Options], *left_out: str) -> Callable[[type[S]], type[S]]:
-    """Give a table the keys of an options class, except the fields that are left out; its own keys come behind."""
+    """Return a decorator that puts the fields of an options class, except `left_out`, before a table's own keys."""
 
-    def made(cls: type[S]) -> type[S]:
+    def decorated(cls: type[S]) -> type[S]:
         return _table(options, left_out, cls, cls.__name__, cls.__module__, cls.__doc__ or options.__doc__)
 
-    return made
+    return decorated
 
 
 def _table(
     options: type[Any], left_out: Sequence[str], base: type[S], name: str, module: str, doc: str | None
 ) -> type[S]:
-    """A table below `base` with the fields of an options class as keys."""
+    """A subclass of `base` with the fields of an options class as keys."""
     hinted, marked = hints(options, *left_out), declared(options, *left_out)
     fields: dict[str, Any] = {}
     attributes: dict[str, str] = {}
@@ -292,7 +299,7 @@ def _table(
 
 
 def _without_example(doc: str) -> str:
-    """A docstring up to its example in Python, which helps nobody who writes a file."""
+    """A docstring up to its Python example, which is of no use in a problem file."""
     return inspect.cleandoc(doc).partition(">>>")[0].rstrip()
 
 
@@ -306,7 +313,7 @@ def _field(f: dataclasses.Field[Any], marks: tuple[Any, ...]) -> Any:
 
 
 def _plain(value: Any, marks: tuple[Any, ...]) -> Any:
-    """A default as the file writes it."""
+    """A default as written in a file, in its unit there."""
     if dataclasses.is_dataclass(value):
         inside = declared(type(value))
         plain = {written_name(name, inner): _plain(getattr(value, name), inner) for name, inner in inside.items()}
@@ -321,21 +328,21 @@ _SECTIONS: dict[type, type[Made]] = {}
 
 
 def section_of(options: type) -> type[Made]:
-    """The table of an options class, with all its fields."""
+    """Return the table of an options class, with all its fields."""
     if options not in _SECTIONS:
         _SECTIONS[options] = _table(options, (), Made, options.__name__, options.__module__, options.__doc__)
     return _SECTIONS[options]
 
 
 def _hint(hint: Any, marks: tuple[Any, ...]) -> Any:
-    """The type of a key: bounds on each number of it, a count on each list."""
+    """The type of a key, with bounds on each number and a length on each list."""
     origin, inside = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return _hint(inside[0], tuple(dict.fromkeys((*marks, *inside[1:]))))
     if origin in (Union, types.UnionType):
-        return Union[tuple(_hint(one, marks) for one in inside)]  # noqa: UP007
+        return Union[tuple(_hint(member, marks) for member in inside)]  # noqa: UP007
     if origin in (list, tuple):
-        if get_origin(inside[0]) in (list, tuple):  # its rows have the length
+        if get_origin(inside[0]) in (list, tuple):  # the length applies to the rows
             return Annotated[list[_hint(inside[0], marks)], pydantic.AfterValidator(_of_one_length)]
         long = next((m for m in marks if isinstance(m, Long)), None)
         listed = list[_hint(inside[0], tuple(m for m in marks if not isinstance(m, Long)))]
@@ -351,8 +358,8 @@ def _hint(hint: Any, marks: tuple[Any, ...]) -> Any:
         (w,) = within
         unit = next((m for m in marks if isinstance(m, Unit) and m.written), None)
         bounds = {"gt": w.above, "ge": w.least, "le": w.most, "lt": w.below}
-        kept: dict[str, Any] = {k: _written(x, unit) for k, x in bounds.items() if x is not None}
-        return Annotated[hint, pydantic.Field(**kept)]
+        constraints: dict[str, Any] = {k: _written(x, unit) for k, x in bounds.items() if x is not None}
+        return Annotated[hint, pydantic.Field(**constraints)]
     if isinstance(hint, type) and issubclass(hint, Options):
         return section_of(hint)
     return hint
@@ -369,5 +376,5 @@ def _written(x: float, unit: Unit | None) -> float:
 
 
 def _short(x: Any) -> Any:
-    """A number, or lists of them, as people write it: pi / 3 is 60 degrees, not 59.99999999999999."""
-    return [_short(one) for one in x] if isinstance(x, list) else float(f"{x:.12g}")
+    """Round a number, or lists of numbers: pi / 3 is 60 degrees, not 59.99999999999999."""
+    return [_short(item) for item in x] if isinstance(x, list) else float(f"{x:.12g}")

@@ -1,5 +1,4 @@
-"""The keys by which a problem file names its robot, a path to follow, and its logs with their measured signals;
-shared by the kinds."""
+"""Keys that several kinds share: the robot, a path to follow, logs with their measured signals."""
 
 from __future__ import annotations
 
@@ -31,10 +30,10 @@ class FrictionSection(FileSection):
     """Friction, smoothed around zero velocity."""
 
     smoothing: Literal["tanh", "piecewise_linear"] | None = Field(
-        default=None, description="how the sign of the velocity is smoothed; the catalogue's own is tanh"
+        default=None, description="smoothing of the sign of the velocity; tanh for robots of the catalogue"
     )
     velocity_scale_m_s: PositiveFloat | None = Field(
-        default=None, description="velocity over which the sign changes; the catalogue's own is 0.1"
+        default=None, description="velocity over which the sign changes; 0.1 for robots of the catalogue"
     )
 
 
@@ -46,16 +45,14 @@ class RobotProblem(Problem):
         "package.module:Class, file.py:Class"
     )
     inertia: str | None = Field(
-        default=None, description="identified masses and friction of a catalogue robot; the catalogue's own is model_2"
+        default=None, description="identified masses and friction of a catalogue robot; model_2 if left out"
     )
     payload_kg: float | None = Field(default=None, ge=0, description="mass added to the plate")
-    parameters: dict[str, Any] = Field(
-        default={}, description="modifiers of the model, by its own parameter names, in SI"
-    )
+    parameters: dict[str, Any] = Field(default={}, description="values of the model's parameters by name, in SI")
     friction: FrictionSection = FrictionSection.left_out()
 
     def model(self, context: Context) -> Model:
-        """The robot, configured. Raises InputError."""
+        """Return the configured robot. Raises InputError."""
         from . import robots  # here: the keys alone need no robot
 
         return robots.resolve(
@@ -76,7 +73,7 @@ OWN = {
     "spline": {"file", "source"},
     "taught": {"file", "source", "tolerance_m"},
 }
-PATH_ARGUMENTS = {"path.points": "path.file"}  # where what a library says of a path stands in the file
+PATH_ARGUMENTS = {"path.points": "path.file"}  # argument of the library -> key
 
 
 class PathSection(FileSection):
@@ -84,21 +81,21 @@ class PathSection(FileSection):
 
     shape: Literal["line", "polyline", "arc", "spline", "taught"] = Field(
         "line",
-        description="straight; straight pieces with blended corners; arc of a circle; smooth curve through the points "
-        "of a file; a recorded path, smoothed",
+        description="line: straight; polyline: straight segments with blended corners; arc: arc of a circle; spline: "
+        "smooth curve through the points of a file; taught: a recorded path, smoothed",
     )
-    via_m: list[Point] = Field([], description="polyline: its corners between start and goal")
+    via_m: list[Point] = Field([], description="polyline: corners between start and goal")
     blend_m: PositiveFloat = Field(0.05, description="polyline: distance from a corner at which its blend begins")
     through_m: Point | None = Field(None, description="arc: a third point between start and goal")
     file: str = Field("", description="spline, taught: CSV file with the columns x_m, y_m, z_m")
     source: Source = ""
-    tolerance_m: PositiveFloat = Field(5e-4, description="taught: root mean square distance left by the smoothing")
+    tolerance_m: PositiveFloat = Field(5e-4, description="taught: rms distance between recorded and smoothed path")
     intervals: PositiveInt = Field(
-        400, description="intervals of the motion by squared speeds, the exported one of kind trajectory"
+        400, description="intervals of the squared speed in the exported motion of kind trajectory"
     )
 
     def options(self, context: Context) -> Shape:
-        """The shape, with the points of its file. Raises InputError."""
+        """Return the shape, with the points of its file. Raises InputError."""
         for key in self.model_fields_set & set().union(*OWN.values()) - OWN.get(self.shape, set()):
             raise InputError(
                 f"does not belong to shape '{self.shape}'; remove it or choose another shape", f"path.{key}"
@@ -110,7 +107,7 @@ class PathSection(FileSection):
                 return Polyline(self.via_m, self.blend_m, intervals=self.intervals)
             case "arc":
                 if self.through_m is None:
-                    raise InputError("is missing; an arc needs a third point", "path.through_m")
+                    raise InputError("is missing; give a third point of the arc", "path.through_m")
                 return Arc(self.through_m, intervals=self.intervals)
             case "spline":
                 return Spline(self._points(context), intervals=self.intervals)
@@ -118,7 +115,7 @@ class PathSection(FileSection):
 
     def _points(self, context: Context) -> np.ndarray:
         if not self.file:
-            raise InputError("is missing", "path.file")
+            raise InputError("is missing; name a CSV file with the columns x_m, y_m, z_m", "path.file")
         file = context.file(self.file, "path.file", "path", source=self.source)
         with naming("path.file", refusal=InputError):
             from gtmodel.motion.paths import read_points  # here: the keys alone need no splines
@@ -135,36 +132,36 @@ class TimeColumn(FileSection):
 
     column: str = Field(
         default="time",
-        description='its name in the log; "" where there is none, rows are then log.sample_time_s apart',
+        description='name of the time column in the log; "" if there is none: then rows are log.sample_time_s apart',
     )
-    unit: str = Field(default="s", description="its unit there")
+    unit: str = Field(default="s", description="unit of the time column")
 
 
 class ColumnSection(FileSection):
     """Columns of a log that show one quantity."""
 
-    column: str | list[str] = Field(description='its name in the log; "q" means "q[0]", "q[1]", ... too')
-    unit: str | list[str] = Field(description="its unit in the log, or one for each of its columns")
+    column: str | list[str] = Field(description='name in the log; "q" also means the columns "q[0]", "q[1]", ...')
+    unit: str | list[str] = Field(description="unit in the log, or one for each column")
 
     def shown(self) -> tuple[str | tuple[str, ...], str | tuple[str, ...]]:
-        """Names and units, as the measurements take them."""
+        """Return names and units as `gtmodel.measurements` expects them."""
         column, unit = (x if isinstance(x, str) else tuple(x) for x in (self.column, self.unit))
         return column, unit
 
 
 class MeasuredSignalSection(ColumnSection):
-    """A measured signal: quantity(t) = scale column(t + delay) - offset. A number fixes, "estimate" frees."""
+    """A measured signal: quantity(t) = scale column(t + delay) - offset, each a number or "estimate"."""
 
     scale: float | Free = Field(default=1.0, description="quantity per column, in SI unit of the key per column's unit")
-    offset: float | Free = Field(default=0.0, description="what is read when the quantity is zero, in its SI unit")
-    delay_s: float | Free = Field(default=0.0, description="how late the column is")
+    offset: float | Free = Field(default=0.0, description="reading when the quantity is zero, in the SI unit")
+    delay_s: float | Free = Field(default=0.0, description="delay of the column behind the quantity")
     per_session: list[Literal["delay", "scale", "offset"]] = Field(
-        default=["offset"], description="which of those to be estimated differ from session to session"
+        default=["offset"], description="estimated numbers that differ from session to session"
     )
 
     def signal(self, key: str, unit: str | None = None) -> Signal:
-        """As the measurements take it; the key, such as force_N, says the quantity's SI unit, or `unit` does; "?" says
-        that components have their own. Raises InputError."""
+        """Return the signal for `gtmodel.measurements`. The SI unit of the quantity comes from `unit` or from the key,
+        such as force_N; a unit with "?" in front means that components have their own units. Raises InputError."""
         unit = unit_of(key.rpartition(".")[2]) if unit is None else unit.removeprefix("?")
         free = tuple(dict.fromkeys(self.per_session))
         try:
@@ -174,33 +171,35 @@ class MeasuredSignalSection(ColumnSection):
 
 
 class RecordedSignalSection(ColumnSection):
-    """A column of a recording whose signals may have clocks of their own."""
+    """A column of a recording whose signals may have different clocks."""
 
-    time: TimeColumn | None = Field(default=None, description="its own column of time; that of the log if left out")
-    stream: str = Field(default="", description="its own stream, such as the topic of a bag")
-    file: str = Field(default="", description="its own file among those of the log; the one that has the column")
+    time: TimeColumn | None = Field(
+        default=None, description="time column of this signal; the log's time column if left out"
+    )
+    stream: str = Field(default="", description="stream of this signal, such as the topic of a bag")
+    file: str = Field(default="", description="file of this signal; if left out, the log file that has the column")
 
     def recorded(self) -> Column:
-        """Where it stands."""
+        """Return the column for `gtmodel.measurements`."""
         time = None if self.time is None else Column(self.time.column, self.time.unit)
         return Column(*self.shown(), time, self.stream, self.file)
 
 
 @made_from(LogForm)
 class FormSection(Made):
-    """How a file is written, where it does not say so itself."""
+    """Format of a file, as far as it cannot be detected."""
 
     def form(self) -> LogForm:
-        """These keys as options, whatever else the table holds. Raises ArgumentError."""
+        """Return only these keys as options. Raises ArgumentError."""
         return LogForm(**{field: getattr(self, key) for key, field in FormSection.attributes.items()})
 
 
 @made_from(EvenGrid, "start", "end")
 class ResampleSection(Made):
-    """Uneven rows on an even grid, before anything else is done with them."""
+    """Resampling of uneven rows on an even grid, before any other step."""
 
     def even(self, sessions: Sequence[Session], key: str) -> list[Session]:
-        """The sessions resampled. Raises InputError."""
+        """Return the resampled sessions. Raises InputError."""
         try:
             return [even for s in sessions for even in resample(s.trajectory, name=s.name, **self.given()).sessions]
         except ArgumentError as error:
@@ -209,33 +208,35 @@ class ResampleSection(Made):
 
 
 class LogReading(FormSection):
-    """How logs are written, whether their rows are even or not."""
+    """Format of logs with even or uneven rows."""
 
     source: Source = ""
     time: TimeColumn = TimeColumn()
     sample_time_s: PositiveFloat | None = Field(
-        default=None, description="expected; the log's median if left out. Of a log without time: from row to row"
+        default=None, description="expected sampling period; the log's median if left out; needed without a time column"
     )
     late_rows: LateRows = Field(
         default="refuse",
-        description="rows whose time does not come after all earlier ones: refuse the log, drop them, or sort them",
+        description="rows whose time is not after all earlier times: refuse the log, drop the rows, or sort them",
     )
     empty_rows: EmptyRows = Field(
-        default="refuse", description="rows that lack a number or hold nan: refuse the log, or drop them"
+        default="refuse", description="rows with a missing number or nan: refuse the log, or drop the rows"
     )
 
 
 class LogSampling(LogReading):
-    """How logs are written and sampled; a kind adds its files and signals."""
+    """Format and sampling of logs; a kind adds its files and signals."""
 
-    session: str | None = Field(default=None, description="column whose number distinguishes the recordings of a file")
-    jitter: float = Field(default=JITTER, gt=0, lt=1, description="how far a step may be off, as a share of it")
+    session: str | None = Field(default=None, description="column whose number distinguishes the recordings in a file")
+    jitter: float = Field(
+        default=JITTER, gt=0, lt=1, description="largest deviation of a time step, relative to the sampling period"
+    )
     resample: ResampleSection | None = Field(
-        default=None, description="for logs with uneven rows or gaps; even ones are asked for if left out"
+        default=None, description="for logs with uneven rows or gaps; if left out, the rows must be even"
     )
 
     def read(self, names: list[str], signals: Mapping[str, Signal], context: Context, key: str) -> tuple[Session, ...]:
-        """The columns of the signals from these files, as they stand in the log; `key`: where the names stand.
+        """Return the columns of the signals from these files, unchanged; `key` is the key of the file names.
 
         Raises InputError with the key of the file that is missing or wrong.
         """
@@ -244,7 +245,7 @@ class LogSampling(LogReading):
             raise InputError("is empty; name a log file", key)
         if not self.time.column and self.sample_time_s is None:
             section = key.rpartition(".")[0]
-            raise InputError("is missing; a log without a column of time needs it", f"{section}.sample_time_s")
+            raise InputError("is missing; a log without a time column needs it", f"{section}.sample_time_s")
         for n, name in enumerate(names):
             place = f"{key}[{n}]"
             path = context.file(name, place, source=self.source)
@@ -263,7 +264,7 @@ class LogSampling(LogReading):
                     progress=context.progress,
                 )
             except (TrajectoryError, UnitError) as error:
-                # the sentence names the file; a column's fault is the section's as often as the file's
+                # the sentence names the file; a wrong column may be the fault of the section or of the file
                 raise InputError(str(error), key.rpartition(".")[0]) from error
         if self.resample is not None:
             sessions = self.resample.even(sessions, f"{key.rpartition('.')[0]}.resample")
@@ -274,12 +275,12 @@ class LogSampling(LogReading):
 
 
 class RecordingFiles(LogReading):
-    """Files that were recorded at once, whose signals may have clocks of their own; a kind adds its signals."""
+    """Files recorded together, whose signals may have different clocks; a kind adds its signals."""
 
     files: list[str] = FILES
 
     def recording(self, signals: Mapping[str, Column], context: Context, key: str = "log") -> dict[str, Trajectory]:
-        """The signals by clock, in SI units, rows uneven, see `read_recording` of measurements. Raises InputError."""
+        """Return the signals by clock, in SI units, with uneven rows; see `read_recording`. Raises InputError."""
         if not self.files:
             raise InputError("is empty; name a log file", f"{key}.files")
         paths = [context.file(f, f"{key}.files[{n}]", source=self.source) for n, f in enumerate(self.files)]
@@ -294,12 +295,12 @@ class RecordingFiles(LogReading):
 
 
 class LogFiles(LogSampling):
-    """Where logs lie and how they are sampled; a kind adds its signals."""
+    """Files and sampling of logs; a kind adds its signals."""
 
     files: list[str] = FILES
 
     def sessions(
         self, signals: Mapping[str, Signal], context: Context, *, files: list[str] | None = None, key: str = "log.files"
     ) -> tuple[Session, ...]:
-        """As `read`, from `files` or the section's own."""
+        """Read `files`, or the files of the section, with `read`."""
         return self.read(self.files if files is None else files, signals, context, key)

@@ -1,5 +1,4 @@
-"""From a TOML file to a checked problem, with keys that are changed for one run. Every fault is one plain sentence
-with the file and the key."""
+"""Read a TOML file, apply `--set`, and check the problem. Every error is one sentence with the file and the key."""
 
 from __future__ import annotations
 
@@ -40,16 +39,16 @@ _EXPECTED = {
     "list_type": "a list",
 }
 _LISTS = {"list_type", "tuple_type", "too_short", "too_long"}
-_FIRST = {"extra_forbidden": 0, "missing": 2}  # a missing key is often the misspelt one
+_FIRST = {"extra_forbidden": 0, "missing": 2}  # an unknown key is often the misspelt missing one
 
 
 def sentence_for(
     error: pydantic.ValidationError, schema: type[pydantic.BaseModel], data: Mapping[str, Any]
 ) -> InputError:
-    """The first fault as a sentence; faults of other keys are named behind it."""
+    """Return the first fault as a sentence, followed by the keys of the other faults."""
     faults: dict[tuple[str | int, ...], list[Any]] = {}
-    for one in error.errors(include_url=False):
-        faults.setdefault(_place(one["loc"], data, one["type"]), []).append(one)
+    for fault in error.errors(include_url=False):
+        faults.setdefault(_place(fault["loc"], data, fault["type"]), []).append(fault)
     ordered = sorted(faults, key=lambda place: _FIRST.get(faults[place][0]["type"], 1))
     guessed: set[str] = set()
     sentences: list[tuple[str, str]] = []
@@ -62,12 +61,12 @@ def sentence_for(
         sentences.append((key, sentence))
     key, sentence = sentences[0]
     if len(sentences) > 1:
-        sentence += f"; wrong too: {', '.join(k for k, _ in sentences[1:])}"
+        sentence += f"; also wrong: {', '.join(k for k, _ in sentences[1:])}"
     return InputError(sentence, key)
 
 
 def dotted(place: Sequence[str | int]) -> str:
-    """`("goal", "tcp_m", 1)` as `goal.tcp_m[1]`."""
+    """Return `("goal", "tcp_m", 1)` as `goal.tcp_m[1]`."""
     text = ""
     for part in place:
         text += f"[{part}]" if isinstance(part, int) else (f".{part}" if text else part)
@@ -93,17 +92,17 @@ def _holds(data: Any, part: str | int) -> bool:
 def _sentence(
     place: tuple[str | int, ...], faults: list[Any], schema: type[pydantic.BaseModel], data: Mapping[str, Any]
 ) -> tuple[str, str]:
-    """The sentence, and the key that a person seems to have meant."""
+    """The sentence, and the key that was probably meant."""
     kind = faults[0]["type"]
     if kind == "extra_forbidden":
         return _unknown(place, schema)
     known = _known(place, schema)
     about = f" ({known.description})" if known and known.description else ""
     if kind == "missing":
-        wanted = _of(known, [a(known.type)]) if known else "a value"
-        return f"is missing; expected {wanted}{about}", ""
+        value = _of(known, [a(known.type)]) if known else "a value"
+        return f"is missing; expected {value}{about}", ""
     if kind == "too_short" and isinstance(_value_at(place, data), dict):
-        return f"is empty; expected an entry or more{about}", ""
+        return f"is empty; expected at least one entry{about}", ""
     value = f"found {shown(_value_at(place, data))}"
     expected = [_EXPECTED[f["type"]] for f in faults if f["type"] in _EXPECTED]
     entry = _entry(known.type, place) if known and kind in _LISTS else ""
@@ -121,7 +120,7 @@ def _of(known: Key | None, texts: list[str]) -> str:
 
 
 def _entry(text: str, place: Sequence[str | int]) -> str:
-    """The type at a place within a list of lists: "list of 3 numbers" at A_m[0]; "" where the schema's is not one."""
+    """The type of an entry in a list of lists: "list of 3 numbers" for A_m[0]; "" for any other type."""
     for _ in range(len(place) - 1 - max(k for k, part in enumerate(place) if isinstance(part, str))):
         inner = re.fullmatch(r"list of (?:\d+ )?(list)s( of .*)", text)
         if inner is None or " or " in text:
@@ -145,13 +144,15 @@ def _bound(fault: Any, known: Key | None) -> str:
 
 
 def _known(place: Sequence[str | int], schema: type[pydantic.BaseModel]) -> Key | None:
-    wanted = _pattern(place, schema)
-    return next((k for k in keys_of(schema) if k.key == wanted or k.key == wanted.removesuffix("[]")), None)
+    pattern = _pattern(place, schema)
+    return next((k for k in keys_of(schema) if k.key == pattern or k.key == pattern.removesuffix("[]")), None)
 
 
 def _pattern(place: Sequence[str | int], schema: type[pydantic.BaseModel]) -> str:
-    """`("functions", 0, "name")` as the schema writes it, `functions[].name`; an index at the end falls off, and that
-    of tables of which there may be one or several."""
+    """`("functions", 0, "name")` as in the schema: `functions[].name`, or `signals.*.unit` for a free name.
+
+    An index at the end is dropped, and the index of a table that may be a list of tables.
+    """
     keys = [k.key for k in keys_of(schema)]
     parts = list(place)
     while parts and isinstance(parts[-1], int):
@@ -159,6 +160,7 @@ def _pattern(place: Sequence[str | int], schema: type[pydantic.BaseModel]) -> st
     text = ""
     for part in parts:
         if isinstance(part, str):
+            part = "*" if any(k.startswith(f"{text}.*.") for k in keys) else part
             text += f".{part}" if text else part
         elif any(k.startswith(f"{text}[]") for k in keys) or not any(k.startswith(f"{text}.") for k in keys):
             text += "[]"
@@ -185,8 +187,8 @@ def _unknown(place: tuple[str | int, ...], schema: type[pydantic.BaseModel]) -> 
     elsewhere = [k for k in keys_of(schema) if k.name == name]
     if elsewhere:
         return f"unknown key here; did you mean '{elsewhere[0].key}'?", elsewhere[0].key
-    there = f"; there are {', '.join([*siblings, *tables])}" if siblings or tables else ""
-    return f"unknown key{there}", ""
+    known_keys = f"; there are {', '.join(dict.fromkeys([*siblings, *tables]))}" if siblings or tables else ""
+    return f"unknown key{known_keys}", ""
 
 
 def _value_at(place: Sequence[str | int], data: Any) -> Any:
@@ -196,7 +198,7 @@ def _value_at(place: Sequence[str | int], data: Any) -> Any:
 
 
 def a(text: str) -> str:
-    """A type as the schema names it, with its article."""
+    """Return a type of the schema with its article."""
     return f"a {text}" if text.startswith(("number", "whole number", "text", "list", "table")) else text
 
 
@@ -218,10 +220,10 @@ def shown(value: Any) -> str:
 
 
 def apply(data: dict[str, Any], settings: Iterable[str]) -> dict[str, Any]:
-    """The data of a problem file with settings "key=value" put in, later ones last; `data` stays as it is.
+    """Return a copy of the data of a problem file with settings "key=value" applied in order.
 
-    A key is dotted; a number in it counts the tables of a list from 0, as in ``functions.0.name``. A value is
-    read as TOML, and as text where it is none. Raises InputError for a text that is no setting.
+    A key is dotted; a number in it is the index of a table in a list, from 0, as in ``functions.0.name``. A value is
+    read as TOML, or as text if it is not TOML. Raises InputError for a text that is not a setting.
     """
     changed = copy.deepcopy(data)
     for setting in settings:
@@ -234,25 +236,25 @@ def apply(data: dict[str, Any], settings: Iterable[str]) -> dict[str, Any]:
 
 
 def refuse_twice(settings: Iterable[str]) -> None:
-    """Raises InputError for a setting that takes back an earlier one: which of them a person meant cannot be known."""
+    """Raises InputError for a setting that overrides an earlier one: it is unknown which of the two is meant."""
     earlier: list[list[str]] = []
     for setting in settings:
         path = [part.strip() for part in setting.partition("=")[0].split(".")]
-        alike = [str(int(part)) if part.isdecimal() else part for part in path]  # 0 and 00 count the same entry
+        alike = [str(int(part)) if part.isdecimal() else part for part in path]  # 0 and 00 are the same index
         for other in earlier:
             if other[: len(alike)] == alike:
                 first, again = ".".join(other), ".".join(path)
-                said = "is set twice" if other == alike else f"takes back the value that is set for {first}"
-                raise InputError(f"--set {again} {said}; leave one of them out")
+                fault = "is set twice" if other == alike else f"overrides the value set for {first}"
+                raise InputError(f"--set {again} {fault}; leave one of them out")
         earlier.append(alike)
 
 
 def _value(text: str) -> Any:
     try:
-        read = toml_of(f"value = {text}")
+        data = toml_of(f"value = {text}")
     except tomllib.TOMLDecodeError:
         return text.strip()
-    return read["value"] if len(read) == 1 else text.strip()
+    return data["value"] if len(data) == 1 else text.strip()
 
 
 def _put(data: Any, path: list[str], value: Any, key: str) -> None:
@@ -260,7 +262,7 @@ def _put(data: Any, path: list[str], value: Any, key: str) -> None:
         last = n == len(path) - 1
         if isinstance(data, list):
             if not part.isdecimal() or int(part) >= len(data):
-                raise InputError(f"has {len(data)} entries; '{part}' is none of 0 to {len(data) - 1}", key)
+                raise InputError(f"has {len(data)} entries; '{part}' is not a number from 0 to {len(data) - 1}", key)
             index: Any = int(part)
         elif isinstance(data, dict):
             index = part
@@ -274,13 +276,13 @@ def _put(data: Any, path: list[str], value: Any, key: str) -> None:
             data = data[index]
 
 
-_KINDS = 'write kind = "trajectory", or another that gtmodel schema lists'
+_KINDS = 'write kind = "trajectory", or another kind that gtmodel schema lists'
 S = TypeVar("S", bound=pydantic.BaseModel)
 
 
 @dataclass(frozen=True)
 class Loaded:
-    """A problem read from a file: where it lies, its bytes, and what `--set` changed."""
+    """A problem read from a file, with its path, its bytes and the `--set` settings."""
 
     path: Path
     content: bytes
@@ -291,26 +293,26 @@ class Loaded:
 
     @property
     def name(self) -> str:
-        """File name; the same wherever the folder stands."""
+        """Return the file name without its folder."""
         return self.path.name
 
     def placed(self, error: InputError) -> InputError:
-        """The same fault with its line in the file."""
+        """Return the error with its line in the file."""
         return error.within("", content=_unchanged(self.content, self.settings, error.key))
 
 
 def load(path: str | Path, settings: Iterable[str] = ()) -> Loaded:
-    """Read and check a problem file, or one shipped with gtmodel where there is no such file.
+    """Read and check a problem file, or a shipped one if there is no file of that name.
 
-    settings: texts "key=value" as in `--set`. Raises InputError; its sentence names the file and the key.
+    settings: texts "key=value" as for `--set`. Raises InputError, which names the file and the key.
     """
     settings = tuple(settings)
-    written = of_text(str(path)) if is_reference(str(path)) else None
-    file, shipped = (written[0], False) if written else find(path)
+    modelica_text = of_text(str(path)) if is_reference(str(path)) else None
+    file, shipped = (modelica_text[0], False) if modelica_text else find(path)
     content = None
     try:
         content = read(file)
-        data = not_deep(apply(written[1] if written else parse(content), settings))
+        data = not_deep(apply(modelica_text[1] if modelica_text else parse(content), settings))
         kind, problem = check(data)
     except InputError as error:
         raise error.within(str(path), content=_unchanged(content, settings, error.key)) from None
@@ -320,14 +322,14 @@ def load(path: str | Path, settings: Iterable[str] = ()) -> Loaded:
 
 
 def _unchanged(content: bytes | None, settings: Iterable[str], key: str) -> bytes | None:
-    """The content of the file; None if `--set` gave the value of this key, which then has no line."""
+    """The content of the file; None if the value of this key comes from `--set` and so has no line."""
     parts = parts_of(key)
-    given = (parts_of(setting.partition("=")[0]) for setting in settings)
-    return None if any(parts[: len(path)] == path for path in given) else content
+    changed = (parts_of(setting.partition("=")[0]) for setting in settings)
+    return None if any(parts[: len(path)] == path for path in changed) else content
 
 
 def check(data: Mapping[str, Any]) -> tuple[Kind, Problem]:
-    """The kind that the data name and the checked problem. Raises InputError for the first fault."""
+    """Return the kind that the data name, and the checked problem. Raises InputError for the first fault."""
     if "kind" not in data:
         raise InputError(f"is missing; {_KINDS}", "kind")
     if not isinstance(data["kind"], str):
@@ -340,7 +342,7 @@ def check(data: Mapping[str, Any]) -> tuple[Kind, Problem]:
 
 
 def validate(schema: type[S], data: Mapping[str, Any]) -> S:
-    """The data as an instance of the schema. Raises InputError for the first fault."""
+    """Return the data as an instance of the schema. Raises InputError for the first fault."""
     try:
         # through JSON: its strict mode takes lists for tuples, but no text for a number
         return schema.model_validate_json(json.dumps(data, default=str))

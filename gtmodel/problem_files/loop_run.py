@@ -1,4 +1,4 @@
-"""``gtmodel loop``: from a generated folder, whose manifest holds its problem, to the study and its folder."""
+"""``gtmodel loop``: run the loop of a generated folder, whose manifest contains its problem, and write the result."""
 
 from __future__ import annotations
 
@@ -30,108 +30,110 @@ MARK = "loop.json"
 REFERENCE = "reference.csv"
 _PROBLEM = "l1_min_time.toml"
 _ROBOT_KEYS = {"robot", "inertia", "payload_kg", "parameters", "friction"}
-# how an argument of the study is called in a sentence of the command
-_SAID = {name: f"--{name}" for name in ("peer", "law", "plant", "seconds", "elastic", "deceleration", "following")}
-_SAID |= {"reference": "the reference", "timeout": "--plant-timeout"}
+# names of the study's arguments in messages of the command
+_OPTIONS = {name: f"--{name}" for name in ("peer", "law", "plant", "seconds", "elastic", "deceleration", "following")}
+_OPTIONS |= {"reference": "the reference", "timeout": "--plant-timeout"}
 
 
 def run(
     folder: Path, out: Path, job: Context, *, reference: Path | None = None, plant: Path | None = None,
-    plant_timeout: float | None = None, **asked: Any,
+    plant_timeout: float | None = None, **arguments: Any,
 ) -> Finished:  # fmt: skip
-    """`gtmodel.loop.study` with the robot of a generated folder, written into `out`.
+    """Run `gtmodel.loop.study` with the robot of a generated folder and write the result into `out`.
 
     Args:
-        folder: of gtmodel codegen.
-        out: for the loop's sources, logs and the picture. Nothing changes in it before the end, when all files are
-            written or none; no other run may write there meanwhile.
-        reference: CSV of the motion; the time-optimal one of l1_min_time if None.
-        plant, plant_timeout: unit of the problem's table [plant], its longest call [s]; what the table says if None.
-        asked: further arguments of the study.
+        folder: folder written by gtmodel codegen.
+        out: folder for sources, logs and the picture. It changes only at the end, when all files are written or none;
+            no other run may write there in the meantime.
+        reference: CSV file of the motion; the time-optimal motion of l1_min_time if None.
+        plant, plant_timeout: unit for the problem's table [plant] and time limit of a call [s]; the table's if None.
+        arguments: further arguments of the study.
 
-    Raises InputError, one sentence.
+    Raises InputError with one sentence.
     """
     try:
         for name, hint in get_type_hints(study, include_extras=True).items():
-            if name in asked:  # before the folders: a slip of the pen costs nothing
-                agree(asked[name], hint, name)
+            if name in arguments:  # before the folders, so that a typing error costs no time
+                agree(arguments[name], hint, name)
     except ArgumentError as error:
         raise _by_option(error) from error
     if reference is not None and not reference.is_file():
         raise InputError(f"--reference {reference}: there is no such file")
     if (out / MARK).exists() and not (out / written.RUN).exists() and not unfinished(out):
         raise InputError(
-            f"--out {out} was written by an earlier gtmodel, which kept no list of its files; move it away"
+            f"--out {out} was written by an earlier gtmodel, which stored no list of its files; move it away"
         )
-    with output.held(out, job) as mine:
-        made: dict[str, bytes] = {}
+    with output.held(out, job) as target:
+        generated: dict[str, bytes] = {}
         try:
-            content = manifest_of(folder)
-            for name in content["files"]:
+            manifest = manifest_of(folder)
+            for name in manifest["files"]:
                 if name.endswith((".c", ".h")) and _warned(folder / name, job):
                     break
-            if not content["problem"]:
-                raise InputError(f"'{folder}' does not say which problem it is of; make it with gtmodel codegen")
-            problem = validate(get("codegen").Schema, content["problem"])
+            if not manifest["problem"]:
+                raise InputError(f"'{folder}' does not name its problem; generate it with gtmodel codegen")
+            problem = validate(get("codegen").Schema, manifest["problem"])
             robot = problem.model(job)  # pyright: ignore[reportAttributeAccessIssue]
-            motion = partial(_motion, problem, reference, job, made)
+            motion = partial(_motion, problem, reference, job, generated)
             unit = problem.plant_unit(folder, plant, plant_timeout)  # pyright: ignore[reportAttributeAccessIssue]
-            declared = options_of(problem, "lead_through") | {"plant": unit}
+            options = options_of(problem, "lead_through") | {"plant": unit}
             with job.under_way():
-                result = study(robot, folder, motion, built=mine.path, **declared, **asked, **job.work())
+                result = study(robot, folder, motion, built=target.path, **options, **arguments, **job.work())
         except ArgumentError as error:
             raise _by_option(error) from error
         if result.status is SolveStatus.INTERRUPTED:
             return Finished(result, time.monotonic() - job.began)
         wall_s = time.monotonic() - job.began
-        result = noted(result.with_(files=made | dict(result.files)), job)
-        inputs = {"folder": str(folder), "seconds": asked["seconds"], "peer": asked["peer"]}
-        return _written(mine, result, job, wall_s, inputs | {"law": asked["law"], "lockstep": asked["in_lockstep"]})
+        result = noted(result.with_(files=generated | dict(result.files)), job)
+        inputs = {"folder": str(folder), "seconds": arguments["seconds"], "peer": arguments["peer"]}
+        return _written(
+            target, result, job, wall_s, inputs | {"law": arguments["law"], "lockstep": arguments["in_lockstep"]}
+        )
 
 
 def _by_option(error: ArgumentError) -> InputError:
-    """What the study says of an argument, by the option of the command that gave it."""
+    """The study's error about an argument as an error about the option of the command."""
     where = error.argument if "." in error.argument else ""
-    return InputError(f"{_SAID.get(error.argument, where)} {error.message}".lstrip())
+    return InputError(f"{_OPTIONS.get(error.argument, where)} {error.message}".lstrip())
 
 
 def _warned(path: Path, job: Context) -> bool:
-    """What --write-failed wrote may be tried against a simulated controller, but not without a word: the first."""
+    """True for a file that --write-failed marked: the loop may run it in simulation, with a warning."""
     if not is_marked(path):
         return False
     job.distrust(path)
     return True
 
 
-def _motion(problem: Any, path: Path | None, job: Context, made: dict[str, bytes]) -> Trajectory:
-    """The reference motion from a file, or the time-optimal one of the shipped problem for this robot, which is kept
-    in `made`."""
+def _motion(problem: Any, path: Path | None, job: Context, files: dict[str, bytes]) -> Trajectory:
+    """The reference motion from a file, or the time-optimal motion for this robot of the shipped problem, which is also
+    stored in `files`."""
     if path is not None:
         _warned(path, job)
         return Trajectory.from_csv(path)
     job.progress("solving for the time-optimal motion")
     shipped = load(problems_dir() / _PROBLEM)
-    own = problem.model_dump(mode="json", include=_ROBOT_KEYS, exclude_unset=True)
-    wanted = {key: value for key, value in parse(shipped.content).items() if key not in _ROBOT_KEYS} | own
-    solved = answer(replace(shipped, problem=validate(shipped.kind.Schema, wanted)), job)
+    robot_keys = problem.model_dump(mode="json", include=_ROBOT_KEYS, exclude_unset=True)
+    data = {key: value for key, value in parse(shipped.content).items() if key not in _ROBOT_KEYS} | robot_keys
+    solved = answer(replace(shipped, problem=validate(shipped.kind.Schema, data)), job)
     if not solved.status.ok:
-        raise InputError(f"there is no time-optimal motion for this robot ({solved.message}); give one by --reference")
-    made[REFERENCE] = str(solved.files[REFERENCE]).encode()
-    with scratch() as place:
-        file = place / REFERENCE
-        file.write_bytes(made[REFERENCE])
+        raise InputError(f"found no time-optimal motion for this robot ({solved.message}); name one with --reference")
+    files[REFERENCE] = str(solved.files[REFERENCE]).encode()
+    with scratch() as folder:
+        file = folder / REFERENCE
+        file.write_bytes(files[REFERENCE])
         return Trajectory.from_csv(file)
 
 
 def _written(folder: Held, result: Study, job: Context, wall_s: float, inputs: dict[str, Any]) -> Finished:
-    """All files of the study, the picture and the summary in the folder, or why they are not."""
+    """Write all files of the study, the picture and the summary, or return why they are not written."""
     files: dict[str, bytes] = {}
     faults = written.pictured(result, files)
     summary = as_json.summary(job.name, "loop", result, 0.0)
     files[MARK] = (json.dumps(summary, indent=1) + "\n").encode()
     files |= {name: content.encode() if isinstance(content, str) else content for name, content in result.files.items()}
     try:
-        with output.said_of_out():
+        with output.about_out():
             written.put(folder, files, lambda files: written.record(inputs, wall_s, files), programs=(PROGRAM,))
     except InputError as error:
         return Finished(result, wall_s, unwritten=str(error))

@@ -1,4 +1,4 @@
-"""What is said of a problem beside its numbers: files that are not to be used, models whose home had to be moved."""
+"""Notes of a result: input files marked as not to be used, and remarks about models, such as a moved home pose."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from gtmodel.results import Study
 
 from .base import Check, Context, InputError, at_most
 
-NOTES = "notes"  # in `values`; a kind may have notes of its own there
+NOTES = "notes"  # in `values`; a kind may add its own
 NOT_TO_BE_USED = "inputs_not_to_be_used"
-DESCRIPTION = "sentences that a person should read; left out where there are none"
+DESCRIPTION = "remarks for the reader; left out if there are none"
 
 
 def noted(outcome: Study, context: Context) -> Study:
-    """The outcome with what is to be said of its files and models in `values` and in the table.
+    """Return the outcome with the notes about its files and models.
 
-    A machine must not follow what rests on a file that is not to be used: there that is a check, and it fails.
+    If the outcome has files for a machine and rests on a file marked as not to be used, a check fails.
     """
     for model in context.models:
         from gtmodel.compiler.causal import notes_of  # here: a schema needs no compiler
@@ -23,29 +23,29 @@ def noted(outcome: Study, context: Context) -> Study:
             context.note(sentence)
     if not context.notes:
         return outcome
-    own = list(outcome.values.get(NOTES) or [])
-    new = [sentence for sentence in context.notes if sentence not in own]
+    present = list(outcome.values.get(NOTES) or [])
+    new = [sentence for sentence in context.notes if sentence not in present]
     outcome = outcome.with_(notes=[*outcome.notes, *new])
     return checked(outcome, context) if outcome.machine_files else outcome
 
 
 def checked(outcome: Study, context: Context) -> Study:
-    """The outcome with a failed check where it rests on files that are not to be used."""
+    """Return the outcome, with a failed check if it rests on files marked as not to be used."""
     return outcome.judged(doubts(context))
 
 
 def doubts(context: Context) -> dict[str, Check]:
-    """A check that fails where files that are not to be used were taken; empty where there are none."""
+    """Return a failing check if the run used files marked as not to be used; otherwise nothing."""
     if not context.distrusted:
         return {}
-    advice = f"make {' and '.join(context.distrusted)} anew"
+    advice = f"create {' and '.join(context.distrusted)} again"
     return {NOT_TO_BE_USED: at_most(float(len(context.distrusted)), 0.0, advice)}
 
 
 def refuse_distrusted(context: Context, what: str) -> None:
-    """Raises InputError where `what` a machine would follow rests on a file that is not to be used."""
+    """Raises InputError if `what`, which a machine would execute, rests on a file marked as not to be used."""
     if context.distrusted:
         raise InputError(
-            f"{context.distrusted[0]} says in its first line that it is not to be used, and {what} would rest on it; "
-            "make it anew; --write-failed writes all, marked"
+            f"the first line of {context.distrusted[0]} says that it is not to be used, and {what} would rest on it; "
+            "create it again, or use --write-failed, which writes all files with a mark"
         )

@@ -1,5 +1,5 @@
-"""Models that a person wrote in Python, by "package.module:Class" or "path/to/file.py:Class", and any exception of a
-run as a status and a sentence."""
+"""Models in Python files, named "package.module:Class" or "path/to/file.py:Class", and the translation of exceptions
+into a status and a sentence."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from .base import Context, InputError
 
 
 def is_reference(text: str) -> bool:
-    """True for a text that names something in Python."""
+    """Return True for a text that names an object in Python."""
     return ":" in text and not is_urdf(text)
 
 
 def is_urdf(text: str) -> bool:
-    """True for "arm.urdf" and, with the link at the end of its chain, "arm.urdf:tip"."""
+    """Return True for "arm.urdf" and for "arm.urdf:tip", which names the last link of the chain."""
     return text.endswith(".urdf") or ".urdf:" in text
 
 
 def hint(text: str) -> str:
-    """What to write for a text that looks like Python but names no class; "" for any other."""
+    """Return advice for a text that looks like Python but names no class; "" for any other text."""
     if text.endswith(".py") or ("." in text and not text.endswith((".toml", ".csv", ".json", ".urdf", ".xml"))):
         return f"for a model in Python name its class too, as in '{text}:Robot'"
     return ""
@@ -52,30 +52,30 @@ def resolve(
     library: Sequence[str] = (),
     flattener: str = "gtmodel",
 ) -> Any:
-    """The model that a reference names, configured with the parameters.
+    """Return the model that a reference names, configured with the parameters.
 
-    The class is made with the parameters; a model object gets them by `with_`; a function is called with them if it
-    stands in a person's own file or says that it returns a model; nothing else is called. Modules are looked for in
-    the working directory, then in the problem's folder.
+    A class is called with the parameters, and a model object gets them with `with_`. A function is called with them
+    only if it is in the user's file or its annotation says that it returns a model. Modules are searched in the working
+    directory, then in the problem's folder.
 
-    Raises InputError: no such module, a fault while importing it (with file and line), no such name in it,
-    something else than a `base`, or a parameter that the model does not take.
+    Raises InputError if there is no such module, its import fails (with file and line), it has no such name, the name
+    is not a `base`, or the model does not have a parameter.
     """
     if modelica.is_reference(reference):
         return _text(reference, context, key, parameters or {}, base, (library, flattener))
     place, _, name = reference.rpartition(":")
     if not place or not name:
-        raise InputError(f"'{reference}' names no class; expected 'package.module:Class' or 'file.py:Class'", key)
+        raise InputError(f"'{reference}' names no class; write 'package.module:Class' or 'file.py:Class'", key)
     module = _file(place, context, key) if place.endswith(".py") else _module(place, context, key)
     if getattr(module, "__file__", None):
         context.take(key, Path(str(module.__file__)))
     attribute = getattr(module, name, None)
     if attribute is None:
         public = [n for n, item in vars(module).items() if isinstance(item, type) and issubclass(item, base)]
-        own = [n for n in public if vars(module)[n].__module__ == module.__name__]
-        tail = meant(name, own, f"its models are {', '.join(own) or 'none'}")
-        raise InputError(f"'{place}' holds no '{name}'; {tail}", key)
-    model = _made(attribute, reference, key, dict(parameters or {}), base)
+        models = [n for n in public if vars(module)[n].__module__ == module.__name__]
+        tail = meant(name, models, f"its models are {', '.join(models) or 'none'}")
+        raise InputError(f"'{place}' has no '{name}'; {tail}", key)
+    model = _configured(attribute, reference, key, dict(parameters or {}), base)
     context.models.append(model)
     return model
 
@@ -83,30 +83,30 @@ def resolve(
 def _text(
     reference: str, context: Context, key: str, parameters: Mapping[str, Any], base: type[Model], how: tuple[Any, str]
 ) -> Any:
-    """A class of a Modelica text, by its libraries and flattener; what it remarks goes into the notes."""
+    """A class of a Modelica text; `how` has its libraries and flattener. Warnings go to the notes."""
     place, name = modelica.split(reference)
     path = context.file(place, key, key)
-    inside = [*modelica.libraries(), *(p if Path(p).is_absolute() else str(context.folder / p) for p in how[0])]
+    library = [*modelica.libraries(), *(p if Path(p).is_absolute() else str(context.folder / p) for p in how[0])]
     whole = f"{path}:{name}" if name else str(path)
     try:
-        made = modelica.translated(whole, library=inside, parameters=parameters, flattener=how[1])
-        model = made.model()
+        translation = modelica.translated(whole, library=library, parameters=parameters, flattener=how[1])
+        model = translation.model()
     except ModelError as error:
         raise InputError(sentence_of(error), "parameters" if parameters and error.where is None else key) from error
     if not isinstance(model, base):
         raise InputError(f"'{reference}' is a model; expected an optimization", key)
-    context.notes += made.warnings
-    for n, file in enumerate(made.libraries, 1):
+    context.notes += translation.warnings
+    for n, file in enumerate(translation.libraries, 1):
         context.take(f"library{n}", file)
-    if made.flat_file is not None:
-        context.take("flat", made.flat_file)
+    if translation.flat_file is not None:
+        context.take("flat", translation.flat_file)
     context.models.append(model)
     return model
 
 
-def _made(item: Any, reference: str, key: str, parameters: dict[str, Any], base: type[Model]) -> Any:
+def _configured(item: Any, reference: str, key: str, parameters: dict[str, Any], base: type[Model]) -> Any:
     if isinstance(item, type) and not issubclass(item, base):
-        raise InputError(f"'{reference}' is no {base.__name__}; its bases are {_bases(item)}", key)
+        raise InputError(f"'{reference}' is not a subclass of {base.__name__}; its bases are {_bases(item)}", key)
     try:
         if isinstance(item, type) or _makes_models(item):
             model = item(**parameters)
@@ -120,16 +120,16 @@ def _made(item: Any, reference: str, key: str, parameters: dict[str, Any], base:
 
 
 def _makes_models(item: Any) -> bool:
-    """Whether a function may be called: one of a person's own file, or one that says that it returns a model."""
+    """True for a function that may be called: from the user's file, or annotated to return a model."""
     if not inspect.isfunction(item):
         return False
     if not item.__code__.co_filename.startswith(_INSTALLED):
         return True
     try:
-        said = get_type_hints(item).get("return")
-    except Exception:  # a hint that names what is not there says nothing
+        returned = get_type_hints(item).get("return")
+    except Exception:  # the annotation names an unknown type
         return False
-    return isinstance(said, type) and issubclass(said, Model)
+    return isinstance(returned, type) and issubclass(returned, Model)
 
 
 def _bases(cls: type) -> str:
@@ -137,7 +137,7 @@ def _bases(cls: type) -> str:
 
 
 def sentence_of(error: ModelError) -> str:
-    """A model error's sentence; the place is left out where it is gtmodel's own and not the person's file."""
+    """Return a model error's sentence, without the source line if that is in gtmodel and not in the user's file."""
     ours = error.where is not None and error.where.ours
     return str(error).removesuffix(f" ({error.where})") if ours else str(error)
 
@@ -150,7 +150,7 @@ def _module(name: str, context: Context, key: str) -> ModuleType:
         except ModuleNotFoundError as error:
             if error.name and (name == error.name or name.startswith(f"{error.name}.")):
                 raise InputError(
-                    f"there is no Python module '{name}' here, in {context.folder} or installed", key
+                    f"there is no Python module '{name}' here or in {context.folder}, and none is installed", key
                 ) from error
             raise InputError(fault(error, f"'{name}'"), key) from error
         except Exception as error:
@@ -158,15 +158,15 @@ def _module(name: str, context: Context, key: str) -> ModuleType:
 
 
 def _forget_namesake(name: str, key: str) -> None:
-    """Drop a module of that name that a person has in another folder; an installed one must stay."""
+    """Unload a user's module of that name from another folder; refuse the name of an installed package."""
     loaded = getattr(sys.modules.get(name), "__file__", None)
     spec = PathFinder.find_spec(name)
     if loaded is None or spec is None or spec.origin is None or Path(loaded) == Path(spec.origin):
         return
     if loaded.startswith(_INSTALLED):
         raise InputError(f"'{name}' is the name of an installed package; rename your file {spec.origin}", key)
-    for other in [m for m in sys.modules if m == name or m.startswith(f"{name}.")]:
-        del sys.modules[other]
+    for module in [m for m in sys.modules if m == name or m.startswith(f"{name}.")]:
+        del sys.modules[module]
 
 
 def _file(place: str, context: Context, key: str) -> ModuleType:
@@ -174,7 +174,7 @@ def _file(place: str, context: Context, key: str) -> ModuleType:
     if path is None:
         raise InputError(f"there is no Python file '{place}' in {context.folder} or here", key)
     path = path.resolve()
-    # two files of one name in different folders are two modules
+    # files of the same name in different folders are different modules
     name = f"{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
@@ -202,12 +202,12 @@ def _on_path(*folders: Path) -> Iterator[None]:
 
 
 def fault(error: BaseException, what: str) -> str:
-    """An error in a person's Python file as a sentence with file and line."""
+    """Return an error in a user's Python file as a sentence with file and line."""
     if isinstance(error, SyntaxError):
         return f"{what} is not Python: {error.msg} ({error.filename}:{error.lineno})"
     frames = traceback.extract_tb(error.__traceback__)
-    own = [f for f in frames if "importlib" not in f.filename and not f.filename.startswith(_HERE)]
-    place = f" ({own[-1].filename}:{own[-1].lineno})" if own else ""
+    users = [f for f in frames if "importlib" not in f.filename and not f.filename.startswith(_HERE)]
+    place = f" ({users[-1].filename}:{users[-1].lineno})" if users else ""
     if isinstance(error, ModelError):
         return str(error)
     return f"{what} cannot be used: {type(error).__name__}: {error}{place}"
@@ -223,13 +223,13 @@ _NOBODYS = (_PACKAGE + "lang" + os.sep, _PACKAGE + "__init__.py", sysconfig.get_
 
 
 def describe(error: BaseException, path: str = "") -> tuple[SolveStatus, str]:
-    """Status and sentence of at most `LONGEST` characters; `path` is the problem file."""
+    """Return the status and a sentence of at most `LONGEST` characters for an error; `path` is the problem file."""
     status, sentence = _described(error, shortened(path, LONGEST // 2))
     return status, shortened(sentence, LONGEST)
 
 
 def shortened(text: str, most: int) -> str:
-    """A text of at most `most` characters: what it begins with, and its end, which says what to do; cut at blanks."""
+    """Shorten a text to at most `most` characters by cutting its middle: the end says what to do."""
     if len(text) <= most:
         return text
     end = most // 3
@@ -243,7 +243,7 @@ def _described(error: BaseException, path: str) -> tuple[SolveStatus, str]:
         return SolveStatus.BAD_INPUT, str(error if about_an_option else error.within(path))
     prefix = f"{path}: " if path else ""
     if isinstance(error, ModelError):
-        # "arm.py:FiveBar: " and "FiveBar: 1 equation ..." name the model once
+        # "arm.py:FiveBar: " plus "FiveBar: 1 equation ..." would name the model twice
         return SolveStatus.BAD_INPUT, prefix + sentence_of(error).removeprefix(f"{path.rpartition(':')[2]}: ")
     if isinstance(error, (UnitError, TrajectoryError, UnknownNameError)):
         return SolveStatus.BAD_INPUT, f"{prefix}{error}"
@@ -251,7 +251,7 @@ def _described(error: BaseException, path: str) -> tuple[SolveStatus, str]:
         return SolveStatus.BAD_INPUT, f"{prefix}{error.filename}: {error.strerror}"
     if isinstance(error, KeyboardInterrupt):
         return SolveStatus.INTERRUPTED, f"{prefix}stopped before there was a result"
-    if _in_persons_code(error):
+    if _in_users_code(error):
         return SolveStatus.BAD_INPUT, prefix + fault(error, "the model")
     text = shortened(" ".join(str(error).split()), LONGEST // 2)
     return SolveStatus.FAILED, (
@@ -260,8 +260,8 @@ def _described(error: BaseException, path: str) -> tuple[SolveStatus, str]:
     )
 
 
-def _in_persons_code(error: BaseException) -> bool:
-    """True when the last code before the fault, the language and libraries apart, is not gtmodel's."""
+def _in_users_code(error: BaseException) -> bool:
+    """True if the last frame of the traceback, apart from gtmodel.lang and libraries, is not in gtmodel."""
     owner = ""
     for frame in traceback.extract_tb(error.__traceback__):
         name = frame.filename

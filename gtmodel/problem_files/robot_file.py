@@ -1,4 +1,4 @@
-"""A robot in a TOML file: the keys of the printed tables in gtmodel/robots/data, by family."""
+"""Robots in TOML files: by family, the keys of the published tables in gtmodel/robots/data."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ NotNegative = Annotated[list[NotNegativeFloat], Field(min_length=3, max_length=3
 Lengths = Annotated[list[PositiveFloat], Field(min_length=6, max_length=6)]
 LinkMasses = Annotated[list[NotNegativeFloat], Field(min_length=6, max_length=6)]
 
-# links of a cluster this far from parallel at the best orientation [m]: a sign or a row is wrong, not a calibration
+# largest deviation of a cluster's links from parallel [m]; more is a wrong sign or row, not a calibration
 MISFIT = 0.05
-PYTHON_KEYS = {"title", "source", "note", "robot", "parameters"}  # of another robot with parameters
+PYTHON_KEYS = {"title", "source", "note", "robot", "parameters"}  # for another robot with parameters
 
 
 class _Robot(FileSection):
-    """What the files of all families say; masses and friction left out are the catalogue's own."""
+    """Keys of all families; the default masses and friction are those of the catalogue."""
 
     title: str = Field(default="", description="name of the robot")
-    prototype: str = Field(default="", description="which machine it is")
-    source: str = Field(default="", description="where the numbers come from")
+    prototype: str = Field(default="", description="name of the machine")
+    source: str = Field(default="", description="origin of the numbers")
     note: str = Field(default="", description="frame and remarks")
     m_p_kg: PositiveFloat | None = Field(default=None, description="plate mass, joints and tool included")
     m_c_kg: Positive | None = Field(default=None, description="cart masses, joints included")
@@ -49,7 +49,7 @@ class _Robot(FileSection):
     viscous_kg_s: NotNegative | None = Field(default=None, description="viscous friction of each cart")
 
     def modifiers(self) -> dict[str, Any]:
-        """Parameters of the family's model. Raises InputError."""
+        """Return the parameters of the family's model. Raises InputError."""
         if wrong := implausible_length(self.model_dump()):
             raise InputError(wrong[1], wrong[0])
         chosen = {
@@ -63,19 +63,19 @@ class _Robot(FileSection):
 
     @abstractmethod
     def geometry(self) -> dict[str, Any]:
-        """All parameters that say where points are, home included."""
+        """Return all geometric parameters, including the home pose."""
 
     def more(self) -> dict[str, Any]:
-        """Masses that only this family has; None where left out."""
+        """Return the masses that only this family has; None for those left out."""
         return {}
 
 
 class RobotFile(_Robot):
-    """A three-link Gantry-Tau; one entry or row per arm. Masses and friction left out come from `inertia`."""
+    """A three-link Gantry-Tau; one entry or row per arm. `inertia` of the problem sets masses and friction left out."""
 
     family: Literal["three_link"] = Field(default="three_link", description="kinematic structure")
     A_m: Matrix = Field(description="cart joints at q = 0")
-    v: Matrix = Field(description="guideway directions, not normalised: their length scales q")
+    v: Matrix = Field(description="guideway directions, not normalised: the length scales q")
     L_m: Positive = Field(description="link lengths")
     home_m: Vector | None = Field(default=None, description="a reachable position of the tool centre point")
     m_a_kg: NotNegative | None = Field(default=None, description="masses of the link clusters")
@@ -95,7 +95,7 @@ class _SixLinks(_Robot):
     c_p_m: Vector | None = Field(default=None, description="plate's centre of mass, plate coordinates")
     I_p_kg_m2: Matrix | None = Field(
         default=None,
-        description="plate's inertia about its centre of mass, plate axes",
+        description="plate's inertia tensor about its centre of mass, plate axes",
         json_schema_extra={"unit": "kg.m2"},
     )
 
@@ -113,12 +113,12 @@ class SixLinkFile(_SixLinks):
 
     family: Literal["six_link"] = Field(description="kinematic structure")
     A_m: Points = Field(description="cart joints at q = 0")
-    v: Points = Field(description="their motion per q, not normalised: its length scales q")
+    v: Points = Field(description="motion of the cart joints per q, not normalised: the length scales q")
     L_m: Lengths = Field(description="link lengths")
     B_m: Points = Field(description="plate joints from the tool centre point, plate coordinates")
     home_m: Vector | None = Field(default=None, description="a reachable position of the tool centre point")
     home_zyz_deg: Vector | None = Field(
-        default=None, description="the plate's angles about z, y, z there; left out, those with parallel clusters"
+        default=None, description="z-y-z angles of the plate at home; if left out, the links of a cluster are parallel"
     )
 
     def geometry(self) -> dict[str, Any]:
@@ -128,12 +128,12 @@ class SixLinkFile(_SixLinks):
             e = zyz_quaternion(*np.radians(self.home_zyz_deg))
         else:
             e, misfit = links.attitude(A, B)
-            _refuse(misfit, "B_m", "; where clusters are not meant to be parallel, give home_zyz_deg")
+            _refuse(misfit, "B_m", "; if the links of a cluster are not parallel, give home_zyz_deg")
         return {"A": A, "v": v, "L": L, "B": B, "home": home, "home_e": e}
 
 
 class F1File(_SixLinks):
-    """An F1, with rotary axes on carts 2 and 3, in millimetres as printed; quaternions raw, scalar first."""
+    """An F1, with rotary axes on carts 2 and 3, in mm as published; quaternions scalar first, not normalised."""
 
     family: Literal["f1"] = Field(description="kinematic structure")
     A0_mm: Matrix = Field(description="reference points of the carts at q = 0")
@@ -162,42 +162,46 @@ class F1File(_SixLinks):
 
 
 class SerialFile(FileSection):
-    """A serial arm by Denavit-Hartenberg numbers; one entry or row per joint."""
+    """A serial arm by Denavit-Hartenberg parameters; one entry or row per joint."""
 
     family: Literal["serial"] = Field(description="kinematic structure")
     title: str = Field(default="", description="name of the robot")
-    source: str = Field(default="", description="where the numbers come from")
+    source: str = Field(default="", description="origin of the numbers")
     note: str = Field(default="", description="frame and remarks")
-    convention: Literal["standard", "modified"] = Field(default="standard", description="modified: as Craig writes it")
-    joints: str | list[str] = Field(default="r", description="r (turns) or p (slides) of each joint, as rrp; or one r")
-    names: list[str] | None = Field(default=None, description="of the joints")
+    convention: Literal["standard", "modified"] = Field(default="standard", description="modified: Craig's convention")
+    joints: str | list[str] = Field(
+        default="r", description="r (revolute) or p (prismatic) for each joint, as rrp, or one letter for all"
+    )
+    names: list[str] | None = Field(default=None, description="names of the joints")
     a_m: list[float] = Field(description="link lengths")
-    alpha_deg: list[float] = Field(description="twists")
+    alpha_deg: list[float] = Field(description="link twists")
     d_m: list[float] = Field(description="offsets along the axes")
-    theta_deg: list[float] | None = Field(default=None, description="angles about the axes at q = 0")
-    beta_deg: list[float] | None = Field(default=None, description="Hayati's angles, where the next axis is parallel")
-    limits_deg: list[Pair] | None = Field(default=None, description="lower and upper, of joints that turn")
-    limits: list[Pair] | None = Field(default=None, description="the same in rad, and in m for joints that slide")
-    base_m: Vector | None = Field(default=None, description="place of the base in the world")
-    base_rpy_deg: Vector | None = Field(default=None, description="its roll, pitch and yaw")
+    theta_deg: list[float] | None = Field(default=None, description="joint angles at q = 0")
+    beta_deg: list[float] | None = Field(default=None, description="Hayati's angles, for parallel consecutive axes")
+    limits_deg: list[Pair] | None = Field(default=None, description="lower and upper limits of revolute joints")
+    limits: list[Pair] | None = Field(default=None, description="lower and upper limits, in rad or, if prismatic, in m")
+    base_m: Vector | None = Field(default=None, description="position of the base in the world frame")
+    base_rpy_deg: Vector | None = Field(default=None, description="roll, pitch and yaw of the base")
     tool_m: Vector | None = Field(default=None, description="tool centre point in the last frame")
-    tool_rpy_deg: Vector | None = Field(default=None, description="roll, pitch and yaw of the tool there")
+    tool_rpy_deg: Vector | None = Field(default=None, description="roll, pitch and yaw of the tool in the last frame")
     m_kg: list[float] | None = Field(default=None, description="masses of the links")
-    c_m: list[Vector] | None = Field(default=None, description="their centres of mass, link frames")
+    c_m: list[Vector] | None = Field(default=None, description="centres of mass of the links, link frames")
     I_kg_m2: list[Matrix] | None = Field(
-        default=None, description="inertias about them, link frames", json_schema_extra={"unit": "kg.m2"}
+        default=None,
+        description="inertia tensors about the centres of mass, link frames",
+        json_schema_extra={"unit": "kg.m2"},
     )
     viscous: list[float] | None = Field(default=None, description="viscous friction, N.m.s/rad or kg/s")
     coulomb: list[float] | None = Field(default=None, description="Coulomb friction, N.m or N")
 
     def modifiers(self) -> dict[str, Any]:
-        """Arguments of `robots.serial_arm`. Raises InputError."""
+        """Return the arguments of `robots.serial_arm`. Raises InputError."""
         if wrong := implausible_arm(self.model_dump()):
             raise InputError(wrong[1], wrong[0])
         turning = self.joints if isinstance(self.joints, str) else "".join(k[:1] for k in self.joints)
         if self.limits_deg is not None and (self.limits is not None or "p" in turning):
-            raise InputError("is for arms whose joints all turn; give limits alone, in rad and m", "limits_deg")
-        given = {
+            raise InputError("needs revolute joints only; give limits instead, in rad and m", "limits_deg")
+        arguments = {
             "a": self.a_m, "alpha": _radians(self.alpha_deg), "d": self.d_m, "theta": _radians(self.theta_deg),
             "beta": _radians(self.beta_deg), "convention": self.convention, "joints": self.joints, "names": self.names,
             "limits": self.limits or _radians(self.limits_deg), "base_xyz": self.base_m,
@@ -205,10 +209,10 @@ class SerialFile(FileSection):
             "m": self.m_kg, **self.moments(), "viscous": self.viscous, "coulomb": self.coulomb,
             "title": self.title or "arm",
         }  # fmt: skip
-        return {name: value for name, value in given.items() if value is not None}
+        return {name: value for name, value in arguments.items() if value is not None}
 
     def moments(self) -> dict[str, Any]:
-        """mc and J, of the model. Raises InputError."""
+        """Return the model's parameters mc and J. Raises InputError."""
         if self.c_m is None and self.I_kg_m2 is None:
             return {}
         try:
@@ -231,35 +235,35 @@ FAMILIES: dict[str, type[_Robot | SerialFile]] = {
 
 
 def checked(data: Mapping[str, Any]) -> tuple[str, _Robot | SerialFile]:
-    """The family of a robot file, three_link where it names none, and its checked keys. Raises InputError."""
+    """Return the family of a robot file, three_link by default, and its checked keys. Raises InputError."""
     family = data.get("family", "three_link")
     if not isinstance(family, str) or family not in FAMILIES:
         hint = near(family, FAMILIES)
         raise InputError(f"expected one of {', '.join(FAMILIES)}; found {shown(family)}{hint}", "family")
     if "family" not in data:
-        own = {k for k in ("B_m", "A0_mm", "B0_mm", "u1_2") if k in data}
-        if own:
-            meant = "six_link" if "B_m" in own else "f1"
-            raise InputError(f'is missing; a file with {sorted(own)[0]} needs family = "{meant}"', "family")
+        special = {k for k in ("B_m", "A0_mm", "B0_mm", "u1_2") if k in data}
+        if special:
+            meant = "six_link" if "B_m" in special else "f1"
+            raise InputError(f'is missing; a file with {sorted(special)[0]} needs family = "{meant}"', "family")
     return family, cast(_Robot | SerialFile, validate(FAMILIES[family], data))
 
 
 def is_robot_file(data: Mapping[str, Any]) -> bool:
-    """True for what is plainly a robot and no problem."""
+    """Return True for data of a robot, not of a problem."""
     return "kind" not in data and (bool({"A_m", "A0_mm", "family"} & set(data)) or is_python_robot(data))
 
 
 def is_python_robot(data: Mapping[str, Any]) -> bool:
-    """True for another robot with parameters, in Python, URDF or TOML, as a calibration writes it."""
-    named = str(data.get("robot", ""))
-    another = is_reference(named) or is_urdf(named) or named.endswith(".toml")
+    """Return True for another robot with parameters, in Python, URDF or TOML, as a calibration writes it."""
+    name = str(data.get("robot", ""))
+    another = is_reference(name) or is_urdf(name) or name.endswith(".toml")
     return "kind" not in data and another and set(data) <= PYTHON_KEYS
 
 
 def _refuse(misfit: float, key: str, more: str) -> None:
     if misfit > MISFIT:
         raise InputError(
-            f"the links of a cluster miss being parallel by {1e3 * misfit:.0f} mm at the best plate orientation, "
-            f"at most {1e3 * MISFIT:.0f} mm expected; a sign or a row is probably wrong here{more}",
+            f"the links of a cluster deviate from parallel by {1e3 * misfit:.0f} mm at the best plate orientation, "
+            f"expected at most {1e3 * MISFIT:.0f} mm; a sign or a row is probably wrong here{more}",
             key,
         )

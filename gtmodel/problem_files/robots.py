@@ -1,4 +1,4 @@
-"""A robot by reference: a catalogue name, a TOML robot file, a URDF file, or a Model written in Python."""
+"""Robots by reference: a catalogue name, a TOML robot file, a URDF file, or a Model in Python."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _WORDS = {
     "velocity_scale": "friction.velocity_scale_m_s",
     "payload": "payload_kg",
 }
-# of the catalogue alone, and what is an option and a parameter of the robots as well
+# parameters that only the catalogue sets, and parameters that are options too
 _OURS = {"name": "robot", "family": "robot"}
 _BOTH = {"velocity_scale"}
 
@@ -41,16 +41,16 @@ def resolve(
     payload: float | None = None,
     named_by: tuple[str, ...] = (),
 ) -> Model:
-    """The model that a problem file means.
+    """Return the model that a reference names.
 
     Args:
         reference: catalogue name ("l1_tape"), "robot.toml", "arm.urdf" or "arm.urdf:tip", "package.module:Class" or
             "file.py:Class"; paths start at the problem's folder, then at the working directory.
-        key: where the reference stands in the file, for messages.
-        parameters: modifiers of the model, by the names of its declarations.
-        inertia, smoothing, velocity_scale [m/s], payload [kg]: of a robot of the catalogue or a robot file;
-            None leaves the catalogue's own.
-        named_by: the robot files that led here, one naming the next.
+        key: key of the reference in the file, for messages.
+        parameters: values of the model's parameters by name.
+        inertia, smoothing, velocity_scale [m/s], payload [kg]: options of robots of the catalogue and of robot files;
+            None keeps the default.
+        named_by: robot files that led to this reference, each naming the next.
 
     Raises InputError.
     """
@@ -60,8 +60,8 @@ def resolve(
         if given:
             first = next(iter(given))
             raise InputError(
-                f"applies to robots of the catalogue and robot files only; '{reference}' is a model in Python, "
-                "which takes it as a parameter",
+                f"applies to robots of the catalogue and robot files only; '{reference}' is a model in Python: set it "
+                "in [parameters]",
                 _WORDS[first],
             )
         return python_models.resolve(reference, context, key, parameters)
@@ -71,7 +71,7 @@ def resolve(
         arm = _urdf(reference, context, key, given, modifiers)
         context.models.append(arm)
         return arm
-    name: str | None = None  # a robot file gives all of the geometry
+    name: str | None = None  # a robot file has the whole geometry
     if reference.endswith(".toml"):
         from .robot_file import is_python_robot  # here, as below: a robot of the catalogue needs no file
 
@@ -103,9 +103,9 @@ def resolve(
 def _urdf(
     reference: str, context: Context, key: str, given: Mapping[str, Any], parameters: Mapping[str, Any]
 ) -> SerialArm:
-    """The arm of a URDF file; what of it is not used is noted. Raises InputError."""
+    """The arm of a URDF file, with notes about ignored elements. Raises InputError."""
     if "inertia" in given:
-        raise InputError("applies to three-link robots only; a URDF has its masses in it", "inertia")
+        raise InputError("applies to three-link robots only; a URDF file contains its masses", "inertia")
     from gtmodel.robots import from_urdf
 
     name, _, tip = reference.partition(".urdf")
@@ -122,14 +122,14 @@ def _urdf(
 
 
 def _refuse_options(parameters: Mapping[str, Any], given: Mapping[str, Any]) -> None:
-    """Raises InputError where parameters name what has a key of its own beside them, or say it a second time."""
+    """Raises InputError if [parameters] names something that has a key of its own, or sets it a second time."""
     for name, word in (_WORDS | _OURS).items():
         if name not in parameters:
             continue
         if name in given:
-            raise InputError(f"is said by {word} too; leave one of the two out", f"parameters.{name}")
+            raise InputError(f"is set by {word} too; leave one of the two out", f"parameters.{name}")
         if name not in _BOTH:
-            raise InputError(f"is no parameter of a robot; {word} says it", f"parameters.{name}")
+            raise InputError(f"is not a parameter of a robot; use the key {word}", f"parameters.{name}")
 
 
 def _file(reference: str, context: Context, key: str) -> dict[str, Any]:
@@ -146,9 +146,9 @@ def _calibrated(
     modifiers: dict[str, Any], named_by: tuple[str, ...],
 ) -> Model:  # fmt: skip
     """Another robot with the parameters of a file, as a calibration writes it. Raises InputError."""
-    own = data.get("parameters", {})
-    if not isinstance(own, dict):
-        raise InputError(f"expected a table [parameters] in '{reference}'; found {type(own).__name__}", key)
+    parameters = data.get("parameters", {})
+    if not isinstance(parameters, dict):
+        raise InputError(f"expected a table [parameters] in '{reference}'; found {type(parameters).__name__}", key)
     if given and python_models.is_reference(data["robot"]):
         raise InputError(f"applies to robots of the catalogue and their files only; '{reference}' is a model in Python",
                          _WORDS[next(iter(given))])  # fmt: skip
@@ -156,13 +156,13 @@ def _calibrated(
     place = str(path.resolve()) if path is not None else reference
     if place in named_by:
         raise InputError(
-            f"'{reference}' is named as its own robot; name a robot that is no file of parameters of it", key
+            f"'{reference}' names itself as robot, directly or through other files; name another robot", key
         )
     beside = replace(context, folder=path.resolve().parent) if path is not None else context
-    named = data["robot"].rpartition(":")[0] or data["robot"]
-    near = beside if (beside.folder / named).is_file() else context
-    more = merged(own, modifiers)
-    return resolve(data["robot"], near, key=key, parameters=more, named_by=(*named_by, place), **given)
+    file = data["robot"].rpartition(":")[0] or data["robot"]
+    nearest = beside if (beside.folder / file).is_file() else context
+    both = merged(parameters, modifiers)
+    return resolve(data["robot"], nearest, key=key, parameters=both, named_by=(*named_by, place), **given)
 
 
 def _from_file(
@@ -172,15 +172,15 @@ def _from_file(
 
     try:
         family, robot = checked(data)
-        own = robot.modifiers()
+        geometry = robot.modifiers()
     except InputError as error:
         inside = error.within(reference, content=read(context.file(reference, key, "robot", "robot file")))
         raise (InputError(str(inside), key) if key else inside) from error
-    return family, {**own, **modifiers}
+    return family, {**geometry, **modifiers}
 
 
 def in_python(reference: str, context: Context) -> tuple[str, dict[str, Any]]:
-    """What class and parameters a robot file of a model in Python names; the reference itself without one."""
+    """Return the class and parameters that a robot file of a Python model names; else the reference itself."""
     from .robot_file import is_python_robot
 
     path = context.find(reference) if reference.endswith(".toml") else None

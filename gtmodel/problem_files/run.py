@@ -1,4 +1,4 @@
-"""One run of a problem, from the loaded file to the written folder of its result."""
+"""Run of a problem, from the loaded file to the written folder of its result."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from .noted import noted
 
 
 class NotDrawn(InputError):
-    """A picture could not be drawn; `files` are those written all the same."""
+    """A picture could not be drawn; `files` are the files that were written nevertheless."""
 
     def __init__(self, sentence: str, files: list[Path]) -> None:
         super().__init__(sentence)
@@ -33,8 +33,8 @@ class NotDrawn(InputError):
 
 
 @contextmanager
-def said_of_out() -> Iterator[None]:
-    """What is wrong with the folder, as an InputError about --out."""
+def about_out() -> Iterator[None]:
+    """Turn errors about the folder into InputError about --out."""
     try:
         yield
     except ArgumentError as error:
@@ -43,29 +43,29 @@ def said_of_out() -> Iterator[None]:
 
 @contextmanager
 def held(folder: Path, context: Context) -> Iterator[Held]:
-    """The folder for this run alone, tried before the work; see `results.written.held`. Raises InputError."""
-    with said_of_out(), written.held(folder, context.notice) as mine:
-        yield mine
+    """Lock the folder for this run, before the work; see `results.written.held`. Raises InputError."""
+    with about_out(), written.held(folder, context.notice) as target:
+        yield target
 
 
 def write(
     folder: Path | Held, loaded: Loaded, context: Context, outcome: Study, *, wall_s: float, plot: bool
 ) -> list[Path]:
-    """Write a study with its run.toml, all files or none; returns the files written.
+    """Write a study with its run.toml, all files or none, and return their paths.
 
-    result.json, trajectory.csv where there is a trajectory (marked where it must not be relied on), the study's own
-    files, pictures when `plot` is set, and run.toml. Files of an earlier result in the folder are replaced or removed.
+    The files are result.json, trajectory.csv if there is a trajectory (marked if it must not be used), the study's own
+    files, pictures if `plot` is set, and run.toml. They replace the files of an earlier result in the folder.
 
-    Raises InputError where the folder is foreign or cannot be written; NotDrawn when all is written but a picture.
+    Raises InputError if the folder belongs to something else or cannot be written; NotDrawn if only a picture failed.
     """
     if isinstance(folder, Path):
-        with held(folder, context) as mine:
-            return write(mine, loaded, context, outcome, wall_s=wall_s, plot=plot)
+        with held(folder, context) as target:
+            return write(target, loaded, context, outcome, wall_s=wall_s, plot=plot)
     files = written.files_of(outcome, result(loaded.name, loaded.problem.kind, outcome))
-    if "flat" in context.inputs:  # what another flattener made of a Modelica text: errors name its lines
+    if "flat" in context.inputs:  # the output of another flattener: errors name its lines
         files["flat.mo"] = context.inputs["flat"].read_bytes()
     faults = pictured(outcome, files) if plot else []
-    with said_of_out():
+    with about_out():
         paths = written.put(folder, files, lambda files: _run(loaded, context, wall_s, files))
     if faults:
         raise NotDrawn(faults[0], paths)
@@ -73,7 +73,7 @@ def write(
 
 
 def in_folder(loaded: Loaded, context: Context, outcome: Study, *, wall_s: float) -> list[Path]:
-    """Write an outcome, without pictures, into a new folder among the temporary ones; no files where that fails."""
+    """Write an outcome without pictures into a new temporary folder; return no files if that fails."""
     try:
         place = Path(tempfile.mkdtemp(prefix=f"{loaded.path.stem}-"))
     except OSError:
@@ -102,7 +102,7 @@ _FAILED = "--write-failed"
 
 @dataclass(frozen=True)
 class Finished:
-    """An outcome, the wall time [s] that it took, the files written, and what kept others from it, in a sentence."""
+    """An outcome, its wall time [s], the files written, and a sentence why other files were not written."""
 
     outcome: Study
     wall_s: float
@@ -111,9 +111,9 @@ class Finished:
 
 
 def context_of(loaded: Loaded, *, max_seconds: float | None = None, start: Path | None = None) -> Context:
-    """A context for a loaded problem, with a time limit [s] and an earlier result to start from.
+    """Return a context for a loaded problem, with a time limit [s] and an earlier result to start from.
 
-    Raises InputError for a limit that is not positive and for a start that is no result of this kind.
+    Raises InputError for a limit that is not positive and for a start that is not a result of this kind.
     """
     if max_seconds is not None and not 0 < max_seconds < math.inf:
         raise InputError(f"--max-seconds {max_seconds:g}: expected a positive time in s")
@@ -125,18 +125,18 @@ def context_of(loaded: Loaded, *, max_seconds: float | None = None, start: Path 
 
 
 def answer(loaded: Loaded, context: Context) -> Study:
-    """What the kind gives back. Raises InputError, for an argument that a library refuses at its key."""
+    """Run the study and return its result. Raises InputError, with the key of an argument that the library refuses."""
     if isinstance(loaded.kind, Generating):
         raise InputError("generates code and solves nothing; use gtmodel codegen PROBLEM.toml -o DIR", "kind")
     with keyed(loaded), context.under_way():
         try:
             return loaded.kind.call(loaded.problem, context)(**context.work())
-        except Interrupted as stopped:  # outside of the study: while its arguments were made, or its page
+        except Interrupted as stopped:  # outside the study: while its arguments or its report were computed
             return Study(status=SolveStatus.INTERRUPTED, message=str(stopped))
 
 
 def call_of(path: str | Path, settings: Iterable[str] = ()) -> Call:
-    """The call that a problem file means. Raises InputError."""
+    """Return the call that a problem file describes. Raises InputError."""
     loaded = load(path, settings)
     with keyed(loaded):
         return loaded.kind.call(loaded.problem, context_of(loaded))
@@ -144,7 +144,7 @@ def call_of(path: str | Path, settings: Iterable[str] = ()) -> Call:
 
 @contextmanager
 def keyed(loaded: Loaded) -> Iterator[None]:
-    """What a library refuses, as an InputError at the key and line of the file."""
+    """Turn errors about arguments into InputError with the key and line of the file."""
     try:
         yield
     except InputError as error:
@@ -160,10 +160,9 @@ def keyed(loaded: Loaded) -> Iterator[None]:
 def solve(
     loaded: Loaded, context: Context, *, out: Path | None = None, plot: bool = False, write_failed: bool = False
 ) -> Finished:
-    """Solve a problem; write the result where `out` is given. Raises InputError, before the work where it can.
+    """Solve a problem and write the result into `out`, if there is one. Raises InputError, if possible before the work.
 
-    Files for a machine are written only of a result that may be used, or, marked in their first line, with
-    `write_failed`.
+    Files for a machine are written only if the result may be used, or with `write_failed`, marked in their first line.
     """
     if out is None:
         return Finished(noted(answer(loaded, context), context), time.monotonic() - context.began)
@@ -176,7 +175,7 @@ def solve(
         except NotDrawn as error:
             return Finished(outcome, wall_s, error.files, unwritten=str(error))
         except InputError as error:
-            # the work is done: a full disk must not cost its result
+            # a full disk must not lose the result
             files = in_folder(loaded, context, outcome, wall_s=wall_s)
             elsewhere = f"; the result was written into {files[0].parent} instead" if files else ""
             return Finished(outcome, wall_s, files, unwritten=f"{error}{elsewhere}")
@@ -186,10 +185,12 @@ def solve(
 def generate(
     loaded: Loaded, context: Context, out: Path, *, verify: bool, write_failed: bool = False, fmu: str | None = None
 ) -> Finished:
-    """Generate the code of a problem of a kind that gives some; with `verify` and without `write_failed` only code that
-    passed all checks is written; `fmu`: units of that version instead. Raises InputError for another kind."""
+    """Generate the code of a problem. With `verify` and without `write_failed`, write it only if it passed all checks.
+
+    fmu: write units of that version instead. Raises InputError for a kind that generates no code.
+    """
     if not isinstance(loaded.kind, Generating):
-        raise InputError(f"is '{loaded.problem.kind}', which gives no code; use gtmodel solve", "kind")
+        raise InputError(f"is '{loaded.problem.kind}', which generates no code; use gtmodel solve", "kind")
     with keyed(loaded), context.under_way():
         try:
             outcome = loaded.kind.write(loaded.problem, context, out, verify=verify, write_failed=write_failed, fmu=fmu)
@@ -199,11 +200,11 @@ def generate(
 
 
 def explain(loaded: Loaded, context: Context) -> str:
-    """What the kind says about a problem; its checked keys where it says nothing."""
-    own = getattr(loaded.kind, "explain", None)
-    if own is not None:
+    """Return the kind's explanation of a problem; its checked keys if the kind has none."""
+    explanation = getattr(loaded.kind, "explain", None)
+    if explanation is not None:
         with keyed(loaded):
-            return str(own(loaded.problem, context))
+            return str(explanation(loaded.problem, context))
     import tomli_w
 
     return tomli_w.dumps(loaded.problem.model_dump(mode="json", exclude_none=True)).rstrip()

@@ -13,19 +13,19 @@ from .base import InputError
 
 
 def read(path: Path, kind: str) -> Mapping[str, Any]:
-    """The data of a result.json, or of the one in a folder. Raises InputError for any other file."""
+    """Return the data of a result.json, or of the result.json in a folder. Raises InputError for any other file."""
     file = path / "result.json" if path.is_dir() else path
     if not file.is_file():
         raise InputError(f"--start {path}: there is no such file; name the result.json of an earlier --out")
     try:
         data = document(file.read_bytes())
-        of_kind = data["kind"]
+        stored_kind = data["kind"]
     except OSError as error:
         raise InputError(f"--start {path} cannot be read: {error.strerror}") from None
     except (ValueError, KeyError, TypeError):
-        raise InputError(f"--start {path} is no result.json of gtmodel") from None
-    if of_kind != kind:
-        raise InputError(f"--start {path} is a result of kind '{of_kind}'; this problem is of kind '{kind}'")
+        raise InputError(f"--start {path} is not a result.json of gtmodel") from None
+    if stored_kind != kind:
+        raise InputError(f"--start {path} is a result of kind '{stored_kind}'; this problem is of kind '{kind}'")
     stored = data.get("trajectory")
     try:
         if stored is not None:

@@ -1,32 +1,32 @@
-"""What every engine returns and every plot takes.
+"""Results that engines return and plots show.
 
 Status of a run
-    Status            outcome of one evaluation on data, shared with the generated C
+    Status            outcome of one evaluation, shared with the generated C
     SolveStatus       outcome of a whole solve or simulation
-    ModesStatus       whether a set of assembly modes is whole
+    ModesStatus       completeness of a set of assembly modes
     c_enum            `Status` as a C99 enumeration
-    c_sentences       its sentences as a C99 table
+    c_sentences       messages of `Status` as a C99 table
 
 Studies
-    Study             what a study of any library returns: status, quantities, checks, notes, pictures, files
-    read, Stored      a written study given back
-    Quantity          an attribute of a study, declared once: unit, description, label
+    Study             result of a study of any library: status, quantities, checks, notes, pictures, files
+    read, Stored      a study read from its folder
+    Quantity          declaration of an attribute of a study: unit, description, label
     Row               a row of its table
-    Options, Unit, Within, Long   options of a study, checked when made
-    Work              progress and end of one run
-    ArgumentError     what a caller gave cannot be used: the one refusal of all libraries
-    naming            what is refused inside, refused as an argument of one's own
+    Options, Unit, Within, Long   options of a study, checked at construction
+    Work              progress and termination of a run
+    ArgumentError     error of all libraries about a wrong argument
+    naming            renames the argument of errors in a block
 
-What was tested
+Checks
     Check, at_most, at_least   a number with its bound, and the verdict
 
-What data say
-    Estimate          estimated quantities with their covariance, from whichever engine
+Estimates
+    Estimate          estimated quantities with their covariance, from any engine
 
 Time series
-    Trajectory        named, unit-carrying, immutable: result, optimum, measurement, guess, scaling reference
-    TrajectoryError   data that make no trajectory
-    UnknownNameError  a signal name that is not there
+    Trajectory        named signals with units, immutable: result, optimum, measurement, guess, scaling reference
+    TrajectoryError   invalid data of a trajectory
+    UnknownNameError  unknown name of a signal
 """
 
 from typing import TYPE_CHECKING

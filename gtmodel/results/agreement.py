@@ -1,5 +1,4 @@
-"""Whether a value is what an annotation says, its kind, its words, how long it is, its bounds, and what both are
-called in a refusal."""
+"""Check of values against annotations: type, allowed words, length, bounds; and their names in error messages."""
 
 from __future__ import annotations
 
@@ -19,7 +18,7 @@ import numpy as np
 from .quantity import marks_of
 from .refusal import ArgumentError
 
-# of one; of several
+# singular and plural
 _WORDS: dict[Any, tuple[str, str]] = {
     float: ("a number", "numbers"),
     int: ("a whole number", "whole numbers"),
@@ -30,18 +29,18 @@ _WORDS: dict[Any, tuple[str, str]] = {
     Any: ("anything", "anything"),
     type(None): ("None", "None"),
 }
-_LONGEST = 60  # characters of a value that are shown
+_LONGEST = 60  # characters of a value in a message
 
 
 def expected(hint: Any, several: bool = False) -> str:
-    """What an annotation asks for: "a list of numbers", "gtmodel.motion.Limits or None"."""
+    """Return the type of an annotation in words: "a list of numbers", "gtmodel.motion.Limits or None"."""
     kind, inside = get_origin(hint) or hint, get_args(hint)
     if kind is Annotated:
         return expected(inside[0], several)
     if kind in _WORDS:
         return _WORDS[kind][several]
     if kind in (Union, types.UnionType):
-        return " or ".join(expected(one, several) for one in inside)
+        return " or ".join(expected(member, several) for member in inside)
     if kind is Literal:
         return f"{'' if len(inside) == 1 else 'one of '}{', '.join(map(str, inside))}"
     if kind is Callable or is_function_protocol(kind):
@@ -54,12 +53,12 @@ def expected(hint: Any, several: bool = False) -> str:
 
 
 def is_function_protocol(kind: Any) -> bool:
-    """Whether a protocol stands for functions; one that is `runtime_checkable` stands for objects."""
+    """Return True for a protocol of functions; a `runtime_checkable` protocol describes objects."""
     return getattr(kind, "_is_protocol", False) and not getattr(kind, "_is_runtime_protocol", False)
 
 
 def described(value: Any) -> str:
-    """A value in a few words: itself where it is short, else its class."""
+    """Return a short description of a value: the value itself if it is short, otherwise its class."""
     if isinstance(value, np.ndarray):
         return f"an array of shape {value.shape} and type {value.dtype}"
     if value is None or isinstance(value, (str, bool, int, float, complex, np.generic, list, tuple, dict, Path)):
@@ -73,14 +72,14 @@ def described(value: Any) -> str:
 
 
 def near(value: Any, hint: Any) -> str:
-    """Which of the annotation's words was meant, as the end of a sentence."""
+    """Return "; did you mean ...?" with a similar word of the annotation, or an empty string."""
     words = _words(hint) if isinstance(value, str) else []
     close = difflib.get_close_matches(str(value), words, n=1)
     return f"; did you mean {close[0]}?" if close else ""
 
 
 def class_name(cls: type) -> str:
-    """A class as it is imported: from the outermost package that has it."""
+    """Return the full name of a class, with the outermost package that exports it."""
     parts = cls.__module__.split(".")
     for n in range(1, len(parts) + 1):
         package = ".".join(parts[:n])
@@ -92,12 +91,12 @@ def class_name(cls: type) -> str:
 def _words(hint: Any) -> list[str]:
     if get_origin(hint) is Literal:
         return [word for word in get_args(hint) if isinstance(word, str)]
-    return [word for one in get_args(hint) for word in _words(one)]
+    return [word for member in get_args(hint) for word in _words(member)]
 
 
 Marks = tuple[Any, ...]
-UNEQUAL = "expected rows of one length"
-_SHOWN = 12  # names in a sentence
+UNEQUAL = "expected rows of equal length"
+_SHOWN = 12  # names in a message
 _NUMBERS: dict[Any, Any] = {float: numbers.Real, int: numbers.Integral}
 
 
@@ -113,10 +112,10 @@ class Within:
     least: float | None = None
     most: float | None = None
     below: float | None = None
-    advice: str = ""  # said to whom a bound is broken by
+    advice: str = ""  # added to the message if a bound is violated
 
     def holds(self, x: float) -> bool:
-        """Whether a number keeps all bounds."""
+        """Return True if a number is within all bounds."""
         return (
             (self.above is None or x > self.above)
             and (self.least is None or x >= self.least)
@@ -131,18 +130,18 @@ class Within:
 
 @dataclass(frozen=True)
 class Long:
-    """Number of entries that a list must have; of lists in a list, each. One number in place of the list is refused."""
+    """Number of entries of a list, or of each list in a list. A single number instead of a list is refused."""
 
     count: int
 
 
 @dataclass(frozen=True)
 class AnyNumber:
-    """Numbers need not be finite: data of many evaluations, of which each has a status."""
+    """Numbers may be infinite or NaN, for data of many evaluations with a status each."""
 
 
 class WrongKind(ArgumentError):
-    """A value of another kind than the annotation says, or a word that is none of its words."""
+    """A value with another type than the annotation, or a word that is not allowed."""
 
     def __init__(self, value: Any, hint: Any, argument: str) -> None:
         super().__init__(f"expected {expected(hint)}; found {described(value)}{near(value, hint)}", argument)
@@ -150,14 +149,13 @@ class WrongKind(ArgumentError):
 
 
 def agree(value: Any, hint: Any, argument: str, marks: Marks = ()) -> None:
-    """Raises ArgumentError unless a value is what an annotation says; numbers are finite, unless `AnyNumber` is said.
+    """Raises ArgumentError unless a value agrees with an annotation; numbers must be finite, except with `AnyNumber`.
 
-    marks: Within, Long and AnyNumber of the Annotated that the hint stands in. Where a list is asked for, a tuple or
-    an array does too. What is wrong with an object in a list is said with its place, "cases[1]"; numbers and words
-    stand under the name of the list.
+    marks: Within, Long and AnyNumber of the enclosing Annotated. A tuple or an array is accepted as a list. Errors
+    about an object in a list name its place, "cases[1]"; errors about numbers and words name the list.
     """
-    hint, more = _plain(hint)
-    marks = (*marks, *more)
+    hint, further = _plain(hint)
+    marks = (*marks, *further)
     origin, inside = get_origin(hint), get_args(hint)
     kind = origin or hint
     if kind in (Union, types.UnionType):
@@ -179,9 +177,9 @@ def agree(value: Any, hint: Any, argument: str, marks: Marks = ()) -> None:
     elif issubclass(kind, Mapping):
         if not isinstance(value, Mapping):
             raise WrongKind(value, hint, argument)
-        for key, one in value.items():
+        for key, item in value.items():
             agree(key, inside[0], argument)
-            agree(one, inside[1], _place(argument, f".{key}", inside[1]), marks)
+            agree(item, inside[1], _place(argument, f".{key}", inside[1]), marks)
     elif inside and issubclass(kind, Iterable):
         _listed(value, hint, argument, marks)
     elif not isinstance(value, kind):
@@ -189,7 +187,7 @@ def agree(value: Any, hint: Any, argument: str, marks: Marks = ()) -> None:
 
 
 def numbers_of(names: Sequence[str], values: Sequence[float] | np.ndarray, argument: str) -> np.ndarray:
-    """Values as an array, one for each name; they need not be finite. Raises ArgumentError for others.
+    """Return values as an array, one per name; they may be infinite or NaN. Raises ArgumentError for anything else.
 
     >>> from gtmodel.results.agreement import numbers_of
     >>> numbers_of(["x", "y"], [1.0], "values")
@@ -199,7 +197,7 @@ def numbers_of(names: Sequence[str], values: Sequence[float] | np.ndarray, argum
     """
     try:
         numbers = np.asarray(values)
-    except ValueError:  # rows of several lengths
+    except ValueError:  # rows of different lengths
         numbers = np.array(None)
     if numbers.shape != (len(names),) or numbers.dtype.kind not in "fiu":
         count = "one number" if len(names) == 1 else f"{len(names)} numbers"
@@ -216,8 +214,8 @@ def _listed(value: Any, hint: Any, argument: str, marks: Marks) -> None:
         raise WrongKind(value, hint, argument)
     if get_origin(hint) is tuple and Ellipsis not in inside:
         _long(len(value), len(inside), argument)
-        for k, one in enumerate(value):
-            agree(one, inside[k], _place(argument, f"[{k}]", inside[k]), marks)
+        for k, item in enumerate(value):
+            agree(item, inside[k], _place(argument, f"[{k}]", inside[k]), marks)
         return
     if not _holds_lists(inside[0]):
         if isinstance(value, np.ndarray) and value.ndim > 1:
@@ -225,14 +223,14 @@ def _listed(value: Any, hint: Any, argument: str, marks: Marks) -> None:
         for mark in marks:
             if isinstance(mark, Long):
                 _long(len(value), mark.count, argument)
-    for k, one in enumerate(value):
-        agree(one, inside[0], _place(argument, f"[{k}]", inside[0]), marks)
+    for k, item in enumerate(value):
+        agree(item, inside[0], _place(argument, f"[{k}]", inside[0]), marks)
     if hint == list[list[float]] and len(set(map(len, value))) > 1:  # type: ignore[arg-type]
         raise ArgumentError(f"{UNEQUAL}; found {described(value)}", argument)
 
 
 def _array(value: Any, hint: Any, argument: str, marks: Marks) -> None:
-    """An array, or lists that make one."""
+    """Check an array, or lists that form one."""
     try:
         array = np.asarray(value)
     except ValueError:
@@ -266,7 +264,7 @@ def _bounded(numbers: Sequence[float], argument: str, marks: Marks) -> None:
 
 
 def _one_of(value: Any, hints: Sequence[Any], argument: str, marks: Marks) -> None:
-    """One of several kinds; where the value is of one of them, the sentence is what that one refuses."""
+    """Check against several types; if the value has one of them, report the error of that type."""
     inner = None
     for hint in hints:
         try:
@@ -279,13 +277,13 @@ def _one_of(value: Any, hints: Sequence[Any], argument: str, marks: Marks) -> No
     raise WrongKind(value, Union[tuple(hints)], argument)  # noqa: UP007
 
 
-def _long(count: int, wanted: int, argument: str) -> None:
-    if count != wanted:
-        raise ArgumentError(f"expected {wanted} numbers; found {count}", argument)
+def _long(count: int, expected: int, argument: str) -> None:
+    if count != expected:
+        raise ArgumentError(f"expected {expected} numbers; found {count}", argument)
 
 
 def _plain(hint: Any) -> tuple[Any, Marks]:
-    """A hint without its Annotated, and what that carried."""
+    """A hint without its Annotated, and the metadata of the Annotated."""
     return (get_args(hint)[0], marks_of(hint)) if get_origin(hint) is Annotated else (hint, ())
 
 
@@ -296,5 +294,5 @@ def _holds_lists(hint: Any) -> bool:
 
 
 def _place(argument: str, entry: str, hint: Any) -> str:
-    """The name of an entry: its own where it is an object."""
+    """The name of an entry for messages: the list's name for numbers and words."""
     return argument + entry if isinstance(hint, type) and hint not in (float, int, str, bool) else argument

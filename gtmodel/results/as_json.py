@@ -1,4 +1,4 @@
-"""A study as JSON data: what ``--json`` prints and ``result.json`` holds."""
+"""A study as JSON data, for ``--json`` and ``result.json``."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 
 def summary(problem: str, kind: str | None, study: Study, wall_s: float) -> dict[str, Any]:
-    """The object that ``--json`` prints: the keys of the contract, in its order."""
+    """Return the object that ``--json`` prints, with the documented keys in their order."""
     return {**_facts(problem, kind, study), "wall_s": round(wall_s, 3), **_numbers(study)}
 
 
 def result(problem: str, kind: str | None, study: Study) -> bytes:
-    """``result.json``: the same bytes for the same input, and all that a later solve needs to start from it."""
+    """Return ``result.json``: identical for identical input, and sufficient to start a later solve."""
     trajectory = study.trajectory
     stored = {"trajectory": _series(trajectory)} if trajectory is not None else {}
     data = {**_facts(problem, kind, study), **_numbers(study), **stored}
@@ -27,7 +27,7 @@ def result(problem: str, kind: str | None, study: Study) -> bytes:
 
 
 def line(data: Mapping[str, Any], *, ascii_only: bool = False) -> str:
-    """One JSON object on one line; `ascii_only` escapes every other sign, as "\\u00b0"."""
+    """Return a JSON object on one line; `ascii_only` escapes other characters, as "\\u00b0"."""
     return json.dumps(plain(data), ensure_ascii=ascii_only, allow_nan=False)
 
 
@@ -59,12 +59,12 @@ def _series(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON data: arrays become lists, a number that is not finite becomes null."""
+    """Return a value as JSON data: arrays become lists, infinite numbers and NaN become null."""
     if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
         return [plain(v) for v in value]
-    np = sys.modules.get("numpy")  # where it was never imported there is no value of it
+    np = sys.modules.get("numpy")  # without NumPy there are no NumPy values
     if np is not None and isinstance(value, np.ndarray):
         clean = value.dtype.kind == "f" and bool(np.isfinite(value).all())
         return value.tolist() if clean else plain(value.tolist())

@@ -1,4 +1,4 @@
-"""A number that was tested, and the verdict; what is said of those that failed."""
+"""Checks: a number with its bound and verdict, and the message about failed checks."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from dataclasses import dataclass
 
 from .quantity import split
 
-_DIGITS, _ALL = 6, 17  # of a number in a sentence; that distinguish any two numbers
+_DIGITS, _ALL = 6, 17  # digits of a number in a message; digits that distinguish any two numbers
 
 
 @dataclass(frozen=True)
 class Check:
-    """A number that was tested, and the verdict on the whole result: where it fails, nobody is to rely on the result.
+    """A tested number with its verdict. If a check fails, the whole result must not be used.
 
-    What only informs is no check but a value.
+    A number that is only reported is not a check but a value.
 
     Args:
         value: the number.
-        bound: what the value must not exceed, or must reach where `least` is set; None without a bound.
-        advice: what a person does when it fails, such as "use a smaller tolerance".
-        least: the bound is a lower one.
-        judged: the verdict where it is no comparison with the bound.
+        bound: largest allowed value, or smallest if `least` is set; None without a bound.
+        advice: what to do if the check fails, such as "use a smaller tolerance".
+        least: True if the bound is a lower bound.
+        judged: the verdict, if it is not the comparison with the bound.
 
     >>> gt.results.Check(0.2, bound=0.1, advice="refine the mesh").passed
     False
@@ -36,14 +36,14 @@ class Check:
 
     @property
     def compares(self) -> bool:
-        """Whether the verdict is the comparison with the bound, so that the bound explains it."""
+        """True if the verdict is the comparison with the bound."""
         if self.bound is None or not math.isfinite(self.value):
             return self.bound is not None
         return self.passed == (self.value >= self.bound if self.least else self.value <= self.bound)
 
     @property
     def passed(self) -> bool:
-        """The verdict; what is no number fails."""
+        """The verdict; NaN fails."""
         if self.judged is not None:
             return self.judged
         if self.bound is None:
@@ -52,7 +52,7 @@ class Check:
 
 
 def at_most(value: float, bound: float, advice: str = "") -> Check:
-    """The check value <= bound. A value that is no number fails.
+    """Return the check value <= bound. NaN fails.
 
     >>> gt.results.at_most(2e-3, 1e-3, "refine the mesh").passed
     False
@@ -61,7 +61,7 @@ def at_most(value: float, bound: float, advice: str = "") -> Check:
 
 
 def at_least(value: float, bound: float, advice: str = "") -> Check:
-    """The check value >= bound. A value that is no number fails.
+    """Return the check value >= bound. NaN fails.
 
     >>> gt.results.at_least(12, 10).passed
     True
@@ -70,12 +70,12 @@ def at_least(value: float, bound: float, advice: str = "") -> Check:
 
 
 def failed_of(checks: Mapping[str, Check]) -> dict[str, Check]:
-    """The checks that failed, by name."""
+    """Return the failed checks, by name."""
     return {name: check for name, check in checks.items() if not check.passed}
 
 
 def verdict(failed: Mapping[str, Check], count: int) -> str:
-    """One sentence: which of `count` checks failed with value and bound, and what to do."""
+    """Return one sentence: the failed ones of `count` checks with value and bound, and what to do."""
     failures = ", ".join(f"{name} ({_numbers(name, check)})" for name, check in failed.items())
     text = f"{len(failed)} of {count} checks failed: {failures}"
     advice = list(dict.fromkeys(check.advice for check in failed.values() if check.advice))
@@ -92,13 +92,13 @@ def _numbers(name: str, check: Check) -> str:
 
 
 def bound_in_words(check: Check) -> str:
-    """ "at most 0.005", with as many digits as distinguish the value from the bound."""
+    """Return "at most 0.005", with enough digits to distinguish the value from the bound."""
     word = "at least" if check.least else "at most"
     return f"{word} {check.bound:.{_digits(check)}g}"
 
 
 def _digits(check: Check) -> int:
-    """Six, or as many as distinguish a value from a bound that it just misses."""
+    """Six, or enough to distinguish a value from a bound that it just misses."""
     if check.bound is None or not math.isfinite(check.value) or check.value == check.bound:
         return _DIGITS
     alike = (n for n in range(_DIGITS, _ALL) if f"{check.value:.{n}g}" != f"{check.bound:.{n}g}")

@@ -1,5 +1,5 @@
-"""Writing to a disk: a file whole or not at all, nobody's file replaced unasked; files made when they are written;
-how files for machines say that they must not be relied on."""
+"""Writing to disk: complete files or none, no file replaced without permission, contents computed when written, and
+marks on machine files that must not be used."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PathLike = str | os.PathLike[str]
 
 
 def path_of(value: PathLike, argument: str = "path") -> Path:
-    """The path of a file or folder. Raises ArgumentError for what is no text and no path, such as an open file.
+    """Return the path of a file or folder. Raises ArgumentError for anything but text or a path, such as an open file.
 
     >>> from gtmodel.results.disk import path_of
     >>> path_of(3)
@@ -35,26 +35,26 @@ def path_of(value: PathLike, argument: str = "path") -> Path:
 
 
 def write_whole(path: PathLike, data: bytes, *, overwrite: bool) -> None:
-    """Write a file; only a process that is killed while it makes a new one leaves a part.
+    """Write a file completely or not at all; only a process killed while it creates a new file leaves a part.
 
-    Raises FileExistsError for a file that is there, unless `overwrite`, and OSError of the system.
+    Raises FileExistsError if the file exists, unless `overwrite`, and OSError of the system.
     """
     place = Path(os.path.realpath(path))
-    beside = overwrite and (place.is_file() or not place.exists())  # a device is no file to be replaced
-    part = place.with_name(f".{place.name}.{os.getpid()}.part") if beside else place
+    replaces = overwrite and (place.is_file() or not place.exists())  # a device cannot be replaced
+    part = place.with_name(f".{place.name}.{os.getpid()}.part") if replaces else place
     try:
         file = open(part, "wb" if overwrite else "xb")  # noqa: SIM115
     except FileExistsError:
         raise FileExistsError(
-            f"{path} is already there and was left alone; choose another path or pass overwrite=True"
+            f"{path} exists already and was not changed; choose another path or pass overwrite=True"
         ) from None
     try:
         with file:
             file.write(data)
-        if beside:
+        if replaces:
             os.replace(part, place)
     except BaseException:
-        if beside or not overwrite:
+        if replaces or not overwrite:
             part.unlink(missing_ok=True)
         raise
 
@@ -64,8 +64,8 @@ _NO_ROOM = {errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS}
 
 @contextmanager
 def scratch(prefix: str = "gtmodel-") -> Iterator[Path]:
-    """A temporary folder that goes again, with the process that made it, not with one that is forked meanwhile. Raises
-    ArgumentError where there is none, or where it is full."""
+    """Yield a temporary folder, which this process removes afterwards, but not its forks. Raises ArgumentError if the
+    folder cannot be created or is full."""
     place, owner = "", os.getpid()
     try:
         place = tempfile.mkdtemp(prefix=prefix)
@@ -76,15 +76,15 @@ def scratch(prefix: str = "gtmodel-") -> Iterator[Path]:
                 shutil.rmtree(place, ignore_errors=True)
     except OSError as error:
         if not place or error.errno in _NO_ROOM or not Path(place).parent.is_dir():
-            named = place or tempfile.tempdir or "of this machine"
+            name = place or tempfile.tempdir or "of this machine"
             raise ArgumentError(
-                f"the temporary folder {named} does not take the files ({error.strerror}); free space, or set TMPDIR"
+                f"cannot write into the temporary folder {name} ({error.strerror}); free space, or set TMPDIR"
             ) from error
         raise
 
 
 class MadeFiles(Mapping[str, str]):
-    """Contents by file name, each from a function that is called when it is asked for."""
+    """Contents by file name, each computed by a function at access."""
 
     def __init__(self, makers: Mapping[str, Callable[[], str]]) -> None:
         self.makers = dict(makers)
@@ -99,22 +99,22 @@ class MadeFiles(Mapping[str, str]):
         return len(self.makers)
 
     def with_(self, name: str, maker: Callable[[], str], *, behind: str) -> MadeFiles:
-        """The same with one file more, behind another one."""
+        """Return a copy with one more file, after the file `behind`."""
         place = list(self.makers).index(behind) + 1
         pairs = list(self.makers.items())
         return MadeFiles(dict([*pairs[:place], (name, maker), *pairs[place:]]))
 
 
 def made(files: Mapping[str, Any]) -> MadeFiles:
-    """Any files as such: those that are there are given when they are asked for."""
+    """Return any mapping of file contents as MadeFiles."""
     if isinstance(files, MadeFiles):
         return files
     return MadeFiles({name: partial(str, content) for name, content in files.items()})
 
 
 _MARK = "NOT TO BE USED"
-_LONGEST = 4096  # bytes of a first line that are looked at: a measured file may be one line of many megabytes
-# how a file of this ending says something in its first line; all readers of these formats pass over it
+_LONGEST = 4096  # bytes of a first line that are read: a measured file may be one line of many megabytes
+# comments by file extension; all readers of these formats skip them
 _COMMENT = {
     ".csv": ("# ", ""),
     ".toml": ("# ", ""),
@@ -126,22 +126,22 @@ _COMMENT = {
 
 
 def marked(name: str, content: bytes, message: str, by: str = ", written by --write-failed") -> bytes:
-    """A file for a machine whose result must not be relied on: its first line says so. Nothing else changes.
+    """Return the content with a first line that says that the file must not be used.
 
-    Raises ValueError for an ending that has no comment here: such a file cannot be marked.
+    Raises ValueError for a file extension without a known comment syntax.
     """
     try:
         before, after = _COMMENT[PurePath(name).suffix]
     except KeyError:
         raise ValueError(f"{name}: no comment is known for files of this ending") from None
-    said = " ".join(message.split()).replace("*/", "* /").replace("/*", "/ *")
-    text = f"{_MARK}{by}: {said}"
+    reason = " ".join(message.split()).replace("*/", "* /").replace("/*", "/ *")
+    text = f"{_MARK}{by}: {reason}"
     line = f"{before}{text.replace('--', '- -') if before == '<!-- ' else text}{after}"
     return line.encode() + b"\n" + content
 
 
 def is_marked(path: Path) -> bool:
-    """True for a file that says of itself that it must not be relied on; False for what cannot be read."""
+    """Return True for a file marked as not to be used; False if it cannot be read."""
     try:
         with open(path, "rb") as file:
             return _MARK.encode() in file.readline(_LONGEST)

@@ -1,4 +1,4 @@
-"""Estimated quantities with their covariance: what every fit returns, whichever engine made it."""
+"""Estimated quantities with their covariance: the result of every fit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from .refusal import ArgumentError
 
-# of the sum of their sizes, what a combination's terms may sum to along a null direction; more is undetermined
+# a combination is undetermined if its terms along a null direction sum to more than this share of their absolute sum
 INSIDE = 1e-6
 
 
@@ -19,18 +19,18 @@ INSIDE = 1e-6
 class Estimate:
     """Estimated quantities with their covariance, in SI units.
 
-    names: free constants, and states at the start as "x at the start"; `values` (n,) in the same order.
-    covariance: (n, n), that of linearised least squares (Gauss-Newton).
-    degrees_of_freedom: the number of measured values beyond the estimated quantities.
-    noise: standard deviation of the residuals, 1 expected where sigma was given (`known_noise`).
-    held: names that stand at a bound, at `held_values`; they have no covariance.
-    null_space: (n, k), one column per direction in which the data determine nothing, zero where a name has no part.
-        There the values stay where the fit left them, `covariance` is that of the rest, and intervals of names that
-        move along such a direction are infinite.
-    units: per name; empty where they are unknown.
-    notes: sentences on what limits the numbers.
+    names: free constants, and initial states as "x at the start"; `values` (n,) in the same order.
+    covariance: (n, n), from linearised least squares (Gauss-Newton).
+    degrees_of_freedom: number of measured values minus number of estimated quantities.
+    noise: standard deviation of the residuals, expected to be 1 if sigma was given (`known_noise`).
+    held: names at a bound, with `held_values`; they have no covariance.
+    null_space: (n, k), one column per direction that the data do not determine, zero for names without a part in it.
+        Along it the values stay where the fit left them, `covariance` covers the other directions, and the intervals of
+        names with a part in it are infinite.
+    units: per name; empty if unknown.
+    notes: sentences about the limits of the numbers.
 
-    `interval(name)` gives confidence limits, `combination(...)` those of a weighted sum. Example: see `gt.estimate`.
+    `interval(name)` returns a confidence interval, `combination(...)` one of a weighted sum. Example: `gt.estimate`.
     """
 
     names: tuple[str, ...]
@@ -48,14 +48,14 @@ class Estimate:
 
     @property
     def std(self) -> np.ndarray:
-        """Standard deviations (n,); infinite for what moves along the null space."""
+        """Standard deviations (n,); infinite for names with a part in the null space."""
         std = np.sqrt(np.diag(self.covariance))
         std[self._moving] = np.inf
         return std
 
     @property
     def undetermined(self) -> tuple[str, ...]:
-        """Names that move along a direction in which the data say nothing."""
+        """Names with a part in a direction that the data do not determine."""
         return tuple(n for n, moves in zip(self.names, self._moving, strict=True) if moves)
 
     @property
@@ -65,25 +65,25 @@ class Estimate:
         return self.covariance / np.outer(std, std)
 
     def value(self, name: str) -> float:
-        """The estimate, or the bound at which it is held. Raises ArgumentError for another name."""
+        """Return the estimate, or the bound at which it is held. Raises ArgumentError for an unknown name."""
         if name in self.held and self.held_values:
             return self.held_values[self.held.index(name)]
         return float(self.values[self._index(name)])
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval: normal where sigma was given, else Student's t with `degrees_of_freedom`. Raises
-        ArgumentError."""
+        """Return a confidence interval: normal if sigma was given, otherwise Student's t with `degrees_of_freedom`.
+        Raises ArgumentError."""
         low, high = self.intervals([name], level)
         return float(low[0]), float(high[0])
 
     def intervals(self, names: Sequence[str] | None = None, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-        """Confidence limits (n,), (n,) as interval() gives them, of the names or of all. Raises ArgumentError."""
+        """Return confidence limits (n,), (n,) of the names, or of all, see `interval`. Raises ArgumentError."""
         k = [self._index(name) for name in (self.names if names is None else names)]
         half = self._quantile(level) * self.std[k]
         return self.values[k] - half, self.values[k] + half
 
     def combination(self, weights: Mapping[str, float], level: float = 0.95) -> tuple[float, float, float]:
-        """Value and confidence limits of sum weights[name] * name; infinite where the data do not determine it.
+        """Return value and confidence limits of sum weights[name] * name; infinite if the data do not determine it.
 
         Raises ArgumentError for a name that was not estimated.
         """
@@ -109,7 +109,7 @@ class Estimate:
 
     def _quantile(self, level: float) -> float:
         if not isinstance(level, Real) or not 0 < level < 1:
-            raise ArgumentError(f"a confidence level lies between 0 and 1; found {level!r}", "level")
+            raise ArgumentError(f"expected a confidence level between 0 and 1; found {level!r}", "level")
         return half_width(float(level), None if self.known_noise else float(self.degrees_of_freedom))
 
     def __str__(self) -> str:
@@ -127,14 +127,14 @@ class Estimate:
 
 @cache
 def half_width(level: float, degrees_of_freedom: float | None = None) -> float:
-    """Standard deviations on either side of the mean that hold it with probability `level`: of a normal number, or by
-    Student's t where its deviation is estimated with so many degrees of freedom.
+    """Return half the width of a confidence interval in standard deviations: normal, or Student's t if the standard
+    deviation is estimated with `degrees_of_freedom`.
 
     >>> from gtmodel.results.estimate import half_width
     >>> round(half_width(0.95), 2), round(half_width(0.95, 5), 2)
     (1.96, 2.57)
     """
-    import scipy  # here: a schema names the class and needs none of it
+    import scipy  # here: a schema names the class but does not need scipy
 
     # scipy.stats has the same two functions, but takes as long to import as all of gtmodel
     if degrees_of_freedom is None:

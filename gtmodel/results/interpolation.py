@@ -1,4 +1,4 @@
-"""What the numbers of a signal are, plain ones, a wrapped angle or a rotation, and its values between the rows."""
+"""Interpolation of signals between rows: plain numbers, wrapped angles and rotations, which are detected."""
 
 from __future__ import annotations
 
@@ -20,34 +20,36 @@ Kind = Literal["linear", "pchip", "previous"]
 KINDS = ("linear", "pchip", "previous")
 Nature = Literal["angle", "quaternion", "direction", "matrix"]
 Natures = Mapping[tuple[str, ...], Nature]
-NUMBERS = ("1", "")  # units of what may be a rotation
-WRITTEN = 5e-3  # of length 1, of rows of a quaternion: three written digits leave 1e-3, noise of 1e-3 four times that
-NEAR = 0.03  # of length 1 where names say x, y, z, w: two written digits leave 1e-2; rows further off are damaged
-MOST_OFF = 0.1  # of the rows of a quaternion may be further off, for they are damaged
-ON_SPHERE = 1e-6  # a direction of unit length: one condition on a row, closer than a plain vector comes by chance
-ON_ARC = 1e-5, 0.01  # five written digits leave 9e-6; a straight line of the second length leaves the sphere by more
-ORTHONORMAL = 2e-3  # of M M' - 1: three written digits leave 2 sqrt(3) 5e-4
+NUMBERS = ("1", "")  # possible units of a rotation
+WRITTEN = (
+    5e-3  # deviation of a quaternion's length from 1: rounding to three digits 1e-3, noise of 1e-3 four times that
+)
+NEAR = 0.03  # the same if names contain x, y, z, w: rounding to two digits 1e-2; rows further off are damaged
+MOST_OFF = 0.1  # largest share of damaged rows of a quaternion
+ON_SPHERE = 1e-6  # deviation of a direction's length from 1, closer than a plain vector comes by chance
+ON_ARC = 1e-5, 0.01  # rounding to five digits: 9e-6; a straight line of the second length deviates from the sphere more
+ORTHONORMAL = 2e-3  # of M M' - 1: rounding to three digits 2 sqrt(3) 5e-4
 MOST_TURN = 90.0  # deg from row to row: the other way round, 270 deg, is three times as far
-MOST_JUMPS = 0.5  # of the steps of a wrapped angle
-LEAST_PROVEN = 0.5  # of the jumps of a wrapped angle; noise and gaps hide some
-BESIDE = 3  # steps on either side of a jump that tell how the angle goes on
-DIGITS = 1e-2  # rad: two written digits of both ends of a step
-AS_LARGE = 0.05  # rad: by so much at most a step may differ in size from those beside; a chance of 0.05 / pi
-SCATTER, MOST_SCATTER = 4.0, 0.4  # times the median deviation of the steps beside; rad at most
+MOST_JUMPS = 0.5  # largest share of jumps in the steps of a wrapped angle
+LEAST_PROVEN = 0.5  # smallest share of jumps that continue the steps beside them; noise and gaps hide some
+BESIDE = 3  # steps on either side of a jump to compare with
+DIGITS = 1e-2  # rad: rounding to two digits at both ends of a step
+AS_LARGE = 0.05  # rad: largest difference of a step from the steps beside it; by chance with probability 0.05 / pi
+SCATTER, MOST_SCATTER = 4.0, 0.4  # multiple of the median deviation of the steps beside it; largest value in rad
 TURN = 2 * np.pi  # rad; trajectories are in SI
-FLAT = 1e-6  # rad between two rows: chord and arc differ by 1e-13 of it
+FLAT = 1e-6  # rad between two rows: below it, chord and arc differ by 1e-13 of it
 
 
 def nature_of(rows: Array, unit: str, time: Array | None = None, near: float = WRITTEN) -> Nature | None:
-    """What rows (n,) or (n, k) in this SI unit are; None for plain numbers, and for what never changes.
+    """Return the nature of rows (n,) or (n, k) in this SI unit; None for plain numbers and constant signals.
 
-    time: (n,) [s], for rows that are not even. near: what the length of a quaternion may be off 1.
+    time: (n,) [s], for uneven rows. near: largest deviation of a quaternion's length from 1.
 
-    An angle, or a component of several, is wrapped where it stays within one turn and jumps by more than half of one,
-    and goes on across its jumps as beside them, modulo one turn; it jumps in at most half of its steps, for what turns
-    by less than half a turn from row to row does not jump more often. Four columns without unit, of length 1, or nine
-    that are a rotation matrix, are an orientation; two or three of length 1 to five digits a direction. Whole numbers
-    are switches, and rows of shares, none negative with the sum 1, are no rotation. One component alone tells nothing.
+    An angle, or one of several angles, is wrapped if it stays within one turn, jumps by more than half a turn in at
+    most half of its steps, and continues across the jumps, modulo one turn, as beside them. Four columns without unit
+    and of length 1, or nine that form a rotation matrix, are an orientation; two or three of length 1 to five digits
+    are a direction. Integers are switches, and non-negative rows with the sum 1 are shares: neither is a rotation. A
+    single component has no nature.
 
     >>> from gtmodel.results.interpolation import nature_of
     >>> nature_of(np.array([2.7, 2.9, 3.1, -3.0, -2.8]), "rad"), nature_of(np.array([0.0, 0.0, 5.0, 5.0]), "rad")
@@ -69,7 +71,7 @@ def nature_of(rows: Array, unit: str, time: Array | None = None, near: float = W
 
 
 def wrapped(rows: Array, time: Array | None = None) -> npt.NDArray[np.bool_]:
-    """(k,) which components of angles (n, k) [rad], or whether the one of (n,), are wrapped."""
+    """Return a mask (k,) of the wrapped components of angles (n, k) or (n,) [rad]."""
     step_time = np.ones(len(rows) - 1) if time is None else np.diff(time)
     return np.array([_wrapped(x, step_time) for x in rows.reshape(len(rows), -1).T])
 
@@ -92,13 +94,13 @@ def _wrapped(x: Array, step_time: Array) -> bool:
 
 
 def _nearest(steps: npt.NDArray[np.intp], to: npt.NDArray[np.intp], count: int) -> npt.NDArray[np.intp]:
-    """(len(to), 2 count) of ascending steps those next to each, on both sides; at the ends the last one again."""
+    """(len(to), 2 count): the nearest of ascending steps on both sides of each; at the ends the last one repeats."""
     places = np.searchsorted(steps, to)[:, None] + np.arange(-count, count)
     return steps[np.clip(places, 0, len(steps) - 1)]
 
 
 def _as_beside(turned: Array, *besides: Array) -> npt.NDArray[np.bool_]:
-    """Whether steps (m,) are of the size of those beside them (m, k) [rad], where these scatter least."""
+    """Mask (m,) of steps similar to those beside them (m, k) [rad], in the version with the smallest scatter."""
     middle = np.array([np.median(b, axis=1) for b in besides])
     size = np.array([np.median(np.abs(b), axis=1) for b in besides])
     scatter = np.array([np.median(np.abs(b - m[:, None]), axis=1) for b, m in zip(besides, middle, strict=True)])
@@ -113,10 +115,10 @@ def _orthonormal(rows: Array) -> bool:
 
 
 def natures(trajectory: Trajectory) -> dict[tuple[str, ...], Nature]:
-    """The signals that are more than plain numbers; of vectors of angles the components.
+    """Return the signals that are angles or rotations; of vectors of angles, the components.
 
-    Nine single columns in a row may be one rotation matrix. Four are one quaternion if their names, too, say so: they
-    differ in one letter w, x, y, z or one digit from 0 to 3 or from 1 to 4.
+    Nine consecutive scalar signals may be a rotation matrix. Four are a quaternion if their names differ in one letter
+    w, x, y, z or in one digit from 0 to 3 or from 1 to 4.
     """
     known, single = dict[tuple[str, ...], Nature](), list[str]()
     for name in trajectory.names:
@@ -151,7 +153,7 @@ def _of_columns(trajectory: Trajectory, single: list[str]) -> dict[tuple[str, ..
 
 
 def _called(names: list[str], kind: str) -> list[tuple[str, ...]]:
-    """Names that differ in one letter or digit only, which are all of this kind, in the order of `names`."""
+    """Groups of names that differ in one letter or digit and have all letters or digits of this kind."""
     stems, like = dict[tuple[str, str], dict[str, str]](), "wxyz" if kind == "wxyz" else "0123456789"
     for name in names:
         for k, mark in enumerate(name.lower()):
@@ -161,11 +163,11 @@ def _called(names: list[str], kind: str) -> list[tuple[str, ...]]:
 
 
 def smooth(trajectory: Trajectory, of: Natures | None = None) -> Trajectory:
-    """The trajectory with angles unwrapped, and quaternions whose sign does not jump; no number changes otherwise.
+    """Return the trajectory with unwrapped angles, and quaternions without jumps of sign; other numbers do not change.
 
-    of: what its signals are; by `natures` if left out. A component selected alone is a plain number. Raises
-    TrajectoryError where a signal turns so far from row to row that which way is not clear, and where rows of a
-    quaternion have another length than 1.
+    of: natures of its signals; from `natures` if left out. A component selected alone is a plain number. Raises
+    TrajectoryError if a signal turns so far from row to row that the direction is ambiguous, and if rows of a
+    quaternion do not have the length 1.
 
     >>> t = 0.1 * np.arange(5)
     >>> log = gt.Trajectory(t, {"a": [2.7, 2.9, 3.1, -3.0, -2.8]}, {"a": "rad"})
@@ -182,10 +184,10 @@ def smooth(trajectory: Trajectory, of: Natures | None = None) -> Trajectory:
 
 
 class SmoothRows:
-    """Rows of a trajectory's signals as `smooth` gives them, each kept once it was asked for.
+    """Rows of a trajectory's signals after `smooth`, cached.
 
-    Called with the trajectory and a signal: the names of the columns that it is one rotation with, or of itself; what
-    they are; and their rows (n,) or (n, k).
+    A call with the trajectory and a signal returns the names of the columns that form a rotation with it, or its own
+    name; their nature; and their rows (n,) or (n, k).
     """
 
     def __init__(self, trajectory: Trajectory) -> None:
@@ -206,7 +208,7 @@ class SmoothRows:
 
 
 def smooth_rows(time: Array, rows: Array, nature: Nature | None, shown: str) -> Array:
-    """Rows (n,) or (n, k) of this nature as `smooth` gives them; `shown` names them in a TrajectoryError."""
+    """Return rows (n,) or (n, k) of this nature after `smooth`; `shown` names them in a TrajectoryError."""
     if nature == "angle":
         return _unwrapped(time, rows, shown)
     if nature is None:
@@ -218,10 +220,9 @@ def smooth_rows(time: Array, rows: Array, nature: Nature | None, shown: str) -> 
 
 
 def rotations_again(values: dict[str, Array], of: Natures) -> dict[str, Array]:
-    """Signals that were interpolated or filtered as smooth numbers: lengths are 1 again, and matrices rotations.
+    """Return interpolated or filtered signals, projected back to unit length or to rotation matrices.
 
-    The nearest rotation is the same in every frame of reference, for the numbers of a turned frame are these times an
-    orthogonal matrix.
+    The nearest rotation does not depend on the frame of reference.
     """
     values = dict(values)
     for names, nature in of.items():
@@ -231,7 +232,7 @@ def rotations_again(values: dict[str, Array], of: Natures) -> dict[str, Array]:
 
 
 def rotation_rows(rows: Array, nature: Nature | None) -> Array:
-    """The nearest rows of this nature to rows (n,) or (n, k)."""
+    """Return the nearest rows of this nature to rows (n,) or (n, k)."""
     if nature in (None, "angle"):
         return rows
     if nature == "matrix":
@@ -241,12 +242,12 @@ def rotation_rows(rows: Array, nature: Nature | None) -> Array:
 
 
 def said(of: Natures) -> list[str]:
-    """What was recognised and is done with it, in sentences."""
+    """Return sentences about the detected natures and their treatment."""
     words = {
         "angle": "a wrapped angle, which is unwrapped",
-        "quaternion": "a quaternion, taken as a rotation: its sign does not jump and its length is 1",
+        "quaternion": "a quaternion, treated as a rotation: its sign does not jump and its length is 1",
         "direction": "a direction, whose length stays 1",
-        "matrix": "a rotation matrix, which stays one",
+        "matrix": "a rotation matrix, which stays orthonormal",
     }
     return [f"{' '.join(names)} is {words[nature]}" for names, nature in of.items()]
 
@@ -277,7 +278,7 @@ def _component(name: str) -> tuple[str, int]:
 
 
 def _unwrapped(time: Array, rows: Array, shown: str) -> Array:
-    """Of a vector the components that are wrapped."""
+    """Unwrap an angle, or the wrapped components of a vector."""
     flat = rows.reshape(len(rows), -1).copy()
     for k in [0] if rows.ndim == 1 else np.flatnonzero(wrapped(rows, time)):
         flat[:, k] = np.unwrap(flat[:, k])
@@ -290,15 +291,15 @@ def _continuous(time: Array, rows: Array, shown: str) -> Array:
     if (bad := np.flatnonzero(np.abs(length - 1.0) > NEAR)).size:
         worst = bad[np.argmax(np.abs(length[bad] - 1.0))]
         raise TrajectoryError(
-            f"'{shown}' is a quaternion, and {bad.size} of its {len(rows)} rows have another length than 1, the first "
-            f"at {time[bad[0]]:.6g} s, the worst {length[worst]:.3g}; leave these rows out"
+            f"'{shown}' is a quaternion, but {bad.size} of its {len(rows)} rows do not have the length 1, the first "
+            f"at {time[bad[0]]:.6g} s, the worst with length {length[worst]:.3g}; leave these rows out"
         )
     dot = np.sum(rows[1:] * rows[:-1], axis=1)
     return rows * np.concatenate([[1.0], np.cumprod(np.where(dot < 0, -1.0, 1.0))])[:, None]
 
 
 def _between(below: Array, above: Array, nature: Nature) -> Array:
-    """(n,) angles [rad] from rows (n, k) to others; of unit quaternions half of what the body turns by."""
+    """(n,) angles [rad] between rows (n, k); for unit quaternions half the angle of rotation of the body."""
     dot = np.sum(below * above, axis=-1)
     if nature == "matrix":
         dot = 0.5 * (dot - 1)
@@ -308,14 +309,14 @@ def _between(below: Array, above: Array, nature: Nature) -> Array:
 
 
 def _refuse_fast(time: Array, turned: Array, shown: str) -> None:
-    """Raises TrajectoryError for a turn [rad] from row to row that could as well go the other way."""
+    """Raises TrajectoryError for a turn [rad] from row to row whose direction is ambiguous."""
     if len(turned) and (worst := float(np.degrees(turned.max()))) > MOST_TURN:
         k = int(np.argmax(turned))
         beside = np.concatenate([turned[max(k - BESIDE, 0) : k], turned[k + 1 : k + 1 + BESIDE]])
         if len(beside) and np.all(beside <= FLAT):
-            cure = "it stands before and after, as a setpoint does: hold its rows (kind='previous'), or cut there"
+            cure = "it rests before and after, like a setpoint: hold its rows (kind='previous'), or cut there"
         else:
-            cure = "which way it turns must be clear: record faster, cut the recording there, or leave out wrong rows"
+            cure = "the direction of the turn is ambiguous: record faster, cut the recording there, or drop wrong rows"
         raise TrajectoryError(
             f"'{shown}' turns by {worst:.4g} deg from {time[k]:.6g} s to {time[k + 1]:.6g} s; expected at most "
             f"{MOST_TURN:g} deg from row to row; {cure}"
@@ -323,11 +324,11 @@ def _refuse_fast(time: Array, turned: Array, shown: str) -> None:
 
 
 def interpolate(grid: Array, value: Array, times: Array, kind: Kind, nature: Nature | None = None) -> Array:
-    """Values (..., k) at times inside the grid, of rows that `smooth_rows` gave for their nature.
+    """Return values (..., k) at times inside the grid, from rows after `smooth_rows`.
 
-    At the times of rows these are as they are; between them lengths are 1 and matrices rotations. "linear" turns a
-    rotation about one axis at one speed (Shoemake 1985, slerp): the chord, parted in sin(w a) to sin((1 - w) a) for the
-    angle a between the rows, shows that way.
+    At the times of rows the values are exact; between them lengths are 1 and matrices rotations. "linear" rotates about
+    a constant axis at constant speed (Shoemake 1985, slerp): the chord is divided in the ratio sin(w a) to
+    sin((1 - w) a), where a is the angle between the rows.
     """
     if kind not in KINDS:
         raise TrajectoryError(f"kind is {kind!r}; expected 'linear', 'pchip' or 'previous'")
@@ -339,7 +340,7 @@ def interpolate(grid: Array, value: Array, times: Array, kind: Kind, nature: Nat
 
         between = PchipInterpolator(grid, value, axis=0)(times)
         end = times == grid[-1]  # scipy evaluates the last polynomial there, which rounds
-        made = np.where(end[..., None] if value.ndim == 2 else end, value[-1], between)
+        result = np.where(end[..., None] if value.ndim == 2 else end, value[-1], between)
     else:
         weight = (times - grid[left]) / (grid[left + 1] - grid[left])
         below, above = value[left], value[left + 1]
@@ -349,13 +350,13 @@ def interpolate(grid: Array, value: Array, times: Array, kind: Kind, nature: Nat
             far, near = np.sin(weight * angle), np.sin((1.0 - weight) * angle)
             weight = np.where(angle > FLAT, far / np.where(angle > FLAT, far + near, 1.0), weight)
         weight = weight[..., None] if value.ndim == 2 else weight
-        made = np.where(weight == 1.0, above, below + weight * (above - below))
+        result = np.where(weight == 1.0, above, below + weight * (above - below))
     if nature in (None, "angle"):
-        return made
-    made = _as_rotations(made, nature)
+        return result
+    result = _as_rotations(result, nature)
     for row in (left, left + 1):
-        made = np.where((times == grid[row])[..., None], value[row], made)
-    return made
+        result = np.where((times == grid[row])[..., None], value[row], result)
+    return result
 
 
 def _as_rotations(rows: Array, nature: Nature) -> Array:
@@ -363,9 +364,9 @@ def _as_rotations(rows: Array, nature: Nature) -> Array:
 
 
 class CubicHermite:
-    """The cubics through values (n, k) with derivatives (n, k) on an ascending grid, n at least 2; beyond its ends, the
-    outermost ones. The numbers are those of scipy.interpolate.CubicHermiteSpline, which takes longer to import than a
-    motion to re-simulate.
+    """Piecewise cubics through values (n, k) with derivatives (n, k) on an ascending grid, n at least 2; extrapolated
+    with the outermost cubics. Equal to scipy.interpolate.CubicHermiteSpline, which takes longer to import than the
+    re-simulation of a motion.
     """
 
     def __init__(self, grid: Array, value: Array, derivative: Array) -> None:
@@ -376,7 +377,7 @@ class CubicHermite:
         self._powers = value[:-1], derivative[:-1], (slope - derivative[:-1]) / h - bend, bend / h
 
     def __call__(self, times: Array, order: int = 0) -> Array:
-        """Values (m, k) at times (m,), or their derivatives where order is 1."""
+        """Return values (m, k) at times (m,), or derivatives if order is 1."""
         piece = np.clip(np.searchsorted(self._grid, times, side="right") - 1, 0, len(self._grid) - 2)
         s = (times - self._grid[piece])[:, None]
         zeroth, first, second, third = (p[piece] for p in self._powers)

@@ -1,10 +1,10 @@
-"""Options of a study: dataclasses whose fields say unit, bounds and meaning, from which the keys of files are made.
+"""Options of a study: dataclasses whose fields state unit, bounds and meaning; the keys of files derive from them.
 
     @dataclass(frozen=True)
     class Limits(Options):
         force: Annotated[float | None, Unit("N"), Within(above=0.0), "largest motor force"] = None
 
-In a problem file that is the key ``force_N``.
+In a problem file this field is the key ``force_N``.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from .quantity import marks_of, named
 
 @dataclass(frozen=True)
 class Unit:
-    """Unit of a field of `Options`, SI, and how its key in a file is called.
+    """SI unit of a field of `Options`, and the name of its key in a file.
 
-    written: unit of the key where people write another, as "deg" for rad. key: the whole key, if not the field's name
+    written: unit of the key, if it differs, such as "deg" for rad. key: the whole key, if it is not the field's name
     with the unit.
     """
 
@@ -36,11 +36,10 @@ class Unit:
 
 
 class Options:
-    """Base of the options of studies: frozen dataclasses whose fields are checked when an object is made, whoever makes
-    it.
+    """Base of the options of studies: frozen dataclasses that check their fields at construction.
 
-    A field says in its annotation what may be given: kind, `Unit`, `Within`, `Long`, and a description. Raises
-    ArgumentError, which names the field.
+    The annotation of a field states its type, `Unit`, `Within`, `Long` and a description. Raises ArgumentError, which
+    names the field.
 
     >>> from dataclasses import dataclass
     >>> from typing import Annotated
@@ -61,25 +60,25 @@ class Options:
 
 @cache
 def hints(cls: type, *left_out: str) -> dict[str, Any]:
-    """The annotations of the fields of an options class, with what they carry; those of fields that are left out are
-    not evaluated, so that what they name, such as a Model, is not imported."""
+    """Return the annotations of the fields of an options class, with metadata. Annotations of `left_out` fields are not
+    evaluated, so that the types they name, such as a Model, are not imported."""
     names = [f.name for f in dataclasses.fields(cls) if f.name not in left_out]
     evaluated: dict[str, Any] = {}
     for c in reversed(cls.__mro__):
-        own = {name: hint for name, hint in inspect.get_annotations(c).items() if name in names}
-        known = vars(sys.modules.get(c.__module__, builtins))
-        evaluated |= get_type_hints(SimpleNamespace(__annotations__=own), known, include_extras=True)
+        annotations = {name: hint for name, hint in inspect.get_annotations(c).items() if name in names}
+        namespace = vars(sys.modules.get(c.__module__, builtins))
+        evaluated |= get_type_hints(SimpleNamespace(__annotations__=annotations), namespace, include_extras=True)
     return {name: evaluated[name] for name in names}
 
 
 @cache
 def declared(cls: type, *left_out: str) -> dict[str, tuple[Any, ...]]:
-    """What the fields of an options class carry besides their types: Unit, Within, Long and a description."""
+    """Return the metadata of the fields of an options class: Unit, Within, Long and a description."""
     return {name: marks_of(hint) for name, hint in hints(cls, *left_out).items()}
 
 
 def written_name(field: str, marks: tuple[Any, ...]) -> str:
-    """The name of a field in a file, with the unit in which people write it there; without the underscore behind a word
-    of Python, as in `from_`."""
+    """Return the name of a field in a file, with its unit there; without the underscore after a Python keyword, as in
+    `from_`."""
     field, unit = field.rstrip("_"), next((m for m in marks if isinstance(m, Unit)), None)
     return field if unit is None else unit.key or named(field, unit.written or unit.text)

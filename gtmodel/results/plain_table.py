@@ -5,12 +5,12 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Sequence
 
-_SHORT = 32  # characters; a longer text that ends its row sets no column's width
+_SHORT = 32  # characters; a longer text at the end of its row does not widen its column
 
 
 def plain(head: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> str:
-    """A table as text: no line is broken. A sentence that ends its row, as a note does, runs on and does not push the
-    columns behind it apart."""
+    """Return a table as text without line breaks in cells. A long text at the end of its row, such as a note, does not
+    widen its column."""
     widths = [width(name) for name in head]
     for row in rows:
         for k, cell in enumerate(row):
@@ -24,7 +24,7 @@ def plain(head: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -
 
 
 def width(cell: str) -> int:
-    """How many places a text takes on a terminal."""
+    """Return the width of a text on a terminal."""
     if cell.isascii():
         return len(cell)
     return sum(0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1 for c in cell)

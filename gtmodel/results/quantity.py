@@ -1,5 +1,4 @@
-"""Quantities of options and results, each declared once: unit, description, name in a table, and the unit that a
-name carries."""
+"""Quantities of options and results: unit, description, label in a table, and the units in names."""
 
 from __future__ import annotations
 
@@ -16,17 +15,17 @@ import numpy as np
 from ..lang.units import UnitError, convert, parse_unit
 
 _SPELLED = {"percent": "%", "Nm": "N.m", "kgm": "kg.m", "kgm2": "kg.m2"}
-_TORQUES = {"Nm": "N.m", "MNm": "MN.m"}  # before what divides: Nm_rad is N.m/rad, not rad
+_TORQUES = {"Nm": "N.m", "MNm": "MN.m"}  # in a numerator: Nm_rad is N.m/rad
 _PER = "per"
-_NO_UNIT = {"min"}  # the smallest, never minutes
+_NO_UNIT = {"min"}  # means minimum, never minutes
 
 
 @cache
 def split(name: str) -> tuple[str, str]:
-    """Stem and unit of a key, ("force", "N"); the unit is "" when the name carries none.
+    """Return stem and unit of a key, ("force", "N"); the unit is "" if the name has none.
 
-    The longest ending that reads as a unit counts; what follows its first symbol divides: ``m_s2`` is m/s2, as
-    ``m_per_s2`` is; ``per_s`` is 1/s.
+    The longest ending that reads as a unit counts. The symbols after its first one are divisors: ``m_s2`` and
+    ``m_per_s2`` are m/s2; ``per_s`` is 1/s.
     """
     words = name.split("_")
     for i in range(1, len(words)):
@@ -53,24 +52,25 @@ def _unit(words: list[str]) -> str:
 
 
 def unit_of(name: str) -> str:
-    """Unit text of a key; "" when its name carries none."""
+    """Return the unit in the name of a key; "" if it has none."""
     return split(name)[1]
 
 
 @cache
 def named(stem: str, unit: str) -> str:
-    """The name that carries a unit: ("force", "N") is ``force_N``. Raises ValueError for a unit no name can carry."""
+    """Return the name with a unit: ("force", "N") gives ``force_N``. Raises ValueError for a unit that no name can
+    express."""
     if not unit or unit == "1":
         return stem
     text = {spelled: word for word, spelled in _SPELLED.items()}.get(unit, unit)
     name = f"{stem}_{text.replace('.', '').replace('/', '_')}"
     if split(name) != (stem, unit):
-        raise ValueError(f"no name carries the unit {unit}: '{name}' reads as {split(name)[1] or 'none'}")
+        raise ValueError(f"no name can express the unit {unit}: '{name}' reads as {split(name)[1] or 'no unit'}")
     return name
 
 
 class Row(NamedTuple):
-    """One row of the table that people see: label, value and unit."""
+    """A row of the table: label, value and unit."""
 
     label: str
     value: Any
@@ -79,16 +79,16 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True)
 class Quantity:
-    """What an attribute of a study is: `stiffness: Annotated[Array, Quantity("N/m", "along the axes", "stiffness")]`.
+    """Declares an attribute of a study: `stiffness: Annotated[Array, Quantity("N/m", "along the axes", "stiffness")]`.
 
-    A text alone is the description of one without a unit: `lost: Annotated[int, "paths that ended nowhere"]`.
+    For a quantity without a unit, the description is enough: `lost: Annotated[int, "paths that ended nowhere"]`.
 
-    unit: of the attribute, SI; "" for none.
-    description: for `gtmodel schema`, in a few words.
-    label: its row in the table; no row of its own if empty.
-    shown: the unit of that row, if not `unit`.
-    key: its name in result.json, if not the attribute's name with the unit: ``stiffness_N_m``.
-    written: the unit of its name and value in result.json where people write another, as "deg" for rad.
+    unit: SI unit of the attribute; "" for none.
+    description: a few words, for `gtmodel schema`.
+    label: label of its row in the table; no row if empty.
+    shown: the unit in the table, if it differs.
+    key: its name in result.json, if it is not the attribute's name with the unit, as ``stiffness_N_m``.
+    written: its unit in result.json, if it differs, such as "deg" for rad.
     """
 
     unit: str = ""
@@ -99,7 +99,7 @@ class Quantity:
     written: str = ""
 
     def name(self, attribute: str) -> str:
-        """The name in result.json."""
+        """Return the name in result.json."""
         return self.key or named(attribute, self.file_unit)
 
     @property
@@ -108,11 +108,11 @@ class Quantity:
         return self.written or self.unit
 
     def value(self, value: Any) -> Any:
-        """The value in result.json."""
+        """Return the value in result.json."""
         return converted(value, self.unit, self.written, out=True) if self.written else value
 
     def row(self, value: Any) -> Row:
-        """The row of the table: numbers in the unit that is shown, vectors as text."""
+        """Return the row of the table: numbers in the unit of the table, vectors as text."""
         unit = self.shown or self.unit
         if self.shown and self.shown != self.unit:
             value = converted(value, self.unit, self.shown)
@@ -122,15 +122,15 @@ class Quantity:
 
 
 def converted(value: Any, unit: str, written: str, out: bool = False) -> Any:
-    """A number, or numbers of any shape as an array, or by name, in another unit; None stays.
+    """Convert a number, an array or a dictionary of numbers to another unit; None stays None.
 
-    By one factor: a file in um or deg and a call with 1e-6 * x or numpy.radians(x) give equal bits; `out`, of what is
-    written to a file, by a divisor where the unit is larger, as x / 1e6.
+    The conversion is one multiplication, so that a file in um or deg and a call with 1e-6 * x or numpy.radians(x) agree
+    bit for bit. With `out`, for values written to a file, a larger unit is a division, as x / 1e6.
     """
     if value is None:
         return None
     if isinstance(value, Mapping):
-        return {name: converted(one, unit, written, out) for name, one in value.items()}
+        return {name: converted(item, unit, written, out) for name, item in value.items()}
     x, factor = np.asarray(value, float), float(convert(1.0, unit, written))
     y = x / float(convert(1.0, written, unit)) if out and factor < 1 else x * factor
     return y if np.ndim(y) else float(y)
@@ -138,29 +138,29 @@ def converted(value: Any, unit: str, written: str, out: bool = False) -> Any:
 
 @cache
 def quantities(cls: type) -> dict[str, Quantity]:
-    """The declared quantities of a study's class by attribute, in the order of their last declaration."""
+    """Return the declared quantities of a study's class by attribute, in the order of their last declaration."""
     hints: dict[str, Any] = {}
     for c in reversed(cls.__mro__):
         for name, hint in inspect.get_annotations(c).items():
             hints.pop(name, None)
-            # what is no quantity is not evaluated: its type may be known to type checkers alone
+            # other annotations are not evaluated: only type checkers may know their types
             if not isinstance(hint, str) or hint.startswith("Annotated["):
-                known = vars(sys.modules.get(c.__module__, builtins))
-                hints[name] = eval(hint, known, dict(vars(c))) if isinstance(hint, str) else hint
+                namespace = vars(sys.modules.get(c.__module__, builtins))
+                hints[name] = eval(hint, namespace, dict(vars(c))) if isinstance(hint, str) else hint
     order = list(dict.fromkeys(name for c in cls.__mro__ for name in reversed(inspect.get_annotations(c))))
     order.reverse()
-    carried = {name: marks_of(hints[name]) for name in order if name in hints}
-    declared = {name: q for name, marks in carried.items() for q in marks if isinstance(q, (Quantity, str))}
+    marks_by_name = {name: marks_of(hints[name]) for name in order if name in hints}
+    declared = {name: q for name, marks in marks_by_name.items() for q in marks if isinstance(q, (Quantity, str))}
     return {name: Quantity(description=q) if isinstance(q, str) else q for name, q in declared.items()}
 
 
 def marks_of(hint: Any) -> tuple[Any, ...]:
-    """What an annotation carries besides its type."""
+    """Return the metadata of an annotation."""
     return tuple(get_args(hint)[1:]) if get_origin(hint) is Annotated else ()
 
 
 def listed(numbers: Iterable[float]) -> str:
-    """The numbers of a vector as text, with four digits.
+    """Return the numbers of a vector as text, with four digits.
 
     >>> gt.results.listed([1.0, 0.25, -0.0])
     '1, 0.25, 0'
@@ -169,5 +169,5 @@ def listed(numbers: Iterable[float]) -> str:
 
 
 def described(cls: type) -> Mapping[str, Quantity]:
-    """Name in result.json -> its quantity; `file_unit` is its unit there."""
+    """Return name in result.json -> quantity; `file_unit` is its unit there."""
     return {q.name(attribute): q for attribute, q in quantities(cls).items()}

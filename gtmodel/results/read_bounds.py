@@ -1,5 +1,4 @@
-"""Bounds of what is read: how deep JSON, TOML and XML may go, asked before anything else is, and how large data may
-be."""
+"""Limits for input: nesting depth of JSON, TOML and XML, tested before anything else, and size of unpacked data."""
 
 from __future__ import annotations
 
@@ -13,9 +12,9 @@ from xml.parsers import expat
 
 from .disk import PathLike
 
-MOST_NESTED = 100  # lists and tables in one another, and parts of a dotted key
-DEEPEST = 50  # elements of XML inside one another; those of a robot go seven deep, of a unit six
-# texts and comments of TOML; what nothing closes goes up to the end of its line or of the file
+MOST_NESTED = 100  # levels of nested lists and tables, and parts of a dotted key
+DEEPEST = 50  # levels of nested XML elements; a robot has seven, a unit six
+# texts and comments of TOML; an unclosed text ends with its line or with the file
 _TEXTS = re.compile(
     r'"""(?:\\.|[^\\])*?(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)|"(?:\\.|[^"\\\n])*"?|\'[^\'\n]*\'?|#[^\n]*', re.S
 )
@@ -25,17 +24,17 @@ _T = TypeVar("_T")
 
 
 class TooDeepError(ValueError):
-    """Lists and tables stand in one another deeper than anything that gtmodel writes or asks for."""
+    """Lists and tables are nested deeper than in any file of gtmodel."""
 
     def __init__(self) -> None:
         super().__init__(
-            f"holds lists or tables inside one another, more than {MOST_NESTED} deep; take levels out, nothing that "
-            "gtmodel reads needs more than a few"
+            f"has lists or tables nested more than {MOST_NESTED} deep; remove levels: no file of gtmodel needs more "
+            "than a few"
         )
 
 
 def json_of(content: str | bytes) -> Any:
-    """The data in a JSON text. Raises ValueError for what is none, TooDeepError among them.
+    """Parse a JSON text. Raises ValueError if it is not JSON, or its subclass TooDeepError.
 
     >>> from gtmodel.results.read_bounds import json_of
     >>> json_of('{"a": [1, 2]}')
@@ -49,9 +48,9 @@ def json_of(content: str | bytes) -> Any:
 
 
 def toml_of(text: str) -> dict[str, Any]:
-    """The tables in a TOML text. Raises ValueError for what is none, TooDeepError and TOMLDecodeError among them.
+    """Parse a TOML text. Raises ValueError if it is not TOML: TOMLDecodeError or TooDeepError.
 
-    A key of very many parts is refused before the parser, whose time grows with their square.
+    A key with very many parts is refused first, because the parser's time grows with their square.
     """
     if text.count(".") >= MOST_NESTED and _LONG_KEY.search(_TEXTS.sub("text", text)):
         raise TooDeepError
@@ -63,7 +62,7 @@ def toml_of(text: str) -> dict[str, Any]:
 
 
 def not_deep(data: _T) -> _T:
-    """The same data. Raises TooDeepError where lists and tables stand too deep in one another."""
+    """Return the data unchanged. Raises TooDeepError if lists and tables are nested too deep."""
     level: list[Any] = [data]
     for _ in range(MOST_NESTED):
         inner = (x.values() if isinstance(x, dict) else x for x in level if isinstance(x, _INSIDE))
@@ -74,7 +73,7 @@ def not_deep(data: _T) -> _T:
 
 
 class XmlFault(ValueError):
-    """What is wrong with XML, and in which line."""
+    """An error in XML, with its line."""
 
     def __init__(self, sentence: str, line: int) -> None:
         super().__init__(sentence)
@@ -86,10 +85,10 @@ def walk_xml(
     begin: Callable[[str, dict[str, str], int], None] = lambda tag, attributes, line: None,
     end: Callable[[], None] = lambda: None,
 ) -> None:
-    """Go through XML: `begin` takes tag, attributes and line of an element, `end` is called after what stands in it.
+    """Walk through XML: call `begin` with tag, attributes and line of each element, and `end` after its content.
 
-    Raises XmlFault for what is no XML, for elements too deep in one another and for declared entities, of which a few
-    hundred bytes make gigabytes.
+    Raises XmlFault for invalid XML, for elements nested too deep and for declared entities, which can expand from a few
+    hundred bytes to gigabytes.
     """
     parser, depth = expat.ParserCreate(), 0
 
@@ -97,7 +96,7 @@ def walk_xml(
         nonlocal depth
         depth += 1
         if depth > DEEPEST:
-            raise XmlFault(f"holds elements inside one another, more than {DEEPEST} deep", parser.CurrentLineNumber)
+            raise XmlFault(f"has elements nested more than {DEEPEST} deep", parser.CurrentLineNumber)
         begin(tag, attributes, parser.CurrentLineNumber)
 
     def ends(_: str) -> None:
@@ -107,24 +106,24 @@ def walk_xml(
 
     def entity(*_: object) -> None:
         raise XmlFault(
-            "declares an entity, which gtmodel does not read; put its text where it is used", parser.CurrentLineNumber
+            "declares an entity, which gtmodel does not read; replace its uses by its text", parser.CurrentLineNumber
         )
 
     parser.StartElementHandler, parser.EndElementHandler, parser.EntityDeclHandler = begins, ends, entity
     try:
         parser.Parse(content, True)
     except expat.ExpatError as error:
-        raise XmlFault(f"is no XML: {expat.ErrorString(error.code)}", error.lineno) from None
+        raise XmlFault(f"is not XML: {expat.ErrorString(error.code)}", error.lineno) from None
 
 
-GROWTH, SMALL = 200.0, 1 << 28  # how many times larger than the file numbers may be; bytes that always may
+GROWTH, SMALL = 200.0, 1 << 28  # largest unpacked size as a multiple of the file size; bytes that are always allowed
 
 
 def swollen(path: PathLike, size: float, most_growth: float = GROWTH) -> str:
-    """What is said of data of so many bytes in this file, "" where it may hold them."""
-    own = Path(path).stat().st_size
-    if size <= max(SMALL, most_growth * own):
+    """Return an error message if a file would unpack to too many bytes, otherwise ""."""
+    stored = Path(path).stat().st_size
+    if size <= max(SMALL, most_growth * stored):
         return ""
-    times = size / max(own, 1)
+    times = size / max(stored, 1)
     most = f"expected at most {most_growth:g} times"
     return f"would take {size / 1e6:.4g} MB, {times:.3g} times the size of the file; {most}"

@@ -1,4 +1,4 @@
-"""A written study given back: what result.json holds, under the same names."""
+"""Reading a written study: the contents of result.json under the same names."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from .trajectory import Trajectory, TrajectoryError
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Stored(Study):
-    """A study read from its folder. `values` are as they were written; each is an attribute too, under its name or,
-    where that carries a unit, under the name without it."""
+    """A study read from its folder. `values` are as written; each value is also an attribute, under its name with or
+    without the unit."""
 
     stored: Mapping[str, Any] = field(default_factory=dict)
 
@@ -41,10 +41,10 @@ class Stored(Study):
 
 
 def read(folder: str | Path) -> Stored:
-    """The study in a folder that `Study.write` or ``--out`` wrote, or of a result.json itself.
+    """Read the study in a folder that `Study.write` or ``--out`` wrote, or in a result.json.
 
-    Its status, checks and trajectory are as they were; its quantities are attributes again. Raises ArgumentError for
-    what is no result of gtmodel.
+    Status, checks and trajectory are as written, and quantities are attributes again. Raises ArgumentError if it is not
+    a result of gtmodel.
 
     >>> import tempfile
     >>> solved = {"residual": gt.results.at_most(1e-9, 1e-6)}
@@ -76,12 +76,12 @@ def read(folder: str | Path) -> Stored:
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, TrajectoryError) as error:
         why = f"it has no {error}" if isinstance(error, KeyError) else str(error)
         raise ArgumentError(
-            f"{file} is no result.json of gtmodel: {why}; expected what `gtmodel solve --out` writes", "folder"
+            f"{file} is not a result.json of gtmodel: {why}; expected a file that `gtmodel solve --out` wrote", "folder"
         ) from error
 
 
 def document(content: bytes) -> Mapping[str, Any]:
-    """A JSON object. Raises TypeError or ValueError for anything else, and where it goes too deep."""
+    """Parse a JSON object. Raises TypeError or ValueError for anything else, and if it is nested too deep."""
     return _kind(json_of(content), dict)
 
 
@@ -97,9 +97,9 @@ def _kind(value: Any, kind: Any) -> Any:
 
 
 def _number(value: Any, kind: Any = (int, float)) -> Any:
-    """A number, or None; a text, a truth value or a number that no double holds is no result."""
+    """A number or None; refuse a text, a Boolean or a number too large for a double."""
     if isinstance(value, bool):
-        raise TypeError("expected a number; found a truth value")
+        raise TypeError("expected a number; found a Boolean")
     if value is not None:
         float(_kind(value, kind))
     return value

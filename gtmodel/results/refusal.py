@@ -1,4 +1,4 @@
-"""The one refusal of all libraries, and the warning about an old name that is still read."""
+"""The error of all libraries about a wrong argument, and the warning about an old name."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ NEXT_RELEASE = "0.4"  # it no longer reads the old names of this one
 
 
 class ArgumentError(ValueError):
-    """What a caller gave cannot be used: one plain sentence, and which argument it is.
+    """A wrong argument: one sentence, and the name of the argument.
 
     sentence: what was found, what was expected, what to do; without the argument's name.
-    argument: its name, dotted where it is an entry of an options object ("limits.force"); "" where it is none alone.
+    argument: its name, dotted for a field of an options object ("limits.force"); "" if the error concerns several.
 
-    It is a ValueError.
+    A subclass of ValueError.
 
     >>> print(gt.results.ArgumentError("expected at least 1; found 0", "map.step"))
     map.step: expected at least 1; found 0
@@ -40,14 +40,14 @@ def naming(
     argument: str | Mapping[str, str], *kinds: type[Exception], before: str = "", after: str = "",
     refusal: Callable[[str, str], Exception] = ArgumentError,
 ) -> Iterator[None]:  # fmt: skip
-    """A block in which errors of these kinds are refused as this argument, in the same sentence.
+    """Raise errors of the block again as errors about this argument, with the same sentence.
 
-    argument: its name. One that ends in a dot, "plants.x.", goes before the name that is refused inside; a dictionary
-    has names by those inside, under "" that of all others.
-    kinds: exception classes, ArgumentError if left out; all others pass. before, after: of the sentence.
-    refusal: what is raised in place of them, of sentence and argument.
+    argument: its name. A name that ends in a dot, "plants.x.", becomes a prefix of the inner name. A dictionary maps
+    inner names to outer names, and "" to the name for all others.
+    kinds: exception classes, ArgumentError if left out; others pass. before, after: additions to the sentence.
+    refusal: makes the new exception from sentence and argument.
 
-    Raises ArgumentError, or the refusal.
+    Raises ArgumentError, or what `refusal` makes.
 
     >>> with gt.results.naming("guess", KeyError, ValueError):
     ...     float("fast")
@@ -64,9 +64,9 @@ def naming(
     try:
         yield
     except caught as error:
-        said, inside = (error.message, error.argument) if isinstance(error, ArgumentError) else (str(error), "")
+        sentence, inside = (error.message, error.argument) if isinstance(error, ArgumentError) else (str(error), "")
         if isinstance(argument, str):
             name = argument if argument[-1:] != "." else f"{argument}{inside}".removesuffix(".")
         else:
             name = argument.get(inside, argument.get("", inside))
-        raise refusal(f"{before}{said}{after}", name) from error
+        raise refusal(f"{before}{sentence}{after}", name) from error

@@ -1,9 +1,9 @@
-"""The status enumerations: for functions on data (Python and C alike), for whole solves, for sets of modes.
+"""Status enumerations: for functions on data (in Python and C), for whole solves, for sets of modes.
 
-Functions on data, such as a `CausalFunction` or the generated C, return a `Status` next to the value and
-never throw: a bad row of an array must not lose the good ones, and a controller loop cannot throw.
-``solve()`` and ``simulate()`` answer with a `SolveStatus` and raise when it is not ok, unless called with
-``throw=False``. The search for all assembly modes answers with a `ModesStatus`: whether the set is whole.
+Functions on data, such as a `CausalFunction` or the generated C, return a `Status` with the value and never
+raise: a bad row of an array must not lose the good rows, and a controller cannot handle exceptions.
+``solve()`` and ``simulate()`` return a `SolveStatus` and raise if it is not ok, unless called with
+``throw=False``. The search for all assembly modes returns a `ModesStatus`, the completeness of the set.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Self
 
 
 class NumberedStatus(enum.IntEnum):
-    """Base of statuses whose integers are shared with C: a number and a sentence for people, 0 where it is well."""
+    """Base of statuses whose integers are shared with C: a number, 0 for success, and a message."""
 
     message: str
 
@@ -36,11 +36,11 @@ class NumberedStatus(enum.IntEnum):
 
 
 class Status(NumberedStatus):
-    """What one evaluation of a function on data ended with; OK is 0, all others say why there is no value.
+    """Outcome of one evaluation of a function on data; OK is 0, the others say why there is no value.
 
-    A single call of a `CausalFunction` returns one; rows return an int array of its codes. The integer is shared with
-    C: `c_enum` and `c_sentences` write the C side from this table, so that there is no second list to keep in step.
-    `message` is the plain English shown to people; `ok` is True for OK only.
+    A single call of a `CausalFunction` returns a Status; a call with rows returns an int array of codes. C uses the
+    same integers: `c_enum` and `c_sentences` generate the C code from this table. `message` is an English sentence;
+    `ok` is True for OK only.
 
     >>> gt.Status(1)
     <Status.OUT_OF_RANGE: 1>
@@ -67,7 +67,7 @@ class Status(NumberedStatus):
 
 
 class _Word(enum.StrEnum):
-    """A machine word with a sentence for people."""
+    """A machine-readable word with a message."""
 
     message: str
 
@@ -79,11 +79,11 @@ class _Word(enum.StrEnum):
 
 
 class SolveStatus(_Word):
-    """What a whole solve or simulation ended with. The value is the machine word, as in ``result.json``.
+    """Outcome of a whole solve or simulation. The value is the word in ``result.json``.
 
-    ``message`` is the plain English shown to people; ``ok`` is True only for a solved problem whose checks
-    passed: an interrupted run, or one at its iteration limit, holds its best iterate, but is not to be relied on.
-    ``converged`` is True for a whole solution, whatever its checks say: what a search may go on from.
+    ``message`` is an English sentence; ``ok`` is True only for a solved problem whose checks passed: an
+    interrupted run, or one at its iteration limit, contains its best iterate but must not be used.
+    ``converged`` is True for a complete solution, whatever its checks say; a search may continue from it.
 
     >>> status = gt.SolveStatus.CHECK_FAILED
     >>> status.value, status.ok, status.converged
@@ -102,20 +102,19 @@ class SolveStatus(_Word):
 
     @property
     def ok(self) -> bool:
-        """True when the problem was solved and every check passed."""
+        """True if the problem was solved and every check passed."""
         return self is SolveStatus.SOLVED
 
     @property
     def converged(self) -> bool:
-        """True when there is a whole solution; a check of it may have failed."""
+        """True for a complete solution, even if a check failed."""
         return self in (SolveStatus.SOLVED, SolveStatus.CHECK_FAILED)
 
 
 class ModesStatus(_Word):
-    """How the search for all assembly modes of a platform ended. The value is the machine word.
+    """Outcome of the search for all assembly modes of a platform. The value is a machine-readable word.
 
-    ``message`` is the plain English shown to people; ``ok`` is True when every mode at a finite distance is
-    known and stands alone.
+    ``message`` is an English sentence; ``ok`` is True if all finite modes are known and isolated.
     """
 
     COMPLETE = "complete", "all 40 modes were found, and no two are the same"
@@ -128,12 +127,12 @@ class ModesStatus(_Word):
 
     @property
     def ok(self) -> bool:
-        """True when all finite modes are known and isolated."""
+        """True if all finite modes are known and isolated."""
         return self in (ModesStatus.COMPLETE, ModesStatus.FEWER_FINITE)
 
 
 def c_enum() -> str:
-    """`Status` as a C99 enumeration, for a header; the same text at every call, ending in a newline.
+    """Return `Status` as a C99 enumeration for a header; the text ends in a newline.
 
     >>> print(gt.results.c_enum().splitlines()[1])
         GT_OK = 0, /* the value was computed */
@@ -144,7 +143,7 @@ def c_enum() -> str:
 
 
 def c_sentences() -> str:
-    """The sentences of `Status` as a C99 table indexed by its value, for one .c file; ends in a newline.
+    """Return the messages of `Status` as a C99 table indexed by its value, for a .c file; it ends in a newline.
 
     >>> print(gt.results.c_sentences().splitlines()[0])
     static const char *const gt_status_sentences[] = {

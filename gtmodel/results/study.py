@@ -1,4 +1,4 @@
-"""What a study returns: status, numbers, checks, notes, pictures and files, from one declaration."""
+"""Result of a study: status, quantities, checks, notes, pictures and files."""
 
 from __future__ import annotations
 
@@ -26,30 +26,30 @@ else:
 
 
 def to_inherit(cls: type[S]) -> type[S]:
-    """A dataclass with types in place of the texts of its annotations: the __init__ of a subclass repeats them, in a
-    module that need not know their names."""
+    """Evaluate the annotations of a dataclass: a subclass repeats them in its __init__, and its module may not know
+    their names."""
     hints = get_type_hints(cls, include_extras=True)
-    for own in fields(cls):  # type: ignore[arg-type]  # of any dataclass
-        own.type = hints[own.name]
+    for attribute in fields(cls):  # type: ignore[arg-type]  # of any dataclass
+        attribute.type = hints[attribute.name]
     return cls
 
 
 @to_inherit
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """What a study of any library returns; a subclass declares its quantities as annotated attributes.
+    """Result of a study of any library; a subclass declares its quantities as annotated attributes.
 
-    status, message: how it ended, the message in a sentence; objective, iterations: where a solver ran.
-    estimate: fitted quantities with their covariance, where something was fitted; `interval` asks it.
-    checks: numbers that were tested, by name. notes: what a person is to know besides.
-    trajectory: the motion, where there is one.
-    figures: name -> function that draws it, a matplotlib figure; `figure` calls one.
-    files: file name -> content of what is written besides result.json, such as map.csv.
-    machine_files: names of those that a machine or another program takes over, such as a robot program; they are not
-        written unless the result may be used. TRAJECTORY is one of them where it is what the machine follows; of the
-        other studies it is written, and marked.
+    status, message: outcome, and a sentence about it. objective, iterations: of the solver, if one ran.
+    estimate: fitted quantities with their covariance, if there are any; `interval` uses it.
+    checks: tested numbers, by name. notes: remarks for the reader.
+    trajectory: the motion, if there is one.
+    figures: name -> function that draws a matplotlib figure; `figure` calls it.
+    files: file name -> content of files besides result.json, such as map.csv.
+    machine_files: names of files that a machine or another program uses, such as a robot program; they are written only
+        if the result may be used. TRAJECTORY is one of them if a machine follows it; otherwise a failed study writes it
+        with a mark.
 
-    Solved with a failed check is no state of a study: it becomes CHECK_FAILED, with a message that names the checks.
+    A solved study with a failed check gets the status CHECK_FAILED and a message that names the checks.
 
     >>> checks = {"residual_m": gt.results.at_most(2e-3, 1e-3, "measure again")}
     >>> study = gt.results.Study(status=gt.SolveStatus.SOLVED, checks=checks)
@@ -86,26 +86,26 @@ class Study:
 
     @property
     def values(self) -> Mapping[str, Any]:
-        """The declared quantities by their names in result.json, which carry the units; `notes` where there are any."""
+        """The declared quantities by their names in result.json, with units; and `notes`, if there are any."""
         values = {q.name(attribute): q.value(getattr(self, attribute)) for attribute, q in self.quantities().items()}
-        own = () if "notes" in self.quantities() else values.get("notes") or ()
-        return values | ({"notes": [*own, *self.notes]} if self.notes else {})
+        notes = () if "notes" in self.quantities() else values.get("notes") or ()
+        return values | ({"notes": [*notes, *self.notes]} if self.notes else {})
 
     @property
     def rows(self) -> list[Row]:
-        """The table for people: every quantity with a label that has a value."""
+        """The table: every quantity that has a label and a value."""
         labelled = ((q, getattr(self, attribute)) for attribute, q in self.quantities().items() if q.label)
         return [q.row(value) for q, value in labelled if value is not None]
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of an estimated quantity [SI], infinite where the data do not determine it. Raises
-        ArgumentError where nothing was estimated, or not this."""
+        """Return the confidence interval of an estimated quantity [SI], infinite if the data do not determine it.
+        Raises ArgumentError if it was not estimated."""
         if self.estimate is None:
-            raise ArgumentError("nothing was estimated here: there are no intervals", "name")
+            raise ArgumentError("this study has no estimates and so no intervals", "name")
         return self.estimate.interval(name, level)
 
     def with_(self, **changes: Any) -> Self:
-        """The same study with other attributes."""
+        """Return a copy with other attributes."""
         changed = copy.copy(self)
         for name, value in changes.items():
             object.__setattr__(changed, name, value)
@@ -113,23 +113,23 @@ class Study:
         return changed
 
     def judged(self, more: Mapping[str, Check]) -> Self:
-        """The same study with further checks. What was not solved before keeps its message, with their advice."""
+        """Return a copy with further checks. An unsolved study keeps its message and adds their advice."""
         advice = [check.advice for check in failed_of(more).values() if check.advice]
         message = self.message if self.status.ok or not advice else "; ".join([self.message, *advice])
         return self.with_(checks={**self.checks, **more}, message=message) if more else self
 
     def figure(self, name: str = "") -> Figure:
-        """A picture by name, the first if left out. Raises ArgumentError for a name that is not there."""
-        there = ", ".join(self.figures) or "none"
+        """Return a picture by name, the first if left out. Raises ArgumentError for an unknown name."""
+        names = ", ".join(self.figures) or "none"
         if not self.figures or (name and name not in self.figures):
-            raise ArgumentError(f"there is no picture '{name}'; there are {there}", "name")
+            raise ArgumentError(f"there is no picture '{name}'; there are {names}", "name")
         return self.figures[name or next(iter(self.figures))]()
 
     def write(self, folder: str | Path, *, plot: bool = False, write_failed: bool = False) -> list[Path]:
-        """Write result.json, the files and with `plot` the pictures into a folder of its own; returns the paths.
+        """Write result.json, the files and, with `plot`, the pictures into a folder, and return the paths.
 
-        What goes to a machine is written only of a result that may be used, or marked with `write_failed`. Raises
-        ArgumentError for a folder with files that gtmodel did not write, and for what names no folder.
+        Files for a machine are written only if the result may be used or, with `write_failed`, with a mark. Raises
+        ArgumentError for a folder with files that gtmodel did not write.
         """
         from .written import write
 
@@ -138,7 +138,7 @@ class Study:
         return write(self, Path(folder), plot=plot, write_failed=write_failed)
 
     def __str__(self) -> str:
-        from .table import text  # here, as the others: a schema shows no study and writes none
+        from .table import text  # here, as below: a schema needs neither tables nor files
 
         return text(self)
 

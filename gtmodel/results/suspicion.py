@@ -1,4 +1,4 @@
-"""Suspicion about data: what each test found, and which findings of one run are alarms at one common level."""
+"""Suspicions about data: outcomes of the tests of a run, and those that are alarms at a common significance level."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from .check import Check, at_least, bound_in_words
 from .quantity import split
 from .refusal import ArgumentError
 
-# probability that a run on clean data raises any alarm at all, over all of its tests together; 2 % are promised
+# probability that a run on clean data raises any alarm, over all its tests; the documentation promises 2 %
 RUN_LEVEL = 0.01
-TESTS = 10  # of a run, for what is decided before all of them are known: so the first step of Holm's procedure has it
+TESTS = 10  # assumed number of tests of a run, for decisions before all are known: first step of Holm's procedure
 FIRST = RUN_LEVEL / TESTS
-# of the tests that look at the data of every run, gtmodel.measurements.inspection.data_tests
+# names of the tests on the data of every run, gtmodel.measurements.inspection.data_tests
 EveryAlarm = Literal["copied_rows"]
 EVERY = get_args(EveryAlarm)
 
@@ -24,11 +24,11 @@ EVERY = get_args(EveryAlarm)
 class Suspicion:
     """Outcome of one test of the data, whether it found something or not.
 
-    name: of the check, and of the word that `accept` takes, such as "drift".
+    name: name of the check, and word for `accept`, such as "drift".
     evidence: a sentence with the numbers, shown if the suspicion is an alarm.
-    p: probability that clean data give evidence as strong as this; 0 for what clean data cannot show at all, 1 for an
-        effect too small to matter. NaN, where there was too little to test, raises no alarm.
-    remedy: what a person does about it.
+    p: probability that clean data give evidence as strong as this; 0 if clean data cannot show it at all, 1 for an
+        effect too small to matter. NaN, for too little data to test, raises no alarm.
+    remedy: what to do about it.
     """
 
     name: str
@@ -43,21 +43,20 @@ class Suspicion:
 
     @property
     def refusal(self) -> str:
-        """The sentence, and what accepts it."""
+        """The sentence, and how to accept it."""
         return f'{self.sentence}; if it is right, accept = ["{self.name}"]'
 
 
 @dataclass(frozen=True, eq=False)
 class Inspection:
-    """What a run refuses of its data before it goes on. `accepted`: names of suspicions that are notes and refuse
-    nothing; `notes`: what those said."""
+    """Refuses suspicious data of a run. `accepted`: names of suspicions that become notes; `notes`: these notes."""
 
     accepted: Collection[str] = ()
     notes: list[str] = field(default_factory=list)
 
     def refuse(self, suspicion: Suspicion | None, argument: str) -> None:
-        """Raises ArgumentError with the sentence of an alarm and what accepts it; an accepted one is noted. Nothing for
-        None, and for a p of FIRST or more: what the other tests find cannot make an alarm of it."""
+        """Raises ArgumentError for an alarm, with the way to accept it; notes an accepted alarm. Does nothing for None
+        and for a p of FIRST or more, which no outcome of the other tests can turn into an alarm."""
         if suspicion is None or not suspicion.p < FIRST:
             return
         if suspicion.name not in self.accepted:
@@ -68,9 +67,9 @@ class Inspection:
 
 
 def alarms(outcomes: Sequence[Suspicion], level: float = RUN_LEVEL) -> list[Suspicion]:
-    """The suspicions that are alarms, strongest first, if clean data may raise any with probability `level`.
+    """Return the suspicions that are alarms, strongest first; clean data raise any with probability `level`.
 
-    All tests of a run belong into one call, the ones that found nothing too. Source: Holm 1979, Scand. J. Statist. 6.
+    One call needs all tests of a run, also those that found nothing. Source: Holm 1979, Scand. J. Statist. 6.
 
     >>> from gtmodel.results.suspicion import Suspicion, alarms
     >>> drift = Suspicion("drift", "the bias moves by 2 N", 1e-6, "estimate a drift")
@@ -86,23 +85,23 @@ def alarms(outcomes: Sequence[Suspicion], level: float = RUN_LEVEL) -> list[Susp
 
 
 def accepted_checks(checks: Mapping[str, Check], accept: Collection[str]) -> tuple[dict[str, Check], list[str]]:
-    """The checks without those that failed and are accepted, by their names without unit; these in sentences."""
+    """Return the checks without the failed ones that `accept` names, and sentences about those."""
     failed = [name for name, check in checks.items() if split(name)[0] in accept and not check.passed]
-    said = []
+    sentences = []
     for name in failed:
         bare, unit = split(name)
         value = f"{checks[name].value:.4g}{unit and f' {unit}'}"
-        said.append(f"accepted ({bare}): {value}, {bound_in_words(checks[name])}")
-    return {name: check for name, check in checks.items() if name not in failed}, said
+        sentences.append(f"accepted ({bare}): {value}, {bound_in_words(checks[name])}")
+    return {name: check for name, check in checks.items() if name not in failed}, sentences
 
 
 def suspicion_checks(
     outcomes: Sequence[Suspicion], accept: Collection[str] = (), level: float = RUN_LEVEL
 ) -> tuple[dict[str, Check], list[str]]:
-    """A check for each test, its p-value and what Holm's procedure asks of it; and the sentences of the alarms.
+    """Return a check for each test, its p-value with the bound of Holm's procedure, and the sentences of the alarms.
 
-    Alarms named in `accept` are sentences only. Two suspicions of one name are one check, that of the smaller p-value.
-    Where there was too little to test there is no check.
+    Alarms named in `accept` are sentences only. Two suspicions of one name give one check, with the smaller p-value.
+    Tests without enough data give no check.
     """
     raised = alarms(outcomes, level)
     tested = sorted((s for s in outcomes if not math.isnan(s.p)), key=lambda s: s.p)

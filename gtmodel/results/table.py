@@ -1,4 +1,4 @@
-"""Tables: of a study for people, in a terminal, in a text, in a notebook; and of columns, as CSV."""
+"""Tables of studies for terminals, texts and notebooks, and tables of columns as CSV."""
 
 from __future__ import annotations
 
@@ -22,15 +22,23 @@ Columns = Mapping[str, Sequence[Any] | np.ndarray]
 HEAD = ("quantity", "value", "unit", "")
 
 
-def cells(study: Study) -> list[tuple[str, str, str, str]]:
-    """Rows of quantity, value, unit and verdict: status, iterations, quantities, checks."""
+def cells(study: Study, brief: bool = False) -> list[tuple[str, str, str, str]]:
+    """Return rows of quantity, value, unit and verdict: status, iterations, quantities, notes, checks.
+
+    brief: count the checks that passed in one row and list only those that failed.
+    """
     rows = [("status", study.status.value, "", "")]
     if study.iterations is not None:
         rows.append(("iterations", str(study.iterations), "", ""))
     for label, value, *unit in study.rows or _of_values(study):
         rows.append((label, number(value), str(unit[0]) if unit else "", ""))
     rows += [("note", note, "", "") for note in study.notes]
+    passed = sum(check.passed for check in study.checks.values())
+    if brief and passed:
+        rows.append(("checks passed", str(passed), "", ""))
     for name, check in study.checks.items():
+        if brief and check.passed:
+            continue
         stem, unit = split(name)
         rows.append((stem.replace("_", " "), number(_value(check)), unit, _verdict(check)))
     return rows
@@ -48,19 +56,19 @@ def _verdict(check: Check) -> str:
 def _of_values(study: Study) -> Iterator[tuple[str, Any, str]]:
     for name, value in study.values.items():
         if name == "notes" and list(value or ()) == list(study.notes):
-            continue  # they have rows of their own
+            continue  # notes have their own rows
         stem, unit = split(name)
         yield stem.replace("_", " "), value, unit
 
 
 def text(study: Study) -> str:
-    """The whole study as text."""
-    said = [] if study.message in (study.status.message, study.status.value) else ["", study.message]
-    return "\n".join([plain(HEAD, cells(study), study.title), *said])
+    """Return the whole study as text."""
+    message = [] if study.message in (study.status.message, study.status.value) else ["", study.message]
+    return "\n".join([plain(HEAD, cells(study), study.title), *message])
 
 
 def html(study: Study) -> str:
-    """The table, and the first picture where matplotlib is installed, for a notebook."""
+    """Return the table and, if matplotlib is installed, the first picture, for a notebook."""
     from html import escape  # here: its table of entities is for pages alone
 
     lines = [f"<b>{escape(study.title)}</b>"] if study.title else []
@@ -84,7 +92,7 @@ def _picture(study: Study) -> list[str]:
 
 
 def number(value: Any) -> str:
-    """A value for people: six digits, lists separated by commas."""
+    """Return a value as text: six digits, lists separated by commas."""
     if value is None:
         return "none"
     if isinstance(value, bool):
@@ -101,11 +109,10 @@ def number(value: Any) -> str:
 
 
 def csv_text(columns: Columns, digits: int | Mapping[str, int | str] = 6, notes: Sequence[str] = ()) -> str:
-    """Columns (n,) under their names, each number with so many digits, or with those of its column, or in its format,
-    as ".4f"; units stand in the names. NaN becomes an empty cell; words stand as they are. `notes`: comments above, a
-    line each."""
-    of = [digits if isinstance(digits, int) else digits.get(name, "") for name in columns]
-    forms = [f".{d}g" if isinstance(d, int) else d for d in of]
+    """Return columns (n,) as CSV with their names, which contain the units. digits: significant digits, or digits or a
+    format such as ".4f" by column. NaN gives an empty cell. `notes`: comment lines above."""
+    specs = [digits if isinstance(digits, int) else digits.get(name, "") for name in columns]
+    forms = [f".{spec}g" if isinstance(spec, int) else spec for spec in specs]
     lines = [*(f"# {' '.join(note.split())}" for note in notes), ",".join(columns)]
     for row in zip(*columns.values(), strict=True):
         lines.append(",".join(_csv_cell(x, form) for x, form in zip(row, forms, strict=True)))

@@ -1,7 +1,7 @@
-"""`Trajectory`: one named, unit-carrying, immutable time series for every stage of gtmodel.
+"""`Trajectory`: an immutable time series of named signals with units, for all parts of gtmodel.
 
-It is a simulation result, an optimum, a measurement, an initial guess and a scaling reference alike, so that
-any of them can be handed to any engine, written to a file, read back and plotted.
+Simulation results, optima, measurements, initial guesses and scaling references are trajectories, so that each of
+them can be passed to any engine, written to a file, read back and plotted.
 """
 
 from __future__ import annotations
@@ -48,19 +48,19 @@ class Trajectory:
 
     Args:
         time: (n,) finite and strictly increasing [s], n >= 1; copied unless read-only.
-        values: name -> (n,) for a scalar signal or (n, k) for a vector one, finite; copied unless read-only. Names are
-            printable and hold no blank or quote; "time" is reserved. The order of the names is kept.
+        values: name -> (n,) for a scalar signal or (n, k) for a vector signal, finite; copied unless read-only. Names
+            are printable, without blanks and quotes; "time" is reserved. The order of the names is kept.
         units: name -> SI unit text; a signal without one is dimensionless ("1").
         title: one line for plots and files.
         provenance: where the data came from (inputs, versions, hashes), JSON data.
-        synthetic: None for measured or computed data; for data made to look like a measurement one line with
-            seed and noise. It is carried into every file, repr and derived trajectory.
+        synthetic: None for measured or computed data; for synthetic measurements one line with seed and noise. It is
+            copied into every file, repr and derived trajectory.
 
-    Component i of a vector signal "T" can be asked for as "T[i]" wherever a name is read. A scalar signal may
-    be called "x[0]" too, but never like a component of a vector signal next to it.
+    "T[i]" is component i of a vector signal "T" wherever a name is read. A scalar signal may be called "x[0]" too,
+    unless that is a component of a vector signal in the same trajectory.
 
-    Raises TrajectoryError naming the signal and row of the first fault, UnknownNameError for a unit of a
-    signal that is not there. Two trajectories are equal when all of the above is.
+    Raises TrajectoryError with the signal and row of the first fault, UnknownNameError for a unit of an unknown
+    signal. Two trajectories are equal if all of the above is equal.
 
     >>> motion = gt.Trajectory([0.0, 0.1, 0.2], {"T": [[0.0, 0.0], [0.1, 0.0], [0.4, 0.1]]}, {"T": "m"})
     >>> motion["T[0]"].tolist(), motion.unit("T"), motion.duration
@@ -134,7 +134,7 @@ class Trajectory:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the signals, in the order they were given."""
+        """Names of the signals in their original order."""
         return tuple(self._values)
 
     @property
@@ -154,18 +154,18 @@ class Trajectory:
 
     @property
     def synthetic(self) -> str | None:
-        """Seed and noise when the data were made to look like a measurement, else None."""
+        """Seed and noise of synthetic measurements, otherwise None."""
         return self._synthetic
 
     def unit(self, name: str) -> str:
-        """SI unit text of a signal or of a component of one; "1" when dimensionless.
+        """Return the SI unit text of a signal or component; "1" if dimensionless.
 
         Raises UnknownNameError with close matches.
         """
         return self._units[self._find(name)[0]]
 
     def scale(self, name: str) -> float:
-        """Largest absolute value of a signal over time and components, in its unit; 0.0 for a signal at rest.
+        """Return the largest absolute value of a signal over time and components, in its unit.
 
         Raises UnknownNameError with close matches.
         """
@@ -187,18 +187,18 @@ class Trajectory:
         return self._values[signal] if index is None else self._values[signal][:, index]
 
     def __call__(self, t: npt.ArrayLike, name: str, kind: Kind = "linear") -> Any:
-        """Value of a signal between its rows.
+        """Return the value of a signal between its rows.
 
         t : scalar or (m,) times [s] inside the time grid.
         name : signal or component.
         kind : "linear"; "pchip", monotone cubic; or "previous", constant from a row up to the next one.
 
         Returns a float or (k,) for a scalar t, (m,) or (m, k) for an array; at the rows the values are exact. Except
-        for "previous", wrapped angles are unwrapped, and quaternions, directions and rotation matrices stay what they
-        are, the sign of a quaternion without jumps: "linear" turns from row to row about one axis at one speed. A
-        component is taken with its whole signal; one that was selected alone is a plain number.
-        Raises TrajectoryError for a t outside the grid or an unknown kind, and for a turn of more than 90 deg from row
-        to row, UnknownNameError for the name.
+        for "previous", wrapped angles are unwrapped, quaternions have no jumps of sign, and quaternions, directions and
+        rotation matrices keep their norm: "linear" rotates from row to row about a constant axis at constant speed. A
+        component is interpolated with its whole signal; a component selected alone is a plain number.
+        Raises TrajectoryError for a t outside the grid, an unknown kind, and a turn of more than 90 deg from row to
+        row; UnknownNameError for the name.
         """
         times = _seconds(t, "t")
         if times.ndim > 1:
@@ -232,14 +232,14 @@ class Trajectory:
     # -- new trajectories --------------------------------------------------------------------------
 
     def resample(self, t: npt.ArrayLike | None = None, *, dt: float | None = None, kind: Kind = "linear") -> Trajectory:
-        """The same signals on another time grid.
+        """Return the signals on another time grid.
 
         t : (m,) new times [s], strictly increasing and inside the grid; or
-        dt : step [s] > 0 from the first time on. The last time is kept when the duration is a multiple of dt,
+        dt : step [s] > 0 from the first time on. The last time is kept if the duration is a multiple of dt,
             otherwise the new grid ends before it.
-        kind : as for calling the trajectory, rotations and wrapped angles among the signals likewise.
+        kind : as for a call of the trajectory, also for rotations and wrapped angles.
 
-        Raises TrajectoryError unless exactly one of t and dt is given, and as calling does.
+        Raises TrajectoryError unless exactly one of t and dt is given, and as a call does.
         """
         if (t is None) == (dt is None):
             raise TrajectoryError("resample() takes either times t or a step dt; give exactly one of them")
@@ -250,13 +250,13 @@ class Trajectory:
         return self._derived(times, self._at(times, self.names, kind))
 
     def select(self, names: str | Iterable[str]) -> Trajectory:
-        """Only these signals or components, in this order; a component "T[0]" becomes a scalar signal.
+        """Return only these signals or components, in this order; a component "T[0]" becomes a scalar signal.
 
-        Raises UnknownNameError with close matches, TrajectoryError when no name is given.
+        Raises UnknownNameError with close matches, TrajectoryError without a name.
         """
-        wanted = [names] if isinstance(names, str) else list(names)
-        values = {name: self[name] for name in wanted}
-        return self._derived(self._time, values, {name: self.unit(name) for name in wanted})
+        selected = [names] if isinstance(names, str) else list(names)
+        values = {name: self[name] for name in selected}
+        return self._derived(self._time, values, {name: self.unit(name) for name in selected})
 
     def with_values(
         self,
@@ -265,10 +265,10 @@ class Trajectory:
         units: Mapping[str, str] | None = None,
         **named: npt.ArrayLike,
     ) -> Trajectory:
-        """These signals replaced or added, on the same time grid.
+        """Return a copy with these signals replaced or added, on the same time grid.
 
-        values, named : name -> (n,) or (n, k). Use the mapping for a name that is no Python identifier.
-        units : units of the signals given; a replaced signal keeps its unit, an added one is dimensionless.
+        values, named : name -> (n,) or (n, k). Use the mapping for a name that is not a Python identifier.
+        units : units of these signals; without one, a replaced signal keeps its unit and a new signal is dimensionless.
 
         Raises TrajectoryError and UnknownNameError as the constructor does.
         """
@@ -279,12 +279,12 @@ class Trajectory:
         )
 
     def merge(self, other: Trajectory) -> Trajectory:
-        """The signals of both, which must share the time grid exactly and have no name in common.
+        """Return the signals of both trajectories, which must have the same time grid and no common name.
 
-        The title is that of self, or of other when self has none; both synthetic notes are kept, and two
-        different provenances become ``{"merged": [self's, other's]}``.
+        The title is that of self, or of other if self has none; both synthetic notes are kept, and two different
+        provenances become ``{"merged": [self's, other's]}``.
 
-        Raises TrajectoryError when the grids differ or a name is in both.
+        Raises TrajectoryError if the grids differ or a name is in both.
         """
         if not np.array_equal(self._time, other._time):
             raise TrajectoryError(
@@ -294,7 +294,7 @@ class Trajectory:
         twice = [name for name in other.names if name in self._values]
         if twice:
             raise TrajectoryError(
-                f"signal {twice[0]!r} is in both trajectories; use select() or with_values() to say which one is meant"
+                f"signal {twice[0]!r} is in both trajectories; use select() or with_values() to choose one"
             )
         notes = list(dict.fromkeys(note for note in (self.synthetic, other.synthetic) if note))
         origins = [origin for origin in (self.provenance, other.provenance) if origin]
@@ -311,19 +311,19 @@ class Trajectory:
     # -- files -------------------------------------------------------------------------------------
 
     def plot(self, *names: str, marks: Sequence[float] = ()) -> Figure:
-        """A matplotlib figure of the named signals over time, of all if none is named; one panel for each unit.
+        """Return a matplotlib figure of the named signals over time, or of all; one panel for each unit.
 
-        marks: times [s] that a thin line marks in every panel. Raises UnknownNameError.
+        marks: times [s] with a thin line in every panel. Raises UnknownNameError.
         """
         for name in names:
             self._find(name)
-        draw = import_module("gtmodel.plot.signals").signals_figure  # by name: pictures stand above what they show
+        draw = import_module("gtmodel.plot.signals").signals_figure  # by name: results must not depend on gtmodel.plot
         return draw(self, list(names) or None, marks=marks)
 
     def to_pandas(self) -> Any:
-        """A pandas DataFrame: time [s] as index, a column for each component, "T[0] [m]".
+        """Return a pandas DataFrame with time [s] as index and a column for each component, "T[0] [m]".
 
-        Raises ModuleNotFoundError where pandas is not installed.
+        Raises ModuleNotFoundError if pandas is not installed.
         """
         pandas = import_module("pandas")
         table = {}
@@ -334,42 +334,41 @@ class Trajectory:
         return pandas.DataFrame(table, index=pandas.Index(self.time, name="time [s]"))
 
     def to_csv(self, path: PathLike, *, overwrite: bool = False) -> None:
-        """Write a CSV file: notes behind "#", a header "time [s],T[0] [m],...", one row per time.
+        """Write a CSV file: notes after "#", a header "time [s],T[0] [m],...", one row per time.
 
         Floats are written in the shortest form that reads back exactly, so `from_csv` returns an equal
-        trajectory, and equal trajectories give the same bytes.
+        trajectory, and equal trajectories give identical files.
 
-        Raises FileExistsError when the file is there and `overwrite` is False.
+        Raises FileExistsError if the file exists and `overwrite` is False.
         """
         write_csv(self, path, overwrite)
 
     @classmethod
     def from_csv(cls, path: PathLike) -> Trajectory:
-        """Read a CSV file as `to_csv` writes it, or a measurement in that form.
+        """Read a CSV file in the format of `to_csv`.
 
-        The first column is the time, in any unit of time; every column names its unit as "name [unit]". Units
-        with a scale are converted, so that "time [ms]" and "q [mm]" arrive in s and m. Columns "T[0]", "T[1]"
-        and so on that stand side by side, count up from 0 and share a unit become one signal "T" of shape
-        (n, k), except where a note "# scalar: T[0]" says otherwise; with a gap or two units all of them stay
-        scalar signals. Lines that begin with "#" are comments; of these "# title:", "# synthetic:" and
-        "# provenance:" are read.
+        The first column is the time, in any unit of time; the header of each column is "name [unit]". Values are
+        converted to SI: "time [ms]" and "q [mm]" become s and m. Adjacent columns "T[0]", "T[1]", ... that count
+        from 0 and have the same unit become one signal "T" of shape (n, k), unless a note "# scalar: T[0]" says
+        otherwise; with a gap or different units all of them stay scalar signals. Lines that begin with "#" are
+        comments; the comments "# title:", "# synthetic:" and "# provenance:" are read.
 
-        Raises TrajectoryError with file, line and column: unreadable header, missing or unknown unit, a cell
-        that is no finite number, a row of another length, time that does not increase. FileNotFoundError
+        Raises TrajectoryError with file, line and column for an unreadable header, a missing or unknown unit, a cell
+        that is not a finite number, a row of a different length, and time that does not increase. FileNotFoundError
         passes through.
         """
         return read_csv(cls, path)
 
     def to_npz(self, path: PathLike, *, overwrite: bool = False) -> None:
-        """Write a NumPy .npz file, exact and with the same bytes for equal trajectories.
+        """Write a NumPy .npz file, exact, and identical for equal trajectories.
 
-        Raises FileExistsError when the file is there and `overwrite` is False.
+        Raises FileExistsError if the file exists and `overwrite` is False.
         """
         write_npz(self, path, overwrite)
 
     @classmethod
     def from_npz(cls, path: PathLike) -> Trajectory:
-        """Read what `to_npz` wrote. Raises TrajectoryError for another kind of file."""
+        """Read a file written by `to_npz`. Raises TrajectoryError for any other file."""
         return read_npz(cls, path)
 
     # -- private -----------------------------------------------------------------------------------
@@ -378,7 +377,7 @@ class Trajectory:
         return list(self._units.items()), self._title, self._provenance, self._synthetic
 
     def _find(self, name: str) -> tuple[str, int | None]:
-        """Signal and component index behind a name; index None for the whole signal. Raises UnknownNameError."""
+        """Signal and component index of a name; index None for the whole signal. Raises UnknownNameError."""
         place = self._place(name)
         if place is not None:
             return place
@@ -393,7 +392,7 @@ class Trajectory:
         )
 
     def _place(self, name: str) -> tuple[str, int | None] | None:
-        """What `_find` finds; None for an unknown name, without a search for close ones."""
+        """As `_find`, but None for an unknown name."""
         if name in self._values:
             return name, None
         match = COLUMN.fullmatch(name) if isinstance(name, str) else None
@@ -403,21 +402,21 @@ class Trajectory:
         return match["base"], int(match["index"])
 
     def _at(self, times: Array, names: Iterable[str], kind: Kind) -> dict[str, Array]:
-        """Values of whole signals at times inside the grid; those that are one rotation together."""
+        """Values of whole signals at times inside the grid; the columns of a rotation are interpolated together."""
         if kind == "previous":
             return {name: interpolate(self._time, self._values[name], times, kind) for name in names}
         if self._smooth is None:
             object.__setattr__(self, "_smooth", SmoothRows(self))
-        made = dict[str, Array]()
+        result = dict[str, Array]()
         for name in names:
-            if name not in made and self._smooth is not None:
+            if name not in result and self._smooth is not None:
                 group, nature, rows = self._smooth(self, name)
                 value = interpolate(self._time, rows, times, kind, nature)
-                made |= {name: value} if len(group) == 1 else {n: value[..., k] for k, n in enumerate(group)}
-        return {name: made[name] for name in names}
+                result |= {name: value} if len(group) == 1 else {n: value[..., k] for k, n in enumerate(group)}
+        return {name: result[name] for name in names}
 
     def _inside(self, times: Array) -> Array:
-        """Times clipped to the grid when outside by rounding only; raises TrajectoryError when really out."""
+        """Times, clipped to the grid if outside only by rounding. Raises TrajectoryError otherwise."""
         first, last = float(self._time[0]), float(self._time[-1])
         slack = TIME_SLACK * max(abs(first), abs(last))
         outside = ~((times >= first - slack) & (times <= last + slack))
@@ -459,7 +458,7 @@ def _rebuild(
     provenance: dict[str, Any],
     synthetic: str | None,
 ) -> Trajectory:
-    """What pickle and copy call."""
+    """Constructor for pickle and copy."""
     return Trajectory(time, values, units, title=title, provenance=provenance, synthetic=synthetic)
 
 

@@ -1,4 +1,4 @@
-"""What the constructor of `Trajectory` accepts, and errors of trajectories with the names that one can ask for."""
+"""Checks of the constructor of `Trajectory`, and errors about trajectories."""
 
 from __future__ import annotations
 
@@ -21,39 +21,39 @@ COLUMN = re.compile(r"(?P<base>.+)\[(?P<index>0|[1-9][0-9]*)\]")
 
 
 class TrajectoryError(ArgumentError):
-    """Data that make no trajectory, or a question it cannot answer. The message is one plain sentence."""
+    """Invalid data of a trajectory, or a request that it cannot answer. The message is one sentence."""
 
 
 class UnknownNameError(KeyError):
-    """A signal name that a trajectory does not hold; the sentence gives close matches."""
+    """Unknown name of a signal; the message suggests close matches."""
 
     def __str__(self) -> str:
         return str(self.args[0])
 
 
 def columns(name: str, value: Array) -> list[str]:
-    """Column names of a signal: itself, or one per component."""
+    """Return the column names of a signal: its name, or one name per component."""
     return [name] if value.ndim == 1 else [f"{name}[{i}]" for i in range(value.shape[1])]
 
 
 def unknown(name: object, signals: Mapping[str, Array], lead: str) -> str:
     known = [*signals, *(c for n, v in signals.items() if v.ndim == 2 for c in columns(n, v))]
     shown = ", ".join(map(repr, list(signals)[:10]))
-    there = f"the trajectory holds {shown}{' and more' if len(signals) > 10 else ''}"
-    return f"{lead} {name!r}; {meant(name, known, there, most=3)}"
+    otherwise = f"the trajectory has {shown}{' and more' if len(signals) > 10 else ''}"
+    return f"{lead} {name!r}; {meant(name, known, otherwise, most=3)}"
 
 
 def _frozen(data: npt.ArrayLike, what: str) -> Array:
     try:
         raw = np.asarray(data)
     except ValueError as error:
-        raise TrajectoryError(f"{what} is no array ({error}); expected rows of equal length") from error
+        raise TrajectoryError(f"{what} is not an array ({error}); expected rows of equal length") from error
     if raw.dtype.kind not in "biuf":
-        raise TrajectoryError(f"{what} holds {raw.dtype} data; expected real numbers")
+        raise TrajectoryError(f"{what} has {raw.dtype} data; expected real numbers")
     owner = raw if raw.base is None else raw.base
     frozen = isinstance(owner, np.ndarray) and not (raw.flags.writeable or owner.flags.writeable)
     if frozen and raw.dtype == np.float64 and raw.flags.c_contiguous:
-        return raw  # nobody writes to it; recordings are large
+        return raw  # read-only: no copy of a large recording
     array = np.array(raw, dtype=np.float64, order="C")
     array.setflags(write=False)
     return array
@@ -75,9 +75,9 @@ def checked_time(time: npt.ArrayLike) -> Array:
 
 
 def put_in_order(time: Array) -> str:
-    """What to do with times that do not increase strictly: sorting cures no repeated one."""
+    """Return advice about times that do not increase strictly; sorting does not remove repeated times."""
     late, repeated = np.any(np.diff(time) < 0), np.unique(time).size < time.size
-    cures = ["sort the rows"] * bool(late) + ["average the rows of one time or keep the first"] * bool(repeated)
+    cures = ["sort the rows"] * bool(late) + ["average the rows with equal time or keep the first"] * bool(repeated)
     return f"time must increase strictly, so {', and '.join(cures)}"
 
 
@@ -118,7 +118,7 @@ def check_name(name: object) -> None:
             "blank or quote and no leading '#'"
         )
     if name == "time":
-        raise TrajectoryError("a signal is named 'time', which is the name of the time grid; choose another name")
+        raise TrajectoryError("a signal is named 'time', the name of the time grid; choose another name")
 
 
 def checked_unit(name: str, unit: str) -> str:

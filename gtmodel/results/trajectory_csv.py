@@ -1,4 +1,4 @@
-"""CSV files of trajectories: reading a file that a person or an instrument wrote."""
+"""Reading of trajectories from CSV files."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ _NOTES = ("title", "synthetic", "provenance", "scalar")
 class TrajectoryCsv(NamedTuple):
     """The numbers of a CSV file as written: columns with their units, one row per line of the file.
 
-    columns, units: of the columns kept, the time first. values: (rows, columns). lines: of the file, from 1.
-    notes: what the comments "# title:", "# synthetic:", "# provenance:", "# scalar:" say.
+    columns, units: names and units of the columns, the time first. values: (rows, columns). lines: line numbers from 1.
+    notes: texts of the comments "# title:", "# synthetic:", "# provenance:", "# scalar:".
     """
 
     columns: list[str]
@@ -41,12 +41,12 @@ class TrajectoryCsv(NamedTuple):
     notes: dict[str, list[str]]
 
     def in_si(self) -> Array:
-        """(rows, columns) in SI units."""
-        wanted = [parse_unit(unit).si_text for unit in self.units]
-        if wanted == self.units:
+        """Return the values (rows, columns) in SI units."""
+        si_units = [parse_unit(unit).si_text for unit in self.units]
+        if si_units == self.units:
             return self.values
         values = np.empty(self.values.shape)
-        for j, (unit, si) in enumerate(zip(self.units, wanted, strict=True)):
+        for j, (unit, si) in enumerate(zip(self.units, si_units, strict=True)):
             values[:, j] = convert(self.values[:, j], unit, si)
         return values
 
@@ -56,19 +56,19 @@ Header = tuple[list[str], list[str], list[int]]
 
 
 def read_table(path: PathLike, header_of: Callable[[Sequence[str], str], Header]) -> TrajectoryCsv:
-    """The numbers of a CSV file whose header `header_of` understands.
+    """Read the numbers of a CSV file whose header `header_of` parses.
 
     header_of: (cells of the header line, place in the file for messages) -> the columns to keep.
 
-    Raises TrajectoryError with file and line: no text, no header, no rows, a row of another length, a cell of a kept
-    column that is no finite number.
+    Raises TrajectoryError with file and line if there is no text, header or row, a row has a different length, or a
+    cell of a kept column is not a finite number.
     """
     notes: dict[str, list[str]] = {key: [] for key in _NOTES}
     header: Header | None = None
     width = 0
-    # eight bytes for each number, whatever the file takes: a list of lists takes ten times that
+    # eight bytes per number; a list of lists would need ten times as much
     numbers, places = array("d"), array("q")
-    blank = 0  # the first of the blank lines that only the end of the file may follow
+    blank = 0  # first blank line, after which only the end of the file may follow
     with open(path_of(path), "rb") as file:
         for number, line in enumerate(_decoded(file, path), 1):
             where = f"{path} line {number}"
@@ -108,18 +108,18 @@ def _decoded(file: BinaryIO, path: PathLike) -> Iterator[str]:
         text = text.rstrip("\n").removesuffix("\r")
         if "\r" in text:
             raise TrajectoryError(
-                f"{path} line {number} holds a carriage return that ends no line; save the file with line feeds"
+                f"{path} line {number} has a carriage return inside the line; save the file with line feeds"
             )
         yield text
 
 
 def read_csv(cls: type[Trajectory], path: PathLike) -> Trajectory:
     """Read a CSV file; see `Trajectory.from_csv`."""
-    read = read_table(path, _read_header)
-    table, notes = read.in_si(), read.notes
-    check_increasing(table[:, 0], read, path)
+    rows = read_table(path, _read_header)
+    table, notes = rows.in_si(), rows.notes
+    check_increasing(table[:, 0], rows, path)
     values, signal_units = _grouped(
-        read.columns[1:], [parse_unit(unit).si_text for unit in read.units[1:]], table[:, 1:], notes["scalar"]
+        rows.columns[1:], [parse_unit(unit).si_text for unit in rows.units[1:]], table[:, 1:], notes["scalar"]
     )
     try:
         return cls(
@@ -140,9 +140,9 @@ def _read_provenance(notes: list[str]) -> dict[str, Any]:
     try:
         origin = json_of(notes[0])
     except ValueError as error:
-        raise TrajectoryError(f"the note '# provenance:' is no JSON ({error}); correct or remove it") from error
+        raise TrajectoryError(f"the note '# provenance:' is not JSON ({error}); correct or remove it") from error
     if len(notes) > 1 or not isinstance(origin, dict):
-        raise TrajectoryError("the note '# provenance:' must hold one JSON dictionary in one line")
+        raise TrajectoryError("the note '# provenance:' must be one JSON object on one line")
     return origin
 
 
@@ -175,7 +175,7 @@ def _read_header(cells: Sequence[str], where: str) -> Header:
             raise TrajectoryError(f"{where}, column 1: found {cell!r}; expected the time, as 'time [s]' or 'time [ms]'")
         if name in names:
             raise TrajectoryError(
-                f"{where}, column {number}: the name {name!r} occurs twice; give every column its own name"
+                f"{where}, column {number}: the name {name!r} occurs twice; give every column a different name"
             )
         names.append(name)
         units.append(unit)
@@ -185,16 +185,16 @@ def _read_header(cells: Sequence[str], where: str) -> Header:
 
 
 def shortened(cell: str) -> str:
-    """A cell as a message shows it."""
+    """Return a cell, shortened for a message."""
     return cell if len(cell) <= MOST_SHOWN else f"{cell[:MOST_SHOWN]}..."
 
 
 def _quoted(line: str, where: str) -> list[str]:
-    """Cells of a line that quotes some of them. Raises TrajectoryError for a quote that nothing closes."""
+    """Cells of a line with quotes. Raises TrajectoryError for an unclosed quote."""
     try:
         return next(csv.reader([line], strict=True))
     except csv.Error as error:
-        raise TrajectoryError(f"{where}: quotes that do not fit ({error}); write numbers without quotes") from error
+        raise TrajectoryError(f"{where}: unmatched quotes ({error}); write numbers without quotes") from error
 
 
 def _read_row(line: str, header: Header, width: int, where: str) -> list[float]:
@@ -203,7 +203,7 @@ def _read_row(line: str, header: Header, width: int, where: str) -> list[float]:
         raise TrajectoryError(f"{where}: found {len(cells)} cells; expected {width}, one for each column of the header")
     try:
         row = [float(cells[place]) for place in header[2]]
-        # finite numbers only, unless they are huge: the common case, in one go
+        # the common case: all numbers finite
         if math.isfinite(sum(row)) and "_" not in line:
             return row
     except ValueError:
@@ -224,7 +224,7 @@ def _read_row(line: str, header: Header, width: int, where: str) -> list[float]:
 
 
 def check_increasing(time: Array, read: TrajectoryCsv, path: PathLike) -> None:
-    """Raises TrajectoryError with the lines where the time [s] of a table does not increase."""
+    """Raises TrajectoryError, with line numbers, if the time [s] of a table does not increase."""
     if (bad := np.flatnonzero(np.diff(time) <= 0)).size:
         i, unit, name = int(bad[0]) + 1, read.units[0], read.columns[0]
         written = read.values[:, 0].tolist()
@@ -237,10 +237,10 @@ def check_increasing(time: Array, read: TrajectoryCsv, path: PathLike) -> None:
 def _grouped(
     columns: list[str], units: list[str], table: Array, scalars: list[str]
 ) -> tuple[dict[str, Array], dict[str, str]]:
-    """Signals from columns, column j being table[:, j]: "T[0]", "T[1]", ... become "T" where that is safe.
+    """Signals from columns, column j being table[:, j]: "T[0]", "T[1]", ... become "T" if that is safe.
 
-    It is when the columns of that base name stand side by side, count up from 0, share one unit and no column
-    is called "T". Otherwise all of them stay scalar signals, so that "T" is missing rather than incomplete.
+    The columns of that base name must be adjacent, count from 0 and have the same unit, and no column may be called
+    "T". Otherwise they stay scalar signals, so that "T" is missing rather than incomplete.
     """
     places: dict[str, list[int]] = {}
     for j, column in enumerate(columns):
@@ -248,10 +248,10 @@ def _grouped(
         if match:
             places.setdefault(match["base"], []).append(j)
     starts = {}
-    for base, at in places.items():
-        in_order = columns[at[0] : at[0] + len(at)] == [f"{base}[{i}]" for i in range(len(at))]
-        if in_order and len({units[j] for j in at}) == 1 and base not in ("time", *columns):
-            starts[at[0]] = base, len(at)
+    for base, indices in places.items():
+        in_order = columns[indices[0] : indices[0] + len(indices)] == [f"{base}[{i}]" for i in range(len(indices))]
+        if in_order and len({units[j] for j in indices}) == 1 and base not in ("time", *columns):
+            starts[indices[0]] = base, len(indices)
     values: dict[str, Array] = {}
     signal_units: dict[str, str] = {}
     j = 0

@@ -1,4 +1,4 @@
-"""Files of trajectories: exact, and the same bytes for equal trajectories."""
+"""Files of trajectories: exact, and identical for equal trajectories."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .trajectory_checks import COLUMN, TrajectoryError, columns, json_text
 if TYPE_CHECKING:
     from .trajectory import Trajectory
 
-TRAJECTORY = "trajectory.csv"  # of every study with a trajectory
+TRAJECTORY = "trajectory.csv"  # file of every study with a trajectory
 
 
 def write_csv(trajectory: Trajectory, path: PathLike, overwrite: bool) -> None:
@@ -24,7 +24,7 @@ def write_csv(trajectory: Trajectory, path: PathLike, overwrite: bool) -> None:
 
 
 def csv_bytes(trajectory: Trajectory) -> bytes:
-    """What `write_csv` writes."""
+    """Return the content that `write_csv` writes."""
     values = {name: trajectory[name] for name in trajectory.names}
     origin = json_text(trajectory.provenance) if trajectory.provenance else ""
     notes = {"title": trajectory.title, "synthetic": trajectory.synthetic, "provenance": origin}
@@ -54,13 +54,13 @@ def write_npz(trajectory: Trajectory, path: PathLike, overwrite: bool) -> None:
 
 
 def read_npz(cls: type[Trajectory], path: PathLike) -> Trajectory:
-    """Read what `write_npz` wrote; see `Trajectory.from_npz`."""
+    """Read a file of `write_npz`; see `Trajectory.from_npz`."""
     path_of(path)
     try:
         with np.load(path, allow_pickle=False) as data:
-            said = swollen(path, sum(entry.file_size for entry in data.zip.infolist()))
-            if said:
-                raise TrajectoryError(f"it {said}")
+            fault = swollen(path, sum(entry.file_size for entry in data.zip.infolist()))
+            if fault:
+                raise TrajectoryError(f"it {fault}")
             header = json_of(str(data["header"]))
             signals = dict(header["signals"])
             return cls(
@@ -78,5 +78,5 @@ def read_npz(cls: type[Trajectory], path: PathLike) -> Trajectory:
 
 
 def _quoted(cell: str) -> str:
-    """A header cell as CSV; names such as der(T,2) hold a comma."""
+    """A header cell as CSV; names such as der(T,2) contain a comma."""
     return f'"{cell}"' if "," in cell else cell

@@ -1,5 +1,4 @@
-"""What a long computation reports meanwhile, when it is to stop, and the decorator by which every argument of a
-study is checked before work begins."""
+"""Progress and termination of long computations, and the decorator that checks the arguments of a study."""
 
 from __future__ import annotations
 
@@ -18,11 +17,11 @@ from .agreement import Within, agree
 from .status import SolveStatus
 from .study import Study
 
-SOON = 1e-9  # s: what is left of a time limit that was over before the study began
+SOON = 1e-9  # s: remaining time if the time limit is over before the study begins
 
 
 class Progress(Protocol):
-    """Shows how far the work is: what is being done, the fraction done from 0 to 1 if known, and numbers."""
+    """Shows the progress: current stage, fraction done from 0 to 1 if known, and numbers."""
 
     def __call__(
         self,
@@ -33,30 +32,30 @@ class Progress(Protocol):
 
 
 class Interrupted(Exception):
-    """The work was to end before or within this step; the study is what it kept by `Work.keep`, or its status alone."""
+    """The work ends before or within this step; the result is what `Work.keep` stored, or only a status."""
 
 
-KEPT: ContextVar[list[Callable[[], Any]]] = ContextVar("KEPT")  # of the study that runs; `study_function` opens it
+KEPT: ContextVar[list[Callable[[], Any]]] = ContextVar("KEPT")  # of the running study; set by `study_function`
 
 
 def silent(stage: str | None = None, fraction: float | None = None, numbers: Mapping[str, float] | None = None) -> None:
-    """Shows nothing."""
+    """Show nothing."""
 
 
 def never() -> bool:
-    """No stop is asked for."""
+    """Return False: no stop is requested."""
     return False
 
 
 @dataclass(frozen=True, kw_only=True)
 class Work:
-    """Title, progress and end of one run; made of the arguments that every study takes.
+    """Title, progress and termination of a run: the arguments that every study takes.
 
-    title: of tables and pictures; the study's own if empty.
-    progress: called as progress(stage, fraction, numbers): what is being done, the fraction done from 0 to 1 or None,
-        and numbers by name or None.
-    max_seconds: time limit [s] from the making of this object on; None for none.
-    stop: asked once per step of the work; True ends it with what there is.
+    title: title of tables and pictures; the study's default if empty.
+    progress: called as progress(stage, fraction, numbers): current stage, fraction done from 0 to 1 or None, and
+        numbers by name or None.
+    max_seconds: time limit [s] from the creation of this object; None for no limit.
+    stop: called once per step of the work; True ends it with the results so far.
     """
 
     title: str = ""
@@ -66,22 +65,22 @@ class Work:
     began: float = field(default_factory=time.monotonic)
 
     def keep(self, so_far: Callable[[], Any]) -> None:
-        """Say what the study is if it is ended from now on: `so_far` makes it of what there is then."""
+        """Set the function that makes the result if the study ends early from now on."""
         KEPT.get([]).append(so_far)
 
     def step(self, stage: str, fraction: float | None = None) -> None:
-        """Tell of a step that asks nothing meanwhile, such as the making of a model; raises Interrupted if asked to
-        end. A study that ends this way has the values that it kept."""
+        """Report a step that cannot be interrupted, such as building a model; raises Interrupted if a stop is
+        requested. A study that ends here returns the values that it kept."""
         if self.interrupted():
             raise Interrupted(f"stopped before {stage}")
         self.progress(stage, fraction)
 
     def interrupted(self) -> bool:
-        """True once a stop was asked for or the time is over; engines ask once per iteration."""
+        """Return True after a stop request or the time limit; engines call it once per iteration."""
         return self.stop() or self.seconds_left() == 0.0
 
     def fractions(self, stage: str) -> Callable[[float], bool]:
-        """What a long loop calls with the fraction done; True ends it."""
+        """Return a callback for a long loop, called with the fraction done; True ends the loop."""
 
         def progress(fraction: float) -> bool:
             self.progress(stage, fraction)
@@ -90,7 +89,7 @@ class Work:
         return progress
 
     def iterations(self, stage: str) -> Callable[[int, float, float], bool]:
-        """What an optimiser calls once per iteration, with objective and constraint violation; True ends it."""
+        """Return a callback for an optimiser, with iteration, objective and constraint violation; True ends it."""
 
         def progress(iteration: int, objective: float, violation: float) -> bool:
             self.progress(stage, None, {"iteration": iteration, "objective": objective, "violation": violation})
@@ -99,14 +98,14 @@ class Work:
         return progress
 
     def seconds_left(self) -> float | None:
-        """Time left [s], never negative; None without a limit."""
+        """Return the time left [s], never negative; None without a limit."""
         if self.max_seconds is None:
             return None
         return max(0.0, self.max_seconds - (time.monotonic() - self.began))
 
 
 class WorkOptions(TypedDict, total=False):
-    """The arguments that every study takes, by keyword, with the meaning and the defaults that `Work` gives them."""
+    """Keyword arguments of every study, with the meaning and defaults of `Work`."""
 
     title: str
     progress: Progress
@@ -116,11 +115,11 @@ class WorkOptions(TypedDict, total=False):
 
 @dataclass(kw_only=True)
 class RunClock:
-    """When a run is to end, and whether it asks for that: what a watchdog in a signal handler looks at.
+    """Time limit and stop requests of a run, for a watchdog in a signal handler.
 
-    max_seconds: time limit [s] from the making of the clock on; None for none.
-    ends: when the run is to end, by its limit or as it was asked; asked: when it last asked for that [s of monotonic].
-    running: true while a study may be ended within a step that does not ask.
+    max_seconds: time limit [s] from the creation of the clock; None for no limit.
+    ends: time at which the run must end, from its limit or a request; asked: time of its last check [monotonic, s].
+    running: True while a study may be ended within a step that does not check.
     """
 
     progress: Progress = silent
@@ -136,16 +135,16 @@ class RunClock:
             self.ends = self.began + self.max_seconds
 
     def request_stop(self) -> None:
-        """Ask the running solve to end with its best iterate, as Ctrl-C does."""
+        """Request the running solve to end with its best iterate, as Ctrl-C does."""
         self.stop_requested, self.ends = True, min(self.ends, time.monotonic())
 
     def overdue(self) -> bool:
-        """True while a study runs that was to end and has not asked since."""
+        """Return True while a study runs that had to end and has not checked since."""
         return self.running and self.asked < self.ends <= time.monotonic()
 
     @contextmanager
     def under_way(self) -> Iterator[None]:
-        """While a study runs, which may be ended within a step that does not ask."""
+        """Mark the block as a running study, which may be ended within a step that does not check."""
         before, self.running = self.running, True
         try:
             yield
@@ -157,11 +156,11 @@ class RunClock:
         return self.stop_requested
 
     def clock(self) -> Work:
-        """Progress and end of the run."""
+        """Return progress and termination of the run as `Work`."""
         return Work(progress=self.progress, max_seconds=self.max_seconds, stop=self._stop, began=self.began)
 
     def work(self) -> dict[str, Any]:
-        """What every study takes of it: progress, max_seconds, stop."""
+        """Return the keyword arguments of a study: progress, max_seconds, stop."""
         clock = self.clock()
         left = clock.seconds_left()
         return {
@@ -173,8 +172,8 @@ class RunClock:
 
 @contextmanager
 def parents_signals() -> Iterator[None]:
-    """A process that is started meanwhile never gets what asks to stop: the parent answers for all. Batch systems send
-    it to the whole group, to workers too that are still starting."""
+    """Block stop signals in processes started in the block: the parent handles them. Batch systems send these signals
+    to the whole process group, also to workers that are still starting."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -190,24 +189,24 @@ R = TypeVar("R")
 
 
 def ended(kind: type[R], message: str, title: str = "") -> R:
-    """An interrupted study without values: of its own class, or a plain one where that class cannot be without them."""
+    """Return an interrupted study without values: of this class, or a plain Study if the class requires values."""
     needed = [f.name for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING]  # type: ignore[arg-type]
-    made: Any = kind if needed == ["status"] else Study
-    return made(status=SolveStatus.INTERRUPTED, message=message, title=title)
+    study: Any = kind if needed == ["status"] else Study
+    return study(status=SolveStatus.INTERRUPTED, message=message, title=title)
 
 
 def study_function(function: Callable[P, R]) -> Callable[P, R]:
-    """A study whose arguments are checked against their annotations: kinds, words, `Long`, `Within`.
+    """Decorate a study: check its arguments against their annotations, with types, words, `Long` and `Within`.
 
-    It takes those of `Work` as `**work_options: Unpack[WorkOptions]`; `inspect.signature` and `get_type_hints` show
-    them one by one. The other annotations are read at the first call. An argument that does not agree is an
-    ArgumentError with its name. A study that is ended at a `Work.step`, or within one that asks too late, is what was
-    kept by `Work.keep`, or that status alone.
+    The study takes the arguments of `Work` as `**work_options: Unpack[WorkOptions]`; `inspect.signature` and
+    `get_type_hints` list them separately. Other annotations are evaluated at the first call. Raises ArgumentError for a
+    wrong argument. A study that ends at a `Work.step`, or within a step that checks too late, returns what `Work.keep`
+    stored, or only the status.
     """
-    own = inspect.signature(function)
-    named = [p for p in own.parameters.values() if p.kind is not p.VAR_KEYWORD]
-    of_work = _of_work() if len(named) < len(own.parameters) else []
-    signature = own.replace(parameters=named + of_work)
+    original = inspect.signature(function)
+    named = [p for p in original.parameters.values() if p.kind is not p.VAR_KEYWORD]
+    of_work = _of_work() if len(named) < len(original.parameters) else []
+    signature = original.replace(parameters=named + of_work)
 
     @cache
     def hints() -> dict[str, Any]:
@@ -216,10 +215,10 @@ def study_function(function: Callable[P, R]) -> Callable[P, R]:
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
-            given = signature.bind(*args, **kwargs).arguments
+            arguments = signature.bind(*args, **kwargs).arguments
         except TypeError as error:
             raise TypeError(f"{function.__name__}() {error}") from None
-        for name, value in given.items():
+        for name, value in arguments.items():
             agree(value, hints()[name], name)
         kept: list[Callable[[], R]] = []
         opened = KEPT.set(kept)
@@ -228,7 +227,7 @@ def study_function(function: Callable[P, R]) -> Callable[P, R]:
         except Interrupted as stopped:
             if kept:
                 return kept[-1]()
-            return ended(hints()["return"], str(stopped), given.get("title", ""))
+            return ended(hints()["return"], str(stopped), arguments.get("title", ""))
         finally:
             KEPT.reset(opened)
 

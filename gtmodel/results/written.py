@@ -1,4 +1,4 @@
-"""The folder of a study. What gtmodel wrote it may replace; what a person wrote or changed it never touches."""
+"""The folder of a study. gtmodel replaces only files that it wrote and that nobody changed."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ RESULT = "result.json"
 _OURS = "gtmodel"
 _PACKAGES = ("casadi", "numpy", "scipy", "pydantic")
 _DPI = 150
-_SAID, _SAID_POINTS = "#b00020", 9.0  # colour and size of what stands above the picture of a failed result
-_LETTERS, _LINE = 1.7, 1.25  # letters in a width and lines in a height of as many points as the size
+_WARNING, _WARNING_POINTS = "#b00020", 9.0  # colour and size of the warning above the picture of a failed result
+_LETTERS, _LINE = 1.7, 1.25  # letters per width, and height of a line, in units of the font size
 
 
 def refuse_foreign(folder: Path) -> None:
-    """Raises ArgumentError unless the folder is new, empty, or holds an earlier result just as it was written."""
+    """Raises ArgumentError unless the folder is new, empty, or contains an unchanged earlier result."""
     if not folder.exists():
         return
     if not folder.is_dir():
@@ -51,7 +51,7 @@ def refuse_foreign(folder: Path) -> None:
     written = _written(folder)
     if written is None:
         raise ArgumentError(
-            f"{folder} holds files that gtmodel did not write; name a new folder or empty this one", "folder"
+            f"{folder} contains files that gtmodel did not write; name a new folder or empty this one", "folder"
         )
     for name, digest in written.items():
         path = folder / name
@@ -61,27 +61,26 @@ def refuse_foreign(folder: Path) -> None:
 
 @contextmanager
 def held(folder: Path, notice: Callable[[str], object]) -> Iterator[Held]:
-    """The folder for this run alone, tried before the work; what an earlier run left undone is settled first, and said
-    to `notice`.
+    """Lock the folder for this run, before the work; first finish what an earlier run left, and tell `notice`.
 
-    Raises ArgumentError as `refuse_foreign` does, where the folder cannot be written, and while another run has it.
+    Raises ArgumentError as `refuse_foreign` does, if the folder cannot be written, and while another run uses it.
     """
     try:
         refuse_impossible(folder)
         if not unfinished(folder):
             refuse_foreign(folder)
-        with holding(folder) as mine:
+        with holding(folder) as locked:
             refuse_foreign(folder)
-            if mine.message:
-                notice(mine.message)
-            yield mine
+            if locked.message:
+                notice(locked.message)
+            yield locked
     except FolderError as error:
         shown = str(folder) if str(folder).isprintable() else repr(str(folder))
         raise ArgumentError(f"{shown} {error}", "folder") from error
 
 
 def _written(folder: Path) -> dict[str, str] | None:
-    """File names and hashes of an earlier result; None when there is none in the folder."""
+    """File names and hashes of an earlier result; None if the folder has none."""
     try:
         run = toml_of((folder / RUN).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -94,19 +93,19 @@ def _written(folder: Path) -> dict[str, str] | None:
 
 def write(study: Study, folder: Path, *, plot: bool, write_failed: bool) -> list[Path]:
     """Write a study into a folder: result.json, its files, pictures with `plot`, and run.toml. Raises ArgumentError."""
-    with held(folder, lambda _: None) as mine:
+    with held(folder, lambda _: None) as target:
         study = for_machines(study, "write_failed" if write_failed else "")
         files = files_of(study, result("", None, study))
         faults = pictured(study, files) if plot else []
-        paths = put(mine, files, lambda files: record({}, None, files))
+        paths = put(target, files, lambda files: record({}, None, files))
     if faults:
         raise ArgumentError(faults[0], "plot")
     return paths
 
 
 def files_of(study: Study, data: bytes) -> dict[str, bytes]:
-    """Contents by file name: result.json, trajectory.csv where there is a trajectory (marked where it must not be
-    relied on), and the study's own files."""
+    """Return contents by file name: result.json, trajectory.csv if there is a trajectory (marked if it must not be
+    used), and the study's own files."""
     files = {RESULT: data}
     if study.trajectory is not None and study.status.ok:
         files[TRAJECTORY] = csv_bytes(study.trajectory)
@@ -118,23 +117,23 @@ def files_of(study: Study, data: bytes) -> dict[str, bytes]:
 
 
 def for_machines(study: Study, asked: str, by: str = "write_failed=True") -> Study:
-    """The study with its files for machines left out, or marked where `asked` says who asked for them, where it must
-    not be relied on. by: how a person asks."""
+    """Return a failed study without its files for machines, or with marks on them if `asked` names the option that
+    requests them. by: name of that option for the message."""
     if study.status.ok:
         return study
     whole = dict(study.files)
     if study.trajectory is not None and TRAJECTORY in study.machine_files:
         whole[TRAJECTORY] = csv_bytes(study.trajectory)
-    kept = [name for name in study.machine_files if name in whole]
-    if not kept:
+    machine = [name for name in study.machine_files if name in whole]
+    if not machine:
         return study
     message = study.message
-    files = {name: content for name, content in whole.items() if name not in kept}
+    files = {name: content for name, content in whole.items() if name not in machine}
     if not asked:
-        names = " and ".join(sorted(kept)) if len(kept) < 3 else f"{len(kept)} files for machines"
-        message += f"; {names} {'is' if len(kept) == 1 else 'are'} not written; {by} writes all, marked"
+        names = " and ".join(sorted(machine)) if len(machine) < 3 else f"{len(machine)} files for machines"
+        message += f"; {names} {'is' if len(machine) == 1 else 'are'} not written; {by} writes all, marked"
         return study.with_(files=files, message=message)
-    for name in kept:
+    for name in machine:
         content = whole[name]
         raw = content.encode() if isinstance(content, str) else content
         files[name] = marked(name, raw, message, f", written by {asked}")
@@ -144,10 +143,10 @@ def for_machines(study: Study, asked: str, by: str = "write_failed=True") -> Stu
 def put(
     folder: Held, files: dict[str, bytes], run: Callable[[Mapping[str, bytes]], bytes], programs: Collection[str] = ()
 ) -> list[Path]:
-    """Write `files` and their run.toml into a folder, and take away those of an earlier run; returns what was written.
+    """Write `files` and their run.toml into a folder, delete those of an earlier run, and return the paths written.
 
-    Raises ArgumentError as `refuse_foreign` does, where a name is taken by a file of another origin, and where the
-    folder cannot be written.
+    Raises ArgumentError as `refuse_foreign` does, if gtmodel did not write an existing file, and if the folder cannot
+    be written.
     """
     place = folder.path
     refuse_foreign(place)
@@ -164,13 +163,13 @@ def put(
 
 
 def pictured(study: Study, files: dict[str, bytes]) -> list[str]:
-    """Add the pictures to `files`; a sentence on each that cannot be drawn: it must not cost the numbers."""
+    """Add the pictures to `files`, and return a sentence about each that cannot be drawn."""
     faults = []
-    said = "" if study.status.ok else f"{_not_ok(study)}: {study.message}"
+    warning = "" if study.status.ok else f"{_not_ok(study)}: {study.message}"
     for name, draw in study.figures.items():
         file = name if name.endswith(".png") else f"{name}.png"
         try:
-            files[file] = png(draw, said)
+            files[file] = png(draw, warning)
         except Exception as error:
             fault = " ".join(str(error).split())
             faults.append(f"{file} could not be drawn ({type(error).__name__}: {fault}); please report it")
@@ -184,7 +183,7 @@ def _not_ok(study: Study) -> str:
 def record(
     inputs: Mapping[str, Any], wall_s: float | None, files: Mapping[str, bytes], more: Mapping[str, Any] | None = None
 ) -> bytes:
-    """run.toml: what a folder was made of, and the hashes of its `files`, which show what a person changed."""
+    """Return run.toml: the inputs of a folder, and the hashes of its `files`, which reveal later changes."""
     run = {
         "program": _OURS,
         **({} if wall_s is None else {"wall_s": wall_s}),
@@ -198,13 +197,13 @@ def record(
 
 
 def versions(*used: str) -> dict[str, str]:
-    """Versions of gtmodel, of Python, of the packages that numbers depend on and of those `used` besides."""
+    """Return the versions of gtmodel, Python, the numerical packages and those in `used`."""
     versions_by_name = {_OURS: __version__, "python": platform.python_version(), "platform": _system()}
     return versions_by_name | {name: _installed(name) for name in (*_PACKAGES, *used)}
 
 
 def _system() -> str:
-    """What `platform.platform` says, which on Linux starts a process to learn the name of the processor."""
+    """As `platform.platform`, but without the process that it starts on Linux to find the processor's name."""
     if sys.platform != "linux":
         return platform.platform()
     parts = [platform.system(), platform.release(), platform.machine(), "with", "".join(platform.libc_ver())]
@@ -212,14 +211,14 @@ def _system() -> str:
 
 
 def _installed(package: str) -> str:
-    """The version of a package: the folder PACKAGE-VERSION.dist-info beside it says it; to ask importlib.metadata takes
-    longer than to write the whole result."""
+    """The version of a package from its folder PACKAGE-VERSION.dist-info; importlib.metadata takes longer than writing
+    the whole result."""
     spec = find_spec(package)
     if spec is not None and spec.origin is not None:
-        beside = os.listdir(Path(spec.origin).parents[1])
-        stated = [n for n in beside if n.startswith(f"{package}-") and n.endswith(".dist-info")]
-        if len(stated) == 1:
-            return stated[0].removeprefix(f"{package}-").removesuffix(".dist-info")
+        names = os.listdir(Path(spec.origin).parents[1])
+        folders = [n for n in names if n.startswith(f"{package}-") and n.endswith(".dist-info")]
+        if len(folders) == 1:
+            return folders[0].removeprefix(f"{package}-").removesuffix(".dist-info")
     from importlib.metadata import PackageNotFoundError, version  # none or several: an unusual installation
 
     try:
@@ -233,7 +232,7 @@ def sha256(content: bytes) -> str:
 
 
 def sha256_of_file(path: Path) -> str:
-    """The hash of a file of any size; "" where it is none."""
+    """Return the hash of a file of any size; "" if there is no such file."""
     if not path.is_file():
         return ""
     with open(path, "rb") as file:
@@ -241,27 +240,27 @@ def sha256_of_file(path: Path) -> str:
 
 
 def png(draw: Any, said: str = "") -> bytes:
-    """A picture as a file, the same bytes for the same picture. said: what stands above it, of a failed result."""
+    """Return a picture as PNG, identical for identical pictures. said: warning above the picture of a failed result."""
     buffer = io.BytesIO()
-    style = import_module("gtmodel.plot.style")  # by name: pictures stand above what they show
+    style = import_module("gtmodel.plot.style")  # by name: results must not depend on gtmodel.plot
     with style.settings():
         figure = draw()
-        more = _headed(figure, said) if said else {}
+        options = _headed(figure, said) if said else {}
         _as_written(figure)
-        figure.draw_without_rendering()  # equal scales move the numbers, for which the layout then makes room
-        # matplotlib's own version stays out of the file: same input, same bytes
-        figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None}, **more)
+        figure.draw_without_rendering()  # equal scales move the tick labels, and the layout then makes room for them
+        # without matplotlib's version in the file: same input, same bytes
+        figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None}, **options)
     return buffer.getvalue()
 
 
-def _headed(figure: Any, said: str) -> dict[str, Any]:
-    """Write a text above a figure, on paper added there; what savefig needs for it."""
+def _headed(figure: Any, message: str) -> dict[str, Any]:
+    """Write a text above a figure, on added space; returns the options for savefig."""
     from matplotlib.transforms import Bbox
 
     width, height = figure.get_size_inches()
-    inch = 72.0 / _SAID_POINTS  # lines in an inch, and about half the letters
-    lines = textwrap.wrap(" ".join(said.split()), max(20, int(_LETTERS * inch * width)))
-    text = figure.text(0.5, 1.0, "\n".join(lines), ha="center", va="bottom", color=_SAID, fontsize=_SAID_POINTS)
+    inch = 72.0 / _WARNING_POINTS  # lines per inch, and about half the letters
+    lines = textwrap.wrap(" ".join(message.split()), max(20, int(_LETTERS * inch * width)))
+    text = figure.text(0.5, 1.0, "\n".join(lines), ha="center", va="bottom", color=_WARNING, fontsize=_WARNING_POINTS)
     text.set_in_layout(False)  # the picture itself stays as it was
     above = (len(lines) + 1) * _LINE / inch
     text.set_y(1.0 + 0.5 * _LINE / inch / height)
@@ -269,7 +268,7 @@ def _headed(figure: Any, said: str) -> dict[str, Any]:
 
 
 def _as_written(figure: Any) -> None:
-    """Titles and names are a person's own words: a "$" in them begins no formula. Matplotlib's own ticks stay."""
+    """Print "$" in titles and names literally, not as a formula; Matplotlib's tick labels stay."""
     from matplotlib.text import Text
 
     for text in figure.findobj(Text):

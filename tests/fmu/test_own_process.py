@@ -172,7 +172,7 @@ HOSTILE = {
     "entities": (lambda d: {"modelDescription.xml": d.replace(b"?>", b"?>" + ENTITY, 1)}, "declares an entity"),
     "deep": (lambda d: {"modelDescription.xml": b"<a>" * 100_000}, "deep"),
     "none": (lambda d: {"other": d}, "holds no modelDescription.xml"),
-    "no XML": (lambda d: {"modelDescription.xml": b"<"}, "is no XML"),
+    "no XML": (lambda d: {"modelDescription.xml": b"<"}, "is not XML"),
 }
 
 

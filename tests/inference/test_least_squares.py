@@ -33,7 +33,7 @@ def test_a_straight_line_is_that_of_linregress():
 
 @pytest.mark.parametrize("level", [0, 1, 2, -0.5, np.nan, np.inf, True, None, "high"])
 def test_a_level_that_is_none_is_refused(level):
-    with pytest.raises(ArgumentError, match="a confidence level lies between 0 and 1; found"):
+    with pytest.raises(ArgumentError, match="expected a confidence level between 0 and 1; found"):
         linear_fit(*line(), ("level", "slope")).interval("slope", level)
 
 

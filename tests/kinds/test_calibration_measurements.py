@@ -230,7 +230,7 @@ def test_an_array_of_one_table_holds_out_as_one_table_does():
     assert by_table.held_out == hexapod('held_out.refit=["offset","device","target"]').held_out
     file = OTHER_DAY["held_out_file"]
     both = [f'held_out.file="{file}"', f'measurements.held_out_file="{file}"']
-    assert "measurements.held_out_file: is there beside held_out.file" in refused(path, both)
+    assert "measurements.held_out_file: is set besides held_out.file" in refused(path, both)
 
 
 def test_a_held_out_file_that_is_wrong_is_named_at_its_table(tmp_path):

@@ -122,5 +122,10 @@ def test_a_start_is_refused():
 
 def test_the_plan_explains_its_steps():
     text = explain(load(FILE), Context())
-    for step in ("workspace:", "safety:", "device: range of the laser tracker", "20 to 60 poses by I, and 20 held out"):
+    for step in (
+        "workspace:",
+        "safety:",
+        "device: range of the laser tracker",
+        "20 to 60 poses, chosen by I, and 20 held out",
+    ):
         assert step in text

@@ -24,7 +24,7 @@ from gtmodel.results.disk import marked
 from tests.support.commands import Commands
 
 SOURCES = sorted(Path(gtmodel_package.__file__).parent.rglob("*.py"))
-SAID = "says in its first line that it is not to be used"
+SAID = "says that it is not to be used"
 ROBOT = """family = "three_link"
 A_m = [[0.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, -0.5, 0.9]]
 v = [[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
@@ -90,7 +90,7 @@ def test_a_study_on_a_marked_file_says_so_and_keeps_it(
     assert done.code == 0
     assert f"{spoilt} {SAID}" in done.out and f"{spoilt} {SAID}" in done.err
     stored = json.loads((tmp_path / "a" / "result.json").read_text())["values"]
-    assert [n for n in stored["notes"] if n.startswith(f"{spoilt} {SAID}")] == stored["notes"]
+    assert [n for n in stored["notes"] if n.startswith(f"the first line of {spoilt} {SAID}")] == stored["notes"]
 
 
 def test_code_for_a_machine_is_not_made_from_a_marked_robot(

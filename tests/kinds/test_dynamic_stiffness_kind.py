@@ -78,4 +78,4 @@ def test_wrong_problems_name_their_key(changes, key) -> None:
 
 def test_explain_says_what_is_synthetic() -> None:
     text = explain(load(PROBLEM), Context())
-    assert "180 SYNTHETIC ones, seed 16" in text and "nine distinct rows" in text
+    assert "180 SYNTHETIC, seed 16" in text and "nine distinct rows" in text

@@ -70,7 +70,10 @@ def test_every_key_is_there_with_unit_and_default(kind: str) -> None:
         tables, last = [schema], []
         for part in key.key.split("."):
             name, several = part.removesuffix("[]"), part.endswith("[]")
-            last = [table["properties"][name] for table in tables if name in table.get("properties", {})]
+            if name == "*":
+                last = [v for table in tables if isinstance(v := table.get("additionalProperties"), dict)]
+            else:
+                last = [table["properties"][name] for table in tables if name in table.get("properties", {})]
             tables = [c for node in last for c in choices(node)]
             if several:
                 tables = [c for node in tables if "items" in node for c in choices(node["items"])]
@@ -181,7 +184,7 @@ def test_the_command_prints_a_file_for_editors(gtmodel: Commands) -> None:
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["--json-schema"], "--json-schema needs a kind; there are trajectory, axis_trajectory"),
+        (["--json-schema"], "--json-schema needs a kind: trajectory, axis_trajectory"),
         (["compliance", "--json-schema", "--json"], "--json-schema is JSON already; leave --json out"),
         (["complaince", "--json-schema"], "there is no kind 'complaince'; did you mean 'compliance'?"),
     ],

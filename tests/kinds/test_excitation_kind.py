@@ -56,7 +56,7 @@ class TestCommandLine:
         done = Commands(capsys)("explain", L1)
         assert done.code == 0
         assert "13 parameters" in done.out and "9 unknowns for each of 3 coordinates" in done.out
-        assert "checked on 20 times as many" in done.out
+        assert "checked at 20 times as many" in done.out
 
 
 FEW = ["random.draws=2", "monte_carlo.runs=0"]

@@ -114,4 +114,4 @@ def test_refusals_name_the_key(changes: dict[str, Any], key: str) -> None:
 
 
 def test_the_explanation_shows_the_pattern() -> None:
-    assert "star: forces that hold one kilogram -7.904, -0.6524, 8.557 N/kg" in explain(loaded(), Context())
+    assert "star: cart forces that hold one kilogram -7.904, -0.6524, 8.557 N/kg" in explain(loaded(), Context())

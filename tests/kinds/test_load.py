@@ -14,7 +14,7 @@ from gtmodel.results.quantity import split
 
 LOAD = load.load
 
-KINDS = 'write kind = "trajectory", or another that gtmodel schema lists'
+KINDS = 'write kind = "trajectory", or another kind that gtmodel schema lists'
 
 
 class Limits(FileSection):
@@ -48,7 +48,7 @@ FAULTS = [
     ("lmits.force_N=3", "lmits: unknown key; did you mean 'limits'?"),
     ("parts.1.mass_g=3", "parts[1].mass_g: unknown key; did you mean 'mass_kg' (kg)?"),
     ("parts.1.nme=x", "parts[1].nme: unknown key; did you mean 'name'?"),
-    ("parts.2.name=x", "parts.2.name: has 2 entries; '2' is none of 0 to 1"),
+    ("parts.2.name=x", "parts.2.name: has 2 entries; '2' is not a number from 0 to 1"),
     ("limits.force_N=much", "limits.force_N: expected a number in N; found the text 'much'"),
     ("limits.force_N='3'", "limits.force_N: expected a number in N; found the text '3'"),
     ("limits.force_N=true", "limits.force_N: expected a number in N; found true"),
@@ -80,7 +80,7 @@ def test_every_fault_is_one_sentence_with_its_key(setting: str, sentence: str) -
 
 
 def test_further_faults_are_named_behind_the_first() -> None:
-    with pytest.raises(InputError, match=r"unknown key; .*; wrong too: count$") as caught:
+    with pytest.raises(InputError, match=r"unknown key; .*; also wrong: count$") as caught:
         validate(Schema, apply(GOOD, ["count=no", "limits.mass=3"]))
     assert caught.value.key == "limits.mass"
 
@@ -88,7 +88,7 @@ def test_further_faults_are_named_behind_the_first() -> None:
 def test_a_misspelt_key_is_not_missing_as_well() -> None:
     with pytest.raises(InputError) as caught:
         validate(Schema, {"kind": "test", "limits": {"force_kN": 1.0}})
-    assert "wrong too" not in str(caught.value)
+    assert "also wrong" not in str(caught.value)
 
 
 def test_settings_are_toml_or_text_and_leave_the_data_alone() -> None:
@@ -106,9 +106,9 @@ def test_settings_cannot_smuggle_a_second_key() -> None:
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
-        (b"kind = ", "line 1: not TOML: a key without a value is left out; found 'kind ='"),
-        (b"a = 1\n\nb == 2\n", "line 3: not TOML: a key is set with one =; found 'b == 2'"),
-        (b"a = 1\na = 2\n", "line 2: not TOML: the key is there twice; found 'a = 2'"),
+        (b"kind = ", "line 1: not TOML: remove a key that has no value; found 'kind ='"),
+        (b"a = 1\n\nb == 2\n", "line 3: not TOML: set a key with one =; found 'b == 2'"),
+        (b"a = 1\na = 2\n", "line 2: not TOML: the key appears twice; found 'a = 2'"),
         (b'a = 1\nt = "\xff"', "line 2: not UTF-8 text; save the file as UTF-8"),
     ],
 )
@@ -135,7 +135,7 @@ def test_the_kind_must_be_named(data: dict[str, Any], sentence: str) -> None:
 def test_a_faulty_file_is_named_as_it_was_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.toml").write_text("kind = 'trajectory'\nrobot = 3\n")
-    with pytest.raises(InputError, match=r"^mine\.toml: robot: expected a text; found 3; wrong too: start, goal"):
+    with pytest.raises(InputError, match=r"^mine\.toml: robot: expected a text; found 3; also wrong: start, goal"):
         LOAD("mine.toml")
     with pytest.raises(InputError, match=r"^\.: is a folder; name a TOML file$"):
         LOAD(".")

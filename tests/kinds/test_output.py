@@ -45,7 +45,7 @@ def test_an_earlier_result_is_replaced_and_what_is_not_made_any_more_goes(tmp_pa
 def test_foreign_files_stay(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     (tmp_path / "a" / "notes.txt").write_text("mine")
-    with pytest.raises(InputError, match="holds files that gtmodel did not write"):
+    with pytest.raises(InputError, match="contains files that gtmodel did not write"):
         write(tmp_path / "a")
     assert [p.name for p in (tmp_path / "a").iterdir()] == ["notes.txt"]
 
@@ -69,7 +69,7 @@ def test_a_foreign_file_of_a_new_name_stays(tmp_path: Path) -> None:
 def test_somebody_elses_run_toml_makes_no_result_of_ours(tmp_path: Path, run: str) -> None:
     (tmp_path / "a").mkdir()
     (tmp_path / "a" / "run.toml").write_text(run, encoding="latin-1")
-    with pytest.raises(ArgumentError, match="holds files that gtmodel did not write"):
+    with pytest.raises(ArgumentError, match="contains files that gtmodel did not write"):
         written.refuse_foreign(tmp_path / "a")
 
 
@@ -111,8 +111,8 @@ def test_a_result_is_read_back_to_start_from(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("no JSON", "is no result.json of gtmodel"),
-        ("[1]", "is no result.json of gtmodel"),
+        ("no JSON", "is not a result.json of gtmodel"),
+        ("[1]", "is not a result.json of gtmodel"),
         ('{"kind": "trajectory"}', "is a result of kind 'trajectory'; this problem is of kind 'optimization'"),
         ('{"kind": "optimization", "trajectory": {"time_s": [0, 0]}}', "its trajectory cannot be read"),
         ('{"kind": "optimization", "trajectory": 3}', "its trajectory cannot be read"),

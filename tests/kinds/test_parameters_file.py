@@ -65,5 +65,5 @@ def test_no_robot_of_the_catalogue_is_implausible() -> None:
 def test_a_file_that_names_itself_is_refused(tmp_path: Path) -> None:
     (tmp_path / "other.toml").write_text('robot = "own.toml"\n')
     for named in ("own.toml", "other.toml"):
-        with pytest.raises(InputError, match=r"'own\.toml' is named as its own robot"):
+        with pytest.raises(InputError, match=r"'own\.toml' names itself as robot"):
             read(tmp_path, {"robot": named})

@@ -68,14 +68,14 @@ def test_payload_is_added_to_a_plate_mass_of_the_problem_too(context: Context, r
 @pytest.mark.parametrize(
     ("parameters", "options", "sentence"),
     [
-        ({"payload": -3.0}, {}, "parameters.payload: is no parameter of a robot; payload_kg says it"),
-        ({"inertia": "model_1"}, {}, "parameters.inertia: is no parameter of a robot; inertia says it"),
-        ({"name": "d1_nominal"}, {}, "parameters.name: is no parameter of a robot; robot says it"),
-        ({"family": "f1"}, {}, "parameters.family: is no parameter of a robot; robot says it"),
+        ({"payload": -3.0}, {}, "parameters.payload: is not a parameter of a robot; use the key payload_kg"),
+        ({"inertia": "model_1"}, {}, "parameters.inertia: is not a parameter of a robot; use the key inertia"),
+        ({"name": "d1_nominal"}, {}, "parameters.name: is not a parameter of a robot; use the key robot"),
+        ({"family": "f1"}, {}, "parameters.family: is not a parameter of a robot; use the key robot"),
         (
             {"velocity_scale": 0.3},
             {"velocity_scale": 0.1},
-            "parameters.velocity_scale: is said by friction.velocity_scale_m_s too; leave one of the two out",
+            "parameters.velocity_scale: is set by friction.velocity_scale_m_s too; leave one of the two out",
         ),
     ],
 )
@@ -102,12 +102,12 @@ def test_models_in_python_take_parameters(context: Context, reference: str) -> N
         ("pendulum.py", "for a model in Python name its class too, as in 'pendulum.py:Robot'"),
         ("pendulum", "robot: there is no robot 'pendulum'; there are d1_nominal"),
         ("makers.py:three", "robot: 'makers.py:three' is int; expected a Model"),
-        ("makers.py:thre", "robot: 'makers.py' holds no 'thre'"),
+        ("makers.py:thre", "robot: 'makers.py' has no 'thre'"),
         ("pendulum.py:", "names no class"),
         (":Pendulum", "names no class"),
         ("os:system", "robot: 'os:system' is builtin_function_or_method; expected a Model"),
         ("shutil:rmtree", "robot: 'shutil:rmtree' is function; expected a Model"),
-        ("functools:partial", "robot: 'functools:partial' is no Model"),
+        ("functools:partial", "robot: 'functools:partial' is not a subclass of Model"),
     ],
 )
 def test_wrong_references_are_sentences(context: Context, reference: str, sentence: str) -> None:

@@ -93,7 +93,7 @@ def test_a_file_may_give_parameters_of_another(context: Context, name: str, base
     [
         ("0.3, 0.25", "300, 250", r"a_m: look like millimetres, 300 m is the longest; give metres"),
         ('"rrp"', '"rr"', r"joints takes one of r, p for each of the 3 joints"),
-        ("limits =", "limits_deg =", r"limits_deg: is for arms whose joints all turn"),
+        ("limits =", "limits_deg =", r"limits_deg: needs revolute joints only"),
         ("a_m", "a_n", r"a_n: .*a_m"),
         ("alpha_deg = [0, 180, 0]", "alpha_deg = [0, 180]", r"'alpha' has 2 numbers; expected 3"),
     ],

@@ -116,7 +116,7 @@ def test_wrong_problems(changes: dict[str, object], key: str) -> None:
 
 
 def test_there_is_nothing_to_start_from() -> None:
-    with pytest.raises(InputError, match=r"--start: a simulation begins at its \[start\]"):
+    with pytest.raises(InputError, match=r"--start: a simulation starts at its \[start\]"):
         solve(Context(start={"kind": "simulation"}))
 
 

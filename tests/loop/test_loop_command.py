@@ -67,7 +67,7 @@ def test_command_prints_one_object(folder: Path, motion: Path, place: Path, caps
         (["--elastic", "nan"], "--elastic expected finite numbers; found nan"),
         (["--law", "guess"], "--law expected one of trajectory, dynamics, replay, path, lead_through; found 'guess'"),
         (["--reference", "none.csv"], "--reference none.csv: there is no such file"),
-        (["--out", str(Path(__file__).parent)], "holds files that gtmodel did not write"),
+        (["--out", str(Path(__file__).parent)], "contains files that gtmodel did not write"),
         (["--out", __file__], "is a file; name a folder"),
         (["--out", "/proc/loop"], "--out /proc/loop cannot be written: No such file or directory"),
     ],

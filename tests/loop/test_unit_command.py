@@ -66,7 +66,7 @@ def test_the_unit_of_the_option_and_that_of_the_file_do_the_same(
     (moved / "robot.fmu").unlink()
     capsys.readouterr()
     assert _loop(moved, "named") == 2
-    assert "give it by --plant" in json.loads(capsys.readouterr().out)["message"]
+    assert "name it with --plant" in json.loads(capsys.readouterr().out)["message"]
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,7 @@ def test_what_agrees_is_taken(given: dict[str, Any]) -> None:
         ("rows", [[1.0, 2.0]], "expected 3 numbers; found 2"),
         ("rows", np.zeros(3), "expected a list of numbers"),
         ("rows", np.zeros((2, 2, 3)), "a list of numbers; found an array of shape (2, 3)"),
-        ("array", [[1, 2, 3], [4, 5]], "rows of one length"),
+        ("array", [[1, 2, 3], [4, 5]], "rows of equal length"),
         ("array", np.zeros((3, 2)), "expected 3 numbers; found 2"),
         ("array", [["a", "b", "c"]], "an array of numbers"),
         ("pair", (1.0,), "expected 2"),

@@ -78,7 +78,7 @@ def test_names_carry_units_both_ways(unit):
 
 
 def test_a_unit_that_no_name_carries_is_refused():
-    with pytest.raises(ValueError, match=r"no name carries the unit kg.m3: 'x_kgm3' reads as none"):
+    with pytest.raises(ValueError, match=r"no name can express the unit kg.m3: 'x_kgm3' reads as no unit"):
         named("x", "kg.m3")
 
 

@@ -103,7 +103,7 @@ def test_files_are_not_overwritten_unasked(tmp_path: Path) -> None:
         with pytest.raises(FileExistsError) as caught:
             write(path)
         assert str(caught.value) == (
-            f"{path} is already there and was left alone; choose another path or pass overwrite=True"
+            f"{path} exists already and was not changed; choose another path or pass overwrite=True"
         )
         assert path.read_text() == "precious"
         write(path, overwrite=True)
@@ -155,11 +155,11 @@ def test_npz_of_another_program(tmp_path: Path) -> None:
         ),
         (
             "time [s],x [m],x [m]\n0,1,2\n",
-            "FILE line 1, column 3: the name 'x' occurs twice; give every column its own name",
+            "FILE line 1, column 3: the name 'x' occurs twice; give every column a different name",
         ),
         (
             "time [s],time [s]\n0,1\n",
-            "FILE line 1, column 2: a signal is named 'time', which is the name of the time grid; choose another name",
+            "FILE line 1, column 2: a signal is named 'time', the name of the time grid; choose another name",
         ),
         (
             "time [s]\n0\n",
@@ -200,7 +200,7 @@ def test_npz_of_another_program(tmp_path: Path) -> None:
         (
             "time [ms],x [m]\n0,1\n# pause\n4,1\n4,2\n",
             "FILE line 5, column 'time': 4.0 ms does not come after 4.0 ms in line 4; time must increase "
-            "strictly, so average the rows of one time or keep the first",
+            "strictly, so average the rows with equal time or keep the first",
         ),
         (
             "# synthetic:\ntime [s],x [m]\n0,1\n",
@@ -208,11 +208,11 @@ def test_npz_of_another_program(tmp_path: Path) -> None:
         ),
         (
             "# provenance: [1]\ntime [s],x [m]\n0,1\n",
-            "FILE: the note '# provenance:' must hold one JSON dictionary in one line",
+            "FILE: the note '# provenance:' must be one JSON object on one line",
         ),
         (
             "# provenance: {\ntime [s],x [m]\n0,1\n",
-            "FILE: the note '# provenance:' is no JSON (Expecting property name enclosed in double quotes: "
+            "FILE: the note '# provenance:' is not JSON (Expecting property name enclosed in double quotes: "
             "line 1 column 2 (char 1)); correct or remove it",
         ),
     ],
@@ -228,7 +228,7 @@ def test_what_from_csv_refuses(tmp_path: Path, text: str, sentence: str) -> None
 def test_lines_that_end_in_carriage_returns_alone(tmp_path: Path) -> None:
     path = tmp_path / "old.csv"
     path.write_bytes(b"time [s],x [m]\r0,1\r1,2\r")
-    with pytest.raises(TrajectoryError, match="line 1 holds a carriage return"):
+    with pytest.raises(TrajectoryError, match="line 1 has a carriage return"):
         Trajectory.from_csv(path)
 
 

@@ -21,7 +21,7 @@ SIX[2, 1] = NAN
         (
             {"time": [0.0, 0.2, 0.2, 0.3]},
             "time[2] = 0.2 s does not come after time[1] = 0.2 s; time must increase strictly, so average "
-            "the rows of one time or keep the first",
+            "the rows with equal time or keep the first",
         ),
         (
             {"time": [0.0, 0.3, 0.2, 0.4]},
@@ -30,7 +30,7 @@ SIX[2, 1] = NAN
         (
             {"time": [0.0, 0.3, 0.2, 0.3]},
             "time[2] = 0.2 s does not come after time[1] = 0.3 s; time must increase strictly, so sort the rows, and "
-            "average the rows of one time or keep the first",
+            "average the rows with equal time or keep the first",
         ),
         ({"time": [0.0, INF, 2.0, 3.0]}, "time[1] is inf; expected finite seconds"),
         ({"time": []}, "time has shape (0,); expected (n,) with n at least 1"),
@@ -55,8 +55,8 @@ SIX[2, 1] = NAN
             {"values": {"x": [-INF, 1, 2, 3]}},
             "signal 'x' is -inf in row 0; expected finite numbers, so remove the row or fill the gap before",
         ),
-        ({"values": {"x": ["a", "b", "c", "d"]}}, "signal 'x' holds <U1 data; expected real numbers"),
-        ({"values": {"x": [1j, 0, 0, 0]}}, "signal 'x' holds complex128 data; expected real numbers"),
+        ({"values": {"x": ["a", "b", "c", "d"]}}, "signal 'x' has <U1 data; expected real numbers"),
+        ({"values": {"x": [1j, 0, 0, 0]}}, "signal 'x' has complex128 data; expected real numbers"),
         ({"values": {}}, "a trajectory needs at least one signal; values is empty"),
         ({"values": {3: TIME}}, "a signal is named 3 of type int; expected a text"),
         (
@@ -66,7 +66,7 @@ SIX[2, 1] = NAN
         ),
         (
             {"values": {"time": TIME}},
-            "a signal is named 'time', which is the name of the time grid; choose another name",
+            "a signal is named 'time', the name of the time grid; choose another name",
         ),
         (
             {"values": {"T": np.zeros((4, 3)), "T[2]": TIME}},
@@ -94,7 +94,7 @@ def test_what_the_constructor_refuses(changes: dict[str, Any], sentence: str) ->
 
 
 def test_ragged_data() -> None:
-    with pytest.raises(TrajectoryError, match=r"signal 'x' is no array .*; expected rows of equal length"):
+    with pytest.raises(TrajectoryError, match=r"signal 'x' is not an array .*; expected rows of equal length"):
         Trajectory([0.0, 1.0], {"x": [[1.0], [1.0, 2.0]]})
 
 
@@ -107,7 +107,7 @@ def test_ragged_data() -> None:
         ),
         ("T[3]", "there is no component 'T[3]': signal 'T' has 3, from 'T[0]' to 'T[2]'"),
         ("t[0]", "there is no signal 't[0]'; did you mean 'T[0]'?"),
-        ("zzz", "there is no signal 'zzz'; the trajectory holds 'T', 'arm[0].rod.tension', 'count'"),
+        ("zzz", "there is no signal 'zzz'; the trajectory has 'T', 'arm[0].rod.tension', 'count'"),
         ("count[0]", "there is no signal 'count[0]'; did you mean 'count'?"),
     ],
 )
@@ -150,7 +150,7 @@ def test_unit_of_an_unknown_signal() -> None:
         (lambda x: x.select([]), "a trajectory needs at least one signal; values is empty"),
         (
             lambda x: x.merge(x),
-            "signal 'T' is in both trajectories; use select() or with_values() to say which one is meant",
+            "signal 'T' is in both trajectories; use select() or with_values() to choose one",
         ),
         (
             lambda x: x.merge(x.resample(dt=0.1)),

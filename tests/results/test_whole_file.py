@@ -72,7 +72,7 @@ def test_a_unit_whose_writing_breaks_off_locks_nothing(
 def test_a_persons_file_stays(tmp_path: Path, writing: Callable[..., None]) -> None:
     place = tmp_path / "mine.csv"
     place.write_text("mine")
-    with pytest.raises(FileExistsError, match="was left alone"):
+    with pytest.raises(FileExistsError, match="was not changed"):
         writing(place)
     assert place.read_text() == "mine"
     writing(place, overwrite=True)

@@ -1,4 +1,4 @@
-"""The keys of kind "calibration"."""
+"""Keys of kind "calibration"."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class MeasuredSection(FormSection):
 
     file: str = Field(description="path from the problem's folder")
     held_out_file: str | None = Field(
-        default=None, description="another file of the same columns, which no fit sees; of each of several tables"
+        default=None, description="held-out poses in a file with the same columns, for this table"
     )
     source: Source = ""
 
@@ -37,64 +37,64 @@ Measurements = Annotated[
 
 @made_from(measured.CartPoints, "at", "points")
 class CartPointsSection(Made):
-    """Points of each cart along its guideway, measured in another set-up of the device (Dressler 2012, eq. (5.7))."""
+    """Points of each cart along its guideway, measured in a separate device set-up (Dressler 2012, eq. (5.7))."""
 
     file: str = Field(
         description="CSV with the columns q and P1, P2, P3, three numbers each, from the problem's folder"
     )
     source: Source = ""
-    unit: str = Field(default="mm", description="of all its columns")
+    unit: str = Field(default="mm", description="unit of all columns")
     arms: list[Annotated[int, Field(ge=1, le=3)]] = Field(
-        description="arms on straight pieces through their points; all others stay straight: D1 models 2 and 4 all, 5 "
-        "the second",
+        description="arms whose guideways are straight segments between the points; the others are straight; all arms "
+        "for D1 models 2 and 4, arm 2 for model 5",
         min_length=1,
     )
 
 
 class HeldOutSection(FileSection):
-    """Poses that the fit does not see."""
+    """Poses that the fit does not use."""
 
     method: Literal["every", "leave_one_out", "folds"] = Field(
         default="every",
-        description="every: some poses are held out; leave_one_out, folds: all are fitted, and each is predicted by a "
-        "fit without it, or without its fold, for few poses",
+        description="every: some poses are held out; leave_one_out, folds: for few poses, all are fitted, and a fit "
+        "without the pose, or without its fold, predicts it",
     )
-    every: int = Field(default=2, ge=0, description="every how many-th pose is held out; 0 for none")
-    folds: int = Field(default=10, ge=2, description="number of folds, of the method folds")
-    file: str | None = Field(default=None, description="another file of the same columns instead")
+    every: int = Field(default=2, ge=0, description="hold out every n-th pose; 0 for none")
+    folds: int = Field(default=10, ge=2, description="number of folds, for the method folds")
+    file: str | None = Field(default=None, description="held-out poses in a file with the same columns")
     source: Source = ""
     refit: list[Literal["offset", "scale", "device", "target"]] = Field(
         default=[],
-        description="what the held-out poses have of their own, refitted on a part of them: offset and scale of the "
-        "actuators, frame of the device, place of the target",
+        description="quantities that differ for the held-out poses and are refitted on a part of them: offset and "
+        "scale of the actuators, frame of the device, position of the target",
     )
     refit_every: int = Field(
-        default=2, ge=2, description="the first of so many held-out poses refits them, the others judge"
+        default=2, ge=2, description="every n-th held-out pose is used to refit, the others for validation"
     )
 
 
 @made_from(load_tests.LoadTests)
 class LoadTestsSection(Made):
-    """Measured tests, one a row: where the arm stood, what pulled, what moved. World coordinates."""
+    """Measured tests, one per row: pose of the arm, load, deflection. World coordinates."""
 
     file: str = Field(description="CSV, path from the problem's folder")
     source: Source = ""
 
 
-class _Hung(Made):
+class _SyntheticLoads(Made):
     poses_deg: list[Annotated[list[float], Field(min_length=6, max_length=6)]] | None = Field(
-        default=None, description="joint angles of each pose, all loads in each; of synthetic tests"
+        default=None, description="for synthetic tests: joint angles of each pose; every load acts in every pose"
     )
-    load: list[Made[Load]] | None = Field(default=None, description="one table for each load; of synthetic tests")
+    load: list[Made[Load]] | None = Field(default=None, description="for synthetic tests: one table for each load")
 
 
 @made_from(load_tests.Setup)
-class _SetUp(_Hung):
-    """How joint stiffness is determined."""
+class _SetUp(_SyntheticLoads):
+    """Determination of the joint stiffness."""
 
 
 class JointStiffness(_SetUp):
-    """Joint stiffness of a serial arm from static load tests. One of measurements and synthetic says what moved."""
+    """Joint stiffness of a serial arm from static load tests, in measurements or synthetic."""
 
     measurements: LoadTestsSection | None = Field(default=None, description="measured tests")
     synthetic: Made[load_tests.SyntheticTests] | None = Field(default=None, description="synthetic tests")
@@ -102,7 +102,7 @@ class JointStiffness(_SetUp):
 
 @made_from(Fit)
 class _Fitted(RobotProblem, Made):
-    """What a calibration fits."""
+    """Options of the fit."""
 
 
 class Schema(_Fitted):
@@ -111,9 +111,9 @@ class Schema(_Fitted):
     measurements: Measurements | None = Field(
         default=None, description="measured poses; several tables [[measurements]] share the robot's parameters"
     )
-    synthetic: Made[synthetic_options.Synthetic] | None = Field(default=None, description="synthetic poses instead")
+    synthetic: Made[synthetic_options.Synthetic] | None = Field(default=None, description="synthetic poses")
     cart_points: CartPointsSection | None = Field(default=None, description="guideways through measured points")
     held_out: HeldOutSection = HeldOutSection.left_out()
     joint_stiffness: JointStiffness | None = Field(
-        default=None, description="joint stiffness of a serial arm from static load tests, in place of geometry"
+        default=None, description="joint stiffness of a serial arm from static load tests, instead of geometry"
     )

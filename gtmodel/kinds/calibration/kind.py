@@ -37,29 +37,29 @@ ALIKE = ("kind", "title", "robot", "parameters", STIFFNESS)
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The study of the poses, or of the load tests."""
-    context.progress("reading", 0.1)
+    """Return the call of the study of the poses or of the load tests."""
+    context.progress("reading measurements", 0.1)
     robot = problem.model(context)
     if problem.joint_stiffness is not None:
         keys = _stiffness(problem)
         title = problem.title or f"joint stiffness of {problem.robot}"
-        asked = Call(stiffness_study, robot, _tests(keys, robot, context), keys.options(), title=title)
-        return asked.then(partial(_in_the_file, problem=problem, context=context))
+        study = Call(stiffness_study, robot, _tests(keys, robot, context), keys.options(), title=title)
+        return study.then(partial(_calibration, problem=problem, context=context))
     carts = _carts(problem, context)
     reference, before = robots.in_python(problem.robot, context)
-    own = python_models.is_reference(reference) or python_models.is_urdf(reference)
-    origin = Origin(problem.robot, reference if own else "", merged(before, problem.parameters))
+    external = python_models.is_reference(reference) or python_models.is_urdf(reference)
+    origin = Origin(problem.robot, reference if external else "", merged(before, problem.parameters))
     title = problem.title or f"{NAME} of {problem.robot}"
-    held = problem.held_out
-    refit = Refit(held.refit, held.refit_every) if held.refit else None
+    split = problem.held_out
+    refit = Refit(split.refit, split.refit_every) if split.refit else None
     return Call(
-        calibrate.study, robot, _poses(problem, robot, context), problem.options(), held_out=held.every, refit=refit,
-        method=held.method, folds=held.folds, carts=carts, origin=origin, title=title,
+        calibrate.study, robot, _poses(problem, robot, context), problem.options(), held_out=split.every, refit=refit,
+        method=split.method, folds=split.folds, carts=carts, origin=origin, title=title,
     ).then(partial(page.added, problem=problem, context=context))  # fmt: skip
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """What is free, what stays, and what the poses can determine before anything is fitted."""
+    """Describe free and fixed parameters, and which of them the poses can determine."""
     robot = problem.model(context)
     if problem.joint_stiffness is not None:
         lines = fitted_rows(_tests(_stiffness(problem), robot, context))
@@ -72,29 +72,31 @@ def explain(problem: Schema, context: Context) -> str:
 
 def _poses(problem: Schema, robot: Model, context: Context) -> MeasuredPoses | list[MeasuredPoses]:
     _one_of(problem, "measurements")
-    other = problem.held_out.file
-    held_out = None if other is None else context.file(other, "held_out.file", source=problem.held_out.source)
+    file = problem.held_out.file
+    held_out = None if file is None else context.file(file, "held_out.file", source=problem.held_out.source)
     if problem.synthetic is not None:
         return calibrate.made_poses(robot, problem.synthetic.options(), held_out)
     if isinstance(problem.measurements, MeasuredSection):
         return _read(problem.measurements, "measurements", held_out, context)
     if held_out is not None:
-        raise InputError("is for one table [measurements]; of several, each has its held_out_file", "held_out.file")
-    return [_read(one, f"measurements[{k}]", None, context) for k, one in enumerate(problem.measurements or [])]
+        raise InputError(
+            "is for one table [measurements]; with several, give held_out_file in each of them", "held_out.file"
+        )
+    return [_read(table, f"measurements[{k}]", None, context) for k, table in enumerate(problem.measurements or [])]
 
 
 def _read(keys: MeasuredSection, key: str, held_out: Path | None, context: Context) -> MeasuredPoses:
     if keys.held_out_file is not None:
         if held_out is not None:
-            raise InputError("is there beside held_out.file; leave one of the two out", f"{key}.held_out_file")
+            raise InputError("is set besides held_out.file; leave one of the two out", f"{key}.held_out_file")
         held_out = context.file(keys.held_out_file, f"{key}.held_out_file", source=keys.source)
     path = context.file(keys.file, f"{key}.file", source=keys.source)
     try:
         return calibrate.read_poses(path, keys.options(), held_out, keys.form())
     except ArgumentError as error:
-        own = f"{key}.held_out_file" if keys.held_out_file else "held_out.file"
-        at = f"{key}.{error.argument.removeprefix('measured.')}"
-        raise InputError(error.message, own if error.argument == "held_out.file" else at) from error
+        held_out_key = f"{key}.held_out_file" if keys.held_out_file else "held_out.file"
+        argument_key = f"{key}.{error.argument.removeprefix('measured.')}"
+        raise InputError(error.message, held_out_key if error.argument == "held_out.file" else argument_key) from error
 
 
 def _carts(problem: Schema, context: Context) -> CartPoints | None:
@@ -103,14 +105,14 @@ def _carts(problem: Schema, context: Context) -> CartPoints | None:
         return None
     file = context.file(keys.file, "cart_points.file", source=keys.source)
     with naming("cart_points.file", refusal=InputError):
-        at, points = calibrate.read_cart_points(file, keys.arms, keys.unit)
-    return CartPoints(at, points, **keys.given())
+        positions, points = calibrate.read_cart_points(file, keys.arms, keys.unit)
+    return CartPoints(positions, points, **keys.given())
 
 
 def _stiffness(problem: Schema) -> JointStiffness:
-    beside = sorted(problem.model_fields_set - set(ALIKE))
-    if beside:
-        raise InputError(f"is of a geometric calibration; leave it out beside [{STIFFNESS}]", beside[0])
+    geometric = sorted(problem.model_fields_set - set(ALIKE))
+    if geometric:
+        raise InputError(f"belongs to a geometric calibration; leave it out with [{STIFFNESS}]", geometric[0])
     assert problem.joint_stiffness is not None
     return problem.joint_stiffness
 
@@ -120,7 +122,7 @@ def _tests(keys: JointStiffness, robot: Model, context: Context) -> MeasuredTest
     if keys.measurements is not None:
         if keys.poses_deg is not None or keys.load is not None:
             name = "load" if keys.poses_deg is None else "poses_deg"
-            raise InputError("belongs to synthetic tests; measured ones have it in their file", f"{STIFFNESS}.{name}")
+            raise InputError("belongs to synthetic tests; measured tests have it in their file", f"{STIFFNESS}.{name}")
         path = context.file(keys.measurements.file, f"{STIFFNESS}.measurements.file", source=keys.measurements.source)
         return read_load_tests(path, keys.measurements.options())
     assert keys.synthetic is not None
@@ -132,12 +134,12 @@ def _tests(keys: JointStiffness, robot: Model, context: Context) -> MeasuredTest
 
 def _one_of(keys: Schema | JointStiffness, key: str) -> None:
     if (keys.measurements is None) == (keys.synthetic is None):
-        given = "both" if keys.measurements else "none of them"
-        raise InputError(f"expected one of [measurements] and [synthetic]; found {given}", key)
+        present = "both" if keys.measurements else "neither"
+        raise InputError(f"expected one of [measurements] and [synthetic]; found {present}", key)
 
 
-def _in_the_file(stiffness: StiffnessStudy, problem: Schema, context: Context) -> CalibrationStudy:
-    """The study as this kind writes it, with the report."""
+def _calibration(stiffness: StiffnessStudy, problem: Schema, context: Context) -> CalibrationStudy:
+    """The stiffness study as a result of this kind, with the report."""
     study = CalibrationStudy(
         status=stiffness.status, message=stiffness.message, title=stiffness.title, objective=stiffness.objective,
         checks=stiffness.checks, figures=stiffness.figures, files=stiffness.files,

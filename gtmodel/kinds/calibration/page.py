@@ -1,4 +1,4 @@
-"""report.html of a calibration: one file with all pictures in it, the same bytes for the same input."""
+"""report.html of a calibration: one file including all pictures, identical for identical input."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ STYLE = (
     ".made{background:#fff3cd;padding:.5em 1em}"
 )
 CAPTIONS = {
-    "pose_errors": "Positioning error per pose (compare Dressler 2012, Fig. 5.1); dashed: its mean; ring: the worst.",
-    "workspace_errors": "Positioning error over the workspace; ring: the worst place.",
-    "length_errors": "Length errors of each link on the fitted poses.",
+    "pose_errors": "Positioning error per pose (compare Dressler 2012, Fig. 5.1); dashed: mean; ring: largest error.",
+    "workspace_errors": "Positioning error over the workspace; ring: largest error.",
+    "length_errors": "Length errors of each link in the fitted poses.",
     "deviations": "Standard deviation of each unknown.",
     "correlation": "Correlation of the unknowns.",
-    "stiffness": "Stiffness by joint with 95 % intervals, by method.",
+    "stiffness": "Stiffness of each joint with 95 % confidence intervals, for both methods.",
 }
 
 
 def added(study: CalibrationStudy, problem: Schema, context: Context) -> CalibrationStudy:
-    """The study with report.html among its files; nothing where it was stopped before the fit."""
+    """Return the study with report.html among its files, unless it stopped before the fit."""
     if not study.files:
         return study
     page, behind = (stiffness_text, "parameters.toml") if study.joint_stiffness is not None else (text, "poses.csv")
@@ -45,7 +45,7 @@ def added(study: CalibrationStudy, problem: Schema, context: Context) -> Calibra
 
 
 def text(study: CalibrationStudy, problem: Schema, context: Context) -> str:
-    """The page. No link leads out of it, no date is in it."""
+    """Return the page, without external links and without a date."""
     values, figures, title = study.values, study.figures, study.title
     parts = [f"<h1>{escape(title)}</h1>"]
     if values["synthetic"]:
@@ -59,21 +59,21 @@ def text(study: CalibrationStudy, problem: Schema, context: Context) -> str:
         parts.append(picture(figures, name, CAPTIONS[name]))
     parts.append("<h2>Parameters</h2>" + _parameters(values))
     if values["measurement"]:
-        parts.append("<h3>Of the measurement</h3>" + table(("name", "value"), list(values["measurement"].items())))
+        parts.append("<h3>Measurement</h3>" + table(("name", "value"), list(values["measurement"].items())))
     parts += [picture(figures, name, CAPTIONS[name]) for name in ("deviations", "correlation")]
     if values["recordings"] is None:
         heads = ("link or coordinate", "mean error [mm]")
         parts.append("<h2>Links</h2>" + table(heads, list(values["link_errors_mm"].items())))
     parts.append(picture(figures, "length_errors", CAPTIONS["length_errors"]))
-    parts.append("<h2>What the poses determine</h2>" + _identifiability(values))
+    parts.append("<h2>Identifiability</h2>" + _identifiability(values))
     parts.append(_outliers(values))
     parts.append(_sensitivity(values, problem))
-    parts.append("<h2>Where this comes from</h2>" + _provenance(problem, context, values["poses"]))
+    parts.append("<h2>Origin</h2>" + _provenance(problem, context, values["poses"]))
     return whole(title, parts)
 
 
 def stiffness_text(study: CalibrationStudy, problem: Schema, context: Context) -> str:
-    """The page: result, what is claimed in print and what the tests support, what determines each unknown."""
+    """Return the page for joint stiffness: verdict, stiffness by both methods, identifiability, origin."""
     values, figures, title = study.values, study.figures, study.title
     v = values["joint_stiffness"]
     parts = [f"<h1>{escape(title)}</h1>"]
@@ -86,26 +86,26 @@ def stiffness_text(study: CalibrationStudy, problem: Schema, context: Context) -
             f"joint {j + 1}",
             K,
             "none: negative" if np.isnan(i[0]) else i[0],
-            "" if np.isnan(i[0]) else i[1] if np.isfinite(i[1]) else "no upper end",
+            "" if np.isnan(i[0]) else i[1] if np.isfinite(i[1]) else "no upper bound",
         )
         for j, (K, i) in enumerate(zip(v["stiffness_MNm_rad"], v["interval_MNm_rad"], strict=True))
     ]
-    heads = (f"by {v['method']}", "stiffness [MN m/rad]", "95 % from", "to")
+    heads = (f"method {v['method']}", "stiffness [MN m/rad]", "95 % from", "to")
     parts += ["<h2>Joint stiffness</h2>", table(heads, rows), picture(figures, "stiffness", CAPTIONS["stiffness"])]
     if v["other_method_MNm_rad"] is not None:
         rows = [(f"joint {j + 1}", K, "yes" if a else "no") for j, (K, a) in enumerate(
             zip(v["other_method_MNm_rad"], v["agree"], strict=True))]  # fmt: skip
-        parts.append(table(("with the other method", "stiffness [MN m/rad]", "intervals overlap"), rows))
+        parts.append(table(("other method", "stiffness [MN m/rad]", "intervals overlap"), rows))
     if v["compensator_rate_N_m"] is not None:
         parts.append(table(("gravity compensator", "rate [N/m]", "std"), [("joint 2", *v["compensator_rate_N_m"])]))
-    parts.append(f"<h2>What the tests determine</h2><p>O1 = {v['observability_O1']:.4g}.</p>")
-    parts.append(f"<p>The most informative tests: {', '.join(map(str, v['best_tests']))} (lines of the file).</p>")
-    parts += ["<h2>Where this comes from</h2>", _provenance(problem, context)]
+    parts.append(f"<h2>Identifiability</h2><p>O1 = {v['observability_O1']:.4g}.</p>")
+    parts.append(f"<p>Most informative tests: {', '.join(map(str, v['best_tests']))} (lines of the file).</p>")
+    parts += ["<h2>Origin</h2>", _provenance(problem, context)]
     return whole(title, parts)
 
 
 def whole(title: str, parts: Sequence[str]) -> str:
-    """The page of its parts."""
+    """Return the HTML page with these parts."""
     body = "\n".join(p for p in parts if p)
     return (
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
@@ -115,24 +115,24 @@ def whole(title: str, parts: Sequence[str]) -> str:
 
 def _accuracy(values: Mapping[str, Any]) -> str:
     rows: list[Sequence[Any]] = []
-    for key, said in (("a_priori_mm", "before"), ("fitted_mm", "fitted poses"), ("held_out_mm", "held-out poses")):
+    for key, label in (("a_priori_mm", "before"), ("fitted_mm", "fitted poses"), ("held_out_mm", "held-out poses")):
         if values[key]:
-            rows.append((said, values[key]["mean"], values[key]["rms"], values[key]["max"]))
-    page = table(("positioning error", "mean [mm]", "rms [mm]", "greatest [mm]"), rows) if rows else ""
+            rows.append((label, values[key]["mean"], values[key]["rms"], values[key]["max"]))
+    page = table(("positioning error", "mean [mm]", "rms [mm]", "max [mm]"), rows) if rows else ""
     page += _recordings(values["recordings"] or ())
     if values["orientation_deg"]:
         o = values["orientation_deg"]
-        page += f"<p>Orientation error: mean {o['mean']:.3g}, greatest {o['max']:.3g} degrees.</p>"
+        page += f"<p>Orientation error: mean {o['mean']:.3g}, max {o['max']:.3g} degrees.</p>"
     if values["worst"]:
         w = values["worst"]
-        at = ", ".join(f"{x:.3f}" for x in w["position_m"])
-        page += f"<p>Worst place: ({at}) m, line {w['line']}, {w['error_mm']:.3g} mm.</p>"
+        position = ", ".join(f"{x:.3f}" for x in w["position_m"])
+        page += f"<p>Largest error: {w['error_mm']:.3g} mm at ({position}) m, line {w['line']}.</p>"
     if values["principal"]:
         p = values["principal"]
         rows = [(f"({', '.join(f'{x:.2f}' for x in d)})", s) for s, d in zip(p["rms_mm"], p["directions"], strict=True)]
         page += table(("principal direction of the error", "rms [mm]"), rows)
     if values["repeatability_mm"] is not None:
-        page += f"<p>Repeatability of poses measured more than once: {values['repeatability_mm']:.3g} mm rms.</p>"
+        page += f"<p>Repeatability, from poses measured more than once: {values['repeatability_mm']:.3g} mm rms.</p>"
     return page
 
 
@@ -140,10 +140,10 @@ def _recordings(recordings: Sequence[Mapping[str, Any]]) -> str:
     rows: list[Sequence[Any]] = []
     for r in recordings:
         for name, e in r["errors"].items():
-            for key, said in (("a_priori", "before"), ("fitted", "fitted"), ("held_out", "held out")):
+            for key, label in (("a_priori", "before"), ("fitted", "fitted"), ("held_out", "held out")):
                 if e[key] is not None:
-                    rows.append((r["name"], name, said, e[key]["mean"], e[key]["rms"], e[key]["max"], e["unit"]))
-    return table(("measurements", "of", "", "mean", "rms", "greatest", "unit"), rows) if rows else ""
+                    rows.append((r["name"], name, label, e[key]["mean"], e[key]["rms"], e[key]["max"], e["unit"]))
+    return table(("measurements", "signal", "poses", "mean", "rms", "max", "unit"), rows) if rows else ""
 
 
 def _parameters(values: Mapping[str, Any]) -> str:
@@ -158,12 +158,12 @@ def _parameters(values: Mapping[str, Any]) -> str:
 
 def _identifiability(values: Mapping[str, Any]) -> str:
     page = ""
-    for key, said in (("identifiability_before", "Before the fit"), ("identifiability_after", "At the solution")):
+    for key, label in (("identifiability_before", "Before the fit"), ("identifiability_after", "At the solution")):
         data = values[key]
         if data is None:
             continue
         indices = ", ".join(f"{n} = {v:.4g}" for n, v in data["observability"].items())
-        page += f"<h3>{said}</h3>{items(data['notes'])}<p>Observability {indices} (r = {data['rank']}, "
+        page += f"<h3>{label}</h3>{items(data['notes'])}<p>Observability {indices} (r = {data['rank']}, "
         page += f"{data['scaling']}). Condition {data['condition']:.4g}.</p>"
     if values["correlated"]:
         page += "<h3>Correlated</h3>" + table(("unknown", "and", "correlation"), values["correlated"])
@@ -184,30 +184,30 @@ def _sensitivity(values: Mapping[str, Any], problem: Schema) -> str:
     heads = list(next(iter(jacobian.values())))
     rows = [(name, *(entry[h] for h in heads)) for name, entry in jacobian.items()]
     step = problem.options().sensitivity_step
-    said = f"Sums over the fitted poses of the changes by {step:g} up and down (Dressler 2012, (5.8))."
-    return f"<h2>Sensitivity</h2><p>{said}</p>" + table(("unknown", *heads), rows)
+    note = f"Sums over the fitted poses of the changes for a step of {step:g} up and down (Dressler 2012, (5.8))."
+    return f"<h2>Sensitivity</h2><p>{note}</p>" + table(("unknown", *heads), rows)
 
 
 def _provenance(problem: Schema, context: Context, poses: Mapping[str, int] | None = None) -> str:
     rows: list[Sequence[Any]] = [("problem", context.name), ("robot", problem.robot)]
-    named = (path for path in context.inputs.items() if path[1].is_file())
-    read = [(f"{key}: {path.name}", f"sha256 {sha256(path.read_bytes()).hexdigest()}") for key, path in named]
-    used = [(n, v) for n, v in versions().items() if n != "platform"]
+    files = (path for path in context.inputs.items() if path[1].is_file())
+    hashes = [(f"{key}: {path.name}", f"sha256 {sha256(path.read_bytes()).hexdigest()}") for key, path in files]
+    software = [(n, v) for n, v in versions().items() if n != "platform"]
     if poses is None:
-        return table(("what", ""), [*rows, *read, *used])
+        return table(("what", ""), [*rows, *hashes, *software])
     keys = ("keys of the problem", "sha256 " + sha256(problem.model_dump_json().encode()).hexdigest())
     counts = ("poses", f"{poses['fitted']} fitted, {poses['held_out']} held out")
-    return table(("what", ""), [*rows, ("cost", problem.options().cost), *read, keys, *used, counts])
+    return table(("what", ""), [*rows, ("cost", problem.options().cost), *hashes, keys, *software, counts])
 
 
 def items(sentences: Sequence[str], sound: bool | None = None) -> str:
-    """A list of sentences; of a verdict, in a box that says whether it is a good one."""
+    """Return a list of sentences; a verdict gets a green box if it is `sound`, otherwise a red one."""
     box = "" if sound is None else f' class="box {"good" if sound else "bad"}"'
     return f"<ul{box}>{''.join(f'<li>{escape(s)}</li>' for s in sentences)}</ul>"
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """A table with numbers to six digits."""
+    """Return a table with numbers to six digits."""
     top = "".join(f"<th>{escape(h)}</th>" for h in heads)
     lines = ["<tr>" + "".join(map(_cell, row)) + "</tr>" for row in rows]
     return f"<table><tr>{top}</tr>{''.join(lines)}</table>"
@@ -220,7 +220,7 @@ def _cell(value: Any) -> str:
 
 
 def picture(figures: Mapping[str, Callable[[], Any]], name: str, caption: str) -> str:
-    """A picture with its caption, in the page itself; nothing where it is not drawn."""
+    """Return an embedded picture with its caption, or an empty string if there is no such picture."""
     if name not in figures:
         return ""
     data = base64.b64encode(png(figures[name])).decode()

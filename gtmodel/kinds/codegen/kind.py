@@ -25,7 +25,7 @@ VERSIONS = {"3": (3,), "2": (2,), "both": (3, 2)}
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The study of the functions; it lacks the folder, which no file names: call it with `folder=`."""
+    """Return the call of the study of the functions; add `folder=`, which the file does not name."""
     return Call(
         study, functions_of(problem, context), name=problem.name or c_name(context.name), real=problem.real,
         box=problem.box, along=[f.name for f in problem.functions if f.trajectory], check=problem.check.options(),
@@ -41,25 +41,27 @@ def write(
     problem: Schema, context: Context, out: Path, *, verify: bool = False, write_failed: bool = False,
     fmu: str | None = None,
 ) -> CodeStudy | FmuStudy:  # fmt: skip
-    """Generate the code into `out`. With `verify` it is first compiled and compared with Python elsewhere, and comes
-    into `out` only when all checks passed; with `write_failed` also otherwise, marked in the first lines.
+    """Generate the code into `out`.
 
-    fmu: "3", "2" or "both": functional mock-up units of these versions in place of the folder of C.
+    With `verify` the code is first compiled and compared with Python in another folder, and written only if all checks
+    passed; with `write_failed` it is written anyway, marked in the first lines.
 
-    Raises InputError for a wrong problem, ArgumentError for a folder that holds other people's files.
+    fmu: "3", "2" or "both": functional mock-up units of these versions instead of C code.
+
+    Raises InputError for a wrong problem, ArgumentError for a folder with files that gtmodel did not write.
     """
     if fmu is not None:
         return _units(problem, context, out, fmu, verify, write_failed)
     with held(out) as folder:
         if folder.message:
             context.notice(folder.message)
-        made = call(problem, context)
+        call_ = call(problem, context)
         if problem.plant is not None:
-            made.options["problem"]["plant"] |= problem.plant.of_folder(context, folder.path)
+            call_.options["problem"]["plant"] |= problem.plant.of_folder(context, folder.path)
         if not write_failed and not context.interrupted():
             refuse_distrusted(context, "the code")
-        made.options |= {} if verify else {"check": None}
-        return made(
+        call_.options |= {} if verify else {"check": None}
+        return call_(
             folder=folder, also=doubts(context), write_failed=write_failed, by="--write-failed", **context.work()
         )
 
@@ -68,30 +70,30 @@ def _units(problem: Schema, context: Context, out: Path, fmu: str, verify: bool,
     if fmu not in VERSIONS:
         raise InputError(f"--fmu {fmu!r}: expected 3, 2 or both")
     if problem.real != "double":
-        raise InputError("units compute in double; leave it out, or generate C", "real")
+        raise InputError("units compute in double; leave it out, or generate C code", "real")
     functions = functions_of(problem, context)
     s = problem.fmu
     all_ = {"stop": s.stop_s, "box": problem.box, "on_fault": s.on_fault, "tolerance": s.tolerance, "step": s.step_s}
-    own = {f.name: {**all_, **f.model_dump(include={"start", "tunable", "parameters"})} for f in problem.functions}
+    options = {f.name: {**all_, **f.model_dump(include={"start", "tunable", "parameters"})} for f in problem.functions}
     if not write_failed and not context.interrupted():
         refuse_distrusted(context, "the units")
-    made = Call(
+    call_ = Call(
         unit_study, functions, name=problem.name or c_name(context.name), versions=VERSIONS[fmu],
-        options={name: own.get(name, {"stop": s.stop_s}) for name in functions},
+        options={name: options.get(name, {"stop": s.stop_s}) for name in functions},
         provenance={"problem": context.name, "title": problem.title, "robot": problem.robot}, title=problem.title,
         check=problem.check.options() if verify else None,
     )  # fmt: skip
-    return made(folder=out, also=doubts(context), write_failed=write_failed, by="--write-failed", **context.work())
+    return call_(folder=out, also=doubts(context), write_failed=write_failed, by="--write-failed", **context.work())
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """The certificate of every function."""
+    """Return the certificate of every function."""
     return "\n\n".join(f"{name}\n{f.explain()}" for name, f in functions_of(problem, context).items())
 
 
 def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction | StepFunction]:
-    """Functions and filters by name; when a stop is asked for, those done. Raises InputError for a name given twice and
-    for a wrong causality."""
+    """Return functions and filters by name; after a stop request, those finished so far. Raises InputError for a
+    duplicate name and for a wrong causality."""
     if not problem.functions and not problem.filters:
         raise InputError("there is nothing to generate; give [[functions]] or [[filters]]", "functions")
     model = problem.model(context)

@@ -1,4 +1,4 @@
-"""The keys of kind "identification"."""
+"""Keys of kind "identification"."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ RESULT = "gtmodel.identify.IdentificationStudy"
 
 
 class SharpFriction(FileSection):
-    """Friction of the model that is fitted."""
+    """Friction of the fitted model."""
 
     smoothing: Literal["sign", "tanh", "piecewise_linear"] | None = Field(
-        default=None, description="of a catalogue robot or robot file: sign, exact away from standstill, if left out"
+        default=None, description="for catalogue robots and robot files; sign, exact except at standstill, if left out"
     )
     velocity_scale_m_s: PositiveFloat | None = Field(
-        default=None, description="velocity over which a smoothed sign changes; the catalogue's own is 0.1"
+        default=None, description="velocity over which a smoothed sign changes; 0.1 for robots of the catalogue"
     )
 
 
@@ -39,43 +39,47 @@ class IdentificationLogSection(LogFiles):
     position: MeasuredSignalSection = Field(description="the known variable; scale and offset in its SI unit")
     effort: MeasuredSignalSection = Field(description="the measured efforts; scale and offset in their SI unit")
     inputs: dict[str, MeasuredSignalSection] = Field(
-        default={}, description="further measured variables of the model by name: a second force, a payload; all known"
+        default={}, description="further measured variables of the model, by name, such as a second force or a payload"
     )
     held_out: list[str] = Field(default=[], description="logs of other motions, for validation only")
 
 
 @made_from(options.SyntheticLog)
 class SyntheticLogSection(Made):
-    """A synthetic log of a plant, to see what identification gives back: sines, tracking, sensors, noise."""
+    """A synthetic log of a plant, to test the identification: sines, tracking, sensors, noise."""
 
     reference_file: str | None = Field(
         default=None,
-        description="CSV file with its columns, such as the trajectory.csv of an excitation, in place of the sines; "
-        "the motion held out is of sines still",
+        description="CSV file of the motion, such as the trajectory.csv of an excitation, instead of sines; the "
+        "held-out motion still consists of sines",
     )
-    parameters: dict[str, Any] = Field(default={}, description="of the plant where other than the model's, in SI")
+    parameters: dict[str, Any] = Field(
+        default={}, description="parameters of the plant that differ from the model, by name, in SI"
+    )
 
 
 @made_from(options.ClosedLoop, "model", "inputs")
 class ClosedLoopSection(Made):
     """Simulation of the controlled model from the measured reference, with the identified parameters."""
 
-    model: str = Field(description="controlled model in Python, file.py:Class; takes [parameters] and what was found")
-    inputs: dict[str, MeasuredSignalSection] = Field(description="its inputs by name, such as the reference")
+    model: str = Field(
+        description="controlled model in Python, file.py:Class; gets [parameters] and the estimated parameters"
+    )
+    inputs: dict[str, MeasuredSignalSection] = Field(description="inputs by name, such as the reference")
 
     def loop(self, parameters: Mapping[str, Any], context: Context) -> options.ClosedLoop:
-        """As the study takes it; the model with these parameters and what is found."""
+        """Return the options of the study; the model gets these parameters and the estimates."""
 
         from gtmodel.problem_files import python_models  # here, as below: the keys alone need no model
 
-        def made(**estimates: Any) -> Model:
+        def model(**estimates: Any) -> Model:
             return python_models.resolve(self.model, context, "closed_loop.model", {**parameters, **estimates})
 
-        own = {field: getattr(self, key) for key, field in self.attributes.items()}
-        return options.ClosedLoop(made, list(self.inputs), **own)
+        fields = {field: getattr(self, key) for key, field in self.attributes.items()}
+        return options.ClosedLoop(model, list(self.inputs), **fields)
 
     def signals(self, context: Context) -> dict[str, Signal]:
-        """The inputs as measured signals, in the units of the model. Raises InputError."""
+        """Return the inputs as measured signals, in the units of the model. Raises InputError."""
         from gtmodel.compiler.causal import flat_of
         from gtmodel.problem_files import python_models
 
@@ -89,7 +93,7 @@ class ClosedLoopSection(Made):
                 raise InputError(str(error), key) from error
             for what in ("scale", "offset", "delay_s"):
                 if getattr(signal, what) == "estimate":
-                    raise InputError("the fit does not see this signal; give a number", f"{key}.{what}")
+                    raise InputError("the fit does not use this signal; give a number", f"{key}.{what}")
             signals[name] = signal.signal(key, unit)
         return signals
 
@@ -98,46 +102,47 @@ class ClosedLoopSection(Made):
 class Schema(RobotProblem, Made):
     """Masses and friction of a robot, or any parameters in which its efforts are linear, from measured motion."""
 
-    free: list[str] | None = Field(default=None, description="parameters to be estimated; those of the variant")
+    free: list[str] | None = Field(default=None, description="parameters to estimate; those of the variant if left out")
     variant: str | None = Field(
-        default=None, description="of a three-link robot: model_1 to model_4 of Table 6.3, or links (thirteen)"
+        default=None,
+        description="for a three-link robot: model_1 to model_4 of Table 6.3, or links, with thirteen parameters",
     )
     friction: SharpFriction = SharpFriction()  # pyright: ignore[reportIncompatibleVariableOverride]
     filter: Made[Processing] = Made[Processing].left_out()
     log: IdentificationLogSection | None = Field(default=None, description="measured logs")
-    synthetic: SyntheticLogSection | None = Field(default=None, description="or a synthetic log")
+    synthetic: SyntheticLogSection | None = Field(default=None, description="a synthetic log")
     published: dict[str, float] = Field(default={}, description="numbers to compare with, by parameter, in SI")
     closed_loop: ClosedLoopSection | None = Field(
-        default=None, description="validation by simulating the controlled model"
+        default=None, description="validation with a simulation of the controlled model"
     )
 
     def fitting(self) -> options.Fitting:
-        """As the study takes it, with what the log measures besides."""
+        """Return the options of the study, with the further inputs of the log."""
         return replace(self.options(), inputs=list(self.log.inputs if self.log else {}))
 
     def fitted(self, context: Context) -> tuple[Model, list[str]]:
-        """The model to be fitted, and the names of what is free. Raises InputError."""
+        """Return the model to fit and the names of its free parameters. Raises InputError."""
         if self.variant is None:
             if not self.free and self.options().inertias is None:
-                raise InputError("is missing; name the parameters to be estimated, or a variant", "free")
+                raise InputError("is missing; name the parameters to estimate, or a variant", "free")
             return self.with_parameters(self.parameters, context), list(self.free or [])
         from gtmodel.robots.by_direction import inertia_variant
 
         if self.options().inertias is not None:
-            raise InputError("is for serial arms; a variant says which masses there are", "inertias")
+            raise InputError("is for serial arms; a variant defines the masses", "inertias")
         self._check_variant()
         scale = self.friction.velocity_scale_m_s
-        more: dict[str, Any] = {} if scale is None else {"velocity_scale": scale}
+        keywords: dict[str, Any] = {} if scale is None else {"velocity_scale": scale}
         try:
             variant = inertia_variant(
-                self.variant, self.robot, self.friction.smoothing or "sign", **more, **self.parameters
+                self.variant, self.robot, self.friction.smoothing or "sign", **keywords, **self.parameters
             )
         except ModelError as error:
             raise InputError(str(error), "parameters" if self.parameters else "variant") from error
         return variant.robot, list(self.free or variant.free)
 
     def with_parameters(self, parameters: dict[str, Any], context: Context) -> Model:
-        """The robot, no variant of it, with these parameters. Raises InputError."""
+        """Return the robot, without its variant, with these parameters. Raises InputError."""
         from gtmodel.problem_files import python_models, robots
 
         in_python = python_models.is_reference(self.robot)
@@ -158,9 +163,9 @@ class Schema(RobotProblem, Made):
         if self.variant not in VARIANTS:
             raise InputError(f"there is no variant '{self.variant}'; there are {', '.join(VARIANTS)}", "variant")
         if entry is None or entry.family != "three_link":
-            raise InputError(f"applies to three-link robots of the catalogue; '{self.robot}' is none", "variant")
+            raise InputError(f"applies to three-link robots of the catalogue only; found '{self.robot}'", "variant")
         for key in ("inertia", "payload_kg"):
             if getattr(self, key) is not None:
-                raise InputError("a variant says which masses there are; leave one of the two out", key)
+                raise InputError("a variant defines the masses; leave one of the two out", key)
         if self.friction.smoothing == "piecewise_linear":
-            raise InputError('a variant takes "sign" or "tanh"', "friction.smoothing")
+            raise InputError('a variant needs "sign" or "tanh"', "friction.smoothing")

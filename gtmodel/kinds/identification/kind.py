@@ -29,7 +29,7 @@ ARGUMENTS = {
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The study of the logs, or of a synthetic log."""
+    """Return the call of the study of the logs or of a synthetic log."""
     model, free = problem.fitted(context)
     common: dict[str, Any] = {
         "fitting": problem.fitting(),
@@ -38,34 +38,34 @@ def call(problem: Schema, context: Context) -> Call:
         "title": problem.title or f"identification of {problem.robot}",
     }
     if (problem.log is None) == (problem.synthetic is None):
-        given = "both" if problem.log else "none of them"
-        raise InputError(f"expected one of [log] and [synthetic]; found {given}", "log")
+        present = "both" if problem.log else "neither"
+        raise InputError(f"expected one of [log] and [synthetic]; found {present}", "log")
     if problem.synthetic is not None:
         if problem.closed_loop is not None:
-            raise InputError("compares with measured motion; give a [log]", "closed_loop")
+            raise InputError("needs measured motion; give a [log]", "closed_loop")
         s = problem.synthetic
         plant = problem.with_parameters({**problem.parameters, **s.parameters}, context)
         return Call(synthetic_study, model, s.options(), free, plant=plant, motion=_motion(s, plant, context), **common)
     log, loop = problem.log, problem.closed_loop
     assert log is not None
     signals = _signals(problem, log, model, context)
-    others = log.sessions(signals, context, files=log.held_out, key="log.held_out") if log.held_out else ()
+    held_out = log.sessions(signals, context, files=log.held_out, key="log.held_out") if log.held_out else ()
     return Call(
-        study, model, log.sessions(signals, context), free, held_out=others, signals=signals,
+        study, model, log.sessions(signals, context), free, held_out=held_out, signals=signals,
         closed_loop=None if loop is None else loop.loop(problem.parameters, context), **common,
     )  # fmt: skip
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """What is free and fixed, and how the regressor is computed."""
+    """Describe the free and fixed parameters and the regressor."""
     model, free = problem.fitted(context)
     regressor = regressor_of(model, free, problem.fitting())
-    at = among(regressor.names, free_of(regressor, free, problem.fitting()))
+    free_indices = among(regressor.names, free_of(regressor, free, problem.fitting()))
     lines = [f"{problem.title or 'identification'}: {', '.join(regressor.columns)} linear in"]
     for k, (name, value, unit) in enumerate(zip(regressor.names, regressor.nominal, regressor.units, strict=True)):
-        role = "free" if k in at else "watched"
+        role = "free" if k in free_indices else "watched"
         lines.append(f"  {name} [{unit}], {role}, nominal {value:g}")
-    lines.append(f"from {', '.join(s.name for s in regressor.inputs)}; every other parameter keeps its number")
+    lines.append(f"from {', '.join(s.name for s in regressor.inputs)}; all other parameters are fixed")
     return "\n".join(lines)
 
 
@@ -78,12 +78,12 @@ def _motion(s: SyntheticLogSection, plant: Model, context: Context) -> np.ndarra
 
 def _signals(problem: Schema, log: IdentificationLogSection, model: Model, context: Context) -> dict[str, Signal]:
     flat, signals, fitting = flat_of(model), {}, problem.fitting()
-    wanted = [
+    sections = [
         ("known", fitting.known, log.position, "log.position"),
         ("targets", fitting.targets, log.effort, "log.effort"),
     ]
-    wanted += [(f"log.inputs.{name}", name, signal, f"log.inputs.{name}") for name, signal in log.inputs.items()]
-    for key, name, measured, place in wanted:
+    sections += [(f"log.inputs.{name}", name, signal, f"log.inputs.{name}") for name, signal in log.inputs.items()]
+    for key, name, measured, place in sections:
         try:
             _, indices, order = flat.lookup(name)
         except ModelError as error:

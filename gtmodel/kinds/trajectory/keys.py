@@ -1,4 +1,4 @@
-"""The keys of kind "trajectory": where the motion begins and ends, what it keeps, what it costs."""
+"""Keys of kind "trajectory": start and goal of the motion, limits, path and cost."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Schema(RobotProblem):
     start: Made[options.End]
     goal: Made[options.End]
     limits: Made[options.Limits]
-    path: PathSection | None = Field(default=None, description="the path to follow; free if it is left out")
+    path: PathSection | None = Field(default=None, description="the path to follow; free motion if left out")
     cost: Made[options.Cost] = Made[options.Cost].left_out()
     mesh: Made[options.MotionMesh] = Made[options.MotionMesh].left_out()
     starts: Made[options.Starts] = Made[options.Starts].left_out()
@@ -27,7 +27,7 @@ class Schema(RobotProblem):
     export: Made[options.Export] = Made[options.Export].left_out()
 
     def motion(self, context: Context) -> MotionProblem:
-        """The motion that the file describes. Raises InputError, and ArgumentError."""
+        """Return the motion that the file describes. Raises InputError and ArgumentError."""
         return MotionProblem(
             robot=self.model(context), path=None if self.path is None else self.path.options(context),
             **options_of(self), title=self.title,

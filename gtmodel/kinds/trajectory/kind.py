@@ -17,22 +17,22 @@ ARGUMENTS = {**PATH_ARGUMENTS, "earlier": "--start"}
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The study of the motion that the file describes."""
-    asked = dict(vars(problem.motion(context)))
-    return Call(study, asked.pop("robot"), **asked, earlier=context.guess())
+    """Return the call of the study of the motion in the file."""
+    arguments = dict(vars(problem.motion(context)))
+    return Call(study, arguments.pop("robot"), **arguments, earlier=context.guess())
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """What is optimised: states, controls, bounds, and the certificate of the inverse dynamics."""
+    """Describe the optimisation: states, controls, bounds, and the certificate of the inverse dynamics."""
     return explained(problem.motion(context), problem)
 
 
-def explained(asked: MotionProblem, problem: Schema) -> str:
-    """What is optimised for this motion, in the words of its file."""
-    plan, mesh, force = plan_of(asked), asked.mesh, asked.limits.force
-    built = build(motion(asked, plan.guard, plan.path))
+def explained(task: MotionProblem, problem: Schema) -> str:
+    """Return the description of the optimisation for a motion and the problem it comes from."""
+    plan, mesh, force = plan_of(task), task.mesh, task.limits.force
+    built = build(motion(task, plan.guard, plan.path))
     head = [
-        f"{asked.title or 'motion'}: {built.formulation} form, {mesh.elements} elements x {mesh.points} Radau points",
+        f"{task.title or 'motion'}: {built.formulation} form, {mesh.elements} elements x {mesh.points} Radau points",
         f"  states: {', '.join(built.state_names)}",
         f"  controls: {', '.join(built.control_names)}{';' if plan.restricted else ''} "
         f"{'forces ' if plan.restricted else ''}within {force:g} N",
@@ -42,4 +42,4 @@ def explained(asked: MotionProblem, problem: Schema) -> str:
         head.append(f"  along: {problem.path.shape} of {plan.path.length:.4g} m")
     if plan.guard.margins:
         head.append(f"  further limits: {', '.join(dict.fromkeys(m.key for m in plan.guard.margins))}")
-    return "\n".join(head) + "\n" + compile_causal(asked.robot, known="T", targets="tau").explain()
+    return "\n".join(head) + "\n" + compile_causal(task.robot, known="T", targets="tau").explain()

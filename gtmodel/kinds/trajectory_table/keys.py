@@ -1,4 +1,4 @@
-"""The keys of kind "trajectory_table": those of a motion, and what each row changes of them."""
+"""Keys of kind "trajectory_table": the keys of a motion, and the changes of each row."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ RESULT = "gtmodel.motion.MotionTable"
 
 
 class RowKeys(FileSection):
-    """One motion: what it changes of the problem."""
+    """One motion: its changes of the problem."""
 
-    name: str = Field(description="what the row is called")
+    name: str = Field(description="name of the row")
     set: dict[str, Any] = Field({}, description='keys that this row changes, such as {"cost.energy" = 0.01}')
-    most_iterations: int | None = Field(None, description="bound on the iterations of the attempt that found it")
-    published: Made[PublishedOptions] | None = Field(None, description="what the source prints")
+    most_iterations: int | None = Field(None, description="largest number of iterations of the successful attempt")
+    published: Made[PublishedOptions] | None = Field(None, description="published numbers")
 
 
 class Schema(trajectory.Schema):
     """Several optimal motions of one robot, one row each."""
 
-    row: list[RowKeys] = Field(min_length=2, description="the rows; the last one is what the others are compared with")
+    row: list[RowKeys] = Field(min_length=2, description="the rows; the last row is the reference for the others")
 
     def problems(self) -> list[trajectory.Schema]:
-        """The problem of each row. Raises InputError."""
+        """Return the problem of each row. Raises InputError."""
         return [self._problem(n) for n in range(len(self.row))]
 
     def _problem(self, n: int) -> trajectory.Schema:
@@ -45,7 +45,7 @@ class Schema(trajectory.Schema):
             raise InputError(str(error), f"row[{n}].set") from error
 
     def rows(self, context: Context) -> list[TableRow]:
-        """The rows of the study. Raises InputError, and ArgumentError."""
+        """Return the rows of the study. Raises InputError and ArgumentError."""
         rows = []
         for row, problem in zip(self.row, self.problems(), strict=True):
             published = None if row.published is None else row.published.options()

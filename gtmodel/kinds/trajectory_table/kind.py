@@ -1,4 +1,4 @@
-"""Kind "trajectory_table": several motions beside published numbers, such as Dressler 2012, Table 3.1."""
+"""Kind "trajectory_table": several motions, compared with published numbers, such as Dressler 2012, Table 3.1."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ ARGUMENTS = {**PATH_ARGUMENTS, "rows[].problem.path.points": "path.file", "rows[
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The study of all rows."""
+    """Return the call of the study of all rows."""
     if context.start is not None:
-        raise InputError("--start: a table begins each row at its own guess")
+        raise InputError("--start: each row of a table starts from its own guess; leave it out")
     return Call(table_study, problem.rows(context), title=problem.title)
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """Each row as its kind explains it."""
+    """Return the description of each row."""
     rows = zip(problem.rows(context), problem.problems(), strict=True)
     return "\n\n".join(f"{row.name}\n{explained(row.problem, keys)}" for row, keys in rows)
