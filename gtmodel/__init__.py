@@ -5,8 +5,8 @@ Engines: Model.causal (any causality), solve (optimal control), simulate, cgen.g
 Libraries, imported when first used: calibrate, cgen, compliance, control, filtering, fmu, identify, inference,
 kinematics, loop, measurements, mechanics, milling, modelica, motion, optimize, plot, results, robots, simulation,
 vibration, vision.
-load("problem.toml") returns the study that a problem file describes, as a call on Python objects. load_robot("mine.toml")
-returns the model of a robot file, shipped("data/l1_synthetic.csv") the path of a file that comes with gtmodel.
+load("problem.toml") returns the study that a problem file describes, as a call on Python objects,
+load_robot("mine.toml") the model of a robot file, shipped("data/l1_synthetic.csv") the path of a shipped file.
 """
 
 import os as _os

@@ -42,7 +42,7 @@ def answering(context: typer.Context, as_json: bool, subject: str) -> Iterator[A
         with terminal.nothing_on_stdout() if as_json else nullcontext(), warnings.catch_warnings():
             if not context.obj:  # NumPy's warnings that matter show in the status of the result
                 warnings.simplefilter("ignore", RuntimeWarning)
-                warnings.showwarning = lambda message, *_, **__: print(f"{asked}: {message}", file=sys.stderr)
+                warnings.showwarning = lambda message, *_, **__: print(f"{subject}: {message}", file=sys.stderr)
             yield answer
     except (typer.Exit, BrokenPipeError):
         raise
