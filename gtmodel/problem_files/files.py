@@ -177,12 +177,13 @@ def line_of(content: bytes, key: str) -> int | None:
                     table.append(count[tuple(table)])
         depth = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(table, place, strict=False)))
         if depth == len(table):
+            value: Any = data
             for part in place[depth:]:
-                if not (
-                    part in data if isinstance(data, dict) else isinstance(data, list) and part in range(len(data))
+                if part not in (
+                    value if isinstance(value, dict) else range(len(value) if isinstance(value, list) else 0)
                 ):
                     break
-                data, depth = data[part], depth + 1
+                value, depth = value[part], depth + 1
         if depth > deepest:
             deepest, line = depth, first + 1
     return line
