@@ -177,13 +177,11 @@ def line_of(content: bytes, key: str) -> int | None:
                     table.append(count[tuple(table)])
         depth = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(table, place, strict=False)))
         if depth == len(table):
-            value: Any = data
             for part in place[depth:]:
-                if part not in (
-                    value if isinstance(value, dict) else range(len(value) if isinstance(value, list) else 0)
-                ):
+                values: Any = dict(enumerate(data)) if isinstance(data, list) else data
+                if not isinstance(values, dict) or part not in values:
                     break
-                value, depth = value[part], depth + 1
+                data, depth = values[part], depth + 1
         if depth > deepest:
             deepest, line = depth, first + 1
     return line
