@@ -6,7 +6,7 @@ Libraries, imported when first used: calibrate, cgen, compliance, control, filte
 kinematics, loop, measurements, mechanics, milling, modelica, motion, optimize, plot, results, robots, simulation,
 vibration, vision.
 load("problem.toml") returns the study that a problem file describes, as a call on Python objects,
-load_robot("mine.toml") the model of a robot file, shipped("data/l1_synthetic.csv") the path of a shipped file.
+load_robot the model of a robot file, shipped the path of a file that comes with gtmodel.
 """
 
 import os as _os
@@ -105,7 +105,7 @@ def load_robot(
     """The model of a robot that is named as in a problem file, such as a robot file of one's own.
 
     Args:
-        robot: a robot file "mine.toml" or the parameters.toml of a calibration, "arm.urdf" or "arm.urdf:tip",
+        robot: a robot file, such as the parameters.toml of a calibration, "arm.urdf" or "arm.urdf:tip",
             "file.py:Class", or a name of the catalogue. Paths start at the working directory.
         inertia, smoothing, velocity_scale [m/s], payload [kg]: as in `gt.robots.gantry_tau`.
         parameters: new values of the model's parameters, by name.

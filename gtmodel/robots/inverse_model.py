@@ -31,6 +31,11 @@ class InverseModel(gt.Model):
 
     The forward model with inputs and outputs exchanged: `reference` [m] is the input, `tau` [N] the output, the
     filters' outputs are the states. `causal(known="reference", targets=["tau", "der(filter[0].x)", ...])` is the block.
+
+    >>> model = gt.robots.InverseModel(robot=gt.robots.gantry_tau("l1_tape"))
+    >>> block = model.causal(known="reference", targets=["tau", "robot.q"])
+    >>> block
+    CausalFunction(filter[0].x, filter[1].x, filter[2].x -> tau, robot.q)
     """
 
     reference = gt.input(3, unit="m", description="cart positions to follow")

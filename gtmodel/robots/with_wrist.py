@@ -47,7 +47,7 @@ class GantryTauWrist(GantryTau):
     >>> ik = robot.causal(known=["P", "direction[0]", "direction[1]"], targets="axes")
     >>> axes, status = ik([0.9, -0.9, 0.3], 0.5, 0.0)
     >>> print(axes.round(3), status)
-    [-0.678 -0.794 -0.552  0.     0.524] 0
+    [-0.678 -0.794 -0.552  0.     0.524] OK
     """
 
     R_plate = gt.parameter(np.eye(3), unit="1", kind="rotation", description="the plate's constant orientation")

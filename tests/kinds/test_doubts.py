@@ -166,10 +166,10 @@ def test_a_home_that_had_to_be_moved_is_told_with_the_result(
     done = gtmodel("solve", "own.toml", "--out", "a")
     assert done.code == 0, done.err
     values = json.loads((tmp_path / "a" / "result.json").read_text())["values"]
-    assert done.out.count("the home pose has") == int(told)
+    assert done.out.count("the home pose moves") == int(told)
     assert len(values.get("notes", [])) == int(told)
     made = gtmodel("codegen", "gen.toml", "--out", "c")
-    assert made.code == 0 and made.out.count("the home pose has") == int(told)
+    assert made.code == 0 and made.out.count("the home pose moves") == int(told)
 
 
 def _drawn(width: float, height: float) -> Figure:
