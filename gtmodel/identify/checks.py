@@ -198,7 +198,7 @@ def work_of(identification: Identification, rows: Rows | None = None) -> Mechani
 
 
 LOOK = "the notes say what to look at"
-READ = f"{LOOK}; if it is right, name the alarm in accept"
+READ = f"{LOOK}; if the data are right, name the alarm in accept"
 UNEXPLAINED = 0.5  # rms of the residuals over rms of the effort: above, the model does not belong to the log
 FAR = 300.0  # times the nominal value: a unit off by a factor of 1000, not a payload
 SATURATED = 0.02  # of the samples at the largest or smallest reading: noise alone does not stay there
