@@ -172,7 +172,7 @@ def sign_question(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> tuple[str, ...]:
     for name, (d, k) in SIGNS.items():
         m = modes(M, d * D, k * K)
         frequencies = ", ".join(f"{f:.4g}" for f in _distinct(m.pole_Hz))
-        sentences.append(f"{name}: {'stable' if m.stable else 'unstable'}, poles frequencies {frequencies} Hz")
+        sentences.append(f"{name}: {'stable' if m.stable else 'unstable'}, poles at {frequencies} Hz")
     return tuple(sentences)
 
 

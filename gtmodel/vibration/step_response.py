@@ -203,8 +203,8 @@ def _check(records: Sequence[Record], delay: int | None, longest: int) -> None:
         remaining = len(r) - int(changes[0])
         if longest_delay + AFTER > remaining:
             raise ArgumentError(
-                f"a delay of {longest_delay} samples is longer than the data: {left} samples follow the step of recording "
-                f"{n + 1}, expected at least {longest_delay + AFTER}; record longer, or lower the delay"
+                f"a delay of {longest_delay} samples is longer than the data: {remaining} samples follow the step of "
+                f"recording {n + 1}, expected at least {longest_delay + AFTER}; record longer, or lower the delay"
             )
 
     columns = {"u": np.concatenate([r.u for r in records]), "y": np.concatenate([r.y for r in records])}

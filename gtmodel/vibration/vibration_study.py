@@ -90,8 +90,9 @@ def subspace_study(
 ) -> SubspaceStudy:
     """Identify the model, transform it and check it. Raises ArgumentError, FitStopped."""
     model = identify_subspace(
-        record, order=options.order, method=options.method, block_rows=options.block_rows, largest=options.largest_order,
-        feedthrough=options.feedthrough, held_out=options.held_out, interrupted=interrupted,
+        record, order=options.order, method=options.method, block_rows=options.block_rows,
+        largest=options.largest_order, feedthrough=options.feedthrough, held_out=options.held_out,
+        interrupted=interrupted,
     )  # fmt: skip
     c = continuous(np.asarray(model.system.A), np.asarray(model.system.B), record.sample_time)
     poles = np.linalg.eigvals(c.A)
@@ -189,8 +190,8 @@ def _notes(p: Physical | None, model: SubspaceModel, near: str, s: _Structure | 
             low, high = e.interval(name)
             if not low - 0.01 * m.mass <= m.mass <= high + 0.01 * m.mass:
                 notes.append(
-                    f"the mass of coordinate {m.coordinate} is {m.mass:g} kg in the problem, but {e.value(name):.5g} "
-                    f"({low:.5g} .. {high:.5g}) kg from force and recording: check mass, force and its coordinate"
+                    f"the mass of coordinate {m.coordinate} is set to {m.mass:g} kg; force and recording give "
+                    f"{e.value(name):.5g} ({low:.5g} .. {high:.5g}) kg: check mass, force and its coordinate"
                 )
     # if M is known, the note that it needs a force or a mass is obsolete
     notes += [w for w in s.form.notes if w != near and (s.known is None or w != s.form.notes[0])]

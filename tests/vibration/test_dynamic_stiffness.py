@@ -178,7 +178,7 @@ def test_measured_records_with_their_units(measured) -> None:
         ("0,0,0,0,x,none.csv,", r"there is no file 'none.csv'"),
         ("0,0,0,a,x,z0.csv,", r"hits.csv line 2, column 'A': found 'a'; expected a finite number such as 1.5e-3"),
         ("0,0,0,0,x,z0.csv", r"hits.csv line 2: found 6 cells; expected 7"),
-        ("0,0,0,0,x,z0.csv,\n0,0,0,0,x,z1.csv,", r"z0.csv is a frequency response; name one for each experiment"),
+        ("0,0,0,0,x,z0.csv,\n0,0,0,0,x,z1.csv,", r"z0.csv is a frequency response"),
         ("0,0,0,0,x,bare.csv,", r"bare.csv: the column 'force' has no unit; write it as 'force \[N\]'"),
         ("0,0,0,0,x,uneven.csv,", r"uneven.csv: the samples are not evenly spaced"),
         ("0,0,0,0,x,index.csv,", r"index.csv: expected the columns time \[s\],force \[N\],acceleration"),

@@ -95,7 +95,7 @@ def interior_point(
     iterate = _start(problem, np.array(x0, float), barrier)
     if iterate is None:
         f, h = problem.value(x0)
-        return _run((x0, f, h), 0, SolveStatus.NOT_FINITE, "cost or rows iterate the start")
+        return _run((x0, f, h), 0, SolveStatus.NOT_FINITE, "cost or rows at the start")
     best, weight, iteration = iterate, 1.0, 0
     while True:
         best = iterate if iterate.rank < best.rank else best
