@@ -92,21 +92,21 @@ class Rows:
     def __len__(self) -> int:
         return len(self.time)
 
-    def columns(self, parameters: Sequence[int], size: Array) -> Array:
+    def columns(self, at: Sequence[int], size: Array) -> Array:
         """Columns (n, m, k) of some parameters, each target divided by its size (m,)."""
-        return self.Y[:, :, parameters] / size[:, None]
+        return self.Y[:, :, at] / size[:, None]
 
     def part(self, k: int) -> Rows:
         """The rows of recording `k`, counted from 0."""
         ends = [*self.starts, len(self)]
         return self.chosen(np.arange(ends[k], ends[k + 1]))
 
-    def chosen(self, indices: Array) -> Rows:
+    def chosen(self, kept: Array) -> Rows:
         """The rows at these indices, in order; `starts` is adapted."""
-        starts = np.unique(np.searchsorted(indices, self.starts))
+        starts = np.unique(np.searchsorted(kept, self.starts))
         arrays = ("Y", "y0", "effort", "time", "position", "velocity", "effort_rate")
-        selected = {n: v[indices] for n in arrays if (v := getattr(self, n)) is not None}
-        return replace(self, starts=tuple(int(k) for k in starts if k < len(indices)), **selected)
+        selected = {n: v[kept] for n in arrays if (v := getattr(self, n)) is not None}
+        return replace(self, starts=tuple(int(k) for k in starts if k < len(kept)), **selected)
 
     @property
     def filter_sentence(self) -> str:

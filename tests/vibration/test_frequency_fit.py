@@ -126,7 +126,7 @@ def test_a_second_mode_is_found_and_its_distance_told(apart) -> None:
         one = fit_modes(made(LINES, *two(apart), noise=0.02, seed=3), 1, noise=0.02)
         assert one.adequacy is not None and not one.adequacy.passed  # two modes look like one, but not quite
         (note,) = fit.notes
-        assert "a second mode lies 0.8" in note and "closer than 1 Hz; a fit of one mode has m -" in note
+        assert "a second mode is 0.8" in note and "closer than 1 Hz; a fit of one mode has m -" in note
         assert abs(one.m[0] / M - 1) > 0.2 or abs(one.k[0] / K - 1) > 0.2
     else:
         assert fit.notes == ()
