@@ -73,8 +73,7 @@ def consistent_inertias(
     Args:
         arm: the arm with prior bodies, such as from a drawing; links without mass get a small body.
         base: the base parameters of the arm.
-        estimate: estimated base parameters, as from `identify`; missing ones and those at a bound keep the model's
-            value.
+        estimate: estimated base parameters, as from `identify`; others keep the model's values.
         width: standard deviation of the model's bodies relative to themselves, in the metric of their pseudo-inertia.
 
     A convex least-squares problem on the cone of positive definite pseudo-inertias P: the estimate weighted by its
@@ -100,12 +99,12 @@ def consistent_inertias(
     bodies = [_columns(base.everything, k) for k in range(n)]
     known = [base.names.index(name) for name in estimate.names if name in base.names]
     names = [base.names[k] for k in known]
-    at = [estimate.names.index(name) for name in names]
+    rows = [estimate.names.index(name) for name in names]
     for name in base.everything:  # friction and other free parameters take their estimates
         if name in names:
             values_of_model[base.everything.index(name)] = estimate.value(name)
     K = base.matrix[known]
-    target, covariance = estimate.values[at], estimate.covariance[np.ix_(at, at)]
+    target, covariance = estimate.values[rows], estimate.covariance[np.ix_(rows, rows)]
     # floor, relative to the numbers: a perfect log gives a zero covariance
     floor = 1e-12 * np.maximum(np.abs(target), np.max(np.abs(target), initial=1e-12) * 1e-3) ** 2
     whiten = np.linalg.inv(np.linalg.cholesky(covariance + np.diag(floor)))
@@ -130,7 +129,7 @@ def _refuse(arm: SerialArm, base: BaseRegressor, estimate: Estimate, width: floa
     numbers = {name for name in base.everything if name.startswith(("J[", "mc[", "m["))}
     if len(numbers) != 10 * len(arm.structure.joints) or not numbers <= parameters_of(arm).keys():
         raise ArgumentError(
-            f"has {len(numbers)} body parameters, the arm has {10 * len(arm.structure.joints)}; make it from this arm",
+            f"has {len(numbers)} body parameters; the arm has {10 * len(arm.structure.joints)}: make it of this arm",
             "base",
         )
     if not set(estimate.names) & set(base.names):
@@ -229,9 +228,7 @@ def _bodies_before(arm: SerialArm) -> tuple[list[Array], list[str]]:
                              "no mass distribution has its principal moments; start from another body")  # fmt: skip
         bodies.append(P)
     if empty:
-        notes.append(
-            f"the model has no inertia for {', '.join(empty)}: a body of {100 * SIZE:g} cm is assumed for each"
-        )
+        notes.append(f"the model has no inertia for {', '.join(empty)}: assumed a body of {100 * SIZE:g} cm for each")
     return bodies, notes
 
 

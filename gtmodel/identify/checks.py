@@ -55,8 +55,8 @@ def columns_compared(
 
 def leaves(comparison: Compared, unit: str = "") -> Suspicion:
     """How the columns should be read, as a suspicion."""
-    given, left = (f"{rms:.3g}{unit and f' {unit}'}" for rms in (comparison.given, comparison.left))
-    return comparison.suspicion(f"as given the model leaves {given} rms of the efforts unexplained, and", left)
+    as_given, best = (f"{rms:.3g}{unit and f' {unit}'}" for rms in (comparison.given, comparison.left))
+    return comparison.suspicion(f"as given the model leaves {as_given} rms of the efforts unexplained, and", best)
 
 
 def exchanged_efforts(identification: Identification) -> Compared | None:

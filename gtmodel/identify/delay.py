@@ -104,11 +104,8 @@ def delay_of(identification: Identification) -> Delay | None:
     if not std[-1] > 0:  # efforts without noise
         return None
     # relative to the intervals of the result
-    deviation = {name: s for name, s in zip(identification.estimate.names, identification.estimate.std, strict=True)}
-    moves = [
-        abs(c) / deviation[n] if n in deviation and deviation[n] > 0 else 0.0
-        for n, c in zip(e.names, change[:-1], strict=True)
-    ]
+    std_of = {name: s for name, s in zip(identification.estimate.names, identification.estimate.std, strict=True)}
+    moves = [abs(c) / std_of[n] if std_of.get(n, 0) > 0 else 0.0 for n, c in zip(e.names, change[:-1], strict=True)]
     worst = int(np.argmax(moves))
     statistic = abs(float(change[-1])) / float(std[-1])
     by_chance = half_width(1 - FALSE_ALARM, degrees_of_freedom) / max(statistic, np.finfo(float).tiny)

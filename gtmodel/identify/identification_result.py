@@ -72,9 +72,7 @@ class IdentificationStudy(Study):
     masses: Annotated[
         Array | None, Quantity("kg", "of physically consistent bodies with these base parameters, by link")
     ] = None  # fmt: skip
-    first_moments: Annotated[
-        Array | None, Quantity("kg.m", "mass times centre of mass of these bodies, link frames")
-    ] = None
+    first_moments: Annotated[Array | None, Quantity("kg.m", "mass times centre of mass, by link, link frames")] = None
     inertias: Annotated[
         Array | None, Quantity("kg.m2", "of these bodies, xx, xy, xz, yy, yz, zz about the origins of the link frames")
     ] = None  # fmt: skip

@@ -167,8 +167,8 @@ def _figures(
 
     figures: dict[str, Any] = {"efforts": partial(efforts, rows, fit, title)}
     if validation is not None:
-        other = validation.rows
-        figures["held_out"] = partial(efforts, other, other.effort - validation.errors, f"{title}, held out")
+        unseen = validation.rows
+        figures["held_out"] = partial(efforts, unseen, unseen.effort - validation.errors, f"{title}, held out")
     friction_columns = [k for k, n in enumerate(rows.names) if any(word in n for word in ("coulomb", "viscous"))]
     if friction_columns and rows.velocity.shape[1] == len(rows.targets):
         figures["friction"] = friction

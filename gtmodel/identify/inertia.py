@@ -182,11 +182,11 @@ class Validation:
 
     @property
     def message(self) -> str:
-        each = ", ".join(
+        errors = ", ".join(
             f"{t} {e:.3g} ({100 * r:.2g} %, {e / s:.3g} times the noise of the fit)"
             for t, e, r, s in zip(self.rows.targets, self.rms, self.relative, self.noise, strict=True)
         )
-        return f"held-out error, rms: {each}"
+        return f"held-out error, rms: {errors}"
 
 
 def identify(
@@ -229,16 +229,16 @@ def identify(
     >>> fit.estimate.values.round(1), fit.estimate.std.round(2)  # true are 2 kg, 5 kg/s, 3 N
     (array([2. , 4.9, 3. ]), array([0.01, 0.06, 0.03]))
     """
-    free_columns = among(rows.names, rows.names if free is None else free)
-    names = [rows.names[k] for k in free_columns]
+    chosen = among(rows.names, rows.names if free is None else free)
+    names = [rows.names[k] for k in chosen]
     zero = [t for t, column in zip(rows.targets, rows.effort.T, strict=True) if not np.any(column)]
     if zero:
         raise ModelError(f"{', '.join(zero)} is always zero; check which column holds the measured effort")
-    equations = _LeastSquares(rows, free_columns, noise is not None)
+    equations = _LeastSquares(rows, chosen, noise is not None)
     size = np.ones(len(rows.targets)) if noise is None else np.asarray(noise, dtype=float)
     unbounded = equations.fit(size)
     for _ in range(0 if noise is not None else WEIGHTINGS):
-        size = _spread(equations.residuals(unbounded), len(free_columns))
+        size = _spread(equations.residuals(unbounded), len(chosen))
         unbounded = equations.fit(size)
     bounded = _bounded(rows, names, nonnegative)
     negative = any(unbounded.value(n) < 0 for n in bounded)
@@ -255,7 +255,7 @@ def identify(
         unbounded = equations.sandwich(unbounded, size)
         estimate = equations.sandwich(estimate, size) if negative else unbounded
     groups = _groups(rows, equations.rest) if test is None else [g for g in (among(rows.names, g) for g in test) if g]
-    weighted = rows.columns(free_columns, size)
+    weighted = rows.columns(chosen, size)
     return Identification(
         rows,
         {rows.names[k]: float(rows.nominal[k]) for k in equations.rest},
@@ -267,10 +267,7 @@ def identify(
         "newey_west" if coloured else "white",
         # the triangular factor has the singular values and the null space of the rows
         identifiability(
-            np.linalg.qr(weighted.reshape(-1, len(free_columns)), mode="r"),
-            names,
-            scale=equations.scale,
-            poses=len(rows),
+            np.linalg.qr(weighted.reshape(-1, len(chosen)), mode="r"), names, scale=equations.scale, poses=len(rows)
         ),
         tuple(_left_out(rows, group, weighted, residuals / size, size, coloured, len(groups)) for group in groups),
     )

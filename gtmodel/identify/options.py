@@ -106,8 +106,8 @@ class SyntheticLog(Options):
     ] = 1  # fmt: skip
     duration: Annotated[float, Unit("s"), Within(above=0.0), "of each sum of sines"] = 60.0
     sample_time: Annotated[float, Unit("s"), Within(above=0.0), "of the log"] = 0.004
-    reference: Annotated[str, "variable that follows the sines, or the motion that was read"] = "T"
-    repeats: Annotated[int, Within(least=1), "number of repetitions of the motion that was read"] = 1
+    reference: Annotated[str, "variable that follows the sines or the prescribed motion"] = "T"
+    repeats: Annotated[int, Within(least=1), "number of repetitions of the prescribed motion"] = 1
     centre: Annotated[list[float] | None, "of the motion; default: the home pose of the robot"] = None
     half_range: Annotated[float | list[float], "largest distance from the centre, by axis"] = 0.4
     frequencies: Annotated[

@@ -189,10 +189,7 @@ def sessions_of(log: Log, argument: str) -> tuple[Session, ...]:
     # a session is a tuple itself
     several = [log] if isinstance(log, (Session, Trajectory)) else list(log)
     with naming(argument, TrajectoryError):
-        return tuple(
-            recording if isinstance(recording, Session) else session_of(recording, f"recording {n}")
-            for n, recording in enumerate(several, 1)
-        )
+        return tuple(r if isinstance(r, Session) else session_of(r, f"recording {n}") for n, r in enumerate(several, 1))
 
 
 def measured(
@@ -221,24 +218,18 @@ def measured(
             )
     if signals is None:
         return Recordings(raw, others)
-    corrected_signals = dict(signals)
-    effort, offsets = corrected_signals[targets], None
+    table = dict(signals)
+    effort, offsets = table[targets], None
     if effort.offset == ESTIMATE:
         offsets = "session" if "offset" in effort.per_session and len(raw) > 1 else "all"
         if offsets == "session" and others:
             raise _by_session("offset", targets)
-        corrected_signals[targets] = dataclasses.replace(effort, offset=0.0)
+        table[targets] = dataclasses.replace(effort, offset=0.0)
     with naming("log", TrajectoryError, ModelError):
         fitted, values = corrected(
-            Corrections(corrected_signals, raw),
-            regressor,
-            request.processing,
-            request.free,
-            known,
-            targets,
-            offsets is not None,
+            Corrections(table, raw), regressor, request.processing, request.free, known, targets, offsets is not None
         )
-        return Recordings(fitted, _held_out(corrected_signals, others, values) if others else (), values, offsets)
+        return Recordings(fitted, _held_out(table, others, values) if others else (), values, offsets)
 
 
 def _held_out(signals: dict[str, Signal], others: tuple[Session, ...], values: dict[str, float]) -> tuple[Session, ...]:

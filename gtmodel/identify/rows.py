@@ -32,7 +32,7 @@ Array = np.ndarray
 
 # periods of the cut-off after which filtered white noise is uncorrelated (first zero, for any sampling)
 INDEPENDENT = 0.57
-# cut-off of the prefilter over that of the filter: the prefilter attenuates signals at the filter's cut-off by 1.5e-5,
+# cut-off of the prefilter over that of the filter: the prefilter takes 1.5e-5 off signals at the filter's cut-off,
 # so that the sign of a velocity stays as sharp as the filter allows
 WIDER = 4.0
 NOISE_STEPS = 4 / 3  # three such steps are four standard deviations of the velocity

@@ -229,11 +229,9 @@ class _Sines:
         import control
 
         order = np.argsort(self.x[::2])
-        indices = (2 * order[:, None] + [0, 1]).ravel()
+        rows = (2 * order[:, None] + [0, 1]).ravel()
         e = replace(
-            self.estimate,
-            values=self.estimate.values[indices],
-            covariance=self.estimate.covariance[indices][:, indices],
+            self.estimate, values=self.estimate.values[rows], covariance=self.estimate.covariance[rows][:, rows]
         )
         resonances, blocks, B, C = [], [], [], []
         for k in order:

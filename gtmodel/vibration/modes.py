@@ -140,9 +140,7 @@ def _signs(values: np.ndarray, poles: np.ndarray) -> list[str]:
         notes.append("M^-1 K has positive eigenvalues only: every mode is a vibration")
     else:
         n = int(np.sum(values <= 0))
-        notes.append(
-            f"M^-1 K has {n} of {len(values)} eigenvalues that are not positive: without damping these modes diverge"
-        )
+        notes.append(f"M^-1 K has {n} of {len(values)} eigenvalues that are not positive: without damping they diverge")
     neutral = on_axis(poles)
     unstable, count = poles[(np.real(poles) > 0) & ~neutral], int(np.sum(neutral))
     if not unstable.size and not count:

@@ -183,11 +183,9 @@ def bandwidth(a: float, sample_time: float) -> float | None:
 def _check(records: Sequence[Record], delay: int | None, longest: int) -> None:
     if not records:
         raise ArgumentError("there is no recording; expected at least one")
-    if (
-        len({r.sample_time for r in records}) > 1
-        and np.ptp([r.sample_time for r in records]) > 1e-6 * records[0].sample_time
-    ):
-        times = ", ".join(f"{1e3 * r.sample_time:.6g}" for r in records)
+    periods = [r.sample_time for r in records]
+    if np.ptp(periods) > 1e-6 * periods[0]:
+        times = ", ".join(f"{1e3 * period:.6g}" for period in periods)
         raise ArgumentError(f"the recordings have the sample times {times} ms; expected equal ones: resample them")
     longest_delay = longest if delay is None else delay
     if longest_delay < 0:

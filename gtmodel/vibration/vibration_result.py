@@ -30,7 +30,7 @@ class VibrationStudy(Study):
     order: Annotated[int | None, "number of states"] = None
     order_by_gap: Annotated[int | None, "order after which the singular values fall most"] = None
     singular_values: Annotated[Array | None, "of the weighted projection"] = None
-    held_out_fit: Annotated[Array | None, Quantity("%", "by output, on samples for validation; 100 is exact")] = None
+    held_out_fit: Annotated[Array | None, Quantity("%", "by output, on held-out samples; 100 is exact")] = None
     held_out_rms: Annotated[
         Mapping[str, float | None] | None, Quantity("m", "by order; null if unstable")
     ] = None  # fmt: skip

@@ -81,7 +81,7 @@ class SubspaceStudy(VibrationStudy):
 
 def subspace_study(
     record: Record,
-    options: Subspace,
+    how: Subspace,
     physical: Physical | None,
     truth: SyntheticStructure | None,
     input_unit: str,
@@ -90,9 +90,8 @@ def subspace_study(
 ) -> SubspaceStudy:
     """Identify the model, transform it and check it. Raises ArgumentError, FitStopped."""
     model = identify_subspace(
-        record, order=options.order, method=options.method, block_rows=options.block_rows,
-        largest=options.largest_order, feedthrough=options.feedthrough, held_out=options.held_out,
-        interrupted=interrupted,
+        record, order=how.order, method=how.method, block_rows=how.block_rows, largest=how.largest_order,
+        feedthrough=how.feedthrough, held_out=how.held_out, interrupted=interrupted,
     )  # fmt: skip
     c = continuous(np.asarray(model.system.A), np.asarray(model.system.B), record.sample_time)
     poles = np.linalg.eigvals(c.A)

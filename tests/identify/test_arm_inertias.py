@@ -208,7 +208,7 @@ def test_links_without_bodies_get_one_and_it_is_said() -> None:
     e = gt.inference.linear_fit(np.eye(base.size), [values[n] for n in base.names], base.names, sigma=1e-4)
     c = consistent_inertias(arm, base, e)
     assert np.abs(c.moved).max() < 0.5
-    assert c.notes == ("the model has no inertia for link_1, link_2: a body of 10 cm is assumed for each",)
+    assert c.notes == ("the model has no inertia for link_1, link_2: assumed a body of 10 cm for each",)
 
 
 def test_a_dh_arm_writes_a_whole_robot_file(tmp_path) -> None:

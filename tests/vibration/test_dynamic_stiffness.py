@@ -63,7 +63,10 @@ def test_coverage_is_told_before_and_after_widening(small) -> None:
     assert 0.5 < before <= after <= 1 and small.coverage_of_truth[1] >= small.coverage_of_truth[0]
     assert min(small.inflation) >= 1 and len(small.leave_one_out_rms) == 9
     labels = [row.label for row in small.rows]
-    assert "held-out values inside their 95 % intervals" in labels and "true field at 200 new poses inside the intervals" in labels
+    assert (
+        "held-out values inside their 95 % intervals" in labels
+        and "true field at 200 new poses inside the intervals" in labels
+    )
 
 
 def test_the_file_of_oscillators_is_what_milling_loads(small, tmp_path) -> None:

@@ -159,7 +159,7 @@ def test_what_is_refused() -> None:
 def test_noise_alone_has_no_resonance() -> None:
     for seed in range(5):
         noise = 1e-5 * np.random.default_rng(seed).standard_normal((1000, 2))
-        with pytest.raises(ArgumentError, match="rest and noise explain|nothing in the"):
+        with pytest.raises(ArgumentError, match=r"rest and noise explain|nothing in the"):
             identify_impulse(Record(np.zeros(1000), noise, TS))
 
 

@@ -210,23 +210,20 @@ def _step(problem: ManyRows, iterate: _Iterate, barrier: float, weight: float) -
     length, infeasibility = _longest(s, ds, share), float(np.sum(np.abs(r)))
     slope = float(iterate.gradient @ dx - barrier * np.sum(ds / s))
     if infeasibility > 0:
-        weight = max(
-            weight, (slope + max(0.0, float(dx @ iterate.H @ dx)) / 2) / (PENALTY * infeasibility), 2 * float(np.max(y))
-        )
+        curved = max(0.0, float(dx @ iterate.H @ dx)) / 2
+        weight = max(weight, (slope + curved) / (PENALTY * infeasibility), 2 * float(np.max(y)))
 
     def merit(f: float, s: Array, infeasibility: float) -> float:
         return f - barrier * float(np.sum(np.log(s))) + weight * infeasibility
 
-    current, slope = merit(iterate.f, s, infeasibility), slope - weight * infeasibility
+    old, slope = merit(iterate.f, s, infeasibility), slope - weight * infeasibility
     y = y + _longest(y, dy, share) * dy
     for _ in range(HALVINGS):
         x = iterate.x + length * dx
         f, h = problem.value(x)
         if np.isfinite(f) and np.all(np.isfinite(h)):
             new = np.where(-h > LEAST_RESET * s, -h, s + length * ds)
-            if merit(f, new, float(np.sum(np.abs(h + new)))) <= current + ARMIJO * length * slope + ROUNDING * abs(
-                current
-            ):
+            if merit(f, new, float(np.sum(np.abs(h + new)))) <= old + ARMIJO * length * slope + ROUNDING * abs(old):
                 return _iterate(problem, x, f, h, new, y, iterate.size), weight
         length /= 2
     return None, weight

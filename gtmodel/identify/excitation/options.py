@@ -158,9 +158,7 @@ class ExcitationStudy(Study):
         if self.coverage is not None:
             low, high = self.coverage["band"]
             hits = [p["hits"] for p in self.parameters]
-            label = (
-                f"intervals that contain the truth in {self.coverage['runs']} synthetic fits, {low} to {high} expected"
-            )
+            label = f"intervals with the truth in {self.coverage['runs']} synthetic fits, {low} to {high} expected"
             rows.append(Row(label, f"{min(hits)} to {max(hits)}"))
             rows.append(Row("pooled coverage of 95 % intervals", self.coverage["pooled"]))
         return rows

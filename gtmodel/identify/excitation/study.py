@@ -54,11 +54,9 @@ def study_of_motion(
         "condition_to_best_random": at_most(1 / values["improvement"], STILL_BETTER, "raise starts"),
     }
     if motions.runs:
-        coverage = motions.runs[0][0]
-        low, high = binomial_band(coverage.runs, coverage.level, 1 - FALSE_ALARM / len(coverage.names))
-        checks["coverage_outside_band"] = at_most(
-            float(np.count_nonzero((coverage.hits < low) | (coverage.hits > high))), 0.0
-        )
+        c = motions.runs[0][0]
+        low, high = binomial_band(c.runs, c.level, 1 - FALSE_ALARM / len(c.names))
+        checks["coverage_outside_band"] = at_most(float(np.count_nonzero((c.hits < low) | (c.hits > high))), 0.0)
     status = SolveStatus.INTERRUPTED if SolveStatus.INTERRUPTED in [e.status for e in runs] else best.status
     reached = ReachedOptima([e.objective if e.status.ok else None for e in runs])
     sentences = [best.message, reached.message(best.objective) if best.status.ok else ""]
@@ -91,24 +89,18 @@ def _values(plan: ExcitationPlan, search: ExcitationSearch, motions: ExcitationM
     experiment = plan.experiment
     regressor, basis, c = plan.regressor, plan.task.basis, motions.best.c
     factor = 1 / np.sqrt(experiment.periods)
-    deviations, random_deviations = (
-        factor * predicted_deviations(W, experiment.noise) for W in (motions.W, motions.W_random)
-    )
+    deviations, at_random = (factor * predicted_deviations(W, experiment.noise) for W in (motions.W, motions.W_random))
     parameters: list[dict[str, Any]] = [
         {"name": n, "nominal": x, "unit": u, "deviation": s, "random_deviation": r, "ratio": r / s}
         for n, x, u, s, r in zip(
-            regressor.names, regressor.nominal, regressor.units, deviations, random_deviations, strict=True
+            regressor.names, regressor.nominal, regressor.units, deviations, at_random, strict=True
         )
     ]
     coverage_table = None
     if len(motions.runs) == 2:
-        (coverage_counts, scatter), (_, random_scatter) = motions.runs
-        coverage_table = {
-            "runs": coverage_counts.runs,
-            "band": list(coverage_counts.band),
-            "pooled": coverage_counts.pooled,
-        }
-        for p, s, r, hits in zip(parameters, scatter, random_scatter, coverage_counts.hits, strict=True):
+        (counts, scatter), (_, random_scatter) = motions.runs
+        coverage_table = {"runs": counts.runs, "band": list(counts.band), "pooled": counts.pooled}
+        for p, s, r, hits in zip(parameters, scatter, random_scatter, counts.hits, strict=True):
             p |= {"seen_deviation": s, "random_seen_deviation": r, "hits": int(hits)}
     if isinstance(basis, FourierSeries):
         coefficients = dict(zip(("place_m", "cosine_m", "sine_m"), basis.amplitudes(c), strict=True))

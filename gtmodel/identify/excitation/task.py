@@ -290,7 +290,7 @@ def _basis(motion: Family) -> Basis:
 
 
 def _guard(limits: Limits, robot: gt.Model) -> MotionConstraints:
-    """The margins of the limits, and of the angle between links and guideways."""
+    """The margins of the limits, and of each link's component along its guideway, which vanishes at the edge of reach."""
     links = links_of(robot)
     guard, least = guard_of(limits, links), limits.link_along_guideway
 
@@ -336,10 +336,7 @@ def _centre(motion: Family) -> tuple[np.ndarray, np.ndarray]:
     low, high = np.array(motion.place_low), np.array(motion.place_high)
     if np.any(low > high):
         k = int(np.argmax(low > high))
-        raise ArgumentError(
-            f"coordinate {k} goes from {low[k]:g} m to {high[k]:g} m; the lower corner must be below the upper",
-            "motion.place_low",
-        )
+        raise ArgumentError(f"coordinate {k} is {low[k]:g} m, above place_high, {high[k]:g} m", "motion.place_low")
     return low, high
 
 

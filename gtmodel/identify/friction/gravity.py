@@ -103,7 +103,7 @@ class MassByNorm(NamedTuple):
 
 
 def mass_by_norm(middle: Array, pattern: Array) -> MassByNorm:
-    """Return the masses from the middle levels [N] and the forces that hold one kilogram [N/kg], of equal shape.
+    """Return the masses from middle levels [N] and forces that hold one kilogram [N/kg], both (n,) or of equal shape.
 
     The middle level is the mean of the forces of the forward and backward lines at velocity zero: middle = m pattern +
     (fc+ - fc-)/2, with the magnitudes fc+ and fc- of Coulomb friction; the asymmetry (fc+ - fc-)/2 is the residual. The

@@ -350,11 +350,8 @@ def _adequacy(e: Estimate, lines: FrequencyResponse, stated: bool) -> Verdict:
     if stated or not np.isfinite(lines.degrees_of_freedom):
         return noise_size(e)
     # correlated lines have fewer degrees of freedom
-    ratio, degrees_of_freedom = (
-        float(e.residuals @ e.residuals) / e.degrees_of_freedom,
-        e.degrees_of_freedom / lines.wider**2,
-    )
-    p = float(f_chance(ratio, degrees_of_freedom, lines.degrees_of_freedom))
+    ratio, independent = float(e.residuals @ e.residuals) / e.degrees_of_freedom, e.degrees_of_freedom / lines.wider**2
+    p = float(f_chance(ratio, independent, lines.degrees_of_freedom))
     finding = (
         "are as large as the noise of the hits"
         if p >= SMALL_P

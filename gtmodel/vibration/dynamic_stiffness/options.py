@@ -239,13 +239,12 @@ def _experiment_rows(experiments: Sequence[Experiment], fits: Fits) -> list[Row]
         ]  # fmt: skip
     rows = []
     for d, name in enumerate("xyz"):
-        chosen = [f for e, f in zip(experiments, fits, strict=True) if f is not None and e.direction == d]
+        part = [f for e, f in zip(experiments, fits, strict=True) if f is not None and e.direction == d]
         spans = [
-            f"{q} {min(getattr(f, q)[0] for f in chosen):.3g}..{max(getattr(f, q)[0] for f in chosen):.3g}"
-            for q in NAMES
+            f"{q} {min(getattr(f, q)[0] for f in part):.3g}..{max(getattr(f, q)[0] for f in part):.3g}" for q in NAMES
         ]
-        rows.append(Row(f"{len(chosen)} experiments in {name}", ", ".join(spans)))
-        error = max(f.log_std("k") for f in chosen)
+        rows.append(Row(f"{len(part)} experiments in {name}", ", ".join(spans)))
+        error = max(f.log_std("k") for f in part)
         rows.append(Row(f"  largest standard deviation of k from noise, {name}", f"{error:.2%}"))
     rows.append(Row("all experiments with intervals", "poses.csv"))
     return rows
