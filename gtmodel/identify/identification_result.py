@@ -174,7 +174,10 @@ class IdentificationStudy(Study):
             hits, band = c["hits"].values(), c["band"]
             rows.append(Row("pooled coverage", 100 * c["pooled"], "%"))
             rows.append(
-                Row("hits of the intervals", f"{min(hits)} to {max(hits)} of {c['runs']}, band {band[0]} to {band[1]}")
+                Row(
+                    "intervals with the truth",
+                    f"{min(hits)} to {max(hits)} of {c['runs']}, band {band[0]} to {band[1]}",
+                )
             )
         return [
             *rows,

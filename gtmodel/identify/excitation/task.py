@@ -290,7 +290,7 @@ def _basis(motion: Family) -> Basis:
 
 
 def _guard(limits: Limits, robot: gt.Model) -> MotionConstraints:
-    """The margins of the limits, and of each link's component along its guideway, which vanishes at the edge of reach."""
+    """The margins of the limits and of each link's component along its guideway, zero at the edge of reach."""
     links = links_of(robot)
     guard, least = guard_of(limits, links), limits.link_along_guideway
 
