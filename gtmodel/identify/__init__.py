@@ -1,35 +1,35 @@
 """Identification of dynamics from motion: friction from constant velocities, regressors, weighted least squares.
 
 Friction
-    friction_study, FrictionStudy          from logs, runs or synthetic ones; options HeldPose, ConstantVelocity,
-                                           SyntheticRuns
-    published_friction_study               the mass of printed lines; FrictionCoefficients, PublishedFriction
-    gravity_pattern        forces that hold one kilogram, by pose
-    identify_friction      coefficients by direction and the mass held, from runs at constant velocity
-    constant_velocity_runs, concatenate   the runs of a log, of several logs
-    mass_by_norm           the mass by three norms of what is left
+    friction_study, FrictionStudy          from logs, measured runs or synthetic runs; options HeldPose,
+                                           ConstantVelocity, SyntheticRuns
+    published_friction_study               the mass from printed friction lines; FrictionCoefficients, PublishedFriction
+    gravity_pattern        efforts that hold one kilogram, by pose
+    identify_friction      coefficients by direction and the payload, from runs at constant velocity
+    constant_velocity_runs, concatenate   the runs of one log, of several logs
+    mass_by_norm           the payload that minimises three norms of the residuals
     constant_velocity_log  a synthetic log of such runs
 Motion
     study, IdentificationStudy             masses and friction from a recording; options Fitting, Processing, ClosedLoop
-    synthetic_study        the same from a synthetic log, against its truth; SyntheticLog, read_motion
+    synthetic_study        the same from a synthetic log, compared with the truth; SyntheticLog, read_motion
     Regressor              efforts as a linear function of parameters
     Processing, rows_of    logs as filtered rows of a regressor
-    corrected              delays, scales and offsets estimated beside the parameters
-    identify               weighted least squares: values, intervals, residual tests; bias_of what is left out
-    delay_of               whether the efforts come later than the positions, and what that moves
-    work_of                whether friction brakes, and whether the energy balances
-    exchanged_efforts      whether another order or sign of the efforts' columns fits far better
+    corrected              delays, scales and offsets, estimated together with the parameters
+    identify               weighted least squares: values, intervals, residual tests; bias_of omitted parameters
+    delay_of               delay between efforts and positions, and its effect on the parameters
+    work_of                work of friction and energy balance
+    exchanged_efforts      whether another order or sign of the effort columns fits far better
 Excitation
     excitation_study, ExcitationStudy      of a robot; options Family, IdentificationExperiment, ExcitationSearch,
                                            RandomMotions, MonteCarloFits
-    optimise_excitation    the most informative motion of an ExcitationTask within its limits
+    optimise_excitation    the most informative motion within the limits of an ExcitationTask
     FourierSeries, ClosedSpline   families of motions at rest at both ends
-    random_excitations     feasible motions to compare with and to start from
+    random_excitations     random feasible motions: start points and a baseline
     condition, singular_values, predicted_deviations   what a stacked regressor determines, and how well
 Synthetic
     LogSimulator, Sensors  logs of a motion, by seed; multisine and Tracking make the motion
-    leave_out_in_turn      each stretch of rows predicted by a fit without it; LeftOutInTurn
-    repeat_identification  many of them: unbiased, and do intervals hold?
+    leave_out_in_turn      cross-validation: each block of rows predicted by a fit without it; LeftOutInTurn
+    repeat_identification  Monte Carlo: bias of the estimates and coverage of the intervals
 """
 
 from typing import TYPE_CHECKING

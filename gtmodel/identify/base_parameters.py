@@ -1,4 +1,4 @@
-"""Base parameters of a serial arm: the combinations of masses, moments and inertias that its efforts depend on."""
+"""Base parameters of a serial arm: combinations of masses, first moments and inertias that determine its efforts."""
 
 from __future__ import annotations
 
@@ -16,31 +16,32 @@ from .regressor import Regressor, RegressorRows
 
 Array = np.ndarray
 BODIES = ("m", "mc", "J")
-POINTS, SEED = 60, 1  # random motions in which the rank is decided, a few hundred equations for 60 unknowns
+POINTS, SEED = 60, 1  # random motions that determine the rank: a few hundred equations for 60 unknowns
 RANGE = np.pi  # rad or m, of a joint without limits
-NOTHING = 1e-9  # of the largest term of a combination: rounding
+NOTHING = 1e-9  # relative to the largest term of a combination: rounding error
 SHOWN = 3  # terms of a combination in its name
 
 
 class BaseRegressor(Regressor):
-    """A regressor in the base parameters of a serial arm, and in further parameters such as its friction.
+    """A regressor in the base parameters of a serial arm and further parameters, such as friction.
 
-    Of the ten numbers of each link, m, mc and J, the efforts depend on fewer combinations: a QR of the regressor at
-    random motions within the joint limits finds them, whatever the arm and the direction of gravity. Each combination
-    is named after the parameter that stays, of links nearer to the base first and inertias before moments and masses.
+    The efforts depend on fewer combinations than the ten numbers m, mc and J of each link. A QR factorisation of the
+    regressor at random motions within the joint limits finds them for any arm and any direction of gravity. Each
+    combination is named after the parameter that is kept; links near the base and inertias are kept first.
 
     Args:
-        arm: with the geometry known.
-        more: further parameters, as of `Regressor`.
-        known, targets: as of `Regressor`.
+        arm: the arm, with known geometry.
+        more: further parameters, as for `Regressor`.
+        known, targets: as for `Regressor`.
 
-    Attributes beside those of `Regressor`, whose names, nominal and units are those of the base parameters:
-    dependencies: which parameters depend on which; `everything`: names of all of them, `matrix` (base, all): the base
-    parameters are matrix @ values.
+    Attributes in addition to those of `Regressor`, whose names, nominal and units describe the base parameters:
+    dependencies: the linear dependencies among the parameters; `everything`: names of all parameters; `matrix`
+    (base, all): base parameters = matrix @ values.
 
-    Raises ModelError for what is no serial arm.
+    Raises ModelError if `arm` is not a serial arm.
 
-    Two parallel axes across gravity, each link in the frame at its end: of 20 numbers six combinations matter.
+    Two parallel axes perpendicular to gravity, each link frame at the link's end: six combinations of 20 numbers
+    matter.
 
     >>> arm = gt.robots.serial_arm(a=[0.5, 0.4], alpha=0.0, base_rpy=[np.pi / 2, 0.0, 0.0], m=[2.0, 1.0])
     >>> base = gt.identify.BaseRegressor(arm)
@@ -64,7 +65,7 @@ class BaseRegressor(Regressor):
     ) -> None:
         if not isinstance(arm, SerialArm):
             raise ModelError(
-                f"base parameters are those of a serial arm, from a URDF or Denavit-Hartenberg numbers; {arm!r} is none"
+                f"base parameters need a serial arm, from a URDF or Denavit-Hartenberg numbers; found {arm!r}"
             )
         super().__init__(arm, [*more, *_body_names(arm)], known, targets, idle=True)
         self.everything = self.names
@@ -76,11 +77,11 @@ class BaseRegressor(Regressor):
             stacked, self.everything, keep=[*self.everything[:first], *bodies]
         )
         independent = [n for n in self.everything if n in self.dependencies.independent]
-        self._at = [self.everything.index(n) for n in independent]
+        self._independent = [self.everything.index(n) for n in independent]
         self.matrix = np.zeros((len(independent), len(self.everything)))
         for row, name in enumerate(independent):
-            for other, factor in self.dependencies.base(name).items():
-                self.matrix[row, self.everything.index(other)] = factor
+            for term, factor in self.dependencies.base(name).items():
+                self.matrix[row, self.everything.index(term)] = factor
         self.names = tuple(_combination(self.dependencies.base(n)) for n in independent)
         self.base = tuple(n for n in self.names if n.startswith(tuple(f"{name}[" for name in BODIES)))
         self.units = tuple(units[n] for n in independent)
@@ -88,11 +89,11 @@ class BaseRegressor(Regressor):
 
     def __call__(self, *rows: Any) -> RegressorRows:
         values = super().__call__(*rows)
-        return RegressorRows(values.Y[:, :, self._at], values.y0, values.status)
+        return RegressorRows(values.Y[:, :, self._independent], values.y0, values.status)
 
     @property
     def combinations(self) -> dict[str, dict[str, float]]:
-        """Of each base parameter, by its name: the parameters in it with their factors."""
+        """Terms of each base parameter by its name: parameter -> factor."""
         return {
             name: {self.everything[k]: float(row[k]) for k in np.flatnonzero(row)}
             for name, row in zip(self.names, self.matrix, strict=True)
@@ -104,7 +105,7 @@ class BaseRegressor(Regressor):
 
 
 def _body_names(arm: SerialArm) -> list[str]:
-    """Inertias, moments and mass of each link, from the base outwards: what comes first stays."""
+    """Inertias, first moments and mass of each link, from the base outwards; earlier names are kept first."""
     names: list[str] = []
     for k in range(len(arm.structure.joints)):
         names += [*(f"J[{k},{i}]" for i in range(6)), *(f"mc[{k},{i}]" for i in range(3)), f"m[{k}]"]
@@ -112,7 +113,7 @@ def _body_names(arm: SerialArm) -> list[str]:
 
 
 def _stacked(regressor: Regressor, arm: SerialArm) -> Array:
-    """The regressor at random motions (rows, p)."""
+    """The regressor stacked over random motions (rows, p)."""
     limits = arm.structure.limits()
     low, high = np.clip(limits, -RANGE, RANGE).T
     rng = np.random.default_rng(SEED)
@@ -132,7 +133,7 @@ def _without_rounding(matrix: Array, values: Array) -> Array:
 
 
 def _combination(terms: dict[str, float]) -> str:
-    """Its terms as text, the one that stays first and then the largest; all of them where they are few."""
+    """The combination as text: the kept parameter, then the largest terms; all of them if they are few."""
     (first, _), *others = terms.items()
     text = first
     for k, (name, factor) in enumerate(others):

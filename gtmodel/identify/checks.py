@@ -1,5 +1,4 @@
-"""What an identification must pass, and what looks wrong with its log: efforts in exchanged columns, friction that
-gives energy."""
+"""Checks of an identification, and suspicions about its log: exchanged effort columns, friction that adds energy."""
 
 from __future__ import annotations
 
@@ -25,43 +24,45 @@ from ..results import Check, at_least, at_most
 from ..results.estimate import half_width
 from ..results.suspicion import accepted_checks, suspicion_checks
 from .inertia import Identification, Validation
-from .recordings import Asked, Recordings
+from .recordings import Recordings, Request
 from .repeated_fits import Repeated
 from .rows import Rows, recorded
 
 Array = np.ndarray
 Exchanged = Compared
 
-ROUND_OFF = 1e-9  # of the efforts: what is left is nothing
+ROUND_OFF = 1e-9  # relative to the efforts: smaller residuals are zero
 
 
 def columns_compared(
-    names: Sequence[str], efforts: Array, left: Callable[[Array], float], degrees_of_freedom: float
+    names: Sequence[str], efforts: Array, squares_of: Callable[[Array], float], degrees_of_freedom: float
 ) -> Compared | None:
-    """Columns of efforts (n, m) as given beside all other orders, and beside one of them reversed; None for a single
-    column. `left` is the sum of squares that efforts leave, `degrees_of_freedom` that of the residuals."""
+    """Compare columns of efforts (n, m) with all other orders and with one of them reversed; None for a single column.
+
+    `squares_of` gives the residual sum of squares of efforts; `degrees_of_freedom` are those of the residuals.
+    """
     if len(names) < 2 or degrees_of_freedom < 1:
         return None
 
     def rms(reading: OtherReading) -> float:
-        return float(np.sqrt(max(left(reading(efforts)), 0.0) / degrees_of_freedom))
+        return float(np.sqrt(max(squares_of(reading(efforts)), 0.0) / degrees_of_freedom))
 
     least = ROUND_OFF * float(np.sqrt(np.mean(efforts**2)))
-    given = rms(in_order(names, range(len(names))))
+    as_given = rms(in_order(names, range(len(names))))
     readings = [*exchanges(names), *reversals(names)]
-    return compared(given, readings, rms, degrees_of_freedom, least=least)
+    return compared(as_given, readings, rms, degrees_of_freedom, least=least)
 
 
 def leaves(comparison: Compared, unit: str = "") -> Suspicion:
-    """How the columns are to be read, in words."""
-    given, left = (f"{rms:.3g}{unit and f' {unit}'}" for rms in (comparison.given, comparison.left))
-    return comparison.suspicion(f"as given the model leaves {given} rms of the efforts, and", left)
+    """How the columns should be read, as a suspicion."""
+    as_given, best = (f"{rms:.3g}{unit and f' {unit}'}" for rms in (comparison.given, comparison.left))
+    return comparison.suspicion(f"as given the model leaves {as_given} rms of the efforts unexplained, and", best)
 
 
 def exchanged_efforts(identification: Identification) -> Compared | None:
-    """Whether another order or sign of the columns of efforts would fit far better; None for a single column.
+    """Test whether another order or sign of the effort columns fits far better; None for a single column.
 
-    The parameters that were free in the identification are free in every reading.
+    Every reading estimates the parameters that were free in the identification.
 
     >>> class Stage(gt.Model):  # two axes with viscous friction
     ...     m, d = gt.parameter([2.0, 6.0], unit="kg"), gt.parameter([5.0, 20.0], unit="kg/s")
@@ -86,25 +87,25 @@ def exchanged_efforts(identification: Identification) -> Compared | None:
     Q, R = np.linalg.qr(Y / np.maximum(np.linalg.norm(Y, axis=0), np.finfo(float).tiny))
     Q = Q[:, np.abs(np.diag(R)) > ROUND_OFF]
 
-    def left(efforts: Array) -> float:
+    def squares_of(efforts: Array) -> float:
         b = (efforts - known).reshape(-1)
         return float(np.sum((b - Q @ (Q.T @ b)) ** 2))
 
-    return columns_compared(rows.targets, rows.effort, left, n * m - Q.shape[1])
+    return columns_compared(rows.targets, rows.effort, squares_of, n * m - Q.shape[1])
 
 
-BALANCE = 1e-3  # of the work to and fro: what may be left of a log's energy
-DEVIATIONS = 4.0  # or as many standard deviations of the work that noise and the parameters' errors do
-ONE_SIGN = 0.98  # of a column's work to and fro: then it is friction's, up to what the filter rounds off at reversals
+BALANCE = 1e-3  # of the absolute work: largest energy imbalance of a log
+DEVIATIONS = 4.0  # or as many standard deviations of the work, from noise and parameter errors
+ONE_SIGN = 0.98  # of a column's absolute work: friction, up to what the filter rounds off at reversals
 
 
 @dataclass(frozen=True)
 class MechanicalWork:
-    """Work over the rows [J], positive where a drive gives it.
+    """Work over the rows [J], positive if the drives supply it.
 
-    `friction` (m,) is what friction takes, by target, of the fit without bounds, and `friction_noise` (m,) its standard
-    deviation. `left` is the work of the residuals, `noise` its standard deviation by the noise of the rows and the
-    errors of the parameters. `to_and_fro` is the integral of the size of the measured power.
+    `friction` (m,) is the work that friction takes, by target, in the fit without bounds, and `friction_noise` (m,) its
+    standard deviation. `left` is the work of the residuals; `noise` is its standard deviation, from the noise of the
+    rows and the parameter errors. `to_and_fro` is the integral of the absolute measured power.
     """
 
     friction: Array
@@ -115,17 +116,17 @@ class MechanicalWork:
 
     @property
     def drives(self) -> Array:
-        """Where friction would give energy, beyond its noise (m,)."""
+        """Targets whose friction would supply energy, beyond its noise (m,)."""
         return np.asarray(self.friction < -DEVIATIONS * self.friction_noise)
 
     @property
     def balance(self) -> float:
-        """Size of `left` over the work to and fro."""
+        """Absolute value of `left` over the absolute work."""
         return abs(self.left) / self.to_and_fro
 
     @property
     def bound(self) -> float:
-        """What `balance` may be: a thousandth, or what the noise explains."""
+        """Largest allowed `balance`: a thousandth, or what the noise explains."""
         return max(BALANCE, DEVIATIONS * self.noise / self.to_and_fro)
 
     @property
@@ -134,28 +135,28 @@ class MechanicalWork:
         return self.balance <= self.bound
 
     def driving(self, targets: tuple[str, ...]) -> list[str]:
-        """Where friction would drive, in words."""
+        """Sentences on friction that would drive."""
         return [
-            f"{t}: friction would drive instead of brake, its work is {w:.3g} J; check the sign of this effort or of "
+            f"{t}: friction would drive instead of brake, its work is {w:.3g} J; check the sign of this effort and of "
             "its position, and the order of the columns"
             for t, w, drives in zip(targets, self.friction, self.drives, strict=True)
             if drives
         ]
 
     def unbalanced(self) -> list[str]:
-        """What the residuals take beyond the noise, in words."""
+        """Sentence on the work of the residuals beyond the noise."""
         if self.balanced:
             return []
         return [
-            f"{self.left:.3g} J of {self.to_and_fro:.3g} J to and fro are not accounted for, beyond the noise: the "
-            "model lacks an effect, or the efforts are delayed"
+            f"{self.left:.3g} J of {self.to_and_fro:.3g} J absolute work are unexplained, more than the noise allows: "
+            "the model lacks an effect, or the efforts are delayed"
         ]
 
 
 def work_of(identification: Identification, rows: Rows | None = None) -> MechanicalWork | None:
-    """The work of an identified model over the fit's own rows, or over others.
+    """Return the work of an identified model over the rows of the fit, or over other rows.
 
-    None where the targets are not the efforts along the known coordinates, so that their product is no power.
+    None if the targets do not act along the known coordinates: their product is then not a power.
 
     >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
     ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
@@ -179,103 +180,104 @@ def work_of(identification: Identification, rows: Rows | None = None) -> Mechani
     free = identification.unbounded
     share = rows.interval * rows.Y * v[:, :, None]
     sums, sizes = share.sum(axis=0), np.abs(share).sum(axis=0)
-    at = [rows.names.index(n) for n in free.names]
+    free_columns = [rows.names.index(n) for n in free.names]
     brakes = (sums >= ONE_SIGN * sizes) & ~np.isin(rows.names, rows.signed)
-    each = np.where(brakes, sums, 0.0)[:, at]
-    everything = sums[:, at].sum(axis=0)
-    left = (rows.effort - identification.modelled(rows)) * v
+    braking = np.where(brakes, sums, 0.0)[:, free_columns]
+    everything = sums[:, free_columns].sum(axis=0)
+    residual_power = (rows.effort - identification.modelled(rows)) * v
     by_noise = correlation_time(identification.residuals) * np.sum((identification.noise * v) ** 2) * rows.interval**2
-    # the residuals of the fit's own rows hold less than their noise, those of others also the parameters' errors
+    # parameter errors add to the residuals of other rows, not to those of the fit
     by_parameters = 0.0 if rows is identification.rows else float(everything @ free.covariance @ everything)
     return MechanicalWork(
-        each @ free.values,
-        np.sqrt(np.einsum("mi,ij,mj->m", each, free.covariance, each)),
-        float(left.sum() * rows.interval),
+        braking @ free.values,
+        np.sqrt(np.einsum("mi,ij,mj->m", braking, free.covariance, braking)),
+        float(residual_power.sum() * rows.interval),
         float(np.abs(rows.effort * v).sum() * rows.interval),
         float(np.sqrt(by_noise + by_parameters)),
     )
 
 
 LOOK = "the notes say what to look at"
-READ = f"{LOOK}; what is right all the same is named in accept"
-UNEXPLAINED = 0.5  # rms of what is left over rms of the effort: beyond, the model is not that of the log
-FAR = 300.0  # times the nominal value: a factor 1000 of a unit, not a payload
+READ = f"{LOOK}; if the data are right, name the alarm in accept"
+UNEXPLAINED = 0.5  # rms of the residuals over rms of the effort: above, the model does not belong to the log
+FAR = 300.0  # times the nominal value: a unit off by a factor of 1000, not a payload
 SATURATED = 0.02  # of the samples at the largest or smallest reading: noise alone does not stay there
 TINY = np.finfo(float).tiny
-PILED = 5.0  # times as many samples as at the reading next to it: a coarse reading of a smooth peak has up to 2.5
+PILED = 5.0  # times as many samples as at the next reading: a coarse reading of a smooth peak has up to 2.5
 
 
 def judged(
-    asked: Asked,
+    request: Request,
     data: Recordings,
     identification: Identification,
     validation: Validation | None,
     repeated: Repeated | None,
 ) -> tuple[dict[str, Check], list[str]]:
-    """Checks by name, as they stand in the result; and sentences on signs, units, order of columns and saturation that
-    the log is suspected of."""
-    rows, said = identification.rows, list[str]()
+    """Checks by name, and notes on suspected errors of the log: signs, units, order of columns, saturation."""
+    rows, notes = identification.rows, list[str]()
     checks = {"undetermined": at_most(float(identification.identifiability.redundant), 0.0, LOOK)}
-    # what was left out shifts the others: then the truth is not what the fit is after
-    whole = all(t.passed for t in identification.left_out)
-    if data.truth and whole:
+    # omitted parameters bias the others, so that the truth is no reference
+    complete = all(t.passed for t in identification.left_out)
+    if data.truth and complete:
         e = identification.estimate
-        off = [abs(e.value(n) - data.truth[n]) / s for n, s in zip(e.names, e.std, strict=True) if n in data.truth]
+        errors = [abs(e.value(n) - data.truth[n]) / s for n, s in zip(e.names, e.std, strict=True) if n in data.truth]
         checks["error_in_standard_deviations"] = at_most(
-            float(max(off, default=0.0)), half_width(1 - FALSE_ALARM / max(len(off), 1), e.degrees_of_freedom)
+            float(max(errors, default=0.0)), half_width(1 - FALSE_ALARM / max(len(errors), 1), e.degrees_of_freedom)
         )
     if validation is not None:
         held_out = max(validation.judged, key=lambda h: h.ratio / h.bound)
         checks["held_out_over_fitted_noise"] = held_out.check(LOOK)
     shares = np.sqrt(np.mean(identification.residuals**2, axis=0) / np.mean(rows.effort**2, axis=0))
     checks["unexplained_share"] = at_most(float(np.max(shares)), UNEXPLAINED, READ)
-    said += [
-        f"{t}: {100 * share:.3g} % of its rms are left unexplained; check sign, order and units of the columns"
+    notes += [
+        f"{t}: {100 * share:.3g} % of its rms is unexplained; check sign, order and units of the columns"
         for t, share in zip(rows.targets, shares, strict=True)
         if share > UNEXPLAINED
     ]
     order = exchanged_efforts(identification)
     if order is not None and not order.passed:
-        said.append(leaves(order).sentence)
+        notes.append(leaves(order).sentence)
     work = work_of(identification)
     if work is not None:
         if np.any(work.friction):  # some friction is free
-            # of what the noise leaves: a drive without friction takes and gives nothing on average
+            # relative to the noise: a drive without friction takes no work on average
             worst = int(np.argmin(work.friction / np.maximum(work.friction_noise, TINY)))
             least = -DEVIATIONS * float(work.friction_noise[worst])
             checks["work_of_friction_J"] = at_least(float(work.friction[worst]), min(least, 0.0), READ)
-        other = work if validation is None else work_of(identification, validation.rows) or work
-        checks["energy_balance"] = Check(other.balance, other.bound, LOOK, judged=other.balanced)
-        said += work.driving(rows.targets) + other.unbalanced()
+        balance = work if validation is None else work_of(identification, validation.rows) or work
+        checks["energy_balance"] = Check(balance.balance, balance.bound, LOOK, judged=balance.balanced)
+        notes += work.driving(rows.targets) + balance.unbalanced()
     delay = identification.delay
     if delay is not None:
         checks["delay_moves_a_parameter"] = Check(delay.moves, delay.bound, READ, judged=delay.passed)
     if order is not None:
         checks["exchanged_columns"] = Check(order.ratio, order.bound, READ, judged=order.passed)
-    far = _far_off(identification, asked.regressor.base)
+    far = _far_off(identification, request.regressor.base)
     checks["parameters_far_off"] = at_most(float(len(far)), 0.0, READ)
-    piled = _piled(data, asked.how.targets)
-    checks["saturated_share"] = at_most(max((share for share, _ in piled), default=0.0), SATURATED, READ)
-    said += [*far, *(sentence for share, sentence in piled if share > SATURATED)]
+    saturated = _piled(data, request.how.targets)
+    checks["saturated_share"] = at_most(max((share for share, _ in saturated), default=0.0), SATURATED, READ)
+    notes += [*far, *(sentence for share, sentence in saturated if share > SATURATED)]
     if identification.left_out:
         group = min(identification.left_out, key=lambda t: t.p * t.tests)
         least = FALSE_ALARM / group.tests
-        checks["nothing_left_out"] = at_least(group.p, least, "free the parameters that the residual test names")
+        checks["nothing_left_out"] = at_least(group.p, least, "free the parameters named by the residual test")
     if repeated is not None and not repeated.runs.interrupted:
-        seen = repeated.coverage
-        low, high = binomial_band(seen.runs, seen.level, 1 - FALSE_ALARM / len(seen.names))
-        outside = int(np.count_nonzero((seen.hits < low) | (seen.hits > high))) + len(seen.biased)
+        coverage = repeated.coverage
+        low, high = binomial_band(coverage.runs, coverage.level, 1 - FALSE_ALARM / len(coverage.names))
+        outside = int(np.count_nonzero((coverage.hits < low) | (coverage.hits > high))) + len(coverage.biased)
         checks["parameters_outside_the_binomial_band"] = at_most(float(outside), 0.0)
-    left = Data(residuals=identification.residuals / identification.noise)
-    more, sentences = suspicion_checks(tested(recorded(data.fitted, asked.names), left), asked.how.accept)
-    checks, said = checks | more, [*said, *sentences]
-    checks, accepted = accepted_checks(checks, asked.how.accept)
-    return checks, [*said, *accepted]
+    residuals = Data(residuals=identification.residuals / identification.noise)
+    more, sentences = suspicion_checks(tested(recorded(data.fitted, request.names), residuals), request.how.accept)
+    checks, notes = checks | more, [*notes, *sentences]
+    checks, accepted = accepted_checks(checks, request.how.accept)
+    return checks, [*notes, *accepted]
 
 
 def _far_off(identification: Identification, base: Sequence[str]) -> list[str]:
-    """Where a unit of position, time or effort is off by its thousand, a parameter is, or all are; those of `base` are
-    sums and differences, which may be small."""
+    """A sentence if a parameter is off by the factor of a wrong unit of position, time or effort, or if all are.
+
+    Those of `base` are sums and differences, which may be small.
+    """
     rows, e = identification.rows, identification.estimate
     sized = np.where(negligible(rows.nominal, rows.units), 0.0, rows.nominal)
     nominal = dict(zip(rows.names, sized, strict=True))
@@ -288,7 +290,7 @@ def _far_off(identification: Identification, base: Sequence[str]) -> list[str]:
 
 
 def _piled(data: Recordings, targets: str) -> list[tuple[float, str]]:
-    """Share of the samples and a sentence, of readings that pile up at an end."""
+    """Share of samples at the largest or smallest reading, with a sentence, if readings pile up there."""
     readings = []
     for session in data.fitted:
         unit = session.trajectory.unit(targets)
@@ -298,12 +300,12 @@ def _piled(data: Recordings, targets: str) -> list[tuple[float, str]]:
             levels, counts = np.unique(column, return_counts=True)
             if len(levels) < 2:
                 continue
-            for end, at, beside in (("largest", -1, -2), ("smallest", 0, 1)):
-                if counts[at] > PILED * counts[beside]:
-                    share = float(counts[at] / len(column))
+            for end, extreme, neighbour in (("largest", -1, -2), ("smallest", 0, 1)):
+                if counts[extreme] > PILED * counts[neighbour]:
+                    share = float(counts[extreme] / len(column))
                     sentence = (
-                        f"{name} of {session.name} stands at its {end} value, {levels[at]:.5g} {unit}, in "
-                        f"{100 * share:.2g} % of the samples; if the sensor saturates there, the numbers are off"
+                        f"{name} of {session.name} is at its {end} value, {levels[extreme]:.5g} {unit}, in "
+                        f"{100 * share:.2g} % of the samples; if the sensor saturates there, the estimates are wrong"
                     )
                     readings.append((share, sentence))
     return readings

@@ -1,4 +1,4 @@
-"""Validation in closed loop: identified numbers, simulated from the reference, beside the measured motion."""
+"""Closed-loop validation: the identified model, simulated from the reference, against the measured motion."""
 
 from __future__ import annotations
 
@@ -17,10 +17,9 @@ from .options import ClosedLoop
 
 @dataclass(frozen=True)
 class ClosedLoopRun:
-    """One recording: the measured motion and the simulated one on the same times, as "measured" and "simulated".
+    """One recording: the signals "measured" and "simulated" are the position at the same instants.
 
-    Position alone says little, for the loop corrects it: the efforts, "measured_effort" and "simulated_effort", are
-    what it took.
+    The loop corrects the position, so compare the efforts too: "measured_effort" and "simulated_effort".
     """
 
     name: str
@@ -49,8 +48,8 @@ class ClosedLoopRun:
     @property
     def effort(self) -> float:
         """rms error of the effort over the rms of the measured one."""
-        off = self.trajectory["simulated_effort"] - self.trajectory["measured_effort"]
-        return float(np.linalg.norm(off) / np.linalg.norm(self.trajectory["measured_effort"]))
+        errors = self.trajectory["simulated_effort"] - self.trajectory["measured_effort"]
+        return float(np.linalg.norm(errors) / np.linalg.norm(self.trajectory["measured_effort"]))
 
 
 def follow(
@@ -61,31 +60,31 @@ def follow(
     effort: str,
     work: Work,
 ) -> list[ClosedLoopRun]:
-    """Simulate every recording from its first row, where the measured position and its velocity are the start.
+    """Simulate every recording from its first row, starting at the measured position and velocity.
 
-    sessions: corrected, with the position, the effort and the inputs of the loop. Raises ArgumentError where it cannot
-    be simulated.
+    sessions: corrected, with the position, the effort and the inputs of the loop. Raises ArgumentError if the
+    simulation fails.
     """
-    given = _gathered(parameters)
+    values = _gathered(parameters)
     with naming("closed_loop.model", ModelError):
-        model = loop.model.with_(**given) if isinstance(loop.model, Model) else loop.model(**given)
+        model = loop.model.with_(**values) if isinstance(loop.model, Model) else loop.model(**values)
     runs = []
     for n, session in enumerate(sessions):
         raw = session.trajectory
-        kept = slice(None, None, loop.every)
-        time = raw.time[kept] - raw.time[0]
+        rows = slice(None, None, loop.every)
+        time = raw.time[rows] - raw.time[0]
         inputs = {}
         for name in loop.inputs:
-            given = Trajectory(time, {name: raw[name][kept]}, {name: raw.unit(name)})
-            inputs[name] = (given, "cubic")
+            signal = Trajectory(time, {name: raw[name][rows]}, {name: raw.unit(name)})
+            inputs[name] = (signal, "cubic")
         start = {position: raw[position][0], f"der({position})": _first_rate(raw[position], session.sample_time)}
 
-        def progress(at: float, n: int = n, end: float = float(time[-1])) -> bool:
-            work.progress("simulating in closed loop", (n + at / end) / len(sessions), {"time_s": at})
+        def progress(instant: float, n: int = n, end: float = float(time[-1])) -> bool:
+            work.progress("simulating in closed loop", (n + instant / end) / len(sessions), {"time_s": instant})
             return work.interrupted()
 
         with naming("closed_loop", ModelError, TrajectoryError):
-            done = simulate(
+            simulation = simulate(
                 model,
                 float(time[-1]),
                 inputs=inputs,
@@ -96,17 +95,17 @@ def follow(
                 progress=progress,
                 throw=False,
             )
-        rows = len(done.trajectory)
-        if not done.status.ok and rows < 2:
-            raise ArgumentError(f"the closed loop could not be simulated: {done.message}", "closed_loop")
+        count = len(simulation.trajectory)
+        if not simulation.status.ok and count < 2:
+            raise ArgumentError(f"the closed loop could not be simulated: {simulation.message}", "closed_loop")
         signals = {
-            "measured": raw[position][kept][:rows],
-            "simulated": done.trajectory[position],
-            "measured_effort": raw[effort][kept][:rows],
-            "simulated_effort": done.trajectory[effort],
+            "measured": raw[position][rows][:count],
+            "simulated": simulation.trajectory[position],
+            "measured_effort": raw[effort][rows][:count],
+            "simulated_effort": simulation.trajectory[effort],
         }
         units = dict(zip(signals, [raw.unit(position)] * 2 + [raw.unit(effort)] * 2, strict=True))
-        runs.append(ClosedLoopRun(session.name, Trajectory(time[:rows], signals, units, synthetic=raw.synthetic)))
+        runs.append(ClosedLoopRun(session.name, Trajectory(time[:count], signals, units, synthetic=raw.synthetic)))
     return runs
 
 
@@ -122,14 +121,14 @@ def rows_of(runs: Sequence[ClosedLoopRun]) -> list[Row]:
 
 
 def within_bound(loop: ClosedLoop | None, runs: Sequence[ClosedLoopRun]) -> dict[str, Check]:
-    """The largest error against the loop's bound, if it has one."""
+    """Check of the largest rms error against the bound of the loop, if it has one."""
     if loop is None or loop.bound is None or not runs:
         return {}
     return {"closed_loop_error": at_most(max(run.rms for run in runs), loop.bound)}
 
 
 def _first_rate(position: np.ndarray, sample_time: float) -> np.ndarray | float:
-    """Velocity at the first row, by a parabola through the first rows."""
+    """Velocity at the first row, from a parabola through the first rows."""
     return derivative(position[:3], sample_time)[0]
 
 

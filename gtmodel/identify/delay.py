@@ -1,4 +1,4 @@
-"""Whether the efforts of a log come later than its positions: estimated from the residuals, and tested."""
+"""Delay between the efforts and the positions of a log: estimated from the residuals, and tested."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 else:
     Identification = hint("gtmodel.identify.inertia", "Identification")
 
-# of a parameter's standard deviation: a delay that moves none so far is within what the intervals allow for
+# standard deviations of a parameter: the intervals allow for a delay that moves every parameter less
 MATTERS = 1.0
 
 
 @dataclass(frozen=True)
 class Delay:
-    """How much later than the positions the efforts of a log come, with what it would do.
+    """Delay of the efforts relative to the positions, and its effect on the parameters.
 
-    `seconds` is the estimate [s], negative where the positions come later, with its standard deviation `std` [s]; `p`
-    is the p-value of there being no delay. `moved` is the free parameter that it moves farthest, by `moves` of its
-    standard deviations; `bound` is what `moves` may be: one, or what chance moves it by.
+    `seconds` is the estimate [s], negative if the positions are late, and `std` its standard deviation [s]; `p` is the
+    p-value of zero delay. `moved` is the free parameter that the delay moves most, by `moves` of its standard
+    deviations; `bound` is the largest allowed `moves`: one, or what chance explains.
     """
 
     seconds: float
@@ -41,7 +41,7 @@ class Delay:
 
     @property
     def passed(self) -> bool:
-        """No delay that matters: chance explains it, or it moves no parameter by its standard deviation."""
+        """True if chance explains the delay, or if it moves every parameter by less than its standard deviation."""
         return self.moves <= self.bound
 
     @property
@@ -49,19 +49,19 @@ class Delay:
         late, early = ("efforts", "positions") if self.seconds > 0 else ("positions", "efforts")
         size = f"{1e3 * abs(self.seconds):.3g} ms +- {1e3 * self.std:.2g} ms"
         if self.passed:
-            return f"no delay between efforts and positions is seen ({size}, p = {self.p:.2g})"
+            return f"the log shows no delay between efforts and positions ({size}, p = {self.p:.2g})"
         return (
             f"the {late} look {size} later than the {early} (p = {self.p:.2g}); with that delay {self.moved} would "
-            f'move by {self.moves:.3g} standard deviations: estimate it, delay = "estimate", or find it in the logger'
+            f'move by {self.moves:.3g} standard deviations: set delay = "estimate", or find it in the logger'
         )
 
 
 def delay_of(identification: Identification) -> Delay | None:
-    """The delay of the efforts that the rows of a fit show, to the first order: effort(t) = model(t) - delay rate(t).
+    """Estimate the delay of the efforts in the rows of a fit, to first order: effort(t) = model(t) - delay rate(t).
 
-    Its column, the measured efforts' rate with a minus sign, joins those of the free parameters; its variance is that
-    of white or coloured residuals, as the fit has it. None where the rows hold no rates, where these are nothing but
-    what the free parameters explain, as at one frequency, and where the efforts have no noise.
+    The negative rate of the measured efforts joins the columns of the free parameters. The covariance assumes white or
+    coloured residuals, as in the fit. None if the rows hold no rates, if the free parameters explain the rates
+    entirely, as with a single frequency, or if the efforts have no noise.
 
     >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
     ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
@@ -74,45 +74,45 @@ def delay_of(identification: Identification) -> Delay | None:
     ... )
     >>> s = gt.identify.synthetic_study(Axis(), options, ["m", "d", "c"])
     >>> gt.identify.delay_of(s.fit).message
-    'no delay between efforts and positions is seen (... ms +- ... ms, p = ...)'
+    'the log shows no delay between efforts and positions (... ms +- ... ms, p = ...)'
     """
     rows, e = identification.rows, identification.unbounded
     if rows.effort_rate is None:
         return None
-    at = [rows.names.index(n) for n in e.names]
+    free = [rows.names.index(n) for n in e.names]
     size = identification.noise
-    J = np.concatenate([rows.columns(at, size), (-rows.effort_rate / size)[:, :, None]], axis=2)
+    J = np.concatenate([rows.columns(free, size), (-rows.effort_rate / size)[:, :, None]], axis=2)
     n, m, k = J.shape
     if n * m <= k:
         return None
-    # of the fit without bounds: what it lacks is no matter of a parameter held at zero
+    # of the fit without bounds: a parameter held at zero must not look like a delay
     values = identification.parameters.copy()
-    values[at] = e.values
+    values[free] = e.values
     b = (rows.effort - rows.y0 - rows.Y @ values) / size
     scale = np.linalg.norm(J.reshape(-1, k), axis=0)
     x, _, rank, _ = np.linalg.lstsq(J.reshape(-1, k) / scale, b.reshape(-1), rcond=1e-10)
     if rank < k:
         return None
     change = x / scale
-    left = b - J @ change
+    residuals = b - J @ change
     degrees_of_freedom = n * m - k
     if identification.confidence == "newey_west":
-        covariance = newey_west(J, left, starts=rows.starts)
+        covariance = newey_west(J, residuals, starts=rows.starts)
     else:
-        covariance = white(J.reshape(-1, k), float(np.sum(left**2)) / degrees_of_freedom, scale=1 / scale)
+        covariance = white(J.reshape(-1, k), float(np.sum(residuals**2)) / degrees_of_freedom, scale=1 / scale)
     std = np.sqrt(np.diag(covariance))
     if not std[-1] > 0:  # efforts without noise
         return None
-    # against the intervals that are shown
-    own = {name: s for name, s in zip(identification.estimate.names, identification.estimate.std, strict=True)}
-    moves = [abs(c) / own[n] if n in own and own[n] > 0 else 0.0 for n, c in zip(e.names, change[:-1], strict=True)]
+    # relative to the intervals of the result
+    std_of = {name: s for name, s in zip(identification.estimate.names, identification.estimate.std, strict=True)}
+    moves = [abs(c) / std_of[n] if std_of.get(n, 0) > 0 else 0.0 for n, c in zip(e.names, change[:-1], strict=True)]
     worst = int(np.argmax(moves))
-    deviations = abs(float(change[-1])) / float(std[-1])
-    by_chance = half_width(1 - FALSE_ALARM, degrees_of_freedom) / max(deviations, np.finfo(float).tiny)
+    statistic = abs(float(change[-1])) / float(std[-1])
+    by_chance = half_width(1 - FALSE_ALARM, degrees_of_freedom) / max(statistic, np.finfo(float).tiny)
     return Delay(
         float(change[-1]),
         float(std[-1]),
-        float(f_chance(deviations**2, 1, degrees_of_freedom)),
+        float(f_chance(statistic**2, 1, degrees_of_freedom)),
         e.names[worst],
         float(moves[worst]),
         max(MATTERS, float(moves[worst]) * by_chance),

@@ -1,4 +1,4 @@
-"""What an identification gives: numbers with intervals and tests, beside published ones and in closed loop."""
+"""Result of an identification: estimates with intervals and tests, published numbers and closed-loop runs."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ LOOP = "null without a closed loop"
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class IdentificationStudy(Study):
-    """Masses and friction, or whatever was free; all None where it was stopped before the fit.
+    """Estimates of masses, friction or other free parameters; all None if the study stopped before the fit.
 
-    `fit` is the fit itself with its rows, residuals and tests; `numbers` are the published ones of what was estimated;
+    `fit` is the fit with its rows, residuals and tests; `numbers` are published numbers of the estimated parameters;
     `closed_loop` holds the simulated recordings.
     """
 
@@ -35,88 +35,88 @@ class IdentificationStudy(Study):
     units: Annotated[Mapping[str, str] | None, "their units"] = None
     intervals: Annotated[
         Mapping[str, Sequence[float]] | None,
-        "95 % intervals by name; none for what is held at its bound",
+        "95 % intervals by name; parameters at a bound have none",
     ] = None
     at_bound: Annotated[
-        Sequence[str] | None, "names held at zero, which would otherwise be negative"
+        Sequence[str] | None, "names held at zero because their estimates would be negative"
     ] = None  # fmt: skip
     corrections: Annotated[
         Numbers | None, "estimated delays, scales and offsets of the signals by name, in SI units"
     ] = None
     confidence: Annotated[
-        str | None, "what the intervals assume of the residuals: white, newey_west"
+        str | None, "assumption of the intervals about the residuals: white, newey_west"
     ] = None  # fmt: skip
     noise: Annotated[
-        Array | None, "standard deviation of what is left, by target, in SI units"
+        Array | None, "standard deviation of the residuals, by target, in SI units"
     ] = None  # fmt: skip
-    residual_share: Annotated[Array | None, "rms of what is left over rms of the measured effort, by target"] = None
+    residual_share: Annotated[Array | None, "rms residual over rms measured effort, by target"] = None
     held_out_rms: Annotated[
         Array | None,
-        "rms error on the motion held out, by target, in SI units; null without one",
+        "rms error on held-out motions, by target, in SI units; null without held-out motions",
     ] = None
-    held_out_share: Annotated[Array | None, "the same over the rms of its effort"] = None
+    held_out_share: Annotated[Array | None, "rms error on held-out motions over the rms of their efforts"] = None
     left_out_in_turn: Annotated[
-        Array | None, "rms error of rows by fits without their stretch, by target, in SI units; null without `folds`"
+        Array | None, "cross-validation rms error of the rows, by target, in SI units; null without `folds`"
     ] = None
-    row_count: Annotated[int | None, Quantity("", "rows that were fitted", key="rows")] = None
-    dropped_share: Annotated[float | None, "share of the samples left out as too slow"] = None
+    row_count: Annotated[int | None, Quantity("", "fitted rows", key="rows")] = None
+    dropped_share: Annotated[float | None, "share of the samples dropped near standstill"] = None
     cutoff: Annotated[float | None, Quantity("Hz", "of the zero-phase low pass")] = None
     condition: Annotated[
         float | None,
-        "condition number of the weighted regressor, columns in nominal values (0: least of its unit)",
+        "condition number of the weighted regressor, columns scaled by nominal values (0: least of its unit)",
     ] = None
     base_parameters: Annotated[
         Mapping[str, Mapping[str, float]] | None,
-        "of a serial arm, by name: the parameters in it with their factors; null where inertias are not asked for",
+        "of a serial arm: the terms of each base parameter with their factors; null unless inertias are identified",
     ] = None
     masses: Annotated[
-        Array | None, Quantity("kg", "of bodies that can exist and have these base parameters, by link")
+        Array | None, Quantity("kg", "of physically consistent bodies with these base parameters, by link")
     ] = None  # fmt: skip
-    first_moments: Annotated[Array | None, Quantity("kg.m", "the same, mass times centre of mass, link frames")] = None
+    first_moments: Annotated[Array | None, Quantity("kg.m", "mass times centre of mass, by link, link frames")] = None
     inertias: Annotated[
-        Array | None, Quantity("kg.m2", "the same, xx, xy, xz, yy, yz, zz about the origins of the link frames")
+        Array | None, Quantity("kg.m2", "of these bodies, xx, xy, xz, yy, yz, zz about the origins of the link frames")
     ] = None  # fmt: skip
     left_out: Annotated[
         Numbers | None,
-        "p-value by watched group of fixed parameters: small where the residuals show their traces",
+        "p-value of each watched group of fixed parameters: small if the residuals contain their effect",
     ] = None
     delay: Annotated[
         Sequence[float] | None,
         Quantity(
-            "s", "by how much efforts look later than positions, and its standard deviation; null where undetermined",
+            "s", "delay of the efforts relative to the positions, and its standard deviation; null if undetermined",
             written="ms",
         ),
     ] = None  # fmt: skip
     by_recording: Annotated[
         Mapping[str, Mapping[str, Sequence[float]]] | None,
-        "95 % intervals by name that each recording gives by itself, held-out ones too; null with one",
+        "95 % intervals by name from each recording alone, held-out ones included; null with one recording",
     ] = None
     between_recordings: Annotated[
         Numbers | None,
-        "standard deviation by name between recordings beyond their own noise, in SI units; null where they agree",
+        "standard deviation by name between recordings beyond their noise, in SI units; null if they agree",
     ] = None
-    truth: Annotated[Numbers | None, "of a synthetic plant; null for measured logs"] = None
+    truth: Annotated[Numbers | None, "true values of a synthetic plant; null for measured logs"] = None
     coverage: Annotated[
         Mapping[str, Any] | None,
-        "hits of the intervals by name over the repeated runs, pooled, and the band; null without runs",
+        "number of intervals that contain the truth, by name, over the runs; pooled share and band; null without runs",
     ] = None
     synthetic: Annotated[
         str | None, "seed and noise of a synthetic log; null for a measured one"
     ] = None  # fmt: skip
     published: Annotated[
         Numbers | None,
-        "relative difference from published numbers by name; of what was estimated; null where none are given",
+        "relative difference of the estimates from published numbers, by name; null without published numbers",
     ] = None
     closed_loop_rms: Annotated[
         Sequence[float] | None,
-        f"error of the simulated motion, rms by recording, in the unit of the position; {LOOP}",
+        f"rms error of the simulated motion by recording, in the unit of the position; {LOOP}",
     ] = None
     closed_loop_maximum: Annotated[
-        Sequence[float] | None, f"its largest size, by recording; {LOOP}"
+        Sequence[float] | None, f"largest absolute error of the simulated motion, by recording; {LOOP}"
     ] = None  # fmt: skip
     closed_loop_relative: Annotated[
         Sequence[float] | None,
-        f"its rms over that of the motion itself, mean taken off, by recording; {LOOP}",
+        f"rms error of the simulated motion over the standard deviation of the measured one, by recording; {LOOP}",
     ] = None
     closed_loop_effort: Annotated[
         Sequence[float] | None,
@@ -128,7 +128,7 @@ class IdentificationStudy(Study):
 
     @property
     def rows(self) -> list[Row]:
-        """The table for people."""
+        """Rows of the table."""
         if self.fit is None:
             return []
         units, published = self.units or {}, self.published or {}
@@ -138,7 +138,7 @@ class IdentificationStudy(Study):
         for name, number in (self.numbers or {}).items():
             percent = "" if not number else f", {100 * published[name]:+.2f} %"
             rows.append(Row(f"published {name}", f"{number:g}{percent}", units.get(name, "")))
-        from .closed_loop import rows_of  # here: what a study holds is read without what makes it
+        from .closed_loop import rows_of  # here: reading a result must not import the simulation
 
         return rows + rows_of(self.closed_loop)
 
@@ -148,8 +148,8 @@ class IdentificationStudy(Study):
             truth = (self.truth or {}).get(name)
             rows.append(Row(name, value, (self.units or {})[name]))
             low, high = (self.intervals or {}).get(name, (None, None))
-            beside = "" if truth is None else f" (synthetic truth {truth:g})"
-            rows.append(Row("  95 %", "at its bound" if low is None else f"{low:.5g} to {high:.5g}{beside}"))
+            comparison = "" if truth is None else f" (synthetic truth {truth:g})"
+            rows.append(Row("  95 %", "at its bound" if low is None else f"{low:.5g} to {high:.5g}{comparison}"))
         return rows + [Row(name, value) for name, value in (self.corrections or {}).items()]
 
     def _fit_rows(self, fit: Identification) -> list[Row]:
@@ -159,26 +159,29 @@ class IdentificationStudy(Study):
             if self.held_out_rms is not None:
                 rows.append(Row(f"held-out error of {target}", float(self.held_out_rms[k]), unit))
             if self.left_out_in_turn is not None:
-                rows.append(Row(f"left out in turn, {target}", float(self.left_out_in_turn[k]), unit))
+                rows.append(Row(f"cross-validation error of {target}", float(self.left_out_in_turn[k]), unit))
         residuals = f"for {'coloured' if fit.confidence == 'newey_west' else 'white'} residuals"
-        if self.synthetic is None:  # of a measured machine another day may give another number
+        if self.synthetic is None:  # a measured machine may behave differently on another day
             count = len(fit.rows.starts)
             residuals += ", of this recording" if count == 1 else f", of these {count} recordings"
         rows.append(Row("intervals", residuals))
         for name, spread in (self.between_recordings or {}).items():
-            each = "; ".join(f"{low:.5g} to {high:.5g}" for low, high in (self.by_recording or {})[name].values())
+            ranges = "; ".join(f"{low:.5g} to {high:.5g}" for low, high in (self.by_recording or {})[name].values())
             rows.append(
-                Row(f"{name} by recording", f"{each}; varies by {spread:.2g}", (self.units or {}).get(name, ""))
+                Row(f"{name} by recording", f"{ranges}; varies by {spread:.2g}", (self.units or {}).get(name, ""))
             )
         if c := self.coverage:
             hits, band = c["hits"].values(), c["band"]
             rows.append(Row("pooled coverage", 100 * c["pooled"], "%"))
             rows.append(
-                Row("hits of the intervals", f"{min(hits)} to {max(hits)} of {c['runs']}, band {band[0]} to {band[1]}")
+                Row(
+                    "intervals with the truth",
+                    f"{min(hits)} to {max(hits)} of {c['runs']}, band {band[0]} to {band[1]}",
+                )
             )
         return [
             *rows,
             Row("zero-phase low pass at", self.cutoff, "Hz"),
             Row("rows", self.row_count),
-            Row("left out as too slow", 100 * fit.rows.dropped, "% of samples"),
+            Row("dropped near standstill", 100 * fit.rows.dropped, "% of samples"),
         ]

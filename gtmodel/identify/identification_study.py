@@ -1,5 +1,5 @@
-"""The identification study: masses and friction of a robot from its measured motion and forces, with values, checks,
-table, pictures and the file of the parameters."""
+"""The identification study: masses and friction of a robot from its measured motion and efforts, with values, checks,
+table, plots and the file of the parameters."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .closed_loop import ClosedLoopRun, follow, within_bound
 from .identification_result import IdentificationStudy
 from .inertia import Identification, Validation, identify
 from .options import ClosedLoop, Fitting, Processing, SyntheticLog
-from .recordings import Asked, Log, Recordings, asked_for, measured, sessions_of, synthetic_recordings
+from .recordings import Log, Recordings, Request, measured, request_of, sessions_of, synthetic_recordings
 from .regressor import among
 from .repeated_fits import (
     BySession,
@@ -35,7 +35,7 @@ from .rows import Rows, rows_of, with_offsets
 
 
 def assembled_study(
-    asked: Asked,
+    request: Request,
     data: Recordings,
     identification: Identification,
     validation: Validation | None,
@@ -46,19 +46,19 @@ def assembled_study(
     recordings: BySession | None = None,
     left_out: LeftOutInTurn | None = None,
 ) -> IdentificationStudy:
-    """The study of a fit."""
-    e, rows, title, parameters = identification.estimate, identification.rows, asked.title, identification.numbers
-    compared = {name: number for name, number in asked.published.items() if name in parameters}
-    checks, suspicions = judged(asked, data, identification, validation, repeated)
-    bodies = bodies_of(asked, identification)
-    shown = (title or "identification") + (" (synthetic)" if rows.synthetic else "")
+    """The result of a fit."""
+    e, rows, title, parameters = identification.estimate, identification.rows, request.title, identification.numbers
+    compared = {name: number for name, number in request.published.items() if name in parameters}
+    checks, suspicions = judged(request, data, identification, validation, repeated)
+    bodies = bodies_of(request, identification)
+    full_title = (title or "identification") + (" (synthetic)" if rows.synthetic else "")
     stopped = repeated is not None and repeated.runs.interrupted
     coverage = None
     if repeated is not None:
         c = repeated.coverage
         hits = {n: int(h) for n, h in zip(c.names, c.hits, strict=True)}
         coverage = {"runs": c.runs, "hits": hits, "pooled": c.pooled, "band": list(c.band)}
-    known = ", ".join(data.corrections)
+    fixed_corrections = ", ".join(data.corrections)
     return IdentificationStudy(
         status=SolveStatus.INTERRUPTED if stopped else SolveStatus.SOLVED,
         message=f"{len(e.names)} parameters from {len(rows)} rows",
@@ -93,7 +93,7 @@ def assembled_study(
             *identification.notes,
             *([recordings.apart.message] if recordings is not None and recordings.apart is not None else []),
             *bodies.notes,
-            *([f"intervals take the estimated {known} as known"] if known else []),
+            *([f"the intervals treat the estimated {fixed_corrections} as known"] if fixed_corrections else []),
         ],
         synthetic=rows.synthetic,
         published={name: parameters[name] / number - 1 for name, number in compared.items() if number}
@@ -104,9 +104,9 @@ def assembled_study(
         fit=identification,
         numbers=compared,
         closed_loop=runs,
-        trajectory=_trajectory(identification, asked.how.targets, shown),
-        figures=_figures(identification, validation, shown, runs, title),
-        files={"parameters.toml": _file(identification, shown), **bodies.files},
+        trajectory=_trajectory(identification, request.how.targets, full_title),
+        figures=_figures(identification, validation, full_title, runs, title),
+        files={"parameters.toml": _file(identification, full_title), **bodies.files},
         machine_files=("parameters.toml", *bodies.files),
     )
 
@@ -145,15 +145,15 @@ def _figures(
 ) -> dict[str, Any]:
     rows, fit = identification.rows, identification.modelled()
 
-    def efforts(of: Rows, modelled: np.ndarray, title: str) -> Any:
+    def efforts(measured: Rows, modelled: np.ndarray, title: str) -> Any:
         from ..plot.identification import efforts_figure
 
-        return efforts_figure(of.time, of.effort, modelled, rows.targets, rows.common_unit, title)
+        return efforts_figure(measured.time, measured.effort, modelled, rows.targets, rows.common_unit, title)
 
     def friction() -> Any:
         from ..plot.identification import friction_figure
 
-        law = rows.Y[:, :, at] @ identification.parameters[at]
+        law = rows.Y[:, :, friction_columns] @ identification.parameters[friction_columns]
         rate = {"N": "m/s", "SI": "SI"}.get(rows.common_unit, "rad/s")
         return friction_figure(
             rows.velocity, rows.effort - fit + law, law, rows.targets, (rate, rows.common_unit), title
@@ -162,15 +162,15 @@ def _figures(
     def closed_loop() -> Any:
         from ..plot.signals import closed_loop_figure
 
-        said = f"{plain or 'identification'}: closed loop simulated from the reference"
-        return closed_loop_figure([(run.name, run.trajectory) for run in runs], title=said)
+        caption = f"{plain or 'identification'}: closed loop simulated from the reference"
+        return closed_loop_figure([(run.name, run.trajectory) for run in runs], title=caption)
 
     figures: dict[str, Any] = {"efforts": partial(efforts, rows, fit, title)}
     if validation is not None:
-        other = validation.rows
-        figures["held_out"] = partial(efforts, other, other.effort - validation.errors, f"{title}, held out")
-    at = [k for k, n in enumerate(rows.names) if any(word in n for word in ("coulomb", "viscous"))]
-    if at and rows.velocity.shape[1] == len(rows.targets):
+        unseen = validation.rows
+        figures["held_out"] = partial(efforts, unseen, unseen.effort - validation.errors, f"{title}, held out")
+    friction_columns = [k for k, n in enumerate(rows.names) if any(word in n for word in ("coulomb", "viscous"))]
+    if friction_columns and rows.velocity.shape[1] == len(rows.targets):
         figures["friction"] = friction
     if runs:
         figures["closed_loop"] = closed_loop
@@ -194,23 +194,23 @@ def study(
     closed_loop: ClosedLoop | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> IdentificationStudy:
-    """Identify masses and friction, or any parameters in which the efforts are linear, from a measured motion.
+    """Identify masses and friction, or other parameters in which the efforts are linear, from a measured motion.
 
     Args:
-        robot: the model, with friction by the sign of the velocity or smoothed.
-        log: a recording or several, each a Session or a Trajectory, evenly sampled, with the measured position and
-            efforts under the model's names, SI.
-        free: parameters to be estimated, arrays by name.
+        robot: the model; friction depends on the sign of the velocity, or on a smooth approximation.
+        log: one or several recordings, each a Session or a Trajectory, evenly sampled, with the measured position and
+            efforts under the model's names, in SI.
+        free: parameters to estimate, arrays by name.
         held_out: recordings of other motions, for validation only.
-        signals: by name how position and efforts follow from what the log holds, with delays, scales and offsets that
-            are known or estimated; the log holds them themselves if left out.
-        fitting: names of what is measured, fixed parameters to watch, bounds, intervals.
-        processing: the filter and which rows are used.
+        signals: how position and efforts follow from the columns of the log, by name, with known or estimated delays,
+            scales and offsets. If left out, the log holds position and efforts themselves.
+        fitting: names of the measured variables, fixed parameters to watch, bounds, intervals.
+        processing: filter and selection of rows.
         published: numbers to compare with, by parameter [SI].
-        closed_loop: the controlled model, simulated with what was found.
+        closed_loop: the controlled model, to simulate with the estimates.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Raises ArgumentError for what does not fit the robot or each other, for a log that cannot be used, and where the
+    Raises ArgumentError if the arguments do not fit the robot or each other, if the log cannot be used, and if the
     motion does not determine the parameters.
 
     >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
@@ -227,18 +227,18 @@ def study(
     (True, {'m': 2.0, 'd': 4.9, 'c': 3.0})
     """
     work = Work(**work_options)
-    asked = asked_for(robot, free, fitting, processing, published, work.title, work)
-    data = measured(asked, sessions_of(log, "log"), sessions_of(held_out, "held_out"), signals)
+    request = request_of(robot, free, fitting, processing, published, work.title, work)
+    data = measured(request, sessions_of(log, "log"), sessions_of(held_out, "held_out"), signals)
     _check_inputs(closed_loop, data)
     if work.interrupted():
         return _stopped(work.title)
-    identification, validation = _fitted(asked, data, "log")
+    identification, validation = _fitted(request, data, "log")
     runs: list[ClosedLoopRun] = []
     if closed_loop is not None:
-        runs = follow(closed_loop, identification.numbers, data.fitted + data.held_out, *asked.names, work)
+        runs = follow(closed_loop, identification.numbers, data.fitted + data.held_out, *request.names, work)
     return assembled_study(
-        asked, data, identification, validation, loop=closed_loop, runs=runs,
-        recordings=_each(asked, data, identification, validation), left_out=_in_turn(asked, identification),
+        request, data, identification, validation, loop=closed_loop, runs=runs,
+        recordings=_each(request, data, identification, validation), left_out=_in_turn(request, identification),
     )  # fmt: skip
 
 
@@ -255,19 +255,20 @@ def synthetic_study(
     published: Mapping[str, float] | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> IdentificationStudy:
-    """What `study` gives back from a synthetic log: values against the truth, and with `runs` their coverage.
+    """Identify parameters from a synthetic log as `study` does; compare them with the truth, and with `runs` count how
+    often their intervals contain it.
 
     Args:
         robot: the model that is fitted.
         synthetic: motion, sensors and noise.
-        free, fitting, processing, published: as of `study`.
-        plant: the model that makes the log, where it is not the robot itself.
-        motion: (n, ...) of the reference variable at the sample times, such as an excitation's, in place of sines; the
-            motion held out is of sines still.
+        free, fitting, processing, published: as for `study`.
+        plant: the model that makes the log, if it is not `robot`.
+        motion: (n, ...) of the reference variable at the sample times, such as an excitation, instead of sines; the
+            held-out motion still consists of sines.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Interrupted while it repeats, it keeps the runs that ended. Raises ArgumentError as `study` does, and for a motion
-    that leaves the reach of the robot.
+    An interrupted Monte Carlo keeps the finished runs. Raises ArgumentError as `study` does, and if the motion leaves
+    the workspace of the robot.
 
     >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
     ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
@@ -283,39 +284,39 @@ def synthetic_study(
     ({'m': 2.0, 'd': 5.0, 'c': 3.0}, 2.0)
     """
     work = Work(**work_options)
-    asked = asked_for(robot, free, fitting, processing, published, work.title, work)
-    data = synthetic_recordings(asked, plant or robot, synthetic, motion)
+    request = request_of(robot, free, fitting, processing, published, work.title, work)
+    data = synthetic_recordings(request, plant or robot, synthetic, motion)
     if work.interrupted():
         return _stopped(work.title)
-    identification, validation = _fitted(asked, data, "synthetic")
+    identification, validation = _fitted(request, data, "synthetic")
     return assembled_study(
-        asked, data, identification, validation, repeated=_repeated(asked, data, synthetic),
-        left_out=_in_turn(asked, identification),
+        request, data, identification, validation, repeated=_repeated(request, data, synthetic),
+        left_out=_in_turn(request, identification),
     )  # fmt: skip
 
 
 def _each(
-    asked: Asked, data: Recordings, identification: Identification, validation: Validation | None
+    request: Request, data: Recordings, identification: Identification, validation: Validation | None
 ) -> BySession | None:
-    """What each recording gives by itself, those held out too."""
+    """Estimates from each recording alone, held-out ones included."""
     if len(data.fitted) + len(data.held_out) < 2:
         return None
-    asked.work.progress("recordings one by one", 0.7)
+    request.work.progress("fitting each recording", 0.7)
     others = () if validation is None else zip(data.held_out, map(validation.rows.part, range(len(data.held_out))),
                                                strict=True)  # fmt: skip
     return between_sessions(
-        identification, data.fitted, list(others), nonnegative=asked.nonnegative, confidence=asked.how.confidence
+        identification, data.fitted, list(others), nonnegative=request.nonnegative, confidence=request.how.confidence
     )
 
 
-def _in_turn(asked: Asked, identification: Identification) -> LeftOutInTurn | None:
-    how = asked.how
+def _in_turn(request: Request, identification: Identification) -> LeftOutInTurn | None:
+    how = request.how
     if how.folds is None:
         return None
-    asked.work.progress("rows left out in turn", 0.8)
+    request.work.progress("cross-validating", 0.8)
     with naming("fitting.folds", ModelError):
         return leave_out_in_turn(
-            identification, how.folds, nonnegative=asked.nonnegative, confidence=how.confidence
+            identification, how.folds, nonnegative=request.nonnegative, confidence=how.confidence
         )  # fmt: skip
 
 
@@ -327,43 +328,43 @@ def _check_inputs(loop: ClosedLoop | None, data: Recordings) -> None:
     for name in [] if loop is None else loop.inputs:
         for session in (*data.fitted, *data.held_out):
             if name not in session.trajectory:
-                raise ArgumentError(f"'{session.name}' holds no '{name}'", "closed_loop.inputs")
+                raise ArgumentError(f"'{session.name}' has no signal '{name}'", "closed_loop.inputs")
 
 
-def _fitted(asked: Asked, data: Recordings, place: str) -> tuple[Identification, Validation | None]:
-    asked.work.progress("fitting", 0.3)
-    how, used = asked.how, asked.processing
+def _fitted(request: Request, data: Recordings, place: str) -> tuple[Identification, Validation | None]:
+    request.work.progress("fitting", 0.3)
+    how, processing = request.how, request.processing
 
-    def rows_from(sessions: Sequence[Session], processing: Processing, per_session: bool) -> Rows:
-        rows = rows_of(sessions, asked.regressor, processing, *asked.names, accept=how.accept)
+    def rows_from(sessions: Sequence[Session], selection: Processing, per_session: bool) -> Rows:
+        rows = rows_of(sessions, request.regressor, selection, *request.names, accept=how.accept)
         return rows if data.offsets is None else with_offsets(rows, how.targets, per_session=per_session)
 
     with naming(place, ModelError, TrajectoryError):
-        rows = rows_from(data.fitted, used, data.offsets == "session")
+        rows = rows_from(data.fitted, processing, data.offsets == "session")
         identification = identify(
-            rows, [*asked.free, *rows.signed], nonnegative=asked.nonnegative, confidence=how.confidence
+            rows, [*request.free, *rows.signed], nonnegative=request.nonnegative, confidence=how.confidence
         )
         if not data.held_out:
             return identification, None
-        fixed = replace(used, cutoff=rows.cutoff_Hz, every=rows.every)
+        fixed = replace(processing, cutoff=rows.cutoff_Hz, every=rows.every)
         return identification, identification.validate(rows_from(data.held_out, fixed, False))
 
 
-def _repeated(asked: Asked, data: Recordings, s: SyntheticLog) -> Repeated | None:
+def _repeated(request: Request, data: Recordings, s: SyntheticLog) -> Repeated | None:
     if s.runs == 0 or data.simulator is None:
         return None
-    regressor, work = asked.regressor, asked.work
+    regressor, work = request.regressor, request.work
     with naming("synthetic.runs", RuntimeError, ValueError):
         return repeat_identification(
             data.simulator,
             regressor,
-            {regressor.names[k]: data.truth[regressor.names[k]] for k in among(regressor.names, asked.free)},
+            {regressor.names[k]: data.truth[regressor.names[k]] for k in among(regressor.names, request.free)},
             data.sensors,
             s.runs,
             s.seed,
-            free=asked.free,
-            processing=asked.processing,
-            confidence=asked.how.confidence,
+            free=request.free,
+            processing=request.processing,
+            confidence=request.how.confidence,
             processes=s.processes,
             progress=lambda done, runs: work.progress("repeating", done / runs, {"runs": float(done)}),
             interrupted=work.interrupted,

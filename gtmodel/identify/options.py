@@ -1,4 +1,4 @@
-"""What an identification asks for: what is measured and free, a synthetic log, the loop to validate with."""
+"""Options of an identification: measured and free quantities, synthetic logs, closed-loop validation."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ LogAlarm = Literal[
     "delay_moves_a_parameter",
     EveryAlarm,
 ]
-MASK_STEPS = 3.0  # quantisation steps per sample: below, the sign of a velocity is not known
+MASK_STEPS = 3.0  # quantisation steps per sample: below, the sign of a velocity is unknown
 
 
 @dataclass(frozen=True)
 class Processing(Options):
-    """How logs become rows: the zero-phase low pass on position, efforts and regressor, and which rows are used.
+    """How logs become rows: zero-phase low pass on position, efforts and regressor, and selection of rows.
 
     >>> gt.identify.Processing(cutoff=0.0)
     Traceback (most recent call last):
@@ -38,61 +38,59 @@ class Processing(Options):
     """
 
     cutoff: Annotated[
-        float | None, Unit("Hz"), Within(above=0.0), "2.5 times the excitation band if left out"
+        float | None, Unit("Hz"), Within(above=0.0), "default: 2.5 times the excitation band"
     ] = None  # fmt: skip
     order: Annotated[int, Within(least=1), "of the Butterworth filter"] = 4
     every: Annotated[
-        int | None, Within(least=1), "every how many-th row is used; as many as are independent if left out"
+        int | None, Within(least=1), "use every n-th row; by default the rows are far enough apart to be independent"
     ] = None
     position_step: Annotated[
         float | None, Within(least=0.0),
-        "quantisation of the position, in SI; the smallest step in the log if left out",
+        "quantisation of the position, in SI; default: the smallest step in the log",
     ] = None  # fmt: skip
     mask_steps: Annotated[
-        float, Within(least=0.0), "rows slower than so many position steps a sample are left out"
+        float, Within(least=0.0), "rows slower than this many position steps per sample are dropped"
     ] = MASK_STEPS  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Fitting(Options):
-    """What is measured, what is looked for in the residuals, and how intervals are computed.
+    """Measured variables, free and watched parameters, and how intervals are computed.
 
     >>> gt.identify.Fitting(confidence="robust")
     Traceback (most recent call last):
     gtmodel.results.agreement.WrongKind: confidence: expected one of auto, white, newey_west; found 'robust'
     """
 
-    known: Annotated[str, "the measured position, by the model's name"] = "q"
-    targets: Annotated[str, "the measured efforts"] = "tau"
+    known: Annotated[str, "measured position, by the model's name"] = "q"
+    targets: Annotated[str, "measured efforts"] = "tau"
     inputs: Annotated[
         list[str], "further measured variables that the efforts depend on: a second force, a payload, a temperature"
     ] = field(default_factory=list)
-    watch: Annotated[list[str], "fixed parameters whose traces the residuals are searched for"] = field(
-        default_factory=list
-    )
-    nonnegative: Annotated[bool | list[str], "free parameters that are so: all, none, these"] = True
+    watch: Annotated[list[str], "fixed parameters to test for in the residuals"] = field(default_factory=list)
+    nonnegative: Annotated[bool | list[str], "free parameters that must not be negative: all, none, these"] = True
     inertias: Annotated[
         Literal["base", "consistent"] | None,
-        "of a serial arm, free besides what is named: base parameters, or bodies too that can exist and have them",
+        "of a serial arm, free in addition: base parameters, or also physically consistent bodies that have them",
     ] = None  # fmt: skip
     confidence: Annotated[
         Literal["auto", "white", "newey_west"],
-        "what intervals assume of residuals; auto takes newey_west where they are coloured",
+        "assumption of the intervals about the residuals; auto takes newey_west if they are coloured",
     ] = "auto"
     folds: Annotated[
         int | None, Within(least=2),
-        "stretches of rows left out in turn, each predicted by a fit without it; as many as rows leave one out",
+        "number of blocks for cross-validation, each predicted by a fit without it; as many as rows leaves one out",
     ] = None  # fmt: skip
     accept: Annotated[
         list[LogAlarm],
-        "alarms about how the log was read that are notes and fail nothing: unexplained_share, work_of_friction, "
+        "alarms about how the log was read that become notes, not failures: unexplained_share, work_of_friction, "
         "exchanged_columns, parameters_far_off, saturated_share, delay_moves_a_parameter, copied_rows",
     ] = field(default_factory=list)  # fmt: skip
 
 
 @dataclass(frozen=True)
 class SyntheticLog(Options):
-    """A synthetic log of a plant, to see what identification gives back: sines, tracking, sensors, noise.
+    """A synthetic log of a plant, to check an identification: sines, tracking, sensors, noise.
 
     >>> options = gt.identify.SyntheticLog(duration=20.0, effort_noise=[30.0, 30.0, 50.0])
     >>> round(options.duration / options.sample_time)  # samples of each motion
@@ -104,14 +102,14 @@ class SyntheticLog(Options):
 
     seed: Annotated[int, Within(least=0), "of the noise"] = 0
     motion_seed: Annotated[
-        int, Within(least=0), "of the motion's phases; the held-out one takes the next"
+        int, Within(least=0), "of the phases of the motion; the held-out motion takes the next"
     ] = 1  # fmt: skip
-    duration: Annotated[float, Unit("s"), Within(above=0.0), "of each motion of sines"] = 60.0
+    duration: Annotated[float, Unit("s"), Within(above=0.0), "of each sum of sines"] = 60.0
     sample_time: Annotated[float, Unit("s"), Within(above=0.0), "of the log"] = 0.004
-    reference: Annotated[str, "variable that moves along the sines, or as the given motion has it"] = "T"
-    repeats: Annotated[int, Within(least=1), "how often the given motion runs, end on beginning"] = 1
-    centre: Annotated[list[float] | None, "of the motion; the robot's home if left out"] = None
-    half_range: Annotated[float | list[float], "how far it goes from the centre, by axis"] = 0.4
+    reference: Annotated[str, "variable that follows the sines or the prescribed motion"] = "T"
+    repeats: Annotated[int, Within(least=1), "number of repetitions of the prescribed motion"] = 1
+    centre: Annotated[list[float] | None, "of the motion; default: the home pose of the robot"] = None
+    half_range: Annotated[float | list[float], "largest distance from the centre, by axis"] = 0.4
     frequencies: Annotated[
         list[float], Unit("Hz"), Within(above=0.0), "slow ones for friction, fast ones for masses"
     ] = field(default_factory=lambda: [0.2, 0.5, 1.1, 2.2])
@@ -122,16 +120,16 @@ class SyntheticLog(Options):
     position_step: Annotated[float, Within(least=0.0), "quantisation of the position, in SI"] = 1e-6
     effort_step: Annotated[float, Within(least=0.0), "quantisation of the efforts, in SI"] = 0.0
     effort_noise: Annotated[
-        float | list[float], Within(least=0.0), "standard deviation in SI, one for all or one each"
+        float | list[float], Within(least=0.0), "standard deviation in SI, one for all targets or one each"
     ] = 30.0
     effort_colour: Annotated[
-        float, Within(least=0.0, below=1.0), "correlation of neighbouring samples of noise"
+        float, Within(least=0.0, below=1.0), "correlation of neighbouring noise samples"
     ] = 0.0  # fmt: skip
     runs: Annotated[
-        int, Within(least=0, most=10000), "further logs by seed, to see whether intervals hold"
+        int, Within(least=0, most=10000), "further logs with other seeds, to check the coverage of the intervals"
     ] = 0  # fmt: skip
     processes: Annotated[
-        int | None, Within(least=0), "for the runs; 0 in this one, one per core if left out"
+        int | None, Within(least=0), "for the runs; 0 for this process, default: one per core"
     ] = None  # fmt: skip
 
 
@@ -146,11 +144,11 @@ class ClosedLoop(Options):
 
     model: Annotated[
         Model | Callable[..., Model],
-        "the controlled model, which takes what was found, or a function that makes it of that",
+        "the controlled model, which takes the estimates, or a function that makes it from them",
     ]
     inputs: Annotated[list[str], "its inputs, such as the reference; signals of the log"]
-    every: Annotated[int, Within(least=1), "every how many-th sample of the inputs is used, cubic between"] = 1
+    every: Annotated[int, Within(least=1), "use every n-th sample of the inputs, cubic in between"] = 1
     tolerance: Annotated[
         float, Within(least=1e-14, most=1e-3), "of the integrator, relative and absolute"
     ] = 1e-7  # fmt: skip
-    bound: Annotated[float | None, Within(above=0.0), "largest allowed rms error, SI; checked where given"] = None
+    bound: Annotated[float | None, Within(above=0.0), "largest allowed rms error, SI; default: no check"] = None

@@ -1,5 +1,5 @@
-"""What an identification works on and what it is asked for: recordings with delays, scales and offsets of their
-signals, or synthetic ones."""
+"""Input of an identification: its arguments, checked, and recordings, measured or synthetic, with their signals
+corrected for delays, scales and offsets."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from .simulated_log import LogSimulator, Sensors, Tracking, reference_motion
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
-    """What is free and how it is fitted, the regressor of what is free and watched, numbers to compare with."""
+class Request:
+    """Free parameters, options, the regressor of free and watched parameters, numbers to compare with."""
 
     robot: Model
     free: Sequence[str]
@@ -38,18 +38,18 @@ class Asked:
 
     @property
     def nonnegative(self) -> bool | list[str]:
-        """What must not be negative; base parameters may be."""
+        """Parameters that must not be negative; base parameters may be."""
         if self.how.inertias is None or self.how.nonnegative is not True:
             return self.how.nonnegative
         return [n for n in self.regressor.names if n not in self.regressor.base]
 
     @property
     def names(self) -> tuple[str, str]:
-        """Of the known variable and of the efforts."""
+        """Names of the known variable and of the efforts."""
         return self.how.known, self.how.targets
 
 
-def asked_for(
+def request_of(
     robot: Model,
     free: Sequence[str],
     fitting: Fitting | None,
@@ -57,7 +57,7 @@ def asked_for(
     published: Mapping[str, float] | None,
     title: str,
     work: Work,
-) -> Asked:
+) -> Request:
     """From the arguments of a study. Raises ArgumentError."""
     how = fitting or Fitting()
     regressor = regressor_of(robot, free, how)
@@ -65,23 +65,23 @@ def asked_for(
         with naming(f"published.{name}", ModelError):
             scalar_parameters(flat_of(robot), [name])
     work.progress("reading", 0.1)
-    return Asked(
+    return Request(
         robot, free_of(regressor, free, how), how, processing or Processing(), regressor, published or {}, title, work
     )
 
 
 def regressor_of(robot: Model, free: Sequence[str], how: Fitting) -> Regressor:
-    """The regressor of what is free and what is watched. Raises ArgumentError."""
+    """The regressor of free and watched parameters. Raises ArgumentError."""
     for argument, names in (("known", [how.known]), ("targets", [how.targets]), ("inputs", how.inputs)):
         for name in names:
             with naming(f"fitting.{argument}", ModelError):
                 flat_of(robot).lookup(name)
     known = [how.known, *how.inputs]
     if how.inertias is not None and how.watch:
-        raise ArgumentError("is not for inertias, of which all that can be determined is free", "fitting.watch")
+        raise ArgumentError("cannot be combined with inertias, which free all identifiable parameters", "fitting.watch")
     try:
         if how.inertias is not None:
-            from .base_parameters import BaseRegressor  # here: most identifications are not of arms
+            from .base_parameters import BaseRegressor  # here: only arms need it
 
             regressor = BaseRegressor(robot, free, known, how.targets)
         else:
@@ -98,7 +98,7 @@ def regressor_of(robot: Model, free: Sequence[str], how: Fitting) -> Regressor:
 
 
 def free_of(regressor: Regressor, free: Sequence[str], how: Fitting) -> Sequence[str]:
-    """What is estimated: the names that were given, and base parameters where inertias are asked for."""
+    """Names of the estimated parameters: those in `free`, and base parameters if inertias are identified."""
     return free if how.inertias is None else regressor.names
 
 
@@ -111,18 +111,17 @@ def corrected(
     targets: str = "tau",
     offsets: bool = False,
 ) -> tuple[tuple[Session, ...], dict[str, float]]:
-    """The sessions with quantities in place of columns, and the free corrections by name [SI].
+    """Estimate the free corrections of the signals; return the corrected sessions and the estimates by name [SI].
 
     Args:
-        corrections: the signals of raw sessions, with the delays, scales and offsets that are to be estimated.
-        regressor, processing, known, targets: as of `rows_of`.
+        corrections: the signals of raw sessions, with the delays, scales and offsets to estimate.
+        regressor, processing, known, targets: as for `rows_of`.
         free: parameters of the regressor that are fitted at the same time.
-        offsets: whether offsets of the efforts are free too, session by session; they belong into that fit, see
-            `with_offsets`.
+        offsets: whether the fit also has a free offset of the efforts for each session, see `with_offsets`.
 
-    The corrections are those for which the residual of the least-squares fit is smallest; its parameters are eliminated
-    at each step (variable projection). A delay is positive where the column comes late [s]. Raises ModelError where the
-    scale of the efforts is free: it cannot be distinguished from the masses.
+    The corrections minimise the residual of the least-squares fit; variable projection eliminates the parameters of the
+    fit. A delay is positive if the column is late [s]. Raises ModelError if the scale of the efforts is free: it cannot
+    be distinguished from the masses.
 
     >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
     ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
@@ -145,24 +144,22 @@ def corrected(
     {'tau.delay': 0.006}
     """
     if corrections.signals[targets].scale == ESTIMATE:
-        raise ModelError(
-            "the scale of the efforts cannot be distinguished from the masses and friction; give it a number"
-        )
+        raise ModelError("the scale of the efforts cannot be distinguished from masses and friction; give it a number")
     if not corrections.free:
         return corrections.apply(), {}
     first = corrections.apply(corrections.start)
     cutoff = processing.cutoff or max(cutoff_for(s.trajectory[known], s.sample_time) for s in first)
-    # nothing is left out on the way: the number of residuals must not depend on what is tried
+    # keep all rows: the number of residuals must not depend on the corrections
     steady = replace(processing, cutoff=cutoff, position_step=0.0, mask_steps=0.0)
-    at = among(regressor.names, free)
-    rest = [k for k in range(regressor.size) if k not in at]
+    fitted = among(regressor.names, free)
+    fixed = [k for k in range(regressor.size) if k not in fitted]
 
     def residual(sessions: tuple[Session, ...]) -> np.ndarray:
-        rows = rows_of(sessions, regressor, steady, known, targets, accept=EVERY)  # looked at by the fit itself
-        A = rows.Y[:, :, at].reshape(-1, len(at))
+        rows = rows_of(sessions, regressor, steady, known, targets, accept=EVERY)  # the fit itself checks the log
+        A = rows.Y[:, :, fitted].reshape(-1, len(fitted))
         if offsets:
             A = np.hstack([A, with_offsets(rows, targets).Y[:, :, regressor.size :].reshape(len(A), -1)])
-        b = (rows.effort - rows.y0 - rows.Y[:, :, rest] @ rows.nominal[rest]).reshape(-1)
+        b = (rows.effort - rows.y0 - rows.Y[:, :, fixed] @ rows.nominal[fixed]).reshape(-1)
         return b - A @ np.linalg.lstsq(A, b, rcond=None)[0]
 
     values = corrections.estimate(residual)
@@ -175,12 +172,12 @@ Log = Session | Trajectory | Sequence[Session | Trajectory]
 
 @dataclass
 class Recordings:
-    """Recordings to fit and to hold out, corrections found on the way, and for synthetic ones the plant's truth."""
+    """Recordings to fit and to hold out, estimated corrections, and the truth of a synthetic plant."""
 
     fitted: tuple[Session, ...]
     held_out: tuple[Session, ...] = ()
     corrections: dict[str, float] = field(default_factory=dict)
-    # of the efforts, if they are to be estimated: parameters of the fit, by "session" or for "all"
+    # estimated offsets of the efforts are parameters of the fit, by "session" or for "all"
     offsets: str | None = None
     truth: dict[str, float] = field(default_factory=dict)
     simulator: LogSimulator | None = None
@@ -188,31 +185,29 @@ class Recordings:
 
 
 def sessions_of(log: Log, argument: str) -> tuple[Session, ...]:
-    """One recording or several, as sessions. Raises ArgumentError with that argument."""
+    """One or several recordings as sessions. Raises ArgumentError for `argument`."""
     # a session is a tuple itself
     several = [log] if isinstance(log, (Session, Trajectory)) else list(log)
     with naming(argument, TrajectoryError):
-        return tuple(
-            one if isinstance(one, Session) else session_of(one, f"recording {n}") for n, one in enumerate(several, 1)
-        )
+        return tuple(r if isinstance(r, Session) else session_of(r, f"recording {n}") for n, r in enumerate(several, 1))
 
 
 def measured(
-    asked: Asked, raw: tuple[Session, ...], others: tuple[Session, ...], signals: Mapping[str, Signal] | None
+    request: Request, raw: tuple[Session, ...], others: tuple[Session, ...], signals: Mapping[str, Signal] | None
 ) -> Recordings:
-    """Recordings with their columns corrected; those without signals hold the quantities already.
+    """Recordings with corrected signals; without `signals` they hold the quantities already.
 
-    Raises ArgumentError for a quantity that is missing or of another width, and corrections that are undetermined.
+    Raises ArgumentError if a quantity is missing or has the wrong width, and if a correction is not determined.
     """
     if not raw:
-        raise ArgumentError("is empty; expected a recording or more", "log")
-    regressor, (known, targets) = asked.regressor, asked.names
+        raise ArgumentError("is empty; expected at least one recording", "log")
+    regressor, (known, targets) = request.regressor, request.names
     shapes = {s.name: s.shape for s in regressor.inputs}
-    wanted = [(known, shapes[known], "known"), (targets, regressor.outputs[0].shape, "targets")]
-    for name, shape, what in wanted + [(name, shapes[name], "inputs") for name in asked.how.inputs]:
+    expected = [(known, shapes[known], "known"), (targets, regressor.outputs[0].shape, "targets")]
+    for name, shape, what in expected + [(name, shapes[name], "inputs") for name in request.how.inputs]:
         missing = next((s.name for s in (*raw, *others) if name not in s.trajectory), None)
         if missing is not None:
-            raise ArgumentError(f"'{missing}' holds no '{name}'; name its signals as the robot does", "log")
+            raise ArgumentError(f"'{missing}' has no signal '{name}'; use the names of the robot", "log")
         width = raw[0].trajectory[name].shape[1:]
         if what == "inputs" and width == (1,) and shape == ():  # one column
             continue
@@ -223,56 +218,56 @@ def measured(
             )
     if signals is None:
         return Recordings(raw, others)
-    given = dict(signals)
-    effort, offsets = given[targets], None
+    table = dict(signals)
+    effort, offsets = table[targets], None
     if effort.offset == ESTIMATE:
         offsets = "session" if "offset" in effort.per_session and len(raw) > 1 else "all"
         if offsets == "session" and others:
             raise _by_session("offset", targets)
-        given[targets] = dataclasses.replace(effort, offset=0.0)
+        table[targets] = dataclasses.replace(effort, offset=0.0)
     with naming("log", TrajectoryError, ModelError):
         fitted, values = corrected(
-            Corrections(given, raw), regressor, asked.processing, asked.free, known, targets, offsets is not None
+            Corrections(table, raw), regressor, request.processing, request.free, known, targets, offsets is not None
         )
-        return Recordings(fitted, _held_out(given, others, values) if others else (), values, offsets)
+        return Recordings(fitted, _held_out(table, others, values) if others else (), values, offsets)
 
 
 def _held_out(signals: dict[str, Signal], others: tuple[Session, ...], values: dict[str, float]) -> tuple[Session, ...]:
-    """Held-out recordings, corrected by what holds for all sessions; what differs by session cannot be known there."""
+    """Held-out recordings with the corrections that all sessions share. Raises ArgumentError for one by session."""
     corrections = Corrections(signals, others)
-    wanted = [values.get(f.name) for f in corrections.free]
-    for f, value in zip(corrections.free, wanted, strict=True):
+    estimates = [values.get(f.name) for f in corrections.free]
+    for f, value in zip(corrections.free, estimates, strict=True):
         if value is None or f.session is not None:
             raise _by_session(f.what, f.signal)
-    return corrections.apply([v for v in wanted if v is not None])
+    return corrections.apply([v for v in estimates if v is not None])
 
 
 def _by_session(what: str, signal: str) -> ArgumentError:
     return ArgumentError(
-        f"{what} of {signal} differs by session and cannot be carried to another recording; take it out of "
-        "per_session, or give it a number",
+        f"{what} of {signal} differs by session and has no value for another recording; take it out of per_session, "
+        "or give it a number",
         "held_out",
     )
 
 
-def synthetic_recordings(asked: Asked, plant: Model, s: SyntheticLog, motion: Array | None) -> Recordings:
-    """A log of the plant to fit and one of another motion to hold out. Raises ArgumentError."""
-    if asked.how.inputs:
-        raise ArgumentError("is for measured logs; a synthetic one has the motion alone", "fitting.inputs")
+def synthetic_recordings(request: Request, plant: Model, s: SyntheticLog, motion: Array | None) -> Recordings:
+    """A log of the plant to fit, and one of another motion to hold out. Raises ArgumentError."""
+    if request.how.inputs:
+        raise ArgumentError("is for measured logs; a synthetic log has only the motion", "fitting.inputs")
     noise = tuple(s.effort_noise) if isinstance(s.effort_noise, list) else float(s.effort_noise)
-    wanted = len(asked.regressor.columns)
-    if isinstance(noise, tuple) and len(noise) != wanted:
-        raise ArgumentError(f"has {len(noise)} numbers; expected one, or {wanted}", "synthetic.effort_noise")
+    count = len(request.regressor.columns)
+    if isinstance(noise, tuple) and len(noise) != count:
+        raise ArgumentError(f"has {len(noise)} numbers; expected one, or {count}", "synthetic.effort_noise")
     sensors = Sensors(s.position_step, noise, s.effort_colour, s.effort_step)
     tracking = Tracking(**actuator_closed_loop()) if s.tracking == "dressler_2012" else None
     simulators, logs = [], []
-    for k, given in enumerate((motion, None)):
-        reference = reference_motion(asked.how.known, s, plant, s.motion_seed + k, given)
+    for k, rows in enumerate((motion, None)):
+        reference = reference_motion(request.how.known, s, plant, s.motion_seed + k, rows)
         if tracking is not None and reference.shape[1:] != (3,):
-            raise ArgumentError('is for three carts; take "exact" for this robot', "synthetic.tracking")
+            raise ArgumentError('is for three carts; use "exact" for this robot', "synthetic.tracking")
         with naming("synthetic", ModelError, ValueError):
-            simulators.append(LogSimulator(plant, reference, s.sample_time, *asked.names, tracking))
+            simulators.append(LogSimulator(plant, reference, s.sample_time, *request.names, tracking))
         logs.append(Session(f"synthetic log {k + 1}", simulators[k].draw(s.seed + k, sensors), s.sample_time))
     values = {q.name: q.value for q in flat_of(plant).parameters}
-    truth = asked.regressor.numbers_of(values)
+    truth = request.regressor.numbers_of(values)
     return Recordings((logs[0],), (logs[1],), truth=truth, simulator=simulators[0], sensors=sensors)

@@ -1,5 +1,4 @@
-"""Efforts as a linear function of parameters: the regressor of identification, for any model, and scalar parameters by
-the names that a person writes."""
+"""Efforts of any model as a linear function of its parameters, and scalar parameters by the names that users write."""
 
 from __future__ import annotations
 
@@ -24,7 +23,7 @@ from .._near import meant
 
 
 class ParameterError(ModelError):
-    """A parameter cannot be used as it was asked for; `parameter` is its name."""
+    """A parameter cannot be used as requested; `parameter` is its name."""
 
     def __init__(self, sentence: str, parameter: str = "") -> None:
         super().__init__(sentence)
@@ -34,32 +33,32 @@ class ParameterError(ModelError):
 def scalar_parameters(flat: FlatModel, names: Sequence[str]) -> list[int]:
     """Positions in `flat.parameters`; an array's name stands for all its entries, in order.
 
-    Raises ParameterError for an unknown name with close matches, a name given twice, or one that follows from others;
-    ModelError for no name.
+    Raises ParameterError for an unknown name (with close matches), a name that occurs twice, or a parameter that
+    depends on others; ModelError for no name.
     """
-    every = [q.name for q in flat.parameters]
+    known = [q.name for q in flat.parameters]
     places: list[int] = []
     for name in names:
-        here = [k for k, one in enumerate(every) if one == name or one.startswith(f"{name}[")]
-        if not here:
-            raise ParameterError(_unknown(flat, name, every), name)
-        twice = sorted(set(here) & set(places))
+        matches = [k for k, other in enumerate(known) if other == name or other.startswith(f"{name}[")]
+        if not matches:
+            raise ParameterError(_unknown(flat, name, known), name)
+        twice = sorted(set(matches) & set(places))
         if twice:
-            raise ParameterError(f"parameter '{every[twice[0]]}' is named twice; name each once", every[twice[0]])
-        places += here
+            raise ParameterError(f"parameter '{known[twice[0]]}' is named twice; name each once", known[twice[0]])
+        places += matches
     if not places:
-        raise ModelError(f"{flat.title}: no parameter is named; name at least one, such as '{every[0]}'")
+        raise ModelError(f"{flat.title}: no parameter is named; name at least one, such as '{known[0]}'")
     return places
 
 
 def among(every: Sequence[str], names: Sequence[str]) -> list[int]:
-    """Positions of names among scalar ones; an array's name stands for all its entries. ModelError for another."""
+    """Positions of names among scalar names; an array's name stands for all its entries. Raises ModelError."""
     places: list[int] = []
     for name in names:
-        here = [k for k, one in enumerate(every) if one == name or one.startswith(f"{name}[")]
-        if not here:
-            raise ModelError(f"'{name}' is no parameter of this regressor; it has {', '.join(every)}")
-        places += here
+        matches = [k for k, other in enumerate(every) if other == name or other.startswith(f"{name}[")]
+        if not matches:
+            raise ModelError(f"'{name}' is not a parameter of this regressor; it has {', '.join(every)}")
+        places += matches
     return sorted(set(places))
 
 
@@ -67,7 +66,7 @@ def _unknown(flat: FlatModel, name: str, every: list[str]) -> str:
     if name in flat.bindings:
         inside = {s.element_hash() for s in ca.symvar(ca.SX(flat.bindings[name]))}
         origin = [q.name for q in flat.parameters if q.symbol.element_hash() in inside]
-        return f"parameter '{name}' of {flat.title} follows from {', '.join(origin) or 'numbers'}; name these instead"
+        return f"parameter '{name}' of {flat.title} depends on {', '.join(origin) or 'numbers'}; name these instead"
     known = list(dict.fromkeys([*(n.partition("[")[0] for n in every), *every]))
     hint = meant(name, known, f"there are {', '.join(known[:12])}", most=3)
     return f"{flat.title} has no parameter '{name}'; {hint}"
@@ -75,9 +74,9 @@ def _unknown(flat: FlatModel, name: str, every: list[str]) -> str:
 
 Array = np.ndarray
 
-# relative: efforts at drawn parameters against Y p + y0; some thousand operations in double precision
+# relative error of Y p + y0 at random parameters; some thousand operations in double precision
 LINEAR = 1e-9
-DRAWS, SEED = 4, 0  # parameter vectors at which the linearity is tried, in each of the plan's sample points
+DRAWS, SEED = 4, 0  # random parameter vectors at each sample point of the plan, to test linearity
 
 
 class RegressorRows(NamedTuple):
@@ -91,31 +90,31 @@ class RegressorRows(NamedTuple):
     status: Array
 
     def stacked(self) -> tuple[Array, Array]:
-        """Y (n targets, p) and y0 (n targets,), the targets of one row beside each other."""
+        """Y (n targets, p) and y0 (n targets,), row after row."""
         n, m, p = self.Y.shape
         return self.Y.reshape(n * m, p), self.y0.reshape(n * m)
 
 
 class Regressor:
-    """Y and y0 with effort = Y p + y0 for a given motion, by the exact Jacobian of the causal inverse dynamics.
+    """Y and y0 with effort = Y p + y0 for a prescribed motion: the exact Jacobian of the causal inverse dynamics.
 
-    `Regressor(robot, ["m_p", "m_c", "coulomb", "viscous"], known="q", targets="tau")` is that of Dressler 2012,
-    eqs. (6.7) and (6.8), for measured carts. All other parameters keep the model's numbers. Called with rows in the
-    order of `inputs` (known variables and their derivatives, (n, ...) each), it returns `RegressorRows`.
+    `Regressor(robot, ["m_p", "m_c", "coulomb", "viscous"], known="q", targets="tau")` is the regressor of Dressler
+    2012, eqs. (6.7) and (6.8), for measured carts. All other parameters keep their values in the model. Called with
+    rows in the order of `inputs` (known variables and their derivatives, (n, ...) each), it returns `RegressorRows`.
 
     Args:
         parameters: names; an array's name stands for all its entries, "m_c[1]" for one.
         known: variables prescribed by the motion.
         targets: measured efforts.
         prefer, branches: as for `Model.causal`.
-        idle: whether parameters may be named that enter no target; their columns are zero.
+        idle: whether to allow parameters without effect on the targets; their columns are zero.
 
     Attributes: names (p,) of the parameters, nominal (p,) their values in the model [SI], units (p,), inputs and
-    outputs (signals with name, shape and unit), columns: names of the scalar targets; base: those of the names that are
-    base parameters, of a `BaseRegressor` alone; column_units: of the targets, where each has its own, else empty.
+    outputs (signals with name, shape and unit), columns: names of the scalar targets; base: the names that are base
+    parameters, only for a `BaseRegressor`; column_units: units of the targets if they differ, else empty.
 
-    Raises ModelError for an unknown parameter, for one in which a target is not linear, for an idle one,
-    and where the motion does not determine the targets.
+    Raises ModelError for an unknown parameter, for one without effect, if a target is not linear in a parameter, and if
+    the motion does not determine the targets.
 
     >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
     ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
@@ -127,7 +126,7 @@ class Regressor:
     >>> [signal.name for signal in regressor.inputs]
     ['q', 'der(q)', 'der(q,2)']
     >>> rows = regressor([0.1], [0.5], [4.0])  # one row: position, velocity, acceleration
-    >>> rows.Y.tolist(), rows.y0.tolist()  # Coulomb friction keeps its number
+    >>> rows.Y.tolist(), rows.y0.tolist()  # Coulomb friction keeps its value
     ([[[4.0, 0.5]]], [[3.0]])
     """
 
@@ -154,11 +153,11 @@ class Regressor:
         self.nominal = np.array([q.value for q in entries])
         self.inputs, self.outputs = causal.inputs, causal.outputs
         self.columns = tuple(n for s in self.outputs for n in _elements(s.name, s.shape))
-        by_joint = getattr(model, "joint_unit", lambda _: "")  # of a serial arm
+        by_joint = getattr(model, "joint_unit", lambda _: "")  # only serial arms have it
         self.units = tuple(q.unit or by_joint(q.name) or "?" for q in entries)
-        # where the joints of an arm have units of their own
-        apart = self.outputs[0].unit == "?"
-        self.column_units = tuple(by_joint(n) or "?" for n in self.columns) if apart else ()
+        # an arm with revolute and prismatic joints
+        mixed = self.outputs[0].unit == "?"
+        self.column_units = tuple(by_joint(n) or "?" for n in self.columns) if mixed else ()
         self._title = flat.title
         plan = _partly_folded(causal, self._chosen)
         self._uses_time = plan.uses_time
@@ -167,7 +166,7 @@ class Regressor:
         self._sizes = causal.sizes
         self._built = self._build([(c_name(s.name), s.pairs) for s in self.outputs])
         self._kernels = self._built.kernels
-        self._function = self._made()
+        self._function = self._linear_function()
 
     @property
     def size(self) -> int:
@@ -175,17 +174,17 @@ class Regressor:
         return len(self.names)
 
     def __call__(self, *rows: Any) -> RegressorRows:
-        """Regressor of many rows: one array (n, *shape) per input. Raises TypeError for a wrong number or shape."""
+        """Evaluate many rows: one array (n, *shape) per input. Raises TypeError for a wrong number or shape."""
         columns = self._columns(rows)
         n = columns[0].shape[1]
         statuses, zs = np.zeros(n, dtype=int), []
-        given = np.vstack([*columns, np.repeat(self._p0[:, None], n, axis=1)]) if self._kernels else np.zeros((0, n))
+        known = np.vstack([*columns, np.repeat(self._p0[:, None], n, axis=1)]) if self._kernels else np.zeros((0, n))
         for kernel in self._kernels:
-            z, converged, singular = kernel.solve(given)
+            z, converged, singular = kernel.solve(known)
             statuses = np.where((statuses == 0) & ~converged, Status.NOT_CONVERGED, statuses)
             statuses = np.where((statuses == 0) & singular, Status.SINGULAR, statuses)
             zs.append(z)
-            given = np.vstack([given, z])
+            known = np.vstack([known, z])
         results = map_columns(self._function, [*columns, *zs])
         status = status_codes(self._margins, columns, results, statuses, sizes=self._sizes)
         m, p = len(self.columns), len(self._chosen)
@@ -195,11 +194,11 @@ class Regressor:
         return RegressorRows(Y, y0, status)
 
     def numbers_of(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Of the parameters of a model by name, those of this regressor."""
+        """The parameters of this regressor, from values of all parameters of a model."""
         return {n: values[n] for n in self.names if n in values}
 
     def effort(self, parameters: Any, *rows: Any) -> Array:
-        """Efforts (n, targets) of a motion at these parameters (p,)."""
+        """Efforts (n, targets) of a motion for parameter values (p,)."""
         values = self(*rows)
         return values.Y @ np.asarray(parameters, dtype=float) + values.y0
 
@@ -207,15 +206,15 @@ class Regressor:
     def casadi(self) -> ca.Function:
         """ca.Function (inputs of one row, as columns) -> Y (targets, p), y0 (targets,), status, for an optimisation.
 
-        The numbers are an answer only where `status` is 0, a code of `Status`. `.map(n)` takes the rows side by side.
-        Newton blocks are followed from the home pose as in `CausalFunction.casadi`.
+        The numbers are valid only if `status` is 0, a code of `Status`. `.map(n)` takes the rows side by side. Newton
+        blocks are solved from the home pose, as in `CausalFunction.casadi`.
         """
         f, m, p = self._function, len(self.columns), len(self._chosen)
         names = [c_name(s.name) for s in self.inputs] + ["time"] * self._uses_time
         kind: Any = ca.MX if self._kernels else ca.SX
         inputs: list[Any] = [kind.sym(n, s.size) for n, s in zip(names, self.inputs, strict=False)]
         inputs += [kind.sym("time")] * self._uses_time
-        # of the targets, which are linear in the parameters, the status is that at the model's own parameters
+        # the targets are linear in the parameters, so that the status at the model's own parameters is valid for all
         *zs, status, _ = self._status().call([*inputs, ca.DM(self._p0)])
         Y, y0, _ = f.call([*inputs, *zs])
         return ca.Function("regressor", inputs, [ca.reshape(Y, p, m).T, y0, status], names, ["Y", "y0", "status"])
@@ -230,7 +229,7 @@ class Regressor:
         pairs = [tuple(flat.scope.owner(s) for s in b.unknowns) for b in self._plan.newton]
         return self._build([(f"z{k}", p) for k, p in enumerate(pairs)]).whole
 
-    def _made(self) -> ca.Function:
+    def _linear_function(self) -> ca.Function:
         """(inputs..., z of each Newton block...) -> Y by rows (targets p,), y0 (targets,), margins."""
         f = self._built.closed
         arguments = f.sx_in()
@@ -245,15 +244,15 @@ class Regressor:
         inside = {s.element_hash() for s in ca.symvar(jacobian)}
         base = np.zeros(self.size)
         if any(s.element_hash() in inside for s in ca.vertsplit(chosen)):
-            base = self.nominal  # a parameter is divided by somewhere and may cancel: the trial below decides
+            base = self.nominal  # a division by a parameter may cancel: _try_linear decides
         folded = ca.substitute([jacobian, effort - jacobian @ chosen], [chosen], [ca.DM(base)])
-        # the margins keep the parameters at their nominal values: they are geometry
+        # geometry: the margins keep the nominal parameters
         margins = ca.substitute([results[-1]], [everything], [ca.DM(self._p0)])
         Y, y0 = (ca.densify(e) for e in folded)
         outputs = ca.cse([ca.vec(Y.T), y0, ca.densify(margins[0])])
-        made = ca.Function("regressor", others, outputs)
-        self._try_linear(made, ca.Function("effort", [*others, chosen], [effort]))
-        return made
+        function = ca.Function("regressor", others, outputs)
+        self._try_linear(function, ca.Function("effort", [*others, chosen], [effort]))
+        return function
 
     def _refuse_moving(self, place: int) -> None:
         """The motion must not depend on the parameters: no Newton block may read one of them."""
@@ -274,56 +273,56 @@ class Regressor:
                     name,
                 )
 
-    def _try_linear(self, made: ca.Function, effort: ca.Function) -> None:
-        """Efforts at drawn parameters in the sample points of the plan; ModelError names what bends them."""
+    def _try_linear(self, function: ca.Function, effort: ca.Function) -> None:
+        """Compare efforts at random parameters in the sample points of the plan; raises ParameterError."""
         rng = np.random.default_rng(SEED)
         sizes = np.where(negligible(self.nominal, self.units), 1.0, np.abs(self.nominal))
         columns = self._samples()
-        Y, y0, _ = map_columns(made, columns)
+        Y, y0, _ = map_columns(function, columns)
         n, m = y0.shape[1], y0.shape[0]
         Y = Y.T.reshape(n, m, self.size)
 
-        def bent(draw: Array, places: Sequence[int]) -> bool:
+        def nonlinear(draw: Array, places: Sequence[int]) -> bool:
             p = self.nominal.copy()
             p[list(places)] = draw[list(places)]
             exact = map_columns(effort, [*columns, np.repeat(p[:, None], n, axis=1)])[0].T
             scale = np.max(np.abs(Y) * sizes, axis=2) + np.abs(exact) + np.finfo(float).tiny
-            # a value that is no number is not linear either
+            # NaN is not linear either
             return not np.max(np.abs(exact - Y @ p - y0.T) / scale) <= LINEAR
 
         everything = range(self.size)
         for draw in self.nominal + sizes * rng.uniform(-0.5, 1.0, (DRAWS, self.size)):
-            if not bent(draw, everything):
+            if not nonlinear(draw, everything):
                 continue
-            alone = next((k for k in everything if bent(draw, [k])), None)
-            if alone is not None:
-                raise self._nonlinear(self.names[alone])
+            single = next((k for k in everything if nonlinear(draw, [k])), None)
+            if single is not None:
+                raise self._nonlinear(self.names[single])
             pairs = combinations(everything, 2)
-            j, k = next((pair for pair in pairs if bent(draw, pair)), (0, self.size - 1))
+            j, k = next((pair for pair in pairs if nonlinear(draw, pair)), (0, self.size - 1))
             raise ParameterError(
                 f"{self._efforts()} is linear in parameter '{self.names[j]}' and in '{self.names[k]}', but not in both "
-                "together; give one of them a number and leave it out of the list",
+                "together; fix one of them at a number and leave it out of the list",
                 self.names[k],
             )
 
     def _samples(self) -> list[Array]:
         """Inputs and Newton unknowns at the consistent points of the plan, as columns."""
-        at = {pair: n for n, pair in enumerate(self._plan.pairs)}
+        rows = {pair: n for n, pair in enumerate(self._plan.pairs)}
         points = self._plan.samples.T
         flat = self._plan.flat
         pairs: list[list[Any]] = [list(s.pairs) for s in self.inputs]
         blank = np.zeros(points.shape[1])
-        columns = [np.array([points[at[q]] if q in at else blank for q in group]) for group in pairs]
+        columns = [np.array([points[rows[q]] if q in rows else blank for q in group]) for group in pairs]
         if self._uses_time:
             columns.append(np.full((1, points.shape[1]), self._plan.sampler.time))
         for block in self._plan.newton:
-            columns.append(np.array([points[at[q]] for s in block.unknowns if (q := flat.scope.owner(s))]))
+            columns.append(np.array([points[rows[q]] for s in block.unknowns if (q := flat.scope.owner(s))]))
         return columns
 
     def _nonlinear(self, name: str) -> ParameterError:
         return ParameterError(
-            f"{self._efforts()} is not linear in parameter '{name}'; give it a number and leave it out of the list, or "
-            "estimate it with gt.estimate",
+            f"{self._efforts()} is not linear in parameter '{name}'; fix it at a number and leave it out of the list, "
+            "or estimate it with gt.estimate",
             name,
         )
 
@@ -331,26 +330,26 @@ class Regressor:
         return f"{', '.join(s.name for s in self.outputs)} of {self._title}"
 
     def _columns(self, rows: Sequence[Any]) -> list[Array]:
-        wanted = [(s.name, s.shape) for s in self.inputs] + [("time", ())] * self._uses_time
-        if len(rows) != len(wanted):
-            names = ", ".join(n for n, _ in wanted)
-            raise TypeError(f"the regressor takes {len(wanted)} arrays of rows ({names}); found {len(rows)}")
+        expected = [(s.name, s.shape) for s in self.inputs] + [("time", ())] * self._uses_time
+        if len(rows) != len(expected):
+            names = ", ".join(n for n, _ in expected)
+            raise TypeError(f"the regressor takes {len(expected)} arrays of rows ({names}); found {len(rows)}")
         columns, count = [], None
-        for (name, shape), value in zip(wanted, rows, strict=True):
+        for (name, shape), value in zip(expected, rows, strict=True):
             a = np.asarray(value, dtype=float)
             count = a.shape[0] if count is None and a.ndim else count
             if a.shape != (count, *shape):
-                expected = f"(n, {', '.join(map(str, shape))})" if shape else "(n,)"
-                raise TypeError(f"the regressor: '{name}' takes shape {expected}; found {a.shape}")
+                text = f"(n, {', '.join(map(str, shape))})" if shape else "(n,)"
+                raise TypeError(f"the regressor: '{name}' takes shape {text}; found {a.shape}")
             columns.append(np.ascontiguousarray(a.reshape(a.shape[0], -1).T))
         return columns
 
     def __getstate__(self) -> dict[str, Any]:
-        """Cut loose from its model, for other processes. Raises ModelError where Newton blocks tie it to the model."""
+        """State without the model, for other processes. Raises ModelError if Newton blocks tie it to the model."""
         if self._kernels:
-            raise ModelError("a regressor with Newton blocks cannot leave its model; make one in each process")
-        kept = {k: v for k, v in self.__dict__.items() if k not in ("_plan", "_built", "casadi")}
-        return {**kept, "_function": self._function.serialize()}
+            raise ModelError("a regressor with Newton blocks cannot be pickled; create one in each process")
+        state = {k: v for k, v in self.__dict__.items() if k not in ("_plan", "_built", "casadi")}
+        return {**state, "_function": self._function.serialize()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -361,7 +360,7 @@ class Regressor:
 
 
 def _partly_folded(causal: CausalFunction, chosen: Sequence[int]) -> CausalPlan:
-    """The causality worked out again with symbols for the chosen parameters and numbers for the others."""
+    """The causal plan again, with symbols for the chosen parameters and numbers for the others."""
     flat = causal.flat
     fold = ca.SX(ca.DM(flat.require_values()))
     for k in chosen:

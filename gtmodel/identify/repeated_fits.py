@@ -1,5 +1,5 @@
-"""The same identification once more: of each recording, of rows left out in turn, and on many synthetic logs, which
-show whether the intervals hold."""
+"""Repeated identifications: each recording alone, cross-validation, and Monte Carlo runs that show whether the
+intervals hold."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MOST = 12  # recordings that are fitted one by one
 
 @dataclass(frozen=True, eq=False)
 class BySession:
-    """What each recording gives by itself, by its name, and `apart` where they disagree beyond their noise."""
+    """Estimates of each recording by name; `apart` compares them if they differ beyond their noise."""
 
     estimates: dict[str, Estimate]
     names: tuple[str, ...]
@@ -35,7 +35,7 @@ class BySession:
 
     @property
     def intervals(self) -> dict[str, dict[str, list[float]]]:
-        """By parameter and recording: 95 % limits of what the recording determines."""
+        """95 % limits by parameter and recording, as far as the recording determines the parameter."""
         return {
             name: {session: list(e.interval(name)) for session, e in self.estimates.items() if name in e.names}
             for name in self.names
@@ -50,9 +50,9 @@ def between_sessions(
     nonnegative: bool | Sequence[str] = True,
     confidence: Confidence = "auto",
 ) -> BySession | None:
-    """The same parameters from each recording by itself; None where fewer than two determine any.
+    """Estimate the same parameters from each recording alone; None if fewer than two determine any.
 
-    sessions: the recordings of the fit, whose rows begin at `rows.starts`. others: further ones with their rows.
+    sessions: the recordings of the fit, whose rows begin at `rows.starts`. others: further recordings with their rows.
     """  # fmt: skip
     rows = identification.rows
     parts = [(s.name, rows.part(k)) for k, s in enumerate(sessions)] + [(s.name, r) for s, r in others]
@@ -61,7 +61,7 @@ def between_sessions(
     free = (*identification.estimate.names, *identification.estimate.held)
     estimates: dict[str, Estimate] = {}
     for n, (name, part) in enumerate(parts, 1):
-        # the offset of another recording's efforts has no row here
+        # the offset parameter of another recording has no row here
         names = [p for p in free if p in part.names and np.any(part.Y[:, :, part.names.index(p)])]
         limited = nonnegative if isinstance(nonnegative, bool) else [p for p in nonnegative if p in names]
         try:
@@ -72,8 +72,8 @@ def between_sessions(
             estimates[name if name not in estimates else f"{name} ({n})"] = e
     if len(estimates) < 2:
         return None
-    own = tuple(p for p in free if p not in rows.signed)
-    return BySession(estimates, own, between_recordings(estimates, own))
+    names = tuple(p for p in free if p not in rows.signed)
+    return BySession(estimates, names, between_recordings(estimates, names))
 
 
 Array = np.ndarray
@@ -81,14 +81,14 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class LeftOutInTurn:
-    """Errors (n, m) of all rows, measured minus modelled, each by the fit without its stretch; `count` of stretches."""
+    """Cross-validation errors (n, m) of all rows, measured minus modelled; `count` is the number of blocks."""
 
     errors: Array
     count: int
 
     @property
     def rms(self) -> Array:
-        """By target (m,), in the unit of the efforts."""
+        """rms error by target (m,), in the unit of the efforts."""
         return np.sqrt(np.mean(self.errors**2, axis=0))
 
 
@@ -99,10 +99,11 @@ def leave_out_in_turn(
     nonnegative: bool | Sequence[str] = True,
     confidence: Confidence = "auto",
 ) -> LeftOutInTurn:
-    """The rows of a fit in `folds` stretches of equal length, one after the other in time; as many as rows leave one
-    row out each. Neighbouring rows of a coloured residual know of each other, so long stretches are the honest ones.
+    """Cross-validate a fit: predict each of `folds` blocks of rows, equally long in time, by a fit without it.
 
-    Raises ModelError where there are fewer rows than stretches, and where the rest does not determine the parameters.
+    With as many folds as rows, each block is one row. Neighbouring rows of a coloured residual are correlated, so
+    prefer long blocks. Raises ModelError if there are fewer rows than folds, and if the remaining rows do not determine
+    the parameters.
 
     >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
     ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
@@ -120,17 +121,17 @@ def leave_out_in_turn(
     """
     rows, n = identification.rows, len(identification.rows)
     if not 2 <= folds <= n:
-        raise ModelError(f"{folds} stretches of {n} rows; expected two or more, and no more than rows")
+        raise ModelError(f"{folds} folds of {n} rows; expected at least two, and no more than rows")
     free = (*identification.estimate.names, *identification.estimate.held)
     ends = np.round(np.linspace(0, n, folds + 1)).astype(int)
     errors = np.empty_like(rows.effort)
     for begin, end in itertools.pairwise(ends):
-        kept = np.r_[0:begin, end:n]
-        rest = rows.chosen(kept)
-        # an offset of a recording that is left out as a whole has no rows
-        names = [p for p in free if np.any(rest.Y[:, :, rest.names.index(p)])]
+        training = np.r_[0:begin, end:n]
+        remaining = rows.chosen(training)
+        # the offset of a recording that is omitted entirely has no rows
+        names = [p for p in free if np.any(remaining.Y[:, :, remaining.names.index(p)])]
         limited = nonnegative if isinstance(nonnegative, bool) else [p for p in nonnegative if p in names]
-        fit = identify(rest, names, nonnegative=limited, confidence=confidence, test=[])
+        fit = identify(remaining, names, nonnegative=limited, confidence=confidence, test=[])
         part = slice(begin, end)
         errors[part] = rows.effort[part] - rows.Y[part] @ fit.parameters - rows.y0[part]
     return LeftOutInTurn(errors, folds)
@@ -138,7 +139,7 @@ def leave_out_in_turn(
 
 @dataclass(frozen=True)
 class Repeated:
-    """Estimates of the runs that ended, and how often their intervals hold the truth."""
+    """Estimates of the finished runs, and how often their intervals contain the truth."""
 
     runs: MonteCarlo
     coverage: Coverage
@@ -167,13 +168,13 @@ def repeat_identification(
     """Draw, prepare and fit `runs` synthetic logs with generators spawned from `seed`, in parallel processes.
 
     Args:
-        simulator, sensors: the motion of the plant, and the noise that each log has of its own.
-        regressor: of the parameters that are fitted.
-        truth: name -> true value [SI] of the parameters whose intervals are judged.
-        level: of the intervals.
-        free, processing, confidence, processes, progress, interrupted: as of `identify`, `rows_of` and `monte_carlo`.
+        simulator, sensors: the motion of the plant, and the noise of each log.
+        regressor: of the fitted parameters.
+        truth: name -> true value [SI] of the parameters whose intervals are checked.
+        level: confidence level of the intervals.
+        free, processing, confidence, processes, progress, interrupted: as for `identify`, `rows_of` and `monte_carlo`.
 
-    Fits are without bounds: an interval at a bound has no coverage.
+    The fits have no bounds: an interval at a bound has no coverage.
 
     >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
     ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")

@@ -1,4 +1,4 @@
-"""From logs to rows of a regressor: one zero-phase filter on forces and regressor, ends cut, standstill left out."""
+"""From logs to rows of a regressor: zero-phase filters, ends cut, rows near standstill dropped."""
 
 from __future__ import annotations
 
@@ -30,13 +30,14 @@ from .regressor import Regressor
 
 Array = np.ndarray
 
-# of the cut-off's period: there white noise behind the filter has lost its correlation (first zero, at any sampling)
+# periods of the cut-off after which filtered white noise is uncorrelated (first zero, for any sampling)
 INDEPENDENT = 0.57
-# cut-off of the prefilter over that of the filter: at a quarter of its cut-off it takes 1.5e-5, so that the sign of a
-# velocity behind it is as sharp as the filter allows
+# cut-off of the prefilter over that of the filter: the prefilter takes 1.5e-5 off signals at the filter's cut-off,
+# so that the sign of a velocity stays as sharp as the filter allows
 WIDER = 4.0
 NOISE_STEPS = 4 / 3  # three such steps are four standard deviations of the velocity
-# three-point differences of a 2.5 Hz motion at 4 ms are 7e-4 off, as much as the noise of the masses; these 5e-7
+# three-point differences of a 2.5 Hz motion at 4 ms are 7e-4 off, as much as the noise of the masses; these are 5e-7
+# off
 FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12
 SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12
 HALF = 2
@@ -44,15 +45,15 @@ HALF = 2
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Rows for a fit: efforts (n, m) beside Y p + y0 with Y (n, m, p) and y0 (n, m), filtered alike.
+    """Rows for a fit: efforts (n, m) and their model Y p + y0 with Y (n, m, p) and y0 (n, m), filtered alike.
 
-    Of the parameters there are `names`, `nominal` (p,) and `units`, of the efforts `targets` (m,) and `effort_unit`; of
-    each row `time` (n,) [s], `position` and `velocity` (n, k) and the efforts' rates `effort_rate` (n, m), filtered
-    alike, of which a delay adds a share. `starts` are the rows where recordings begin. The processing had the cut-off
-    `cutoff_Hz`, took `every` how many-th sample, with the `interval` [s] between rows, and left out the share `dropped`
-    of the samples, those slower than `threshold` [`velocity_unit`]. `synthetic` is the log's own note; `signed` are
-    names that may be negative although masses and friction may not. `target_units` (m,) are those of an arm with joints
-    of both kinds, where the efforts have no common one; else empty.
+    The parameters have `names`, `nominal` values (p,) and `units`, the efforts `targets` (m,) and `effort_unit`. Each
+    row has a `time` (n,) [s], `position` and `velocity` (n, k), and the rates `effort_rate` (n, m) of the efforts,
+    filtered alike; a delay adds a multiple of these. Recordings begin at the rows `starts`. The filter has the cut-off
+    `cutoff_Hz`; only every `every`-th sample is used, so that rows are `interval` [s] apart; the share `dropped` of the
+    samples is slower than `threshold` [`velocity_unit`]. `synthetic` is the note of a synthetic log. Parameters in
+    `signed` may be negative even if masses and friction may not. `target_units` (m,) are the units of the efforts of an
+    arm with revolute and prismatic joints; otherwise it is empty.
     """
 
     names: tuple[str, ...]
@@ -85,34 +86,34 @@ class Rows:
 
     @property
     def common_unit(self) -> str:
-        """Of all targets in a picture; "SI" where each has its own."""
+        """Unit of all targets in a plot; "SI" if their units differ."""
         return "SI" if self.target_units else self.effort_unit
 
     def __len__(self) -> int:
         return len(self.time)
 
     def columns(self, at: Sequence[int], size: Array) -> Array:
-        """Columns (n, m, k) of some parameters, each target over its size (m,)."""
+        """Columns (n, m, k) of some parameters, each target divided by its size (m,)."""
         return self.Y[:, :, at] / size[:, None]
 
     def part(self, k: int) -> Rows:
-        """The rows of recording k, from 0, alone."""
+        """The rows of recording `k`, counted from 0."""
         ends = [*self.starts, len(self)]
         return self.chosen(np.arange(ends[k], ends[k + 1]))
 
     def chosen(self, kept: Array) -> Rows:
-        """Some of the rows by their places, in order; recordings begin where they did, as far as they are there."""
+        """The rows at these indices, in order; `starts` is adapted."""
         starts = np.unique(np.searchsorted(kept, self.starts))
         arrays = ("Y", "y0", "effort", "time", "position", "velocity", "effort_rate")
-        of_rows = {n: v[kept] for n in arrays if (v := getattr(self, n)) is not None}
-        return replace(self, starts=tuple(int(k) for k in starts if k < len(kept)), **of_rows)
+        selected = {n: v[kept] for n in arrays if (v := getattr(self, n)) is not None}
+        return replace(self, starts=tuple(int(k) for k in starts if k < len(kept)), **selected)
 
     @property
     def filter_sentence(self) -> str:
-        """What was done, for tables."""
+        """Filter and selection of rows, as a sentence for tables."""
         return (
             f"zero-phase Butterworth low pass at {self.cutoff_Hz:.3g} Hz on efforts and regressor alike, "
-            f"five-point differences, every {self.every}. row; {100 * self.dropped:.2g} % of the samples left out near "
+            f"five-point differences, every {self.every}. row; {100 * self.dropped:.2g} % of the samples dropped near "
             f"standstill, slower than {self.threshold:.2g} {self.velocity_unit}"
         )
 
@@ -126,24 +127,24 @@ def rows_of(
     *,
     accept: Sequence[str] = (),
 ) -> Rows:
-    """Rows of one or several recordings of one plant.
+    """Return the rows of one or several recordings of a plant.
 
-    Position and efforts pass the same wide zero-phase filter (four times the cut-off; none where the sampling cannot
-    carry it), the regressor is evaluated on that position and its five-point differences, and its columns and the
-    efforts are low-passed by the same filter: what stands on both sides was filtered equally often, and the sign of a
-    velocity was not shifted by the narrow one. The ends that the filters disturb are cut, and so are rows beside a
-    standstill, where friction does not follow its law.
+    Position and efforts pass the same wide zero-phase filter, at four times the cut-off; it is omitted if the sampling
+    is too slow for it. The regressor is evaluated at that position and its five-point differences. Then one narrow
+    filter is applied to its columns and to the efforts. Both sides are thus filtered equally, and the narrow filter
+    does not shift the sign of a velocity. The ends that the filters disturb are cut, and so are rows near standstill,
+    where friction does not follow its law.
 
     Args:
-        sessions: recordings, evenly sampled, with position and efforts in the units of the model, and whatever else
-            the regressor takes as known: it passes the filter of the position.
-        regressor: of the parameters to be fitted.
+        sessions: recordings, evenly sampled, with position, efforts and the other known variables of the regressor in
+            the units of the model. The other variables pass the filter of the position.
+        regressor: of the parameters to fit.
         processing: filter and selection of rows.
-        known, targets: the measured position and efforts, by the model's names.
-        accept: "copied_rows" takes recordings that hold a stretch twice.
+        known, targets: names of the measured position and efforts in the model.
+        accept: "copied_rows" accepts recordings that contain a block twice.
 
-    Raises ModelError where the regressor has no value (naming the time) or all rows are too slow; TrajectoryError where
-    a recording is too short for the filter, or holds a copy of what another or itself has held before.
+    Raises ModelError if the regressor has no value (naming the time) or if all rows are too slow; TrajectoryError if a
+    recording is too short for the filter, or contains a copy of its own or another recording's rows.
 
     >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
     ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
@@ -176,8 +177,8 @@ def rows_of(
     threshold, unit = float(max(p["threshold"] for p in parts)), rate_unit(sessions[0].trajectory.unit(known))
     if not sum(lengths):
         raise ModelError(
-            f"the log stands still, or nearly so, all the time: never are all of '{known}' faster than {threshold:.3g} "
-            f"{unit}, {processing.mask_steps:g} steps of the position per sample; move faster, or lower mask_steps"
+            f"the log is at or near standstill all the time: '{known}' never moves faster than {threshold:.3g} "
+            f"{unit} in all axes, {processing.mask_steps:g} position steps per sample; move faster, or lower mask_steps"
         )
     notes = list(dict.fromkeys(s.trajectory.synthetic for s in sessions if s.trajectory.synthetic))
     first = sessions[0]
@@ -201,19 +202,18 @@ def rows_of(
 
 
 def recorded(sessions: Sequence[Session], signals: Sequence[str]) -> Data:
-    """These signals of the recordings, the last of them the efforts: positions may have been moved by a constant."""
+    """These signals of the recordings, the efforts last; positions may have been shifted by a constant."""
     if len({tuple(s.trajectory[n].shape[1:] for n in signals) for s in sessions}) > 1:
-        return Data()  # what evaluates them says what is wrong with their widths
+        return Data()  # the regressor reports wrong widths
     columns = {n: np.concatenate([s.trajectory[n] for s in sessions]) for n in signals}
     return Data(columns, signals[-1:], recordings=[(s.name, s.trajectory.time) for s in sessions])
 
 
 def with_offsets(rows: Rows, signal: str, *, per_session: bool = True) -> Rows:
-    """The rows with offsets of the measured efforts as further parameters, each recording's own or one for all.
+    """Return the rows with offsets of the measured efforts as further parameters, by recording or one for all.
 
-    They are named as by `Corrections`, "tau.offset[0] of session 2", and may be negative. An offset is what the reading
-    shows when the effort is zero. How well the motion determines them is in their intervals, and what they cost is in
-    the intervals of the others.
+    They are named as by `Corrections`, such as "tau.offset[0] of session 2", and may be negative. An offset is the
+    reading at zero effort. Free offsets widen the intervals of the other parameters.
 
     >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
     ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
@@ -249,13 +249,13 @@ def with_offsets(rows: Rows, signal: str, *, per_session: bool = True) -> Rows:
 
 
 def smallest_step(position: Array) -> float:
-    """Smallest change between two neighbouring samples [unit of the position]: the step of a quantised one."""
+    """Smallest change between neighbouring samples [unit of the position]: the step of a quantised signal."""
     steps = np.abs(np.diff(position.reshape(len(position), -1), axis=0))
     return float(np.min(steps[steps > 1e-12 * np.max(steps, initial=0.0)], initial=np.inf))
 
 
 def _noise_step(position: Array, low_pass: ZeroPhase | None, step: float) -> float:
-    """Standard deviation of the velocity's noise per sample: what that of the position leaves behind the filter."""
+    """Standard deviation of the velocity noise per sample: the position noise behind the filter."""
     kernel = np.ones(1) if low_pass is None else low_pass.kernel(step)
     rate, _ = velocity_and_acceleration(np.pad(kernel, 2 * HALF), 1.0)
     return position_noise(position) * float(np.linalg.norm(rate))
@@ -271,8 +271,8 @@ def _rows(
     lead += wide.end_rows(step) if prefiltered else 0
     if len(raw) <= 2 * (cut + lead):
         raise TrajectoryError(
-            f"'{session.name}' lasts {raw.duration:g} s; expected more than twice the {(cut + lead) * step:g} s that "
-            "the filter cuts off at either end, so record longer or raise the cut-off"
+            f"'{session.name}' lasts {raw.duration:g} s; the filter cuts {(cut + lead) * step:g} s off either end. "
+            "Record more than twice that, or raise the cut-off"
         )
     position, effort = (wide(raw[name], step) if prefiltered else raw[name] for name in (known, targets))
     quantum = how.position_step
@@ -284,9 +284,9 @@ def _rows(
     inside = slice(lead, len(raw) - lead)
     effort_rate, _ = velocity_and_acceleration(effort, step)
     time, position, effort, effort_rate = raw.time[inside], position[inside], effort[inside], effort_rate[inside]
-    given = {known: position, f"der({known})": rate[inside], f"der({known},2)": acceleration[inside]}
-    given |= {name: x[inside] for name, x in _further(raw, regressor, given, wide if prefiltered else None, step)}
-    values = regressor(*[given[s.name] for s in regressor.inputs])
+    signals = {known: position, f"der({known})": rate[inside], f"der({known},2)": acceleration[inside]}
+    signals |= {name: x[inside] for name, x in _further(raw, regressor, signals, wide if prefiltered else None, step)}
+    values = regressor(*[signals[s.name] for s in regressor.inputs])
     bad = np.flatnonzero(values.status != Status.OK)
     if bad.size:
         raise ModelError(
@@ -294,22 +294,22 @@ def _rows(
             "check the unit and the sign of the measured position"
         )
     n, m, p = values.Y.shape
-    velocity = given[f"der({known})"].reshape(n, -1)
+    velocity = signals[f"der({known})"].reshape(n, -1)
     fast = moving(velocity, step, quantum if np.isfinite(quantum) else 0.0, how.mask_steps)
-    # slower for longer than a period of the cut-off: standing still, not turning round
+    # slower for longer than a period of the cut-off: at standstill, not reversing
     still = np.asarray(
         scipy.ndimage.binary_dilation(scipy.ndimage.binary_opening(~fast.rows, np.ones(reach)), iterations=reach),
         dtype=bool,
     )
     rows = np.arange(cut, n - cut, every)
-    kept = (fast.rows & ~still)[rows]
+    valid = (fast.rows & ~still)[rows]
     columns = values.Y.reshape(n, m * p)
     used = np.any(columns != 0, axis=0)  # a cart's friction enters one effort of three
     together = np.concatenate([columns[:, used], values.y0, effort.reshape(n, m), effort_rate.reshape(n, m)], axis=1)
-    filtered, y0, efforts, rates = np.split(low_pass.every(together, step, every)[kept], [-3 * m, -2 * m, -m], axis=1)
+    filtered, y0, efforts, rates = np.split(low_pass.every(together, step, every)[valid], [-3 * m, -2 * m, -m], axis=1)
     Y = np.zeros((len(filtered), m * p))
     Y[:, used] = filtered
-    chosen = rows[kept]
+    chosen = rows[valid]
     return {
         "Y": Y.reshape(-1, m, p),
         "y0": y0,
@@ -324,11 +324,11 @@ def _rows(
 
 
 def _further(
-    raw: Trajectory, regressor: Regressor, given: Mapping[str, Array], low_pass: ZeroPhase | None, step: float
+    raw: Trajectory, regressor: Regressor, known: Mapping[str, Array], low_pass: ZeroPhase | None, step: float
 ) -> Iterator[tuple[str, Array]]:
-    """What a regressor takes besides the position and its rates, from the same log: values and up to two rates."""
+    """Other inputs of the regressor from the same log: values and up to two rates."""
     for signal in regressor.inputs:
-        if signal.name in given:
+        if signal.name in known:
             continue
         name, _, order = signal.name.removeprefix("der(").removesuffix(")").partition(",")
         values = raw[name].reshape(len(raw), *signal.shape)
@@ -340,7 +340,7 @@ def _further(
 def velocity_and_acceleration(position: Array, sample_time: float) -> tuple[Array, Array]:
     """Velocity and acceleration of rows (n, ...) by five-point central differences of fourth order.
 
-    The two rows at either end repeat their neighbours and are to be cut.
+    The two rows at either end repeat their neighbours; cut them.
     """
     rate, acceleration = (_correlated(position, w) for w in (FIRST, SECOND))
     return rate / sample_time, acceleration / sample_time**2

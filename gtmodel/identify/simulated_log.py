@@ -1,5 +1,4 @@
-"""Logs of a robot that was never measured: reference motions, carts that follow them, quantised positions and noisy
-efforts."""
+"""Synthetic logs of a robot: reference motions, carts that follow them, quantised positions and noisy efforts."""
 
 from __future__ import annotations
 
@@ -31,8 +30,8 @@ class Tracking:
     """How axes follow their references: q_m = b z^-delay / (1 - a z^-1) q_r (Dressler 2012, eqs. (6.10) and (6.11)).
 
     `b` and `a` have one number per axis; `delay` is in samples of `sample_time` [s]. The filter acts on the deviation
-    from the first reference: the printed gains b / (1 - a) are 0.999, 0.996 and 1.010, and a robot at rest does not
-    move for that. Raises ArgumentError for an unstable filter, other numbers of a than of b, and a negative delay.
+    from the first reference, so that a robot at rest stays at rest: the printed gains b / (1 - a) are 0.999, 0.996 and
+    1.010. Raises ArgumentError for an unstable filter, unequal numbers of a and b, and a negative delay.
 
     >>> tracking = gt.identify.Tracking(b=(0.5,), a=(0.5,), delay=1)
     >>> tracking.follow(np.array([[1.0], [2.0], [2.0], [2.0]]))[:, 0]
@@ -47,8 +46,8 @@ class Tracking:
     def __post_init__(self) -> None:
         if len(self.a) != len(self.b) or self.delay < 0 or not all(abs(a) < 1 for a in self.a):
             raise ArgumentError(
-                f"tracking takes as many a, each below 1 in size, as b, and a delay of 0 or more samples; found a = "
-                f"{self.a}, b = {self.b}, delay = {self.delay}"
+                f"tracking takes one a, below 1 in size, for each b, and a delay of 0 or more samples; found "
+                f"a = {self.a}, b = {self.b}, delay = {self.delay}"
             )
 
     def follow(self, reference: Array) -> Array:
@@ -63,8 +62,8 @@ class Tracking:
         return np.stack(columns, axis=1) + reference[0]
 
 
-APART = 0.15  # between the frequencies of neighbouring axes, as a share of them
-CLOSED = 1e-9  # of the motion's size: how far a motion that repeats may end from where it begins
+APART = 0.15  # relative difference between the frequencies of neighbouring axes
+CLOSED = 1e-9  # relative to the motion: allowed gap between the ends of a repeated motion
 
 
 def multisine(
@@ -75,15 +74,15 @@ def multisine(
     seed: int,
     ramp: float = 1.0,
 ) -> Array:
-    """Sums of sines (n, k) at the instants `time` (n,) [s] about `centre` (k,), which begin and end at rest there.
+    """Return sums of sines (n, k) about `centre` (k,) at the instants `time` (n,) [s], at rest there at both ends.
 
-    Dressler 2012, section 6.2, combines fast and slow motion in one experiment: here all `frequencies` [Hz] have the
-    same velocity amplitude, random phases by `seed`, and the sum stays within `half_range` (k,) of the centre. Each
-    coordinate has frequencies that differ a little from those of the others. Over the first and last `ramp` seconds the
-    motion grows and fades with three continuous derivatives.
+    Dressler 2012, section 6.2, combines fast and slow motion in one experiment. Here all `frequencies` [Hz] have the
+    same velocity amplitude, and random phases drawn with `seed`; the sum stays within `half_range` (k,) of the centre.
+    The frequencies differ slightly between the coordinates. The motion grows and fades over the first and last `ramp`
+    seconds with three continuous derivatives.
 
-    Raises ArgumentError for a ramp that is longer than half of the time, for no frequencies, and for one that is not
-    above zero.
+    Raises ArgumentError if the ramp is longer than half of the time, if there are no frequencies, and if one is not
+    positive.
 
     >>> time = np.arange(0.0, 8.0, 0.004)
     >>> q = gt.identify.multisine(time, np.array([1.0, 2.0]), np.array([0.4, 0.1]), np.array([0.5, 1.1]), seed=1)
@@ -95,13 +94,13 @@ def multisine(
         raise ArgumentError(f"expected one or more [Hz], above 0; found {f.tolist()}", "frequencies")
     length = float(time[-1] - time[0])
     if not 0 < 2 * ramp <= length:
-        raise ArgumentError(f"a motion of {length:g} s cannot grow and fade over {ramp:g} s each; take a shorter ramp")
+        raise ArgumentError(f"a motion of {length:g} s is too short for two ramps of {ramp:g} s; take a shorter ramp")
     rng = np.random.default_rng(seed)
     phases = rng.uniform(0, 2 * np.pi, (len(f), len(centre)))
-    # slightly other frequencies on each axis, so that no two axes repeat each other's pattern; none below a half
-    apart = min(APART, 1 / max(1, len(centre) - 1))
-    own = f[:, None] * (1 + apart * (np.arange(len(centre)) - (len(centre) - 1) / 2))
-    sines = np.sum(np.sin(2 * np.pi * own * time[:, None, None] + phases) / own, axis=1)
+    # slightly different frequencies on each axis, so that no two axes have the same pattern; none below a half
+    spread = min(APART, 1 / max(1, len(centre) - 1))
+    by_axis = f[:, None] * (1 + spread * (np.arange(len(centre)) - (len(centre) - 1) / 2))
+    sines = np.sum(np.sin(2 * np.pi * by_axis * time[:, None, None] + phases) / by_axis, axis=1)
     fade = _rise((time - time[0]) / ramp) * _rise((time[-1] - time) / ramp)
     shape = fade[:, None] * sines
     return np.asarray(centre, dtype=float) + np.asarray(half_range, dtype=float) * shape / np.max(np.abs(shape), axis=0)
@@ -114,11 +113,11 @@ def _rise(x: Array) -> Array:
 
 
 def read_motion(path: PathLike, robot: Model, synthetic: SyntheticLog) -> Array:
-    """The rows (n, ...) of the reference variable from a CSV or MATLAB file, for the `motion` of `synthetic_study`.
+    """Read the rows (n, ...) of the reference variable from a CSV or MATLAB file, as `motion` of `synthetic_study`.
 
-    The file has the variable's columns in SI, as the trajectory.csv of an excitation has; `synthetic` names the
-    variable and the sample time. Raises ArgumentError for a variable that the robot has not, a column that the file has
-    not, and another sample time.
+    The file has the columns of the variable in SI, like the trajectory.csv of an excitation; `synthetic` names the
+    variable and the sample time. Raises ArgumentError if the robot lacks the variable, the file lacks a column, or the
+    sample times differ.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> time = 0.004 * np.arange(1000)
@@ -129,7 +128,7 @@ def read_motion(path: PathLike, robot: Model, synthetic: SyntheticLog) -> Array:
     """
     _, unit = _reference(robot, synthetic)
     columns = {synthetic.reference: Column(synthetic.reference, unit)}
-    with naming("motion", ValueError):  # the log's, or that of a unit
+    with naming("motion", ValueError):  # errors of the log or of a unit
         recordings = read_log(path, columns, sample_time=synthetic.sample_time)
     return recordings[0].trajectory[synthetic.reference]
 
@@ -143,10 +142,9 @@ def _reference(robot: Model, synthetic: SyntheticLog) -> tuple[tuple[int, ...], 
 
 
 def reference_motion(known: str, s: SyntheticLog, plant: Model, seed: int, motion: Array | None = None) -> Array:
-    """(n, ...) of the known variable at the sample times, along sines of that seed, or along the given rows of the
-    reference variable.
+    """(n, ...) of the known variable at the sample times, from sines of that seed or from rows of the reference.
 
-    Raises ArgumentError: a variable that there is not, rows of another shape, a motion that leaves the reach.
+    Raises ArgumentError for an unknown variable, rows of another shape, and a motion outside the workspace.
     """
     shape, unit = _reference(plant, s)
     rows = _sines(s, shape, plant, seed) if motion is None else _repeated(s, np.asarray(motion, float), shape, unit)
@@ -157,10 +155,10 @@ def reference_motion(known: str, s: SyntheticLog, plant: Model, seed: int, motio
         outputs, status = function(rows)
     bad = np.flatnonzero(status != Status.OK)
     if bad.size:
-        argument, hint = ("motion", "take it nearer to the home") if motion is not None else (
+        argument, hint = ("motion", "move it closer to the home pose") if motion is not None else (
             "synthetic.half_range", "take a smaller half_range, or another centre")  # fmt: skip
         raise ArgumentError(
-            f"the motion leaves the reach of the robot at {bad[0] * s.sample_time:g} s "
+            f"the motion leaves the workspace of the robot at {bad[0] * s.sample_time:g} s "
             f"({Status(int(status[bad[0]])).message}); {hint}",
             argument,
         )
@@ -173,11 +171,11 @@ def _repeated(s: SyntheticLog, rows: Array, shape: tuple[int, ...], unit: str) -
         raise ArgumentError(f"has {wide} columns of '{s.reference}'; expected {shape[0] if shape else 1}", "motion")
     if s.repeats == 1:
         return rows
-    apart = float(np.max(np.abs(rows[-1] - rows[0])))
-    if apart > CLOSED * max(1.0, float(np.max(np.abs(rows)))):
+    gap = float(np.max(np.abs(rows[-1] - rows[0])))
+    if gap > CLOSED * max(1.0, float(np.max(np.abs(rows)))):
         raise ArgumentError(
-            f"the motion ends {apart:.3g} {unit} from where it begins and cannot run {s.repeats} times on end; take a "
-            "closed one, or repeats = 1",
+            f"the motion ends {gap:.3g} {unit} from its beginning and cannot be repeated {s.repeats} times; use a "
+            "closed motion, or repeats = 1",
             "synthetic.repeats",
         )
     return np.concatenate([*[rows[:-1]] * s.repeats, rows[-1:]])
@@ -188,14 +186,12 @@ def _sines(s: SyntheticLog, shape: tuple[int, ...], plant: Model, seed: int) -> 
     home = getattr(plant, "home", None) if s.reference == "T" else None
     centre = s.centre if s.centre is not None else home
     if centre is None or np.size(centre) != count:
-        raise ArgumentError(
-            f"expected {count} numbers, where the sines of '{s.reference}' have their middle", "synthetic.centre"
-        )
+        raise ArgumentError(f"expected {count} numbers, the centre of the sines of '{s.reference}'", "synthetic.centre")
     half = np.atleast_1d(np.asarray(s.half_range, dtype=float))
     if half.size not in (1, count):
         raise ArgumentError(f"has {half.size} numbers; expected one, or {count}", "synthetic.half_range")
     if not s.frequencies:
-        raise ArgumentError("is empty; expected one frequency or more", "synthetic.frequencies")
+        raise ArgumentError("is empty; expected at least one frequency", "synthetic.frequencies")
     time = s.sample_time * np.arange(round(s.duration / s.sample_time))
     with naming("synthetic.ramp", ValueError):
         rows = multisine(time, np.asarray(centre, dtype=float), np.broadcast_to(half, (count,)),
@@ -205,12 +201,12 @@ def _sines(s: SyntheticLog, shape: tuple[int, ...], plant: Model, seed: int) -> 
 
 @dataclass(frozen=True)
 class Sensors:
-    """What comes between a motion and its log.
+    """Quantisation and noise between a motion and its log.
 
-    `position_step` is the quantisation of the known variable [its unit], `effort_step` that of the targets, 0 for none.
-    `effort_noise` is the standard deviation of the noise of each target, one number or one each; `effort_colour` the
-    correlation of neighbouring samples of that noise, a first-order autoregression (0: white, the same standard
-    deviation). Raises ArgumentError for negative sizes and a colour outside [0, 1).
+    `position_step` is the quantisation of the known variable [its unit], `effort_step` that of the targets; 0 for none.
+    `effort_noise` is the standard deviation of the noise, one number for all targets or one each. `effort_colour` is
+    the correlation of neighbouring noise samples, a first-order autoregression with the same standard deviation (0:
+    white). Raises ArgumentError for negative sizes and a colour outside [0, 1).
 
     >>> gt.identify.Sensors(effort_noise=30.0, effort_colour=0.8).note
     'effort noise 30 (AR(1) 0.8), position step 1e-06, effort step 0, SI units'
@@ -230,7 +226,7 @@ class Sensors:
 
     @property
     def note(self) -> str:
-        """One line on quantisation and noise."""
+        """Quantisation and noise in one line."""
         colour = f"AR(1) {self.effort_colour:g}" if self.effort_colour else "white"
         noise = ", ".join(f"{x:g}" for x in np.atleast_1d(self.effort_noise))
         steps = f"position step {self.position_step:g}, effort step {self.effort_step:g}"
@@ -238,19 +234,19 @@ class Sensors:
 
 
 class LogSimulator:
-    """Logs of one motion of a plant, drawn by seed: the motion and the efforts are computed once.
+    """Logs of one motion of a plant, drawn by seed; the motion and the efforts are computed once.
 
     Args:
         model: the plant, with its true parameters.
         reference: (n, *shape) of the known variable at multiples of sample_time.
         sample_time: of the log [s].
-        known, targets: the measured position and the measured efforts, by name.
-        tracking: how the axes follow the reference; None: exactly.
+        known, targets: names of the measured position and the measured efforts.
+        tracking: how the axes follow the reference; None for exactly.
         branches: as for `Model.causal`.
 
-    `truth` is a Trajectory with the exact position, its two derivatives and the efforts; it can be pickled and so can
-    this object. Raises ModelError where the motion leaves the reach of the robot, with the time, and ArgumentError for
-    a tracking of another sample time.
+    `truth` is a Trajectory with the exact position, its two derivatives and the efforts. It can be pickled, and so can
+    the simulator. Raises ModelError if the motion leaves the workspace (naming the time), and ArgumentError if
+    `tracking` has another sample time.
 
     >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
     ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
@@ -278,15 +274,15 @@ class LogSimulator:
         rows = reference.reshape(len(reference), -1)
         if tracking is not None and not np.isclose(tracking.sample_time, sample_time, rtol=1e-9, atol=0):
             raise ArgumentError(
-                f"the tracking was identified at {tracking.sample_time:g} s, the log is to have {sample_time:g} s; "
-                "take the same sample time"
+                f"the tracking was identified at {tracking.sample_time:g} s, but the log has {sample_time:g} s; "
+                "use the same sample time"
             )
         time = sample_time * np.arange(len(rows), dtype=float)
         motion = smooth_motion(time, rows if tracking is None else tracking.follow(rows))
         q, rate, acceleration = (x.reshape(reference.shape) for x in motion)
-        given = {known: q, f"der({known})": rate, f"der({known},2)": acceleration}
+        signals = {known: q, f"der({known})": rate, f"der({known},2)": acceleration}
         f = compile_causal(model, known, targets, branches=branches)
-        efforts, status = f(*[given[s.name] for s in f.inputs])
+        efforts, status = f(*[signals[s.name] for s in f.inputs])
         bad = np.flatnonzero(status != Status.OK)
         if bad.size:
             raise ModelError(
@@ -297,10 +293,10 @@ class LogSimulator:
         units = {known: unit, targets: effort}
         units |= {name: rate_unit(unit, k) for k, name in ((1, f"der({known})"), (2, f"der({known},2)"))}
         self.known, self.targets, self.sample_time = known, targets, sample_time
-        self.truth = Trajectory(time, {**given, targets: efforts}, units, synthetic="exact motion, no noise")
+        self.truth = Trajectory(time, {**signals, targets: efforts}, units, synthetic="exact motion, no noise")
 
     def draw(self, seed: int | np.random.Generator, sensors: Sensors) -> Trajectory:
-        """A log: quantised position and noisy efforts, marked as synthetic with seed and noise. Same seed, same log."""
+        """Return a log: quantised position and noisy efforts, marked as synthetic. The same seed gives the same log."""
         rng = np.random.default_rng(seed)
         position, efforts = self.truth[self.known], self.truth[self.targets]
         noise = _noise(rng, efforts.reshape(len(efforts), -1).shape, sensors).reshape(efforts.shape)
@@ -322,5 +318,5 @@ def _noise(rng: np.random.Generator, shape: Sequence[int], sensors: Sensors) -> 
     white, c = rng.normal(size=tuple(shape)), sensors.effort_colour
     if not c:
         return size * white
-    white[1:] *= np.sqrt(1 - c**2)  # the first row is drawn from the stationary distribution
+    white[1:] *= np.sqrt(1 - c**2)  # the first row has the stationary distribution
     return size * np.asarray(scipy.signal.lfilter([1.0], [1.0, -c], white, axis=0))

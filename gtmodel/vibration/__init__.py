@@ -1,26 +1,26 @@
-"""How a robot vibrates: black boxes and M, D, K of recordings, oscillators of frequency responses. Knows no robot.
+"""Vibration of structures: black-box models and M, D, K from recordings, oscillators from frequency responses.
 
 Studies
-    study                the model of a recording that is asked for: `VibrationStudy`
-    Subspace, StepResponse, Impulse, Physical     which model, and what is known beside the recording
+    study                the model of a recording: `VibrationStudy`
+    Subspace, StepResponse, Impulse, Physical     which model, and prior knowledge
     matrices_study, Matrices    modes and signs of printed matrices
     synthetic_records    synthetic recordings of a SyntheticStructure, Steps or a Hit, with their Sampling
 Recordings
-    Record, FitStopped   one evenly sampled recording; a fit that was stopped
+    Record, FitStopped   one evenly sampled recording; an interrupted fit
     structure_record, hammer_record, step_record   synthetic recordings with seed and noise
 Black boxes (Dressler 2012, section 6.3)
     identify_step        delayed first-order model, eq. (6.11) -> control.TransferFunction
-    identify_subspace    N4SID, MOESP, CVA with order and held-out prediction -> control.StateSpace
-    identify_impulse     resonances and damping from what follows a hit
+    identify_subspace    N4SID, MOESP, CVA with order selection and held-out prediction -> control.StateSpace
+    identify_impulse     resonances and damping from the decay after a hit
     bandwidth            of a first-order pole
 Physical form
     physical_form        M^-1 K and M^-1 D of a model whose outputs are positions, eq. (6.14)
-    from_known           M, D, K where a force or masses are known
-    output_error         M, D, K nearest to the recording, symmetric positive definite or free, with covariance
-    continuous           matrix logarithm with its branch checked
+    from_known           M, D, K from a known force or known masses
+    output_error         M, D, K that fit the recording best, symmetric positive definite or free, with covariance
+    continuous           matrix logarithm with a check of its branch
     modes, sign_question    frequencies, damping, shapes, definiteness in words, eq. (6.15)
     definite_form        the nearest passive structure to printed matrices
-Oscillators of frequency responses, and their field over the pose
+Oscillators from frequency responses, and their field over the pose
     dynamic_stiffness_study, and all of `gtmodel.vibration.dynamic_stiffness` but its options
 """
 

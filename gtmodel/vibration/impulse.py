@@ -1,5 +1,5 @@
-"""Resonances from what a structure does after a hit: realisation from a Hankel matrix, then damped sines; their study
-with table, checks against a synthetic hit, picture and file."""
+"""Resonances from the decay after a hit: realisation from a Hankel matrix, then damped sines; the study with table,
+checks against a synthetic hit, plot and file."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ if TYPE_CHECKING:
 else:
     StateSpace = hint("control", "StateSpace")
 
-ROWS = 3  # the Hankel matrix has one row of blocks to this many columns
-MOST_ROWS = 200  # more cost time and determine no more
-REST = 10  # the last share of samples, one in so many, gives the rest position from which the realisation starts
-OVERLAP = 1.0  # distance over half-power widths: nearer peaks are one to the eye
+ROWS = 3  # the Hankel matrix has one block row for this many columns
+MOST_ROWS = 200  # more cost time and determine nothing more
+REST = 10  # the last tenth of the samples gives the rest position from which the realisation starts
+OVERLAP = 1.0  # distance over half-power widths: nearer peaks look like one
 
 
 @dataclass(frozen=True)
 class Resonance:
-    """One mode: undamped frequency [Hz], damping ratio, amplitude (p,) by output at time 0, and `damped_Hz`, where the
-    peak of the decay stands."""
+    """One mode: undamped frequency [Hz], damping ratio, amplitude (p,) by output at time 0, and `damped_Hz`, the
+    frequency of the peak."""
 
     frequency_Hz: float
     damping: float
@@ -47,7 +47,7 @@ class Resonance:
 
     @property
     def damped_Hz(self) -> float:
-        """Frequency of the decaying vibration [Hz]: the undamped one times sqrt(1 - damping^2)."""
+        """Damped frequency [Hz]: the undamped one times sqrt(1 - damping^2)."""
         return self.frequency_Hz * float(np.sqrt(1 - self.damping**2))
 
 
@@ -55,11 +55,11 @@ class Resonance:
 class ImpulseModel:
     """Resonances, slowest first, fitted to all samples after the hit.
 
-    `distance` (modes - 1,): between neighbours in half the sum of their half-power widths, below 1 they overlap.
-    `system` control.StateSpace in discrete time whose impulse response is the decay; `rest` (p,) where the outputs come
-    to rest. `criterion` by number of modes tried: Bayesian information criterion, least is taken. `estimate` names
-    "f[0]" [Hz], "zeta[0]", ... in the order of the resonances; `residual` (p,) rms; `notes`: colour of residuals,
-    overlaps.
+    `distance` (modes - 1,) between neighbours, over half the sum of their half-power widths; below 1 they overlap.
+    `system` is the discrete-time control.StateSpace whose impulse response is the decay; `rest` (p,) is the rest
+    position of the outputs. `criterion` is the Bayesian information criterion by number of modes; the least one is
+    selected. `estimate` names "f[0]" [Hz], "zeta[0]", ... in the order of the resonances; `residual` (p,) is the rms;
+    `notes` report coloured residuals and overlaps.
     """
 
     resonances: tuple[Resonance, ...]
@@ -85,15 +85,15 @@ def identify_impulse(
     largest: int = MOST_MODES,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> ImpulseModel:
-    """Resonances of the outputs of a record that begins after the hit, when no force acts any more.
+    """Fit the resonances of a record that begins after the hit, when no force acts any more.
 
     Args:
-        modes: how many; by the Bayesian information criterion if left out, at most `largest`.
-        interrupted: asked before each number of resonances; True ends the fit with FitStopped.
+        modes: number of modes; the Bayesian information criterion selects it if left out, up to `largest`.
+        interrupted: called before each number of modes; True ends the fit with FitStopped.
 
-    The eigensystem realisation gives starts, least squares on damped sines about a rest position the values
-    (amplitudes eliminated, variable projection); intervals are for white noise, of an unknown size at each output.
-    Raises ArgumentError: too few samples, inputs that are not zero, nothing that vibrates.
+    The eigensystem realisation gives start values. Least squares fits damped sines about a rest position (variable
+    projection eliminates the amplitudes). The intervals assume white noise of unknown size at each output. Raises
+    ArgumentError for too few samples, inputs that are not zero, and records without vibration.
 
     >>> record = gt.vibration.hammer_record(
     ...     [7.4], [0.03], [[5e-4]], samples=500, sample_time=0.004, noise=1e-6, seed=1
@@ -104,14 +104,14 @@ def identify_impulse(
     """
     if np.any(record.u):
         k = int(np.flatnonzero(np.any(record.u != 0, axis=1))[0])
-        raise ArgumentError(f"the input at sample {k} is not zero; expected a record that begins after the hit: cut it")
-    wanted = range(1, largest + 1) if modes is None else [modes]
-    if min(wanted, default=0) < 1:
-        raise ArgumentError(f"{modes if modes is not None else largest} resonances were asked for; expected at least 1")
+        raise ArgumentError(f"the input at sample {k} is not zero; cut the record so that it begins after the hit")
+    numbers_of_modes = range(1, largest + 1) if modes is None else [modes]
+    if min(numbers_of_modes, default=0) < 1:
+        raise ArgumentError(f"{modes if modes is not None else largest} resonances requested; expected at least 1")
     fits: dict[int, _Sines] = {}
     decay = record.y - record.y[-max(len(record) // REST, 1) :].mean(axis=0)
-    realised = realisations(decay, [2 * k for k in wanted])
-    for _ in wanted:
+    realised = realisations(decay, [2 * k for k in numbers_of_modes])
+    for _ in numbers_of_modes:
         go_on(interrupted)
         poles = next(realised)[3]
         s = continuous_poles(poles[np.imag(poles) > 0], record.sample_time)
@@ -121,15 +121,15 @@ def identify_impulse(
             fits[len(s)] = fit
     if not fits or (modes is not None and modes not in fits):
         raise ArgumentError(
-            f"{'nothing' if not fits else f'{min(fits)} of {modes} modes'} in the {len(record)} samples decays and "
-            "vibrates at least once; begin just after the hit, record longer, or ask for fewer modes"
+            f"{'nothing' if not fits else f'only {min(fits)} of {modes} modes'} in the {len(record)} samples decays "
+            "and vibrates at least once; begin just after the hit, record longer, or set fewer modes"
         )
     best = min(fits, key=lambda k: fits[k].criterion) if modes is None else modes
-    still = _at_rest(record)
-    if fits[best].criterion >= still:
+    criterion_at_rest = _at_rest(record)
+    if fits[best].criterion >= criterion_at_rest:
         raise ArgumentError(
             f"rest and noise explain the {len(record)} samples as well as {best} resonance{'s' * (best > 1)}: "
-            "nothing stands out that decays and vibrates; begin just after the hit, or hit harder"
+            "no vibration is visible; begin just after the hit, or hit harder"
         )
     return fits[best].model(record, {k: f.criterion for k, f in sorted(fits.items())})
 
@@ -137,9 +137,9 @@ def identify_impulse(
 def realisations(
     y: np.ndarray, orders: Iterable[int], rows: int | None = None
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-    """A (n, n), C (p, n), x0 (n,) and the poles of y[k] = C A^k x0 by the eigensystem realisation, by order n.
+    """A (n, n), C (p, n), x0 (n,) and the poles of y[k] = C A^k x0 by the eigensystem realisation, for each order n.
 
-    y (N, p) or (N,). Source: Juang and Pappa 1985. Raises ArgumentError: too few samples for an order.
+    y (N, p) or (N,). Source: Juang and Pappa 1985. Raises ArgumentError for too few samples.
     """
     y = columns(y, "outputs")
     p = y.shape[1]
@@ -159,7 +159,7 @@ def realisations(
 
 @dataclass(frozen=True, eq=False)
 class _Sines:
-    """Damped sines about a rest position, fitted."""
+    """Fitted damped sines about a rest position."""
 
     x: np.ndarray
     estimate: Estimate
@@ -169,10 +169,9 @@ class _Sines:
 
     @classmethod
     def fit(cls, record: Record, s: np.ndarray) -> _Sines | None:
-        """From starting poles [1/s]; None where the iteration does not arrive or leaves decaying sines.
+        """Fit from start poles [1/s]; None if the iteration does not converge or leaves decaying sines.
 
-        Every output counts by its own noise, as the previous fit estimates it: maximum likelihood for noises of unknown
-        sizes.
+        The weight of each output is its noise in the previous fit: maximum likelihood for unknown noise sizes.
         """
         weights, live = np.ones(record.y.shape[1]), _live(record.y)
         sines = cls._fit(record, s, weights)
@@ -197,7 +196,7 @@ class _Sines:
 
         def misfit(x: np.ndarray) -> np.ndarray:
             if np.any(x[::2] <= 0) or np.any(np.abs(x[1::2]) >= 1):
-                raise ValueError("no decaying sines")
+                raise ValueError("not decaying sines")
             Q, _ = np.linalg.qr(_columns(t, x))
             return (Q @ (Q.T @ y) - y).T.ravel()
 
@@ -230,9 +229,9 @@ class _Sines:
         import control
 
         order = np.argsort(self.x[::2])
-        moved = (2 * order[:, None] + [0, 1]).ravel()
+        rows = (2 * order[:, None] + [0, 1]).ravel()
         e = replace(
-            self.estimate, values=self.estimate.values[moved], covariance=self.estimate.covariance[moved][:, moved]
+            self.estimate, values=self.estimate.values[rows], covariance=self.estimate.covariance[rows][:, rows]
         )
         resonances, blocks, B, C = [], [], [], []
         for k in order:
@@ -265,7 +264,7 @@ class _Sines:
         nyquist = 0.5 / record.sample_time
         notes += [
             f"a mode at {r.damped_Hz:.4g} Hz is near the Nyquist frequency of {nyquist:.4g} Hz: these samples cannot "
-            f"tell it from one at {2 * nyquist - r.damped_Hz:.4g} Hz"
+            f"distinguish it from one at {2 * nyquist - r.damped_Hz:.4g} Hz"
             for r in resonances
             if r.damped_Hz > NEAR * nyquist
         ]
@@ -276,18 +275,18 @@ class _Sines:
 
 
 def _at_rest(record: Record) -> float:
-    """The criterion of a record in which nothing vibrates: rest positions and noise."""
+    """The criterion of a record without vibration: rest positions and noise."""
     y = record.y[:, _live(record.y)]
     return _criterion(y, y.mean(axis=0), y.shape[1])
 
 
 def _live(y: np.ndarray) -> np.ndarray:
-    """(p,) which outputs move at all: a dead one has no noise, and its samples are no degrees of freedom."""
+    """(p,) outputs that move; a constant one has no noise, and its samples add no degrees of freedom."""
     return np.ptp(y, axis=0) > 0
 
 
 def _criterion(y: np.ndarray, fitted: np.ndarray, count: int) -> float:
-    """Bayesian information criterion of `count` unknowns, each output with noise of its own size."""
+    """Bayesian information criterion of `count` unknowns, with another noise size at each output."""
     level = np.finfo(float).eps ** 2 * float(np.sum(y**2))
     rss = np.sum((fitted - y) ** 2, axis=0)
     return float(len(y) * np.sum(np.log((rss + level) / len(y)))) + count * float(np.log(y.size))
@@ -303,12 +302,12 @@ def _columns(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     return np.stack(shapes, axis=1)
 
 
-WITHIN = 0.01  # of synthetic hits: largest relative error of a frequency, or what their noise explains
+WITHIN = 0.01  # largest relative error of a frequency for synthetic hits, unless their noise explains more
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ImpulseStudy(VibrationStudy):
-    """Resonances of a decay; `model` is what was fitted."""
+    """Resonances of a decay; `model` is the fit."""
 
     model: ImpulseModel | None = None
 
@@ -329,10 +328,10 @@ class ImpulseStudy(VibrationStudy):
 
 
 def impulse_study(
-    record: Record, given: Impulse, truth: Hit | None, title: str, interrupted: Callable[[], bool]
+    record: Record, options: Impulse, truth: Hit | None, title: str, interrupted: Callable[[], bool]
 ) -> ImpulseStudy:
     """Fit the decay. Raises ArgumentError, FitStopped."""
-    m = identify_impulse(record, modes=given.modes, largest=given.largest, interrupted=interrupted)
+    m = identify_impulse(record, modes=options.modes, largest=options.largest, interrupted=interrupted)
     frequency, damping = [r.frequency_Hz for r in m.resonances], [r.damping for r in m.resonances]
     text = tomli_w.dumps({"frequency_Hz": frequency, "damping": damping})
     return ImpulseStudy(

@@ -1,5 +1,5 @@
-"""Modes of M x'' + D x' + K x = f, what the signs of its matrices mean (Dressler 2012, eq. (6.15)), the nearest
-symmetric positive definite M, D and K, and the study of printed matrices, which asks for all three."""
+"""Modes of M x'' + D x' + K x = f, the meaning of the signs of its matrices (Dressler 2012, eq. (6.15)), the nearest
+symmetric positive definite M, D and K, and the study of printed matrices."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from ..results.work import WorkOptions, study_function
 from .options import Matrices
 from .vibration_result import VibrationStudy, numbers, pairs_of, rows_of
 
-REAL = 1e-9  # relative: imaginary, or real, parts below are rounding
-FREE = 1e-7  # of the largest pole: the two poles of a free motion are accurate to the root of rounding only
-SYMMETRIC = 1e-9  # relative asymmetry that is rounding
-# changes of sign of D and K, the printed ones first
+REAL = 1e-9  # relative: smaller imaginary, or real, parts are rounding errors
+FREE = 1e-7  # relative to the largest pole: the poles of a free motion are only accurate to the square root of rounding
+SYMMETRIC = 1e-9  # relative asymmetry from rounding
+# sign changes of D and K, as printed first
 SIGNS = {"as printed": (1, 1), "K flipped": (1, -1), "D flipped": (-1, 1), "D and K flipped": (-1, -1)}
 
 
@@ -30,10 +30,10 @@ SIGNS = {"as printed": (1, 1), "K flipped": (1, -1), "D flipped": (-1, 1), "D an
 class Modes:
     """Modes of a matrix triple of p coordinates, slowest first.
 
-    `eigenvalues` (p,) of M^-1 K [1/s2]; `frequency_Hz` (p,) = sqrt(abs) / 2 pi, those of det(M lambda + K) = 0 with
-    lambda = -eigenvalue; `shapes` (p, p) by column, largest entry 1, complex where eigenvalues are. `poles` (2p,) [1/s]
-    of M s^2 + D s + K, with `pole_Hz` = abs / 2 pi and `damping` = -Re / abs. `stable`: all poles left of the
-    axis by more than rounding. `notes`: definiteness and signs in sentences.
+    `eigenvalues` (p,) of M^-1 K [1/s2]; `frequency_Hz` (p,) = sqrt(abs) / 2 pi, from det(M lambda + K) = 0 with
+    lambda = -eigenvalue; `shapes` (p, p) by column, largest entry 1, complex if the eigenvalues are. `poles` (2p,)
+    [1/s] of M s^2 + D s + K, with `pole_Hz` = abs / 2 pi and `damping` = -Re / abs. `stable`: all poles are left of the
+    imaginary axis by more than rounding. `notes`: sentences on definiteness and signs.
     """
 
     eigenvalues: np.ndarray
@@ -59,10 +59,10 @@ class Modes:
 
 
 def modes(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> Modes:
-    """Modes of M x'' + D x' + K x = 0; M, D, K (p, p) [kg, N.s/m, N/m], of any sign, symmetric or not.
+    """Return the modes of M x'' + D x' + K x = 0; M, D, K (p, p) [kg, N.s/m, N/m], of any sign, symmetric or not.
 
-    Nothing is repaired: `notes` say what is not symmetric, not positive definite or unstable. Raises ArgumentError for
-    shapes that differ, numbers that are not finite, and a singular M.
+    The matrices are used as they are: `notes` report asymmetric, indefinite and unstable ones. Raises ArgumentError for
+    unequal shapes, numbers that are not finite, and a singular M.
 
     >>> M, D = np.diag([30.0, 12.0]), np.array([[210.0, -60.0], [-60.0, 60.0]])
     >>> K = np.array([[150e3, -90e3], [-90e3, 90e3]])
@@ -85,7 +85,7 @@ def modes(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> Modes:
 
 
 def on_axis(poles: np.ndarray) -> np.ndarray:
-    """Which poles neither grow nor decay but for rounding: undamped vibrations, and free motions of a body."""
+    """Poles that neither grow nor decay within rounding: undamped vibrations and free motions."""
     size = np.abs(poles)
     return (np.abs(np.real(poles)) <= REAL * size) | (size <= FREE * size.max(initial=0.0))
 
@@ -96,7 +96,7 @@ def pencil_poles(M: np.ndarray, D: np.ndarray, K: np.ndarray) -> np.ndarray:
 
 
 def definiteness(X: np.ndarray) -> str:
-    """In words: x'X x over all x by its symmetric part, its asymmetry, and the eigenvalues of X where they differ."""
+    """In words: the sign of x'X x from the symmetric part, and the eigenvalues of an asymmetric X."""
     ends = np.linalg.eigvalsh((X + X.T) / 2)
     size = np.abs(ends).max()
     if size == 0 and not np.any(X):
@@ -117,18 +117,18 @@ def definiteness(X: np.ndarray) -> str:
     return f"not symmetric; its symmetric part is {text}, its eigenvalues are {eigenvalues}"
 
 
-def matrices(*given: ArrayLike) -> tuple[np.ndarray, ...]:
+def matrices(*values: ArrayLike) -> tuple[np.ndarray, ...]:
     """Square matrices of one size, M first. Raises ArgumentError."""
-    arrays = tuple(np.asarray(X, float) for X in given)
+    arrays = tuple(np.asarray(X, float) for X in values)
     shape = arrays[0].shape
     if len(shape) != 2 or shape[0] != shape[1] or shape[0] == 0 or any(X.shape != shape for X in arrays):
         raise ArgumentError(
-            f"the matrices have the shapes {', '.join(str(X.shape) for X in arrays)}; expected square ones of one size"
+            f"the matrices have the shapes {', '.join(str(X.shape) for X in arrays)}; expected equal square ones"
         )
     if not all(np.isfinite(X).all() for X in arrays):
-        raise ArgumentError("a matrix holds a number that is not finite; expected finite numbers")
+        raise ArgumentError("a matrix has a number that is not finite; expected finite numbers")
     if np.linalg.cond(arrays[0]) > 1 / np.finfo(float).eps:
-        raise ArgumentError("M is singular: a coordinate has no inertia; leave it out, or give its mass")
+        raise ArgumentError("M is singular: a coordinate has no inertia; leave it out, or set its mass")
     return arrays
 
 
@@ -141,12 +141,12 @@ def _signs(values: np.ndarray, poles: np.ndarray) -> list[str]:
     else:
         n = int(np.sum(values <= 0))
         notes.append(f"M^-1 K has {n} of {len(values)} eigenvalues that are not positive: without damping they diverge")
-    held = on_axis(poles)
-    unstable, still = poles[(np.real(poles) > 0) & ~held], int(np.sum(held))
-    if not unstable.size and not still:
+    neutral = on_axis(poles)
+    unstable, count = poles[(np.real(poles) > 0) & ~neutral], int(np.sum(neutral))
+    if not unstable.size and not count:
         notes.append("M s^2 + D s + K is stable")
     elif not unstable.size:
-        notes.append(f"M s^2 + D s + K is undamped: {still} of {len(poles)} poles neither grow nor decay")
+        notes.append(f"M s^2 + D s + K is undamped: {count} of {len(poles)} poles neither grow nor decay")
     else:
         growth = np.real(unstable).max()
         notes.append(
@@ -156,7 +156,7 @@ def _signs(values: np.ndarray, poles: np.ndarray) -> list[str]:
 
 
 def sign_question(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> tuple[str, ...]:
-    """Which changes of sign of D, K or both make M s^2 + D s + K stable: one sentence for each, with the poles.
+    """Test which sign changes of D, K or both make M s^2 + D s + K stable: one sentence for each, with the poles.
 
     Source of the question: the printed K of Dressler 2012, eq. (6.15).
 
@@ -166,24 +166,24 @@ def sign_question(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> tuple[str, ...]:
     'K flipped: stable, poles at 5.837, 16.81 Hz'
     """
     M, D, K = matrices(M, D, K)
-    said = []
+    sentences = []
     for name, (d, k) in SIGNS.items():
         m = modes(M, d * D, k * K)
-        at = ", ".join(f"{f:.4g}" for f in _distinct(m.pole_Hz))
-        said.append(f"{name}: {'stable' if m.stable else 'unstable'}, poles at {at} Hz")
-    return tuple(said)
+        frequencies = ", ".join(f"{f:.4g}" for f in _distinct(m.pole_Hz))
+        sentences.append(f"{name}: {'stable' if m.stable else 'unstable'}, poles at {frequencies} Hz")
+    return tuple(sentences)
 
 
 def _distinct(numbers: np.ndarray) -> Sequence[float]:
-    kept: list[float] = []
+    distinct: list[float] = []
     for x in sorted(numbers):
-        if not kept or x - kept[-1] > 1e-9 * max(x, 1e-300):
-            kept.append(float(x))
-    return kept
+        if not distinct or x - distinct[-1] > 1e-9 * max(x, 1e-300):
+            distinct.append(float(x))
+    return distinct
 
 
 def _sorted(poles: np.ndarray) -> np.ndarray:
-    """By modulus, a pair together with the positive imaginary part first."""
+    """By modulus; of a pair, the positive imaginary part first."""
     return np.array(sorted(poles, key=lambda s: (round(abs(s), 9), round(s.real, 9), -s.imag)))
 
 
@@ -193,11 +193,11 @@ def _number(v: complex) -> str:
 
 @dataclass(frozen=True, eq=False)
 class DefiniteForm:
-    """Symmetric M and K (p, p), positive definite, with the given M^-1 K, and the nearest symmetric D >= 0.
+    """Symmetric positive definite M and K (p, p) with the original M^-1 K, and the nearest symmetric D >= 0.
 
-    trace(M) is that of the given M. `asymmetry`: relative size of the part of D that no choice of M makes symmetric;
-    `raised`: relative size of what was added to make D positive semidefinite; both 0 for a passive structure. `notes`
-    say so.
+    trace(M) is the original one. `asymmetry`: relative size of the part of D that no choice of M makes symmetric;
+    `raised`: relative size of the part added to make D positive semidefinite; both are 0 for a passive structure.
+    `notes` report them.
     """
 
     M: np.ndarray
@@ -209,12 +209,13 @@ class DefiniteForm:
 
 
 def definite_form(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> DefiniteForm:
-    """A passive structure with the frequencies and shapes of M x'' + K x = 0 and damping as near to D as may be.
+    """Return a passive structure with the frequencies and shapes of M x'' + K x = 0 and damping as near to D as
+    possible.
 
     With M^-1 K = V diag(w^2) V^-1, M = V^-T S V^-1 and K = V^-T S diag(w^2) V^-1 are symmetric positive definite for
-    every diagonal S > 0; S makes D = M (M^-1 D) as symmetric as it gets, in modal coordinates of unit mass, where its
-    symmetric part is then projected on the positive semidefinite ones. Raises ArgumentError for other shapes, a
-    singular M, and M^-1 K with an eigenvalue that is not real and positive: no such structure has those modes.
+    every diagonal S > 0. S makes D = M (M^-1 D) as symmetric as possible in modal coordinates of unit mass; its
+    symmetric part there is then projected onto the positive semidefinite matrices. Raises ArgumentError for wrong
+    shapes, a singular M, and an eigenvalue of M^-1 K that is not real and positive: no passive structure has it.
 
     >>> M, D = np.diag([30.0, 12.0]), np.array([[210.0, -60.0], [-60.0, 60.0]])
     >>> K = np.array([[150e3, -80e3], [-90e3, 90e3]])  # not symmetric, as printed or measured
@@ -233,8 +234,8 @@ def definite_form(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> DefiniteForm:
     if np.abs(np.imag(values)).max() > REAL * np.abs(values).max() or np.any(np.real(values) <= 0):
         eigenvalues = ", ".join(f"{v:.4g}" for v in values)
         raise ArgumentError(
-            f"M^-1 K has the eigenvalues {eigenvalues} 1/s2; a structure with symmetric positive definite M and K has "
-            "positive ones only: look at the signs of M and K"
+            f"M^-1 K has the eigenvalues {eigenvalues} 1/s2; for symmetric positive definite M and K all are positive: "
+            "check the signs of M and K"
         )
     V = np.real(V)
     C = np.linalg.solve(V, X_D @ V)
@@ -252,16 +253,16 @@ def definite_form(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> DefiniteForm:
     S = scaled(x)
     asymmetry = float(np.linalg.norm(S - S.T) / 2 / max(float(np.linalg.norm(S)), 1e-300))
     w, Q = np.linalg.eigh((S + S.T) / 2)
-    above = np.maximum(w, 0.0)
-    raised = float(np.linalg.norm(above - w) / max(float(np.linalg.norm(w)), 1e-300))
+    clipped = np.maximum(w, 0.0)
+    raised = float(np.linalg.norm(clipped - w) / max(float(np.linalg.norm(w)), 1e-300))
     # mass-normalised shapes P with P' M P = 1
     W = np.exp(np.append(0.0, x) / 2)[:, None] * np.linalg.inv(V)
-    m, d = W.T @ W, W.T @ (Q * above) @ Q.T @ W
+    m, d = W.T @ W, W.T @ (Q * clipped) @ Q.T @ W
     k = W.T @ np.diag(np.real(values)) @ W
     size = abs(float(np.trace(M0))) / float(np.trace(m))
-    notes = ["M and K are symmetric and positive definite, with the frequencies and shapes of the given M^-1 K"]
+    notes = ["M and K are symmetric and positive definite, with the frequencies and shapes of the original M^-1 K"]
     if asymmetry > REAL:
-        notes.append(f"{100 * asymmetry:.3g} % of the damping is not symmetric for any M: that part was left out")
+        notes.append(f"{100 * asymmetry:.3g} % of the damping is not symmetric for any M: that part was dropped")
     if raised > REAL:
         notes.append(
             f"the damping is not passive: {100 * raised:.3g} % was added to make D positive semidefinite"
@@ -274,7 +275,7 @@ _TRIED = ("as printed", "D and K flipped", "K flipped", "D flipped")  # for a pa
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MatricesStudy(VibrationStudy):
-    """Modes of printed matrices; nothing is repaired silently."""
+    """Modes of printed matrices, which are never changed without a note."""
 
     def _model_rows(self) -> list[Row]:
         rows = [
@@ -295,10 +296,11 @@ class MatricesStudy(VibrationStudy):
 
 @study_function
 def matrices_study(matrices: Matrices, **work_options: Unpack[WorkOptions]) -> MatricesStudy:
-    """Modes of M x'' + D x' + K x = f as printed, which signs make them stable, the nearest passive structure.
+    """Compute the modes of M x'' + D x' + K x = f as printed, the signs that make them stable, and the nearest passive
+    structure.
 
-    matrices: M [kg], D [kg/s] and K [N/m], and modes [Hz] printed beside them, to be reproduced. Nothing here takes
-    long enough for progress, max_seconds or stop to matter. Raises ArgumentError.
+    matrices: M [kg], D [kg/s] and K [N/m], and modes [Hz] printed with them, to be reproduced. The study is too fast
+    for progress, max_seconds or stop to matter. Raises ArgumentError.
 
     >>> from gtmodel.vibration import Matrices, matrices_study
     >>> s = matrices_study(Matrices(M=[[2.0]], D=[[0.4]], K=[[200.0]]))
@@ -312,17 +314,17 @@ def matrices_study(matrices: Matrices, **work_options: Unpack[WorkOptions]) -> M
         signs = sign_question(M, D, K)
     except ValueError as error:
         raise ArgumentError(str(error), "matrices") from error
-    others = {name: modes(M, d * D, k * K) for name in _TRIED for d, k in [SIGNS[name]]}
-    chosen, definite, refused = _passive(M, D, K, others)
+    by_signs = {name: modes(M, d * D, k * K) for name in _TRIED for d, k in [SIGNS[name]]}
+    chosen, definite, refused = _passive(M, D, K, by_signs)
     notes = [*printed.notes, *(definite.notes if definite else [refused])]
     if definite and chosen != "as printed":
-        notes.append(f"{chosen} is very likely meant: an inference from stability, not in print")
+        notes.append(f"probably {chosen} is meant: this is inferred from stability, not printed")
     return MatricesStudy(
         status=SolveStatus.SOLVED,
         message="stable as printed" if printed.stable else "unstable as printed; see the signs",
         title=work.title,
         checks=_checks(matrices, printed),
-        figures={"poles": partial(_figure, others, definite, chosen, work.title or "poles")},
+        figures={"poles": partial(_figure, by_signs, definite, chosen, work.title or "poles")},
         notes=notes,
         frequency=printed.frequency_Hz,
         damping=printed.damping,
@@ -339,10 +341,10 @@ def matrices_study(matrices: Matrices, **work_options: Unpack[WorkOptions]) -> M
 def _passive(
     M: np.ndarray, D: np.ndarray, K: np.ndarray, by_signs: dict[str, Modes]
 ) -> tuple[str, DefiniteForm | None, str]:
-    """The first choice of signs that is stable, its passive structure, or why there is none."""
+    """The first choice of signs that is stable, and its passive structure or the reason why there is none."""
     stable = [name for name, m in by_signs.items() if m.stable]
     if not stable:
-        return "", None, "no choice of signs of D and K is stable: no passive structure is offered"
+        return "", None, "no choice of signs of D and K is stable, so there is no passive structure"
     d, k = SIGNS[stable[0]]
     try:
         return stable[0], definite_form(M, d * D, k * K), ""
@@ -350,21 +352,21 @@ def _passive(
         return stable[0], None, str(error)
 
 
-def _checks(given: Matrices, printed: Modes) -> dict[str, Check]:
-    if not given.published:
+def _checks(options: Matrices, printed: Modes) -> dict[str, Check]:
+    if not options.published:
         return {}
-    if len(given.published) != len(printed.frequency_Hz):
+    if len(options.published) != len(printed.frequency_Hz):
         raise ArgumentError(
-            f"has {len(given.published)} modes; the matrices have {len(printed.frequency_Hz)}", "matrices.published"
+            f"has {len(options.published)} modes; the matrices have {len(printed.frequency_Hz)}", "matrices.published"
         )
-    error = float(np.abs(np.sort(given.published) - printed.frequency_Hz).max())
-    return {"published_Hz": at_most(error, given.published_digits)}
+    error = float(np.abs(np.sort(options.published) - printed.frequency_Hz).max())
+    return {"published_Hz": at_most(error, options.published_digits)}
 
 
 def _figure(by_signs: dict[str, Modes], definite: DefiniteForm | None, chosen: str, title: str) -> Any:
     from ..plot.vibration import poles_figure
 
-    shown = {name: by_signs[name].poles for name in dict.fromkeys(["as printed", chosen]) if name}
+    poles = {name: by_signs[name].poles for name in dict.fromkeys(["as printed", chosen]) if name}
     if definite:
-        shown["nearest passive structure"] = modes(definite.M, definite.D, definite.K).poles
-    return poles_figure(shown, by_signs["as printed"].frequency_Hz, title=title)
+        poles["nearest passive structure"] = modes(definite.M, definite.D, definite.K).poles
+    return poles_figure(poles, by_signs["as printed"].frequency_Hz, title=title)

@@ -1,4 +1,4 @@
-"""What a vibration study is asked for: which model, what is known beside the recording, synthetic data."""
+"""Options of a vibration study: the model, prior knowledge, synthetic data."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Annotated, Literal
 
 from ..results.options import Options, Unit, Within
 
-HELD_OUT = 1 / 3  # of the samples, at the end: judged, never fitted
-LARGEST = 12  # order tried when none is asked for: that of the largest model of Dressler 2012, section 6.3
-BLOCK_ROWS = 20  # past and future each: covers some periods of what a 4 ms loop can see, and costs little
-LONGEST = 25  # samples of delay tried when none is given: 100 ms at 4 ms
-MOST_MODES = 4  # resonances tried when their number is not given
+HELD_OUT = 1 / 3  # share of the samples, at the end, for validation only
+LARGEST = 12  # default largest order: that of the largest model of Dressler 2012, section 6.3
+BLOCK_ROWS = 20  # past and future each: cover some periods of the modes that a 4 ms loop can measure, at low cost
+LONGEST = 25  # default longest delay in samples: 100 ms at 4 ms
+MOST_MODES = 4  # default largest number of resonances
 
 
 @dataclass(frozen=True)
@@ -24,16 +24,16 @@ class Subspace(Options):
     """
 
     method: Annotated[Literal["moesp", "n4sid", "cva"], "how past and future are weighted"] = "moesp"
-    order: Annotated[int | None, Within(least=1), "number of states; by held-out error if left out"] = None
-    largest_order: Annotated[int, Within(least=1), "tried at most"] = LARGEST
+    order: Annotated[int | None, Within(least=1), "number of states; default: selected by held-out error"] = None
+    largest_order: Annotated[int, Within(least=1), "largest order to try"] = LARGEST
     block_rows: Annotated[int, Within(least=2), "of past and future each"] = BLOCK_ROWS
-    held_out: Annotated[float, Within(above=0.0, below=1.0), "share of the samples judged, not fitted"] = HELD_OUT
-    feedthrough: Annotated[bool, "whether the input acts on the output at once"] = False
+    held_out: Annotated[float, Within(above=0.0, below=1.0), "share of the samples for validation only"] = HELD_OUT
+    feedthrough: Annotated[bool, "whether the input acts on the output without delay"] = False
 
 
 @dataclass(frozen=True)
 class KnownMass(Options):
-    """A mass that is known.
+    """A known mass.
 
     >>> gt.vibration.KnownMass(coordinate=0, mass=30.0)  # coordinates count from 1
     Traceback (most recent call last):
@@ -46,7 +46,7 @@ class KnownMass(Options):
 
 @dataclass(frozen=True)
 class Physical(Options):
-    """The physical form M, D, K of a state-space model: what is known beside the recording.
+    """The physical form M, D, K of a state-space model: prior knowledge.
 
     >>> by_force = gt.vibration.Physical(force_coordinates=[1])  # the input is a force [N] on the first position
     >>> by_mass = gt.vibration.Physical(mass=[gt.vibration.KnownMass(coordinate=1, mass=30.0)], refine=False)
@@ -75,8 +75,8 @@ class StepResponse(Options):
     gtmodel.results.refusal.ArgumentError: delay_samples: must be at least 0; found -1
     """
 
-    delay_samples: Annotated[int | None, Within(least=0), "by least residual if left out"] = None
-    longest_samples: Annotated[int, Within(least=0), "delay tried at most"] = LONGEST
+    delay_samples: Annotated[int | None, Within(least=0), "default: the delay of least residual"] = None
+    longest_samples: Annotated[int, Within(least=0), "longest delay to try"] = LONGEST
 
 
 @dataclass(frozen=True)
@@ -89,9 +89,9 @@ class Impulse(Options):
     """
 
     modes: Annotated[
-        int | None, Within(least=1), "number of resonances; by information criterion if left out"
+        int | None, Within(least=1), "number of resonances; default: selected by information criterion"
     ] = None  # fmt: skip
-    largest: Annotated[int, Within(least=1), "number tried at most"] = MOST_MODES
+    largest: Annotated[int, Within(least=1), "largest number to try"] = MOST_MODES
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class Matrices(Options):
     M: Annotated[list[list[float]], Unit("kg"), "masses, row by row"]
     D: Annotated[list[list[float]], Unit("kg/s"), "damping"]
     K: Annotated[list[list[float]], Unit("N/m"), "stiffness"]
-    published: Annotated[list[float], Unit("Hz"), Within(above=0.0), "modes printed beside them, to be reproduced"] = (
+    published: Annotated[list[float], Unit("Hz"), Within(above=0.0), "modes printed with them, to be reproduced"] = (
         field(default_factory=list)
     )
     published_digits: Annotated[float, Unit("Hz"), Within(above=0.0), "half a unit of their last digit"] = 0.5
@@ -143,12 +143,12 @@ class SyntheticStructure(Options):
     K: Annotated[list[list[float]], Unit("N/m"), "stiffness"]
     force: Annotated[float, Unit("N"), Within(above=0.0), "amplitude of the pseudo-random binary force"]
     coordinate: Annotated[int, Within(least=1), "on which it acts, from 1"] = 1
-    hold_samples: Annotated[int, Within(least=1), "how long a value is held: longer moves its power down"] = 1
+    hold_samples: Annotated[int, Within(least=1), "samples between changes: more shift the power down"] = 1
 
 
 @dataclass(frozen=True)
 class Steps(Options):
-    """Steps of the reference through b q^-delay / (1 - a q^-1), each a recording of its own.
+    """Steps of the reference through b q^-delay / (1 - a q^-1), one recording each.
 
     >>> gt.vibration.Steps(a=1.0, b=0.1, delay_samples=2, amplitudes=[1e-3])  # would never come to rest
     Traceback (most recent call last):

@@ -1,4 +1,4 @@
-"""M, D, K by output error: the matrices whose simulated positions are nearest to the measured ones."""
+"""M, D, K by output error: the matrices whose simulated positions fit the measured ones best."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from .record import Record, go_on
 
 Form = Literal["symmetric", "free"]
 
-PART = 1e-6  # of the largest entry of a null direction: smaller ones are rounding of the differences
-REWEIGHTED = 4  # fits after the first, each with the outputs weighted by their noise in the last
-SETTLED = 0.02  # a weight that changes by less changes no interval that a person reads
-QUIETEST = 1e-6  # of the mean noise: the least that an output is taken to have, a dead one too
+PART = 1e-6  # relative to the largest entry of a null direction: smaller ones are rounding of the differences
+REWEIGHTED = 4  # fits after the first, each with the outputs weighted by their noise in the previous one
+SETTLED = 0.02  # a smaller change of a weight changes no printed interval
+QUIETEST = 1e-6  # relative to the mean noise: least noise assumed for an output, also for a constant one
 
 
 @dataclass(frozen=True, eq=False)
 class OutputErrorFit:
-    """The matrices by output error with their covariance.
+    """The matrices from output error, with their covariance.
 
-    `estimate`: entries "M[0,0]", "D[0,1]" ... with intervals (upper triangles where symmetric); `model` the same as
-    matrices; `residual` (p,) rms [m]; `notes` on positive definiteness and on the colour of residuals.
+    `estimate`: entries "M[0,0]", "D[0,1]" ... with intervals (upper triangles if symmetric); `model`: the same as
+    matrices; `residual` (p,) rms [m]; `notes` on undetermined entries and coloured residuals.
     """
 
     model: SecondOrder
@@ -50,20 +50,20 @@ def output_error(
     form: Form = "symmetric",
     interrupted: Callable[[], bool] = lambda: False,
 ) -> OutputErrorFit:
-    """M, D, K of M x'' + D x' + K x = F u from positions x and inputs u held over each sample; F known.
+    """Fit M, D, K of M x'' + D x' + K x = F u to positions x and inputs u with zero-order hold; F is known.
 
     Args:
-        start: from `from_known`; its F is kept.
-        form: "symmetric": M, D and K are L L' with their Cholesky factors as unknowns, so positive definite whatever
-            the data say; "free": D may be any matrix, M and K symmetric of any sign (without that, one force does not
-            determine them).
-        interrupted: asked at each iteration; True ends the fit with FitStopped.
+        start: from `from_known`; its F is used.
+        form: "symmetric": the unknowns are the Cholesky factors of M, D and K, which are thus positive definite for any
+            data; "free": D may be any matrix, M and K symmetric of any sign (one force would not determine asymmetric
+            ones).
+        interrupted: called at each iteration; True ends the fit with FitStopped.
 
-    The initial state is eliminated in each evaluation (variable projection). Gauss-Newton on central differences; the
-    covariance is for white noise of unknown size on the positions, and `notes` says whether the residuals are white.
-    Entries that the record does not determine, such as all of them where no force acts, keep the start's proportions;
-    their intervals are infinite.
-    Raises ArgumentError: an unknown form, a start that is not positive definite for "symmetric", no convergence.
+    Variable projection eliminates the initial state. Gauss-Newton uses central differences. The covariance assumes
+    white noise of unknown size on the positions; `notes` say whether the residuals are white. Entries that the record
+    does not determine, such as all of them if no force acts, keep the proportions of the start; their intervals are
+    infinite. Raises ArgumentError for an unknown form, a start that is not positive definite for "symmetric", and no
+    convergence.
 
     >>> M, D = np.diag([30.0, 12.0]), np.array([[210.0, -60.0], [-60.0, 60.0]])
     >>> K = np.array([[150e3, -90e3], [-90e3, 90e3]])
@@ -77,11 +77,11 @@ def output_error(
     True
     """
     if form not in get_args(Form):
-        raise ArgumentError(f"there is no form '{form}'; expected {' or '.join(get_args(Form))}")
+        raise ArgumentError(f"unknown form '{form}'; expected {' or '.join(get_args(Form))}")
     p = len(start.M)
     if record.y.shape[1] != p or record.u.shape[1] != start.F.shape[1]:
         raise ArgumentError(
-            f"the record has {record.u.shape[1]} inputs and {record.y.shape[1]} outputs; the matrices are for "
+            f"the record has {record.u.shape[1]} inputs and {record.y.shape[1]} outputs; the matrices need "
             f"{start.F.shape[1]} and {p}"
         )
     packing = _Symmetric(start) if form == "symmetric" else _Free(start)
@@ -107,7 +107,7 @@ def output_error(
             fit = nonlinear_fit(residuals, fit.x, raw, scale=ones, hold_undetermined=True)
     if fit.estimate is None:
         raise ArgumentError(
-            f"the output-error fit did not arrive: {fit.message}; take a longer record or a start nearer to the data"
+            f"the output-error fit did not converge: {fit.message}; use a longer record or a start nearer to the data"
         )
     names = [f"{X}[{i},{j}]" for X, i, j in packing.entries]
 
@@ -135,9 +135,9 @@ def output_error(
 
 
 def weights_of(y: np.ndarray, fitted: np.ndarray) -> np.ndarray:
-    """(p,) what makes the noise of every output (N, p) as large as the mean of all, by the residuals of a fit.
+    """(p,) weights that scale the noise of all outputs (N, p) to its mean, from the residuals of a fit.
 
-    Least squares repeated with these weights is maximum likelihood for white noise of an unknown size at each output.
+    Least squares repeated with these weights is maximum likelihood for white noise of unknown size at each output.
     """
     size = np.sqrt(np.mean((fitted - y) ** 2, axis=0))
     mean = float(np.sqrt(np.mean(size**2)))
@@ -145,32 +145,32 @@ def weights_of(y: np.ndarray, fitted: np.ndarray) -> np.ndarray:
 
 
 def settled(weights: np.ndarray, before: np.ndarray) -> bool:
-    """Whether another fit with new weights would change nothing worth telling."""
+    """Whether another fit with new weights would change nothing visible."""
     return bool(np.all(np.abs(weights / before - 1) < SETTLED))
 
 
 def _predict(
     record: Record, M: np.ndarray, D: np.ndarray, K: np.ndarray, F: np.ndarray, weights: np.ndarray
 ) -> np.ndarray:
-    """Positions (N, p) from the input and the initial state and rest positions that fit best, by weights (p,)."""
+    """Positions (N, p) from the input and the best-fitting initial state and rest positions, with weights (p,)."""
     A, B, C = second_order(M, D, K, F)
     if np.linalg.eigvals(A).real.max() * record.sample_time * len(record) > 100:
         raise ValueError("diverges")
     Ad, Bd = held(A, B, record.sample_time)
     forced = simulate(Ad, Bd, C, np.zeros((len(C), Bd.shape[1])), record.u)
     free = free_responses(Ad, C, len(record))
-    # where each position rests without a force
+    # rest position of each output without a force
     free = np.concatenate([free, np.broadcast_to(np.eye(len(C)), (len(free), len(C), len(C)))], axis=2)
     n = free.shape[2]
     weighted = weights[:, None] * free
     size = np.linalg.norm(weighted, axis=(0, 1))
-    wanted = (weights * (record.y - forced)).ravel()
-    x0 = np.linalg.lstsq((weighted / size).reshape(-1, n), wanted, rcond=None)[0] / size
+    remainder = (weights * (record.y - forced)).ravel()
+    x0 = np.linalg.lstsq((weighted / size).reshape(-1, n), remainder, rcond=None)[0] / size
     return forced + free @ x0
 
 
 class _Symmetric:
-    """Cholesky factors, each entry in units of its start."""
+    """Cholesky factors, each entry relative to its start."""
 
     def __init__(self, start: SecondOrder) -> None:
         self.p = len(start.M)
@@ -182,16 +182,16 @@ class _Symmetric:
             except np.linalg.LinAlgError:
                 ends = np.linalg.eigvalsh((X + X.T) / 2)
                 raise ArgumentError(
-                    f"{name} of the start is not positive definite (eigenvalues {ends[0]:.4g} to {ends[-1]:.4g}); take "
-                    "the form 'free', record longer, or start from its nearest positive definite form"
+                    f"{name} of the start is not positive definite (eigenvalues {ends[0]:.4g} to {ends[-1]:.4g}); use "
+                    "form = 'free', record longer, or start from its nearest positive definite form"
                 ) from None
         self.factors = np.concatenate(parts)
-        # an entry near zero moves in units of its matrix
+        # an entry near zero is relative to its matrix
         self.scale = np.repeat([np.abs(x).max() for x in parts], len(parts[0]))
         self.entries = [(X, i, j) for X in "MDK" for i in range(self.p) for j in range(i, self.p)]
 
     def unpack(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """x is 1 at the start."""
+        """Matrices of x, which is 1 at the start."""
         matrices = []
         for part in np.split(self.factors + self.scale * (x - 1), 3):
             L = np.zeros((self.p, self.p))
@@ -201,14 +201,14 @@ class _Symmetric:
 
 
 class _Free:
-    """Entries of the matrices, each matrix in units of its largest."""
+    """Entries of the matrices, relative to the largest entry of each."""
 
     def __init__(self, start: SecondOrder) -> None:
         p = len(start.M)
         self.start = start
         half = [(i, j) for i in range(p) for j in range(i, p)]
         every = [(i, j) for i in range(p) for j in range(p)]
-        self.entries = [(X, i, j) for X, at in (("M", half), ("D", every), ("K", half)) for i, j in at]
+        self.entries = [(X, i, j) for X, indices in (("M", half), ("D", every), ("K", half)) for i, j in indices]
         self.scale = np.array([np.abs(getattr(start, X)).max() for X, _, _ in self.entries])
 
     def unpack(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

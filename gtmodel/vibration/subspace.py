@@ -1,7 +1,7 @@
-"""Subspace identification: N4SID, MOESP and CVA on one LQ factor, with order and held-out prediction.
+"""Subspace identification: N4SID, MOESP and CVA on one LQ factor, with order selection and held-out prediction.
 
-A and C come from the subspace; B, D and the initial state by linear least squares on the simulated outputs. The order
-is told by where the singular values fall and by what predicts samples that were not fitted.
+A and C come from the subspace; B, D and the initial state from linear least squares on the simulated outputs. The order
+is selected by the prediction of held-out samples; the gap of the singular values is reported too.
 """
 
 from __future__ import annotations
@@ -23,14 +23,13 @@ if TYPE_CHECKING:
 else:
     StateSpace = hint("control", "StateSpace")
 
-SLACK = 0.02  # of the least error on held-out samples: among orders that are high enough it varies by about 1 %
-NOTHING = 1e-9  # of the outputs' rms: errors below are rounding, and no order is better than another
-NOISE_FREE = 1e-12  # of the largest singular value: below is rounding
+SLACK = 0.02  # relative to the least held-out error, which varies by about 1 % among orders that are high enough
+NOTHING = 1e-9  # relative to the rms of the outputs: smaller errors are rounding, and no order is better than another
+NOISE_FREE = 1e-12  # relative to the largest singular value: smaller ones are rounding
 
 
 class OrderTrial(NamedTuple):
-    """An order that was tried: the largest modulus of its poles, and the rms error on held-out samples, None where it
-    is unstable."""
+    """A tested order: largest modulus of its poles, and rms error on held-out samples, None if it is unstable."""
 
     order: int
     radius: float
@@ -40,7 +39,7 @@ class OrderTrial(NamedTuple):
 def largest_order(block_rows: int, outputs: int) -> int:
     """The largest order that `block_rows` can determine; shift invariance needs one block row. Raises ArgumentError."""
     if block_rows < 2:
-        raise ArgumentError(f"{block_rows} block rows cannot tell any order; take at least 2")
+        raise ArgumentError(f"{block_rows} block rows cannot determine any order; use at least 2")
     return (block_rows - 1) * outputs
 
 
@@ -51,21 +50,21 @@ def gap(singular_values: np.ndarray, largest: int) -> int:
 
 
 def choose(trials: Sequence[OrderTrial], gap_order: int, size: float) -> tuple[int, str]:
-    """The least order within SLACK of the best held-out error, and why. `size`: rms of the outputs.
+    """The least order within SLACK of the best held-out error, with the reason. `size`: rms of the outputs.
 
-    Raises ArgumentError where every order is unstable.
+    Raises ArgumentError if every order is unstable.
     """
     stable = {t.order: t.held_out_rms for t in trials if t.held_out_rms is not None}
     if not stable:
         worst = ", ".join(f"{t.order} ({t.radius:.4g})" for t in trials)
         raise ArgumentError(
-            f"every order is unstable, by order with its largest pole: {worst}; record longer, or take more block rows"
+            f"every order is unstable, with the largest poles {worst}; record longer, or use more block rows"
         )
     bound = (1 + SLACK) * min(stable.values()) + NOTHING * size
     n = next(order for order in sorted(stable) if stable[order] <= bound)
     reason = f"smallest order within {100 * SLACK:g} % of the best held-out error"
     agrees = (
-        "the singular values fall most there too"
+        "the singular values fall most after the same order"
         if gap_order == n
         else f"the singular values fall most after {gap_order}"
     )
@@ -75,8 +74,8 @@ def choose(trials: Sequence[OrderTrial], gap_order: int, size: float) -> tuple[i
 def input_matrices(
     record: Record, A: np.ndarray, C: np.ndarray, *, feedthrough: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """B (n, m), D (p, m), x0 (n,) and the outputs' offset (p,) whose simulated outputs are nearest to the measured ones
-    in the 2-norm.
+    """B (n, m), D (p, m), x0 (n,) and the output offset (p,) whose simulated outputs fit the measured ones best in the
+    2-norm.
 
     Without `feedthrough` D is zero. A must be stable over the record: powers of an unstable one overflow.
     """
@@ -90,7 +89,7 @@ def input_matrices(
     F[range(p), :, range(m * n + n, m * n + n + p)] = 1.0
     right = record.y.T
     if feedthrough:
-        # D touches one output each: eliminated output by output
+        # each row of D affects one output: eliminate output by output
         F, right, fit = _without(F, right, record.u)
     size = np.linalg.norm(F, axis=(0, 1))
     size[size == 0] = 1.0
@@ -104,30 +103,30 @@ def input_matrices(
 def _without(
     F: np.ndarray, right: np.ndarray, u: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
-    """Rows with what u explains at once taken out, and how D follows from the rest: D_i = d - G x."""
+    """Rows after eliminating the direct effect of u, and the terms of D in the remaining unknowns: D_i = d - G x."""
     plus = np.linalg.pinv(u)
     fit = [(plus @ r, plus @ f) for r, f in zip(right, F, strict=True)]
-    taken = [f - u @ g for f, (_, g) in zip(F, fit, strict=True)]
-    rest = [r - u @ d for r, (d, _) in zip(right, fit, strict=True)]
-    return np.stack(taken), np.stack(rest), fit
+    reduced = [f - u @ g for f, (_, g) in zip(F, fit, strict=True)]
+    remainder = [r - u @ d for r, (d, _) in zip(right, fit, strict=True)]
+    return np.stack(reduced), np.stack(remainder), fit
 
 
 Method = Literal["n4sid", "moesp", "cva"]
 
-UNSTABLE = 1 + 1e-9  # modulus of a pole; rounding of a pole on the unit circle is let through
+UNSTABLE = 1 + 1e-9  # modulus of a pole; allows rounding of a pole on the unit circle
 
 
 @dataclass(frozen=True, eq=False)
 class SubspaceModel:
-    """x[k+1] = A x + B u, y = C x + D u + offset from data, fitted to all samples.
+    """x[k+1] = A x + B u, y = C x + D u + offset, fitted to all samples.
 
-    `system` control.StateSpace in discrete time; `initial_state` (n,); `offset` (p,) of the outputs, which the system
-    leaves out; `singular_values` of the weighted projection,
-    largest first; `order` n with `why`; `gap_order` where the singular values fall most; `trials` per order tried,
-    each with its error on held-out samples; `held_out_fit` (p,) in percent of those of this order (100: exact, 0: as
-    bad as the mean), predicted from the fitted ones' initial state; `residual` (p,) rms over all samples, in the
-    outputs' unit; `first_held_out` the sample at which the held-out ones begin. `prediction` (N, p) of the model fitted
-    without the held-out samples; `fitted` (N, p) of `system`. `synthetic` as in the record.
+    `system` is a discrete-time control.StateSpace; `initial_state` (n,); `offset` (p,) of the outputs, which the system
+    lacks; `singular_values` of the weighted projection, largest first; `order` n with the reason `why`; `gap_order`
+    after which the singular values fall most; `trials` by tested order, with the errors on held-out samples;
+    `held_out_fit` (p,) on held-out samples in percent (100: exact, 0: no better than the mean), predicted from the
+    initial state of the fitted samples; `residual` (p,) rms over all samples, in the unit of the outputs;
+    `first_held_out` the first held-out sample. `prediction` (N, p) of the model fitted without the held-out samples;
+    `fitted` (N, p) of `system`. `synthetic` as in the record.
     """
 
     system: StateSpace
@@ -163,21 +162,21 @@ def identify_subspace(
     held_out: float = HELD_OUT,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> SubspaceModel:
-    """A state-space model of any number of inputs and outputs.
+    """Fit a state-space model with any number of inputs and outputs.
 
     Args:
-        order: number of states; chosen by the error on held-out samples if left out.
+        order: number of states; if left out, the error on held-out samples selects it.
         method: "moesp" (past outputs and inputs as instruments), "n4sid" (states from oblique projections), "cva".
         block_rows: of past and future each; more than order / outputs.
-        largest: order tried at most when none is asked for.
-        feedthrough: fit D; else it is zero, as from a force or a reference to a position.
-        held_out: share of the samples at the end that is judged and not fitted, 0 < share < 1.
-        interrupted: asked before each order; True ends the fit with FitStopped.
+        largest: largest order to try if `order` is left out.
+        feedthrough: fit D; otherwise it is zero, as from a force or a reference to a position.
+        held_out: share of the samples at the end for validation only, 0 < share < 1.
+        interrupted: called before each order; True ends the fit with FitStopped.
 
-    A and C come from the subspace, B, D, the initial state and the outputs' offset from least squares on simulated
-    outputs; offsets of inputs and outputs do not count. Sources:
-    Verhaegen and Verdult 2007, chapter 9; Van Overschee and De Moor 1996, chapter 4. Raises ArgumentError: too few
-    samples, inputs too poor, an order too high, an unstable model.
+    A and C come from the subspace; B, D, the initial state and the output offset from least squares on simulated
+    outputs. Offsets of inputs and outputs have no effect. Sources: Verhaegen and Verdult 2007, chapter 9; Van Overschee
+    and De Moor 1996, chapter 4. Raises ArgumentError for too few samples, too little excitation, an order that is too
+    high, and an unstable model.
 
     >>> M, D = np.diag([30.0, 12.0]), np.array([[210.0, -60.0], [-60.0, 60.0]])
     >>> K = np.array([[150e3, -90e3], [-90e3, 90e3]])
@@ -189,7 +188,7 @@ def identify_subspace(
     (4, True)
     """
     if method not in get_args(Method):
-        raise ArgumentError(f"there is no method '{method}'; expected {', '.join(get_args(Method))}")
+        raise ArgumentError(f"unknown method '{method}'; expected {', '.join(get_args(Method))}")
     if not 0 < held_out < 1:
         raise ArgumentError(f"the held-out share is {held_out:g}; expected a number between 0 and 1, such as 0.33")
     p = record.y.shape[1]
@@ -197,7 +196,7 @@ def identify_subspace(
     most = largest_order(blocks, p)
     if order is not None and not 1 <= order <= most:
         raise ArgumentError(
-            f"order {order} was asked for; {blocks} block rows of {p} outputs tell 1 to {most}: lower it, or take more "
+            f"order {order} requested; {blocks} block rows of {p} outputs determine 1 to {most}: lower it, or use more "
             "block rows"
         )
     split = round((1 - held_out) * len(record))
@@ -206,12 +205,12 @@ def identify_subspace(
     determined = int(np.sum(part.singular_values > NOISE_FREE * part.singular_values[0]))
     if order is not None and order > determined:
         raise ArgumentError(
-            f"order {order} was asked for; only {determined} singular values are more than rounding: "
+            f"order {order} requested, but only {determined} singular values are above rounding: "
             f"lower it to {determined}"
         )
-    tried = range(1, min(largest, most, max(determined, 1)) + 1) if order is None else [order]
+    orders = range(1, min(largest, most, max(determined, 1)) + 1) if order is None else [order]
     trials, predictions = [], {}
-    for n in tried:
+    for n in orders:
         go_on(interrupted)
         A, C = part.dynamics(n)
         trial = OrderTrial(n, float(np.abs(np.linalg.eigvals(A)).max()), None)
@@ -223,9 +222,7 @@ def identify_subspace(
         trials.append(trial)
     gap_order = gap(part.singular_values, most)
     n, why = (
-        choose(trials, gap_order, float(np.sqrt(record.y.var(axis=0).mean())))
-        if order is None
-        else (order, "as asked for")
+        choose(trials, gap_order, float(np.sqrt(record.y.var(axis=0).mean()))) if order is None else (order, "as set")
     )
     go_on(interrupted)
     whole = SubspaceProjection(record, blocks, method)
@@ -234,7 +231,7 @@ def identify_subspace(
     if radius > UNSTABLE or n not in predictions:
         worst = max(radius, next(t.radius for t in trials if t.order == n))
         raise ArgumentError(
-            f"the model of order {n} is unstable: a pole has the modulus {worst:.6g}, expected at most 1; take another "
+            f"the model of order {n} is unstable: a pole has the modulus {worst:.6g}, expected at most 1; use another "
             "order, more block rows or a longer recording"
         )
     B, D, x0, offset = input_matrices(record, A, C, feedthrough=feedthrough)
@@ -251,14 +248,14 @@ def identify_subspace(
 
 
 def fit_percent(measured: np.ndarray, predicted: np.ndarray) -> np.ndarray:
-    """100 (1 - |y - y_hat| / |y - mean|) by column (p,); 100 is exact, 0 no better than the mean."""
+    """100 (1 - |y - y_hat| / |y - mean|) by column (p,); 100 is exact, 0 is no better than the mean."""
     spread = np.linalg.norm(measured - measured.mean(axis=0), axis=0)
     error = np.linalg.norm(measured - predicted, axis=0)
     return 100 * (1 - error / np.where(spread > 0, spread, 1.0))
 
 
 class SubspaceProjection:
-    """The weighted projection of a record and the A, C of any order from it."""
+    """The weighted projection of a record, which gives A and C of any order."""
 
     def __init__(self, record: Record, blocks: int, method: Method) -> None:
         self.method = method
@@ -266,7 +263,7 @@ class SubspaceProjection:
         P, L = self.P, self.P.L
         past, future = P.past, P.future
         self._weight = np.eye(P.p * blocks)
-        # the others see the past beside the future inputs
+        # MOESP and CVA project out the future inputs
         weighted = _oblique(L, past, future) if method == "n4sid" else L[future, past]
         if method == "cva":
             S = L[future, past.start :]
@@ -287,7 +284,7 @@ class SubspaceProjection:
         return np.linalg.lstsq(G[:-p], G[p:], rcond=None)[0], G[:p]
 
     def _by_states(self, G: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """A, C from the regression of projected states on each other (Van Overschee and De Moor, algorithm 1)."""
+        """A, C from the regression of successive projected states (Van Overschee and De Moor, algorithm 1)."""
         P, L = self.P, self.P.L
         m, p, n = P.m, P.p, G.shape[1]
         first = L[P.future, : P.past.stop]  # Z_i: outputs projected on all inputs and the past outputs
@@ -295,8 +292,8 @@ class SubspaceProjection:
         known = np.vstack([L[P.inputs][:m], L[P.past], L[P.future][:p]])
         later_inputs = L[P.inputs][m:]
         basis = np.vstack([later_inputs, known])
-        rest = L[P.future][p:]
-        Z = rest @ np.linalg.pinv(basis, rcond=1e-12) @ basis
+        later_outputs = L[P.future][p:]
+        Z = later_outputs @ np.linalg.pinv(basis, rcond=1e-12) @ basis
         columns = L.shape[1]
         X = np.linalg.lstsq(G, np.pad(first, ((0, 0), (0, columns - first.shape[1]))), rcond=None)[0]
         X_next = np.linalg.lstsq(G[:-p], Z, rcond=None)[0]

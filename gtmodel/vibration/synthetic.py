@@ -1,4 +1,4 @@
-"""Synthetic records of known structures: pseudo-random force, steps, hammer hits. Every one carries seed and noise."""
+"""Synthetic records of known structures with seed and noise: pseudo-random force, steps, hammer hits."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .record import Record
 
 
 def synthetic_records(known: SyntheticStructure | Steps | Hit, sampling: Sampling) -> list[Record]:
-    """Synthetic recordings of a known system: one, or of steps one each. Raises ArgumentError.
+    """Return synthetic recordings of a known system: one, or one for each step. Raises ArgumentError.
 
     >>> from gtmodel.vibration import Sampling, Steps, synthetic_records
     >>> steps = Steps(a=0.9, b=0.1, delay_samples=2, amplitudes=[1e-3, 2e-3])
@@ -40,7 +40,7 @@ def synthetic_records(known: SyntheticStructure | Steps | Hit, sampling: Samplin
             ]  # fmt: skip
         if isinstance(known, Hit):
             return [hammer_record(known.frequency, known.damping, known.amplitude, seed=s.seed, **common)]
-        made = [
+        records = [
             step_record(
                 known.a, known.b, known.delay_samples, size, before=known.rest_samples, seed=s.seed + n, **common
             )
@@ -49,9 +49,9 @@ def synthetic_records(known: SyntheticStructure | Steps | Hit, sampling: Samplin
     except ValueError as error:
         argument = error.argument if isinstance(error, ArgumentError) else ""
         raise ArgumentError(getattr(error, "sentence", str(error)), argument or "known") from error
-    # one note for all of them
-    seeds = f"seed {s.seed}" if len(made) == 1 else f"seeds {s.seed} to {s.seed + len(made) - 1}"
-    return [replace(r, synthetic=f"{seeds}, noise {s.noise:g} m") for r in made]
+    # one note for all records
+    seeds = f"seed {s.seed}" if len(records) == 1 else f"seeds {s.seed} to {s.seed + len(records) - 1}"
+    return [replace(r, synthetic=f"{seeds}, noise {s.noise:g} m") for r in records]
 
 
 def structure_record(
@@ -67,10 +67,10 @@ def structure_record(
     coordinate: int = 0,
     hold: int = 1,
 ) -> Record:
-    """Positions of M x'' + D x' + K x = e u under u = +-force [N], drawn anew every `hold` samples.
+    """Return positions of M x'' + D x' + K x = e u for u = +-force [N], drawn anew every `hold` samples.
 
-    noise [m]: standard deviation, white, on every position. coordinate: on which the force acts, from 0. The structure
-    starts at rest; the response is exact between samples. Raises ArgumentError.
+    noise [m]: standard deviation of the white noise on every position. coordinate: where the force acts, from 0. The
+    structure starts at rest; the response is exact for the held input. Raises ArgumentError.
 
     >>> M, D = np.diag([30.0, 12.0]), np.array([[210.0, -60.0], [-60.0, 60.0]])
     >>> K = np.array([[150e3, -90e3], [-90e3, 90e3]])
@@ -108,10 +108,10 @@ def hammer_record(
     noise: float,
     seed: int,
 ) -> Record:
-    """Positions after a hit at time 0: sines of the damped frequencies that begin at zero, decaying.
+    """Return positions after a hit at time 0: decaying sines at the damped frequencies, starting at zero.
 
-    frequency_Hz: undamped, by mode; damping: ratio, by mode; amplitude (modes, p) [m]. The input is a column of zeros:
-    the force of a hit is not recorded. Raises ArgumentError.
+    frequency_Hz: undamped, by mode; damping: ratio, by mode; amplitude (modes, p) [m]. The input is a column of zeros,
+    since the force of a hit is not recorded. Raises ArgumentError.
 
     >>> record = gt.vibration.hammer_record(
     ...     [7.4], [0.03], [[5e-4]], samples=500, sample_time=0.004, noise=1e-6, seed=1
@@ -122,10 +122,10 @@ def hammer_record(
     f, zeta, a = np.array(frequency_Hz, float), np.array(damping, float), np.atleast_2d(np.asarray(amplitude, float))
     if not len(f) == len(zeta) == len(a):
         raise ArgumentError(
-            f"{len(f)} frequencies, {len(zeta)} dampings and {len(a)} rows of amplitudes; give one each"
+            f"{len(f)} frequencies, {len(zeta)} dampings and {len(a)} rows of amplitudes; expected equal numbers"
         )
     if np.any(f <= 0) or np.any(zeta < 0) or np.any(zeta >= 1):
-        raise ArgumentError("expected frequencies above 0 and dampings from 0 up to 1")
+        raise ArgumentError("expected frequencies above 0 and damping ratios from 0 to below 1")
     t = sample_time * np.arange(samples)[:, None]
     w = 2 * np.pi * f
     y = (np.exp(-zeta * w * t) * np.sin(w * np.sqrt(1 - zeta**2) * t)) @ a
@@ -145,9 +145,9 @@ def step_record(
     noise: float,
     seed: int,
 ) -> Record:
-    """A step of the reference [m] after `before` samples at rest, through b q^-delay / (1 - a q^-1).
+    """Return the response of b q^-delay / (1 - a q^-1) to a step of the reference [m] after `before` samples at rest.
 
-    delay in samples. noise [m]: standard deviation, white, on the position.
+    delay in samples. noise [m]: standard deviation of the white noise on the position.
 
     >>> record = gt.vibration.step_record(
     ...     0.9, 0.1, 2, 1e-3, samples=100, before=10, sample_time=0.004, noise=0.0, seed=1

@@ -1,7 +1,7 @@
-"""The vibration study: the model of a recording that is asked for, and what it leaves undetermined.
+"""The vibration study: the model of a recording, and what the recording does not determine.
 
-State-space models are studied here: physical form, M, D, K and modes, table, pictures and files; step responses and
-decays beside their fits, in step_response.py and impulse.py.
+State-space models are studied here: physical form, M, D, K and modes, table, plots and files. Studies of step responses
+and decays are next to their fits, in step_response.py and impulse.py.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from .subspace import SubspaceModel, identify_subspace
 from .vibration_result import VibrationStudy, commented, entitled, interval, numbers, pairs_of, rows_of
 
 POOR = 30.0  # percent of fit: below, a model explains less than half of the variance
-WITHIN = 1e-3  # of synthetic structures: largest relative error (2-norm) of M, D and K
+WITHIN = 1e-3  # for synthetic structures: largest relative error (2-norm) of M, D and K
 
 
 class _Structure(NamedTuple):
-    """What the physical form gave; `known` None without a force or a mass."""
+    """Results of the physical form; `known` is None without a known force or mass."""
 
     form: PhysicalForm
     known: SecondOrder | None
@@ -41,13 +41,13 @@ class _Structure(NamedTuple):
 
     @property
     def best(self) -> SecondOrder | None:
-        """M, D, K fitted to the recording, else those that a force or a mass determines."""
+        """M, D, K fitted to the recording, else those from a known force or mass."""
         return self.fit.model if self.fit else self.known
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class SubspaceStudy(VibrationStudy):
-    """A state-space model of a recording. model: what was fitted; form, fit: where the physical form was asked for."""
+    """A state-space model of a recording. model: the fit; form, fit: the physical form, if requested."""
 
     model: SubspaceModel | None = None
     form: PhysicalForm | None = None
@@ -81,17 +81,17 @@ class SubspaceStudy(VibrationStudy):
 
 def subspace_study(
     record: Record,
-    given: Subspace,
+    how: Subspace,
     physical: Physical | None,
     truth: SyntheticStructure | None,
     input_unit: str,
     title: str,
     interrupted: Callable[[], bool],
 ) -> SubspaceStudy:
-    """Identify, transform, judge. Raises ArgumentError, FitStopped."""
+    """Identify the model, transform it and check it. Raises ArgumentError, FitStopped."""
     model = identify_subspace(
-        record, order=given.order, method=given.method, block_rows=given.block_rows, largest=given.largest_order,
-        feedthrough=given.feedthrough, held_out=given.held_out, interrupted=interrupted,
+        record, order=how.order, method=how.method, block_rows=how.block_rows, largest=how.largest_order,
+        feedthrough=how.feedthrough, held_out=how.held_out, interrupted=interrupted,
     )  # fmt: skip
     c = continuous(np.asarray(model.system.A), np.asarray(model.system.B), record.sample_time)
     poles = np.linalg.eigvals(c.A)
@@ -140,7 +140,7 @@ def _structure(
     force = None
     if p.force_coordinates:
         if input_unit != "N":
-            raise ArgumentError("the input is no force in newtons", "physical.force_coordinates")
+            raise ArgumentError("the input is not a force in newtons", "physical.force_coordinates")
         inputs = record.u.shape[1]
         if len(p.force_coordinates) != inputs or not all(1 <= c <= coordinates for c in p.force_coordinates):
             raise ArgumentError(
@@ -155,7 +155,7 @@ def _structure(
         return _Structure(form, None, None, None)
     try:
         known = from_known(form, force=force, masses={m.coordinate - 1: m.mass for m in p.mass})
-        # with masses alone the force is an estimate, and no force to fit by
+        # with known masses alone the force is an estimate; there is nothing to fit with
         refine = p.refine and force is not None
         fit = output_error(record, known, form=p.form, interrupted=interrupted) if refine else None
     except ArgumentError as error:
@@ -170,7 +170,7 @@ def _notes(p: Physical | None, model: SubspaceModel, near: str, s: _Structure | 
         notes.append(near)
     notes += [
         f"output {k + 1}: held-out samples are predicted {'worse' if fit < 0 else 'little better'} than by their mean "
-        f"(fit {fit:.3g} %): the model says little of it; excite more, avoid noise and trends, look at the columns"
+        f"(fit {fit:.3g} %), so the model is unreliable; excite more, reduce noise and trends, check the columns"
         for k, fit in enumerate(model.held_out_fit)
         if fit < POOR
     ]
@@ -178,9 +178,9 @@ def _notes(p: Physical | None, model: SubspaceModel, near: str, s: _Structure | 
         return notes
     if p.mass and s.known is not None and p.refine:
         notes.append(
-            "known masses start the output-error fit and do not bind it"
+            "known masses start the output-error fit but do not constrain it"
             if s.fit
-            else "masses alone are known: M, D, K follow from M^-1 K and M^-1 D, without intervals"
+            else "only masses are known: M, D, K follow from M^-1 K and M^-1 D, without intervals"
         )
     if s.fit is not None:
         e = s.fit.estimate
@@ -189,10 +189,10 @@ def _notes(p: Physical | None, model: SubspaceModel, near: str, s: _Structure | 
             low, high = e.interval(name)
             if not low - 0.01 * m.mass <= m.mass <= high + 0.01 * m.mass:
                 notes.append(
-                    f"the mass of coordinate {m.coordinate} is given as {m.mass:g} kg; force and recording say "
-                    f"{e.value(name):.5g} ({low:.5g} .. {high:.5g}) kg: one of mass, force and its coordinate is wrong"
+                    f"the mass of coordinate {m.coordinate} is set to {m.mass:g} kg; force and recording give "
+                    f"{e.value(name):.5g} ({low:.5g} .. {high:.5g}) kg: check mass, force and its coordinate"
                 )
-    # with M known, that it needs a force or a mass is no news
+    # if M is known, the note that it needs a force or a mass is obsolete
     notes += [w for w in s.form.notes if w != near and (s.known is None or w != s.form.notes[0])]
     notes += [
         *(s.known.notes if s.known and not s.fit else ()),
@@ -204,7 +204,7 @@ def _notes(p: Physical | None, model: SubspaceModel, near: str, s: _Structure | 
 
 def _checks(model: SubspaceModel, best: SecondOrder | None, true: SyntheticStructure | None) -> dict[str, Check]:
     radius = float(np.abs(model.poles).max())
-    checks = {"largest_pole": at_most(radius, 1.0, "ask for another order")}
+    checks = {"largest_pole": at_most(radius, 1.0, "set another order")}
     if true is not None and best is not None:
         error = max(
             float(np.linalg.norm(X - np.array(x)) / np.linalg.norm(x))
@@ -281,18 +281,18 @@ def study(
     truth: SyntheticStructure | Steps | Hit | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> VibrationStudy:
-    """Fit the model asked for to recordings of positions [m].
+    """Fit a model to recordings of positions [m].
 
     Args:
-        records: one recording; step responses may be several.
+        records: one recording, or several step responses.
         model: `Subspace` for a state-space model, `StepResponse` for a delayed first-order model, `Impulse` for the
             resonances of a decay.
-        physical: what is known beside the recording, which makes M, D, K of a state-space model.
-        input_unit: what the inputs are in: "N" for forces, "m" for references.
-        truth: the system behind synthetic recordings (`synthetic_records`), to judge the result by.
+        physical: prior knowledge that turns a state-space model into M, D, K.
+        input_unit: unit of the inputs: "N" for forces, "m" for references.
+        truth: the system behind synthetic recordings (`synthetic_records`), to check the result.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Interrupted, there is no model. Raises ArgumentError.
+    An interrupted study has no model. Raises ArgumentError.
 
     >>> from gtmodel.vibration import Hit, Impulse, Sampling, study, synthetic_records
     >>> hit = Hit(frequency=[7.4], damping=[0.03], amplitude=[[5e-4]])
@@ -301,13 +301,13 @@ def study(
     7.4
     """
     work = Work(**work_options)
-    given = [records] if isinstance(records, Record) else list(records)
+    recordings = [records] if isinstance(records, Record) else list(records)
     if physical is not None and not isinstance(model, Subspace):
-        raise ArgumentError("goes with a Subspace model", "physical")
+        raise ArgumentError("needs a Subspace model", "physical")
     if truth is not None and not isinstance(truth, _KNOWN[type(model)]):
         raise ArgumentError(f"expected {_KNOWN[type(model)].__name__}; found {type(truth).__name__}", "truth")
-    if not given or (len(given) > 1 and not isinstance(model, StepResponse)):
-        raise ArgumentError(f"found {len(given)} recordings; this model takes one", "records")
+    if not recordings or (len(recordings) > 1 and not isinstance(model, StepResponse)):
+        raise ArgumentError(f"found {len(recordings)} recordings; this model needs exactly one", "records")
     if work.interrupted():
         return _STUDIES[type(model)](
             status=SolveStatus.INTERRUPTED, message="stopped before the fit", title=work.title
@@ -315,10 +315,10 @@ def study(
     work.progress("fitting", 0.3)
     try:
         if isinstance(model, Subspace):
-            return subspace_study(given[0], model, physical, truth, input_unit, work.title, work.interrupted)  # type: ignore[arg-type]
+            return subspace_study(recordings[0], model, physical, truth, input_unit, work.title, work.interrupted)  # type: ignore[arg-type]
         if isinstance(model, StepResponse):
-            return step_study(given, model, truth, work.title, work.interrupted)  # type: ignore[arg-type]
-        return impulse_study(given[0], model, truth, work.title, work.interrupted)  # type: ignore[arg-type]
+            return step_study(recordings, model, truth, work.title, work.interrupted)  # type: ignore[arg-type]
+        return impulse_study(recordings[0], model, truth, work.title, work.interrupted)  # type: ignore[arg-type]
     except FitStopped as stopped:
         return _STUDIES[type(model)](status=SolveStatus.INTERRUPTED, message=str(stopped), title=work.title)
     except ArgumentError as error:

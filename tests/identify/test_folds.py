@@ -32,7 +32,7 @@ def test_each_stretch_is_predicted_by_a_refit_by_hand(fitted) -> None:
     assert left.errors[:, 0] == pytest.approx(errors, abs=1e-9)
     assert fitted.left_out_in_turn == pytest.approx(np.sqrt(np.mean(errors**2)), rel=1e-12)
     assert fitted.noise[0] < fitted.left_out_in_turn[0] < 1.3 * fitted.noise[0]
-    assert "left out in turn, tau" in str(fitted)
+    assert "cross-validation error of tau" in str(fitted)
 
 
 def test_one_row_out_is_what_leverages_say(fitted) -> None:

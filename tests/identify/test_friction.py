@@ -105,7 +105,7 @@ def test_runs_are_found_in_a_log() -> None:
     assert log.trajectory.synthetic == "seed 3, white force noise 0 N, positions in steps of 1e-06 m"
     again = constant_velocity_log(SPEEDS.tolist(), law, np.full(3, 30.0), seed=3, noise=0.0)
     assert again.trajectory == log.trajectory
-    with pytest.raises(TrajectoryError, match=r"holds no constant velocity of 5 s"):
+    with pytest.raises(TrajectoryError, match=r"no run of 5 s at constant velocity"):
         constant_velocity_runs(log, shortest=5.0)
 
 
@@ -123,7 +123,7 @@ def test_signs_that_no_drive_can_have_are_refused(seed: int, gravity: Any, symme
         identify_friction(data._replace(force=one), PATTERN, **how)
     # both reversed: friction brakes again, but gravity pulls upwards
     both = data._replace(force=-data.force, velocity=-data.velocity)
-    with pytest.raises(ArgumentError, match=r"the mass would be -.* kg, which none can be"):
+    with pytest.raises(ArgumentError, match=r"the mass would be negative, -.* kg"):
         identify_friction(both, PATTERN, **how)
 
 
@@ -176,11 +176,11 @@ def test_what_no_fit_can_take_is_said() -> None:
     data = runs(3.0, 1)
     with pytest.raises(ArgumentError, match=r"one kilogram loads no cart"):
         identify_friction(data, 0 * PATTERN)
-    with pytest.raises(ArgumentError, match=r"run 3 of cart 2 has no finite number among the forces"):
+    with pytest.raises(ArgumentError, match=r"run 3 of cart 2 .* not finite"):
         force = data.force.copy()
         force[2, 1] = np.nan
         identify_friction(data._replace(force=force), PATTERN)
-    with pytest.raises(ArgumentError, match=r"names pose 3; the pattern has 2"):
+    with pytest.raises(ArgumentError, match=r"has pose 3; the pattern has 2"):
         identify_friction(data, PATTERN[:2])
     with pytest.raises(ArgumentError, match=r"have the shape"):
         identify_friction(data, PATTERN[:, :2])

@@ -178,7 +178,7 @@ def test_a_wrong_input_is_named(folder: Path, old: str, new: str, sentence: str)
 
 def test_a_log_without_them_and_a_synthetic_one_are_refused(log: gt.Trajectory) -> None:
     without = gt.Trajectory(log.time, {n: log[n] for n in ("q", "tau")}, {"q": "m", "tau": "N"})
-    with pytest.raises(gt.results.ArgumentError, match="holds no 'push'"):
+    with pytest.raises(gt.results.ArgumentError, match="no signal 'push'"):
         gt.identify.study(Pushed(), without, ["M"], fitting=WITH)
     synthetic = gt.identify.SyntheticLog(reference="q", centre=[0.0], tracking="exact", effort_noise=0.5)
     with pytest.raises(gt.results.ArgumentError, match="is for measured logs"):

@@ -155,7 +155,7 @@ def test_a_wrist_on_the_plate_and_what_its_motion_cannot_tell():
         (["m_p", "world.g"], r"linear in parameter 'm_p' and in 'world.g\[0\]', but not in both"),
         (["home"], r"'home\[0\]' of GantryTau has no effect on tau"),
         (["m_q"], "no parameter 'm_q'; did you mean 'm_p'"),
-        (["arm[0].rod.m"], r"follows from m_a\[0\]"),
+        (["arm[0].rod.m"], r"depends on m_a\[0\]"),
         (["m_c", "m_c[1]"], r"'m_c\[1\]' is named twice"),
         ([], "no parameter is named"),
     ],

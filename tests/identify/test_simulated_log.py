@@ -107,7 +107,7 @@ def test_wrong_wishes():
         Sensors(effort_colour=1.0)
     with pytest.raises(ValueError, match="take a shorter ramp"):
         multisine(np.arange(10) * 0.1, np.zeros(1), np.ones(1), np.ones(1), 0, ramp=1.0)
-    with pytest.raises(ValueError, match="as many a"):
+    with pytest.raises(ValueError, match="one a"):
         Tracking(b=(1.0,), a=(0.5, 0.5), delay=1)
 
 

@@ -63,7 +63,10 @@ def test_coverage_is_told_before_and_after_widening(small) -> None:
     assert 0.5 < before <= after <= 1 and small.coverage_of_truth[1] >= small.coverage_of_truth[0]
     assert min(small.inflation) >= 1 and len(small.leave_one_out_rms) == 9
     labels = [row.label for row in small.rows]
-    assert "95 % intervals, values held out: inside" in labels and "true field at 200 new poses: inside" in labels
+    assert (
+        "held-out values inside their 95 % intervals" in labels
+        and "true field at 200 new poses inside the intervals" in labels
+    )
 
 
 def test_the_file_of_oscillators_is_what_milling_loads(small, tmp_path) -> None:
@@ -178,7 +181,7 @@ def test_measured_records_with_their_units(measured) -> None:
         ("0,0,0,0,x,none.csv,", r"there is no file 'none.csv'"),
         ("0,0,0,a,x,z0.csv,", r"hits.csv line 2, column 'A': found 'a'; expected a finite number such as 1.5e-3"),
         ("0,0,0,0,x,z0.csv", r"hits.csv line 2: found 6 cells; expected 7"),
-        ("0,0,0,0,x,z0.csv,\n0,0,0,0,x,z1.csv,", r"z0.csv is a frequency response; name one for each experiment"),
+        ("0,0,0,0,x,z0.csv,\n0,0,0,0,x,z1.csv,", r"z0.csv is a frequency response"),
         ("0,0,0,0,x,bare.csv,", r"bare.csv: the column 'force' has no unit; write it as 'force \[N\]'"),
         ("0,0,0,0,x,uneven.csv,", r"uneven.csv: the samples are not evenly spaced"),
         ("0,0,0,0,x,index.csv,", r"index.csv: expected the columns time \[s\],force \[N\],acceleration"),

@@ -96,7 +96,7 @@ def test_a_force_window_takes_noise_off_the_force() -> None:
         (lambda F, x: (F, x[:, :-1]), r"force \(5, 2048\) and response \(5, 2047\) differ"),
         (lambda F, x: (np.full_like(F, np.nan), x), "not finite; leave that hit out"),
         (lambda F, x: (0 * F, x), "the force of hit 1 is zero throughout"),
-        (lambda F, x: (F[:, :200], x[:, :200]), r"response of hit \d has not died away: \d+% .* give a decay"),
+        (lambda F, x: (F[:, :200], x[:, :200]), r"response of hit \d has not decayed: \d+% .* set a decay"),
         (
             lambda F, x: (F + 0.4 * np.roll(F, 100, axis=1), x),
             r"second peak of 40% of the first after the force window",
@@ -110,11 +110,11 @@ def test_bad_records_are_refused_with_a_sentence(change, said) -> None:
 
 def test_bad_responses_are_refused() -> None:
     f = np.array([1.0, 2.0, 3.0])
-    with pytest.raises(ValueError, match="rise from above zero"):
+    with pytest.raises(ValueError, match="above zero and ascending"):
         FrequencyResponse(f[::-1], f + 0j)
     with pytest.raises(ValueError, match="not finite"):
         FrequencyResponse(f, f * np.nan + 0j)
-    with pytest.raises(ValueError, match=r"3 lines lie between 1 and 3 Hz; expected 8"):
+    with pytest.raises(ValueError, match=r"3 lines are between 1 and 3 Hz; expected 8"):
         FrequencyResponse(f, f + 0j).between(1.0, 3.0)
 
 

@@ -251,6 +251,6 @@ def test_repetitions_of_a_pose_are_held_out_together() -> None:
     with pytest.raises(ValueError, match="4 different poses"):
         fit_gaussian_processes(poses[:12], values[:12], inputs)
     six = fit_gaussian_processes(poses[:18], values[:18], inputs)
-    with pytest.raises(ValueError, match="6 different poses, and none to hold out"):
+    with pytest.raises(ValueError, match="6 different poses are too few to hold out one"):
         held_out(six)
     assert np.all(held_out(fit_gaussian_processes(poses[:21], values[:21], inputs))[1] > 0)

@@ -143,23 +143,23 @@ def test_a_dead_output_changes_nothing() -> None:
 
 def test_what_is_refused() -> None:
     record = hit()
-    with pytest.raises(ArgumentError, match="the input at sample 0 is not zero; expected a record that begins after"):
+    with pytest.raises(ArgumentError, match="the input at sample 0 is not zero"):
         identify_impulse(Record(np.ones(600), record.y, TS))
     with pytest.raises(ArgumentError, match="4 samples are too few for the order 4; expected at least 12"):
         identify_impulse(record.rows(0, 4), modes=2)
-    with pytest.raises(ArgumentError, match="0 resonances were asked for; expected at least 1"):
+    with pytest.raises(ArgumentError, match="0 resonances requested; expected at least 1"):
         identify_impulse(record, modes=0)
     still = Record(np.zeros(300), np.exp(-np.arange(300) / 50.0), TS)
     with pytest.raises(ArgumentError, match="in the 300 samples decays and vibrates at least once"):
         identify_impulse(still, modes=1)
-    with pytest.raises(ArgumentError, match="2 frequencies, 1 dampings and 2 rows of amplitudes; give one each"):
+    with pytest.raises(ArgumentError, match="2 frequencies, 1 dampings and 2 rows of amplitudes"):
         hit(damping=[0.1])
 
 
 def test_noise_alone_has_no_resonance() -> None:
     for seed in range(5):
         noise = 1e-5 * np.random.default_rng(seed).standard_normal((1000, 2))
-        with pytest.raises(ArgumentError, match="nothing"):
+        with pytest.raises(ArgumentError, match=r"rest and noise explain|nothing in the"):
             identify_impulse(Record(np.zeros(1000), noise, TS))
 
 

@@ -81,7 +81,7 @@ def test_the_passive_form_keeps_what_is_passive_and_says_what_is_not() -> None:
     # det(M^-1 D) < 0: no positive definite D belongs to any positive definite M
     assert np.linalg.det(np.linalg.solve(M_P, D_P)) < 0 and printed.raised > 0.1
     assert "the damping is not passive: 61.1 % was added" in printed.notes[1]
-    with pytest.raises(ArgumentError, match="look at the signs of M and K"):
+    with pytest.raises(ArgumentError, match="check the signs of M and K"):
         definite_form(M_P, D_P, K_P)
 
 
@@ -90,7 +90,7 @@ def test_matrices_are_checked() -> None:
         modes(M, D, [[1.0]])
     with pytest.raises(ArgumentError, match="M is singular: a coordinate has no inertia"):
         modes(np.diag([1.0, 0.0]), D, K)
-    with pytest.raises(ArgumentError, match="a matrix holds a number that is not finite"):
+    with pytest.raises(ArgumentError, match="a matrix has a number that is not finite"):
         modes(M, D * np.nan, K)
 
 

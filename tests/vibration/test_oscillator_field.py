@@ -191,8 +191,8 @@ def test_refusals(field) -> None:
     good = np.ones((8, 3))
     for call, said in (
         (lambda: fit_oscillator_field(poses[:, :3], good, good, good), r"poses \(8, 3\) and m \(8, 3\) do not fit"),
-        (lambda: fit_oscillator_field(poses, good, -good, good), "c is not positive at pose 0; leave that"),
-        (lambda: field.value("f", poses), "there is no 'f' of an oscillator"),
+        (lambda: fit_oscillator_field(poses, good, -good, good), "c is not positive at pose 0"),
+        (lambda: field.value("f", poses), "quantity 'f' of an oscillator"),
         (lambda: field.at([0.0, 0.0, 0.0]), r"the pose has the shape \(3,\); expected \(4,\) or \(n, 4\)"),
         (lambda: field.at([np.nan] * 4), "a pose is not finite"),
     ):

@@ -52,7 +52,7 @@ def test_a_mode_near_nyquist_is_found_and_said() -> None:
     stiff = K * (103.0 / 16.80977) ** 2
     form = physical_form(exact(K=stiff))
     assert relative(form.M_inv_K, np.linalg.solve(M, stiff)) < EXACT
-    assert "near the Nyquist frequency of 125 Hz: these samples cannot tell it from one at 147" in form.notes[1]
+    assert "near the Nyquist frequency of 125 Hz: these samples cannot distinguish it from one at 147" in form.notes[1]
     beyond = K * (147.0 / 16.80977) ** 2
     assert relative(physical_form(exact(K=beyond)).M_inv_K, np.linalg.solve(M, beyond)) > 0.1
 
@@ -67,7 +67,7 @@ def test_continuous_is_the_inverse_of_holding() -> None:
     # an integrator: A - I is singular, and B_c exists all the same
     c = continuous(np.eye(1), np.array([[TS]]), TS)
     assert c.A[0, 0] == pytest.approx(0.0, abs=1e-12) and c.B[0, 0] == pytest.approx(1.0)
-    with pytest.raises(ArgumentError, match=r"the pole -0\.5 lies on the negative real axis, at the Nyquist frequency"):
+    with pytest.raises(ArgumentError, match=r"the pole -0\.5 is on the negative real axis, at the Nyquist frequency"):
         continuous(np.diag([-0.5, 0.3]), np.zeros((2, 1)), TS)
     with pytest.raises(ArgumentError, match="a pole of the model is at zero"):
         continuous(np.diag([0.0, 0.3]), np.zeros((2, 1)), TS)
@@ -85,7 +85,7 @@ def test_known_force_and_known_masses_lead_to_the_same_matrices() -> None:
 
 def test_a_mass_matrix_that_no_structure_has_is_refused() -> None:
     form = physical_form(exact())
-    with pytest.raises(ArgumentError, match="M comes out with the eigenvalue -30"):
+    with pytest.raises(ArgumentError, match="M would have the eigenvalue -30"):
         from_known(form, force=[-1.0, 0.0])
     # a spring that pushes: M follows all the same, and the rest is said
     found = from_known(replace(form, M_inv_K=-form.M_inv_K), force=[1.0, 0.0])
@@ -100,7 +100,7 @@ def test_without_force_or_mass_m_is_open() -> None:
     # proportional damping: symmetry of D adds nothing, and one mass leaves M open
     A, B, C = second_order(M, 1e-3 * K, K, FORCE)
     A, B = held(A, B, TS)
-    with pytest.raises(ArgumentError, match="1 of the 3 entries of M stay open"):
+    with pytest.raises(ArgumentError, match="1 of the 3 entries of M are not determined"):
         from_known(physical_form(control.StateSpace(A, B, C, 0, TS)), masses={0: 30.0})
     with pytest.raises(ArgumentError, match=r"the force has the shape \(3, 1\); expected \(2, 1\)"):
         from_known(form, force=[1.0, 0.0, 0.0])
@@ -109,9 +109,9 @@ def test_without_force_or_mass_m_is_open() -> None:
 
 
 def test_models_that_are_no_structure_are_refused() -> None:
-    with pytest.raises(ArgumentError, match=r"the model has the order 3 and 2 outputs; .* need the order 4"):
+    with pytest.raises(ArgumentError, match=r"the model has order 3 and 2 outputs; .* need order 4"):
         physical_form(control.StateSpace(0.5 * np.eye(3), np.ones((3, 1)), np.eye(2, 3), 0, TS))
-    with pytest.raises(ArgumentError, match="expected a discrete one in seconds"):
+    with pytest.raises(ArgumentError, match="expected a discrete model"):
         physical_form(control.StateSpace(-np.eye(2), np.ones((2, 1)), np.eye(1, 2), 0))
     system = exact()
     twice = control.StateSpace(system.A, system.B, np.vstack([system.C[0], system.C[0]]), 0, TS)
@@ -149,11 +149,11 @@ def test_free_damping_is_the_wider_model(recovered) -> None:
     shared = ["M[0,0]", "D[0,0]", "K[0,0]"]
     std = [dict(zip(e.names, e.std, strict=True)) for e in (free.estimate, bound.estimate)]
     assert all(std[0][n] >= std[1][n] * (1 - 1e-6) for n in shared)
-    with pytest.raises(ArgumentError, match="there is no form 'round'; expected symmetric or free"):
+    with pytest.raises(ArgumentError, match="unknown form 'round'; expected symmetric or free"):
         output_error(record, start, form="round")  # type: ignore[arg-type]
     with pytest.raises(ArgumentError, match="K of the start is not positive definite"):
         output_error(record, SecondOrder(M, D, -K, FORCE, 0.0))
-    with pytest.raises(ArgumentError, match="the record has 1 inputs and 1 outputs; the matrices are for 1 and 2"):
+    with pytest.raises(ArgumentError, match="the record has 1 inputs and 1 outputs; the matrices need 1 and 2"):
         output_error(Record(record.u, record.y[:, :1], TS), start)
 
 

@@ -73,9 +73,9 @@ def test_a_known_mass_does_as_well(records) -> None:
     mass = [KnownMass(1, 30.0)]
     found = of_two(records, Physical(mass=mass))
     np.testing.assert_allclose(np.diag(found.M), [30.0, 12.0], rtol=0.02)
-    assert found.intervals is None and any(w.startswith("masses alone are") for w in found.notes)
+    assert found.intervals is None and any(w.startswith("only masses are known") for w in found.notes)
     both = of_two(records, Physical(force_coordinates=[1], mass=mass))
-    assert "known masses start the output-error fit and do not bind it" in both.notes
+    assert "known masses start the output-error fit but do not constrain it" in both.notes
 
 
 def test_a_mass_that_contradicts_the_force_is_said(records) -> None:
@@ -84,7 +84,7 @@ def test_a_mass_that_contradicts_the_force_is_said(records) -> None:
         return [w for w in of_two(records, given).notes if w.startswith("the mass of")]
 
     assert words(30.0) == []
-    assert len(words(60.0)) == 1 and "given as 60 kg; force and recording say" in words(60.0)[0]
+    assert len(words(60.0)) == 1 and "set to 60 kg; force and recording give" in words(60.0)[0]
 
 
 def test_a_model_that_predicts_nothing_says_so() -> None:

@@ -1,4 +1,4 @@
-"""Excitation: the motion from which a robot's masses and friction are identified best, within all limits."""
+"""Excitation: the most informative motion within all limits for identifying masses and friction of a robot."""
 
 from typing import TYPE_CHECKING
 

@@ -1,7 +1,7 @@
-"""Motions of finitely many unknowns that begin and end at rest: finite Fourier series and splines.
+"""Families of motions from rest to rest with finitely many unknowns: finite Fourier series and splines.
 
-A motion of d coordinates is x(t) = rows(t) @ c with unknowns c (size, d). Both families have zero velocity and
-acceleration at both ends built in, and begin where they end, so that a motion can be repeated.
+A motion of d coordinates is x(t) = rows(t) @ c with unknowns c (size, d). In both families velocity and acceleration
+are zero at both ends by construction, and the motion ends where it begins, so that it can be repeated.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ...results import ArgumentError
 
 Array = np.ndarray
 DEGREE = 5  # of the splines: four continuous derivatives, so that forces and their rates are smooth
-AT_REST = 3  # equal control points at an end make velocity and acceleration vanish there
+AT_REST = 3  # equal control points at an end make velocity and acceleration zero there
 
 
 class Basis(Protocol):
@@ -33,15 +33,15 @@ class Basis(Protocol):
 
     @property
     def fastest(self) -> float:
-        """Shortest time [s] in which the motion can swing to and fro."""
+        """Shortest time [s] in which the motion can swing back and forth."""
         ...
 
     def rows(self, times: npt.ArrayLike, order: int = 0) -> Array:
-        """(n, size): the derivative of that order at times [s] is rows @ c."""
+        """(n, size): the derivative of this order at times [s] is rows @ c."""
         ...
 
     def still(self) -> Array:
-        """(size,) unknowns of the motion that stands at 1."""
+        """(size,) unknowns of the constant motion x = 1."""
         ...
 
 
@@ -49,10 +49,10 @@ class Basis(Protocol):
 class FourierSeries:
     """x(t) = x0 + sum over k of a_k cos(k w t) + b_k sin(k w t), k = 1 ... harmonics, w = 2 pi / period.
 
-    Rest at the ends asks for sum k b_k = 0 and sum k^2 a_k = 0. The unknowns are x0 and the weights of differences of
+    Rest at the ends requires sum k b_k = 0 and sum k^2 a_k = 0. The unknowns are x0 and the weights of differences of
     neighbouring harmonics, cos(k w t)/k^2 - cos((k + 1) w t)/(k + 1)^2 and sin(k w t)/k - sin((k + 1) w t)/(k + 1),
-    each of which rests there by itself. The period is in s. Raises ArgumentError for a period that is not positive or
-    harmonics below 2.
+    each of which is at rest at the ends. The period is in s. Raises ArgumentError if the period is not positive or
+    `harmonics` is below 2.
 
     >>> series = gt.identify.FourierSeries(period=4.0, harmonics=3)
     >>> c = np.array([[1.0], [0.2], [0.0], [0.0], [0.1]])  # x0, two weights of cosines, two of sines
@@ -69,7 +69,7 @@ class FourierSeries:
         _positive(self.period)
         if self.harmonics < 2:
             raise ArgumentError(
-                f"a Fourier series at rest at its ends takes 2 harmonics or more; found {self.harmonics}"
+                f"a Fourier series at rest at its ends needs at least 2 harmonics; found {self.harmonics}"
             )
 
     @property
@@ -83,7 +83,7 @@ class FourierSeries:
     def rows(self, times: npt.ArrayLike, order: int = 0) -> Array:
         k = np.arange(1, self.harmonics + 1)
         w = 2 * np.pi * k / self.period
-        phase = np.outer(np.asarray(times, float), w) + order * np.pi / 2  # each derivative turns by a quarter
+        phase = np.outer(np.asarray(times, float), w) + order * np.pi / 2  # each derivative adds a quarter turn
         cosine, sine = np.cos(phase) * w**order / k**2, np.sin(phase) * w**order / k
         still = np.full((len(phase), 1), 1.0 if order == 0 else 0.0)
         return np.hstack([still, cosine[:, :-1] - cosine[:, 1:], sine[:, :-1] - sine[:, 1:]])
@@ -94,9 +94,9 @@ class FourierSeries:
     def amplitudes(self, c: Array) -> tuple[Array, Array, Array]:
         """x0 (d,), a (harmonics, d) and b (harmonics, d) of unknowns c (size, d)."""
         k = np.arange(1, self.harmonics + 1)[:, None]
-        none = np.zeros((1, c.shape[1]))
+        zeros = np.zeros((1, c.shape[1]))
         cosine, sine = np.split(c[1:], 2)
-        a, b = (np.vstack([part, none]) - np.vstack([none, part]) for part in (cosine, sine))
+        a, b = (np.vstack([part, zeros]) - np.vstack([zeros, part]) for part in (cosine, sine))
         return c[0].copy(), a / k**2, b / k
 
 
@@ -104,8 +104,8 @@ class FourierSeries:
 class ClosedSpline:
     """B-spline of degree 5 on `intervals` equal intervals of the period [s].
 
-    Its first and last three control points are one unknown: the motion rests where it begins and ends. Raises
-    ArgumentError for a period that is not positive or fewer than 2 intervals.
+    Its first and last three control points are one unknown, so that the motion begins and ends at rest. Raises
+    ArgumentError if the period is not positive or there are fewer than 2 intervals.
 
     >>> spline = gt.identify.ClosedSpline(period=4.0, intervals=6)
     >>> spline.size, spline.rows([0.0, 2.0, 4.0]).shape
@@ -120,7 +120,7 @@ class ClosedSpline:
     def __post_init__(self) -> None:
         _positive(self.period)
         if self.intervals < 2:
-            raise ArgumentError(f"a spline at rest at its ends takes 2 intervals or more; found {self.intervals}")
+            raise ArgumentError(f"a spline at rest at its ends needs at least 2 intervals; found {self.intervals}")
 
     @property
     def size(self) -> int:
@@ -137,7 +137,7 @@ class ClosedSpline:
         tied = np.zeros((controls, self.size))
         tied[:AT_REST, 0] = tied[-AT_REST:, 0] = 1.0
         tied[AT_REST:-AT_REST, 1:] = np.eye(self.size - 1)
-        inside = np.clip(np.asarray(times, float), 0.0, self.period)  # 3 * 0.1 may ask for the end of 0.3
+        inside = np.clip(np.asarray(times, float), 0.0, self.period)  # 3 * 0.1 is larger than 0.3
         return scipy.interpolate.BSpline(knots, np.eye(controls), DEGREE)(inside, nu=order) @ tied
 
     def still(self) -> Array:

@@ -1,7 +1,7 @@
-"""How much information a regressor has on its parameters: condition number, determinant, standard deviations.
+"""Information of a regressor on its parameters: condition number, determinant, standard deviations.
 
-W (samples, p) are the stacked rows of the regressor. Columns are scaled by nominal values first: the parameters
-are then relative ones, and kilograms beside newtons compare. The information matrix is M = (W s)'(W s) / samples.
+W (samples, p) are the stacked rows of the regressor. Scaling the columns by nominal values makes parameters relative,
+so that kilograms and newtons compare. The information matrix is M = (W s)'(W s) / samples.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ import numpy.typing as npt
 Array = np.ndarray
 Criterion = Literal["condition", "determinant", "variance"]
 CRITERIA: tuple[Criterion, ...] = ("condition", "determinant", "variance")
-# of the eigenvalues: their 4-norm is within p^(1/4) of the largest
+# powers of the eigenvalues: their 4-norm is within p^(1/4) of the largest
 POWERS = {"condition": (4, -4), "variance": (-1,)}
 
 
 def condition(W: Array, nominal: npt.ArrayLike) -> float:
-    """Condition number of a stacked regressor W (samples, p), its columns scaled by `nominal` values (p,).
+    """Return the condition number of a stacked regressor W (samples, p), its columns scaled by `nominal` values (p,).
 
-    It is the largest over the smallest singular value, and infinite where columns are dependent exactly.
+    It is the ratio of the largest to the smallest singular value; infinite if columns are exactly dependent.
 
     >>> time = np.linspace(0.0, 1.0, 101)
     >>> W = np.column_stack([np.ones(101), time])
@@ -35,9 +35,9 @@ def condition(W: Array, nominal: npt.ArrayLike) -> float:
 
 
 def singular_values(W: Array, nominal: npt.ArrayLike) -> Array:
-    """Singular values (p,) of a stacked regressor W (samples, p) over the root of its samples, largest first.
+    """Return the singular values (p,) of W (samples, p) over the square root of the samples, largest first.
 
-    Columns are scaled by `nominal` values (p,), so that the singular values are in the unit of the efforts.
+    The columns are scaled by `nominal` values (p,), so that the singular values have the unit of the efforts.
 
     >>> W = np.column_stack([np.ones(4), [1.0, -1.0, 1.0, -1.0]])
     >>> gt.identify.singular_values(W, [3.0, 0.5])
@@ -49,10 +49,10 @@ def singular_values(W: Array, nominal: npt.ArrayLike) -> Array:
 
 
 def predicted_deviations(W: Array, noise: float) -> Array:
-    """Standard deviations (p,) of the parameters fitted to the rows of W (samples, p), each with independent noise.
+    """Return the standard deviations (p,) of parameters fitted to the rows of W (samples, p) with independent noise.
 
-    `noise` is its standard deviation; the covariance is noise^2 (W'W)^-1. All are infinite where the columns are
-    dependent.
+    `noise` is the standard deviation of the noise; the covariance is noise^2 (W'W)^-1. All are infinite if the columns
+    are dependent.
 
     >>> W = np.column_stack([np.ones(100), np.linspace(-1.0, 1.0, 100)])
     >>> gt.identify.predicted_deviations(W, noise=30.0).round(2)
@@ -69,11 +69,11 @@ def predicted_deviations(W: Array, noise: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class CriterionAt:
-    """What is minimised, at an information matrix M (p, p) of eigenvalues l: a smooth function of these.
+    """The cost of a criterion at an information matrix M (p, p): a smooth function of its eigenvalues l.
 
-    condition: log of the ratio of 4-norms of the eigenvalues of M and of its inverse, an upper bound of 2 log of the
-    condition number that is at most log(p)/2 above it; the condition number itself is not smooth. determinant: -log
-    det M / p, log of the mean relative variance in the geometric sense. variance: log of the trace of the inverse.
+    condition: log of the product of the 4-norms of the eigenvalues of M and of its inverse. It exceeds 2 log of the
+    condition number, which is not smooth, by at most log(p)/2. determinant: -log det M / p, log of the geometric mean
+    of the relative variances. variance: log of the trace of the inverse.
     """
 
     criterion: Criterion
@@ -85,7 +85,7 @@ class CriterionAt:
 
     @cached_property
     def value(self) -> float:
-        """Infinite where M is not positive definite, and where it holds no numbers."""
+        """The cost; infinite if M is not finite or not positive definite."""
         if not np.all(np.isfinite(self.M)) or self._eigen[0][0] <= 0:
             return np.inf
         l = self._eigen[0]
@@ -95,37 +95,38 @@ class CriterionAt:
 
     @cached_property
     def gradient(self) -> Array:
-        """(p, p) by M."""
+        """(p, p) derivative with respect to M."""
         U = self._eigen[1]
         return (U * self._by_eigenvalues[0]) @ U.T
 
     def second(self, D: Array) -> Array:
-        """(n, n) second derivatives along directions D (n, p, p), each symmetric."""
+        """(n, n) second derivatives along symmetric directions D (n, p, p)."""
         U, (_, rise, both) = self._eigen[1], self._by_eigenvalues
-        turned = U.T @ D @ U
-        diagonal = np.diagonal(turned, axis1=1, axis2=2)
-        return np.tensordot(turned * rise, turned, ((1, 2), (1, 2))) + diagonal @ both @ diagonal.T
+        rotated = U.T @ D @ U
+        diagonal = np.diagonal(rotated, axis1=1, axis2=2)
+        return np.tensordot(rotated * rise, rotated, ((1, 2), (1, 2))) + diagonal @ both @ diagonal.T
 
     @cached_property
     def _by_eigenvalues(self) -> tuple[Array, Array, Array]:
-        """The first derivative g (p,) by eigenvalues; (g_i - g_j) / (l_i - l_j), which M's turning eigenvectors add
-        (Lewis and Sendov 2001, Twice differentiable spectral functions); and what is left of the second derivative."""
+        """The first derivative g (p,) with respect to the eigenvalues; (g_i - g_j) / (l_i - l_j), the term from
+        rotating eigenvectors (Lewis and Sendov 2001, Twice differentiable spectral functions); the remaining second
+        derivative."""
         l = self._eigen[0]
         p = len(l)
         if self.criterion == "determinant":
             return -1 / (p * l), _divided_difference(l, -1) / -p, np.zeros((p, p))
         g, rise, both = np.zeros(p), np.zeros((p, p)), np.zeros((p, p))
         for q in POWERS[self.criterion]:
-            share = np.sign(q) / np.sum(l**q)
-            one = share * l ** (q - 1.0)
-            g += one
-            rise += share * _divided_difference(l, q - 1)
-            both -= abs(q) * np.outer(one, one)
+            factor = np.sign(q) / np.sum(l**q)
+            term = factor * l ** (q - 1.0)
+            g += term
+            rise += factor * _divided_difference(l, q - 1)
+            both -= abs(q) * np.outer(term, term)
         return g, rise, both
 
 
 def _divided_difference(l: Array, q: int) -> Array:
-    """(l_i^q - l_j^q) / (l_i - l_j) as a sum of terms of one sign, which holds for equal ones too."""
+    """(l_i^q - l_j^q) / (l_i - l_j) as a sum of terms of one sign, which is also valid for equal eigenvalues."""
     a, b = l[:, None], l
     if q > 0:
         return sum((a**k * b ** (q - 1 - k) for k in range(q)), np.zeros((len(l), len(l))))

@@ -1,4 +1,4 @@
-"""What an excitation is asked to be, family of motions, experiment, search, and what its study gives."""
+"""Options of an excitation: family of motions, experiment, search; and the result of its study."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ...results.options import Long, Options, Unit, Within
 
 @dataclass(frozen=True)
 class Family(Options):
-    """The family of motions of the tool centre point, each from rest to rest at one place.
+    """The family of motions of the tool centre point, each from rest to rest, ending where it begins.
 
     >>> gt.identify.Family(period=2.0, place_low=[0.9, -0.9], place_high=[1.1, -0.7, 0.6])
     Traceback (most recent call last):
@@ -22,30 +22,30 @@ class Family(Options):
     """
 
     family: Annotated[Literal["fourier", "spline"], "finite Fourier series or spline"] = "fourier"
-    period: Annotated[float, Unit("s"), Within(above=0.0), "of the motion; it may be repeated"] = field(kw_only=True)
+    period: Annotated[float, Unit("s"), Within(above=0.0), "of the motion; it can be repeated"] = field(kw_only=True)
     harmonics: Annotated[int, Within(least=2, most=30), "fourier: number of harmonics"] = 5
     intervals: Annotated[int, Within(least=2, most=60), "spline: number of polynomial pieces"] = 12
     place_low: Annotated[
-        list[float], Unit("m"), Long(3), "lower corner of the box in which random motions stand"
+        list[float], Unit("m"), Long(3), "lower corner of the box of the rest positions of random motions"
     ] = field(kw_only=True)  # fmt: skip
     place_high: Annotated[list[float], Unit("m"), Long(3), "upper corner of that box"] = field(kw_only=True)
 
 
 @dataclass(frozen=True)
 class IdentificationExperiment(Options):
-    """What is identified, and how it will be measured.
+    """Identified parameters, and how they will be measured.
 
     >>> gt.identify.IdentificationExperiment(noise=50.0, periods=4).identified
     ['m_p', 'm_c', 'coulomb', 'viscous']
     """
 
-    identified: Annotated[list[str], "parameters to find; arrays by name"] = field(
+    identified: Annotated[list[str], "parameters to identify; arrays by name"] = field(
         default_factory=lambda: ["m_p", "m_c", "coulomb", "viscous"]
     )
     noise: Annotated[
         float, Unit("N"), Within(above=0.0), "white noise of the measured forces, standard deviation"
     ] = 30.0  # fmt: skip
-    periods: Annotated[int, Within(least=1), "how often the motion is repeated in an experiment"] = 1
+    periods: Annotated[int, Within(least=1), "repetitions of the motion in an experiment"] = 1
     sample: Annotated[
         float, Unit("s"), Within(above=0.0), "sample time of the log and of trajectory.csv"
     ] = 0.004  # fmt: skip
@@ -57,7 +57,7 @@ class IdentificationExperiment(Options):
 
 @dataclass(frozen=True)
 class ExcitationSearch(Options):
-    """The optimisation: what it minimises, from how many starts, for how long.
+    """The optimisation: criterion, starts, iterations.
 
     >>> gt.identify.ExcitationSearch(criterion="best")
     Traceback (most recent call last):
@@ -69,13 +69,13 @@ class ExcitationSearch(Options):
         "least condition number (a smooth bound of it); largest determinant of the information; least sum "
         "of the relative variances",
     ] = "condition"
-    starts: Annotated[int, Within(least=1), "how many of the best random motions it starts from"] = 3
+    starts: Annotated[int, Within(least=1), "number of the best random motions to start from"] = 3
     max_iterations: Annotated[int, Within(least=1), "limit of iterations for each start"] = 400
 
 
 @dataclass(frozen=True)
 class RandomMotions(Options):
-    """Random feasible motions to compare with, and to start from.
+    """Random feasible motions, a baseline and start points.
 
     >>> gt.identify.RandomMotions(draws=0)
     Traceback (most recent call last):
@@ -83,7 +83,7 @@ class RandomMotions(Options):
     """
 
     draws: Annotated[int, Within(least=1), "number of motions"] = 100
-    seed: Annotated[int, Within(least=0), "of their drawing"] = 1
+    seed: Annotated[int, Within(least=0), "of the random motions"] = 1
 
 
 @dataclass(frozen=True)
@@ -104,51 +104,51 @@ Array = np.ndarray
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ExcitationStudy(Study):
-    """The motion found beside random ones; all None where it was stopped before the first of these was drawn."""
+    """The optimised motion and random ones for comparison; all None if stopped before the first random motion."""
 
     condition: Annotated[
         float | None,
         "condition number of the regressor along the optimised motion, columns scaled by nominal values",
     ] = None
-    random_condition: Annotated[Mapping[str, float] | None, "of the random motions: best, median"] = None
+    random_condition: Annotated[Mapping[str, float] | None, "condition numbers of random motions: best, median"] = None
     improvement: Annotated[
         float | None, "best random condition number over the optimised one"
     ] = None  # fmt: skip
-    criterion: Annotated[str | None, "what was optimised"] = None
+    criterion: Annotated[str | None, "the optimised criterion"] = None
     parameters: Annotated[
         Sequence[Mapping[str, Any]] | None,
         "for each: name, nominal, unit, deviation (predicted standard deviation in an experiment), "
         "random_deviation (along the best random motion), ratio of the two; and, with monte_carlo, seen_deviation, "
-        "random_seen_deviation and hits of its 95 % interval along the optimised motion",
+        "random_seen_deviation (observed scatter) and hits of its 95 % interval along the optimised motion",
     ] = None
     coverage: Annotated[
         Mapping[str, Any] | None,
-        "with monte_carlo: runs, band of hits, pooled share of 95 % intervals that hold the truth; or null",
+        "with monte_carlo: runs, band of hits, pooled share of 95 % intervals that contain the truth; or null",
     ] = None
     singular_values: Annotated[
         Mapping[str, Array] | None,
-        "of the scaled regressor per root of samples, largest first: optimised and random",
+        "of the scaled regressor over the square root of samples, largest first: optimised and random",
     ] = None
     limits: Annotated[
         Mapping[str, float] | None,
-        "by key: the least margin on the fine grid, relative to the bound, or in m for places",
+        "by key: the least margin on the fine grid, relative to the bound, or in m for positions",
     ] = None
     coefficients: Annotated[
         Mapping[str, Array] | None,
-        "of the optimised motion: place_m, cosine_m and sine_m (harmonics, 3); of a spline controls_m",
+        "of the optimised motion: place_m, cosine_m and sine_m (harmonics, 3); controls_m for a spline",
     ] = None
-    unknowns: Annotated[Array | None, "what --start takes"] = None
+    unknowns: Annotated[Array | None, "unknowns of the motion, for --start"] = None
     draws: Annotated[int | None, "number of random motions"] = None
 
     @property
     def rows(self) -> list[Row]:
-        """The table for people."""
+        """Rows of the table."""
         if self.random_condition is None or self.parameters is None:
             return []
         rows = [
             Row("condition number, optimised", self.condition),
             Row(f"best of {self.draws} random motions", self.random_condition["best"]),
-            Row("their median", self.random_condition["median"]),
+            Row("median of the random motions", self.random_condition["median"]),
             Row("best random over optimised", self.improvement),
         ]
         for p in self.parameters:
@@ -158,7 +158,7 @@ class ExcitationStudy(Study):
         if self.coverage is not None:
             low, high = self.coverage["band"]
             hits = [p["hits"] for p in self.parameters]
-            label = f"hits of {self.coverage['runs']} synthetic fits, {low} to {high} expected"
+            label = f"intervals with the truth in {self.coverage['runs']} synthetic fits, {low} to {high} expected"
             rows.append(Row(label, f"{min(hits)} to {max(hits)}"))
             rows.append(Row("pooled coverage of 95 % intervals", self.coverage["pooled"]))
         return rows

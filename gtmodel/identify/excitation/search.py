@@ -1,5 +1,5 @@
-"""The motion from which a regressor's parameters are identified best, within limits, and random feasible ones, the
-baseline that it is measured against."""
+"""Search for the motion that identifies the parameters of a regressor best within limits, and random feasible motions,
+its baseline."""
 
 from __future__ import annotations
 
@@ -16,22 +16,23 @@ from .basis import Array
 from .interior_point import interior_point
 from .task import ExcitationTask
 
-FINER = 20  # times as many samples when limits are looked at again
+FINER = 20  # times as many samples when limits are checked again
 TIGHTENINGS = 8  # and repetitions with a smaller barrier
-RESERVE = 2e-4  # of a row's size: the search keeps its rows to 1e-4
-BEYOND = 1.1  # times what was seen between the samples
-FARTHEST = 0.05  # of a row's size: no reserve grows by more at once
-BARRIER, WARM_BARRIER = 0.1, 1e-3  # of a search from the start, and of one that goes on from another's end
-SMALLER, LEAST_FIRST = 0.03, 1e-4  # a search that failed is repeated with a smaller barrier
+RESERVE = 2e-4  # relative to a row's size: the search satisfies its rows to 1e-4
+BEYOND = 1.1  # times the violation found between the samples
+FARTHEST = 0.05  # relative to a row's size: largest increase of a reserve
+BARRIER, WARM_BARRIER = 0.1, 1e-3  # of a search from the start, and of a warm start from the previous result
+SMALLER, LEAST_FIRST = 0.03, 1e-4  # a failed search is repeated with a smaller barrier
 SHARES = (0.99, 0.97, 0.9, 0.75, 0.5)
 
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """The motion found: unknowns `c` (size, d) of the basis, and how the search ended.
+    """The optimised motion: unknowns `c` (size, d) of the basis, and how the search ended.
 
-    `objective` is the logarithmic cost of the criterion, `seconds` the time that the search took. `excess` (m,) is the
-    violation of each row on a grid FINER times as fine as the optimisation's, in the row's size: kept where <= 0.
+    `objective` is the logarithmic cost of the criterion, `seconds` the duration of the search. `excess` (m,) is the
+    violation of each row, relative to its size, on a grid FINER times as fine as in the optimisation; satisfied if <=
+    0.
     """
 
     status: SolveStatus
@@ -44,7 +45,7 @@ class Excitation:
 
     @property
     def feasible(self) -> bool:
-        """Whether every row is kept on the fine grid."""
+        """Whether every row is satisfied on the fine grid."""
         return bool(np.all(self.excess <= 0))
 
 
@@ -57,21 +58,21 @@ def optimise_excitation(
     max_seconds: float | None = None,
     progress: Progress | None = None,
 ) -> Excitation:
-    """A locally best motion, found from a start by an interior-point method.
+    """Find a locally optimal motion from a start by an interior-point method.
 
-    The criteria have many local minima, whose condition numbers differ by 5 to 30 per cent; which of them is found
-    depends on the start, and several starts are worth their time.
+    The criteria have many local minima, whose condition numbers differ by 5 to 30 per cent. The start decides which one
+    is found, so try several starts.
 
     Args:
-        task: what is moved and within which limits.
-        start: unknowns c (size, d), which should keep the limits: a random feasible draw.
+        task: coordinates, limits and criterion.
+        start: unknowns c (size, d), which should satisfy the limits: a random feasible motion.
         max_iterations: of all tightenings together.
-        tolerance: of the cost's logarithm, see `interior_point`.
-        max_seconds: the search ends then with its best motion.
+        tolerance: of the logarithmic cost, see `interior_point`.
+        max_seconds: time limit; the search then returns its best motion.
         progress: called with (iteration, cost, violation); True stops, keeping the best iterate.
 
-    The result is never worse than the start: where the search does not lead to a better motion that keeps all limits,
-    the start itself comes back, and the message says so.
+    The result is never worse than the start: if the search finds no better motion within all limits, it returns the
+    start and says so in the message.
 
     >>> import casadi as ca
     >>> x, v, a = (ca.SX.sym(name) for name in "xva")  # a pendulum m x'' + d x' + c sin x
@@ -95,23 +96,23 @@ def optimise_excitation(
     best, best_cost, iterations = start, sampled.cost(x), 0
     status, message = SolveStatus.FAILED, ""
     for _ in range(TIGHTENINGS):
-        left = None if max_seconds is None else max(0.0, max_seconds - (time.perf_counter() - begin))
-        rest = max(0, max_iterations - iterations)
+        seconds_left = None if max_seconds is None else max(0.0, max_seconds - (time.perf_counter() - begin))
+        iterations_left = max(0, max_iterations - iterations)
         run = interior_point(
-            sampled.within(reserve), x, tolerance=tolerance, max_iterations=rest, max_seconds=left, progress=progress,
-            barrier=barrier,
+            sampled.within(reserve), x, tolerance=tolerance, max_iterations=iterations_left, max_seconds=seconds_left,
+            progress=progress, barrier=barrier,
         )  # fmt: skip
         iterations += run.iterations
         status, message = run.status, run.message
         if status is SolveStatus.FAILED and barrier > LEAST_FIRST:
-            # a large barrier draws motions to where all rows are far away, which may be none at all: a criterion of
-            # ratios, such as the condition number, need not hold against it. A small one stays near x
+            # a large barrier draws motions away from all rows, but a ratio, such as the condition number, may not
+            # balance it at any finite motion. A small barrier stays near x
             barrier *= SMALLER
             continue
         x, barrier = run.x, WARM_BARRIER
         c = x.reshape(start.shape, order="F")
         over = task.excess(c, fine)
-        for share in SHARES if np.any(over > 0) else (1.0,):  # of the way from the start that keeps all limits
+        for share in SHARES if np.any(over > 0) else (1.0,):  # of the way from the feasible start
             nearer = start + share * (c - start)
             value = sampled.cost(nearer.reshape(-1, order="F"))
             if value < best_cost and np.all(task.excess(nearer, fine) <= 0):
@@ -120,17 +121,17 @@ def optimise_excitation(
         if np.all(over <= 0) or status is SolveStatus.INTERRUPTED or iterations >= max_iterations:
             break
         reserve = reserve + np.where(over > 0, np.minimum(BEYOND * over, FARTHEST) + RESERVE, 0.0)
-        if np.any(over > FARTHEST):  # out of reach between two samples: no point to go on from
+        if np.any(over > FARTHEST):  # leaves the workspace between two samples: no point to continue from
             x, barrier = best.reshape(-1, order="F"), BARRIER
     if best is start:
-        message += "; no motion better than the start keeps all limits, so the start is kept"
+        message += "; no motion better than the start satisfies all limits, so the start is returned"
     seconds = time.perf_counter() - begin
     return Excitation(status, message, best_cost, iterations, best, task.excess(best, fine), seconds)
 
 
-HALVINGS = 14  # of the interval of the amplitude: found to 1e-4 of itself
-LARGEST = 1.0  # amplitude that a draw begins with, in the coordinate's unit; halved until it fits
-DRAWS_PER_HIT = 20  # draws that may fail for each one asked for
+HALVINGS = 14  # of the interval of the amplitude, for a relative error of 1e-4
+LARGEST = 1.0  # initial amplitude of a draw, in the unit of the coordinate; halved until feasible
+DRAWS_PER_HIT = 20  # draws allowed per requested motion
 
 
 def random_excitations(
@@ -140,14 +141,14 @@ def random_excitations(
     seed: int,
     progress: Callable[[float], bool] | None = None,
 ) -> list[Array]:
-    """Unknowns c (size, d) of `count` random motions that keep all limits, each as large as they let it be.
+    """Return unknowns c (size, d) of `count` random motions, each with the largest amplitude that satisfies all limits.
 
-    A draw takes the place to stand at, uniform within the box `centre`, and a normal weight for every other unknown;
-    the weights are then scaled up, by bisection, to the largest amplitude that keeps every row on the fine grid. Draws
-    whose place itself breaks a limit are dropped. Same seed, same motions.
+    A draw takes a rest position, uniform within the box `centre`, and normal weights for all other unknowns. Bisection
+    then scales the weights to the largest amplitude that satisfies every row on the fine grid. Draws whose rest
+    position violates a limit are discarded. The same seed gives the same motions.
 
-    `centre` is (low, high), each (d,). `progress` is called with the fraction done; True stops, keeping what there is.
-    Raises ArgumentError where hardly any draw is feasible.
+    `centre` is (low, high), each (d,). `progress` is called with the fraction done; True stops and keeps the motions so
+    far. Raises ArgumentError if hardly any draw is feasible.
 
     >>> import casadi as ca
     >>> x, v, a = (ca.SX.sym(name) for name in "xva")  # a pendulum m x'' + d x' + c sin x
@@ -165,16 +166,16 @@ def random_excitations(
     """
     rng = np.random.default_rng(seed)
     coarse, fine = task.times(), task.times(FINER)
-    kept: list[Array] = []
+    motions: list[Array] = []
     for _ in range(DRAWS_PER_HIT * count):
         place = np.outer(task.basis.still(), rng.uniform(*centre))
         swing = rng.normal(size=place.shape)
         if np.all(task.excess(place, coarse[:1]) <= 0):
-            kept.append(_largest(task, place, swing, coarse, fine))
-        if len(kept) == count or (progress is not None and progress(len(kept) / count)):
-            return kept
+            motions.append(_largest(task, place, swing, coarse, fine))
+        if len(motions) == count or (progress is not None and progress(len(motions) / count)):
+            return motions
     raise ArgumentError(
-        f"only {len(kept)} of {DRAWS_PER_HIT * count} places drawn keep all limits; draw them within a smaller box"
+        f"only {len(motions)} of {DRAWS_PER_HIT * count} drawn rest positions satisfy all limits; use a smaller box"
     )
 
 
@@ -183,6 +184,6 @@ def _largest(task: ExcitationTask, place: Array, swing: Array, coarse: Array, fi
     low, _ = bisected(
         lambda amplitude: np.all(task.excess(place + amplitude * swing, coarse) <= 0), 0.0, LARGEST, HALVINGS
     )
-    while np.any(task.excess(place + low * swing, fine) > 0):  # between the samples: some 1 % at most
+    while np.any(task.excess(place + low * swing, fine) > 0):  # violations between the samples: at most 1 % or so
         low *= 0.995
     return place + low * swing

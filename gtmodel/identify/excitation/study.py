@@ -1,5 +1,5 @@
-"""The excitation study: the motion from which a robot's masses and friction are identified best, its information,
-checks, trajectory and pictures."""
+"""The excitation study: the motion that identifies masses and friction of a robot best, its information, checks,
+trajectory and plots."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from .task import ExcitationPlan, plan_of
 
 Array = np.ndarray
 
-STILL_BETTER = 1.0  # of the best random one: the condition number that the search must at least reach
+STILL_BETTER = 1.0  # bound on the optimised condition number over the best random one
 
 
 @dataclass(frozen=True, eq=False)
 class ExcitationMotions:
-    """The optimised motion and the best random one with their stacked regressors, and all draws' condition numbers."""
+    """The optimised motion and the best random one with their stacked regressors, and the condition numbers of all."""
 
     best: Excitation
     W: np.ndarray
@@ -54,9 +54,9 @@ def study_of_motion(
         "condition_to_best_random": at_most(1 / values["improvement"], STILL_BETTER, "raise starts"),
     }
     if motions.runs:
-        seen = motions.runs[0][0]
-        low, high = binomial_band(seen.runs, seen.level, 1 - FALSE_ALARM / len(seen.names))
-        checks["coverage_outside_band"] = at_most(float(np.count_nonzero((seen.hits < low) | (seen.hits > high))), 0.0)
+        c = motions.runs[0][0]
+        low, high = binomial_band(c.runs, c.level, 1 - FALSE_ALARM / len(c.names))
+        checks["coverage_outside_band"] = at_most(float(np.count_nonzero((c.hits < low) | (c.hits > high))), 0.0)
     status = SolveStatus.INTERRUPTED if SolveStatus.INTERRUPTED in [e.status for e in runs] else best.status
     reached = ReachedOptima([e.objective if e.status.ok else None for e in runs])
     sentences = [best.message, reached.message(best.objective) if best.status.ok else ""]
@@ -73,10 +73,10 @@ def study_of_motion(
 
 
 def _trajectory(plan: ExcitationPlan, c: Array, title: str) -> Trajectory:
-    """The motion with its carts and forces at the sample time, the end of the period included."""
+    """The motion with its carts and forces at the sample times, including the end of the period."""
     T, dT, ddT, dddT = plan.task.motion(c, plan.times, 4)
-    given = (T, dT, ddT, dddT)
-    tau, q, dq, *_ = plan.inverse(*(given[signal.pairs[0][1]] for signal in plan.inverse.inputs))
+    derivatives = (T, dT, ddT, dddT)
+    tau, q, dq, *_ = plan.inverse(*(derivatives[signal.pairs[0][1]] for signal in plan.inverse.inputs))
     return Trajectory(
         plan.times,
         {"T": T, "der(T)": dT, "der(T,2)": ddT, "q": q, "der(q)": dq, "tau": tau},
@@ -88,19 +88,19 @@ def _trajectory(plan: ExcitationPlan, c: Array, title: str) -> Trajectory:
 def _values(plan: ExcitationPlan, search: ExcitationSearch, motions: ExcitationMotions) -> dict[str, Any]:
     experiment = plan.experiment
     regressor, basis, c = plan.regressor, plan.task.basis, motions.best.c
-    share = 1 / np.sqrt(experiment.periods)
-    deviations, of_random = (share * predicted_deviations(W, experiment.noise) for W in (motions.W, motions.W_random))
+    factor = 1 / np.sqrt(experiment.periods)
+    deviations, at_random = (factor * predicted_deviations(W, experiment.noise) for W in (motions.W, motions.W_random))
     parameters: list[dict[str, Any]] = [
         {"name": n, "nominal": x, "unit": u, "deviation": s, "random_deviation": r, "ratio": r / s}
         for n, x, u, s, r in zip(
-            regressor.names, regressor.nominal, regressor.units, deviations, of_random, strict=True
+            regressor.names, regressor.nominal, regressor.units, deviations, at_random, strict=True
         )
     ]
-    seen = None
+    coverage_table = None
     if len(motions.runs) == 2:
-        (counted, scatter), (_, of_random) = motions.runs
-        seen = {"runs": counted.runs, "band": list(counted.band), "pooled": counted.pooled}
-        for p, s, r, hits in zip(parameters, scatter, of_random, counted.hits, strict=True):
+        (counts, scatter), (_, random_scatter) = motions.runs
+        coverage_table = {"runs": counts.runs, "band": list(counts.band), "pooled": counts.pooled}
+        for p, s, r, hits in zip(parameters, scatter, random_scatter, counts.hits, strict=True):
             p |= {"seen_deviation": s, "random_seen_deviation": r, "hits": int(hits)}
     if isinstance(basis, FourierSeries):
         coefficients = dict(zip(("place_m", "cosine_m", "sine_m"), basis.amplitudes(c), strict=True))
@@ -115,7 +115,7 @@ def _values(plan: ExcitationPlan, search: ExcitationSearch, motions: ExcitationM
         "improvement": float(motions.conditions.min() / value),
         "criterion": search.criterion,
         "parameters": parameters,
-        "coverage": seen,
+        "coverage": coverage_table,
         "singular_values": {
             "optimised": singular_values(motions.W, regressor.nominal),
             "random": singular_values(motions.W_random, regressor.nominal),
@@ -161,7 +161,7 @@ def _workspace_figure(plan: ExcitationPlan, motions: ExcitationMotions, trajecto
                        title=f"{trajectory.title}: paths, and the robot at the start")  # fmt: skip
 
 
-FITS_AT_ONCE = 50  # synthetic identifications between two looks at the clock
+FITS_AT_ONCE = 50  # synthetic identifications between two checks of the time limit
 
 
 @study_function
@@ -177,22 +177,23 @@ def excitation_study(
     start: Array | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> ExcitationStudy:
-    """The motion for an identification: draw random ones, optimise from the best of them, and compare.
+    """Optimise the motion for an identification, starting from the best random motions, and compare it with them.
 
     Args:
-        robot: declares its tool centre point T, carts q and forces tau as vectors of 3; a parameter `velocity_scale` of
-            its friction is set by the study.
-        motion: the family that is searched.
-        limits: what the motion keeps.
-        experiment: what is identified, noise, sample time.
+        robot: declares its tool centre point T, carts q and forces tau as vectors of 3; the study sets the parameter
+            `velocity_scale` of its friction, if it has one.
+        motion: the family of motions.
+        limits: limits of the motion.
+        experiment: identified parameters, noise, sample time.
         search: criterion, starts and iterations.
-        random: the motions to compare with.
-        monte_carlo: synthetic identifications along both; none if left out.
-        start: (size, 3) unknowns of an earlier study, a further start.
+        random: random motions for comparison.
+        monte_carlo: synthetic identifications along both motions; none if left out.
+        start: (size, 3) unknowns of an earlier study, as an additional start.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Interrupted, it holds the best motion so far, which keeps all limits. Raises ArgumentError for a robot of another
-    kind, for limits that hardly any random motion keeps, and for a start that does not fit or breaks a limit.
+    An interrupted study returns the best motion so far, which satisfies all limits. Raises ArgumentError for a robot of
+    another kind, for limits that hardly any random motion satisfies, and for a start that does not fit or violates a
+    limit.
 
     >>> motion = gt.identify.Family(
     ...     period=2.0, harmonics=2, place_low=[0.9, -0.9, 0.4], place_high=[1.1, -0.7, 0.6]
@@ -208,7 +209,7 @@ def excitation_study(
     work = Work(**work_options)
     search, title = search or ExcitationSearch(), work.title or "excitation"
     plan = plan_of(robot, motion, limits, experiment or IdentificationExperiment(), search.criterion)
-    started = [] if start is None else [_started(plan, np.asarray(start, dtype=float))]
+    first_starts = [] if start is None else [_checked_start(plan, np.asarray(start, dtype=float))]
     draws = _draws(plan, random or RandomMotions(), work)
     if not draws:
         return ExcitationStudy(
@@ -218,7 +219,7 @@ def excitation_study(
     stacks = [plan.task.stacked(c, times, plan.sharp) for c in draws]
     conditions = np.array([condition(W, nominal) for W in stacks])
     order = np.argsort(conditions, kind="stable")
-    starts = [*started, *(draws[k] for k in order[: search.starts])]
+    starts = [*first_starts, *(draws[k] for k in order[: search.starts])]
     runs = [
         optimise_excitation(
             plan.task,
@@ -233,25 +234,25 @@ def excitation_study(
     first = int(order[0])
     W = plan.task.stacked(best.c, times, plan.sharp)
     fits = [_monte_carlo(plan, monte_carlo or MonteCarloFits(), work, A) for A in (W, stacks[first])]
-    seen = [fit for fit in fits if fit is not None]
+    finished = [fit for fit in fits if fit is not None]
     return study_of_motion(
-        plan, search, title, ExcitationMotions(best, W, draws[first], stacks[first], conditions, seen), runs
+        plan, search, title, ExcitationMotions(best, W, draws[first], stacks[first], conditions, finished), runs
     )
 
 
-def _started(plan: ExcitationPlan, given: Array) -> Array:
-    """The unknowns of an earlier result, which keep these limits. Raises ArgumentError."""
+def _checked_start(plan: ExcitationPlan, start: Array) -> Array:
+    """The unknowns of an earlier result, if they satisfy these limits. Raises ArgumentError."""
     shape = (plan.task.basis.size, plan.task.dimension)
-    if given.shape != shape:
-        raise ArgumentError(f"its unknowns have the shape {given.shape}; this problem's have {shape}", "start")
-    if np.any(plan.task.excess(given, plan.task.times(FINER)) > 0):
-        raise ArgumentError("its motion breaks a limit of this problem; leave it out", "start")
-    return given
+    if start.shape != shape:
+        raise ArgumentError(f"its unknowns have the shape {start.shape}; expected {shape}", "start")
+    if np.any(plan.task.excess(start, plan.task.times(FINER)) > 0):
+        raise ArgumentError("its motion violates a limit of this problem; leave it out", "start")
+    return start
 
 
 def _draws(plan: ExcitationPlan, random: RandomMotions, work: Work) -> list[Array]:
     def progress(done: float) -> bool:
-        work.progress("random motions", done)
+        work.progress("drawing random motions", done)
         return work.interrupted()
 
     with naming("motion.place_low", ValueError):
@@ -259,7 +260,7 @@ def _draws(plan: ExcitationPlan, random: RandomMotions, work: Work) -> list[Arra
 
 
 def _monte_carlo(plan: ExcitationPlan, keys: MonteCarloFits, work: Work, W: Array) -> tuple[Coverage, Array] | None:
-    """Fits of synthetic forces along a motion: hits of their intervals, and how they scatter (p,); None: not wanted."""
+    """Monte Carlo fits along a motion: coverage of their intervals, and their scatter (p,); None if switched off."""
     regressor, experiment = plan.regressor, plan.experiment
     if not keys.runs or work.interrupted():
         return None
@@ -267,11 +268,11 @@ def _monte_carlo(plan: ExcitationPlan, keys: MonteCarloFits, work: Work, W: Arra
     A, exact = np.tile(W, (experiment.periods, 1)), np.tile(W @ regressor.nominal, experiment.periods)
     estimates = []
     while len(estimates) < keys.runs:
-        work.progress("synthetic identifications", len(estimates) / keys.runs)
+        work.progress("fitting synthetic data", len(estimates) / keys.runs)
         if work.interrupted():
             return None
-        some = min(FITS_AT_ONCE, keys.runs - len(estimates))
-        noisy = exact + experiment.noise * rng.normal(size=(some, len(exact)))
+        count = min(FITS_AT_ONCE, keys.runs - len(estimates))
+        noisy = exact + experiment.noise * rng.normal(size=(count, len(exact)))
         estimates += linear_fits(A, noisy, regressor.names, scale=regressor.nominal)
     truth = dict(zip(regressor.names, regressor.nominal.tolist(), strict=True))
     return coverage(estimates, truth), np.std([e.values for e in estimates], axis=0, ddof=1)

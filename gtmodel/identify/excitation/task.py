@@ -1,5 +1,4 @@
-"""An excitation of a robot as a task: what moves, which parameters it is for, which limits it keeps, sampled in rows
-that are bounded, and its cost."""
+"""An excitation of a robot as an optimisation task: coordinates, parameters and limits, with sampled rows and cost."""
 
 from __future__ import annotations
 
@@ -26,23 +25,23 @@ from .information import Criterion, CriterionAt
 from .interior_point import Derivatives
 from .options import Family, IdentificationExperiment
 
-PER_SWING = 16  # samples of the shortest swing in the optimisation: limits overshoot by some 2 % between them
+PER_SWING = 16  # samples of the shortest swing in the optimisation: limits are exceeded by some 2 % between them
 KEPT_GRIDS = 8
 
 
 @dataclass(frozen=True, eq=False)
 class ExcitationTask:
-    """What an excitation moves, which parameters it is for, and which limits it keeps.
+    """Coordinates of an excitation, the parameters to identify, and the limits.
 
     Args:
         basis: the family of motions of the d coordinates x.
-        rows: (x, x', x'' and perhaps x''') -> bounded rows (m,), such as carts, link angles, velocities, forces.
+        rows: (x, x', x'' and optionally x''') -> bounded rows (m,), such as carts, link angles, velocities, forces.
         low, high: (m,) their bounds.
         regressor: (x, x', x'') -> Y (r, p), smooth; the force is Y @ parameters.
-        nominal: (p,) the parameters' nominal values, none zero; columns are scaled by them.
+        nominal: (p,) nominal values of the parameters, none zero; columns are scaled by them.
         criterion: "condition", "determinant" or "variance".
 
-    Raises ArgumentError for shapes that do not fit and for a nominal value of zero.
+    Raises ArgumentError if shapes do not fit or a nominal value is zero.
 
     >>> import casadi as ca
     >>> x, v, a = (ca.SX.sym(name) for name in "xva")  # a pendulum m x'' + d x' + c sin x
@@ -69,9 +68,9 @@ class ExcitationTask:
     def __post_init__(self) -> None:
         m, p = self.rows.numel_out(0), self.regressor.size2_out(0)
         if np.shape(self.low) != (m,) or np.shape(self.high) != (m,):
-            raise ArgumentError(f"there are {m} bounded rows; low and high take as many")
+            raise ArgumentError(f"there are {m} bounded rows; low and high need {m} numbers each")
         if np.shape(self.nominal) != (p,) or not np.all(np.isfinite(self.nominal)) or np.any(self.nominal == 0):
-            raise ArgumentError(f"the regressor has {p} columns; nominal takes as many numbers, none of them zero")
+            raise ArgumentError(f"the regressor has {p} columns; nominal needs {p} finite numbers, none of them zero")
 
     @property
     def dimension(self) -> int:
@@ -84,7 +83,7 @@ class ExcitationTask:
         return int(np.ceil(PER_SWING * self.basis.period / self.basis.fastest))
 
     def times(self, finer: int = 1) -> Array:
-        """Equally spaced instants [s] of one period, its end left out: it is the beginning."""
+        """Equally spaced instants [s] of one period without its end, which is the beginning."""
         count = self.points * finer
         return np.arange(count) * (self.basis.period / count)
 
@@ -101,7 +100,7 @@ class ExcitationTask:
 
     @cached_property
     def _basis_rows(self) -> dict[bytes, list[Array]]:
-        """Of the grids last asked for: the same ones again and again."""
+        """Rows of the basis by grid, for the grids used last."""
         return {}
 
     @cached_property
@@ -120,14 +119,14 @@ class ExcitationTask:
         return np.where(largest > 0, largest, 1.0)
 
     def excess(self, c: Array, times: Array) -> Array:
-        """(m,) greatest violation of each row in its size, negative where it is kept; infinite for no number."""
+        """(m,) greatest violation of each row relative to its size; negative if satisfied, infinite for NaN."""
         columns = [part.T for part in self.motion(c, times, self.rows.n_in())]
         values = map_columns(self.rows, columns, self._mapped)[0] / self.size[:, None]
         over = np.maximum(values - (self.high / self.size)[:, None], (self.low / self.size)[:, None] - values)
         return np.max(np.where(np.isnan(values), np.inf, over), axis=1)
 
     def stacked(self, c: Array, times: Array, regressor: ca.Function | None = None) -> Array:
-        """(n r, p) rows of the regressor along the motion, or of another one."""
+        """(n r, p) rows of this or another regressor along the motion."""
         f = self.regressor if regressor is None else regressor
         r, p = f.size_out(0)
         values = np.asarray(f.map(len(times))(*(part.T for part in self.motion(c, times))))
@@ -135,11 +134,11 @@ class ExcitationTask:
 
 
 class SampledCost:
-    """Cost of the criterion, and rows (R,) in their size, of unknowns x (size d,) column by column of c.
+    """Cost of the criterion and rows (R,), relative to their size, of unknowns x (size d,), c column by column.
 
-    The rows are those of every sample, first beyond their upper bounds, then beyond their lower ones; rows without a
-    bound there are left out. Kept where they are at most zero. Derivatives are those of functions of one sample, which
-    CasADi makes, times those of the motion by the unknowns, which are constant.
+    The rows are those of every sample, first against their upper bounds, then against their lower ones; infinite bounds
+    are omitted. Rows are satisfied if at most zero. CasADi derives functions of one sample; the chain rule with the
+    constant derivatives of the motion by the unknowns does the rest.
     """
 
     def __init__(self, task: ExcitationTask) -> None:
@@ -147,7 +146,7 @@ class SampledCost:
         self.reserve = np.zeros(len(task.low))
         d, orders, times = task.dimension, task.rows.n_in(), task.times()
         self._basis = [task.basis.rows(times, order) for order in range(orders)]
-        # (n, orders d, size d): of x, x', ... by the unknowns
+        # (n, orders d, size d): derivatives of x, x', ... by the unknowns
         self._by_unknowns = np.concatenate([np.kron(np.eye(d), B[:, None]) for B in self._basis], axis=1)
         x = [ca.SX.sym(name, d) for name in ("x", "v", "a", "j")[:orders]]
         motion, m = ca.vertcat(*x), len(task.low)
@@ -168,10 +167,10 @@ class SampledCost:
         self._bound = bound / task.size[self._bounded]
 
     def within(self, reserve: Array) -> SampledCost:
-        """With bounds drawn in by a reserve (m,) in each row's size."""
-        other = copy(self)
-        other.reserve = reserve
-        return other
+        """The same problem with bounds tightened by a reserve (m,), relative to each row's size."""
+        tightened = copy(self)
+        tightened.reserve = reserve
+        return tightened
 
     def cost(self, x: Array) -> float:
         return self._criterion(self._stacked(self._motion(x))).value
@@ -209,7 +208,7 @@ class SampledCost:
         return CriterionAt(self.task.criterion, stacked.T @ stacked)
 
     def _stacked(self, motion: list[Array]) -> Array:
-        """(n r, p) rows of the scaled regressor over the root of their number."""
+        """(n r, p) rows of the scaled regressor over the square root of their number."""
         return self._regressor(*motion[:3]).reshape(-1, len(self.task.nominal))
 
     def _motion(self, x: Array) -> list[Array]:
@@ -219,29 +218,30 @@ class SampledCost:
 
 
 class _Mapped:
-    """An expression on columns (size, n) side by side: (n, entries), each matrix column by column."""
+    """An expression evaluated at columns (size, n): (n, entries), each matrix column by column."""
 
     def __init__(self, name: str, inputs: list[ca.SX], value: ca.SX) -> None:
         self.f = ca.Function(name, inputs, [ca.densify(ca.vec(value))], {"cse": True})
-        self.made = dict[int, ca.Function]()
+        self.mapped = dict[int, ca.Function]()
 
     def __call__(self, *columns: Array) -> Array:
-        return map_columns(self.f, columns, self.made)[0].T
+        return map_columns(self.f, columns, self.mapped)[0].T
 
 
-SHARP = 1e-6  # m/s: the sign of a velocity, beside which the smoothed one is judged
+SHARP = 1e-6  # m/s: velocity scale of the sign in the final evaluation
 
 
 @dataclass(frozen=True, eq=False)
 class ExcitationPlan:
-    """What an excitation is searched with.
+    """Everything that the search for an excitation needs.
 
     Attributes:
-        limits, experiment: as asked for.
+        limits, experiment: as passed.
         robot: with its own friction; its forces are bounded. inverse: its `motion_function`.
         task: the optimisation; its regressor has a smoothed sign.
-        regressor: names, nominal values and units of what is identified. sharp: its ca.Function with the true sign.
-        centre: (low, high) box of the places where random motions stand [m].
+        regressor: names, nominal values and units of the identified parameters. sharp: its ca.Function with the true
+            sign.
+        centre: (low, high) box of the rest positions of random motions [m].
         keys: the name of each bounded row. times: rows of the trajectory [s].
     """
 
@@ -272,7 +272,7 @@ def plan_of(
     if np.any(negligible(regressor.nominal, regressor.units)):
         name = regressor.names[int(np.argmin(np.abs(regressor.nominal)))]
         raise ArgumentError(
-            f"the nominal value of '{name}' is zero, and columns are scaled by nominal values; give a typical one "
+            f"the nominal value of '{name}' is zero, but columns are scaled by nominal values; give a typical value "
             "under parameters, or leave it out",
             "experiment.identified",
         )
@@ -290,7 +290,7 @@ def _basis(motion: Family) -> Basis:
 
 
 def _guard(limits: Limits, robot: gt.Model) -> MotionConstraints:
-    """The margins of the limits, and the distance from the edge of reach."""
+    """The margins of the limits and of each link's component along its guideway, zero at the edge of reach."""
     links = links_of(robot)
     guard, least = guard_of(limits, links), limits.link_along_guideway
 
@@ -305,7 +305,7 @@ def _guard(limits: Limits, robot: gt.Model) -> MotionConstraints:
 
 
 def _rows(inverse: CausalFunction, force: float) -> tuple[ca.Function, np.ndarray, np.ndarray]:
-    """(x, x', x''[, x''']) -> forces, then margins; and their bounds."""
+    """(x, x', x''[, x''']) -> forces, then margins; with their bounds."""
     orders = [signal.pairs[0][1] for signal in inverse.inputs]
     x = [ca.SX.sym(n, 3) for n in ("x", "v", "a", "j")[: max(3, 1 + max(orders))]]
     outputs = inverse.casadi.call([x[k] for k in orders])
@@ -320,11 +320,11 @@ def _rows(inverse: CausalFunction, force: float) -> tuple[ca.Function, np.ndarra
 
 
 def _regressor(robot: gt.Model, identified: list[str], velocity_scale: float) -> tuple[Regressor, ca.Function]:
-    """The regressor of the motors' forces for a motion of T, friction smoothed over a velocity scale [m/s]."""
+    """The regressor of the motor forces for a motion of T, with friction smoothed over a velocity scale [m/s]."""
     try:
         chosen = robot.with_(velocity_scale=velocity_scale)
     except gt.ModelError:
-        chosen = robot  # which has no such parameter keeps its own smoothing
+        chosen = robot  # a robot without this parameter keeps its own smoothing
     with naming("experiment.identified", gt.ModelError):
         regressor = Regressor(chosen, identified, known="T")
     x = [ca.SX.sym(n, 3) for n in ("x", "v", "a")]
@@ -336,7 +336,7 @@ def _centre(motion: Family) -> tuple[np.ndarray, np.ndarray]:
     low, high = np.array(motion.place_low), np.array(motion.place_high)
     if np.any(low > high):
         k = int(np.argmax(low > high))
-        raise ArgumentError(f"coordinate {k} has {low[k]:g} m below and {high[k]:g} m above", "motion.place_low")
+        raise ArgumentError(f"coordinate {k} is {low[k]:g} m, above place_high, {high[k]:g} m", "motion.place_low")
     return low, high
 
 
@@ -344,5 +344,5 @@ def _times(motion: Family, experiment: IdentificationExperiment) -> np.ndarray:
     period, step = motion.period, experiment.sample
     count = round(period / step)
     if count < 1 or abs(count * step - period) > 1e-9 * period:
-        raise ArgumentError(f"{period:g} s are no multiple of the sample time {step:g} s", "motion.period")
+        raise ArgumentError(f"{period:g} s is not a multiple of the sample time {step:g} s", "motion.period")
     return np.linspace(0.0, period, count + 1)

@@ -1,4 +1,4 @@
-"""The mass whose weight explains the middle levels of friction, by three norms, and the forces with which the
+"""The mass that explains the mean friction levels by its weight, in three norms, and the forces with which the
 actuators hold one kilogram at the tool."""
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ PLATE = "m_p"  # mass of the plate, payload included, in all robots of the libra
 
 
 def gravity_pattern(robot: Model, poses: Sequence[HeldPose]) -> np.ndarray:
-    """Force of each cart that holds one kilogram at the tool (poses, carts) [N/kg], by geometry or as printed.
+    """Return the force of each cart that holds one kilogram at the tool (poses, carts) [N/kg], computed or printed.
 
-    A pose gives its tool centre point, for which the robot's model is asked, or printed forces with the mass they hold.
-    Raises ArgumentError for a pose that says neither or both, or cannot be reached, and for a robot that its tool
-    centre point does not place or whose plate has no mass.
+    A pose has a tool centre point, from which the robot's model computes the forces, or printed forces with the mass
+    that they hold. Raises ArgumentError if a pose has neither or both or is out of reach, if the tool centre point does
+    not determine the pose of the robot, and if its plate has no mass.
 
     >>> pose = gt.identify.HeldPose(tcp=[0.5, -0.9, 0.3])
     >>> gt.identify.gravity_pattern(gt.robots.gantry_tau("l1_tape"), [pose]).round(2)
     array([[-9.54, -0.41,  9.95]])
     """
     if not poses:
-        raise ArgumentError("is empty; expected one or more", "poses")
+        raise ArgumentError("is empty; expected at least one", "poses")
     weigh = cache(lambda: _by_geometry(robot))
     rows = [_holding(pose, f"poses[{n}]", weigh) for n, pose in enumerate(poses)]
     if len({len(row) for row in rows}) > 1:
         raise ArgumentError(
-            f"the poses have {', '.join(str(len(r)) for r in rows)} carts; expected one number", "poses"
+            f"the poses have {', '.join(str(len(r)) for r in rows)} carts; expected the same number for all", "poses"
         )
     return np.array(rows)
 
@@ -50,24 +50,24 @@ def _holding(pose: HeldPose, argument: str, weigh: Callable[[], Weighed]) -> np.
         with naming(f"{argument}.tcp", ValueError):
             return weighed(pose.tcp)
     if pose.holding_mass is None:
-        raise ArgumentError("is missing; expected the mass that holding holds, in kg", f"{argument}.holding_mass")
+        raise ArgumentError("is missing; expected the mass that `holding` holds, in kg", f"{argument}.holding_mass")
     return np.array(pose.holding) / pose.holding_mass
 
 
 def _by_geometry(robot: Model) -> Weighed:
-    """Tool centre point [m] -> forces that hold one kilogram more [N]; friction is in both cases and falls out."""
+    """Tool centre point [m] -> forces that hold one more kilogram [N]; friction cancels in the difference."""
     masses = {p.name: p.value for p in flat_of(robot).parameters}
     if masses.get(PLATE) is None:
         raise ArgumentError(
-            f"has no mass '{PLATE}' of its plate, so its geometry does not tell what the carts hold; "
-            "give the poses' holding",
+            f"has no mass '{PLATE}' of its plate, so that its model cannot compute the holding forces; "
+            "set `holding` in the poses",
             "robot",
         )
     try:
         inverse = [m.causal(known="T", targets="tau") for m in (robot, robot.with_(**{PLATE: masses[PLATE] + 1.0}))]
     except ModelError as error:
-        said = f"a tool centre point alone does not place it, as it does with three links ({error})"
-        raise ArgumentError(said, "robot") from error
+        message = f"its tool centre point does not determine its pose, as it does with three links ({error})"
+        raise ArgumentError(message, "robot") from error
 
     def weighed(tcp: Sequence[float]) -> np.ndarray:
         width = inverse[0].inputs[0].size
@@ -78,23 +78,23 @@ def _by_geometry(robot: Model) -> Weighed:
         for function in inverse:
             tau, status = function(tcp, *at_rest)
             if status is not Status.OK:
-                raise ValueError(f"{tcp} m cannot be reached: {status.message}")
+                raise ValueError(f"{tcp} m is out of reach: {status.message}")
             forces.append(np.asarray(tau))
         return forces[1] - forces[0]
 
     return weighed
 
 
-Gravity = Literal["most_symmetric", "poses"]  # how the mass is found beside friction by direction
+Gravity = Literal["most_symmetric", "poses"]  # how the mass is found if friction may differ by direction
 PARALLEL = 1e-6  # patterns closer to parallel than this: the difference of gravity between poses determines no mass
-TIE = 1e-9  # of the sum of weights: two sides of a median that weigh the same
+TIE = 1e-9  # relative to the sum of weights: both sides of a median weigh the same
 
 
 class MassByNorm(NamedTuple):
-    """Masses [kg] that make the asymmetry middle - m pattern least, by norm.
+    """Masses [kg] that minimise the asymmetry middle - m pattern, by norm.
 
-    `two` is that of the 2-norm, `one` the interval in which the 1-norm is least (both ends equal where it is a point),
-    `maximum` that of the maximum norm.
+    `two` minimises the 2-norm, `one` is the interval that minimises the 1-norm (both ends equal if it is a point),
+    `maximum` minimises the maximum norm.
     """
 
     two: float
@@ -103,12 +103,12 @@ class MassByNorm(NamedTuple):
 
 
 def mass_by_norm(middle: Array, pattern: Array) -> MassByNorm:
-    """Masses from the middle levels [N] and the forces that hold one kilogram [N/kg], both (n,) or of any one shape.
+    """Return the masses from middle levels [N] and forces that hold one kilogram [N/kg], both (n,) or of equal shape.
 
-    The middle level is the mean of the forces that the lines forwards and backwards reach at velocity zero:
-    middle = m pattern + (fc+ - fc-)/2, with the magnitudes fc+ and fc- of Coulomb friction, whose asymmetric part is
-    what is left. The 2-norm gives m = middle.pattern / pattern.pattern. Raises ArgumentError for shapes that differ,
-    numbers that are not finite, and a pattern of zeros.
+    The middle level is the mean of the forces of the forward and backward lines at velocity zero: middle = m pattern +
+    (fc+ - fc-)/2, with the magnitudes fc+ and fc- of Coulomb friction; the asymmetry (fc+ - fc-)/2 is the residual. The
+    2-norm gives m = middle.pattern / pattern.pattern. Raises ArgumentError for unequal shapes, numbers that are not
+    finite, and a pattern of zeros.
 
     >>> pattern = np.array([-7.9, -0.7, 8.6])
     >>> masses = gt.identify.mass_by_norm(20.0 * pattern + np.array([10.0, 0.0, 0.0]), pattern)
@@ -117,23 +117,23 @@ def mass_by_norm(middle: Array, pattern: Array) -> MassByNorm:
     """
     c, g = np.asarray(middle, float), np.asarray(pattern, float)
     if c.shape != g.shape:
-        raise ArgumentError(f"has the shape {c.shape}; expected {g.shape}, that of the pattern", "middle")
+        raise ArgumentError(f"has the shape {c.shape}; expected the shape of the pattern, {g.shape}", "middle")
     if not (np.isfinite(c).all() and np.isfinite(g).all()):
-        raise ArgumentError("holds a number that is not finite, or the pattern does", "middle")
+        raise ArgumentError("middle or pattern has a number that is not finite", "middle")
     if not np.any(g):
-        raise ArgumentError("one kilogram loads no cart, so no force determines the mass", "pattern")
+        raise ArgumentError("one kilogram loads no cart, so that no force determines the mass", "pattern")
     c, g = c.ravel(), g.ravel()
     return MassByNorm(float(c @ g / (g @ g)), _weighted_median(c, g), _minimax(c, g))
 
 
 def _weighted_median(c: Array, g: Array) -> tuple[float, float]:
-    """sum |c - m g| = sum |g| |c/g - m| is least at the median of c/g with weights |g|; an interval at a tie."""
+    """The median of c/g with weights |g|, which minimises sum |c - m g| = sum |g| |c/g - m|; an interval at a tie."""
     c, g = c[g != 0], g[g != 0]
     order = np.argsort(c / g)
-    at, weight = (c / g)[order], np.abs(g)[order]
+    ratios, weight = (c / g)[order], np.abs(g)[order]
     share = np.cumsum(weight) / weight.sum()
     k = int(np.searchsorted(share, 0.5 - TIE))
-    return float(at[k]), float(at[k + 1] if abs(share[k] - 0.5) <= TIE else at[k])
+    return float(ratios[k]), float(ratios[k + 1] if abs(share[k] - 0.5) <= TIE else ratios[k])
 
 
 def _minimax(c: Array, g: Array) -> float:

@@ -1,5 +1,5 @@
-"""Friction of each actuator, and the weight they hold, from runs at constant velocity (Dressler 2012, section 6.2),
-with what friction cannot be."""
+"""Friction of each actuator and the weight they hold, from runs at constant velocity (Dressler 2012, section 6.2), with
+checks that the friction is physical."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .options import FrictionAlarm
 
 
 def check(runs: Runs, pattern: Array, inspection: Inspection) -> None:
-    """Raises ArgumentError for runs of other shapes and without numbers, and for copies that are not accepted."""
+    """Raises ArgumentError for wrong shapes, numbers that are not finite, and copies that are not accepted."""
     poses, carts = pattern.shape
     for name, part in (("velocities", runs.velocity), ("forces", runs.force)):
         if part.ndim != 2 or part.shape[1] != carts or len(part) != len(runs.pose):
@@ -34,22 +34,24 @@ def check(runs: Runs, pattern: Array, inspection: Inspection) -> None:
         if not np.all(np.isfinite(part)):
             run, cart = np.argwhere(~np.isfinite(part))[0]
             raise ArgumentError(
-                f"run {run + 1} of cart {cart + 1} has no finite number among the {name}; leave it out", "runs"
+                f"run {run + 1} of cart {cart + 1} has a value among the {name} that is not finite; leave it out",
+                "runs",
             )
     if not np.any(pattern):
         raise ArgumentError(
-            "one kilogram loads no cart, so no force determines the mass; check the direction of gravity", "pattern"
+            "one kilogram loads no cart, so that no force determines the mass; check the direction of gravity",
+            "pattern",
         )
     if np.any((runs.pose < 0) | (runs.pose >= poses)):
-        raise ArgumentError(f"a run names pose {int(np.max(runs.pose)) + 1}; the pattern has {poses}", "runs")
+        raise ArgumentError(f"a run has pose {int(np.max(runs.pose)) + 1}; the pattern has {poses} poses", "runs")
     columns = {"velocity": runs.velocity, "force": runs.force, "position": runs.position}
     for suspicion in tested(Data(columns, ["force"], "run")):
         inspection.refuse(suspicion, "runs")
 
 
 def refuse_exchanged(runs: Runs, pattern: Array, symmetric: bool, inspection: Inspection) -> bool:
-    """Raises ArgumentError, unless that is accepted, where the forces in another order of columns, or one of them
-    reversed, follow motion and gravity far better; False where nothing decides."""
+    """Raises ArgumentError, unless accepted, if the forces in another order of columns, or with one sign reversed, fit
+    motion and gravity far better; False if the data cannot decide."""
     count, carts = runs.force.shape
     bases = []
     for v in runs.velocity.T:
@@ -63,13 +65,13 @@ def refuse_exchanged(runs: Runs, pattern: Array, symmetric: bool, inspection: In
     gravity = without_friction(pattern[runs.pose])
     mass_determined = float(gravity @ gravity) > PARALLEL * float(np.sum(pattern[runs.pose] ** 2))
 
-    def left(force: Array) -> float:
+    def squares_of(force: Array) -> float:
         f = without_friction(force)
         return float(f @ f - ((f @ gravity) ** 2 / (gravity @ gravity) if mass_determined else 0.0))
 
     degrees_of_freedom = count * carts - sum(Q.shape[1] for Q in bases) - int(mass_determined)
     names = [f"force {k + 1}" for k in range(carts)]
-    comparison = columns_compared(names, runs.force, left, degrees_of_freedom)
+    comparison = columns_compared(names, runs.force, squares_of, degrees_of_freedom)
     if comparison is None:
         return True
     suspicion = replace(leaves(comparison, "N"), remedy="check order and signs of the columns")
@@ -78,12 +80,12 @@ def refuse_exchanged(runs: Runs, pattern: Array, symmetric: bool, inspection: In
 
 
 def refuse_driving(runs: Runs, estimate: Estimate, carts: int, symmetric: bool, inspection: Inspection) -> None:
-    """Raises ArgumentError, unless that is accepted, for friction that drives beyond noise."""
+    """Raises ArgumentError, unless accepted, if friction drives beyond the noise."""
     level = 1 - 2 * FALSE_ALARM / (2 * carts + 1)
     for cart in range(carts):
         speeds = np.abs(runs.velocity[:, cart])
         for v in (float(speeds.min()), float(speeds.max())):
-            # forth and back: gravity, and with it the mass, falls out
+            # the sum of both directions: gravity, and with it the mass, cancels
             weights = {f"coulomb_plus[{cart}]": 1.0, f"coulomb_minus[{cart}]": 1.0}
             weights |= {f"viscous_plus[{cart}]": v, f"viscous_minus[{cart}]": v}
             if symmetric:
@@ -96,22 +98,20 @@ def refuse_driving(runs: Runs, estimate: Estimate, carts: int, symmetric: bool, 
 
 
 def refuse_no_mass(estimate: Estimate, carts: int, symmetric: bool, gravity: Gravity, inspection: Inspection) -> None:
-    """Raises ArgumentError, unless that is accepted, for a mass that is negative beyond noise."""
+    """Raises ArgumentError, unless accepted, if the mass is negative beyond the noise."""
     level = 1 - 2 * FALSE_ALARM / (2 * carts + 1)
     mass, high = estimate.value("m"), estimate.interval("m", level)[1]
     if high < 0:
         why = "check the direction of gravity and the sign of the guideways, the poses and the order of the columns"
         if gravity == "most_symmetric" and not symmetric:
-            why += (
-                '; or friction differs by direction more than gravity does, then let poses determine the mass ("poses")'
-            )
-        evidence = f"the mass would be {mass:.4g} kg, which none can be"
+            why += '; if friction differs by direction more than gravity does, let poses determine the mass ("poses")'
+        evidence = f"the mass would be negative, {mass:.4g} kg"
         inspection.refuse(Suspicion("negative_mass", evidence, remedy=why), "pattern")
 
 
 COLUMNS = (
-    "some force in another cart's column, or with another sign, would fit these runs as well: only the log's own order "
-    "says whose it is"
+    "a force in another cart's column, or with another sign, would fit these runs as well: only the order of columns "
+    "in the log decides"
 )
 
 
@@ -121,10 +121,10 @@ class FrictionFit:
 
     `coulomb_plus` and `coulomb_minus` (carts,) [N], both positive, with `viscous_plus` and `viscous_minus` (carts,)
     [kg/s]: tau = m pattern + fc+ + fv+ v forwards and m pattern - fc- + fv- v backwards, v < 0. `mass` is m [kg].
-    `estimate` has all of these with their covariance, named "m", "coulomb_plus[0]" and so on. `lines` are the straight
-    lines by actuator, as fitted; `middle` (poses, carts) the levels between the two directions [N]; `pattern` (poses,
-    carts) the forces that hold one kilogram [N/kg]; `by_norm` the mass by three norms; `notes` say what the
-    runs leave open; `residual_rms` (carts,) is that of the lines [N].
+    `estimate` has all of these with their covariance, named "m", "coulomb_plus[0]" and so on. `lines` are the fitted
+    straight lines by actuator; `middle` (poses, carts) the levels midway between the two directions [N]; `pattern`
+    (poses, carts) the forces that hold one kilogram [N/kg]; `by_norm` the mass by three norms; `notes` say what the
+    runs do not determine; `residual_rms` (carts,) is the rms residual of the lines [N].
     """
 
     mass: float
@@ -141,9 +141,9 @@ class FrictionFit:
     residual_rms: Array
 
     def against_motion(self, runs: Runs, level: float) -> tuple[float, float]:
-        """Friction force [N] against the motion where it is least, and the upper limit of its confidence interval.
+        """Least friction force [N] against the motion, and the upper limit of its confidence interval.
 
-        It is that of the cart, direction and speed for which this limit is least; a negative limit says that friction
+        It belongs to the cart, direction and speed with the least upper limit; a negative limit means that friction
         drives.
         """
         least = (np.inf, np.inf)
@@ -172,21 +172,21 @@ def identify_friction(
     gravity: Gravity = "most_symmetric",
     accept: Sequence[FrictionAlarm] = (),
 ) -> FrictionFit:
-    """Friction of each actuator and the mass they hold, from runs at constant velocity (Dressler 2012, eq. (6.9)).
+    """Identify friction of each actuator and the mass they hold from constant-velocity runs (Dressler 2012, eq. (6.9)).
 
     Args:
         runs: velocities and mean forces.
-        pattern: (poses, carts) force of each cart that holds one kilogram [N/kg], by the geometry.
+        pattern: (poses, carts) force of each cart that holds one kilogram [N/kg], from the geometry.
         symmetric: one Coulomb and one viscous coefficient for both directions.
-        gravity: how the mass is found while friction may differ by direction. "most_symmetric": the least sum of
-            squares of what is left of the middle levels, as the thesis did by eye. "poses": from the change of the
-            levels between poses, friction being the same in all; it needs poses of different patterns.
-        accept: what is suspected of runs and columns, and becomes a note where it is named here.
+        gravity: how the mass is found if friction may differ by direction. "most_symmetric": minimise the sum of
+            squares of the asymmetry of the middle levels, as the thesis did by eye. "poses": from the change of the
+            levels between poses, with the same friction in all; it needs poses of different patterns.
+        accept: alarms about runs and columns that become notes instead of errors.
 
-    Every actuator's line is a least-squares fit of its own, its noise its own; the rest is a linear function of the
-    lines. Raises ArgumentError where a direction has too few velocities, where poses do not determine the mass, where
-    runs are copies of others, where forces in other columns or with another sign fit far better, and for what no drive
-    has: friction that gives energy, or a negative mass, beyond noise.
+    Each actuator's line is a separate least-squares fit with its own noise; the rest is a linear function of the lines.
+    Raises ArgumentError if a direction has too few velocities, if poses do not determine the mass, if runs are copies,
+    if forces in other columns or with another sign fit far better, and, beyond the noise, if friction adds energy or
+    the mass is negative.
 
     >>> velocity = np.array([[0.2], [0.6], [1.0], [-0.2], [-0.6], [-1.0]])  # one cart, m/s
     >>> force = np.array([[180.0], [257.0], [330.0], [-95.0], [-159.0], [-224.0]])  # N
@@ -240,30 +240,30 @@ def identify_friction(
         False, residuals, (), units=tuple({"m": "kg", "c": "N", "v": "kg/s"}[name[0]] for name in rows),
     )  # fmt: skip
 
-    left = np.column_stack([line.residuals for line in lines])
-    for suspicion in tested(Data(residuals=left, row="run")):
+    residuals_by_cart = np.column_stack([line.residuals for line in lines])
+    for suspicion in tested(Data(residuals=residuals_by_cart, row="run")):
         inspection.refuse(suspicion, "runs")
     refuse_driving(runs, estimate, carts, symmetric, inspection)
     columns_certain = refuse_exchanged(runs, pattern, symmetric, inspection)
     refuse_no_mass(estimate, carts, symmetric, gravity, inspection)
 
-    def each(name: str) -> Array:
+    def by_cart(name: str) -> Array:
         return np.array([coefficients[f"{name}[{i}]"] for i in range(carts)])
 
     levels = middle @ values
     return FrictionFit(
         float(coefficients["m"]),
-        each("coulomb_plus"),
-        each("coulomb_minus"),
-        each("viscous_plus"),
-        each("viscous_minus"),
+        by_cart("coulomb_plus"),
+        by_cart("coulomb_minus"),
+        by_cart("viscous_plus"),
+        by_cart("viscous_minus"),
         estimate,
         lines,
         levels,
         pattern,
         mass_by_norm(levels, pattern),
         (
-            *_in_words(pattern, symmetric, gravity),
+            *_open_questions(pattern, symmetric, gravity),
             *([] if columns_certain or symmetric else [COLUMNS]),
             *inspection.notes,
         ),
@@ -280,8 +280,8 @@ def _line(runs: Runs, cart: int, poses: int, symmetric: bool) -> Estimate:
     columns: dict[str, Array] = {}
     for p in range(poses):
         for sign, way in ((1, "plus"), (-1, "minus")):
-            here = (runs.pose == p) & (np.sign(v) == sign)
-            speeds = np.unique(np.round(np.abs(v[here]), 9))
+            selected = (runs.pose == p) & (np.sign(v) == sign)
+            speeds = np.unique(np.round(np.abs(v[selected]), 9))
             if speeds.size < (1 if symmetric or p else 2):
                 raise ArgumentError(
                     f"cart {cart + 1}, pose {p + 1}: {speeds.size} velocities in direction {way}; expected at least "
@@ -289,7 +289,7 @@ def _line(runs: Runs, cart: int, poses: int, symmetric: bool) -> Estimate:
                     "runs",
                 )
             if not symmetric:
-                columns[f"{way} {p}"] = here.astype(float)
+                columns[f"{way} {p}"] = selected.astype(float)
         if symmetric:
             columns[f"middle {p}"] = (runs.pose == p).astype(float)
     if symmetric:
@@ -303,39 +303,39 @@ def _line(runs: Runs, cart: int, poses: int, symmetric: bool) -> Estimate:
 
 
 def _mass_weights(pattern: Array, gravity: Gravity, symmetric: bool) -> Array:
-    """(poses, carts): the mass as a linear function of the middle levels."""
+    """(poses, carts): weights of the middle levels in the mass."""
     if gravity == "most_symmetric" or symmetric:
         return pattern / np.sum(pattern**2)
     change = pattern - pattern.mean(axis=0)
     if np.sum(change**2) <= PARALLEL * np.sum(pattern**2):
         raise ArgumentError(
-            "gravity loads the actuators alike in all poses, so their levels do not determine the mass; record another "
-            "pose, or take the most symmetric friction",
+            "gravity loads the actuators alike in all poses, so that their levels do not determine the mass; record "
+            "another pose, or use the most symmetric friction",
             "pattern",
         )
     return change / np.sum(change**2)
 
 
-def _in_words(pattern: Array, symmetric: bool, gravity: Gravity) -> tuple[str, ...]:
+def _open_questions(pattern: Array, symmetric: bool, gravity: Gravity) -> tuple[str, ...]:
     if symmetric:
         return (
-            "nothing is left open, given that friction is the same in both directions; whether it is, these runs "
-            "cannot tell from a gravity that differs from the geometry's",
+            "the runs determine everything, provided that friction is the same in both directions; they cannot "
+            "distinguish a difference from a gravity that differs from the geometry's",
         )
     alone = (
-        "slopes and the two levels of each actuator are determined; its gravity and the asymmetric half of its Coulomb "
-        "friction, (fc+ - fc-)/2, enter only as their sum and cannot be distinguished on one actuator"
+        "the runs determine the slopes and the two levels of each actuator; its gravity and the asymmetric half of its "
+        "Coulomb friction, (fc+ - fc-)/2, enter only as their sum and cannot be distinguished on one actuator"
     )
     if gravity == "poses":
         return (
             alone,
-            "the mass is determined by how the levels change between poses, as far as friction itself does not change "
-            "with the pose",
+            "the change of the levels between poses determines the mass, provided that friction does not change with "
+            "the pose",
         )
     moves = ", ".join(f"{-g:+.2f}" for g in pattern.mean(axis=0))
     return (
         alone,
-        f"one kilogram more would change fc+ by {moves} N on the actuators in turn and fc- by the opposite, with the "
-        "same forces: the mass is a choice, the one that makes friction most symmetric (2-norm), and its interval is "
-        "that choice's, not the mass's",
+        f"one more kilogram would change fc+ by {moves} N on the actuators in order and fc- by the opposite, with the "
+        "same forces: the mass is a choice, the one that makes friction most symmetric (2-norm), and its interval "
+        "belongs to that choice",
     )

@@ -1,4 +1,4 @@
-"""What a friction study is asked, where the tool was held and what counts as constant velocity, and what it answers."""
+"""Options of a friction study: poses, runs at constant velocity, synthetic runs; and its result."""
 
 from __future__ import annotations
 
@@ -15,36 +15,34 @@ from ...results.suspicion import EveryAlarm
 
 # alarms about how runs and their columns were read; each can be accepted
 FrictionAlarm = Literal["copied_runs", "exchanged_columns", "driving_friction", "negative_mass", EveryAlarm]
-CUTOFF_HZ = (
-    10.0  # of the low pass that separates rows at constant velocity from others; means are taken of unfiltered ones
-)
-ACCELERATION = 0.2  # m/s2, the largest at constant velocity
+CUTOFF_HZ = 10.0  # of the low pass that detects rows at constant velocity; means are of unfiltered rows
+ACCELERATION = 0.2  # m/s2, largest acceleration at constant velocity
 SHORTEST = 0.2  # s
 
 
 @dataclass(frozen=True)
 class HeldPose(Options):
-    """Where the tool centre point was held in the cross-section while the carts ran.
+    """Position of the tool centre point in the cross-section while the carts ran.
 
     >>> pose = gt.identify.HeldPose(holding=[-177.0, -15.0, 191.0], holding_mass=22.4)
     >>> gt.identify.gravity_pattern(gt.robots.gantry_tau("l1_tape"), [pose]).round(2)  # N/kg
     array([[-7.9 , -0.67,  8.53]])
     """
 
-    name: Annotated[str, "one word for pictures"] = ""
+    name: Annotated[str, "one word for plots"] = ""
     tcp: Annotated[
         list[float] | None, Unit("m"),
-        "somewhere on the way; with guideways along x the place along them does not matter",
+        "a point on the way; with guideways along x the coordinate along them does not matter",
     ] = None  # fmt: skip
     holding: Annotated[
-        list[float] | None, Unit("N"), "printed gravity force of each cart in place of tcp; for holding_mass"
+        list[float] | None, Unit("N"), "printed gravity force of each cart for holding_mass, instead of tcp"
     ] = None
-    holding_mass: Annotated[float | None, Unit("kg"), Within(above=0.0), "mass that these hold"] = None
+    holding_mass: Annotated[float | None, Unit("kg"), Within(above=0.0), "mass that these forces hold"] = None
 
 
 @dataclass(frozen=True)
 class ConstantVelocity(Options):
-    """Which stretches of a log count as runs at constant velocity.
+    """Which parts of a log count as runs at constant velocity.
 
     >>> gt.identify.ConstantVelocity(slowest=-0.1)
     Traceback (most recent call last):
@@ -53,19 +51,19 @@ class ConstantVelocity(Options):
 
     cutoff: Annotated[
         float, Unit("Hz"), Within(above=0.0),
-        "of the low pass that separates rows at constant velocity from others; means are of raw ones",
+        "of the low pass that detects rows at constant velocity; means are of unfiltered rows",
     ] = CUTOFF_HZ  # fmt: skip
-    slowest: Annotated[float, Unit("m/s"), Within(least=0.0), "slower runs are left out"] = 0.0
+    slowest: Annotated[float, Unit("m/s"), Within(least=0.0), "slower runs are dropped"] = 0.0
     steady_acceleration: Annotated[
         float, Unit("m/s2"), Within(above=0.0),
         "rows count as constant velocity while all accelerations are smaller",
     ] = ACCELERATION  # fmt: skip
-    shortest_run: Annotated[float, Unit("s"), Within(above=0.0), "shorter runs are left out"] = SHORTEST
+    shortest_run: Annotated[float, Unit("s"), Within(above=0.0), "shorter runs are dropped"] = SHORTEST
 
 
 @dataclass(frozen=True)
 class FrictionCoefficients(Options):
-    """Friction by cart: it takes the force fc+ + fv+ v forwards and -fc- + fv- v backwards, v < 0, and the mass held.
+    """Friction by cart, and the mass held: the force is fc+ + fv+ v forwards and -fc- + fv- v backwards, with v < 0.
 
     >>> gt.identify.FrictionCoefficients([189.0], [145.0], [205.0], [158.0], mass=0.0)
     Traceback (most recent call last):
@@ -81,7 +79,7 @@ class FrictionCoefficients(Options):
 
 @dataclass(frozen=True)
 class SyntheticRuns(FrictionCoefficients):
-    """Synthetic logs of known friction, to see what identification gives back.
+    """Synthetic logs of known friction, to check an identification.
 
     >>> known = gt.identify.SyntheticRuns(
     ...     [150.0] * 3, [140.0] * 3, [190.0] * 3, [180.0] * 3, mass=22.0, velocities=[0.2, 0.5, 1.0], noise=5.0
@@ -92,9 +90,9 @@ class SyntheticRuns(FrictionCoefficients):
     (6, 'seed 0, white force noise 5 N, positions in steps of 1e-06 m')
     """
 
-    velocities: Annotated[list[float], Unit("m/s"), Within(above=0.0), "two or more; each is run forth and back"]
+    velocities: Annotated[list[float], Unit("m/s"), Within(above=0.0), "two or more; each is run back and forth"]
     moved_mass: Annotated[
-        float, Unit("kg"), Within(least=0.0), "felt by each motor in the ramps between runs"
+        float, Unit("kg"), Within(least=0.0), "inertia of each motor in the ramps between runs"
     ] = 30.0  # fmt: skip
     noise: Annotated[float, Unit("N"), Within(least=0.0), "white, standard deviation"] = 5.0
     quantisation: Annotated[float, Unit("m"), Within(least=0.0), "step of the positions"] = 1e-6
@@ -115,11 +113,11 @@ LABELS = {
 @to_inherit
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class FrictionStudy(Study):
-    """Friction by actuator and direction of motion, and the mass held; None where it was stopped before the fit."""
+    """Friction by actuator and direction of motion, and the mass held; None if stopped before the fit."""
 
     mass: Annotated[float | None, Quantity("kg", "plate and half the links, as the carts' forces hold them")] = None
     mass_interval: Annotated[
-        Sequence[float] | None, Quantity("kg", "95 % interval; of the choice where the runs leave the mass open")
+        Sequence[float] | None, Quantity("kg", "95 % interval; if the runs do not determine the mass, of the choice")
     ] = None
     mass_by_norm: Annotated[
         Mapping[str, Any] | None,
@@ -137,7 +135,7 @@ class FrictionStudy(Study):
         Quantity("N", "level between the two directions, by pose and cart: gravity and asymmetric friction together"),
     ] = None
     pattern: Annotated[Array | None, Quantity("N/kg", "force of each cart that holds one kilogram, by pose")] = None
-    residual: Annotated[Array | None, Quantity("N", "rms of the fitted lines, by cart")] = None
+    residual: Annotated[Array | None, Quantity("N", "rms residual of the fitted lines, by cart")] = None
     runs: Annotated[int | None, Quantity("", "number of runs at constant velocity")] = None
     synthetic: Annotated[
         str | None, Quantity("", "seed and noise of synthetic logs; null for measured ones")
@@ -145,14 +143,14 @@ class FrictionStudy(Study):
 
     @property
     def rows(self) -> list[Row]:
-        """The table for people."""
+        """Rows of the table."""
         if self.mass_interval is None or self.mass_by_norm is None or self.residual is None:
             return []
         (low, high), (first, last) = self.mass_interval, self.mass_by_norm["one"]
         return [
             Row("mass held", self.mass, "kg"),
             Row("95 % interval", f"{low:.4g} .. {high:.4g}", "kg"),
-            Row("1-norm: least anywhere from", f"{first:.4g} to {last:.4g}", "kg"),
+            Row("1-norm: minimal from", f"{first:.4g} to {last:.4g}", "kg"),
             Row("maximum norm", self.mass_by_norm["maximum"], "kg"),
             *self._coefficients(),
             Row("residual of the lines", listed(self.residual), "N"),

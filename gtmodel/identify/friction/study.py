@@ -31,9 +31,9 @@ from .options import (
     SyntheticRuns,
 )
 
-SLOPE_ERROR = 0.01  # of synthetic logs, or what their noise explains
+SLOPE_ERROR = 0.01  # relative, for synthetic logs, unless their noise explains more
 DRIVES = "friction drives in one direction"
-TELL = 'record more poses and let them determine the mass (gravity = "poses")'
+TELL = 'record more poses, which then determine the mass (gravity = "poses")'
 COLUMNS = (
     "check the poses and their forces that hold a kilogram, the order of the columns and the offsets of the forces"
 )
@@ -51,23 +51,23 @@ def friction_study(
     accept: Sequence[FrictionAlarm] = (),
     **work_options: Unpack[WorkOptions],
 ) -> FrictionStudy:
-    """Friction of the actuators and the mass they hold, from logs of runs at constant velocity.
+    """Identify friction of the actuators and the mass they hold from logs of runs at constant velocity.
 
-    The runs are found, lines are fitted, and their levels are divided into gravity and friction.
+    The study finds the runs, fits lines to them, and divides their levels into gravity and friction.
 
     Args:
-        robot: a robot that its tool centre point `T` places, with efforts `tau`; not asked where all poses say what
-            holds a kilogram.
-        runs: by pose the recordings, sessions with the signals q (n, carts) [m] and force (n, carts) [N]; or runs at
-            constant velocity as they are; or what synthetic logs are made of.
+        robot: a robot whose pose follows from its tool centre point `T`, with efforts `tau`; not used if all poses have
+            printed holding forces.
+        runs: recordings by pose, sessions with the signals q (n, carts) [m] and force (n, carts) [N]; or constant-
+            velocity runs; or options for synthetic logs.
         poses: where the tool was held.
-        constant_velocity: which stretches of the recordings count.
+        constant_velocity: which parts of the recordings count.
         directions: "separate" for coefficients by direction of motion, or "symmetric".
-        gravity: how the mass is found beside them, see `identify_friction`.
-        accept: alarms about the runs that are notes and refuse nothing.
+        gravity: how the mass is found, see `identify_friction`.
+        accept: alarms about the runs that become notes instead of errors.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Raises ArgumentError for logs that do not fit the poses or hold no runs, and as `identify_friction` does.
+    Raises ArgumentError if the logs do not fit the poses or contain no runs, and as `identify_friction` does.
 
     >>> known = gt.identify.SyntheticRuns(
     ...     [150.0] * 3, [140.0] * 3, [190.0] * 3, [180.0] * 3, mass=22.0, velocities=[0.2, 0.5, 1.0]
@@ -78,30 +78,30 @@ def friction_study(
     (6, 22, array([190., 190., 190.]))
     """
     work = Work(**work_options)
-    work.progress("equations", 0.1)
+    work.progress("computing gravity", 0.1)
     pattern = gravity_pattern(robot, poses)
     names = [pose.name or f"pose {n}" for n, pose in enumerate(poses, 1)]
     work.progress("reading", 0.2)
     note, truth = None, runs if isinstance(runs, SyntheticRuns) else None
     if isinstance(runs, Runs):
-        used = runs
+        selected = runs
     else:
-        logs = _made(runs, pattern, names) if isinstance(runs, SyntheticRuns) else runs
+        logs = _synthetic_logs(runs, pattern, names) if isinstance(runs, SyntheticRuns) else runs
         note = next((s.trajectory.synthetic for log in logs for s in log if s.trajectory.synthetic), None)
         if work.interrupted():
             return FrictionStudy(status=SolveStatus.INTERRUPTED, message="stopped before the fit", title=work.title)
-        used = _runs_of(logs, pattern, constant_velocity or ConstantVelocity())
+        selected = _runs_of(logs, pattern, constant_velocity or ConstantVelocity())
     with naming({"pattern": "poses", "": "runs"}):
-        fit = identify_friction(used, pattern, symmetric=directions == "symmetric", gravity=gravity, accept=accept)
+        fit = identify_friction(selected, pattern, symmetric=directions == "symmetric", gravity=gravity, accept=accept)
     e = fit.estimate
     coefficients: dict[str, Any] = {name: getattr(fit, name) for name in LABELS}
     return FrictionStudy(
         status=SolveStatus.SOLVED,
-        message=f"{len(used.pose)} runs, {len(fit.pattern)} pose{'s' if len(fit.pattern) > 1 else ''}",
+        message=f"{len(selected.pose)} runs, {len(fit.pattern)} pose{'s' if len(fit.pattern) > 1 else ''}",
         title=work.title,
         checks={
             name: check
-            for name, check in _checks(fit, used, truth, gravity == "poses" or directions == "symmetric").items()
+            for name, check in _checks(fit, selected, truth, gravity == "poses" or directions == "symmetric").items()
             if check.passed or name != "least_friction_N" or "driving_friction" not in accept
         },
         mass=fit.mass,
@@ -112,33 +112,33 @@ def friction_study(
         middle=fit.middle,
         pattern=fit.pattern,
         residual=fit.residual_rms,
-        runs=len(used.pose),
+        runs=len(selected.pose),
         notes=fit.notes,
         estimate=e,
         synthetic=note,
-        figures={"friction": partial(_figure, fit, used, names, work.title or "friction", note)},
+        figures={"friction": partial(_figure, fit, selected, names, work.title or "friction", note)},
         files={"parameters.toml": _parameters(fit.mass, coefficients, note)},
         machine_files=("parameters.toml",),
     )
 
 
-def check_widths(given: FrictionCoefficients, carts: int, argument: str) -> None:
+def check_widths(coefficients: FrictionCoefficients, carts: int, argument: str) -> None:
     """Raise ArgumentError for coefficients of another number of carts."""
     for name in LABELS:
-        count = len(getattr(given, name))
+        count = len(getattr(coefficients, name))
         if count != carts:
             raise ArgumentError(f"has {count} numbers; the robot has {carts} carts", f"{argument}.{name}")
 
 
 def by_norm(norms: MassByNorm) -> dict[str, Any]:
-    """As results have it."""
+    """As the result has it."""
     return {"two": norms.two, "one": list(norms.one), "maximum": norms.maximum}
 
 
-def _made(s: SyntheticRuns, pattern: Array, names: Sequence[str]) -> list[list[Session]]:
+def _synthetic_logs(s: SyntheticRuns, pattern: Array, names: Sequence[str]) -> list[list[Session]]:
     check_widths(s, pattern.shape[1], "runs")
     if len(s.velocities) < 2:
-        raise ArgumentError(f"expected two velocities or more; found {len(s.velocities)}", "runs.velocities")
+        raise ArgumentError(f"expected at least two velocities; found {len(s.velocities)}", "runs.velocities")
     plus, minus, forth, back = (np.array(getattr(s, name)) for name in LABELS)
 
     def law(row: Array, v: Array) -> Array:
@@ -151,7 +151,7 @@ def _made(s: SyntheticRuns, pattern: Array, names: Sequence[str]) -> list[list[S
                 s.velocities,
                 partial(law, row),
                 np.full(row.size, s.moved_mass),
-                seed=s.seed + pose,  # a seed of its own for every pose
+                seed=s.seed + pose,  # another seed for every pose
                 noise=s.noise,
                 quantisation=s.quantisation,
                 title=names[pose],
@@ -164,7 +164,7 @@ def _made(s: SyntheticRuns, pattern: Array, names: Sequence[str]) -> list[list[S
 def _runs_of(logs: Sequence[Sequence[Session]], pattern: Array, limits: ConstantVelocity) -> Runs:
     poses, carts = pattern.shape
     if len(logs) != poses:
-        raise ArgumentError(f"has recordings of {len(logs)} poses; expected {poses}, a list for each pose", "runs")
+        raise ArgumentError(f"has recordings of {len(logs)} poses; expected {poses}, one list per pose", "runs")
     parts = []
     for pose, log in enumerate(logs):
         for session in log:
@@ -178,12 +178,12 @@ def _runs_of(logs: Sequence[Sequence[Session]], pattern: Array, limits: Constant
                     slow=limits.slowest, shortest=limits.shortest_run,
                 ))  # fmt: skip
     if not parts:
-        raise ArgumentError("is empty; expected a recording or more", "runs")
+        raise ArgumentError("is empty; expected at least one recording", "runs")
     return concatenate(parts)
 
 
 def _checks(fit: FrictionFit, runs: Runs, truth: SyntheticRuns | None, mass_determined: bool) -> dict[str, Check]:
-    """Friction brakes; and against the truth of synthetic logs, which measured ones have not."""
+    """Friction must brake; and for synthetic logs the slopes must match the truth."""
     level = 1 - 2 * FALSE_ALARM / (4 * fit.pattern.shape[1])
     least, high = fit.against_motion(runs, level)
     advice = f"{DRIVES}; {COLUMNS if mass_determined else TELL}"
@@ -201,13 +201,13 @@ def _checks(fit: FrictionFit, runs: Runs, truth: SyntheticRuns | None, mass_dete
     errors = {n: abs(e.value(n) / x - 1) for n, x in true.items()}
     chance = half_width(1 - FALSE_ALARM / len(true), e.degrees_of_freedom)
     bounds = {n: max(SLOPE_ERROR, chance * std[n] / x) for n, x in true.items()}
-    # each against its own bound: the largest error may be the noise of the flattest line
+    # each against its own bound: the largest error may be from the noise of the flattest line
     worst = max(errors, key=lambda n: errors[n] / bounds[n])
     return checks | {"slope_error": at_most(errors[worst], bounds[worst])}
 
 
 def _parameters(mass: float, coefficients: Mapping[str, Array], note: str | None) -> str:
-    """parameters.toml, as a problem file names them."""
+    """parameters.toml, with the keys of a problem file."""
     names = {f.name: FrictionStudy.quantities()[f.name].name(f.name) for f in fields(FrictionCoefficients)}
     table = {names["mass"]: mass, **{names[n]: np.asarray(x).tolist() for n, x in coefficients.items()}}
     return (f"# synthetic: {note}\n" if note else "") + tomli_w.dumps(table)
@@ -223,15 +223,15 @@ def _figure(fit: FrictionFit, runs: Runs, names: Sequence[str], title: str, note
     return levels_figure(points, lines, gravity[0], title=f"{title} (synthetic: {note})" if note else title)
 
 
-WARNING = "the runs do not tell the mass while friction may differ by direction; every mass gives the same forces"
+WARNING = "if friction may differ by direction, the runs do not determine the mass: every mass gives the same forces"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PublishedFriction(FrictionStudy):
     """Friction of published lines with the mass that makes it most symmetric.
 
-    `chosen` is the published mass [kg]; `asymmetry` the size of what it leaves between the directions, 2-norm [N], of
-    which `objective` is the least.
+    `chosen` is the published mass [kg]; `asymmetry` is the 2-norm [N] of the asymmetry that it leaves between the
+    directions; `objective` is the least possible 2-norm.
     """
 
     chosen: float
@@ -239,16 +239,16 @@ class PublishedFriction(FrictionStudy):
 
     @property
     def rows(self) -> list[Row]:
-        """The table for people."""
+        """Rows of the table."""
         norms, least = self.mass_by_norm or {}, self.objective or 0.0
         return [
             Row("published mass", self.chosen, "kg"),
             Row("mass of most symmetric friction (2-norm)", self.mass, "kg"),
-            Row("1-norm: least anywhere from", f"{norms['one'][0]:.4g} to {norms['one'][1]:.4g}", "kg"),
+            Row("1-norm: minimal from", f"{norms['one'][0]:.4g} to {norms['one'][1]:.4g}", "kg"),
             Row("maximum norm", norms["maximum"], "kg"),
             Row("asymmetry, 2-norm: published", self.asymmetry, "N"),
             Row("asymmetry, 2-norm: least", least, "N"),
-            Row("why they differ", f"the minimum is flat: {self.asymmetry - least:.2g} N are not seen by eye"),
+            Row("why they differ", f"the minimum is flat: the eye cannot see {self.asymmetry - least:.2g} N"),
             *self._coefficients(),
         ]
 
@@ -260,15 +260,15 @@ def published_friction_study(
     pose: HeldPose,
     **work_options: Unpack[WorkOptions],
 ) -> PublishedFriction:
-    """The mass of most symmetric friction from printed lines, which hold for one pose.
+    """Find the mass of most symmetric friction from printed lines, which apply to one pose.
 
     Args:
-        robot: as of `friction_study`.
+        robot: as for `friction_study`.
         published: friction by cart, with the mass that was chosen for it.
         pose: where the tool was held.
-        progress, max_seconds, stop: see `gtmodel.results.Work`; the work is done at once.
+        progress, max_seconds, stop: see `gtmodel.results.Work`; the study takes no noticeable time.
 
-    Raises ArgumentError for coefficients of another number of carts, and for a pose as `gravity_pattern` does.
+    Raises ArgumentError if the number of coefficients does not match the carts, and as `gravity_pattern` does.
 
     >>> lines = gt.identify.FrictionCoefficients(
     ...     [189.0, 262.0, 239.0], [145.0, 119.0, 177.0], [205.0] * 3, [158.0] * 3, mass=22.4

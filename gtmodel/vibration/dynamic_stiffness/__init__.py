@@ -1,20 +1,20 @@
-"""Dynamic stiffness: oscillators from frequency responses, and their field over the pose. Knows no robot.
+"""Dynamic stiffness: oscillators from frequency responses, and their field over the pose. Independent of any robot.
 
 dynamic_stiffness_study      oscillators by experiment and over the pose: `DynamicStiffnessStudy`
-ModalFitting, Process, FrequencyMap   how modes and processes are fitted, and what the picture shows
-Experiment, read_experiments a frequency response at a pose; all that an index file names
+ModalFitting, Process, FrequencyMap   options of the modal fit, the Gaussian processes and the frequency map
+Experiment, read_experiments a frequency response at a pose; all experiments of an index file
 SyntheticArm, synthetic_experiments   synthetic experiments, `SyntheticExperiments`
 
 Frequency responses
     FrequencyResponse, frequency_response   receptance with its noise from records of an impact hammer
     command_force                           force that is equivalent to a commanded step
     fit_modes -> ModalFit                   mass, damping and stiffness of one or several modes, with intervals
-    receptance, synthetic_hits, synthetic_receptance   the model itself, and synthetic data
+    receptance, synthetic_hits, synthetic_receptance   the model, and synthetic data
 Over the pose
-    GaussianProcess, fit_gaussian_processes, held_out  exact regression, hyperparameters, honest errors
+    GaussianProcess, fit_gaussian_processes, held_out  exact regression, hyperparameters, cross-validation
     OscillatorField, fit_oscillator_field   m, c, k in x, y, z at any pose; as CasADi function and C
     oscillator_text, load_oscillator_field  its file
-    SyntheticField, synthetic_field         a synthetic truth through given poses
+    SyntheticField, synthetic_field         a synthetic true field through prescribed poses
 """
 
 from typing import TYPE_CHECKING

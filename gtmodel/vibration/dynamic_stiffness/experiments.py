@@ -1,4 +1,4 @@
-"""Receptance of a tool, displacement by force over frequency with its noise and coherence, from records of hits; and
+"""Receptance of a tool, displacement over force by frequency with its noise and coherence, from records of hits; and
 experiments, a receptance at a pose, from such records or from CSV files."""
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ from ...results.disk import path_of
 from .options import ModalFitting
 
 Response = Literal["acceleration", "velocity", "displacement"]
-ORDER = {"displacement": 0, "velocity": 1, "acceleration": 2}  # how often the displacement was derived
+ORDER = {"displacement": 0, "velocity": 1, "acceleration": 2}  # order of the time derivative
 UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s2"}
 
-# of the largest power: a line below it holds round-off only, 1e-13 of the amplitude
+# relative to the largest power: a line below it is round-off, 1e-13 of the amplitude
 SILENT = 1e-26
-TAPER = 0.1  # of a force window: the share in which it falls to zero
+TAPER = 0.1  # share of a force window in which it falls to zero
 CUT = 0.1  # of a hit's peak: a force window that cuts off more has cut off a second hit
-STILL = 0.05  # of the response's peak: what may be left at the end of a record, or lines lie in each other's leakage
-SEEN = 5.0  # standard deviations of noise that a response beyond it must have
-POOL = 41  # lines over which the noise of the response is taken as level
+STILL = 0.05  # of the response's peak: largest remainder at the end of a record, because of leakage
+SEEN = 5.0  # standard deviations of noise: a larger response is significant
+POOL = 41  # lines over which the noise of the response is averaged
 
 
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
-    """Receptance H (n,) [m/N] at rising frequencies (n,) [Hz], complex, x = H F.
+    """Complex receptance H (n,) [m/N], x = H F, at ascending frequencies (n,) [Hz].
 
-    `variance` (n,): expected squared size of the error of H [m2/N2], None where it is unknown; `coherence` (n,).
-    `decay` [1/s]: of an exponential window on force and response, H is then that at s = j omega + decay, exactly.
-    `wider`: by how much standard errors grow since that window correlates neighbouring lines. `hits`: averaged ones.
-    `degrees_of_freedom`: those of each variance. `synthetic`: seed and noise of synthetic data.
+    `variance` (n,): expected squared absolute error of H [m2/N2], None if unknown; `coherence` (n,). `decay` [1/s]:
+    exponential window on force and response; H then belongs exactly to s = j omega + decay. `wider`: factor on standard
+    errors because that window correlates neighbouring lines. `hits`: number of averaged hits. `degrees_of_freedom` of
+    each variance. `synthetic`: seed and noise of synthetic data.
     """
 
     frequency: np.ndarray
@@ -54,19 +54,19 @@ class FrequencyResponse:
         f, H = self.frequency, self.receptance
         if f.ndim != 1 or f.shape != H.shape or len(f) < 3:
             raise ValueError(
-                f"frequencies {f.shape} and receptance {H.shape} differ; expected (n,) each, n of 3 or more"
+                f"frequencies {f.shape} and receptance {H.shape} differ; expected (n,) each, with n of 3 or more"
             )
         if not (np.all(np.isfinite(f)) and np.all(np.isfinite(H))):
-            raise ValueError("a frequency response holds numbers that are not finite; leave those lines out")
+            raise ValueError("a frequency response has numbers that are not finite; leave those lines out")
         if f[0] <= 0 or np.any(np.diff(f) <= 0):
-            raise ValueError("frequencies must rise from above zero; sort the lines and leave out 0 Hz")
+            raise ValueError("frequencies must be above zero and ascending; sort the lines and leave out 0 Hz")
         v = self.variance
         if v is not None and (v.shape != f.shape or not np.all(v > 0)):
             raise ValueError(f"the variance has the shape {v.shape}; expected {f.shape}, all above zero")
 
     @property
     def s(self) -> np.ndarray:
-        """Where H was measured in the plane of Laplace [1/s]."""
+        """Points of H in the Laplace plane [1/s]."""
         return 2j * np.pi * self.frequency + self.decay
 
     def between(self, low: float, high: float) -> FrequencyResponse:
@@ -74,12 +74,12 @@ class FrequencyResponse:
         rows = (self.frequency >= low) & (self.frequency <= high)
         if np.count_nonzero(rows) < 8:
             raise ValueError(
-                f"{np.count_nonzero(rows)} lines lie between {low:.4g} and {high:.4g} Hz; expected 8 or more: record "
-                "longer, or take a wider band"
+                f"{np.count_nonzero(rows)} lines are between {low:.4g} and {high:.4g} Hz; expected 8 or more: record "
+                "longer, or use a wider band"
             )
-        own = [None if a is None else a[rows] for a in (self.variance, self.coherence)]
+        arrays = [None if a is None else a[rows] for a in (self.variance, self.coherence)]
         return FrequencyResponse(
-            self.frequency[rows], self.receptance[rows], own[0], own[1],
+            self.frequency[rows], self.receptance[rows], arrays[0], arrays[1],
             self.decay, self.wider, self.hits, self.degrees_of_freedom, self.synthetic,
         )  # fmt: skip
 
@@ -95,15 +95,15 @@ def frequency_response(
     decay: float = 0.0,
     synthetic: str | None = None,
 ) -> FrequencyResponse:
-    """Receptance, averaged over hits: force [N] and response (hits, T) or (T,), sampled together at `sample_rate` [Hz].
+    """Return the receptance averaged over hits, from force [N] and response (hits, T) or (T,) at `sample_rate` [Hz].
 
     `measures`: acceleration [m/s2], velocity [m/s] or displacement [m]. H1 = G_xF / G_FF is unbiased for noise on the
-    response, H2 = G_xx / G_Fx for noise on the force; lines without force hold no information and are left out.
-    `force_window` [s]: the force is set to zero that long after each hit; `decay` [1/s]: exponential window on both,
-    for records in which the response has not died away. With two hits or more the coherence gives the noise, of the
-    response (H1) or of the force (H2), taken as level over 41 lines.
+    response, H2 = G_xx / G_Fx for noise on the force; lines without force are dropped. `force_window` [s]: the force is
+    set to zero that long after each hit; `decay` [1/s]: exponential window on both signals, for records that end before
+    the response has decayed. With two or more hits the coherence gives the noise of the response (H1) or of the force
+    (H2), averaged over 41 lines.
 
-    Raises ValueError: wrong shapes, a window that cuts off a second hit, a response that has not died away.
+    Raises ValueError for wrong shapes, a window that cuts off a second hit, and a response that has not decayed.
 
     >>> m, c, k = np.array([200.0]), np.array([4000.0]), np.array([3e6])  # kg, N.s/m, N/m
     >>> force, acceleration = gt.vibration.synthetic_hits(
@@ -123,7 +123,7 @@ def frequency_response(
     if F.ndim != 2 or F.shape != x.shape or F.shape[1] < 16:
         raise ValueError(f"force {F.shape} and response {x.shape} differ; expected (hits, samples) each, 16 or more")
     if not (np.all(np.isfinite(F)) and np.all(np.isfinite(x))):
-        raise ValueError("a record holds numbers that are not finite; leave that hit out")
+        raise ValueError("a record has numbers that are not finite; leave that hit out")
     if not (sample_rate > 0 and decay >= 0):
         raise ValueError(f"found a sample rate of {sample_rate:g} Hz and a decay of {decay:g} 1/s; expected above zero")
     T = F.shape[1]
@@ -141,20 +141,20 @@ def frequency_response(
     GFF, GFx, Gxx = np.real(spectrum(F, F)), spectrum(F, x), np.real(spectrum(x, x))
     for what, power in (("force", GFF), ("response", Gxx)):
         if power.max() <= 0:
-            raise ValueError(f"the {what} is zero throughout; look at the column of the record")
-    # a line without force holds no information; H2 divides by the response's part of it
+            raise ValueError(f"the {what} is zero throughout; check the column of the record")
+    # drop lines without force; H2 also divides by the part of the response that the force explains
     excited = GFF > SILENT * GFF.max()
     if estimator == "H2":
         excited &= np.abs(GFx) ** 2 > SILENT * GFF.max() * Gxx.max()
     f, GFF, GFx, Gxx = f[excited], GFF[excited], GFx[excited], Gxx[excited]
     derived = (2j * np.pi * f + decay) ** ORDER[measures]
     H = (GFx / GFF if estimator == "H1" else Gxx / GFx.conj()) / derived
-    # a response that is exactly zero is one of force and noise alike
+    # a response of exactly zero has coherence zero
     coherence = np.minimum(np.abs(GFx) ** 2 / np.where(Gxx > 0, GFF * Gxx, 1.0), 1.0)
     hits = len(F)
     variance = None
     if hits > 1:
-        # (1 - coherence) of n averages loses one of n degrees of freedom
+        # (1 - coherence) of n averages has lost one of n degrees of freedom
         noise = np.maximum(1 - coherence, np.finfo(float).eps) * hits / (hits - 1)
         if estimator == "H1":
             variance = _level(Gxx * noise) / (hits * GFF * np.abs(derived) ** 2)
@@ -166,11 +166,11 @@ def frequency_response(
 
 
 def command_force(command: ArrayLike, cycle: float) -> np.ndarray:
-    """Equivalent force per unit of mass [m/s2] of position commands (T,) [m] at cycles of `cycle` s.
+    """Return the equivalent force per unit of mass [m/s2] of position commands (T,) [m] at cycles of `cycle` s.
 
     F = step / cycle^2 for one cycle (Cvitanic 2021, eq. (30)). Masses and stiffnesses fitted to it are scaled (m
-    without unit, c in 1/s, k in 1/s2); frequency and damping ratio are those of the arm. The response that belongs to
-    it is the deviation from the delayed command. Raises ValueError for another shape and a cycle that is not positive.
+    without unit, c in 1/s, k in 1/s2); frequency and damping ratio are those of the arm. The matching response is the
+    deviation from the delayed command. Raises ValueError for another shape and a cycle that is not positive.
 
     >>> gt.vibration.command_force([0.0, 0.0, 1e-3, 1e-3], cycle=0.004)
     array([ 0. , 0. , 62.5, 0. ])
@@ -182,42 +182,44 @@ def command_force(command: ArrayLike, cycle: float) -> np.ndarray:
 
 
 def _windowed(F: np.ndarray, length: float, rate: float) -> np.ndarray:
-    """Each row zero from `length` seconds after its peak on, falling over the last tenth."""
+    """Each row set to zero from `length` seconds after its peak on; the last tenth falls smoothly."""
     from scipy.signal.windows import tukey
 
     n = round(length * rate)
     if n < 2:
         raise ValueError(f"a force window of {length:g} s is shorter than two samples at {rate:g} Hz")
     falling = tukey(2 * n, TAPER)[n:]
-    kept = F.copy()
-    for k, row in enumerate(kept):
+    windowed = F.copy()
+    for k, row in enumerate(windowed):
         peak = int(np.argmax(np.abs(row)))
         if row[peak] == 0:
-            raise ValueError(f"the force of hit {k + 1} is zero throughout; look at the column of the record")
+            raise ValueError(f"the force of hit {k + 1} is zero throughout; check the column of the record")
         end = min(peak + n, len(row))
         lost = np.abs(row[end:]).max(initial=0.0) / np.abs(row[peak])
         if lost > CUT:
             raise ValueError(
                 f"hit {k + 1} has a second peak of {lost:.0%} of the first after the force window of {length:g} s: a "
-                "double hit; leave it out, or take a longer window"
+                "double hit; leave it out, or use a longer window"
             )  # fmt: skip
         row[peak:end] *= falling[: end - peak]
         row[end:] = 0.0
-    return kept
+    return windowed
 
 
 def _check_end(x: np.ndarray, decay: float) -> None:
-    """The last twentieth of each response, by means of its quarters so that noise alone does not count."""
+    """Check the last twentieth of each response by the means of its quarters, so that noise alone does not count."""
     last = x[:, -max(x.shape[1] // 20, 8) :]
     parts = np.array_split(last, 4, axis=1)
     size = np.array([np.abs(np.mean(part, axis=1)) for part in parts]).max(axis=0)
-    # what white noise may leave in such a mean, estimated from the differences of neighbours
+    # noise of such a mean, estimated from the differences of neighbours
     noise = SEEN * np.sqrt(np.mean(np.diff(last, axis=1) ** 2, axis=1) / 2 / parts[0].shape[1])
-    left = np.where(size > noise, size, 0.0) / np.abs(x).max(axis=1)
-    k = int(np.argmax(left))
-    if left[k] > STILL:
-        what = "give a decay, or record longer" if decay == 0 else "give a larger decay, or record longer"
-        raise ValueError(f"the response of hit {k + 1} has not died away: {left[k]:.0%} of its peak at the end; {what}")
+    remainder = np.where(size > noise, size, 0.0) / np.abs(x).max(axis=1)
+    k = int(np.argmax(remainder))
+    if remainder[k] > STILL:
+        what = "set a decay, or record longer" if decay == 0 else "set a larger decay, or record longer"
+        raise ValueError(
+            f"the response of hit {k + 1} has not decayed: {remainder[k]:.0%} of its peak at the end; {what}"
+        )
 
 
 def _level(power: np.ndarray) -> np.ndarray:
@@ -241,7 +243,7 @@ PER_FORCE = {"m/N": 0, "m/(N.s)": 1, "m/(N.s2)": 2}  # receptance, mobility, ine
 class Experiment:
     """A frequency response at a pose (4,), x, y, z [m] and A [rad], in x, y or z (`direction` 0, 1, 2).
 
-    source: for messages; files: those that were read, by their names in the index.
+    source: name for messages; files: the files read, by their names in the index.
     """
 
     pose: np.ndarray
@@ -252,11 +254,11 @@ class Experiment:
 
 
 def read_experiments(index: str | Path, fit: ModalFitting | None = None) -> list[Experiment]:
-    """All experiments of an index file, in the order in which they first stand there.
+    """Read all experiments of an index file, in the order of their first rows.
 
-    index: CSV file with the columns x [m], y [m], z [m], A [deg], direction and file; rows of the same pose and
-    direction are hits of one experiment, unless a column experiment separates them. Files are looked for beside it,
-    then in the working directory. fit: estimator and windows of hits. Raises ArgumentError.
+    index: CSV file with the columns x [m], y [m], z [m], A [deg], direction and file. Rows of the same pose and
+    direction are hits of one experiment, unless a column `experiment` separates them. Files are looked up next to the
+    index, then in the working directory. fit: estimator and windows of hits. Raises ArgumentError.
     """
     path, fit = path_of(index, "index"), fit or ModalFitting()
     table = CsvTable(path)
@@ -280,28 +282,26 @@ def read_experiments(index: str | Path, fit: ModalFitting | None = None) -> list
 
 
 def _response(files: Sequence[tuple[str, str]], fit: ModalFitting, paths: Mapping[str, Path]) -> FrequencyResponse:
-    """Of the hits of one experiment, or the one receptance."""
+    """Response of the hits of one experiment, or of its one receptance file."""
     tables = [CsvTable(paths[name]) for name, _ in files]
     (name, where), first = files[0], tables[0]
     try:
         if "frequency" in first.names:
             if len(files) > 1:
-                raise ArgumentError(f"{where}: {name} is a frequency response; name one for each experiment")
+                raise ArgumentError(f"{where}: {name} is a frequency response; each experiment can have only one")
             return _receptance(first, name)
         measures = next((m for m in ORDER if m in first.names), None)
         if measures is None or "force" not in first.names or "time" not in first.names:
             raise ArgumentError(f"{name}: expected the columns {_RECORD} (or velocity, displacement), or {_RESPONSE}")
         forces, responses, steps = [], [], []
-        for (other, _), table in zip(files, tables, strict=True):
+        for (file, _), table in zip(files, tables, strict=True):
             if measures not in table.names or len(table.lines) != len(first.lines):
-                raise ArgumentError(
-                    f"{other}: hits of one experiment must have equal columns and lengths, as {name} has"
-                )
+                raise ArgumentError(f"{file}: hits of one experiment must have the columns and length of {name}")
             forces.append(_si(table, "force", "N"))
             responses.append(_si(table, measures, UNITS[measures]))
-            steps.append(_step(_si(table, "time", "s"), other))
+            steps.append(_step(_si(table, "time", "s"), file))
         if np.ptp(steps) > JITTER * steps[0]:
-            raise ArgumentError(f"{name}: the hits of this experiment were sampled at different rates")
+            raise ArgumentError(f"{name}: the hits of this experiment have different sample rates")
         return frequency_response(
             forces, responses, 1 / steps[0], measures=measures, estimator=fit.estimator,  # pyright: ignore[reportArgumentType]
             force_window=fit.force_window, decay=fit.decay,
@@ -323,18 +323,18 @@ def _receptance(table: CsvTable, name: str) -> FrequencyResponse:
     except UnitError as error:
         raise ArgumentError(f"{name}, column 'real': {error}") from error
     if order is None:
-        raise ArgumentError(f"{name}, column 'real': the unit {unit} is none of {', '.join(PER_FORCE)}")
-    to = next(u for u, n in PER_FORCE.items() if n == order)
-    H = _si(table, "real", to) + 1j * _si(table, "imaginary", to)
+        raise ArgumentError(f"{name}, column 'real': expected a unit like one of {', '.join(PER_FORCE)}; found {unit}")
+    target = next(u for u, n in PER_FORCE.items() if n == order)
+    H = _si(table, "real", target) + 1j * _si(table, "imaginary", target)
     return FrequencyResponse(f, H / (2j * np.pi * f) ** order)
 
 
 def _si(table: CsvTable, name: str, unit: str) -> np.ndarray:
-    own = table.units[table.place(name)]
-    if not own:
+    unit_of_column = table.units[table.place(name)]
+    if not unit_of_column:
         raise ArgumentError(f"{table.file}: the column '{name}' has no unit; write it as '{name} [{unit}]'")
     try:
-        return np.asarray(convert(table.numbers(name), own, unit), float)
+        return np.asarray(convert(table.numbers(name), unit_of_column, unit), float)
     except UnitError as error:
         raise ArgumentError(f"{table.where}, column '{name}': {error}") from error
 
@@ -349,5 +349,5 @@ def _step(t: np.ndarray, name: str) -> float:
 def _existing(name: str, folder: Path, where: str) -> Path:
     path = next((p for p in (folder / name, Path(name)) if p.is_file()), None)
     if path is None:
-        raise ArgumentError(f"{where}: there is no file '{name}' in {folder} or here")
+        raise ArgumentError(f"{where}: there is no file '{name}' in {folder} or in the working directory")
     return path

@@ -1,4 +1,4 @@
-"""Exact Gaussian process regression over poses (Cvitanic 2021, eqs. (9)-(11)): covariance functions with one length an
+"""Exact Gaussian process regression over poses (Cvitanic 2021, eqs. (9)-(11)): covariance functions with one length per
 input, hyperparameters by marginal likelihood from several starts, held-out errors and calibrated intervals."""
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ Shape = Literal["squared_exponential", "matern_5_2"]
 
 @dataclass(frozen=True)
 class KernelInputs:
-    """How a pose (d,) becomes coordinates (e,): each divided by its scale, or round a circle.
+    """How a pose (d,) becomes coordinates (e,): each input is divided by its scale or mapped to a circle.
 
-    scale (d,): typical lengths, in the inputs' own units. `periodic` (d,): angles [rad] of period 2 pi; they become
-    cosine and sine, which share one length (the scale divides the chord), so that the covariance has the period too.
+    scale (d,): typical lengths, in the units of the inputs. `periodic` (d,): angles [rad] of period 2 pi. Cosine and
+    sine of an angle share one length (the scale divides the chord), so that the covariance is periodic too.
 
     >>> inputs = gt.vibration.KernelInputs(scale=(0.5, 1.0), periodic=(False, True))
     >>> inputs.coordinates(np.array([[1.0, np.pi]])).round(3)  # the angle becomes cosine and sine
@@ -41,15 +41,15 @@ class KernelInputs:
 
     @property
     def owners(self) -> tuple[int, ...]:
-        """The input that each coordinate comes from (e,)."""
+        """Index of the input of each coordinate (e,)."""
         return tuple(i for i, round_ in enumerate(self.periodic) for _ in range(1 + round_))
 
     def coordinates(self, pose: np.ndarray) -> np.ndarray:
-        """(n, d) -> (n, e)."""
+        """Coordinates (n, e) of poses (n, d)."""
         return np.stack([c for i in range(len(self.scale)) for c in self._of(pose[:, i], i, np)], axis=1)
 
     def symbols(self, pose: Any) -> list[Any]:
-        """The same of a CasADi vector (d,): a list of e expressions."""
+        """Coordinates of a CasADi vector (d,): a list of e expressions."""
         import casadi as ca
 
         return [c for i in range(len(self.scale)) for c in self._of(pose[i], i, ca)]
@@ -75,22 +75,22 @@ def slope(r2: np.ndarray, shape: Shape) -> np.ndarray:
 
 
 def square_distances(a: np.ndarray, b: np.ndarray, owners: tuple[int, ...]) -> np.ndarray:
-    """Squared distances (d, n, m) between coordinates (n, e) and (m, e), by the input that owns them."""
-    each = (a[:, None, :] - b[None, :, :]) ** 2
+    """Squared distances (d, n, m) between coordinates (n, e) and (m, e), summed by input."""
+    squares = (a[:, None, :] - b[None, :, :]) ** 2
     return np.stack(
-        [each[:, :, [k for k, o in enumerate(owners) if o == i]].sum(axis=2) for i in range(max(owners) + 1)]
+        [squares[:, :, [k for k, o in enumerate(owners) if o == i]].sum(axis=2) for i in range(max(owners) + 1)]
     )
 
 
-VAGUE = 10.0  # standard deviations of the data: how far the level of the process may lie from their mean
+VAGUE = 10.0  # prior standard deviation of the level about the mean, in standard deviations of the data
 
 
 @dataclass(frozen=True, eq=False)
 class GaussianProcess:
-    """f(pose) with covariance level^2 + amplitude^2 correlation(r), seen at poses X (n, d) as y (n,) with noise.
+    """f(pose) with covariance level^2 + amplitude^2 correlation(r), measured at poses X (n, d) as y (n,) with noise.
 
-    r^2 = sum((difference / length)^2) in coordinates of `inputs`; `lengths` (d,) in units of its scales. `noise`:
-    standard deviation of y, `mean`: taken off beforehand, `level`: of the vague constant. `inflation`: factor on all
+    r^2 = sum((difference / length)^2) in coordinates of `inputs`; `lengths` (d,) are relative to its scales. `noise`:
+    standard deviation of y; `mean`: subtracted first; `level`: of the vague constant. `inflation`: factor on all
     standard deviations of predictions, see calibrated().
     """
 
@@ -107,7 +107,7 @@ class GaussianProcess:
 
     @cached_property
     def coordinates(self) -> np.ndarray:
-        """Of the training poses (n, e), in units of the lengths."""
+        """Coordinates of the training poses (n, e), relative to the lengths."""
         return self._scaled(self.X)
 
     @cached_property
@@ -128,9 +128,9 @@ class GaussianProcess:
         return float(-r @ self.weights / 2 - np.log(np.diag(self.factor)).sum() - len(r) * np.log(2 * np.pi) / 2)
 
     def predict(self, poses: np.ndarray, *, of: str = "field") -> tuple[np.ndarray, np.ndarray]:
-        """Mean and standard deviation (n,) each at poses (n, d), eqs. (10), (11), inflated.
+        """Return mean and inflated standard deviation (n,) at poses (n, d), eqs. (10), (11).
 
-        `of`: "field", the process itself, or "measurement", a new one of it with its noise.
+        `of`: "field", the process itself, or "measurement", a new measurement with its noise.
         """
         if of not in ("field", "measurement"):
             raise ValueError(f"found of='{of}'; expected 'field' or 'measurement'")
@@ -141,25 +141,26 @@ class GaussianProcess:
         return self.mean + k.T @ self.weights, self.inflation * np.sqrt(variance)
 
     def prediction_interval(self, poses: np.ndarray, level: float = 0.95, *, of: str = "field") -> np.ndarray:
-        """Limits (n, 2) that hold the field, or a measurement of it, with probability `level` in 0 .. 1."""
+        """Return limits (n, 2) that contain the field, or a measurement of it, with probability `level` in 0 .. 1."""
         mean, std = self.predict(poses, of=of)
         q = quantile(level)
         return np.stack([mean - q * std, mean + q * std], axis=1)
 
     def leave_one_out(self) -> tuple[np.ndarray, np.ndarray]:
-        """Errors y - prediction (n,) of each measurement from the others, and their standard deviations, inflated.
+        """Return errors y - prediction (n,) of each measurement from the others, and their inflated standard
+        deviations.
 
-        Hyperparameters stay those of all. Source: Rasmussen and Williams 2006, eqs. (5.10)-(5.12).
+        The hyperparameters are those of all data. Source: Rasmussen and Williams 2006, eqs. (5.10)-(5.12).
         """
         inverse = np.diag(scipy.linalg.cho_solve((self.factor, True), np.eye(len(self.y))))
         return self.weights / inverse, self.inflation / np.sqrt(inverse)
 
     def calibrated(self, errors: np.ndarray, stds: np.ndarray) -> GaussianProcess:
-        """With standard deviations so much larger that held-out errors (n,) are as large as their `stds` say.
+        """Return the process with standard deviations inflated to match held-out errors (n,) with `stds` (n,).
 
-        The factor is the root mean square of errors / stds, never below one. Intervals of a new measurement then hold
-        as often as they say; those of the field less often where it is rougher than the covariance (91.7 % instead of
-        95 % for a squared exponential of a Matern 5/2 field, 60 poses; `make proof` prints it).
+        The factor is the root mean square of errors / stds, at least one. Intervals of a new measurement then have
+        their nominal coverage; those of the field have less if it is rougher than the covariance (91.7 % instead of 95
+        % for a squared exponential of a Matern 5/2 field, 60 poses; `make proof` prints it).
         """
         size = float(np.sqrt(np.mean((errors / stds) ** 2)))
         return replace(self, inflation=max(1.0, self.inflation * size))
@@ -171,30 +172,30 @@ class GaussianProcess:
         return self.inputs.coordinates(poses) / self.lengths[list(self.inputs.owners)]
 
     def _covariance(self, poses: np.ndarray) -> np.ndarray:
-        """Between the training poses and others (n, m)."""
+        """Covariance between the training poses and others (n, m)."""
         r2 = square_distances(self.coordinates, self._scaled(poses), (0,) * self.coordinates.shape[1])[0]
         return self.level**2 + self.amplitude**2 * correlation(r2, self.shape)
 
 
 def quantile(level: float) -> float:
-    """Standard deviations on either side of the mean that hold it with probability `level`. Raises ValueError."""
+    """Standard deviations on either side of the mean that contain probability `level`. Raises ValueError."""
     if not 0 < level < 1:
         raise ValueError(f"the level is {level:g}; expected a probability between 0 and 1, such as 0.95")
     return half_width(level)
 
 
 def level_of(y: np.ndarray) -> tuple[float, float]:
-    """Mean and vague level of measured values: what every process of them starts from."""
+    """Mean and vague level of measured values, the prior of their process."""
     spread = float(np.std(y))
     return float(np.mean(y)), VAGUE * (spread if spread > 0 else 1.0)
 
 
-LENGTHS = (0.05, 20.0)  # in units of the inputs' scales: beyond, an input is noise or without effect
-AMPLITUDES, NOISES = (0.03, 30.0), (1e-3, 3.0)  # in units of the standard deviation of the data
+LENGTHS = (0.05, 20.0)  # relative to the scales of the inputs: beyond, an input is noise or has no effect
+AMPLITUDES, NOISES = (0.03, 30.0), (1e-3, 3.0)  # relative to the standard deviation of the data
 STARTS = 4
 FOLDS = 6
-SAME = 1e-6  # in units of the inputs' scales: poses nearer are one pose, measured again
-STILL = 1e-7  # change of the log likelihood, relative: converged
+SAME = 1e-6  # relative to the scales of the inputs: nearer poses count as one pose
+STILL = 1e-7  # relative change of the log likelihood at convergence
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +208,7 @@ class _Problem:
     shape: Shape
 
     def cost(self, theta: np.ndarray) -> tuple[float, np.ndarray]:
-        """Negative log marginal likelihood of all values and its gradient by log (lengths, amplitudes, noises)."""
+        """Negative log marginal likelihood of all values, and its gradient by log (lengths, amplitudes, noises)."""
         d, p, n = len(self.D), *self.Y.shape
         inverse_square = np.exp(-2 * theta[:d])
         r2 = np.tensordot(inverse_square, self.D, 1)
@@ -240,11 +241,11 @@ def fit_gaussian_processes(
     seed: int = 0,
     start: np.ndarray | None = None,
 ) -> tuple[GaussianProcess, ...]:
-    """One process for each row of Y (p, n), measured at poses X (n, d); all of them share their lengths.
+    """Fit one process for each row of Y (p, n), measured at poses X (n, d); all processes share their lengths.
 
-    Lengths, amplitudes and noises maximise the sum of the log marginal likelihoods, from `starts` starts of which the
-    first has lengths of one scale; `start`: log of a known optimum instead, as parameters_of() gives it.
-    Raises ValueError for wrong shapes, or fewer different poses than inputs and two more.
+    Lengths, amplitudes and noises maximise the sum of the log marginal likelihoods. The first of `starts` starts has
+    the scales as lengths. `start`: a known optimum from parameters_of() to start from instead. Raises ValueError for
+    wrong shapes, or if there are fewer different poses than inputs plus two.
 
     >>> poses = np.linspace(0.0, 3.0, 12)[:, None]
     >>> inputs = gt.vibration.KernelInputs(scale=(1.0,), periodic=(False,))
@@ -259,9 +260,9 @@ def fit_gaussian_processes(
         raise ValueError(f"poses {X.shape} and values {Y.shape} do not fit; expected (n, {d}) and (p, n)")
     if not (np.all(np.isfinite(X)) and np.all(np.isfinite(Y))):
         raise ValueError("a pose or a value is not finite; leave it out")
-    different = len(np.unique(_places(X, inputs)))
-    if different < d + 2:
-        raise ValueError(f"{different} different poses for a process over {d} inputs; measure {d + 2} or more")
+    count = len(np.unique(_places(X, inputs)))
+    if count < d + 2:
+        raise ValueError(f"{count} different poses for a process over {d} inputs; measure {d + 2} or more")
     p = len(Y)
     levels = [level_of(y) for y in Y]
     spread = np.array([level / _unit_level() for _, level in levels])
@@ -285,7 +286,7 @@ def fit_gaussian_processes(
 
 
 def parameters_of(processes: Sequence[GaussianProcess]) -> np.ndarray:
-    """Log (lengths, amplitudes, noises) of processes with shared lengths, in units of their data: a start."""
+    """Log (lengths, amplitudes, noises) of processes with shared lengths, relative to their data: a start."""
     spread = np.array([g.level / _unit_level() for g in processes])
     sizes = [[g.amplitude for g in processes], [g.noise for g in processes]]
     return np.log(np.concatenate([processes[0].lengths, *(np.array(s) / spread for s in sizes)]))
@@ -294,11 +295,11 @@ def parameters_of(processes: Sequence[GaussianProcess]) -> np.ndarray:
 def held_out(
     processes: Sequence[GaussianProcess], folds: int = FOLDS, *, seed: int = 0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Errors and standard deviations (p, n) of measurements from processes fitted without them.
+    """Return errors and standard deviations (p, n) of measurements from processes fitted without them.
 
-    Unlike leave_one_out() the hyperparameters have not seen them either: they are fitted anew, from those of all data.
-    What was measured at one pose is held out together: a repetition would give the answer away. Raises ValueError where
-    so few different poses were measured that none can be spared.
+    Unlike leave_one_out(), hyperparameters are fitted without the held-out data too, starting from those of all data.
+    All measurements at one pose are held out together, because a repetition would leak the answer. Raises ValueError if
+    too few different poses were measured to hold out one.
 
     >>> poses = np.linspace(0.0, 3.0, 12)[:, None]
     >>> inputs = gt.vibration.KernelInputs(scale=(1.0,), periodic=(False,))
@@ -314,14 +315,14 @@ def held_out(
     places = _places(first.X, first.inputs)
     count, least = int(places.max()) + 1, len(first.inputs.scale) + 2
     if count <= least:
-        raise ValueError(f"{count} different poses, and none to hold out; measure {least + 1} or more")
+        raise ValueError(f"{count} different poses are too few to hold out one; measure {least + 1} or more")
     order = np.random.default_rng(seed).permutation(count)
     start = parameters_of(processes)
     folds = max(min(folds, count), -(-count // (count - least)))
     for group in np.array_split(order, folds):
         part = np.concatenate([np.flatnonzero(places == g) for g in group])
-        kept = np.setdiff1d(np.arange(n), part)
-        fitted = fit_gaussian_processes(first.X[kept], Y[:, kept], first.inputs, shape=first.shape, start=start)
+        training = np.setdiff1d(np.arange(n), part)
+        fitted = fit_gaussian_processes(first.X[training], Y[:, training], first.inputs, shape=first.shape, start=start)
         for j, g in enumerate(fitted):
             mean, std = g.predict(first.X[part], of="measurement")
             errors[j, part], stds[j, part] = Y[j, part] - mean, std
@@ -329,12 +330,12 @@ def held_out(
 
 
 def _places(X: np.ndarray, inputs: KernelInputs) -> np.ndarray:
-    """Number (n,) of the different pose that each pose is, in the order in which they first stand there."""
+    """Index (n,) of the different pose that each row is, in order of first occurrence."""
     rounded = (inputs.coordinates(X) / SAME).round()
-    first, own = np.unique(rounded, axis=0, return_index=True, return_inverse=True)[1:]
+    first, inverse = np.unique(rounded, axis=0, return_index=True, return_inverse=True)[1:]
     rank = np.empty(len(first), int)
     rank[np.argsort(first)] = np.arange(len(first))
-    return rank[own.ravel()]
+    return rank[inverse.ravel()]
 
 
 def _unit_level() -> float:

@@ -11,13 +11,13 @@ import scipy
 
 from .gaussian_process import GaussianProcess
 
-NEAR = 1e-20  # added to a squared distance before its root: the derivative at a training pose is then zero and not NaN
+NEAR = 1e-20  # added to a squared distance before its root: the derivative at a training pose is then zero, not NaN
 
 
 def predictions(processes: Sequence[GaussianProcess], pose: Any, *, std: bool = False) -> tuple[list[Any], list[Any]]:
     """Means and, on request, standard deviations of the fields at a CasADi SX vector (d,).
 
-    Processes of the same training poses and lengths share their distances and exponentials.
+    Processes with the same training poses and lengths share distances and exponentials.
     """
     shared: dict[tuple[Any, ...], Any] = {}
     means, stds = [], []
@@ -40,11 +40,11 @@ def _correlations(g: GaussianProcess, pose: Any) -> Any:
     owners = g.inputs.owners
     x = [c / float(g.lengths[o]) for c, o in zip(g.inputs.symbols(pose), owners, strict=True)]
     if g.shape == "squared_exponential":
-        # exp(x x_i - x^2/2 - x_i^2/2): two operations less for each coordinate than by differences
-        own = -sum(c * c for c in x) / 2
+        # exp(x x_i - x^2/2 - x_i^2/2): two operations fewer per coordinate than with differences
+        square = -sum(c * c for c in x) / 2
         constants = -(g.coordinates**2).sum(axis=1) / 2
         return ca.vertcat(*(
-            ca.exp(sum((float(v) * c for v, c in zip(row, x, strict=True)), own + float(b)))
+            ca.exp(sum((float(v) * c for v, c in zip(row, x, strict=True)), square + float(b)))
             for row, b in zip(g.coordinates, constants, strict=True)
         ))  # fmt: skip
     rows = []

@@ -1,6 +1,6 @@
 """Mass, damping and stiffness of the most compliant modes from a receptance (Cvitanic 2021, eq. (8)), with intervals.
 
-A receptance is a sum of second-order ones: their values, their Jacobian in log parameters, and a linear start.
+A receptance is a sum of second-order terms: their values, Jacobian in log parameters, and linear start values.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError
 from .experiments import FrequencyResponse
 
-POLE_ROUNDS = 6  # of the reweighted linear fit; it settles in three or does not settle
-LEAST = 1e-3  # of the largest: the smallest compliance and damping that a start may have
-# shares of log m, log c, log k in the logarithms of what follows from them, and what is added there
+POLE_ROUNDS = 6  # of the reweighted linear fit, which converges in three or not at all
+LEAST = 1e-3  # relative to the largest: smallest compliance and damping of a start
+# weights of log m, log c, log k in the logarithms of derived quantities, and constants added there
 SHARES = {
     "m": (1.0, 0.0, 0.0), "c": (0.0, 1.0, 0.0), "k": (0.0, 0.0, 1.0),
     "fn": (-0.5, 0.0, 0.5), "zeta": (-0.5, 1.0, -0.5),
@@ -27,7 +27,7 @@ ADDED = {"fn": -np.log(2 * np.pi), "zeta": -np.log(2.0)}
 
 
 def receptance(s: np.ndarray, m: np.ndarray, c: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """H (n,) [m/N] at s (n,) [1/s] of modes with m (modes,) [kg], c [N.s/m], k [N/m] in parallel.
+    """Return H (n,) [m/N] at s (n,) [1/s] of parallel modes with m (modes,) [kg], c [N.s/m], k [N/m].
 
     Each mode is m x'' + c x' + k x = F, Cvitanic 2021, eq. (8); displacements add.
 
@@ -53,13 +53,12 @@ def log_derivatives(s: np.ndarray, m: np.ndarray, c: np.ndarray, k: np.ndarray) 
 
 
 def linear_start(s: np.ndarray, H: np.ndarray, modes: int, weights: np.ndarray) -> np.ndarray:
-    """log (m, c, k) (3 modes,) from a linear fit of N(s) = H(s) D(s), rows weighted by |H|^2 and by 1 / |N| before.
+    """log (m, c, k) (3 modes,) from a linear fit of N(s) = H(s) D(s), rows weighted by the previous 1 / |D|.
 
-    One mode: N is constant and D = m s^2 + c s + k, so that 1/H is linear in the parameters and the rows are weighted
-    by |H|^2. Several: poles of D give frequency and damping, a nonnegative fit of H their compliances.
-    Source: Sanathanan and Koerner 1963, IEEE Transactions on Automatic Control 8.
+    Poles of D give frequency and damping, a nonnegative fit of H the compliances. Source: Sanathanan and Koerner 1963,
+    IEEE Transactions on Automatic Control 8.
 
-    Raises ValueError where the lines hold fewer oscillations than asked for.
+    Raises ValueError if the lines contain fewer oscillators than requested.
     """
     from scipy.optimize import nnls
 
@@ -70,7 +69,7 @@ def linear_start(s: np.ndarray, H: np.ndarray, modes: int, weights: np.ndarray) 
     D, ascending = np.ones(len(z)), np.ones(1)
     for _ in range(POLE_ROUNDS):
         row = weights / np.abs(D)
-        # the highest power of D has the coefficient one
+        # the leading coefficient of D is one
         A = np.hstack([numerator, -h[:, None] * denominator]) * row[:, None]
         b = h * z ** (2 * modes) * row
         coefficients = np.linalg.lstsq(np.vstack([A.real, A.imag]), np.concatenate([b.real, b.imag]), rcond=None)[0]
@@ -80,26 +79,26 @@ def linear_start(s: np.ndarray, H: np.ndarray, modes: int, weights: np.ndarray) 
     poles = np.roots(ascending[::-1])
     poles = poles[poles.imag > 0]
     if len(poles) < modes:
-        raise ValueError(f"the lines hold {len(poles)} oscillations; {modes} were asked for")
+        raise ValueError(f"the lines contain {len(poles)} oscillations; {modes} requested")
     omega, damping = np.abs(poles), np.maximum(np.abs(poles.real) / np.abs(poles), LEAST)
     shapes = 1 / (z[:, None] * (z[:, None] + 2 * damping * omega) + omega**2)
     rows = weights[:, None] * shapes
-    share, _ = nnls(np.vstack([rows.real, rows.imag]), np.concatenate([(weights * h).real, (weights * h).imag]))
-    share = np.maximum(share, LEAST * share.max())  # H = size * sum share / (...), z = s / scale
-    m = 1 / (share * size * scale**2)
+    compliance, _ = nnls(np.vstack([rows.real, rows.imag]), np.concatenate([(weights * h).real, (weights * h).imag]))
+    compliance = np.maximum(compliance, LEAST * compliance.max())  # H = size * sum compliance / (...), z = s / scale
+    m = 1 / (compliance * size * scale**2)
     theta = np.stack([m, 2 * damping * omega * scale * m, (omega * scale) ** 2 * m], axis=1)
     if not np.all(np.isfinite(theta)) or theta.min() <= 0:
-        raise ValueError(f"no start with {modes} modes was found among the lines")
+        raise ValueError(f"no start with {modes} modes was found in the lines")
     return np.log(theta).ravel()
 
 
 @dataclass(frozen=True, eq=False)
 class ModalFit:
-    """Modes in parallel, the most compliant at its resonance first.
+    """Parallel modes, the most compliant at its resonance first.
 
-    m, c, k (modes,) in kg, N.s/m, N/m; `estimate` of their logarithms ("log m[0]", ...), whose covariance is that of
-    the noise alone, not of repeated experiments. `response`: the lines that were fitted. `bic`: smaller is better.
-    `whiteness` of the residuals along the frequency; `adequacy`: chi-squared of them against a known noise.
+    m, c, k (modes,) in kg, N.s/m, N/m; `estimate` of their logarithms ("log m[0]", ...) with the covariance from noise
+    alone, not from repeated experiments. `response`: the fitted lines. `bic`: smaller is better. `whiteness` of the
+    residuals along the frequency; `adequacy`: chi-squared test of the residuals against a known noise.
     """
 
     m: np.ndarray
@@ -124,16 +123,16 @@ class ModalFit:
 
     @property
     def next_mode(self) -> float | None:
-        """Distance from the first mode to the nearest other one [Hz]; None where there is one mode only."""
+        """Distance from the first mode to the nearest other one [Hz]; None if there is only one mode."""
         return float(np.abs(self.fn[1:] - self.fn[0]).min()) if len(self.m) > 1 else None
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of "m[0]", "c[0]", "k[0]", "fn[0]" [Hz] or "zeta[0]" of the mode with this index, always
+        """Confidence interval of "m[0]", "c[0]", "k[0]", "fn[0]" [Hz] or "zeta[0]" for the mode with this index, always
         positive. Raises ArgumentError."""
         stem, _, place = str(name).partition("[")
         if not (place.endswith("]") and place[:-1].isdecimal()):
             raise ArgumentError(
-                f"there is no '{name}'; expected {', '.join(SHARES)} with an index, as in fn[0]", "name"
+                f"unknown name '{name}'; expected {', '.join(SHARES)} with an index, as in fn[0]", "name"
             )
         _, low, high = self.estimate.combination(self._weights(stem, int(place[:-1])), level)
         shift = ADDED.get(stem, 0.0)
@@ -152,35 +151,35 @@ class ModalFit:
     def _weights(self, name: str, mode: int) -> dict[str, float]:
         if name not in SHARES or not 0 <= mode < len(self.m):
             raise ArgumentError(
-                f"there is no '{name}' of mode {mode}; expected {', '.join(SHARES)} of 0 to {len(self.m) - 1}", "name"
+                f"unknown name '{name}' of mode {mode}; expected {', '.join(SHARES)} of 0 to {len(self.m) - 1}", "name"
             )
         return dict(zip((f"log {p}[{mode}]" for p in "mck"), SHARES[name], strict=True))
 
 
-BAND = (0.7, 1.3)  # of the peak's frequency: where one mode is fitted
-SEARCH = (3.0, 200.0)  # Hz, where the most compliant mode of an arm is looked for
-CLOSE = 1.0  # Hz: a second mode within biases a fit of one by tens of per cent
+BAND = (0.7, 1.3)  # of the peak's frequency: range of the fit of one mode
+SEARCH = (3.0, 200.0)  # Hz, range of the search for the most compliant mode of an arm
+CLOSE = 1.0  # Hz: a nearer second mode biases a fit of one mode by tens of per cent
 MOST = 3
-LIMIT = 60  # iterations; fits that end take ten
+LIMIT = 60  # iterations; fits that converge need ten
 SMALL_P = 0.01
-SEEN = 5.0  # times its standard deviation: a smaller receptance is no peak
-ROUNDS = 3  # of weights by the model's own size, for noise in proportion to the receptance
-BETTER = 10.0  # of BIC: a further mode must earn it, "very strong" after Kass and Raftery 1995
+SEEN = 5.0  # standard deviations: a smaller receptance is not a peak
+ROUNDS = 3  # of weighting by the model, for noise in proportion to the receptance
+BETTER = 10.0  # of BIC: improvement required of a further mode, "very strong" after Kass and Raftery 1995
 
 
 def peak(response: FrequencyResponse, search: tuple[float, float] = SEARCH) -> float:
-    """Frequency [Hz] of the largest receptance, of three lines each, within `search` [Hz]; noise left out."""
+    """Frequency [Hz] of the largest receptance within `search` [Hz], averaged over three lines, ignoring noise."""
     lines = response.between(*search)
     size = np.abs(lines.receptance)
     if lines.variance is not None:
-        # an accelerometer's noise, twice integrated, is largest at the lowest frequency
+        # accelerometer noise, integrated twice, is largest at the lowest frequency
         size = np.where(size > SEEN * np.sqrt(lines.variance), size, 0.0)
     size = np.convolve(size, np.ones(3) / 3, mode="valid")
     k = int(np.argmax(size))
     if k in (0, len(size) - 1):
         raise ValueError(
-            f"the receptance is largest at the edge of {search[0]:g} to {search[1]:g} Hz, so that no mode lies within; "
-            "give other search limits"
+            f"the receptance is largest at the edge of {search[0]:g} to {search[1]:g} Hz, so that there is no mode "
+            "inside; set other search limits"
         )
     return float(lines.frequency[1 + k])
 
@@ -194,14 +193,14 @@ def fit_modes(
     noise: float | None = None,
     most: int = MOST,
 ) -> ModalFit:
-    """Masses, damping and stiffness of modes by least squares on the receptance in log parameters, from a linear start.
+    """Fit masses, damping and stiffness of modes to a receptance by least squares in log parameters.
 
-    `modes`: how many; None takes as many as the Bayesian information criterion asks for, `most` at most. `band` [Hz]:
-    the lines fitted, by default 0.7 to 1.3 times the frequency of the largest receptance within `search`. `noise`:
-    relative standard deviation of H, E|error|^2 = (noise |H|)^2; without it the variance of the response counts, and
-    where there is none either, noise is level and estimated from the residuals. Source: Cvitanic 2021, eq. (8).
+    `modes`: number of modes; None selects it by the Bayesian information criterion, up to `most`. `band` [Hz]: range of
+    the fit, by default 0.7 to 1.3 times the frequency of the largest receptance within `search`. `noise`: relative
+    standard deviation of H, E|error|^2 = (noise |H|)^2. Without it the variance of the response is used; if there is
+    none, the noise is constant and estimated from the residuals. Source: Cvitanic 2021, eq. (8).
 
-    Raises ValueError where no mode is found, or for what the lines do not determine.
+    Raises ValueError if no mode is found or the lines do not determine it.
 
     >>> m, c, k = np.array([200.0]), np.array([4000.0]), np.array([3e6])  # kg, N.s/m, N/m
     >>> force, acceleration = gt.vibration.synthetic_hits(
@@ -212,7 +211,7 @@ def fit_modes(
     (array([19.49]), array([200.]), array([3.]))
     """
     if modes is not None and modes < 1:
-        raise ValueError(f"found {modes} modes; expected one or more, or None to let the data tell")
+        raise ValueError(f"found {modes} modes; expected one or more, or None for automatic selection")
     if noise is not None and not noise > 0:
         raise ValueError(f"found a relative noise of {noise:g}; expected a number above zero")
     if band is None:
@@ -220,54 +219,54 @@ def fit_modes(
         band = (BAND[0] * f0, BAND[1] * f0)
     lines = response.between(*band)
     if modes is not None:
-        return _judged(_fit(lines, modes, noise), None)
-    one = best = None
+        return _with_warnings(_fit(lines, modes, noise), None)
+    single = best = None
     failed: ValueError | None = None
     for n in range(1, most + 1):
         try:
-            more = _fit(lines, n, noise)
-        except ValueError as error:  # one mode through two may have no optimum
+            fit = _fit(lines, n, noise)
+        except ValueError as error:  # a fit of one mode to two may have no optimum
             failed = failed or error
-            more = None
-        one = more if n == 1 else one
-        if best is None or (more is not None and more.bic < best.bic - BETTER and _separate(more, band)):
-            best = more
+            fit = None
+        single = fit if n == 1 else single
+        if best is None or (fit is not None and fit.bic < best.bic - BETTER and _separate(fit, band)):
+            best = fit
         else:
             break
     if best is None:
-        raise failed or ValueError(f"found most = {most}; expected one mode or more")
-    return _judged(best, one)
+        raise failed or ValueError(f"found most = {most}; expected at least one mode")
+    return _with_warnings(best, single)
 
 
 def _separate(fit: ModalFit, band: tuple[float, float]) -> bool:
-    """Whether the data determine every mode: by its covariance, and not far outside of the lines."""
+    """Whether the data determine every mode: its covariance is small, and it is not far outside the lines."""
     determined = all(fit.log_std("k", j) < 1 and fit.log_std("fn", j) < 0.2 for j in range(len(fit.m)))
     return determined and bool(np.all((fit.fn > 0.5 * band[0]) & (fit.fn < 2 * band[1])))
 
 
-def _judged(fit: ModalFit, one: ModalFit | None) -> ModalFit:
-    """With its warnings: a mode close by, and residuals that the model does not explain.
+def _with_warnings(fit: ModalFit, single: ModalFit | None) -> ModalFit:
+    """The fit with warnings of a close mode and of unexplained residuals.
 
-    Raises ValueError for a mode that lies beside the lines, as noise on a flank without a peak makes it.
+    Raises ValueError if the mode is outside the lines, as from noise on a flank without a peak.
     """
     f = fit.response.frequency
     if not f[0] <= fit.fn[0] <= f[-1]:
         raise ValueError(
-            f"the mode found at {fit.fn[0]:.4g} Hz lies outside of the lines fitted, {f[0]:.4g} to {f[-1]:.4g} Hz; "
-            "give another band or other search limits"
+            f"the mode found at {fit.fn[0]:.4g} Hz is outside the fitted lines, {f[0]:.4g} to {f[-1]:.4g} Hz; set "
+            "another band or other search limits"
         )
     notes = []
-    if (apart := fit.next_mode) is not None and apart < CLOSE:
+    if (distance := fit.next_mode) is not None and distance < CLOSE:
         bias = (
             ""
-            if one is None
-            else f"; a fit of one mode has m {one.m[0] / fit.m[0] - 1:+.0%}, k {one.k[0] / fit.k[0] - 1:+.0%}"
+            if single is None
+            else f"; a fit of one mode has m {single.m[0] / fit.m[0] - 1:+.0%}, k {single.k[0] / fit.k[0] - 1:+.0%}"
         )
-        notes.append(f"a second mode lies {apart:.2g} Hz from the first, closer than {CLOSE:g} Hz{bias}")  # fmt: skip
+        notes.append(f"a second mode is {distance:.2g} Hz from the first, closer than {CLOSE:g} Hz{bias}")  # fmt: skip
     if fit.adequacy is not None and not fit.adequacy.passed and fit.estimate.noise > 1:
         notes.append(f"{fit.adequacy.message}: intervals are too narrow")
     elif fit.adequacy is None and not fit.whiteness.passed and fit.response.wider == 1.0:
-        notes.append(f"along the frequency {fit.whiteness.message}; another mode may lie in the band")
+        notes.append(f"along the frequency {fit.whiteness.message}; the band may contain another mode")
     return replace(fit, notes=tuple(notes))
 
 
@@ -275,17 +274,17 @@ def _fit(lines: FrequencyResponse, modes: int, noise: float | None) -> ModalFit:
     s, H = lines.s, lines.receptance
     names = [f"log {p}[{j}]" for j in range(modes) for p in "mck"]
     if 2 * len(s) <= len(names):
-        raise ValueError(f"{len(s)} lines for {len(names)} parameters; take a wider band")
+        raise ValueError(f"{len(s)} lines for {len(names)} parameters; use a wider band")
     theta = linear_start(s, H, modes, _start_weights(lines, noise))
     fitted = None
     for _ in range(ROUNDS if noise is not None else 1):
         sigma = _sigma(lines, noise, receptance(s, *_split(theta)))
-        # level noise: the residuals give its size, in units of the largest receptance
+        # constant noise: the residuals give its size, relative to the largest receptance
         residuals = _residuals(lines, 1.0 if sigma is not None else float(np.abs(H).max()))
-        with np.errstate(all="ignore"):  # a step too far is not finite and is taken back
+        with np.errstate(all="ignore"):  # a step that is too large is not finite and is rejected
             fitted = nonlinear_fit(residuals, theta, names, sigma=sigma, limit=LIMIT)
         if fitted.estimate is None:
-            raise ValueError(f"the fit of {modes} modes came to no end: {fitted.message}")
+            raise ValueError(f"the fit of {modes} modes did not converge: {fitted.message}")
         theta = fitted.x
     assert fitted is not None and fitted.estimate is not None
     return _ordered(fitted.estimate, fitted.x, lines, noise is not None)
@@ -294,12 +293,12 @@ def _fit(lines: FrequencyResponse, modes: int, noise: float | None) -> ModalFit:
 def _residuals(lines: FrequencyResponse, unit: float) -> Residuals:
     s, H = lines.s, lines.receptance
 
-    def at(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def residual(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         p = _split(theta)
         error, jacobian = (receptance(s, *p) - H) / unit, log_derivatives(s, *p) / unit
         return np.concatenate([error.real, error.imag]), np.vstack([jacobian.real, jacobian.imag])
 
-    return at
+    return residual
 
 
 def _start_weights(lines: FrequencyResponse, noise: float | None) -> np.ndarray:
@@ -315,13 +314,13 @@ def _start_weights(lines: FrequencyResponse, noise: float | None) -> np.ndarray:
 def _sigma(lines: FrequencyResponse, noise: float | None, H: np.ndarray) -> np.ndarray | None:
     """Standard deviations of real and imaginary parts (2 n,)."""
     if noise is not None:
-        # of the model, not of the measurement: a line that noise made small must not count more
-        each = noise * np.abs(H) / np.sqrt(2)
+        # relative to the model, not to the measurement: a line that noise made small must not get more weight
+        sigma = noise * np.abs(H) / np.sqrt(2)
     elif lines.variance is not None:
-        each = np.sqrt(lines.variance / 2)
+        sigma = np.sqrt(lines.variance / 2)
     else:
         return None
-    return np.tile(each, 2)
+    return np.tile(sigma, 2)
 
 
 def _split(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -330,7 +329,7 @@ def _split(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _ordered(e: Estimate, theta: np.ndarray, lines: FrequencyResponse, stated: bool) -> ModalFit:
-    """Most compliant at its own resonance first, covariance wider where lines are correlated."""
+    """The fit with the most compliant mode first, and a larger covariance if lines are correlated."""
     m, c, k = _split(theta)
     order = np.argsort(c * np.sqrt(k / m), kind="stable")
     rows = (3 * order[:, None] + np.arange(3)).ravel()
@@ -338,7 +337,7 @@ def _ordered(e: Estimate, theta: np.ndarray, lines: FrequencyResponse, stated: b
     n = len(r) // 2
     misfit = float(r @ r) if e.known_noise else 2 * n * float(np.log(r @ r / (2 * n)))
     estimate = replace(e, values=theta[rows], covariance=lines.wider**2 * e.covariance[rows][:, rows])
-    # real and imaginary parts of a line are independent: one row after the other
+    # real and imaginary parts of a line are independent: append one to the other
     white = whiteness(np.concatenate([r[:n], r[n:]]))
     return ModalFit(
         m[order], c[order], k[order], estimate, lines, misfit + len(theta) * float(np.log(2 * n)), white,
@@ -347,15 +346,15 @@ def _ordered(e: Estimate, theta: np.ndarray, lines: FrequencyResponse, stated: b
 
 
 def _adequacy(e: Estimate, lines: FrequencyResponse, stated: bool) -> Verdict:
-    """Residuals against the noise, which repeated hits estimate with few degrees of freedom themselves."""
+    """Test of the residuals against the noise, which has few degrees of freedom if estimated from repeated hits."""
     if stated or not np.isfinite(lines.degrees_of_freedom):
         return noise_size(e)
-    # correlated lines are fewer than they look
-    ratio, own = float(e.residuals @ e.residuals) / e.degrees_of_freedom, e.degrees_of_freedom / lines.wider**2
-    p = float(f_chance(ratio, own, lines.degrees_of_freedom))
-    said = (
-        "are as large as the hits' own noise"
+    # correlated lines have fewer degrees of freedom
+    ratio, independent = float(e.residuals @ e.residuals) / e.degrees_of_freedom, e.degrees_of_freedom / lines.wider**2
+    p = float(f_chance(ratio, independent, lines.degrees_of_freedom))
+    finding = (
+        "are as large as the noise of the hits"
         if p >= SMALL_P
-        else (f"are {np.sqrt(ratio):.2f} times the hits' own noise: the model lacks an effect, such as another mode")
+        else (f"are {np.sqrt(ratio):.2f} times the noise of the hits: the model lacks an effect, such as another mode")
     )
-    return Verdict(ratio, p, p >= SMALL_P, f"residuals {said} (F = {ratio:.3g}, p = {p:.2g})")
+    return Verdict(ratio, p, p >= SMALL_P, f"residuals {finding} (F = {ratio:.3g}, p = {p:.2g})")

@@ -1,4 +1,4 @@
-"""What a study of dynamic stiffness is asked for, what synthetic experiments consist of, and what the study returns."""
+"""Options of a study of dynamic stiffness and of synthetic experiments, and the result of the study."""
 
 from __future__ import annotations
 
@@ -24,30 +24,30 @@ else:
     Fits = Sequence[hint("gtmodel.vibration.dynamic_stiffness.modal_fit", "ModalFit") | None]
     OscillatorField = hint("gtmodel.vibration.dynamic_stiffness.oscillator_field", "OscillatorField")
 
-NEW_POSES = 200  # of synthetic fields, where their truth is compared
+NEW_POSES = 200  # poses at which a fitted field is compared with a synthetic true one
 
 
 @dataclass(frozen=True)
 class ModalFitting(Options):
     """How modes are fitted to a frequency response."""
 
-    search: Annotated[list[float], Unit("Hz"), Long(2), "where the most compliant mode is looked for"] = field(
+    search: Annotated[list[float], Unit("Hz"), Long(2), "range of the search for the most compliant mode"] = field(
         default_factory=lambda: [3.0, 200.0]
     )
     band: Annotated[
-        list[float] | None, Unit("Hz"), Long(2), "lines fitted; 0.7 to 1.3 times the peak if left out"
+        list[float] | None, Unit("Hz"), Long(2), "range of the fit; default: 0.7 to 1.3 times the peak"
     ] = None  # fmt: skip
-    modes: Annotated[int | None, Within(above=0), "how many; as many as the data ask for if left out"] = None
-    most: Annotated[int, Within(least=1, most=5), "modes that are tried at most"] = 3
+    modes: Annotated[int | None, Within(above=0), "number of modes; default: selected by information criterion"] = None
+    most: Annotated[int, Within(least=1, most=5), "largest number of modes to try"] = 3
     relative_noise: Annotated[
-        float | None, Within(above=0.0), "of a receptance; without it hits tell their own, or the residuals do"
+        float | None, Within(above=0.0), "of a receptance; default: from repeated hits, else from the residuals"
     ] = None
     estimator: Annotated[Literal["H1", "H2"], "H1 for noise on the response, H2 on the force"] = "H1"
     force_window: Annotated[
-        float | None, Unit("s"), Within(above=0.0), "the force is set to zero so long after a hit"
+        float | None, Unit("s"), Within(above=0.0), "the force is set to zero this long after a hit"
     ] = None  # fmt: skip
     decay: Annotated[
-        float, Unit("1/s"), Within(least=0.0), "exponential window on records that do not die away"
+        float, Unit("1/s"), Within(least=0.0), "exponential window for records that end before the response has decayed"
     ] = 0.0  # fmt: skip
 
 
@@ -56,7 +56,7 @@ class Process(Options):
     """The Gaussian processes of log m, log c and log k over the pose."""
 
     covariance: Annotated[
-        Literal["squared_exponential", "matern_5_2"], "smooth, or with two derivatives"
+        Literal["squared_exponential", "matern_5_2"], "smooth, or twice differentiable"
     ] = "squared_exponential"  # fmt: skip
     scale: Annotated[list[float], Unit("m"), Within(above=0.0), Long(3), "typical lengths of x, y, z"] = field(
         default_factory=lambda: [0.5] * 3
@@ -67,20 +67,20 @@ class Process(Options):
     periodic: Annotated[bool, "whether A has a period of 360 degrees"] = True
     shared: Annotated[bool, "whether m, c and k of a direction share their lengths"] = True
     starts: Annotated[int, Within(above=0), "of the search for hyperparameters"] = 4
-    seed: Annotated[int, "of these starts and of what is held out"] = 0
+    seed: Annotated[int, "of these starts and of the held-out folds"] = 0
 
 
 @dataclass(frozen=True)
 class FrequencyMap(Options):
-    """The picture of the lowest frequency over two coordinates of the pose."""
+    """The plot of the lowest frequency over two coordinates of the pose."""
 
     over: Annotated[list[Literal["x", "y", "z", "A"]], Long(2), "abscissa and ordinate"] = field(
         default_factory=lambda: ["y", "A"]
     )
     at: Annotated[
-        list[float] | None, Unit("m"), Long(3), "the other coordinates; the middle of the poses if left out"
+        list[float] | None, Unit("m"), Long(3), "values of the other coordinates; default: the middle of the poses"
     ] = None  # fmt: skip
-    at_angle: Annotated[float | None, Unit("rad", written="deg", key="at_deg"), "A, likewise"] = None
+    at_angle: Annotated[float | None, Unit("rad", written="deg", key="at_deg"), "A; default: the middle"] = None
     points: Annotated[int, Within(least=5, most=201), "along each side"] = 41
 
 
@@ -91,7 +91,7 @@ class SyntheticArm(Options):
     seed: Annotated[int, "of field, poses and noise"]
     lengths: Annotated[
         list[float], Within(above=0.0), Long(4),
-        "over which it changes in x, y, z and A, in units of the process's scales; ours",
+        "lengths of its changes in x, y, z and A, relative to the scales of the process; our choice",
     ] = field(default_factory=lambda: [2.0, 0.8, 2.0, 0.8])  # fmt: skip
     poses: Annotated[int, Within(least=8, most=1000), "Latin hypercube in the box"] = 60
     box: Annotated[list[list[float]], Unit("m"), Long(2), "of x, y, z"] = field(
@@ -100,7 +100,7 @@ class SyntheticArm(Options):
     box_angle: Annotated[list[float], Unit("rad", written="deg", key="box_deg"), Long(2), "of A"] = field(
         default_factory=lambda: [0.0, math.radians(120.0)]
     )
-    records: Annotated[Literal["hits", "receptance"], "what is measured"] = "hits"
+    records: Annotated[Literal["hits", "receptance"], "measured quantity"] = "hits"
     hits: Annotated[int, Within(least=2), "of each experiment"] = 5
     noise: Annotated[
         float, Unit("m/s2"), Within(above=0.0), "of the acceleration in records of hits"
@@ -108,7 +108,7 @@ class SyntheticArm(Options):
     relative_noise: Annotated[float, Within(above=0.0), "of receptances"] = 0.05
     sample_rate: Annotated[float, Unit("Hz"), Within(above=0.0), "of records of hits"] = 1024.0
     duration: Annotated[
-        float, Unit("s"), Within(above=0.0), "of each record; of receptances its inverse is the step"
+        float, Unit("s"), Within(above=0.0), "of each record; its inverse is the frequency step of receptances"
     ] = 4.0  # fmt: skip
 
 
@@ -119,26 +119,26 @@ NAMES = ("m", "c", "k", "fn", "zeta")
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class DynamicStiffnessStudy(Study):
-    """Oscillators by experiment and over the pose. field: m, c and k at any pose; experiments, fits: one by one."""
+    """Oscillators by experiment and over the pose. field: m, c and k at any pose; experiments, fits: each of them."""
 
     poses: Annotated[
         Array, "x, y, z in m and A in rad of each experiment, in the order of its table"
     ]  # fmt: skip
     direction: Annotated[Sequence[str], "x, y or z of each experiment"]
     mass: Annotated[
-        Array, Quantity("kg", "of the most compliant mode, by experiment; null where no mode was found")
+        Array, Quantity("kg", "of the most compliant mode, by experiment; null if no mode was found")
     ]  # fmt: skip
-    damping: Annotated[Array, Quantity("N.s/m", "likewise", key="damping_N_s_m")]
-    stiffness: Annotated[Array, Quantity("N/m", "likewise")]
-    frequency: Annotated[Array, Quantity("Hz", "undamped natural frequency, likewise")]
-    damping_ratio: Annotated[Array, "likewise"]
+    damping: Annotated[Array, Quantity("N.s/m", "of this mode, by experiment", key="damping_N_s_m")]
+    stiffness: Annotated[Array, Quantity("N/m", "of this mode, by experiment")]
+    frequency: Annotated[Array, Quantity("Hz", "undamped natural frequency of this mode, by experiment")]
+    damping_ratio: Annotated[Array, "of this mode, by experiment"]
     relative_std: Annotated[
         Sequence[Sequence[float] | None],
         "of m, c, k, fn and zeta by experiment, from the noise of its own records",
     ]
-    modes: Annotated[Sequence[int], "how many modes were fitted, by experiment"]
+    modes: Annotated[Sequence[int], "number of fitted modes, by experiment"]
     next_mode: Annotated[
-        Sequence[float | None], Quantity("Hz", "distance to the nearest other mode; null where there is one")
+        Sequence[float | None], Quantity("Hz", "distance to the nearest other mode; null if there is only one")
     ]
     scatter: Annotated[
         float,
@@ -146,40 +146,40 @@ class DynamicStiffnessStudy(Study):
     ]
     measured_repeatability: Annotated[
         float | None,
-        "mean change of m, c and k between experiments at one pose; null where none was repeated",
+        "mean change of m, c and k between experiments at one pose; null without repetitions",
     ] = None
     noise_of_process: Annotated[
         Sequence[float] | None,
-        "standard deviation of a logarithm that the processes found, m, c, k of x, y, z in turn",
+        "standard deviation of a logarithm, fitted by the processes; m, c, k of x, y, z in order",
     ] = None
     lengths: Annotated[
         Sequence[Any] | None,
-        "of the processes in units of their scales, x, y, z, A of each direction's m, c, k in turn",
+        "of the processes relative to their scales; x, y, z, A for m, c, k of each direction in order",
     ] = None  # fmt: skip
     inflation: Annotated[
         Sequence[float] | None,
-        "factor on standard deviations, from held-out poses; m, c, k of x, y, z in turn",
+        "factor on standard deviations, from held-out poses; m, c, k of x, y, z in order",
     ] = None
     leave_one_out_rms: Annotated[
         Sequence[float] | None,
-        "errors of logarithms when one pose is left out; m, c, k of x, y, z in turn",
+        "leave-one-out errors of logarithms; m, c, k of x, y, z in order",
     ] = None
     coverage_leave_one_out: Annotated[
-        float | None, "share of left-out values inside the 95 % intervals before they are widened"
+        float | None, "share of left-out values inside the 95 % intervals before inflation"
     ] = None
     coverage_held_out: Annotated[
-        Sequence[float] | None, "share of held-out values inside, before and after widening"
+        Sequence[float] | None, "share of held-out values inside the intervals, before and after inflation"
     ] = None
     coverage_of_truth: Annotated[
         Sequence[float] | None,
-        "share of the true field inside at new poses, before and after; null for measured data",
+        "share of the true field inside the intervals at new poses, before and after inflation; null for measured data",
     ] = None
     lowest: Annotated[
         Sequence[float] | None,
         Quantity("Hz", "lowest and highest frequency of the softest direction over the poses"),
     ] = None
     printed: Annotated[
-        str | None, "what is said of printed oscillators; null where none are used"
+        str | None, "note on the printed oscillators; null if none are used"
     ] = None  # fmt: skip
     synthetic: Annotated[
         str | None, "seed and noise of synthetic records; null for measured ones"
@@ -189,19 +189,19 @@ class DynamicStiffnessStudy(Study):
     fits: Fits = ()
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of "mass[0]", "damping[0]", "stiffness[0]", "frequency[0]" or "damping_ratio[0]" of the
-        experiment with this index, by the noise of its own records. Raises ArgumentError."""
+        """Confidence interval of "mass[0]", "damping[0]", "stiffness[0]", "frequency[0]" or "damping_ratio[0]" for the
+        experiment with this index, from the noise of its own records. Raises ArgumentError."""
         stem, _, place = str(name).partition("[")
-        own = dict(zip(QUANTITIES, NAMES, strict=True))
+        names = dict(zip(QUANTITIES, NAMES, strict=True))
         index = place[:-1] if place.endswith("]") else ""
         fit = dict(enumerate(self.fits)).get(int(index)) if index.isdecimal() else None
-        if stem not in own or fit is None:
-            raise ArgumentError(f"there is no '{name}'; expected one of {', '.join(own)} with an index", "name")
-        return fit.interval(f"{own[stem]}[0]", level)
+        if stem not in names or fit is None:
+            raise ArgumentError(f"unknown name '{name}'; expected one of {', '.join(names)} with an index", "name")
+        return fit.interval(f"{names[stem]}[0]", level)
 
     @property
     def rows(self) -> list[Row]:
-        """The table for people."""
+        """Rows of the table."""
         rows = _experiment_rows(self.experiments, self.fits)
         if self.field is not None:
             rows += self._field_rows()
@@ -214,23 +214,23 @@ class DynamicStiffnessStudy(Study):
         held, truth = self.coverage_held_out or (np.nan, np.nan), self.coverage_of_truth
         rows = [
             Row("lowest frequency over the poses", f"{low:.3g} to {high:.3g}", "Hz"),
-            Row("scatter between experiments: stated", f"{self.scatter:.3g} of each logarithm"),
-            Row("scatter: found by the processes", _list(self.noise_of_process)),
+            Row("scatter between experiments: as set", f"{self.scatter:.3g} of each logarithm"),
+            Row("scatter between experiments: fitted", _list(self.noise_of_process)),
             Row("leave-one-out error, m, c, k of x, y, z", _list(self.leave_one_out_rms)),
-            Row("95 % intervals, values left out: inside", f"{self.coverage_leave_one_out:.1%}"),
-            Row("95 % intervals, values held out: inside", f"{held[0]:.1%}, after widening {held[1]:.1%}"),
-            Row("intervals widened by", _list(self.inflation)),
+            Row("left-out values inside their 95 % intervals", f"{self.coverage_leave_one_out:.1%}"),
+            Row("held-out values inside their 95 % intervals", f"{held[0]:.1%}, after inflation {held[1]:.1%}"),
+            Row("inflation of the intervals", _list(self.inflation)),
         ]
         if self.measured_repeatability is not None:
             rows.append(Row("measured repeatability", f"{self.measured_repeatability:.1%}"))
         if truth is not None:
-            shares = f"{truth[0]:.1%}, after widening {truth[1]:.1%}"
-            rows.append(Row(f"true field at {NEW_POSES} new poses: inside", shares))
+            shares = f"{truth[0]:.1%}, after inflation {truth[1]:.1%}"
+            rows.append(Row(f"true field at {NEW_POSES} new poses inside the intervals", shares))
         return rows
 
 
 def _experiment_rows(experiments: Sequence[Experiment], fits: Fits) -> list[Row]:
-    """Of few experiments each, of many the range by direction."""
+    """A row for each of few experiments; ranges by direction for many."""
     if len(experiments) <= 12:
         return [
             Row(f"{e.source} ({'xyz'[e.direction]})", f"fn {f.fn[0]:.4g} Hz, zeta {f.zeta[0]:.3g}, m {f.m[0]:.4g} kg, "
@@ -239,14 +239,14 @@ def _experiment_rows(experiments: Sequence[Experiment], fits: Fits) -> list[Row]
         ]  # fmt: skip
     rows = []
     for d, name in enumerate("xyz"):
-        own = [f for e, f in zip(experiments, fits, strict=True) if f is not None and e.direction == d]
+        part = [f for e, f in zip(experiments, fits, strict=True) if f is not None and e.direction == d]
         spans = [
-            f"{q} {min(getattr(f, q)[0] for f in own):.3g}..{max(getattr(f, q)[0] for f in own):.3g}" for q in NAMES
+            f"{q} {min(getattr(f, q)[0] for f in part):.3g}..{max(getattr(f, q)[0] for f in part):.3g}" for q in NAMES
         ]
-        rows.append(Row(f"{len(own)} experiments in {name}", ", ".join(spans)))
-        error = max(f.log_std("k") for f in own)
-        rows.append(Row(f"  largest error of k by noise alone, {name}", f"{error:.2%}"))
-    rows.append(Row("every experiment with its intervals", "poses.csv"))
+        rows.append(Row(f"{len(part)} experiments in {name}", ", ".join(spans)))
+        error = max(f.log_std("k") for f in part)
+        rows.append(Row(f"  largest standard deviation of k from noise, {name}", f"{error:.2%}"))
+    rows.append(Row("all experiments with intervals", "poses.csv"))
     return rows
 
 

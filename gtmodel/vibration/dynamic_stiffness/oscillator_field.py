@@ -1,5 +1,5 @@
-"""One oscillator in each of x, y and z, whose mass, damping and stiffness vary with the pose of the tool; as a TOML
-file too, to be loaded where forces act on the arm, such as in milling."""
+"""One oscillator in each of x, y and z, whose mass, damping and stiffness vary with the pose of the tool; its TOML
+file, for simulations with forces on the arm, such as milling."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from .gaussian_process import STARTS, GaussianProcess, KernelInputs, Shape, fit_
 from .modal_fit import ADDED, SHARES
 
 DIRECTIONS, QUANTITIES = ("x", "y", "z"), ("m", "c", "k")
-SCALES = (0.5, 0.5, 0.5, 1.0)  # m, m, m, rad: over which an arm of three metres changes
-UNDETERMINED = 0.5  # share of the variance of measured values: where more is left, they determine too little
+SCALES = (0.5, 0.5, 0.5, 1.0)  # m, m, m, rad: typical lengths for an arm of three metres
+UNDETERMINED = 0.5  # largest posterior variance, relative to the variance of the measured values
 
 
 @dataclass(frozen=True, eq=False)
 class OscillatorField:
-    """m x'' + c x' + k x = F in x, y, z with m, c, k the exponentials of nine Gaussian processes over the pose.
+    """m x'' + c x' + k x = F in x, y, z; log m, log c and log k are nine Gaussian processes over the pose.
 
     A pose is (x, y, z, A): tool centre point [m] and rotation about the spindle [rad] (Cvitanic 2021, section 3.2.2).
     `processes`: (direction, quantity) -> process of the logarithm. `synthetic`: seed and noise of synthetic data.
@@ -33,18 +33,18 @@ class OscillatorField:
     synthetic: str | None = None
 
     def at(self, pose: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """m [kg], c [N.s/m], k [N/m], each (3,) at a pose (4,), or (n, 3) at poses (n, 4); in x, y, z."""
+        """Return m [kg], c [N.s/m], k [N/m] in x, y, z, each (3,) at a pose (4,), or (n, 3) at poses (n, 4)."""
         return self.value("m", pose), self.value("c", pose), self.value("k", pose)
 
     def value(self, name: str, pose: Any) -> np.ndarray:
-        """The most likely "m", "c", "k", "fn" [Hz] or "zeta", (3,) at a pose (4,), (n, 3) at poses (n, 4)."""
+        """Return the median of "m", "c", "k", "fn" [Hz] or "zeta", (3,) at a pose (4,), (n, 3) at poses (n, 4)."""
         return np.exp(self._log(name, pose)[0])
 
     def prediction_interval(self, name: str, pose: Any, level: float = 0.95, *, of: str = "field") -> np.ndarray:
-        """Limits (3, 2) or (n, 3, 2) of the same, of the field or of a new measurement of it.
+        """Return limits (3, 2) or (n, 3, 2) of a quantity as in value(), for the field or a new measurement of it.
 
-        Those of fn and zeta take the errors of m, c and k as independent, which is on the safe side where m and k
-        err together.
+        For fn and zeta the errors of m, c and k are assumed independent, which is conservative if errors of m and k are
+        positively correlated.
         """
         log, std = self._log(name, pose, of)
         q = quantile(level)
@@ -53,8 +53,9 @@ class OscillatorField:
     def covers(self, pose: Any) -> Any:
         """Whether the measurements determine the oscillators at a pose (4,), or at each of poses (n, 4) -> (n,).
 
-        No where the variance that some process leaves, not widened, is more than half that of its measured logarithms:
-        far from them a prediction is little more than their mean. casadi_function() does not ask this.
+        False if the variance of a process, without inflation, exceeds half that of its measured logarithms: far from
+            the
+        measurements a prediction is little more than their mean. casadi_function() does not check this.
         """
         poses = np.atleast_2d(np.asarray(pose, float))
         determined = np.ones(len(poses), bool)
@@ -63,9 +64,9 @@ class OscillatorField:
         return determined if np.ndim(pose) > 1 else bool(determined[0])
 
     def casadi_function(self, *, std: bool = False, name: str = "oscillators") -> Any:
-        """CasADi function pose (4,) -> m, c, k (3,) each; with `std` their relative standard deviations follow.
+        """Return a CasADi function pose (4,) -> m, c, k (3,) each; with `std` also their relative standard deviations.
 
-        Smooth, so that its gradient by automatic differentiation serves an optimiser; c_code() writes it as C.
+        It is smooth, so that optimisers can differentiate it; c_code() writes it as C.
         """
         import casadi as ca
 
@@ -82,7 +83,7 @@ class OscillatorField:
         return ca.Function(name, [pose], columns, ["pose"], names)
 
     def c_code(self, *, std: bool = False, name: str = "oscillators") -> str:
-        """casadi_function() as one C file: a function `name` with the arguments of CasADi's calling convention."""
+        """Return casadi_function() as one C file: a function `name` with CasADi's calling convention."""
         return _generated(self.casadi_function(std=std, name=name), name)
 
     def _logs(self, poses: np.ndarray, of: str) -> tuple[np.ndarray, np.ndarray]:
@@ -93,7 +94,7 @@ class OscillatorField:
 
     def _log(self, name: str, pose: Any, of: str = "field") -> tuple[np.ndarray, np.ndarray]:
         if name not in SHARES:
-            raise ValueError(f"there is no '{name}' of an oscillator; expected {', '.join(SHARES)}")
+            raise ValueError(f"unknown quantity '{name}' of an oscillator; expected {', '.join(SHARES)}")
         poses = np.asarray(pose, float)
         if poses.shape[-1:] != (4,) or poses.ndim > 2:
             raise ValueError(f"the pose has the shape {poses.shape}; expected (4,) or (n, 4): x, y, z [m] and A [rad]")
@@ -121,13 +122,13 @@ def fit_oscillator_field(
     calibrate: bool = True,
     synthetic: str | None = None,
 ) -> tuple[OscillatorField, dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]]:
-    """The field through measured oscillators, and by (direction, quantity) the errors of held-out poses.
+    """Fit a field to measured oscillators; return it with the errors of held-out poses by (direction, quantity).
 
-    poses (n, 4) as in OscillatorField; m, c, k (n, 3), NaN where a direction was not measured. `scale` of the inputs,
-    `periodic`: whether A has period 2 pi, `shared`: whether m, c and k of a direction share their lengths, which makes
-    intervals more honest and the C code three times shorter. `calibrate`: widen intervals by held-out errors, see
-    held_out(); the errors (2, n) returned are in logarithms, with the standard deviations before widening.
-    Raises ValueError for wrong shapes and for values that are not positive or infinite.
+    poses (n, 4) as in OscillatorField; m, c, k (n, 3), NaN for directions without measurement. `scale` of the inputs;
+    `periodic`: whether A has period 2 pi; `shared`: whether m, c and k of a direction share their lengths, which makes
+    intervals more reliable and the C code three times shorter. `calibrate`: inflate intervals by held-out errors, see
+    held_out(). The errors (2, n) are in logarithms, with the standard deviations before inflation. Raises ValueError
+    for wrong shapes and for values that are not positive or infinite.
 
     >>> rng = np.random.default_rng(1)
     >>> poses = rng.uniform([-0.3, -3.1, 0.2, 0.0], [0.9, -2.1, 0.4, 2.0], (12, 4))  # x, y, z [m], A [rad]
@@ -147,7 +148,7 @@ def fit_oscillator_field(
         if np.any(wrong):
             row = int(np.argwhere(wrong)[0, 0])
             what = "not positive" if np.any(v[row] <= 0) else "infinite"
-            raise ValueError(f"{q} is {what} at pose {row}; leave that measurement out as NaN")
+            raise ValueError(f"{q} is {what} at pose {row}; mark that measurement as NaN")
     inputs = KernelInputs(tuple(scale), (False, False, False, periodic))
     processes, errors = {}, {}
     for d, direction in enumerate(DIRECTIONS):
@@ -175,8 +176,8 @@ def _generated(f: Any, name: str) -> str:
     with scratch() as folder:
         generator.generate(f"{folder}/")
         text = (folder / f"{name}.c").read_text(encoding="utf-8")
-    if not text.endswith("#endif\n"):  # CasADi does not report a disk that is full
-        raise OSError(f"the temporary folder {folder} does not take the code; free space, or set TMPDIR")
+    if not text.endswith("#endif\n"):  # CasADi does not report a full disk
+        raise OSError(f"the temporary folder {folder} cannot hold the code; free space, or set TMPDIR")
     return text
 
 
@@ -185,7 +186,7 @@ _UNITS = {"m": "kg", "c": "N.s/m", "k": "N/m"}
 
 
 def oscillator_text(field: OscillatorField) -> str:
-    """The field as TOML, every number to its last bit: training poses, logarithms and hyperparameters.
+    """Return the field as TOML with exact numbers: training poses, logarithms and hyperparameters.
 
     >>> rng = np.random.default_rng(1)
     >>> poses = rng.uniform([-0.3, -3.1, 0.2, 0.0], [0.9, -2.1, 0.4, 2.0], (12, 4))  # x, y, z [m], A [rad]
@@ -206,9 +207,9 @@ def oscillator_text(field: OscillatorField) -> str:
         },
     }
     for d in DIRECTIONS:
-        own = [field.processes[d, q] for q in QUANTITIES]
-        content[d] = {"poses": own[0].X.tolist()}
-        for q, g in zip(QUANTITIES, own, strict=True):
+        processes = [field.processes[d, q] for q in QUANTITIES]
+        content[d] = {"poses": processes[0].X.tolist()}
+        for q, g in zip(QUANTITIES, processes, strict=True):
             content[d][q] = {
                 "unit": _UNITS[q],
                 "lengths": g.lengths.tolist(),
@@ -222,7 +223,7 @@ def oscillator_text(field: OscillatorField) -> str:
 
 
 def load_oscillator_field(path: str | Path) -> OscillatorField:
-    """The field that oscillator_text() wrote: the same answers, bit for bit. Raises ValueError for another file.
+    """Load a field written by oscillator_text(), equal bit for bit. Raises ValueError for another file.
 
     >>> rng = np.random.default_rng(1)
     >>> poses = rng.uniform([-0.3, -3.1, 0.2, 0.0], [0.9, -2.1, 0.4, 2.0], (12, 4))  # x, y, z [m], A [rad]
@@ -252,7 +253,7 @@ def load_oscillator_field(path: str | Path) -> OscillatorField:
             for q in QUANTITIES
         }
     except KeyError as error:
-        raise ValueError(f"{name} lacks the key {error}; let kind dynamic_stiffness write it anew") from error
+        raise ValueError(f"{name} lacks the key {error}; write it again with kind dynamic_stiffness") from error
     return OscillatorField(processes, content.get("synthetic") or None)
 
 

@@ -1,4 +1,4 @@
-"""Synthetic hits, receptances, oscillator fields and experiments: a truth to see what fits give back."""
+"""Synthetic hits, receptances, oscillator fields and experiments: a known truth to test fits with."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FINER = 8  # steps of the simulation per sample
 def synthetic_receptance(
     frequency: np.ndarray, m: np.ndarray, c: np.ndarray, k: np.ndarray, *, noise: float, seed: int | np.random.Generator
 ) -> FrequencyResponse:
-    """H at `frequency` (n,) [Hz] times (1 + noise z), z complex normal of unit variance; modes in parallel.
+    """Return H at `frequency` (n,) [Hz] times (1 + noise z), z complex normal of unit variance; parallel modes.
 
     m [kg], c [N.s/m], k [N/m]: one number each, or (modes,).
 
@@ -32,18 +32,19 @@ def synthetic_receptance(
     rng = np.random.default_rng(seed)
     H = receptance(2j * np.pi * frequency, *(np.atleast_1d(np.asarray(a, float)) for a in (m, c, k)))
     z = (rng.standard_normal(len(H)) + 1j * rng.standard_normal(len(H))) / np.sqrt(2)
-    return FrequencyResponse(frequency, H * (1 + noise * z), synthetic=_said(seed, f"relative noise {noise:g}"))
+    return FrequencyResponse(frequency, H * (1 + noise * z), synthetic=_note(seed, f"relative noise {noise:g}"))
 
 
 def synthetic_hits(
     m: np.ndarray, c: np.ndarray, k: np.ndarray, *, sample_rate: float, duration: float, hits: int, noise: float,
     peak: float = 1000.0, width: float = 0.012, measures: Response = "acceleration", seed: int | np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Force [N] and response (hits, T) of modes in parallel, white noise of standard deviation `noise` on the response.
+    """Return force [N] and response (hits, T) of parallel modes, with white noise of standard deviation `noise` on the
+    response.
 
-    m [kg], c [N.s/m], k [N/m]: (modes,). sample_rate [Hz], duration [s]. A hit is a raised cosine of `width` s, its
-    peak [N] differs by a fifth from hit to hit. Simulated in time with steps of an eighth of a sample, the force
-    straight between them.
+    m [kg], c [N.s/m], k [N/m]: (modes,). sample_rate [Hz], duration [s]. A hit is a raised cosine of `width` s; its
+    peak [N] varies by a fifth from hit to hit. The simulation has steps of an eighth of a sample and a piecewise linear
+    force.
 
     >>> m, c, k = np.array([200.0]), np.array([4000.0]), np.array([3e6])  # kg, N.s/m, N/m
     >>> force, acceleration = gt.vibration.synthetic_hits(
@@ -72,26 +73,26 @@ def synthetic_hits(
     return F, x + noise * rng.standard_normal(x.shape)
 
 
-def _said(seed: int | np.random.Generator, noise: str) -> str:
+def _note(seed: int | np.random.Generator, noise: str) -> str:
     return f"seed {seed}, {noise}" if isinstance(seed, int) else noise
 
 
-WAVES = 500  # cosines that make up a draw: its covariance is right within a few per cent
-NEAR = 0.01  # of the variance: how near given poses are met; exactly, poses that lie close would make it steep
+WAVES = 500  # cosines in a draw: its covariance is accurate to a few per cent
+NEAR = 0.01  # relative variance of the correction: exact interpolation of close poses would make the field steep
 
 
 @dataclass(frozen=True, eq=False)
 class SyntheticField:
-    """Nine smooth functions over the pose: draws of a squared exponential process that pass near given logarithms.
+    """Nine smooth functions over the pose: draws of a squared exponential process that pass near prescribed logarithms.
 
-    Made by synthetic_field(). As `at` of OscillatorField, but a truth: no measurement is behind it.
+    Made by synthetic_field(). `at` is like that of OscillatorField, but gives the truth.
     """
 
     inputs: KernelInputs
     frequencies: np.ndarray  # (WAVES, e)
     phases: np.ndarray  # (WAVES,)
     shares: np.ndarray  # (WAVES, 9)
-    given: np.ndarray  # coordinates of the given poses (n, e)
+    given: np.ndarray  # coordinates of the prescribed poses (n, e)
     corrections: np.ndarray  # (n, 9)
     mean: np.ndarray  # (9,)
     lengths: np.ndarray
@@ -118,10 +119,11 @@ def synthetic_field(
     *,
     seed: int,
 ) -> SyntheticField:
-    """A synthetic field near m, c, k (n, 3) at poses (n, 4), with `lengths` (4,) in units of the scales of `inputs`.
+    """Return a synthetic field near m, c, k (n, 3) at poses (n, 4), with `lengths` (4,) relative to the scales of
+    `inputs`.
 
-    The spread between the given poses is that of the given values. Sampling by Matheron's rule: a draw of random
-    cosines, corrected towards what is given (Wilson et al. 2020, ICML).
+    The spread between the prescribed poses is that of the prescribed values. Matheron's rule: a draw of random cosines,
+    corrected towards the prescribed values (Wilson et al. 2020, ICML).
 
     >>> rng = np.random.default_rng(1)
     >>> poses = rng.uniform([-0.3, -3.1, 0.2, 0.0], [0.9, -2.1, 0.4, 2.0], (12, 4))  # x, y, z [m], A [rad]
@@ -162,11 +164,11 @@ def _between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 LOWEST_HZ = 1.0  # of synthetic receptances
-CHANGE = 2 / np.sqrt(np.pi)  # mean size of the difference of two values of unit standard deviation
+CHANGE = 2 / np.sqrt(np.pi)  # mean absolute difference of two normal values of unit standard deviation
 
 
 class PrintedOscillators(Protocol):
-    """Known oscillators near which a synthetic field lies: poses (n, 4), m, c, k (n, 3), and words on them."""
+    """Known oscillators near a synthetic field: poses (n, 4), m, c, k (n, 3), and a note on them."""
 
     @property
     def poses(self) -> np.ndarray: ...
@@ -189,11 +191,11 @@ def inputs_of(p: Process) -> KernelInputs:
 
 @dataclass(frozen=True, eq=False)
 class SyntheticExperiments:
-    """Experiments, the field they were made from, and m, c, k (n, 3) of each at its own time: the field changed by the
-    scatter of repeated experiments.
+    """Experiments, the field behind them, and the true m, c, k (n, 3) of each (`then`): the field with the scatter of
+    repeated experiments.
 
-    new: poses where the fitted field is compared with the true one. printed: what is to be said of the oscillators
-    behind it. relative_noise: of receptances, None for hits.
+    new: poses where the fitted field is compared with the true one. printed: note on the printed oscillators.
+    relative_noise: of receptances, None for hits.
     """
 
     experiments: list[Experiment]
@@ -214,7 +216,7 @@ def synthetic_experiments(
     process: Process | None = None,
     repeatability: float = 0.15,
 ) -> SyntheticExperiments:
-    """Every pose is hit in x, y and z, on a field through the poses of `near`. Raises ArgumentError.
+    """Draw a field near the oscillators of `near` and hit every pose in x, y and z. Raises ArgumentError.
 
     fit: estimator and windows of the hits; process: scales of the pose; repeatability: mean change of m, c and k
     between experiments at one pose.
@@ -239,7 +241,7 @@ def synthetic_experiments(
 
 
 def _drawn(s: SyntheticArm, count: int, seed: int) -> np.ndarray:
-    """Poses (count, 4) spread over the box."""
+    """Poses (count, 4) that fill the box."""
     from scipy.stats import qmc
 
     if len(s.box) != 3 or any(len(ends) != 2 or ends[0] >= ends[1] for ends in (*s.box, s.box_angle)):
