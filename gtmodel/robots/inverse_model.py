@@ -1,4 +1,4 @@
-"""The inverse robot model with its filters: an input-output block from cart references to motor forces."""
+"""The inverse robot model with reference filters: an input-output block from cart references to motor forces."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from .three_link import GantryTau
 
 
 class LowPass(gt.Model):
-    """Three equal first-order lags in a row: y follows u with unit gain and can be differentiated three times.
+    """Three equal first-order lags in series: y follows u with unit gain and can be differentiated three times.
 
-    An inverse model needs the acceleration of its reference; behind this filter it is a function of the
-    filter's states, and u needs no derivative (Dressler 2012, Fig. 3.2).
+    An inverse model needs the acceleration of its reference. With this filter it is a function of the filter's states,
+    and u needs no derivative (Dressler 2012, Fig. 3.2).
     """
 
     bandwidth = gt.parameter(100.0, unit="1/s", positive=True, description="corner frequency of each lag [rad/s]")
-    u = gt.variable(unit="m", description="what is to be followed")
-    y = gt.variable(unit="m", description="what follows")
+    u = gt.variable(unit="m", description="filter input")
+    y = gt.variable(unit="m", description="filter output")
     x = gt.variable(3, unit="m", prefer=10, description="outputs of the lags")
 
     def equations(self):
@@ -29,8 +29,8 @@ class LowPass(gt.Model):
 class InverseModel(gt.Model):
     """Motor forces that move the carts along filtered references (Dressler 2012, Fig. 3.2 and section 3.4).
 
-    The forward model with inputs and outputs exchanged: `reference` [m] is the input, `tau` [N] the output, the
-    filters' outputs are the states. `causal(known="reference", targets=["tau", "der(filter[0].x)", ...])` is the block.
+    The forward model with inputs and outputs exchanged: `reference` [m] is the input, `tau` [N] the output, and the
+    filters' lags are the states. `causal(known="reference", targets=["tau", "der(filter[0].x)", ...])` is the block.
     """
 
     reference = gt.input(3, unit="m", description="cart positions to follow")
