@@ -129,7 +129,7 @@ LINKS = '<link name="a"/><link name="b"/>'
 ENDS = '<parent link="a"/><child link="b"/>'
 WRONG = {
     f'<robot name="r">{LINKS}\n<joint name="j" type="floating">{ENDS}</joint></robot>':
-        "line 2: joint 'j' is floating; expected one of continuous, prismatic, revolute, fixed; a base that moves is",
+        "line 2: joint 'j' is floating; expected one of continuous, prismatic, revolute, fixed; a serial arm",
     f'<robot name="r">{LINKS}\n\n<joint name="j" type="planar">{ENDS}</joint></robot>': "line 3: joint 'j' is planar",
     '<!DOCTYPE r [\n<!ENTITY x "y">]><robot name="r"/>': "line 2: declares an entity",
     "<robot name='r'>\n<link name='a'></robot>": "line 2: is no XML: mismatched tag",
@@ -206,7 +206,7 @@ def test_degrees_millimetres_and_impossible_inertias_are_doubted() -> None:
     text = text.replace('ixx="0.03"', 'ixx="0.9"')
     notes = gt.robots.from_urdf(text).structure.notes
     assert [n.partition(": ")[2][:34] for n in notes] == [
-        "no body has the inertia of link 'o",
+        "the inertia of link 'one' is physic",
         "the limits of joint 'turn' are -17",
         "the origin of joint 'elbow' is 450",
     ]
@@ -325,7 +325,7 @@ def test_independent_geometry_is_all_that_positions_see(convention, numbers, joi
 
 
 def test_of_a_urdf_it_asks_for_dh_numbers() -> None:
-    with pytest.raises(gt.ModelError, match=r"take as_dh\(arm\) to calibrate it"):
+    with pytest.raises(gt.ModelError, match=r"calibrate as_dh\(arm\) instead"):
         gt.robots.independent_geometry(gt.robots.from_urdf(URDF / "parallel.urdf"))
 
 
@@ -360,12 +360,12 @@ REFUSED = [
     (dict(a=[0.1, 0.2], alpha=0.0, joints="rx"), "joints takes one of r, p for each of the 2 joints"),
     (dict(a=[0.1, 0.2], alpha=0.0, convention="craig"), "a convention is standard or modified"),
     (dict(a=[0.1, 0.2], alpha=0.0, names=["a", "a"]), "names takes 2 different names"),
-    (dict(a=[0.1, 0.2], alpha=0.0, limits=[[0, 1], [1, 0]]), "limits takes a lower and a greater upper one"),
+    (dict(a=[0.1, 0.2], alpha=0.0, limits=[[0, 1], [1, 0]]), "limits takes a lower and a greater upper limit"),
     (dict(a=[0.1], alpha=0.0, payload=-1.0), "a payload is a mass of 0 kg or more"),
     (dict(a=[0.1, 0.2], alpha=0.0, limits=[[0, 1], [1]]), "'limits' takes numbers, the same count in each row"),
     (dict(a="long", alpha=0.0), "'a' takes numbers"),
     (dict(a=[0.1], alpha=0.0, smoothing="none"), "friction smoothing is one of tanh"),
-    (dict(a=[0.1], alpha=0.0, c=[[0, 0, 0]], mc=[[0, 0, 0]]), "c and I say the same as mc and J"),
+    (dict(a=[0.1], alpha=0.0, c=[[0, 0, 0]], mc=[[0, 0, 0]]), "c and I describe the same as mc and J"),
 ]
 
 
@@ -377,5 +377,5 @@ def test_what_is_no_arm_is_refused(arguments, sentence) -> None:
 
 def test_urdf_cannot_say_moments_without_mass() -> None:
     arm = gt.robots.serial_arm(a=[0.1], alpha=0.0, J=[[0.1, 0, 0, 0.1, 0, 0.1]])
-    with pytest.raises(gt.ModelError, match="has moments but no mass, which URDF cannot say"):
+    with pytest.raises(gt.ModelError, match="has moments but no mass"):
         gt.robots.to_urdf(arm)
