@@ -148,7 +148,10 @@ def test_a_row_of_another_link_is_found_by_the_fit(tmp_path: Path) -> None:
 
 
 def test_options_that_fit_three_links_only(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"^inertia: inertia model 'model_1' applies to three-link robots only; give the masses of 'f1'"):
+    with pytest.raises(
+        InputError,
+        match=r"^inertia: inertia model 'model_1' applies to three-link robots only; give the masses of 'f1'",
+    ):
         resolve("f1", Context(), inertia="model_1")
     assert resolve("f1", Context(), smoothing="piecewise_linear").cart is not None
 

@@ -206,7 +206,7 @@ def test_degrees_millimetres_and_impossible_inertias_are_doubted() -> None:
     text = text.replace('ixx="0.03"', 'ixx="0.9"')
     notes = gt.robots.from_urdf(text).structure.notes
     assert [n.partition(": ")[2][:34] for n in notes] == [
-        "the inertia of link 'one' is physic",
+        "the inertia of link 'outer_arm' is",
         "the limits of joint 'turn' are -17",
         "the origin of joint 'elbow' is 450",
     ]
