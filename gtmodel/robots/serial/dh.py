@@ -224,8 +224,6 @@ def _joint(kind: str, q: Array, p: Array) -> Array:
 
 
 Pose = tuple[Array, Array]
-# sine of the angle between axes: below this they are parallel, and only their distance gives the common normal
-PARALLEL = 1e-9
 MEETING = 1e-9  # axes closer than this intersect [m]
 
 

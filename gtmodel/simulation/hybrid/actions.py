@@ -141,8 +141,9 @@ class RunningBlock:
         numbers = ca.Function("times", [flat.p], [ca.vertcat(block.period, block.offset, block.delay)])(p)
         times = np.asarray(numbers).reshape(-1).tolist()
         for value, what in zip(times, ("period", "offset", "delay"), strict=True):
+            kind = "positive" if what == "period" else "nonnegative"
             if not (np.isfinite(value) and (value > 0 if what == "period" else value >= 0)):
-                raise ModelError(f"the {what} of sampled block '{self.name}' is {value:g} s; give a positive number")
+                raise ModelError(f"the {what} of sampled block '{self.name}' is {value:g} s; give a {kind} number")
         self.period, self.offset, self.delay = map(exact, times)
         self._view = block_numbers(block.model, flat, p)
         self._signals = {s.name: s for s in (*block.outputs, *block.state)}

@@ -458,7 +458,7 @@ class SimulatedModes:
             column = ca.vertcat(s.period, s.offset)
             period, offset = np.asarray(ca.Function("times", [self.flat.p], [column])(numbers)).reshape(-1).tolist()
             if not (period > 0 and np.isfinite(period) and np.isfinite(offset)):
-                raise ModelError(f"sample() has a period of {period:g} s and an offset of {offset:g} s", s.where)
+                raise ModelError(f"sample() takes a period above 0; found {period:g} s, offset {offset:g} s", s.where)
             result.append((exact(period), exact(offset)))
         return result
 
@@ -529,7 +529,7 @@ def discrete_starts(flat: FlatModel, start: Mapping[str, Any]) -> tuple[dict[int
         except (TypeError, ValueError):
             raise ModelError(f"the start of '{name}' takes numbers; found {value!r}") from None
         if array.shape not in ((), signals[name].shape) or not np.all(np.isfinite(array)):
-            raise ModelError(f"the start of '{name}' has shape {signals[name].shape} and is finite; found {value!r}")
+            raise ModelError(f"start of '{name}' takes finite numbers {signals[name].shape}; found {value!r}")
         numbers = np.broadcast_to(array, signals[name].shape).reshape(-1).tolist()
         values |= dict(zip(signals[name].places, numbers, strict=True))
     return values, rest
