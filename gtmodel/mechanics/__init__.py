@@ -1,6 +1,6 @@
-"""Mechanical parts written in the language.
+"""Library of mechanical components.
 
-Connectors: PointFrame, Frame, Flange, Shaft. World holds gravity; Ground, Anchor, FixedFlange, FixedShaft stand still.
+Connectors: PointFrame, Frame, Flange, Shaft. World defines gravity; Ground, Anchor, FixedFlange, FixedShaft are fixed.
 """
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,4 @@
-"""Bodies: a point mass, a rigid body on a frame, one that moves freely with its orientation as quaternion or angles,
-and the end-effector plate."""
+"""Bodies: point mass, rigid body on a frame, free rigid body with a quaternion or angles, and end-effector plate."""
 
 from __future__ import annotations
 
@@ -17,9 +16,9 @@ Y, Z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
 class Attitude(gt.Model):
-    """Base: coordinates of an orientation. Subclasses declare them and define rotation and angular velocity.
+    """Base class for coordinates of an orientation. Subclasses declare them and define rotation and angular velocity.
 
-    Coordinates of one's own, roll, pitch and yaw, for the attitude of a free body:
+    A free body with its own attitude coordinates, roll, pitch and yaw:
 
     >>> from gtmodel.mechanics.bodies import rotation_about
     >>> class RollPitchYaw(gt.mechanics.Attitude):
@@ -38,24 +37,24 @@ class Attitude(gt.Model):
     ...
     >>> body = gt.mechanics.FreeBody(m=2.0, I=np.eye(3), attitude=RollPitchYaw)
     >>> R, status = body.causal(targets="frame.R", prefer="attitude.angles")([0.0, 0.0, np.pi / 6])
-    >>> R[:2, 0].round(3)  # where x of the body points
+    >>> R[:2, 0].round(3)  # direction of the body's x axis
     array([0.866, 0.5  ])
     """
 
     def rotation(self) -> Any:
-        """Rotation (3, 3) from body to world coordinates."""
+        """Return the rotation (3, 3) from body to world coordinates."""
         raise gt.ModelError("an Attitude must define rotation(); use UnitQuaternion, AnyQuaternion or ZYZAngles")
 
     def angular_velocity(self) -> Any:
-        """Angular velocity (3,) [rad/s], world coordinates."""
+        """Return the angular velocity (3,) [rad/s] in world coordinates."""
         raise gt.ModelError("an Attitude must define angular_velocity()")
 
 
 class UnitQuaternion(Attitude):
-    """Quaternion e (4), scalar first; e.e = 1 is an ordinary equation. No orientation is singular.
+    """Quaternion e (4), scalar first, with the equation e.e = 1. No orientation is singular.
 
-    A FreeBody takes it unless another `attitude` is given. A rotation about z by 73.7 degrees: e[0] = 0.8 follows from
-    the other three, on the side of its start value 1.
+    It is the default `attitude` of a FreeBody. A rotation about z by 73.7 degrees: e[0] = 0.8 follows from the other
+    three elements, with the sign of its start value 1.
 
     >>> body = gt.mechanics.FreeBody(m=2.0, I=np.eye(3), attitude=gt.mechanics.UnitQuaternion)
     >>> turn = body.causal(targets="frame.R", prefer=["frame.r", "attitude.e[1]", "attitude.e[2]", "attitude.e[3]"])
@@ -81,10 +80,9 @@ class UnitQuaternion(Attitude):
 
 
 class AnyQuaternion(Attitude):
-    """Quaternion e (4), scalar first, of any length but zero, with no equation of its own: for causalities in which
-    e is known.
+    """Quaternion e (4), scalar first, of any nonzero length, without a norm equation: for causalities with known e.
 
-    The length of e has no effect on the rotation: here 60 degrees about z, with |e| = 2.
+    The length of e has no effect on the rotation, here 60 degrees about z with |e| = 2.
 
     >>> bench = gt.Builder("bench")
     >>> body = bench.part("body", gt.mechanics.FreeBody(m=2.0, I=np.eye(3), attitude=gt.mechanics.AnyQuaternion))
@@ -110,9 +108,9 @@ class AnyQuaternion(Attitude):
 class ZYZAngles(Attitude):
     """Angles (3) about z, the new y and the new z (Dressler 2012, section 4.4).
 
-    Singular where the second is 0 or pi.
+    Singular if the second angle is 0 or pi.
 
-    With the second angle alone the body turns about y, and its z axis moves towards x:
+    The second angle alone turns the body about y, and its z axis towards x:
 
     >>> body = gt.mechanics.FreeBody(m=2.0, I=np.eye(3), attitude=gt.mechanics.ZYZAngles)
     >>> R, status = body.causal(targets="frame.R", prefer=["frame.r", "attitude.angles"])([0.0, np.pi / 6, 0.0])
@@ -136,9 +134,9 @@ class ZYZAngles(Attitude):
 
 
 class PointMass(gt.Model):
-    """A point mass m [kg] under gravity: frame.f = m (acceleration - g) is the force that others exert on it [N].
+    """A point mass m [kg] under gravity; frame.f = m (acceleration - g) is the force that other components exert [N].
 
-    The load that holds 3 kg up and accelerates it by 1 m/s2 along x:
+    The load that holds up 3 kg and accelerates it by 1 m/s2 along x:
 
     >>> bench = gt.Builder("bench")
     >>> mass = bench.part("mass", gt.mechanics.PointMass(m=3.0))
@@ -162,15 +160,15 @@ class PointMass(gt.Model):
 
 
 class RigidBody(gt.Model):
-    """Mass m [kg], centre of mass c [m] and inertia tensor I [kg m2] under gravity, fixed to a frame.
+    """Rigid body under gravity: mass m [kg], centre of mass c [m] and inertia tensor I [kg m2], fixed to a frame.
 
-    c and I are given in frame coordinates, I about the centre of mass; its off-diagonal entries are the negative
-    products of inertia, as in pinocchio and MuJoCo. Newton and Euler for the frame's origin. I must be symmetric and
-    positive semidefinite; a principal moment may exceed the sum of the others: planar models leave moments 0
-    that no motion needs, identified ones scatter, and the equations are passive all the same.
+    c and I are in frame coordinates, I about the centre of mass; its off-diagonal entries are the negative products of
+    inertia, as in pinocchio and MuJoCo. The equations are Newton's and Euler's about the frame's origin. I must be
+    symmetric and positive semidefinite. A principal moment may exceed the sum of the others, because planar models omit
+    moments that have no effect and identified values scatter; the model remains passive.
 
-    A body of 2 kg whose centre of mass is 0.25 m from an axis along y, held level: by the right-hand rule a negative
-    torque lifts what stands out along x.
+    A body of 2 kg held level, with its centre of mass at 0.25 m along x from an axis along y. By the right-hand rule, a
+    negative torque lifts it.
 
     >>> bench = gt.Builder("bench")
     >>> ground = bench.part("ground", gt.mechanics.Ground())
@@ -200,30 +198,31 @@ class RigidBody(gt.Model):
             yield gt.energy(stored=stored)
 
     def inertial_wrench(self):
-        """Force [N] and torque about the frame's origin [N.m] that move the body, world coordinates."""
+        """Return the force [N] and the torque about the frame's origin [N.m] that move the body, world coordinates."""
         R, w = self.frame.R, self.frame.w
         turn = gt.der(w)
         arm = R @ self.c
         force = self.m * (gt.der(self.frame.r, 2) + gt.cross(turn, arm) + gt.cross(w, gt.cross(w, arm)) - self.world.g)
-        own_w, own_turn = w @ R, turn @ R
-        torque = R @ (self.I @ own_turn + gt.cross(own_w, self.I @ own_w))
+        body_w, body_turn = w @ R, turn @ R
+        torque = R @ (self.I @ body_turn + gt.cross(body_w, self.I @ body_w))
         return force, torque + gt.cross(arm, force)
 
     def energies(self):
-        """Kinetic energy, and potential energy of weight [J]."""
+        """Return the kinetic energy and the potential energy of gravity [J]."""
         R, w = self.frame.R, self.frame.w
-        arm, own_w = R @ self.c, w @ R
+        arm, body_w = R @ self.c, w @ R
         v = gt.der(self.frame.r) + gt.cross(w, arm)
-        moving = self.m / 2 * gt.dot(v, v) + gt.dot(own_w, self.I @ own_w) / 2
-        return moving, -self.m * gt.dot(self.world.g, self.frame.r + arm)
+        kinetic = self.m / 2 * gt.dot(v, v) + gt.dot(body_w, self.I @ body_w) / 2
+        return kinetic, -self.m * gt.dot(self.world.g, self.frame.r + arm)
 
 
 class LinkBody(gt.Model):
-    """A rigid body on a frame by the ten numbers in which its forces are linear, for identification.
+    """A rigid body on a frame with ten parameters in which its forces are linear, for identification.
 
-    Mass m [kg], first moments mc = m c [kg m] and inertia J = (xx, xy, xz, yy, yz, zz) [kg m2] about the frame's
-    origin, frame axes, entries of the tensor: its off-diagonal entries are the negative products of inertia, as in
-    URDF. Under gravity, as RigidBody with J = I + m (c.c 1 - c c'). Any numbers are taken: identified ones scatter.
+    Mass m [kg], first moments mc = m c [kg m], and the entries J = (xx, xy, xz, yy, yz, zz) [kg m2] of the inertia
+    tensor about the frame's origin, frame axes; off-diagonal entries are the negative products of inertia, as in URDF.
+    It is under gravity and equals RigidBody with J = I + m (c.c 1 - c c'). Any values are accepted, because identified
+    ones scatter.
 
     The body of RigidBody's example, 2 kg at 0.25 m from the axis:
 
@@ -252,28 +251,28 @@ class LinkBody(gt.Model):
         turn = gt.der(w)
         pull = gt.der(self.frame.r, 2) - self.world.g
         arm = R @ self.mc
-        own_w, own_turn, inertia = w @ R, turn @ R, self.inertia()
+        body_w, body_turn, inertia = w @ R, turn @ R, self.inertia()
         yield self.frame.f == self.m * pull + gt.cross(turn, arm) + gt.cross(w, gt.cross(w, arm))
-        yield self.frame.t == R @ (inertia @ own_turn + gt.cross(own_w, inertia @ own_w)) + gt.cross(arm, pull)
+        yield self.frame.t == R @ (inertia @ body_turn + gt.cross(body_w, inertia @ body_w)) + gt.cross(arm, pull)
         v = gt.der(self.frame.r)
         weight = gt.dot(self.world.g, self.m * self.frame.r + arm)
-        moving = self.m * gt.dot(v, v) / 2 + gt.dot(v, gt.cross(w, arm)) + gt.dot(own_w, inertia @ own_w) / 2
-        yield gt.energy(stored=moving)
+        kinetic = self.m * gt.dot(v, v) / 2 + gt.dot(v, gt.cross(w, arm)) + gt.dot(body_w, inertia @ body_w) / 2
+        yield gt.energy(stored=kinetic)
         yield gt.energy(stored=-weight)
 
     def inertia(self):
-        """Inertia (3, 3) about the frame's origin, frame axes [kg m2]."""
+        """Return the inertia (3, 3) about the frame's origin, frame axes [kg m2]."""
         xx, xy, xz, yy, yz, zz = (self.J[k] for k in range(6))
         return gt.vector([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 class FreeBody(RigidBody):
-    """A rigid body with six degrees of freedom of its own: position frame.r [m] and orientation by `attitude`.
+    """A free rigid body with six degrees of freedom: position frame.r [m] and an orientation given by `attitude`.
 
-    It defines the orientation of its frame. Rods and spherical joints may hang on it, since they pass no orientation
-    on.
+    It defines the orientation of its frame. Rods and spherical joints may be connected to it, because they do not
+    transmit orientation.
 
-    It falls, and turning about no principal axis it tumbles: accelerations of frame.r and of w.
+    Accelerations of frame.r and w of a body that falls and tumbles:
 
     >>> body = gt.mechanics.FreeBody(m=2.0, I=np.diag([0.1, 0.2, 0.25]))
     >>> fall = body.causal(targets=["der(frame.r,2)", "der(frame.w)"], prefer=["frame.r", "frame.w"])
@@ -292,13 +291,13 @@ class FreeBody(RigidBody):
 
 
 class RigidPlate(FreeBody):
-    """A free rigid body with spherical joints at the points B (6, 3) [m], plate coordinates: six links pull there.
+    """A free rigid body with spherical joints for six links at the points B (6, 3) [m], plate coordinates.
 
-    Its frame is the plate's own; frame.r is the tool centre point where B is given from there, and a wrist or a tool
-    may hang on it. For another number of joints n a subclass declares B = gt.parameter(shape=(n, 3), unit="m") and
+    B is measured from the frame's origin, usually the tool centre point. A wrist or a tool may be connected to the
+    frame. For another number of joints n, a subclass declares B = gt.parameter(shape=(n, 3), unit="m") and
     point = gt.ports(n, PointFrame).
 
-    Its second joint, where the plate is at (0, 0, 1) m and turned about z by the quaternion (0.8, 0, 0, 0.6):
+    Position of the second joint of a plate at (0, 0, 1) m, rotated about z by the quaternion (0.8, 0, 0, 0.6):
 
     >>> B = 0.3 * np.array([[1, 0, 0], [1, 1, 0], [0, 1, 0], [-1, 0, 0], [-1, -1, 0], [0, -1, 0]])
     >>> plate = gt.mechanics.RigidPlate(m=12.0, I=np.diag([0.25, 0.25, 0.3]), B=B)
@@ -308,7 +307,7 @@ class RigidPlate(FreeBody):
     array([-0.204,  0.372,  1.   ])
     """
 
-    B = gt.parameter(shape=(6, 3), unit="m", description="joint centres, plate coordinates, one row each")
+    B = gt.parameter(shape=(6, 3), unit="m", description="joint centres, one row each, plate coordinates")
     point = gt.ports(6, PointFrame)
 
     def equations(self):

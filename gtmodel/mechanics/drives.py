@@ -1,5 +1,4 @@
-"""Drives: motors, drive trains with gear, rack and pinion, a ball screw that turns a plate, a strut that changes its
-length."""
+"""Drives: motors, gear, rack and pinion, a ball screw with lever, and a strut of variable length."""
 
 from __future__ import annotations
 
@@ -10,9 +9,9 @@ from .frames import Flange, PointFrame, Shaft
 
 
 class ForceMotor(gt.Model):
-    """An ideal linear motor: pushes the flange with `force` [N] in the direction of positive s.
+    """An ideal linear motor that pushes the flange with `force` [N] in the direction of positive s.
 
-    To give a mass of 12 kg an acceleration of 3 m/s2:
+    Force that accelerates a mass of 12 kg by 3 m/s2:
 
     >>> bench = gt.Builder("bench")
     >>> motor = bench.part("motor", gt.mechanics.ForceMotor())
@@ -33,13 +32,13 @@ class ForceMotor(gt.Model):
 
 
 class GearedMotor(ForceMotor):
-    """A rotary motor on a flange: its rotor's inertia J [kg m2] acts there through an ideal gear and spindle.
+    """A rotary motor on a flange; its rotor inertia J [kg m2] acts through an ideal gear and spindle.
 
-    `force` [N] is the motor's torque as a force on the flange, torque / radius, with `radius` [m] the travel per radian
-    of the motor. The rotor adds J / radius^2 to the mass moved along the flange, and no weight: on a level guideway
-    the two cannot be identified apart.
+    `force` [N] is the motor torque as a force on the flange, torque / radius, with `radius` [m] the travel per radian
+    of the motor. The rotor adds J / radius^2 to the moving mass, but no weight. On a level guideway rotor inertia and
+    mass cannot be distinguished.
 
-    A rotor of 2e-3 kg m2 behind a spindle of 20 mm per radian feels like 5 kg on the flange:
+    A rotor of 2e-3 kg m2 on a spindle of 20 mm per radian acts like 5 kg on the flange:
 
     >>> bench = gt.Builder("bench")
     >>> motor = bench.part("motor", gt.mechanics.GearedMotor(J=2e-3, radius=0.02))
@@ -63,10 +62,10 @@ class GearedMotor(ForceMotor):
 class TorqueMotor(gt.Model):
     """A motor with rotor inertia J [kg m2] that turns the shaft through an ideal gear.
 
-    `torque` [N.m] is that of the motor, before the gear; the motor turns `ratio` times as fast as the shaft. The
-    rotor counts as inertia about the shaft alone: its gyroscopic effect on a moving link is neglected.
+    `torque` [N.m] is the torque on the motor side of the gear; the motor turns `ratio` times as fast as the shaft. The
+    rotor only adds inertia about the shaft: its gyroscopic effect on a moving link is neglected.
 
-    A rotor of 1e-3 kg m2 that turns 10 times as fast as the shaft adds 0.1 kg m2 to what hangs there:
+    A rotor of 1e-3 kg m2 that turns 10 times as fast as the shaft adds 0.1 kg m2 to the load:
 
     >>> bench = gt.Builder("bench")
     >>> motor = bench.part("motor", gt.mechanics.TorqueMotor(J=1e-3, ratio=10.0))
@@ -80,7 +79,7 @@ class TorqueMotor(gt.Model):
     J = gt.parameter(0.0, unit="kg.m2", min=0.0, description="rotor inertia, motor side")
     ratio = gt.parameter(1.0, unit="1", nonzero=True, description="motor angle per shaft angle")
     shaft = gt.port(Shaft)
-    torque = gt.variable(unit="N.m", nominal=10.0, description="motor torque, positive along the motor's own angle")
+    torque = gt.variable(unit="N.m", nominal=10.0, description="motor torque, positive along the motor angle")
 
     def equations(self):
         speed = self.ratio * gt.der(self.shaft.phi)
@@ -91,7 +90,7 @@ class TorqueMotor(gt.Model):
 class Inertia(gt.Model):
     """Moment of inertia J [kg m2] on a shaft.
 
-    A motor of 2 N.m on a rotor of 0.5 kg m2: acceleration [rad/s2].
+    Acceleration [rad/s2] of a rotor of 0.5 kg m2 under a motor torque of 2 N.m:
 
     >>> bench = gt.Builder("bench")
     >>> motor = bench.part("motor", gt.mechanics.TorqueMotor())
@@ -113,7 +112,7 @@ class Inertia(gt.Model):
 class Mass(gt.Model):
     """Mass m [kg] on a translational flange, without weight.
 
-    A motor of 60 N on a carriage of 12 kg: acceleration [m/s2].
+    Acceleration [m/s2] of a carriage of 12 kg under a motor force of 60 N:
 
     >>> bench = gt.Builder("bench")
     >>> motor = bench.part("motor", gt.mechanics.ForceMotor())
@@ -133,9 +132,9 @@ class Mass(gt.Model):
 
 
 class Gear(gt.Model):
-    """Ideal gear: shaft a turns `ratio` times as fast as shaft b, backwards if it is negative; no losses.
+    """Ideal gear without losses: shaft a turns `ratio` times as fast as shaft b, in reverse if it is negative.
 
-    A motor of 2 N.m behind a gear of 10 turns a load of 0.5 kg m2 with 20 N.m.
+    A motor of 2 N.m with a gear ratio of 10 drives a load of 0.5 kg m2 with 20 N.m:
 
     >>> bench = gt.Builder("bench")
     >>> motor = bench.part("motor", gt.mechanics.TorqueMotor())
@@ -148,7 +147,7 @@ class Gear(gt.Model):
     40.0 400.0
     """
 
-    ratio = gt.parameter(unit="1", nonzero=True, description="angle of a per angle of b")
+    ratio = gt.parameter(unit="1", nonzero=True, description="angle of shaft a per angle of shaft b")
     a = gt.port(Shaft)
     b = gt.port(Shaft)
 
@@ -158,9 +157,9 @@ class Gear(gt.Model):
 
 
 class RackAndPinion(gt.Model):
-    """Pinion, belt or spindle: the flange moves by `radius` [m] per radian of the shaft; no losses.
+    """Pinion, belt or spindle without losses: the flange moves by `radius` [m] per radian of the shaft.
 
-    A pinion of 50 mm radius: 0.2 rad are 10 mm of travel, and a carriage of 12 kg at 1 m/s2 takes 0.6 N.m.
+    A pinion of 50 mm radius: 10 mm of travel are 0.2 rad, and a carriage of 12 kg needs 0.6 N.m for 1 m/s2.
 
     >>> bench = gt.Builder("bench")
     >>> motor = bench.part("motor", gt.mechanics.TorqueMotor())
@@ -185,13 +184,13 @@ class RackAndPinion(gt.Model):
 class BallScrew(gt.Model):
     """A ball screw between a bearing at distance a [m] from an axis and a lever of length b [m] that turns about it.
 
-    Law of cosines, (length_0 + s)^2 = a^2 + b^2 - 2 a b cos(angle_0 + phi): the travel s [m] of `flange` and the angle
-    phi [rad] of `shaft` vanish together, a longer screw turns to positive phi. No losses. As on the rotary axes of the
-    F1, whose ball screws Dressler 2012, section 5.4, names without an equation or dimensions: both are OURS, and
-    the defaults are an EXAMPLE. Branch `extended`: length_0 + s > 0, the only side with a meaning. phi from s is a
-    Newton block in one unknown, singular where the lever points along the screw.
+    Law of cosines, (length_0 + s)^2 = a^2 + b^2 - 2 a b cos(angle_0 + phi). The travel s [m] of `flange` and the angle
+    phi [rad] of `shaft` are zero together, and phi grows with the length of the screw. There are no losses. The rotary
+    axes of the F1 have such screws; Dressler 2012, section 5.4, gives neither equation nor dimensions: the equation is
+    OURS and the default dimensions are an EXAMPLE. Branch `extended`: length_0 + s > 0, the only meaningful side. phi
+    from s is a Newton block with one unknown, singular if the lever points along the screw.
 
-    A lever at a right angle to the bearing's direction: 10 mm of travel turn it by 6.3 degrees.
+    10 mm of travel turn a lever at a right angle to the bearing's direction by 6.3 degrees:
 
     >>> bench = gt.Builder("bench")
     >>> screw = bench.part("screw", gt.mechanics.BallScrew(a=0.25, b=0.10))
@@ -204,18 +203,18 @@ class BallScrew(gt.Model):
     6.3
     """
 
-    a = gt.parameter(0.25, unit="m", positive=True, description="from the axis to the screw's bearing")
-    b = gt.parameter(0.10, unit="m", positive=True, description="lever, from the axis to the screw's nut")
+    a = gt.parameter(0.25, unit="m", positive=True, description="distance from the axis to the screw's bearing")
+    b = gt.parameter(0.10, unit="m", positive=True, description="lever length, from the axis to the screw's nut")
     angle_0 = gt.parameter(
-        np.pi / 2, unit="rad", min=0.0, max=np.pi, description="from bearing to lever at phi = 0, between 0 and pi"
+        np.pi / 2, unit="rad", min=0.0, max=np.pi, description="angle from bearing to lever at phi = 0"
     )
     flange = gt.port(Flange)
     shaft = gt.port(Shaft)
-    angle = gt.variable(unit="rad", start=angle_0, description="from bearing to lever")
+    angle = gt.variable(unit="rad", start=angle_0, description="angle from bearing to lever")
     length = gt.variable(unit="m", start=lambda self: self.length_0(), description="length of the screw")
 
     def length_0(self):
-        """Length of the screw at phi = 0 [m]."""
+        """Return the length of the screw at phi = 0 [m]."""
         return gt.sqrt(self.a**2 + self.b**2 - 2 * self.a * self.b * gt.cos(self.angle_0))
 
     def equations(self):
@@ -230,10 +229,9 @@ class BallScrew(gt.Model):
 class Strut(gt.Model):
     """Massless linear actuator between two spherical joints, e.g. a leg of a hexapod.
 
-    `force` [N] pushes the ends apart where it is positive. Branch `extended`: length > 0, the only side that means
-    anything.
+    A positive `force` [N] pushes the ends apart. Branch `extended`: length > 0, the only meaningful side.
 
-    A leg of 2 m that bears a mass of 5 kg above it: `force` pushes its ends apart.
+    Force of a vertical leg of 2 m that carries a mass of 5 kg:
 
     >>> bench = gt.Builder("bench")
     >>> anchor = bench.part("anchor", gt.mechanics.Anchor())
@@ -250,7 +248,7 @@ class Strut(gt.Model):
 
     a = gt.port(PointFrame)
     b = gt.port(PointFrame)
-    length = gt.variable(unit="m", start=1.0, description="distance of the joint centres")
+    length = gt.variable(unit="m", start=1.0, description="distance between the joint centres")
     force = gt.variable(unit="N", nominal=100.0, description="force that pushes the ends apart")
 
     def equations(self):

@@ -1,4 +1,4 @@
-"""Forces: springs with dampers in parallel, loads from outside, end stops with impact."""
+"""Forces: springs with parallel dampers, external loads, and end stops with impact."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from .frames import Flange, Frame, PointFrame, Shaft
 class SpringDamper(gt.Model):
     """Massless spring and damper between two points, along the line that joins them.
 
-    `pull` [N] = k (length - length0) + d der(length), positive when it draws the points together. The points must
-    not meet.
+    `pull` [N] = k (length - length0) + d der(length), positive if it pulls the points together. The points must not
+    coincide.
 
-    From the origin to (3, 4, 0) m the length is 5 m; the force on b points back to a.
+    Pull of a spring from the origin to (3, 4, 0) m, and the load that holds b there:
 
     >>> bench = gt.Builder("bench")
     >>> spring = bench.part("spring", gt.mechanics.SpringDamper(k=100.0, length0=4.0))
@@ -29,11 +29,11 @@ class SpringDamper(gt.Model):
 
     k = gt.parameter(unit="N/m", min=0.0, description="stiffness")
     d = gt.parameter(0.0, unit="N.s/m", min=0.0, description="damping")
-    length0 = gt.parameter(0.0, unit="m", description="length at which the spring is slack")
+    length0 = gt.parameter(0.0, unit="m", description="length of the unloaded spring")
     a = gt.port(PointFrame)
     b = gt.port(PointFrame)
-    length = gt.variable(unit="m", description="distance of the points")
-    pull = gt.variable(unit="N", nominal=100.0, description="force that draws the points together")
+    length = gt.variable(unit="m", description="distance between the points")
+    pull = gt.variable(unit="N", nominal=100.0, description="force that pulls the points together")
 
     def equations(self):
         ab = self.b.r - self.a.r
@@ -45,12 +45,12 @@ class SpringDamper(gt.Model):
 
 
 class PointSpringDamper(gt.Model):
-    """Spring and damper that hold two points together in all three directions; they rest where the points meet.
+    """Spring and damper between two points in all three directions, without force where the points coincide.
 
-    K and D (3, 3), world axes, symmetric: force of a on b is -K (b.r - a.r) - D der(b.r - a.r). A mass on a compliant
-    mount: an elastic end-effector.
+    K and D (3, 3) are symmetric, in world axes: the force of a on b is -K (b.r - a.r) - D der(b.r - a.r). With a mass
+    it models a compliant mount, such as an elastic end-effector.
 
-    A mount that is ten times as stiff along z: the load that displaces b by 1 mm along x and z.
+    Load that displaces b by 1 mm along x and z, on a mount ten times as stiff along z:
 
     >>> bench = gt.Builder("bench")
     >>> mount = bench.part("mount", gt.mechanics.PointSpringDamper(K=np.diag([1e5, 1e5, 1e6])))
@@ -67,7 +67,7 @@ class PointSpringDamper(gt.Model):
     D = gt.parameter(np.zeros((3, 3)), unit="N.s/m", kind="semidefinite", description="damping, world axes")
     a = gt.port(PointFrame)
     b = gt.port(PointFrame)
-    offset = gt.variable(3, unit="m", nominal=1e-3, description="from a to b")
+    offset = gt.variable(3, unit="m", nominal=1e-3, description="displacement from a to b")
 
     def equations(self):
         rate = gt.der(self.offset)
@@ -82,8 +82,8 @@ class PointSpringDamper(gt.Model):
 class FlangeSpringDamper(gt.Model):
     """Spring and damper between two flanges; pull = k (b.s - a.s - rest) + d der(b.s - a.s).
 
-    Stretched by 0.02 m and opening at 0.1 m/s. The flows are forces on the spring, whose ends are pulled apart; their
-    opposites draw the flanges together.
+    A spring stretched by 0.02 m and extending at 0.1 m/s. The flows are the forces on the spring, which pull its ends
+    apart; their reactions pull the flanges together.
 
     >>> bench = gt.Builder("bench")
     >>> spring = bench.part("spring", gt.mechanics.FlangeSpringDamper(k=1000.0, d=50.0))
@@ -98,10 +98,10 @@ class FlangeSpringDamper(gt.Model):
 
     k = gt.parameter(unit="N/m", min=0.0, description="stiffness")
     d = gt.parameter(0.0, unit="N.s/m", min=0.0, description="damping")
-    rest = gt.parameter(0.0, unit="m", description="b.s - a.s at which the spring is slack")
+    rest = gt.parameter(0.0, unit="m", description="b.s - a.s of the unloaded spring")
     a = gt.port(Flange)
     b = gt.port(Flange)
-    pull = gt.variable(unit="N", nominal=100.0, description="force that draws the flanges together")
+    pull = gt.variable(unit="N", nominal=100.0, description="force that pulls the flanges together")
 
     def equations(self):
         stretch = self.b.s - self.a.s
@@ -114,7 +114,7 @@ class FlangeSpringDamper(gt.Model):
 class ShaftSpringDamper(gt.Model):
     """Torsional spring and damper between two shafts; pull = k (b.phi - a.phi - rest) + d der(b.phi - a.phi).
 
-    Twisted by 0.3 rad, 0.2 rad past its rest, and opening at 0.5 rad/s:
+    A spring twisted by 0.3 rad, 0.2 rad more than its rest angle, with a twist rate of 0.5 rad/s:
 
     >>> bench = gt.Builder("bench")
     >>> spring = bench.part("spring", gt.mechanics.ShaftSpringDamper(k=50.0, d=2.0, rest=0.1))
@@ -129,10 +129,10 @@ class ShaftSpringDamper(gt.Model):
 
     k = gt.parameter(unit="N.m/rad", min=0.0, description="torsional stiffness")
     d = gt.parameter(0.0, unit="N.m.s/rad", min=0.0, description="torsional damping")
-    rest = gt.parameter(0.0, unit="rad", description="b.phi - a.phi at which the spring is slack")
+    rest = gt.parameter(0.0, unit="rad", description="b.phi - a.phi of the unloaded spring")
     a = gt.port(Shaft)
     b = gt.port(Shaft)
-    pull = gt.variable(unit="N.m", nominal=10.0, description="torque that turns the shafts towards each other")
+    pull = gt.variable(unit="N.m", nominal=10.0, description="torque that reduces the twist")
 
     def equations(self):
         twist = self.b.phi - self.a.phi
@@ -147,9 +147,9 @@ def _energy(k, d, stretch):
 
 
 class PointLoad(gt.Model):
-    """Pushes a point with `force` (3) [N], world coordinates: process forces, payload tests.
+    """External `force` (3) [N] on a point, world coordinates: process forces, payload tests.
 
-    The force acts on what is connected; the flow f of its own frame is the reaction.
+    The force acts on the connected components; the flow f of the load's frame is the reaction.
 
     >>> bench = gt.Builder("bench")
     >>> mass = bench.part("mass", gt.mechanics.PointMass(m=2.0))
@@ -162,7 +162,7 @@ class PointLoad(gt.Model):
     """
 
     frame = gt.port(PointFrame)
-    force = gt.input(3, unit="N", nominal=100.0, description="force on what is connected, world coordinates")
+    force = gt.input(3, unit="N", nominal=100.0, description="force on the connected point, world coordinates")
 
     def equations(self):
         yield self.frame.f == -self.force
@@ -170,9 +170,9 @@ class PointLoad(gt.Model):
 
 
 class FrameLoad(gt.Model):
-    """Pushes and turns a frame with `force` (3) [N] at its origin and `torque` (3) [N.m], world coordinates.
+    """External `force` (3) [N] at the origin of a frame and `torque` (3) [N.m], world coordinates.
 
-    The accelerations of a body under a force at its centre of mass and a torque, without gravity:
+    Accelerations of a body under a force at its centre of mass and a torque, without gravity:
 
     >>> bench = gt.Builder("bench")
     >>> world = bench.part("world", gt.mechanics.World(g=np.zeros(3)))
@@ -191,8 +191,8 @@ class FrameLoad(gt.Model):
     """
 
     frame = gt.port(Frame)
-    force = gt.input(3, unit="N", nominal=100.0, description="force on what is connected, world coordinates")
-    torque = gt.input(3, unit="N.m", nominal=10.0, description="torque on what is connected, world coordinates")
+    force = gt.input(3, unit="N", nominal=100.0, description="force on the connected frame, world coordinates")
+    torque = gt.input(3, unit="N.m", nominal=10.0, description="torque on the connected frame, world coordinates")
 
     def equations(self):
         yield self.frame.f == -self.force
@@ -201,10 +201,10 @@ class FrameLoad(gt.Model):
 
 
 class AppliedLoad(gt.Model):
-    """As FrameLoad, with a force [N] and a torque [N.m] that equations of the model around it give: a spring to a
-    target, a signal, a thruster that turns with the body.
+    """Like FrameLoad, but equations of the enclosing model determine force [N] and torque [N.m]: a spring to a target,
+    a signal, a thruster that turns with the body.
 
-    A body of 2 kg that is pulled towards the origin with 8 N/m, without gravity, where it is 0.5 m away along x:
+    Acceleration of a body of 2 kg at 0.5 m along x, pulled towards the origin with 8 N/m, without gravity:
 
     >>> bench = gt.Builder("bench")
     >>> world = bench.part("world", gt.mechanics.World(g=np.zeros(3)))
@@ -219,8 +219,8 @@ class AppliedLoad(gt.Model):
     """
 
     frame = gt.port(Frame)
-    force = gt.variable(3, unit="N", nominal=100.0, description="force on what is connected, world coordinates")
-    torque = gt.variable(3, unit="N.m", nominal=10.0, description="torque on what is connected, world coordinates")
+    force = gt.variable(3, unit="N", nominal=100.0, description="force on the connected frame, world coordinates")
+    torque = gt.variable(3, unit="N.m", nominal=10.0, description="torque on the connected frame, world coordinates")
 
     def equations(self):
         yield self.frame.f == -self.force
@@ -228,20 +228,19 @@ class AppliedLoad(gt.Model):
         yield gt.energy(supplied=gt.dot(self.force, gt.der(self.frame.r)) + gt.dot(self.torque, self.frame.w))
 
 
-# of the way between the ends
-DEPTH = 1e-6
+DEPTH = 1e-6  # penetration at which a mass rests, as a share of the distance between the ends
 
 
 class EndStop(gt.Model):
-    """A hard stop at each end of a flange's way, for simulation: low <= flange.s <= high [m].
+    """Hard stops at both ends of a flange's travel, for simulation: low <= flange.s <= high [m].
 
-    A mass that hits an end leaves it with `restitution` times its velocity (Newton's law of impact). What hits it
-    slower than `rest_speed` stays there until it is pulled away, so that a mass comes to rest after finitely many
-    impacts. `force` [N] is what the mass exerts on the end that it rests at, `rests` -1 at the low end, 1 at the high
-    one and 0 elsewhere. An impact is an impulse of that force: what is coupled rigidly to the flange, as the other
-    carts of a parallel robot, changes its velocity too, by the model's masses and constraints.
+    A mass that hits an end leaves it with `restitution` times its velocity (Newton's law of impact). A mass slower than
+    `rest_speed` stays at the end until a force pulls it away, so that it comes to rest after finitely many impacts.
+    `force` [N] is the force of the resting mass on the end; `rests` is -1 at the low end, 1 at the high end and 0
+    elsewhere. An impact is an impulse of that force: bodies that are rigidly coupled to the flange, such as the other
+    carts of a parallel robot, also change their velocities, according to the model's masses and constraints.
 
-    A carriage between two ends 0.5 m apart loses half of its speed at each:
+    A carriage between two ends 0.5 m apart loses half of its speed at each impact:
 
     >>> bench = gt.Builder("bench")
     >>> carriage = bench.part("carriage", gt.mechanics.Mass(m=2.0))
@@ -254,8 +253,8 @@ class EndStop(gt.Model):
 
     low = gt.parameter(unit="m", description="coordinate of the low end")
     high = gt.parameter(unit="m", min=low, description="coordinate of the high end")
-    restitution = gt.parameter(0.0, unit="1", min=0.0, max=1.0, description="speed after an impact over that before")
-    rest_speed = gt.parameter(1e-3, unit="m/s", min=0.0, description="what hits an end slower stays there")
+    restitution = gt.parameter(0.0, unit="1", min=0.0, max=1.0, description="speed ratio, after to before an impact")
+    rest_speed = gt.parameter(1e-3, unit="m/s", min=0.0, description="speed below which a mass rests at an end")
     flange = gt.port(Flange)
     force = gt.variable(unit="N", nominal=100.0, description="force against an end")
     rests = gt.discrete(0.0, description="-1 at the low end, 1 at the high end, 0 elsewhere")
@@ -267,11 +266,11 @@ class EndStop(gt.Model):
         yield gt.If(free, self.force == 0.0, gt.der(s, 2) == 0.0)
         for side, inside in ((-1.0, s - self.low), (1.0, self.high - s)):
             bounces = side * v >= self.rest_speed
-            thrown = gt.reinit(v, -self.restitution * v, impulse=self.force)
-            yield gt.when((inside <= 0.0) & bounces, thrown)
+            rebound = gt.reinit(v, -self.restitution * v, impulse=self.force)
+            yield gt.when((inside <= 0.0) & bounces, rebound)
             stays = [gt.reinit(v, 0.0 * v, impulse=self.force), self.rests == side]
             yield gt.when((inside <= 0.0) & ~bounces, *stays)
-            # what was let go and is pressed against it again at once has not left it
+            # a mass that is released and immediately pressed back has not left the end
             yield gt.when(inside <= -DEPTH * (self.high - self.low), *stays)
-        # without a force it stays
+        # at zero force it stays
         yield gt.when(self.rests * self.force < 0.0, self.rests == 0.0)

@@ -1,10 +1,10 @@
-"""Connectors of mechanics, and the world with its gravity.
+"""Mechanical connectors, and the world with its gravity.
 
-One sign convention holds for all of them: the flow of a port (force, torque) acts on the component that owns the port,
-so that the flows of connected ports sum to zero, and flow times velocity is power into the component.
+All connectors have the same sign convention: the flow of a port (force, torque) acts on the component that owns the
+port. The flows of connected ports sum to zero, and flow times velocity is the power into the component.
 
-As states, coordinates of joints come before those of connectors: angles and travels 0, w -1, quaternions -2,
-positions -3, rotation matrices -4.
+Joint coordinates are preferred as states to those of connectors. The values of `prefer` are 0 for angles and travels,
+-1 for w, -2 for quaternions, -3 for positions and -4 for rotation matrices.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .. import lang as gt
 class PointFrame(gt.Connector):
     """A point: its position r [m] and the force f [N] that acts on the component there, both in world coordinates.
 
-    A part of one's own with a point, a buoy that lifts what is connected with a constant force along z:
+    A custom component with a point, a buoy that lifts the connected body with a constant force along z:
 
     >>> class Buoy(gt.Model):
     ...     lift = gt.parameter(unit="N")
@@ -42,11 +42,11 @@ class PointFrame(gt.Connector):
 class Frame(gt.Connector):
     """A frame fixed to a rigid body; all vectors in world coordinates.
 
-    R (3, 3) takes frame coordinates to world coordinates (its columns are the frame's axes) and w is its angular
-    velocity, der(R) = w x R. The force f acts on the component at the frame's origin, the torque t is taken about it.
+    R (3, 3) rotates frame coordinates to world coordinates (its columns are the frame's axes), and w is the angular
+    velocity, der(R) = w x R. The force f acts on the component at the frame's origin, and the torque t is about it.
 
-    An arm of 0.5 m along x with a load of 10 N downwards at its end. The flows f and t at its mount act on the arm:
-    they hold it up.
+    An arm of 0.5 m along x with a load of 10 N downwards at its end. The flows f and t at its mount act on the arm and
+    hold it up.
 
     >>> bench = gt.Builder("bench")
     >>> ground = bench.part("ground", gt.mechanics.Ground())
@@ -60,9 +60,9 @@ class Frame(gt.Connector):
     """
 
     overdetermined: ClassVar[str] = (
-        "the orientation R of a Frame has nine numbers for three degrees of freedom, so a loop of it contradicts "
-        "itself; put gt.mechanics.LoopClosure in place of one connection of the loop, if its axes are parallel "
-        "gt.mechanics.PlanarLoopClosure, or close it through rods or spherical joints, which pass no orientation on"
+        "the orientation R of a Frame has nine numbers for three degrees of freedom, so a closed loop of frames is "
+        "overdetermined; replace one connection of the loop by gt.mechanics.LoopClosure, or if all axes are parallel "
+        "by gt.mechanics.PlanarLoopClosure, or close it with rods or spherical joints, which transmit no orientation"
     )
     r = gt.potential(3, unit="m", prefer=-3, description="origin in the world frame")
     R = gt.potential((3, 3), unit="1", prefer=-4, description="rotation from frame to world coordinates")
@@ -72,12 +72,12 @@ class Frame(gt.Connector):
 
 
 class Flange(gt.Connector):
-    """A translational flange: coordinate s [m], and the force f [N] that acts on the component towards positive s.
+    """A translational flange: coordinate s [m], and the force f [N] on the component in the direction of positive s.
 
-    A part of one's own with a flange, which pulls towards positive s; the flow on itself is the opposite.
+    A custom component that pulls the connected flange towards positive s; the flow at its own flange is the reaction:
 
     >>> class Pull(gt.Model):
-    ...     force = gt.parameter(unit="N", description="force on what is connected, along positive s")
+    ...     force = gt.parameter(unit="N", description="force on the connected flange, along positive s")
     ...     flange = gt.port(gt.mechanics.Flange)
     ...
     ...     def equations(self):
@@ -97,9 +97,9 @@ class Flange(gt.Connector):
 
 
 class Shaft(gt.Connector):
-    """A rotational flange: angle phi [rad], and the torque t [N.m] that acts on the component towards positive phi.
+    """A rotational flange: angle phi [rad], and the torque t [N.m] on the component in the direction of positive phi.
 
-    A part of one's own with a shaft, an eccentric weight that hangs down at phi = 0 and needs a positive torque at a
+    A custom component with a shaft, an eccentric weight that hangs down at phi = 0 and needs a positive torque at a
     positive angle:
 
     >>> class Eccentric(gt.Model):
@@ -125,7 +125,7 @@ class Shaft(gt.Connector):
 class World(gt.Model):
     """The gravitational acceleration g [m/s2] in world coordinates; the default points along -z.
 
-    Declared as a part of a model, it is the gravity of all bodies in it; a model without one has the default.
+    As a part of a model it sets the gravity of all bodies in the model; a model without it has the default.
 
     >>> bench = gt.Builder("on_the_moon")
     >>> world = bench.part("world", gt.mechanics.World(g=[0.0, 0.0, -1.62]))

@@ -1,5 +1,5 @@
-"""Friction laws, force or torque over velocity, and friction on a translational flange, regularised for simulation and
-optimisation or exact."""
+"""Friction laws as functions of velocity, and friction on a translational flange: smoothed for simulation and
+optimisation, or exact."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from typing import Any
 from .. import lang as gt
 from .frames import Flange
 
-# of the velocity scale: what starts slower starts at rest
-STANDSTILL = 1e-8
+STANDSTILL = 1e-8  # a start velocity below this share of the velocity scale is rest
 
 
 class TanhSign:
@@ -28,7 +27,7 @@ class PiecewiseLinearSign:
 
 
 class ExactSign:
-    """The sign itself, 0 at standstill; velocity_scale is not used."""
+    """The exact sign, 0 at standstill; velocity_scale is not used."""
 
     def smooth_sign(self, ratio: Any) -> Any:
         return gt.sign(ratio)
@@ -42,10 +41,10 @@ class CoulombViscousLaw:
 
 
 class DirectionalLaw:
-    """Coulomb and viscous friction with coefficients by direction (Dressler 2012, section 6.2 and Table 6.1).
+    """Coulomb and viscous friction with coefficients for each direction (Dressler 2012, section 6.2 and Table 6.1).
 
-    Both coefficients pass from one value to the other with the same smoothed sign that smooths the Coulomb friction:
-    no corner is added, and the law is that of the plus (minus) side wherever the sign is 1 (-1).
+    The smoothed sign of the Coulomb friction also blends both coefficients: it adds no corner, and where the sign is 1
+    (-1) the law is that of the plus (minus) side.
     """
 
     def law(self: Any, velocity: Any) -> Any:
@@ -56,7 +55,7 @@ class DirectionalLaw:
 
 
 class StribeckLaw:
-    """Friction that falls from `breakaway` at standstill to `coulomb` over stribeck_velocity, Gaussian, and viscous."""
+    """Viscous friction plus friction that falls from `breakaway` at standstill to `coulomb` as a Gaussian."""
 
     def law(self: Any, velocity: Any) -> Any:
         fall = gt.exp(-((velocity / self.stribeck_velocity) ** 2))
@@ -65,26 +64,26 @@ class StribeckLaw:
 
 
 class StuckOrSliding:
-    """The sign by the state `slides` of the friction: 1 forward, -1 backward, 0 stuck; velocity_scale is not used."""
+    """The sign from the state `slides`: 1 forward, -1 backward, 0 stuck; velocity_scale is not used."""
 
     def smooth_sign(self: Any, ratio: Any) -> Any:
         return self.slides
 
 
 def stiction(friction: Any, coordinate: Any, force: Any) -> Generator[Any, None, None]:
-    """Equations of a friction with the state `slides`, on a coordinate.
+    """Yield the equations of a friction with the state `slides`, on a coordinate.
 
-    Stuck: no acceleration, and the force that this takes, until it reaches the break-away force. Sliding: its law,
-    until the velocity is zero; there it is stuck, for this instant at least.
+    Stuck: the acceleration is zero, and the force follows from that until it exceeds the break-away force. Sliding: the
+    force follows from the law until the velocity is zero; then the state is stuck, at least for this instant.
     """
     breakaway = friction.breakaway_ratio * friction.coulomb
     velocity, stuck = gt.der(coordinate), (friction.slides > -0.5) & (friction.slides < 0.5)
     yield gt.If(stuck, gt.der(coordinate, 2) == 0.0, force == friction.law(velocity))
-    # at the break-away force itself it holds
+    # at exactly the break-away force it still sticks
     yield gt.when(stuck & (force > breakaway), friction.slides == 1.0)
     yield gt.when(stuck & (force < -breakaway), friction.slides == -1.0)
     yield gt.when(friction.slides * velocity <= 0.0, friction.slides == 0.0)
-    # what moves at the start slides, and so does what is pushed hard enough
+    # at the start it slides if it moves, or if the force exceeds the break-away force
     moves, pushed = velocity / friction.velocity_scale, force / breakaway
     yield gt.when(
         gt.initial() & stuck, friction.slides == gt.sign(2.0 * _direction(moves, STANDSTILL) + _direction(pushed, 1.0))
@@ -92,16 +91,16 @@ def stiction(friction: Any, coordinate: Any, force: Any) -> Generator[Any, None,
 
 
 def _direction(x: Any, least: float) -> Any:
-    """1 above `least`, -1 below -`least`, 0 in between."""
+    """Return 1 above `least`, -1 below -`least`, 0 in between."""
     return gt.sign(gt.sign(x - least) + gt.sign(x + least))
 
 
 class Friction(gt.Model):
-    """Base of friction on a flange: `force` [N] has the sign of the velocity der(flange.s) and resists it.
+    """Base class of friction on a flange: `force` [N] has the sign of the velocity der(flange.s) and opposes it.
 
-    Subclasses define law(velocity); raises ModelError where none does.
+    Subclasses define law(velocity); without it, ModelError is raised.
 
-    A law of one's own, quadratic in the velocity as of a fluid, on a carriage that coasts at 2 m/s:
+    A custom law, fluid drag quadratic in the velocity, on a carriage that coasts at 2 m/s:
 
     >>> class Drag(gt.mechanics.Friction):
     ...     c = gt.parameter(unit="kg/m", min=0.0, description="force per square of the velocity")
@@ -128,12 +127,12 @@ class Friction(gt.Model):
         yield gt.energy(dissipated=self.force * gt.der(self.flange.s))
 
     def law(self, velocity) -> Any:
-        """Friction force [N] as a function of velocity [m/s]."""
+        """Return the friction force [N] at a velocity [m/s]."""
         raise gt.ModelError("a Friction must define law(velocity); use Frictionless, TanhFriction, ...")
 
 
 class Frictionless(Friction):
-    """No friction: takes the place of a friction part, whose parameters it accepts and which have no effect here.
+    """No friction; replaces a friction part and accepts its parameters, which have no effect.
 
     A carriage at constant velocity needs no force.
 
@@ -148,9 +147,9 @@ class Frictionless(Friction):
     0.0 0.0
     """
 
-    coulomb = gt.parameter(0.0, unit="N", min=0.0, description="without effect")
-    viscous = gt.parameter(0.0, unit="kg/s", min=0.0, description="without effect")
-    velocity_scale = gt.parameter(0.1, unit="m/s", positive=True, description="without effect")
+    coulomb = gt.parameter(0.0, unit="N", min=0.0, description="no effect")
+    viscous = gt.parameter(0.0, unit="kg/s", min=0.0, description="no effect")
+    velocity_scale = gt.parameter(0.1, unit="m/s", positive=True, description="no effect")
 
     def law(self, velocity):
         return 0.0
@@ -160,7 +159,7 @@ class _CoulombViscous(Friction):
     coulomb = gt.parameter(0.0, unit="N", min=0.0, description="Coulomb friction force")
     viscous = gt.parameter(0.0, unit="kg/s", min=0.0, description="viscous friction coefficient")
     velocity_scale = gt.parameter(
-        0.1, unit="m/s", positive=True, description="velocity at which the smoothed sign is near its end value"
+        0.1, unit="m/s", positive=True, description="velocity at which the smoothed sign is close to 1"
     )
 
 
@@ -179,7 +178,7 @@ class PiecewiseLinearFriction(PiecewiseLinearSign, CoulombViscousLaw, _CoulombVi
     """Coulomb and viscous friction (Dressler 2012, eq. (6.8)), sign smoothed by a straight line between
     -velocity_scale and velocity_scale.
 
-    Half of the Coulomb friction at half the velocity scale, all of it from the scale on:
+    Half of the Coulomb friction at half the velocity scale, full friction from the velocity scale on:
 
     >>> friction = gt.mechanics.PiecewiseLinearFriction(coulomb=100.0, viscous=50.0, velocity_scale=0.1)
     >>> print(friction.law(0.05), friction.law(0.1), friction.law(-0.2))
@@ -190,10 +189,10 @@ class PiecewiseLinearFriction(PiecewiseLinearSign, CoulombViscousLaw, _CoulombVi
 class SignFriction(ExactSign, CoulombViscousLaw, _CoulombViscous):
     """Coulomb and viscous friction exactly as in Dressler 2012, eq. (6.8): for identification away from zero velocity.
 
-    Optimisation refuses it, because the force jumps at standstill. A simulation switches there, and ends where the
-    motion would stay at zero velocity: `StictionFriction` sticks.
+    Optimisation refuses it, because the force is discontinuous at standstill. A simulation switches there and ends if
+    the motion would stay at zero velocity; use `StictionFriction` for that.
 
-    The jump at standstill; the law itself takes numbers:
+    The discontinuity at standstill:
 
     >>> friction = gt.mechanics.SignFriction(coulomb=100.0, viscous=50.0)
     >>> print(friction.law(-0.2), friction.law(0.0), friction.law(0.2))
@@ -202,15 +201,15 @@ class SignFriction(ExactSign, CoulombViscousLaw, _CoulombViscous):
 
 
 class StictionFriction(StuckOrSliding, CoulombViscousLaw, _CoulombViscous):
-    """Coulomb and viscous friction that sticks: the states stuck, forward and backward, for simulation.
+    """Coulomb and viscous friction with sticking, for simulation: stuck, sliding forward or sliding backward.
 
-    Stuck it holds against up to breakaway_ratio times the Coulomb friction, without creeping; sliding its force is
-    that of `SignFriction`. `slides` is 1 forward, -1 backward and 0 stuck. At the start it follows from the velocity,
-    and at rest from the force. It takes the place of any law with the same parameters; optimisations take a smooth
-    one. Not for a flange whose motion is prescribed, nor twice on rigidly coupled flanges: the forces of two that
-    stick have no unique values there.
+    In the stuck state it bears up to breakaway_ratio times the Coulomb friction without creeping; in the sliding states
+    its force is that of `SignFriction`. `slides` is 1 forward, -1 backward and 0 stuck. Its value at the start follows
+    from the velocity, and at rest from the force. It can replace any law with the same parameters; optimisation needs a
+    smooth one. Do not use it on a flange with prescribed motion, nor twice on rigidly coupled flanges: the friction
+    forces of two stuck parts are not unique.
 
-    A motor pushes a carriage of 2 kg ever harder, by 10 N/s. It breaks away at 1.2 times 5 N, after 0.6 s:
+    The force on a carriage of 2 kg grows by 10 N/s. It breaks away at 1.2 times 5 N, after 0.6 s:
 
     >>> bench = gt.Builder("bench")
     >>> motor = bench.part("motor", gt.mechanics.ForceMotor())
@@ -223,13 +222,11 @@ class StictionFriction(StuckOrSliding, CoulombViscousLaw, _CoulombViscous):
     ([0.6], [0.0, 1.0])
     """
 
-    coulomb = gt.parameter(unit="N", positive=True, description="Coulomb friction force while it slides")
+    coulomb = gt.parameter(unit="N", positive=True, description="Coulomb friction force while sliding")
     velocity_scale = gt.parameter(
-        0.1, unit="m/s", positive=True, description="what starts slower than 1e-8 of it starts at rest"
+        0.1, unit="m/s", positive=True, description="a start velocity below 1e-8 of it is rest"
     )
-    breakaway_ratio = gt.parameter(
-        1.0, unit="1", min=1.0, description="break-away force in parts of the Coulomb friction"
-    )
+    breakaway_ratio = gt.parameter(1.0, unit="1", min=1.0, description="break-away force over Coulomb friction")
     slides = gt.discrete(0.0, description="1 forward, -1 backward, 0 stuck")
 
     def equations(self):
@@ -246,11 +243,11 @@ class _Directional(_CoulombViscous):
 
 
 class DirectionalTanhFriction(TanhSign, DirectionalLaw, _Directional):
-    """Coulomb and viscous friction by direction (Dressler 2012, Table 6.1).
+    """Direction-dependent Coulomb and viscous friction (Dressler 2012, Table 6.1).
 
     The sign is smoothed by tanh(velocity / velocity_scale).
 
-    Cart 1 of the L1 of Table 6.1 at 0.5 m/s both ways; coefficients of both directions are positive numbers:
+    Cart 1 of the L1 (Table 6.1) at 0.5 m/s in both directions; all coefficients are positive numbers:
 
     >>> friction = gt.mechanics.DirectionalTanhFriction(
     ...     coulomb=189.12, viscous=205.03, coulomb_minus=145.69, viscous_minus=158.01, velocity_scale=0.05
@@ -261,9 +258,9 @@ class DirectionalTanhFriction(TanhSign, DirectionalLaw, _Directional):
 
 
 class DirectionalPiecewiseLinearFriction(PiecewiseLinearSign, DirectionalLaw, _Directional):
-    """Coulomb and viscous friction by direction (Dressler 2012, Table 6.1), sign smoothed by a straight line.
+    """Direction-dependent Coulomb and viscous friction (Dressler 2012, Table 6.1), sign smoothed by a straight line.
 
-    From the velocity scale on, each direction has its own coefficients in full:
+    Beyond the velocity scale, each direction has exactly its own coefficients:
 
     >>> friction = gt.mechanics.DirectionalPiecewiseLinearFriction(
     ...     coulomb=100.0, viscous=50.0, coulomb_minus=80.0, viscous_minus=40.0, velocity_scale=0.05
@@ -274,11 +271,11 @@ class DirectionalPiecewiseLinearFriction(PiecewiseLinearSign, DirectionalLaw, _D
 
 
 class DirectionalSignFriction(ExactSign, DirectionalLaw, _Directional):
-    """Coulomb and viscous friction by direction (Dressler 2012, Table 6.1), with the exact sign.
+    """Direction-dependent Coulomb and viscous friction (Dressler 2012, Table 6.1), with the exact sign.
 
-    For identification away from zero velocity: optimisation refuses it, and a simulation ends where it would stick.
+    For identification away from zero velocity: optimisation refuses it, and a simulation ends if it would stick.
 
-    Positive numbers for both directions; the force has the sign of the velocity:
+    All coefficients are positive numbers; the force has the sign of the velocity:
 
     >>> friction = gt.mechanics.DirectionalSignFriction(
     ...     coulomb=100.0, viscous=50.0, coulomb_minus=80.0, viscous_minus=40.0
@@ -289,12 +286,12 @@ class DirectionalSignFriction(ExactSign, DirectionalLaw, _Directional):
 
 
 class StribeckFriction(TanhSign, StribeckLaw, _CoulombViscous):
-    """Friction that falls from `breakaway` to `coulomb` as the motion begins; sign smoothed by tanh.
+    """Stribeck friction, which falls from `breakaway` to `coulomb` at the onset of motion; sign smoothed by tanh.
 
-    The fall is exp(-(velocity / stribeck_velocity)^2). Choose velocity_scale well below stribeck_velocity, or the peak
-    is lost in the smoothing.
+    The decay is exp(-(velocity / stribeck_velocity)^2). Choose velocity_scale well below stribeck_velocity, otherwise
+    the smoothing removes the peak.
 
-    From about 150 N at the onset of motion it falls to 100 N:
+    The force falls from about 150 N at the onset of motion to 100 N:
 
     >>> friction = gt.mechanics.StribeckFriction(
     ...     coulomb=100.0, breakaway=150.0, stribeck_velocity=0.05, velocity_scale=0.002

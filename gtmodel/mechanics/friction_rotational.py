@@ -19,11 +19,11 @@ from .friction import (
 
 
 class RotationalFriction(gt.Model):
-    """Base of friction on a shaft: `torque` [N.m] has the sign of the velocity der(shaft.phi) and resists it.
+    """Base class of friction on a shaft: `torque` [N.m] has the sign of the velocity der(shaft.phi) and opposes it.
 
-    Subclasses define law(velocity); raises ModelError where none does.
+    Subclasses define law(velocity); without it, ModelError is raised.
 
-    A law of one's own, of a brake in oil:
+    A custom law for a brake in oil:
 
     >>> class Brake(gt.mechanics.RotationalFriction):
     ...     def law(self, velocity):
@@ -42,7 +42,7 @@ class RotationalFriction(gt.Model):
         yield gt.energy(dissipated=self.torque * gt.der(self.shaft.phi))
 
     def law(self, velocity) -> Any:
-        """Friction torque [N.m] as a function of angular velocity [rad/s]."""
+        """Return the friction torque [N.m] at an angular velocity [rad/s]."""
         raise gt.ModelError("a RotationalFriction must define law(velocity); use RotationalTanhFriction, ...")
 
 
@@ -50,14 +50,14 @@ class _CoulombViscous(RotationalFriction):
     coulomb = gt.parameter(0.0, unit="N.m", min=0.0, description="Coulomb friction torque")
     viscous = gt.parameter(0.0, unit="N.m.s/rad", min=0.0, description="viscous friction coefficient")
     velocity_scale = gt.parameter(
-        0.1, unit="rad/s", positive=True, description="velocity at which the smoothed sign is near its end value"
+        0.1, unit="rad/s", positive=True, description="velocity at which the smoothed sign is close to 1"
     )
 
 
 class RotationalTanhFriction(TanhSign, CoulombViscousLaw, _CoulombViscous):
     """Coulomb and viscous friction, sign smoothed by tanh(velocity / velocity_scale).
 
-    A rotor of 0.5 kg m2 that coasts at 10 rad/s is slowed down by 5 N.m:
+    A rotor of 0.5 kg m2 coasting at 10 rad/s is decelerated by 5 N.m:
 
     >>> bench = gt.Builder("bench")
     >>> rotor = bench.part("rotor", gt.mechanics.Inertia(J=0.5))
@@ -73,7 +73,7 @@ class RotationalTanhFriction(TanhSign, CoulombViscousLaw, _CoulombViscous):
 class RotationalPiecewiseLinearFriction(PiecewiseLinearSign, CoulombViscousLaw, _CoulombViscous):
     """Coulomb and viscous friction, sign smoothed by a straight line between -velocity_scale and velocity_scale.
 
-    Half of the Coulomb torque at half the velocity scale, all of it from the scale on:
+    Half of the Coulomb torque at half the velocity scale, full torque from the velocity scale on:
 
     >>> friction = gt.mechanics.RotationalPiecewiseLinearFriction(coulomb=3.0, viscous=0.2, velocity_scale=0.1)
     >>> print(friction.law(0.05), friction.law(10.0), friction.law(-10.0))
@@ -84,7 +84,7 @@ class RotationalPiecewiseLinearFriction(PiecewiseLinearSign, CoulombViscousLaw, 
 class RotationalSignFriction(ExactSign, CoulombViscousLaw, _CoulombViscous):
     """Coulomb and viscous friction with the exact sign, 0 at standstill: for identification.
 
-    A simulation ends where the motion would stay at standstill: `RotationalStictionFriction` sticks.
+    A simulation ends if the motion would stay at standstill; use `RotationalStictionFriction` for that.
 
     >>> bench = gt.Builder("bench")
     >>> motor = bench.part("motor", gt.mechanics.TorqueMotor())
@@ -97,9 +97,9 @@ class RotationalSignFriction(ExactSign, CoulombViscousLaw, _CoulombViscous):
 
 
 class RotationalStictionFriction(StuckOrSliding, CoulombViscousLaw, _CoulombViscous):
-    """Coulomb and viscous friction that sticks: `StictionFriction` on a shaft.
+    """Coulomb and viscous friction with sticking: `StictionFriction` on a shaft.
 
-    A rotor of 0.5 kg m2 coasts from 12 rad/s under 3 N.m: it stands after 2 s, and stays there.
+    A rotor of 0.5 kg m2 coasts from 12 rad/s under 3 N.m. It stops after 2 s and sticks:
 
     >>> bench = gt.Builder("bench")
     >>> rotor = bench.part("rotor", gt.mechanics.Inertia(J=0.5))
@@ -111,13 +111,11 @@ class RotationalStictionFriction(StuckOrSliding, CoulombViscousLaw, _CoulombVisc
     ([0.0, 2.0], 12.0)
     """
 
-    coulomb = gt.parameter(unit="N.m", positive=True, description="Coulomb friction torque while it slides")
+    coulomb = gt.parameter(unit="N.m", positive=True, description="Coulomb friction torque while sliding")
     velocity_scale = gt.parameter(
-        0.1, unit="rad/s", positive=True, description="what starts slower than 1e-8 of it starts at rest"
+        0.1, unit="rad/s", positive=True, description="a start velocity below 1e-8 of it is rest"
     )
-    breakaway_ratio = gt.parameter(
-        1.0, unit="1", min=1.0, description="break-away torque in parts of the Coulomb friction"
-    )
+    breakaway_ratio = gt.parameter(1.0, unit="1", min=1.0, description="break-away torque over Coulomb friction")
     slides = gt.discrete(0.0, description="1 forward, -1 backward, 0 stuck")
 
     def equations(self):
@@ -140,9 +138,9 @@ class _Directional(_CoulombViscous):
 
 
 class RotationalDirectionalTanhFriction(TanhSign, DirectionalLaw, _Directional):
-    """Coulomb and viscous friction by direction, sign smoothed by tanh(velocity / velocity_scale).
+    """Direction-dependent Coulomb and viscous friction, sign smoothed by tanh(velocity / velocity_scale).
 
-    At 10 rad/s both ways; the coefficients of both directions are positive numbers:
+    At 10 rad/s in both directions; all coefficients are positive numbers:
 
     >>> friction = gt.mechanics.RotationalDirectionalTanhFriction(
     ...     coulomb=3.0, viscous=0.2, coulomb_minus=2.0, viscous_minus=0.1
@@ -153,9 +151,9 @@ class RotationalDirectionalTanhFriction(TanhSign, DirectionalLaw, _Directional):
 
 
 class RotationalDirectionalPiecewiseLinearFriction(PiecewiseLinearSign, DirectionalLaw, _Directional):
-    """Coulomb and viscous friction by direction, sign smoothed by a straight line.
+    """Direction-dependent Coulomb and viscous friction, sign smoothed by a straight line.
 
-    At 10 rad/s both ways:
+    At 10 rad/s in both directions:
 
     >>> friction = gt.mechanics.RotationalDirectionalPiecewiseLinearFriction(
     ...     coulomb=3.0, viscous=0.2, coulomb_minus=2.0, viscous_minus=0.1
@@ -166,12 +164,12 @@ class RotationalDirectionalPiecewiseLinearFriction(PiecewiseLinearSign, Directio
 
 
 class RotationalStribeckFriction(TanhSign, StribeckLaw, _CoulombViscous):
-    """Friction that falls from `breakaway` to `coulomb` as the motion begins; sign smoothed by tanh.
+    """Stribeck friction, which falls from `breakaway` to `coulomb` at the onset of motion; sign smoothed by tanh.
 
-    The fall is exp(-(velocity / stribeck_velocity)^2). Choose velocity_scale well below stribeck_velocity, or the peak
-    is lost in the smoothing.
+    The decay is exp(-(velocity / stribeck_velocity)^2). Choose velocity_scale well below stribeck_velocity, otherwise
+    the smoothing removes the peak.
 
-    From about 5 N.m at the onset of motion it falls to 3 N.m:
+    The torque falls from about 5 N.m at the onset of motion to 3 N.m:
 
     >>> friction = gt.mechanics.RotationalStribeckFriction(
     ...     coulomb=3.0, breakaway=5.0, stribeck_velocity=0.5, velocity_scale=0.02

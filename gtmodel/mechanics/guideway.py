@@ -1,5 +1,4 @@
-"""Slides along guideways, straight, rigid or compliant, curved or measured, with friction that grows with the load;
-and a plane that a point slides on."""
+"""Guideways: straight, compliant, curved, measured, with load-dependent friction; and a plane for a sliding point."""
 
 from __future__ import annotations
 
@@ -15,11 +14,11 @@ from .frames import Flange, PointFrame
 class Guideway(gt.Model):
     """Point A + q v on a straight line (Dressler 2012, eq. (6.4)).
 
-    |v| is a transmission scale (0.96 to 1.003 on real robots) and is never normalised. The flange's coordinate
-    is q. Power passes without loss: the force on the flange plus dot(force on the frame, v) is zero.
+    |v| is a transmission scale (0.96 to 1.003 on real robots) and is never normalised. q is the flange's coordinate.
+    There are no losses: the force on the flange plus dot(force on the frame, v) is zero.
 
-    At q = 2 m under a load of 100 N along x. The motor holds it with 98 N towards negative q: 1 m of q is 0.98 m of
-    travel, and the force across the guideway does not load it.
+    A cart at q = 2 m under a load with 100 N along x. The motor holds it with 98 N towards negative q, because 1 m of q
+    is 0.98 m of travel; the force across the guideway does not load the motor.
 
     >>> bench = gt.Builder("bench")
     >>> guideway = bench.part("guideway", gt.mechanics.Guideway(A=[0.0, 0.5, 1.0], v=[0.98, 0.0, 0.0]))
@@ -43,10 +42,10 @@ class Guideway(gt.Model):
 
 
 class CompliantGuideway(Guideway):
-    """A compliant guideway: frame.r = A + q v + offset, where the force f [N] on the frame is K offset.
+    """A compliant guideway: frame.r = A + q v + offset, with the force K offset [N] on the frame.
 
-    K (3, 3) [N/m], symmetric, world axes: drive, bearings and machine frame in series, along the guideway and across.
-    The coordinate q is not affected: compliance of the drive is part of K.
+    K (3, 3) [N/m], symmetric, world axes, is the stiffness of drive, bearings and machine frame in series, along the
+    guideway and across. The coordinate q is not affected: compliance of the drive is part of K.
 
     A load of 100 N across a guideway of 1e7 N/m displaces the frame by 10 micrometres:
 
@@ -76,13 +75,13 @@ class CompliantGuideway(Guideway):
 
 
 class CurvedGuideway(Guideway):
-    """Base: the frame is at r(q) = A + q v + offset(q), q the flange's coordinate.
+    """Base class of curved guideways: the frame is at r(q) = A + q v + offset(q), with q the flange's coordinate.
 
-    The force balance takes the tangent: flange.f + dot(frame.f, r'(q)) = 0, so power in is power out. Subclasses define
+    The force balance uses the tangent, flange.f + dot(frame.f, r'(q)) = 0, so there are no losses. Subclasses define
     `offset` and its derivative `slope`. With A and v from a fit of eq. (4.10) and its residuals as deviations, r(q)
-    goes through the measured points. Inverse kinematics has no closed form; it is a Newton block.
+    passes through the measured points. Inverse kinematics has no closed form; it is a Newton block.
 
-    A guideway that sags like a parabola, 1 mm at q = 1 m:
+    A guideway that sags as a parabola, by 1 mm at q = 1 m:
 
     >>> class Sagging(gt.mechanics.CurvedGuideway):
     ...     sag = gt.parameter(1e-3, unit="1/m", description="deviation downwards per square of q")
@@ -109,11 +108,11 @@ class CurvedGuideway(Guideway):
         yield self.flange.f + gt.dot(self.frame.f, self.v + self.slope(q)) == 0
 
     def offset(self, q: Any) -> Any:
-        """Deviation (3,) [m] from the straight line at q [m]."""
+        """Return the deviation (3,) [m] from the straight line at q [m]."""
         raise gt.ModelError("a CurvedGuideway must define offset(q) and slope(q); use PiecewiseLinearGuideway, ...")
 
     def slope(self, q: Any) -> Any:
-        """Derivative (3,) of `offset` by q."""
+        """Return the derivative (3,) of `offset` with respect to q."""
         raise gt.ModelError("a CurvedGuideway must define offset(q) and slope(q); use PiecewiseLinearGuideway, ...")
 
 
@@ -132,11 +131,11 @@ class _ThroughPoints(CurvedGuideway):
 class PiecewiseLinearGuideway(_ThroughPoints):
     """Straight pieces through measured points (Dressler 2012, eq. (5.7)).
 
-    Before the first and after the last point the end pieces are continued; the thesis uses the model within its points
-    only. The direction jumps at the points and so does the velocity of a cart at constant der(q): right for kinematics
-    and calibration. Where masses count, SplineGuideway has no such jumps.
+    The end pieces are extrapolated beyond the first and last point; the thesis uses the model only between its points.
+    The direction, and the velocity of a cart at constant der(q), is discontinuous at the points. This is suitable for
+    kinematics and calibration; for dynamics, use SplineGuideway, which is smooth.
 
-    Three points, the middle one 0.1 mm above the line; half of that between the points:
+    Three points, the middle one 0.1 mm above the line; halfway between the points it is half of that:
 
     >>> bench = gt.Builder("bench")
     >>> line = dict(A=np.zeros(3), v=[1.0, 0.0, 0.0], at=[0.0, 1.0, 2.0])
@@ -154,13 +153,12 @@ class PiecewiseLinearGuideway(_ThroughPoints):
 
 
 class PiecewiseLinearCyclicGuideway(PiecewiseLinearGuideway):
-    """Straight pieces plus a sinusoidal error of the transmission, which goes on beyond the points:
+    """Straight pieces plus a sinusoidal transmission error, which continues beyond the points:
     offset + sine sin(2 pi q / period) + cosine cos(2 pi q / period) (Dressler 2012, section 4.2).
 
-    Linear in `sine` and `cosine`; an error along the guideway alone has both parallel to v.
+    Linear in `sine` and `cosine`; for an error only along the guideway both are parallel to v.
 
-    An error of 0.05 mm along the guideway that repeats with the teeth of a rack, 13 mm apart. At a quarter of a tooth
-    it is largest.
+    An error of 0.05 mm along the guideway with the period of a rack's teeth, 13 mm. It is largest at a quarter of it:
 
     >>> bench = gt.Builder("bench")
     >>> line = dict(A=np.zeros(3), v=[1.0, 0.0, 0.0], at=[0.0, 2.0], deviation=np.zeros((2, 3)))
@@ -191,9 +189,9 @@ class PiecewiseLinearCyclicGuideway(PiecewiseLinearGuideway):
 class SplineGuideway(_ThroughPoints):
     """A smooth curve through any points: natural cubic spline, twice continuously differentiable in q.
 
-    Before the first and after the last point it continues along its tangent there.
+    Beyond the first and last point it continues along its tangent.
 
-    Three points, the middle one 0.1 mm above the line; between them the curve lies above the straight pieces:
+    Three points, the middle one 0.1 mm above the line; between them the curve is above the straight pieces:
 
     >>> bench = gt.Builder("bench")
     >>> line = dict(A=np.zeros(3), v=[1.0, 0.0, 0.0], at=[0.0, 1.0, 2.0])
@@ -211,14 +209,14 @@ class SplineGuideway(_ThroughPoints):
 
 
 class MeasuredGuideway(Guideway):
-    """Straight pieces through points measured by a device that stood elsewhere (Dressler 2012, section 5.3, models 2
-    and 4): r(q) = t + R(u) p(q), p(q) through (at, points).
+    """Straight pieces through points measured in another frame (Dressler 2012, section 5.3, models 2 and 4):
+    r(q) = t + R(u) p(q), with p(q) through (at, points).
 
-    t and u bring the frame of that recording into the robot's; they are what a calibration moves, not A and v, which
-    determine branches and start values only. u is a unit quaternion, scalar first: calibrate it as `unit`. Points close
-    to a straight line hardly determine the rotation about that line.
+    t and u transform the frame of the recording to the robot's frame. A calibration adjusts them instead of A and v,
+    which only determine branches and start values. u is a unit quaternion, scalar first: calibrate it as `unit`. Points
+    close to a straight line hardly determine the rotation about that line.
 
-    Points recorded by a tracker whose y axis is the robot's x axis, with its origin at (0, 0.5, 1) m:
+    Points recorded by a tracker at (0, 0.5, 1) m whose y axis is the robot's x axis:
 
     >>> bench = gt.Builder("bench")
     >>> u = [np.cos(np.pi / 4), 0.0, 0.0, -np.sin(np.pi / 4)]  # minus 90 degrees about z
@@ -240,10 +238,10 @@ class MeasuredGuideway(Guideway):
     """
 
     at = gt.parameter(shape=(None,), unit="m", increasing=True, description="coordinates q of the points")
-    points = gt.parameter(shape=(None, 3), unit="m", description="the points, frame of their recording")
-    t = gt.parameter([0.0, 0.0, 0.0], unit="m", description="origin of that frame")
+    points = gt.parameter(shape=(None, 3), unit="m", description="the points, recording frame")
+    t = gt.parameter([0.0, 0.0, 0.0], unit="m", description="origin of the recording frame")
     u = gt.parameter(
-        [1.0, 0.0, 0.0, 0.0], unit="1", kind="unit", description="its orientation, quaternion, scalar first"
+        [1.0, 0.0, 0.0, 0.0], unit="1", kind="unit", description="orientation of the recording frame, scalar first"
     )
 
     def equations(self):
@@ -254,15 +252,15 @@ class MeasuredGuideway(Guideway):
 
 
 class SaddleGuideway(Guideway):
-    """A straight guideway with friction in proportion to the force across it, beside what a Friction part adds.
+    """A straight guideway with friction proportional to the transverse force, in addition to any Friction part.
 
-    The flange feels saddle N tanh(der(s) / velocity_scale) against positive velocity; N [N] is the size of the force
-    that the frame presses across the guideway, links and weight of the cart together, rounded off below `load_scale`.
-    Dressler 2012, section 6.2, names such a "saddle" term of the Queensland Gantry-Tau (after Hovland and others, 2007)
-    without an equation: this one is OURS. Inverse dynamics stay in closed form; in forward dynamics the friction
-    depends on the accelerations, a Newton block. Efforts are linear in `saddle` at given masses, not in both together.
+    The friction force is saddle N tanh(der(s) / velocity_scale) and opposes the motion. N [N] is the magnitude of the
+    transverse force of links and cart weight on the guideway, smoothed below `load_scale`. Dressler 2012, section 6.2,
+    mentions such a "saddle" term of the Queensland Gantry-Tau (after Hovland and others, 2007) without an equation:
+    this one is OURS. Inverse dynamics is in closed form. In forward dynamics the friction depends on the accelerations,
+    which gives a Newton block. Efforts are linear in `saddle` for known masses, but not in both together.
 
-    A cart of 10 kg at 1 m/s on a level guideway: the friction is 0.02 of its weight, which lies across the guideway.
+    A cart of 10 kg at 1 m/s on a level guideway: the friction is 0.02 of its weight.
 
     >>> bench = gt.Builder("bench")
     >>> line = dict(A=np.zeros(3), v=[1.0, 0.0, 0.0])
@@ -276,10 +274,10 @@ class SaddleGuideway(Guideway):
     1.96
     """
 
-    saddle = gt.parameter(0.0, unit="1", min=0.0, description="friction force per force across the guideway")
+    saddle = gt.parameter(0.0, unit="1", min=0.0, description="friction force per transverse force")
     velocity_scale = gt.parameter(0.1, unit="m/s", positive=True, description="velocity of the smoothed sign")
-    load_scale = gt.parameter(1.0, unit="N", positive=True, description="force below which N is rounded off")
-    across = gt.variable(3, unit="N", description="force of the frame across the guideway")
+    load_scale = gt.parameter(1.0, unit="N", positive=True, description="force below which N is smoothed")
+    across = gt.variable(3, unit="N", description="transverse force of the frame on the guideway")
     saddle_force = gt.variable(unit="N", description="load-dependent friction force against the motion")
 
     def equations(self):
@@ -294,11 +292,11 @@ class SaddleGuideway(Guideway):
 
 
 class Plane(gt.Model):
-    """The frame's point stays in the plane through p [m] with normal n (3); without friction, the force is along n.
+    """Keeps a point in the plane through p [m] with normal n (3), without friction: the force is along n.
 
-    With it a planar mechanism of rods stands in three dimensions without redundant constraints.
+    It models a planar mechanism of rods in three dimensions without redundant constraints.
 
-    A point that slides on the floor: the force on it along the normal bears its weight.
+    A mass that slides on the floor; the normal force bears its weight:
 
     >>> bench = gt.Builder("bench")
     >>> floor = bench.part("floor", gt.mechanics.Plane(p=[0.0, 0.0, 0.1], n=[0.0, 0.0, 1.0]))
@@ -311,7 +309,7 @@ class Plane(gt.Model):
     """
 
     p = gt.parameter([0.0, 0.0, 0.0], unit="m", description="a point of the plane")
-    n = gt.parameter([0.0, 0.0, 1.0], unit="1", kind="direction", description="normal, of any length but zero")
+    n = gt.parameter([0.0, 0.0, 1.0], unit="1", kind="direction", description="normal, of any nonzero length")
     frame = gt.port(PointFrame)
     pressure = gt.variable(unit="N", nominal=100.0, description="force on the point along n, per length of n")
 

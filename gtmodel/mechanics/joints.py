@@ -1,4 +1,4 @@
-"""Joints between two frames, revolute, prismatic, universal, spherical, and where chains of frames close."""
+"""Joints between two frames: revolute, prismatic, universal, spherical, and loop closures."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ from .frames import Flange, Frame, Shaft
 
 
 class Revolute(gt.Model):
-    """Frame b turns about an axis of frame a by the angle of `shaft`; equal at angle 0, right-hand rule.
+    """Frame b turns about an axis of frame a by the angle of `shaft`, right-handed; at angle 0 the frames are equal.
 
-    `axis` (3) in a's coordinates, of any length but zero: only its direction counts. What is connected to the
-    shaft (motor, friction, spring) stands on a and turns b: a positive torque on b is about +axis. A shaft that nothing
-    is connected to turns freely.
+    `axis` (3) is in a's coordinates and may have any nonzero length. A component on the shaft (motor, friction, spring)
+    acts between a and b: a positive torque turns b about +axis. An unconnected shaft turns freely.
 
-    An arm turned by 30 degrees about z, with a load along y; the motor holds it with a torque on b:
+    An arm at 30 degrees about z with a load along y, and the motor torque that holds it:
 
     >>> bench = gt.Builder("bench")
     >>> ground = bench.part("ground", gt.mechanics.Ground())
@@ -52,12 +51,12 @@ class Revolute(gt.Model):
 
 
 class Prismatic(gt.Model):
-    """Frame b slides along s v of frame a and stays parallel to it; s is the coordinate of `flange`.
+    """Frame b slides by s v relative to frame a and stays parallel to it; s is the coordinate of `flange`.
 
-    v (3) in a's coordinates; its length is a transmission scale and is never normalised, as in Guideway. What is
-    connected to the flange stands on a and pushes b, a positive force along +v.
+    v (3) is in a's coordinates; its length is a transmission scale and is never normalised, as in Guideway. A component
+    on the flange acts between a and b: a positive force pushes b along +v.
 
-    A slide along x with 3 kg on it: a motor of 6 N gives it 2 m/s2.
+    A motor force of 6 N accelerates 3 kg on a slide along x by 2 m/s2:
 
     >>> bench = gt.Builder("bench")
     >>> ground = bench.part("ground", gt.mechanics.Ground())
@@ -91,11 +90,11 @@ class Prismatic(gt.Model):
 
 
 class Universal(gt.Model):
-    """Two revolute joints through one point: about axis_1 of frame a, then about axis_2 of what it turns.
+    """Two revolute joints with intersecting axes: axis_1 in frame a, then axis_2 in the frame turned by the first.
 
     shaft_1 and shaft_2 may carry motors, friction or springs. Their angles are not the angles of a cardan shaft.
 
-    Turned by 30 degrees about x of a: what pointed along z leans towards -y.
+    A rotation by 30 degrees about x of a tilts the body's z axis towards -y:
 
     >>> bench = gt.Builder("bench")
     >>> ground = bench.part("ground", gt.mechanics.Ground())
@@ -132,10 +131,10 @@ class Universal(gt.Model):
 class Spherical(gt.Model):
     """The origins of two frames coincide; their orientations are independent.
 
-    It passes no orientation on, so that it may close a loop; each side must get its orientation from elsewhere (a tree
-    of joints, or a FreeBody).
+    It transmits no orientation, so it may close a loop; the orientation of each side must be determined elsewhere (by a
+    tree of joints, or a FreeBody).
 
-    A body of 2 kg that hangs still by its frame's origin; the force on the joint at a bears its weight.
+    A body of 2 kg that hangs at rest from its frame's origin; the force at a bears its weight:
 
     >>> bench = gt.Builder("bench")
     >>> ground = bench.part("ground", gt.mechanics.Ground())
@@ -160,13 +159,13 @@ class Spherical(gt.Model):
 
 
 class LoopClosure(gt.Model):
-    """Two frames, each of which other joints lead to, coincide: six constraints, with a force and a torque.
+    """Closes a loop: two frames coincide, with six constraints, a force and a torque.
 
-    A chain of joints from the ground back to the ground is a loop of orientations, which a Frame cannot have: one
-    connection of it becomes a LoopClosure. It counts on a loop in space, of seven joint coordinates or more: in a
-    planar loop three of its constraints are redundant, see PlanarLoopClosure.
+    A chain of joints from the ground back to the ground is a loop of orientations, which connected Frames cannot have:
+    replace one connection by a LoopClosure. The loop must be spatial, with seven joint coordinates or more. In a planar
+    loop three of the constraints are redundant; see PlanarLoopClosure.
 
-    A body of 2 kg with six coordinates of its own, held where it is by six constraints, and what they bear:
+    Force and torque of the six constraints that hold a free body of 2 kg:
 
     >>> bench = gt.Builder("bench")
     >>> ground = bench.part("ground", gt.mechanics.Ground())
@@ -179,9 +178,9 @@ class LoopClosure(gt.Model):
     """
 
     if_redundant: ClassVar[str] = (
-        "where all axes of the loop are parallel, close it by gt.mechanics.PlanarLoopClosure in place of "
-        "gt.mechanics.LoopClosure; else take the constraints that the joints keep already out of the closure, or make "
-        "a part compliant"
+        "if all axes of the loop are parallel, close it with gt.mechanics.PlanarLoopClosure instead of "
+        "gt.mechanics.LoopClosure; otherwise remove from the closure the constraints that the joints already impose, "
+        "or make a part compliant"
     )
 
     a = gt.port(Frame)
@@ -191,7 +190,7 @@ class LoopClosure(gt.Model):
         a, b = self.a, self.b
         turned: list[list[Any]] = [[gt.dot(a.R[:, i], b.R[:, j]) for j in range(3)] for i in range(3)]
         yield b.r == a.r
-        # the axis of the rotation from a to b times tan(angle/2): zero where they are parallel, and nowhere else
+        # the axis of the rotation from a to b times tan(angle/2): zero only if they are parallel
         trace = turned[0][0] + turned[1][1] + turned[2][2]
         for i, j in ((1, 2), (2, 0), (0, 1)):
             yield (turned[j][i] - turned[i][j]) / (1.0 + trace) == 0
@@ -200,14 +199,14 @@ class LoopClosure(gt.Model):
 
 
 class PlanarLoopClosure(gt.Model):
-    """A revolute joint that closes a planar loop: the origins of two frames meet in the plane.
+    """A revolute joint that closes a planar loop: the origins of two frames coincide in the plane.
 
-    `first` and `second` (3), coordinates of a, span the plane; the axis is across both. The other joints of the loop
-    are parallel to it; they alone keep b in the plane and bear what acts along the axis, so that no torque passes
-    here and no force along the axis.
+    `first` and `second` (3), coordinates of a, span the plane; the axis is normal to it. The other joints of the loop
+    are parallel to the axis. They alone keep b in the plane and bear loads out of it, so this joint transmits no torque
+    and no force along the axis.
 
-    A four-bar linkage whose bars make a parallelogram, a crank of 0.3 m and a coupler of 0.5 m: the coupler stays
-    level, and the rocker turns with the crank.
+    A parallelogram linkage with a crank of 0.3 m and a coupler of 0.5 m: the coupler stays level, and the rocker turns
+    with the crank.
 
     >>> bench = gt.Builder("parallelogram")
     >>> ground = bench.part("ground", gt.mechanics.Ground())
@@ -226,12 +225,12 @@ class PlanarLoopClosure(gt.Model):
     """
 
     if_redundant: ClassVar[str] = (
-        "gt.mechanics.PlanarLoopClosure closes a loop of parallel axes, and `first` and `second` lie across them; a "
-        "loop in space is closed by gt.mechanics.LoopClosure"
+        "gt.mechanics.PlanarLoopClosure closes a loop with parallel axes, with `first` and `second` normal to them; "
+        "close a spatial loop with gt.mechanics.LoopClosure"
     )
 
     first = gt.parameter([1.0, 0.0, 0.0], unit="1", kind="direction", description="direction in the plane, of a")
-    second = gt.parameter([0.0, 1.0, 0.0], unit="1", kind="direction", description="another, not along the first")
+    second = gt.parameter([0.0, 1.0, 0.0], unit="1", kind="direction", description="second direction in the plane")
     a = gt.port(Frame)
     b = gt.port(Frame)
 

@@ -1,5 +1,5 @@
-"""What stands still, the world's frame and fixed points, and rigid connections, a frame placed on another by vectors
-or by the numbers in which arms are published."""
+"""Fixed components (world frame, fixed points) and rigid placements of one frame on another, by vectors, roll-pitch-yaw
+angles or Denavit-Hartenberg parameters."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from .frames import Flange, Frame, PointFrame, Shaft
 
 
 class Ground(gt.Model):
-    """The world frame: origin, axes of the world, no motion. It is the root of everything fixed to it; Fixed places
+    """The world frame, at rest at the origin. It is the root of all components connected to it; use Fixed to place
     frames elsewhere.
 
-    The top of a tower of 2 m:
+    Position of the top of a tower of 2 m:
 
     >>> bench = gt.Builder("bench")
     >>> ground = bench.part("ground", gt.mechanics.Ground())
@@ -41,8 +41,8 @@ class Ground(gt.Model):
 class Anchor(gt.Model):
     """A point r [m] fixed in the world, for rods and spring-dampers.
 
-    A mass of 3 kg at rest 1.2 m below the anchor: the spring is stretched by 0.2 m and pulls with 200 N, the load adds
-    the rest of the balance, 29.43 N of weight less 200 N.
+    A mass of 3 kg at rest 1.2 m below the anchor. The spring is stretched by 0.2 m and pulls with 200 N; the load
+    balances this pull and the weight of 29.43 N:
 
     >>> bench = gt.Builder("bench")
     >>> anchor = bench.part("anchor", gt.mechanics.Anchor(r=[0.0, 0.0, 2.0]))
@@ -65,9 +65,9 @@ class Anchor(gt.Model):
 
 
 class FixedFlange(gt.Model):
-    """A flange that is held at s [m].
+    """A flange fixed at s [m].
 
-    A motor holds a spring at s = 0.02 m against a fixed flange at 0; its force is positive along s.
+    Force of a motor that stretches a spring by 0.02 m from a fixed flange at 0:
 
     >>> bench = gt.Builder("bench")
     >>> wall = bench.part("wall", gt.mechanics.FixedFlange(s=0.0))
@@ -88,9 +88,9 @@ class FixedFlange(gt.Model):
 
 
 class FixedShaft(gt.Model):
-    """A shaft that is held at the angle phi [rad].
+    """A shaft fixed at the angle phi [rad].
 
-    The motor that holds a torsional spring turned by 0.1 rad against a fixed shaft:
+    Torque of a motor that twists a torsional spring by 0.1 rad against a fixed shaft:
 
     >>> bench = gt.Builder("bench")
     >>> wall = bench.part("wall", gt.mechanics.FixedShaft(phi=0.0))
@@ -111,7 +111,7 @@ class FixedShaft(gt.Model):
 
 
 def rigid(a: Any, b: Any, d: Any, R: Any = None) -> Iterator[Any]:
-    """Equations of frame b fixed to frame a at d [m], its coordinates turned into a's by R, or parallel. Massless."""
+    """Yield the equations of frame b fixed to frame a at d [m] with the rotation R from b to a, None for parallel."""
     arm = a.R @ d
     yield gt.tree_edge(a, b)
     yield b.r == a.r + arm
@@ -122,11 +122,11 @@ def rigid(a: Any, b: Any, d: Any, R: Any = None) -> Iterator[Any]:
 
 
 class Fixed(gt.Model):
-    """Frame b fixed to frame a: displaced by d [m] and turned by the rotation R (3, 3), both in a's coordinates.
+    """Frame b fixed to frame a: displaced by d [m] and rotated by R (3, 3), both in a's coordinates. Massless.
 
-    R takes b's coordinates to a's and must be a rotation (URDF: the origin of a joint). Massless.
+    R transforms b's coordinates to a's and must be a rotation (the origin of a joint in URDF).
 
-    Displaced by 0.5 m along x and turned by 90 degrees about z, so that x of b is y of a:
+    A bracket with a displacement of 0.5 m along x and a rotation by 90 degrees about z, so that x of b is y of a:
 
     >>> R = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
     >>> bench = gt.Builder("bench")
@@ -140,7 +140,7 @@ class Fixed(gt.Model):
     array([0.5, 0.2, 0. ])
     """
 
-    d = gt.parameter([0.0, 0.0, 0.0], unit="m", description="from a to b, coordinates of a")
+    d = gt.parameter([0.0, 0.0, 0.0], unit="m", description="displacement from a to b, coordinates of a")
     R = gt.parameter(np.eye(3), unit="1", kind="rotation", description="rotation from coordinates of b to those of a")
     a = gt.port(Frame)
     b = gt.port(Frame)
@@ -152,7 +152,7 @@ class Fixed(gt.Model):
 class FixedTranslation(gt.Model):
     """Frame b fixed to frame a, parallel to it, displaced by d [m] in a's coordinates. Massless.
 
-    A load of 10 N downwards at the end of an arm of 0.5 m, and the torque that its mount feels:
+    A load of 10 N downwards at the end of an arm of 0.5 m, and the torque on its mount:
 
     >>> bench = gt.Builder("bench")
     >>> ground = bench.part("ground", gt.mechanics.Ground())
@@ -165,7 +165,7 @@ class FixedTranslation(gt.Model):
     [0.5 0.  0. ] [0. 5. 0.]
     """
 
-    d = gt.parameter(shape=3, unit="m", description="from a to b, coordinates of a")
+    d = gt.parameter(shape=3, unit="m", description="displacement from a to b, coordinates of a")
     a = gt.port(Frame)
     b = gt.port(Frame)
 
@@ -176,9 +176,9 @@ class FixedTranslation(gt.Model):
 class PointOnFrame(gt.Model):
     """A point fixed to a frame at d [m], frame coordinates: the centre of a spherical joint.
 
-    From a Frame to a PointFrame and back: forces pass, orientation and torques do not.
+    It connects a Frame and a PointFrame: it transmits forces, but no orientation and no torques.
 
-    A load of 10 N downwards at a corner, and the torque that the ground feels about its origin:
+    A load of 10 N downwards at a corner, and the torque on the ground about its origin:
 
     >>> bench = gt.Builder("bench")
     >>> ground = bench.part("ground", gt.mechanics.Ground())
@@ -206,14 +206,14 @@ X, Y, Z = np.eye(3)
 
 
 class _Placement(gt.Model):
-    """Frame b fixed to frame a, massless: subclasses say where."""
+    """Frame b fixed to frame a, massless; subclasses define the placement."""
 
     a = gt.port(Frame)
     b = gt.port(Frame)
 
 
 class FixedRpy(_Placement):
-    """Frame b at `xyz` [m] in a, turned by `rpy` [rad]: Rz(yaw) Ry(pitch) Rx(roll), the origin of a joint in URDF.
+    """Frame b at `xyz` [m] in a with orientation `rpy` [rad], Rz(yaw) Ry(pitch) Rx(roll): a joint origin in URDF.
 
     >>> bench = gt.Builder("bench")
     >>> ground, load = bench.part("ground", gt.mechanics.Ground()), bench.part("load", gt.mechanics.FrameLoad())
@@ -236,7 +236,7 @@ class FixedRpy(_Placement):
 
 
 class _DenavitHartenberg(_Placement):
-    theta = gt.parameter(0.0, unit="rad", description="angle about z, added to the joint's")
+    theta = gt.parameter(0.0, unit="rad", description="angle about z, added to the joint angle")
     d = gt.parameter(0.0, unit="m", description="distance along z")
     a_x = gt.parameter(0.0, unit="m", description="link length a, distance along x")
     alpha = gt.parameter(0.0, unit="rad", description="twist, angle about x")
@@ -244,11 +244,11 @@ class _DenavitHartenberg(_Placement):
 
 
 class FixedDH(_DenavitHartenberg):
-    """Frame b by the standard Denavit-Hartenberg numbers, Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta) from frame a.
+    """Frame b placed by standard Denavit-Hartenberg parameters, Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta) from frame a.
 
-    A joint about or along z of a comes before it. `a_x` is the length called a. Where the next axis is nearly
-    parallel, d and theta of two links cannot be distinguished and a small tilt moves the common normal far: leave d
-    as it is there and let Hayati's beta turn; it is 0 elsewhere.
+    A joint about or along z of a comes before it. `a_x` is the length called a. If the next axis is nearly parallel, d
+    of the two links cannot be distinguished, and a small tilt moves the common normal far: then keep d fixed and use
+    Hayati's beta, which is 0 otherwise.
 
     >>> bench = gt.Builder("bench")
     >>> ground, load = bench.part("ground", gt.mechanics.Ground()), bench.part("load", gt.mechanics.FrameLoad())
@@ -267,9 +267,9 @@ class FixedDH(_DenavitHartenberg):
 
 
 class FixedModifiedDH(_DenavitHartenberg):
-    """Frame b by modified Denavit-Hartenberg numbers (Craig), Tx(a) Rx(alpha) Ry(beta) Rz(theta) Tz(d) from frame a.
+    """Frame b placed by modified Denavit-Hartenberg parameters (Craig), Tx(a) Rx(alpha) Ry(beta) Rz(theta) Tz(d).
 
-    A joint about or along z of b comes after it; a, alpha and Hayati's beta lead from the axis before to this one.
+    A joint about or along z of b comes after it; a, alpha and Hayati's beta lead from the previous axis to this one.
 
     >>> bench = gt.Builder("bench")
     >>> ground, load = bench.part("ground", gt.mechanics.Ground()), bench.part("load", gt.mechanics.FrameLoad())
@@ -281,7 +281,7 @@ class FixedModifiedDH(_DenavitHartenberg):
     """
 
     def equations(self):
-        turned = rotation_about(X, self.alpha) @ rotation_about(Y, self.beta)
-        displacement = self.a_x * X + self.d * (turned @ Z)
+        tilt = rotation_about(X, self.alpha) @ rotation_about(Y, self.beta)
+        displacement = self.a_x * X + self.d * (tilt @ Z)
         rotation = rotation_about(X, self.alpha) @ rotation_about(Y, self.beta) @ rotation_about(Z, self.theta)
         yield from rigid(self.a, self.b, displacement, rotation)

@@ -1,4 +1,4 @@
-"""Rods between spherical joints: rigid ones of length L, and one that is compliant along its axis."""
+"""Rods between spherical joints: rigid rods of length L, and a rod that is compliant along its axis."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from .frames import PointFrame, World
 
 
 class Rod(gt.Model):
-    """Base of all rods between two spherical joints at distance L [m], with the total mass m [kg].
+    """Base class of rods between two spherical joints at distance L [m], with the total mass m [kg].
 
     `tension` [N/m] times the vector from a to b is the internal force [N] that pulls the ends together:
-    positive in tension, negative in compression. Subclasses define how the mass is spread.
+    positive in tension, negative in compression. Subclasses define the distribution of the mass.
 
-    A rod of one's own whose mass sits at its end b. Held at a and let go level, b falls like a point mass:
+    A custom rod with its mass at the end b. Released from level with a fixed, b falls like a point mass:
 
     >>> class EndRod(gt.mechanics.Rod):
     ...     def inertial_forces(self):
@@ -54,22 +54,22 @@ class Rod(gt.Model):
         yield gt.energy(stored=-self.m * weight)
 
     def closure(self, d: Any) -> Iterator[Any]:
-        """Equations of the distance of the joints, d from a to b [m]."""
+        """Yield the closure equations; d is the vector from a to b [m]."""
         yield gt.dot(d, d) == self.L**2
 
     def inertial_forces(self) -> tuple[Any, Any]:
-        """Mass times acceleration minus weight, as shared by the two ends [N]."""
-        raise gt.ModelError("a Rod must say how its mass is spread; use MidpointRod or UniformRod")
+        """Return mass times acceleration minus weight [N], divided between the two ends."""
+        raise gt.ModelError("a Rod must define inertial_forces(); use MidpointRod or UniformRod")
 
     def kinetic_energy(self) -> Any:
-        """Kinetic energy [J] of the mass so spread."""
-        raise gt.ModelError("a Rod must say how its mass is spread; use MidpointRod or UniformRod")
+        """Return the kinetic energy [J] of the distributed mass."""
+        raise gt.ModelError("a Rod must define kinetic_energy(); use MidpointRod or UniformRod")
 
 
 class MidpointRod(Rod):
-    """A rod whose mass is a point at mid-length (Dressler 2012, eq. (6.7): m/4 and m/4).
+    """A rod with a point mass at mid-length (Dressler 2012, eq. (6.7): m/4 and m/4).
 
-    A pendulum that hangs still: `tension` times the length is the weight of the mass and of half the rod.
+    A pendulum at rest: `tension` times the length is the weight of the mass and of half the rod.
 
     >>> bench = gt.Builder("bench")
     >>> anchor = bench.part("anchor", gt.mechanics.Anchor(r=[0.0, 0.0, 2.0]))
@@ -95,8 +95,8 @@ class MidpointRod(Rod):
 class ElasticRod(MidpointRod):
     """A MidpointRod that is compliant along its axis: length = L + n/k under the pull n = tension * length [N].
 
-    k [N/m]: of the rod and the joints at its ends in series, 1/k = L/(E A) + 1/k_a + 1/k_b. It does not
-    bend, since its joints pass no moment.
+    k [N/m] is the stiffness of the rod and its end joints in series, 1/k = L/(E A) + 1/k_a + 1/k_b. It does not bend,
+    because its joints transmit no moment.
 
     A load of 1000 N along a rod of 1e7 N/m stretches it by 0.1 mm:
 
@@ -112,7 +112,7 @@ class ElasticRod(MidpointRod):
     """
 
     k = gt.parameter(unit="N/m", positive=True, description="stiffness along the rod, joints included")
-    stretch = gt.variable(unit="m", nominal=1e-4, description="distance of the joints less L")
+    stretch = gt.variable(unit="m", nominal=1e-4, description="distance between the joints minus L")
 
     def closure(self, d):
         length = self.L + self.stretch
@@ -122,9 +122,9 @@ class ElasticRod(MidpointRod):
 
 
 class UniformRod(Rod):
-    """A thin rod whose mass is spread evenly: consistent masses m/3 and m/6.
+    """A thin uniform rod: consistent masses m/3 and m/6.
 
-    Held at a and let go level, its end b falls with 3/2 g, where a MidpointRod has 2 g:
+    Released from level with a fixed, its end b falls with 3/2 g; a MidpointRod falls with 2 g:
 
     >>> bench = gt.Builder("bench")
     >>> anchor = bench.part("anchor", gt.mechanics.Anchor())

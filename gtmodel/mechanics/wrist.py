@@ -12,9 +12,9 @@ from .placements import FixedTranslation
 
 
 class WristAxis(gt.Model):
-    """One driven revolute axis with the body it turns; `tip` is parallel to the body, displaced by d.
+    """One driven revolute axis with the body that it turns; `tip` is parallel to the body, displaced by d.
 
-    One axis about y, a forearm of 0.3 m that its motor holds level:
+    Motor torque that holds a forearm of 0.3 m level, with the axis along y:
 
     >>> bench = gt.Builder("bench")
     >>> body = dict(m=2.0, c=[0.15, 0.0, 0.0], I=0.01 * np.eye(3))
@@ -31,7 +31,7 @@ class WristAxis(gt.Model):
     axis = gt.parameter(
         shape=3, unit="1", kind="direction", description="direction of the axis, coordinates of the mount"
     )
-    d = gt.parameter(shape=3, unit="m", description="from the axis to the tip, body coordinates")
+    d = gt.parameter(shape=3, unit="m", description="displacement from the axis to the tip, body coordinates")
     mount = gt.port(Frame)
     tip = gt.port(Frame)
     joint = gt.part(Revolute, axis=axis)
@@ -50,13 +50,13 @@ class WristAxis(gt.Model):
 
 
 class Wrist(gt.Model):
-    """Two-DOF serial wrist, as hung on the plates of D1 and L1 (Dressler 2012, section 2.3): angles q [rad], motor
+    """Two-DOF serial wrist, as mounted on the plates of D1 and L1 (Dressler 2012, section 2.3): angles q [rad], motor
     torques tau [N.m].
 
     The first axis is along z of the mount, the second along y of the first body. No dimensions are printed: the
     defaults are an EXAMPLE OF OURS, slender steel bodies of 0.12 m and 0.08 m.
 
-    At q = 0 the tool hangs down; 90 degrees of the second axis point it along -x of the mount.
+    At q = 0 the tool points down; with the second axis at 90 degrees it points along -x of the mount:
 
     >>> bench = gt.Builder("bench")
     >>> ground = bench.part("ground", gt.mechanics.Ground())

@@ -1,4 +1,4 @@
-"""Friction by direction on the three-link Gantry-Tau, and Table 6.3 of Dressler 2012 as declared variants."""
+"""Direction-dependent friction on the three-link Gantry-Tau, and Table 6.3 of Dressler 2012 as declared variants."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from ..mechanics import DirectionalSignFriction, DirectionalTanhFriction, SignFr
 from . import catalogue
 from .three_link import Arm, GantryTau
 
-# names of the friction laws by their smoothing: symmetric, by direction
+# friction laws of each smoothing: symmetric, direction-dependent
 LAWS = {"sign": (SignFriction, DirectionalSignFriction), "tanh": (TanhFriction, DirectionalTanhFriction)}
 
 
 class GantryTauViscousByDirection(GantryTau):
-    """Viscous friction by direction, Coulomb friction symmetric (model 4 of Table 6.3).
+    """Direction-dependent viscous friction, symmetric Coulomb friction (model 4 of Table 6.3).
 
-    `viscous` and `viscous_minus` are those at positive and at negative velocity, both positive numbers. The friction of
-    the arms must be a part by direction: arm=dict(friction=DirectionalSignFriction).
+    `viscous` applies at positive and `viscous_minus` at negative velocity; both are positive numbers. The friction part
+    of the arms must be direction-dependent: arm=dict(friction=DirectionalSignFriction).
 
     Viscous friction [kg/s] at positive and at negative velocity, one value per cart:
 
@@ -41,7 +41,7 @@ class GantryTauViscousByDirection(GantryTau):
     )
 
     def law(self, i: int) -> dict[str, Any]:
-        """Parameters of the friction of arm i."""
+        """Return the friction parameters of arm i."""
         return dict(
             coulomb=self.coulomb[i],
             coulomb_minus=self.coulomb[i],
@@ -52,9 +52,9 @@ class GantryTauViscousByDirection(GantryTau):
 
 
 class GantryTauByDirection(GantryTauViscousByDirection):
-    """Viscous and Coulomb friction by direction, as in Dressler 2012, Table 6.1; see GantryTauViscousByDirection.
+    """Direction-dependent viscous and Coulomb friction (Dressler 2012, Table 6.1); see GantryTauViscousByDirection.
 
-    Friction force of cart 1 of the L1 at 0.3 m/s both ways:
+    Friction force of cart 1 of the L1 at 0.3 m/s in both directions:
 
     >>> robot = gt.robots.inertia_variant("model_3", smoothing="tanh").robot
     >>> friction = robot.causal(known="q", targets="arm[0].friction.force")
@@ -76,10 +76,10 @@ class GantryTauByDirection(GantryTauViscousByDirection):
 
 @dataclass(frozen=True)
 class InertiaVariant:
-    """A choice of the masses and frictions to identify.
+    """A selection of masses and friction parameters to identify.
 
-    robot: the model with all other parameters fixed. free: names of the parameters to identify. description: the choice
-    in words.
+    robot: the model. free: names of the parameters to identify; all others are fixed. description: the selection in
+    words.
     """
 
     robot: GantryTau
@@ -97,14 +97,14 @@ VARIANTS = {
 
 
 def inertia_variant(name: str, geometry: str = "l1_tape", smoothing: str = "sign", **modifiers: Any) -> InertiaVariant:
-    """A model of Dressler 2012, Table 6.3, or "links", for a three-link robot.
+    """Return a model of Dressler 2012, Table 6.3, or the variant "links", for a three-link robot.
 
-    Link masses are neglected but in "links". The values of the free parameters (m_p, m_c, friction) are those of model
-    2, as nominal values. smoothing: "sign", for identification, or "tanh". modifiers: any parameter of GantryTau.
+    Link masses are neglected except in "links". The free parameters (m_p, m_c, friction) take the values of model 2 as
+    nominal values. smoothing: "sign", for identification, or "tanh". modifiers: any parameter of GantryTau.
 
-    Raises ModelError for another name or smoothing.
+    Raises ModelError for an unknown name or smoothing.
 
-    Model 4 of Table 6.3: which parameters are to be identified, and in words.
+    Model 4 of Table 6.3, with the names of its free parameters:
 
     >>> variant = gt.robots.inertia_variant("model_4")
     >>> print(variant.free, variant.description)
@@ -112,8 +112,8 @@ def inertia_variant(name: str, geometry: str = "l1_tape", smoothing: str = "sign
     """
     if name not in VARIANTS or smoothing not in LAWS:
         known = VARIANTS if name not in VARIANTS else LAWS
-        asked = name if name not in VARIANTS else smoothing
-        raise gt.ModelError(f"there is no '{asked}' here; there are {', '.join(known)}")
+        what, word = ("inertia variant", name) if name not in VARIANTS else ("smoothing", smoothing)
+        raise gt.ModelError(f"there is no {what} '{word}'; there are {', '.join(known)}")
     free, words = VARIANTS[name]
     symmetric, by_direction = LAWS[smoothing]
     cls, law, friction = GantryTau, symmetric, {}
@@ -125,12 +125,12 @@ def inertia_variant(name: str, geometry: str = "l1_tape", smoothing: str = "sign
     elif name == "model_4":
         cls, law = GantryTauViscousByDirection, by_direction
         friction = {k: table[k] for k in ("viscous", "viscous_minus")}
-    given = catalogue.gantry_tau(geometry, inertia="model_2")._modifiers
-    return InertiaVariant(cls(**{**given, **friction, "arm": dict(friction=law), **modifiers}), free, words)
+    nominal = catalogue.gantry_tau(geometry, inertia="model_2")._modifiers
+    return InertiaVariant(cls(**{**nominal, **friction, "arm": dict(friction=law), **modifiers}), free, words)
 
 
 def friction_by_direction() -> dict[str, np.ndarray]:
-    """Coulomb [N] and viscous [kg/s] friction of the L1 carts by direction (Dressler 2012, Table 6.1).
+    """Return Coulomb [N] and viscous [kg/s] friction of the L1 carts for each direction (Dressler 2012, Table 6.1).
 
     One value per cart:
 
@@ -145,10 +145,10 @@ def friction_by_direction() -> dict[str, np.ndarray]:
 
 
 def actuator_closed_loop() -> dict[str, Any]:
-    """The position-controlled L1 carts as first-order lags (Dressler 2012, eq. (6.11)).
+    """Return the position-controlled L1 carts as first-order lags (Dressler 2012, eq. (6.11)).
 
-    b and a (3,) are the coefficients of b z^-delay / (1 - a z^-1) of each cart, from reference to position; delay
-    [samples], sample_time [s].
+    b and a (3,) are the coefficients of each cart's transfer function b z^-delay / (1 - a z^-1) from reference to
+    position; delay [samples], sample_time [s].
 
     A first-order lag per cart, with a delay of five samples of 4 ms:
 

@@ -1,4 +1,4 @@
-"""The catalogue: robots made from the printed parameter sets by name."""
+"""The catalogue: robots by name, built from the printed parameters."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ SMOOTHINGS = {
     "sign": SignFriction,
     "stiction": StictionFriction,
 }
-VELOCITY_SCALE = 0.1  # of friction [m/s]
+VELOCITY_SCALE = 0.1  # friction smoothing [m/s]
 
 
 def dynamics_table() -> dict[str, Any]:
-    """The printed figures of dynamics and friction of the L1 (Dressler 2012, chapters 3, 6 and 7)."""
+    """Return the printed dynamics and friction of the L1 (Dressler 2012, chapters 3, 6 and 7)."""
     return printed("gantry_tau_dynamics.toml")
 
 
 def _sets() -> dict[str, dict[str, Any]]:
-    """Three-link sets by name."""
+    """Return the three-link geometries by name."""
     return {name: table for name, table in geometries().items() if family_in(table) == "three_link"}
 
 
 def _inertias() -> dict[str, dict[str, Any]]:
-    """Identified inertia models whose friction is symmetric and printed in full."""
+    """Return the identified inertia models whose friction is symmetric and printed in full."""
     table = dynamics_table()["inertia"]
     return {k: v for k, v in table.items() if "*" not in (v["coulomb_N"], v["viscous_kg_s"])}
 
 
 def inertia_names() -> list[str]:
-    """Names of the identified inertia and friction models (Dressler 2012, Table 6.3).
+    """Return the names of the identified inertia and friction models (Dressler 2012, Table 6.3).
 
     >>> gt.robots.inertia_names()
     ['model_1', 'model_2']
@@ -49,13 +49,11 @@ def inertia_names() -> list[str]:
 
 
 def make(name: str, **options: Any) -> Model:
-    """A robot of the catalogue with its own defaults.
+    """Return a robot of the catalogue, of any family, with the defaults of its family.
 
     options: parameters of the model, and payload [kg], smoothing, velocity_scale [m/s] and, for three links, inertia as
-    for `gantry_tau`. Raises ModelError for an unknown name, a payload below 0, and for options that the family does not
+    in `gantry_tau`. Raises ModelError for an unknown name, a payload below 0, and options that the family does not
     take.
-
-    Any robot of `names`, of whatever family; what a family does not take is refused:
 
     >>> robot = gt.robots.make("f1", payload=2.0)
     >>> print(type(robot).__name__, robot.m_p)
@@ -78,9 +76,9 @@ def family_member(
     payload: float = 0.0,
     **modifiers: Any,
 ) -> Model:
-    """A robot of a family: the named one, or any of it where `modifiers` give the whole geometry."""
+    """Return the named robot of a family; without a name, `modifiers` must give the whole geometry."""
     if family == "serial" and name is None:
-        from .serial.dh import serial_arm  # here, as below: a robot needs no other family
+        from .serial.dh import serial_arm  # imported here, as below: one robot does not need the other families
 
         if inertia is not None:
             raise ModelError(
@@ -90,7 +88,7 @@ def family_member(
     if family == "serial":
         if inertia is not None or payload or smoothing != "tanh" or velocity_scale != VELOCITY_SCALE:
             raise ModelError(
-                "masses and friction of 'kr500' are not printed; leave inertia, payload and friction smoothing out"
+                "masses and friction of 'kr500' are not printed; leave out inertia, payload and friction smoothing"
             )
         from .kuka import kr500
 
@@ -108,8 +106,8 @@ def family_member(
     maker, default, example = _maker(family)
     if inertia is not None:
         raise ModelError(
-            f"inertia model '{inertia}' applies to three-link robots only; '{name or default}' has masses of its own "
-            f"as parameters, {', '.join(k for k in example if k.startswith(('m_', 'I_', 'J')))}"
+            f"inertia model '{inertia}' applies to three-link robots only; give the masses of '{name or default}' as "
+            f"parameters: {', '.join(k for k in example if k.startswith(('m_', 'I_', 'J')))}"
         )
     friction = _pick(smoothing, SMOOTHINGS, "friction smoothing")
     cart = _with_parts({"friction": friction}, modifiers.pop("cart", {}))
@@ -118,11 +116,11 @@ def family_member(
 
 
 def _maker(family: str) -> tuple[Callable[..., Model], str, dict[str, Any]]:
-    """What makes a robot of six links, with a member whose geometry is replaced, and the example masses."""
+    """Return the factory of a family with six links, its default robot, and the example masses."""
     if family == "f1":
-        from .f1 import EXAMPLE as OF_F1, f1_gantry_tau
+        from .f1 import EXAMPLE as F1_EXAMPLE, f1_gantry_tau
 
-        return f1_gantry_tau, "f1", OF_F1
+        return f1_gantry_tau, "f1", F1_EXAMPLE
     from .six_link import EXAMPLE, six_link_gantry_tau
 
     return six_link_gantry_tau, "d1_six_link", EXAMPLE
@@ -137,25 +135,25 @@ def gantry_tau(
     rod: Any = None,
     **modifiers: Any,
 ) -> GantryTau:
-    """A three-link Gantry-Tau from a printed geometry and an identified inertia model.
+    """Return a three-link Gantry-Tau with a printed geometry and an identified inertia model.
 
-    No masses of D1 are printed: where `inertia` is left out, d1_nominal takes an EXAMPLE OF OURS, that of the six-link
-    D1 with its links gathered by arms.
+    No masses of D1 are printed: without `inertia`, d1_nominal takes an EXAMPLE OF OURS, the masses of the six-link D1
+    with the link masses of each arm added up.
 
     Args:
         name: geometry, e.g. "l1_tape" (Dressler 2012, Table 5.7).
         inertia: masses [kg] and symmetric friction (Table 6.3): "model_1" or "model_2", the default of the L1 sets;
             links are massless.
-        smoothing: "tanh" or "piecewise_linear" friction; "sign" for identification only; "stiction", which sticks, for
-            simulation only.
-        velocity_scale: velocity of the smoothing [m/s].
-        payload: mass added to the plate [kg], to an m_p among the modifiers too.
-        rod: a Rod class in place of MidpointRod.
+        smoothing: "tanh" or "piecewise_linear" friction; "sign" for identification only; "stiction", friction that
+            sticks, for simulation only.
+        velocity_scale: velocity over which friction is smoothed [m/s].
+        payload: mass added to the plate [kg], also to an m_p among the modifiers.
+        rod: a Rod class instead of MidpointRod.
         modifiers: any parameter of GantryTau, e.g. m_a=[...].
 
-    Raises ModelError for an unknown name, with close matches, and a payload below 0.
+    Raises ModelError for an unknown name, with close matches, and for a payload below 0.
 
-    Forward kinematics of the L1, carts to tool centre point [m]; many rows at once have a status each:
+    Forward kinematics of the L1, carts to tool centre point [m]; each row has its own status:
 
     >>> robot = gt.robots.gantry_tau("l1_tape", payload=5.0)
     >>> fk = robot.causal(known="q", targets="T")
@@ -183,18 +181,18 @@ def gantry_tau(
 
 
 def _loaded(m_p: Any, payload: float) -> Any:
-    """A plate mass [kg] with the payload on it. Raises ModelError for a payload below 0."""
+    """Return the plate mass [kg] with the payload. Raises ModelError for a payload below 0."""
     if payload < 0:
         raise ModelError(f"a payload is a mass of 0 kg or more; found {payload:g} kg")
     try:
         return m_p + payload if payload else m_p
     except TypeError:
-        return m_p  # no number: what the parameter's declaration refuses
+        return m_p  # not a number: the parameter's declaration refuses it
 
 
-def _with_parts(parts: dict[str, Any], given: Any) -> Any:
-    """Parts of every arm or cart with a user's own, such as dict(guideway=...), for all or in a list of one each."""
-    return [parts | one for one in given] if isinstance(given, (list, tuple)) else parts | given
+def _with_parts(parts: dict[str, Any], modifiers: Any) -> Any:
+    """Return the parts of every arm or cart, updated by the user's modifiers: one dict for all, or a list."""
+    return [parts | m for m in modifiers] if isinstance(modifiers, (list, tuple)) else parts | modifiers
 
 
 def _masses(geometry: dict[str, Any], inertia: str | None) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What the catalogue holds, by name, read from the printed tables alone; no robot is made."""
+"""Entries of the catalogue by name, read from the printed tables without building a robot."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 
 @cache
 def printed(name: str) -> dict[str, Any]:
-    """A file of `data`, such as "gantry_tau.toml"; read once, so leave it as it is."""
+    """Return a file of `data`, such as "gantry_tau.toml". It is cached: do not modify it."""
     return tomllib.loads(files("gtmodel.robots").joinpath("data", name).read_text(encoding="utf-8"))
 
 
 KR500_SOURCE = "maker's data sheet; Cvitanic 2021, Tables 1 and 2, Fig. 42"
 NO_MASSES = "none printed"
-# of masses and friction
+# sources of masses and friction
 EXAMPLE_MASSES = "an example of ours"
 IDENTIFIED_MASSES = "Dressler 2012, Table 6.3"
 
@@ -39,14 +39,14 @@ def geometries() -> dict[str, dict[str, Any]]:
 
 
 def family_in(table: dict[str, Any]) -> str:
-    """The family that a printed geometry is of."""
+    """Return the family of a printed geometry."""
     if table["prototype"] == "F1":
         return "f1"
     return "six_link" if "B_m" in table else "three_link"
 
 
 def entries() -> dict[str, CatalogueEntry]:
-    """The robots of the catalogue by name: family, degrees of freedom, source of the geometry, origin of the masses.
+    """Return the robots of the catalogue by name: family, degrees of freedom, source of the geometry and the masses.
 
     >>> for name, entry in gt.robots.entries().items():
     ...     print(f"{name:16s} {entry.family:11s} {entry.degrees_of_freedom}")
@@ -71,7 +71,7 @@ def entries() -> dict[str, CatalogueEntry]:
 
 
 def names() -> dict[str, str]:
-    """Names of the robots of the catalogue, with the source of the geometry of each.
+    """Return the names of the robots of the catalogue, each with the source of its geometry.
 
     >>> gt.robots.names()["l1_tape"]
     'Dressler 2012, Table 5.7 manually measured'

@@ -1,5 +1,5 @@
-"""The F1 Gantry-Tau: three carts and three rotary axes move the plate in all six degrees of freedom; with the ball
-screws that drive its axes, too."""
+"""The F1 Gantry-Tau: three carts and three rotary axes move the plate in six degrees of freedom; also with ball
+screws that drive the axes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .f1_geometry import F1FiveDof, F1Rotation, TiltingPlate, TurningPlate
 
 
 class RotaryAxis(gt.Model):
-    """A driven rotary axis: motor with its inertia, that of what it turns included, and friction."""
+    """A driven rotary axis with friction; the motor's inertia includes that of the parts it turns."""
 
     shaft = gt.port(Shaft)
     motor = gt.part(TorqueMotor)
@@ -32,16 +32,16 @@ class F1(gt.Model):
     """Gantry-Tau with rotating joint plates on carts 2 and 3: axes q (6), plate pose T [m] and e, motors tau (6).
 
     q[0:3] are the carts [m], q[3:6] the rotary axes q4, q5, q6 [rad]; tau[0:3] are cart forces [N], tau[3:6] torques
-    [N.m]. Dressler 2012, eqs. (4.16)-(4.24) and (4.34): link (i, j) closes |T + R B_ij - A_ij(q)| = L_ij, rows of A, B
-    and L in the order 1, 2a, 2b, 3a, 3b, 3c. Quaternions u are raw: their lengths scale what they turn. The plate's
-    R = R(e) with e of length 1, scalar first. z is vertical, along the guideways, and v is upwards: the plate hangs
-    below the carts (branch `below` of link 1, which selects the root of the one closed form of the inverse kinematics).
-    Forward kinematics and arms 2 and 3 of the inverse are Newton blocks that continue the home pose; where an arm has
-    several inverse solutions, that is the one on the straight line from there, or the one near a guess.
-    e and -e are one attitude with one answer. Forward kinematics may reach another assembly mode than a pose that was
-    commanded, with status OK.
+    [N.m]. Dressler 2012, eqs. (4.16)-(4.24) and (4.34): the closure equation of link (i, j) is
+    |T + R B_ij - A_ij(q)| = L_ij; the rows of A, B and L are in the order 1, 2a, 2b, 3a, 3b, 3c. The quaternions u are
+    raw: their lengths scale the vectors they rotate. The plate's R = R(e), e of length 1, scalar first. z is vertical,
+    along the guideways, and v points upwards: the plate hangs below the carts. Branch `below` of link 1 selects the
+    root of arm 1, whose inverse kinematics is in closed form. Forward kinematics and arms 2 and 3 of the inverse are
+    Newton blocks that continue from the home pose. If an arm has several inverse solutions, the result is the one on
+    the straight line from home, or the one near a guess. e and -e are the same attitude and give the same result.
+    Forward kinematics may end in another assembly mode than that of a commanded pose, with status OK.
 
-    The axes for the home pose moved down by 0.1 m; carts move along z:
+    Change of the axes when the plate moves down from home by 0.1 m; the carts move along z:
 
     >>> robot = gt.robots.f1_gantry_tau()
     >>> ik = robot.causal(known=["T", "e"], targets="q")
@@ -51,7 +51,7 @@ class F1(gt.Model):
     """
 
     A0 = gt.parameter(shape=(3, 3), unit="m", description="reference points of the carts at q = 0")
-    v = gt.parameter(shape=(3, 3), unit="1", kind="direction", description="their motion per q, not normalised")
+    v = gt.parameter(shape=(3, 3), unit="1", kind="direction", description="cart motion per q, not normalised")
     L = gt.parameter(shape=6, unit="m", positive=True, description="link lengths")
     A = gt.parameter(shape=(6, 3), unit="m", description="cart joints in the frames of their joint plates")
     B = gt.parameter(shape=(6, 3), unit="m", description="plate joints from T, plate coordinates")
@@ -75,7 +75,7 @@ class F1(gt.Model):
     velocity_scale = gt.parameter(0.1, unit="m/s", positive=True, description="friction smoothing")
     home = gt.parameter([0.0, 0.0, 0.0], unit="m", description="a reachable T")
     home_e = gt.parameter(
-        [1.0, 0.0, 0.0, 0.0], unit="1", kind="unit", description="the quaternion there, with q4 = q5 = q6 = 0"
+        [1.0, 0.0, 0.0, 0.0], unit="1", kind="unit", description="plate quaternion at home, with q4 = q5 = q6 = 0"
     )
     q = gt.variable(6, start=lambda self: _home_q(self), description="carts q1..q3 [m], rotary axes q4..q6 [rad]")
     T = gt.variable(3, unit="m", start=home, prefer=1, description="tool centre point, origin of the plate frame")
@@ -120,15 +120,15 @@ LINK_ENDS = [f"link[{k}].{end}.r" for k in range(6) for end in "ab"]
 
 
 def link_guideways(robot: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Of each link: its cart's reference point (6, 3) [m] and motion per q (6, 3), its length (6,) [m], and its plate
-    joint (6, 3) [m], plate coordinates."""
+    """Return for each link its cart's reference point (6, 3) [m] and motion per q (6, 3), its length (6,) [m], and its
+    plate joint (6, 3) [m] in plate coordinates."""
     rows = [arm for arm, links in enumerate(links.ROWS) for _ in links]
     A0, v, L, B = (np.array(getattr(robot, name), float) for name in ("A0", "v", "L", "B"))
     return A0[rows], v[rows], L, B
 
 
 def _home_q(robot: Any) -> Any:
-    """Carts above the plate at the home pose by the first link of each arm, rotary axes at 0."""
+    """Return q at the home pose: carts above the plate from the first link of each arm, rotary axes at 0."""
     R = quaternion_matrix(robot.home_e)
     R12, R13, R23 = (quaternion_matrix(u) for u in (robot.u1_2, robot.u1_3, robot.u2_3))
     joints = [robot.A0[0], robot.A0[1] + R12 @ robot.A[1], robot.A0[2] + R13 @ (robot.r3 + R23 @ robot.A[3])]
@@ -139,7 +139,7 @@ def _home_q(robot: Any) -> Any:
     return gt.vector([*carts, 0.0, 0.0, 0.0])
 
 
-# No masses of the F1 are printed: an EXAMPLE OF OURS, of the size of the identified L1 (Dressler 2012, Table 6.3).
+# No masses of the F1 are printed. EXAMPLE OF OURS, similar to the identified L1 (Dressler 2012, Table 6.3).
 EXAMPLE = dict(
     m_p=12.0,
     I_p=np.diag([0.25, 0.25, 0.3]),
@@ -153,7 +153,7 @@ HOME = (-0.2, 2.3, 0.0)  # about the middle of the workspace, q = (0.72, 0.26, 0
 
 
 def _geometry(name: str, parallel: bool) -> dict[str, Any]:
-    """Geometry of a printed F1, or the parallel one near it, as parameters of F1, metres. Raises ModelError."""
+    """Return the geometry of a printed F1, or the parallel one near it, as parameters of F1 in metres."""
     if name != "f1":
         raise gt.ModelError(f"there is no F1 robot '{name}'; there is f1")
     geometry = f1_geometry.of_table(printed("gantry_tau.toml")[name])
@@ -161,18 +161,18 @@ def _geometry(name: str, parallel: bool) -> dict[str, Any]:
 
 
 def f1_gantry_tau(name: str = "f1", parallel: bool = False, **modifiers: Any) -> F1:
-    """The F1 (Dressler 2012, Table 5.5) with its raw quaternions; masses, inertias and friction are an example of ours.
+    """Return the F1 (Dressler 2012, Table 5.5) with raw quaternions; masses, inertias, friction: an example of ours.
 
-    Repaired: the fourth component of 1u_2, printed as +0.7467, is -0.7467; as printed, link clusters miss being
-    parallel by 151 mm instead of 8 mm. `v` is printed only as 0.99, along z.
+    Repaired: the fourth component of 1u_2, printed as +0.7467, is -0.7467 here. As printed, the link clusters are
+    151 mm away from parallel instead of 8 mm. `v` is printed only as 0.99, along z.
 
     Args:
-        parallel: a geometry of ours near the printed one, whose clusters are exact parallelograms where q4 = -q5.
+        parallel: use a geometry of ours near the printed one, whose clusters are exact parallelograms if q4 = -q5.
         modifiers: any parameter of F1.
 
-    Raises ModelError for another name.
+    Raises ModelError for an unknown name.
 
-    Link lengths [m] as printed and of the parallel geometry:
+    Link lengths [m], printed and of the parallel geometry:
 
     >>> print(gt.robots.f1_gantry_tau().L.round(4))
     [1.9226 1.5019 1.5043 1.502  1.5012 1.5052]
@@ -185,9 +185,9 @@ def f1_gantry_tau(name: str = "f1", parallel: bool = False, **modifiers: Any) ->
 
 
 def f1_five_dof(name: str = "f1", parallel: bool = False, **modifiers: Any) -> F1FiveDof:
-    """Closed-form kinematics of the F1 with q4 = -q5; arguments as for `f1_gantry_tau`, modifiers of F1FiveDof.
+    """Return the closed-form kinematics of the F1 with q4 = -q5.
 
-    Axes to position, and back:
+    Arguments as for `f1_gantry_tau`; modifiers: any parameter of F1FiveDof. From axes to position and back:
 
     >>> robot = gt.robots.f1_five_dof(parallel=True)
     >>> T, status = robot.causal(known="q", targets="T")([0.72, 0.26, 0.21, 0.1, 0.0])
@@ -199,9 +199,9 @@ def f1_five_dof(name: str = "f1", parallel: bool = False, **modifiers: Any) -> F
 
 
 def f1_rotation(name: str = "f1", parallel: bool = False) -> F1Rotation:
-    """Rotary axes of the 5-DOF F1 from the plate's orientation; arguments as for `f1_gantry_tau`.
+    """Return the model of the rotary axes of the 5-DOF F1; arguments as for `f1_gantry_tau`.
 
-    The angles that gave an orientation:
+    Angles to orientation and back:
 
     >>> five, rotation = gt.robots.f1_five_dof(), gt.robots.f1_rotation()
     >>> R, status = five.causal(known=["T", "angles"], targets="R")([0.2, -0.1])
@@ -216,12 +216,12 @@ def f1_rotation(name: str = "f1", parallel: bool = False) -> F1Rotation:
 
 
 class F1BallScrews(F1):
-    """An F1 whose actuators are all in metres: s (6) [m], the carts q1..q3 and the travels of three ball screws.
+    """An F1 with all actuator coordinates in metres: s (6) [m], the carts q1..q3 and the travels of three ball screws.
 
-    The screws turn q4, q5, q6 (Dressler 2012, section 5.4, which prints neither relation nor dimensions: those of
-    BallScrew are an EXAMPLE OF OURS). Motors of the rotary axes stay where F1 has them.
+    The screws turn q4, q5, q6. Dressler 2012, section 5.4, prints neither their equations nor their dimensions: those
+    of BallScrew are an EXAMPLE OF OURS. The motors stay on the rotary axes, as in F1.
 
-    `f1_ball_screws` makes that of the catalogue. 4 mm of the first screw turn q4 [degrees]; another lever:
+    `f1_ball_screws` builds it from the catalogue. Rotary axes [degrees] for 4 mm of the first screw, with two levers:
 
     >>> known = ([0.7, 0.26, 0.2, 0.004, 0.0, 0.0],)
     >>> for robot in gt.robots.f1_ball_screws(), gt.robots.f1_ball_screws(screw=dict(b=0.2)):
@@ -244,9 +244,9 @@ class F1BallScrews(F1):
 
 
 def f1_ball_screws(name: str = "f1", parallel: bool = False, **modifiers: Any) -> F1BallScrews:
-    """The F1 on ball screws; arguments as for `f1_gantry_tau`, modifiers of F1BallScrews.
+    """Return the F1 with ball screws; arguments as for `f1_gantry_tau`, modifiers of F1BallScrews.
 
-    Dimensions of the screws are an example of ours (see BallScrew). Raises ModelError for another name.
+    The dimensions of the screws are an example of ours (see BallScrew). Raises ModelError for an unknown name.
 
     Carts and travels of the screws [m] for the home pose:
 

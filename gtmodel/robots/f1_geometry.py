@@ -1,5 +1,4 @@
-"""Numbers of an F1 worked out of its table, plates that carry spherical joints and turn, and its closed form for q4 =
--q5."""
+"""Parameters of an F1 from its printed table, its rotating joint plates, and closed-form kinematics for q4 = -q5."""
 
 from __future__ import annotations
 
@@ -19,9 +18,9 @@ X, Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 class TurningPlate(gt.Model):
     """Joints of arm 2 of the F1 (Dressler 2012, eqs. (4.17), (4.21), (4.22)): two points that turn about y of S_2.
 
-    point_j = mount + R(u) Ry(angle) A_j, all in world coordinates. u is a quaternion, scalar first, as calibrated: its
-    length is not one and scales A_j by |u|^2; it must not be normalised. The angle [rad] is that of `shaft`, by the
-    right-hand rule about the second column of R(u). Massless: an inertia may hang on the shaft.
+    point_j = mount + R(u) Ry(angle) A_j, in world coordinates. u is the calibrated quaternion, scalar first: its length
+    is not 1 and scales A_j by |u|^2, so it must not be normalised. The angle [rad] is that of `shaft`, right-handed
+    about the second column of R(u). The plate is massless; an inertia may be connected to the shaft.
     """
 
     u = gt.parameter(shape=4, unit="1", kind="direction", description="quaternion of S_2, scalar first, raw")
@@ -46,8 +45,8 @@ class TurningPlate(gt.Model):
 class TiltingPlate(gt.Model):
     """Joints of arm 3 of the F1 (Dressler 2012, eqs. (4.18), (4.23), (4.24)): three points that turn about two axes.
 
-    point_j = mount + R(u1) Ry(angle_1) (r + R(u2) Rx(angle_2) A_j). Angles [rad] are those of shaft[0] and shaft[1],
-    quaternions raw as for TurningPlate.
+    point_j = mount + R(u1) Ry(angle_1) (r + R(u2) Rx(angle_2) A_j). The angles [rad] are those of shaft[0] and
+    shaft[1]; the quaternions are raw, as in TurningPlate.
     """
 
     u1 = gt.parameter(shape=4, unit="1", kind="direction", description="quaternion of 1S_3, scalar first, raw")
@@ -77,16 +76,16 @@ class TiltingPlate(gt.Model):
 class F1FiveDof(gt.Model):
     """Implicit 5-DOF kinematics of the F1 (Dressler 2012, eqs. (4.25), (4.26)): axes q (5), T [m], R and angles (2).
 
-    q is q1, q2, q3 [m], q4 (= -q5) and q6 [rad]; angles is (q4, q6): the plate's turns about its own y and z, which no
-    position changes. Each cluster is one link: rows of A, B and L are the means over the links of an arm, A in the
-    frames of the joint plates as in F1. R = R(u1_3) Ry(q5) R(u2_3) Rx(q6) R(e_c), each divided by the squared length
-    of its quaternion, so that R is a rotation; e is a unit quaternion of it. Exact where clusters are parallelograms
-    (`f1_geometry.parallel`). On the printed set it is a start value for the 6-DOF Newton: up to 15 mm and 4 degrees off
-    for angles of 17 degrees (eq. (4.32)) where q4 = -q5, up to 12 cm where these differ by 30 degrees. Branches as for
-    three links: `arm_below[i]`, the plate joint below cart i, and `plate_below`, the plate below the plane through the
-    three virtual cart joints.
+    q is q1, q2, q3 [m], q4 (= -q5) and q6 [rad]. angles is (q4, q6): rotations of the plate about its own y and z,
+    independent of its position. Each cluster is one link: the rows of A, B and L are means over the links of an arm,
+    with A in the frames of the joint plates as in F1. R = R(u1_3) Ry(q5) R(u2_3) Rx(q6) R(e_c), each factor divided by
+    the squared length of its quaternion, so that R is a rotation; e is its unit quaternion. The model is exact if the
+    clusters are parallelograms (`f1_geometry.parallel`). On the printed geometry it gives start values for the 6-DOF
+    Newton iteration: up to 15 mm and 4 degrees off at angles of 17 degrees (eq. (4.32)) if q4 = -q5, and up to 12 cm if
+    q4 and -q5 differ by 30 degrees. Branches as for three links: `arm_below[i]`, the plate joint is below cart i;
+    `plate_below`, the plate is below the plane through the three virtual cart joints.
 
-    Known q4 and q6, the carts follow in closed form; q is q1, q2, q3 [m], q4, q6 [rad]:
+    The carts follow in closed form from T, q4 and q6; q is q1, q2, q3 [m], q4, q6 [rad]:
 
     >>> robot = gt.robots.f1_five_dof()
     >>> q, status = robot.causal(known=["T", "angles"], targets="q")(robot.home, [0.1, -0.05])
@@ -142,11 +141,11 @@ class F1FiveDof(gt.Model):
 class F1Rotation(gt.Model):
     """Rotary axes of the 5-DOF F1 from the plate's orientation (Dressler 2012, f_ik,rot of eq. (4.25)).
 
-    Known R (3, 3), a rotation; angles (q4, q6) [rad] follow by two arc tangents. `twist` [1] is 0 for an R that
-    q4 = -q5 reaches, and otherwise measures how far R is from that: of the unit vector along the axis of q6, the y
-    component in 1S_3, which q4 cannot change, minus that of the given R.
+    For a known rotation R (3, 3), two arc tangents give the angles (q4, q6) [rad]. `twist` [1] is 0 if q4 = -q5 and q6
+    can reach R. Otherwise it measures the distance: the y component, in 1S_3, of the unit vector along the axis of q6,
+    which q4 cannot change, minus the same component for R.
 
-    The plate turned from its home by 0.1 rad about the world's z, which q4 = -q5 and q6 cannot do:
+    The plate rotated from its home by 0.1 rad about the world's z, which q4 = -q5 and q6 cannot reach:
 
     >>> rotation = gt.robots.f1_rotation()
     >>> c, s = np.cos(0.1), np.sin(0.1)
@@ -164,18 +163,19 @@ class F1Rotation(gt.Model):
     home_R = gt.parameter(np.eye(3), unit="1", kind="rotation", description="the plate's R at q4 = q6 = 0")
     R = gt.variable((3, 3), unit="1", start=home_R, description="rotation from plate to world coordinates")
     angles = gt.variable(2, unit="rad", start=[0.0, 0.0], description="q4 and q6")
-    twist = gt.variable(unit="1", description="how far R is out of reach")
+    twist = gt.variable(unit="1", description="how far R is from the reachable rotations")
 
     def equations(self):
         R13, R23, C = (quaternion_matrix(u) / gt.dot(u, u) for u in (self.u1_3, self.u2_3, self.e_c))
         axis = _column(R23)  # of q6, in 1S_3 at q4 = 0
         M = (_transposed(R13) @ self.R) @ _transposed(C)
-        now = _column(M)
-        # Ry(-q4) takes axis to now: angles in the plane of z and x
-        yield self.angles[0] == gt.atan2(axis[0] * now[2] - axis[2] * now[0], axis[0] * now[0] + axis[2] * now[2])
+        turned = _column(M)  # by Ry(-q4); the angle is taken in the plane of z and x
+        yield self.angles[0] == gt.atan2(
+            axis[0] * turned[2] - axis[2] * turned[0], axis[0] * turned[0] + axis[2] * turned[2]
+        )
         inner = _transposed(R23) @ (_transposed(rotation_about(Y, -self.angles[0])) @ M)
         yield self.angles[1] == gt.atan2(inner[2, 1] - inner[1, 2], inner[1, 1] + inner[2, 2])
-        yield self.twist == axis[1] - now[1]
+        yield self.twist == axis[1] - turned[1]
 
 
 def _transposed(M):
@@ -192,7 +192,7 @@ QUATERNIONS = ("u1_2", "u1_3", "u2_3")
 
 
 def of_table(table: Table) -> Table:
-    """A0, v, L, A, B, u1_2, u1_3, u2_3 (raw) and r3 in metres from a table in millimetres."""
+    """Return A0, v, L, A, B, u1_2, u1_3, u2_3 (raw) and r3 in metres from a table in millimetres."""
     v = np.array(table["v"], dtype=float)
     lengths = {n: np.array(table[key], dtype=float) / 1e3 for n, key in
                (("A0", "A0_mm"), ("L", "L_mm"), ("A", "A_bj_mm"), ("B", "B0_mm"), ("r3", "r3_mm"))}  # fmt: skip
@@ -201,14 +201,14 @@ def of_table(table: Table) -> Table:
 
 
 def home_rotation(f1: Table) -> tuple[Array, float]:
-    """R (3, 3) of the plate with q4 = q5 = q6 = 0 at which clusters are nearest to parallel, and the misfit [m]."""
+    """Return the plate's R (3, 3) at q4 = q5 = q6 = 0 that makes clusters closest to parallel, and the misfit [m]."""
     R12, R13, R23 = _rotations(f1, raw=True)
     turned = np.vstack([f1["A"][:1], f1["A"][1:3] @ R12.T, f1["A"][3:] @ (R13 @ R23).T])
     return links.orientation(turned, f1["B"])
 
 
 def home(f1: Table) -> Array:
-    """A T [m] that is reachable on most machines: 0.7 of the links' length below the virtual cart joints at q = 0."""
+    """Return a T [m] that most machines reach: 0.7 link lengths below the virtual cart joints at q = 0."""
     R12, R13, R23 = _rotations(f1, raw=True)
     R, _ = home_rotation(f1)
     joints = [f1["A"][0], R12 @ f1["A"][1:3].mean(axis=0), R13 @ (f1["r3"] + R23 @ f1["A"][3:].mean(axis=0))]
@@ -219,7 +219,7 @@ def home(f1: Table) -> Array:
 
 
 def five_dof(f1: Table) -> Table:
-    """Parameters of F1FiveDof without `home`: means over the clusters, and e_c from the fit at home."""
+    """Return the parameters of F1FiveDof without `home`: means over the clusters, and e_c from the fit at home."""
     _, R13, R23 = _rotations(f1)
     e_c = quaternion_of((R13 @ R23).T @ home_rotation(f1)[0], positive="largest")
     means = {k: np.array([f1[k][rows].mean(axis=0) for rows in links.ROWS]) for k in ("A", "B", "L")}
@@ -227,10 +227,10 @@ def five_dof(f1: Table) -> Table:
 
 
 def parallel(f1: Table) -> Table:
-    """A set of ours near `f1` whose clusters are exact parallelograms wherever q4 = -q5.
+    """Return a modified geometry (ours) near `f1` whose clusters are exact parallelograms whenever q4 = -q5.
 
-    Links of a cluster are made equally long, the axis of q4 antiparallel to that of q5, the links of arm 2 spread along
-    the axis of q6, and the plate joints of a cluster copy its cart joints. Means over clusters stay.
+    The links of a cluster get equal lengths, the axis of q4 becomes antiparallel to that of q5, the links of arm 2 are
+    spread along the axis of q6, and the plate joints of a cluster copy its cart joints. Means over clusters are kept.
     """
     R12, R13, R23 = _rotations(f1)
     C = (R13 @ R23).T @ home_rotation(f1)[0]

@@ -1,4 +1,4 @@
-"""The inverse robot model with its filters: an input-output block from cart references to motor forces."""
+"""The inverse robot model with reference filters: an input-output block from cart references to motor forces."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from .three_link import GantryTau
 
 
 class LowPass(gt.Model):
-    """Three equal first-order lags in a row: y follows u with unit gain and can be differentiated three times.
+    """Three equal first-order lags in series: y follows u with unit gain and can be differentiated three times.
 
-    An inverse model needs the acceleration of its reference; behind this filter it is a function of the
-    filter's states, and u needs no derivative (Dressler 2012, Fig. 3.2).
+    An inverse model needs the acceleration of its reference. With this filter it is a function of the filter's states,
+    and u needs no derivative (Dressler 2012, Fig. 3.2).
     """
 
     bandwidth = gt.parameter(100.0, unit="1/s", positive=True, description="corner frequency of each lag [rad/s]")
-    u = gt.variable(unit="m", description="what is to be followed")
-    y = gt.variable(unit="m", description="what follows")
+    u = gt.variable(unit="m", description="filter input")
+    y = gt.variable(unit="m", description="filter output")
     x = gt.variable(3, unit="m", prefer=10, description="outputs of the lags")
 
     def equations(self):

@@ -1,4 +1,4 @@
-"""The KUKA KR 500-3 (R2830), six revolute joints in a row, and its printed oscillators (Cvitanic 2021, Table 16)."""
+"""The KUKA KR 500-3 (R2830), an arm with six revolute joints, and its printed oscillators (Cvitanic 2021, Table 16)."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from ..mechanics import Fixed, FixedTranslation, Frame, FrameLoad, Ground, Revol
 from .entries import printed
 
 FLANGE = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # Ry(90 deg)
-WRIST = 3  # axes from this one on meet in the wrist centre
+WRIST = 3  # index of the first axis through the wrist centre
 
 
 class ArmAxis(gt.Model):
-    """One revolute axis, displaced by o from the frame before; both frames are parallel at angle 0. Massless."""
+    """One massless revolute axis at o from the previous frame; both frames are parallel at angle 0."""
 
-    o = gt.parameter(shape=3, unit="m", description="origin of the axis, coordinates of the frame before")
+    o = gt.parameter(shape=3, unit="m", description="origin of the axis, coordinates of the previous frame")
     axis = gt.parameter(shape=3, unit="1", kind="direction", description="direction of the axis")
     before = gt.port(Frame)
     after = gt.port(Frame)
@@ -34,16 +34,16 @@ class ArmAxis(gt.Model):
 
 
 class SphericalWristArm(gt.Model):
-    """Six revolute axes whose last three meet: angles q (6) [rad] as the controller shows them.
+    """Six revolute axes with a spherical wrist: angles q (6) [rad] as the controller shows them.
 
-    T [m] and R are origin and orientation of the flange (its z axis points out of it), v [m/s] and w [rad/s] their
-    rates, W [m] the wrist centre with its velocity v_W. The flange carries `load.force` [N] and `load.torque` [N.m],
-    world coordinates; `tau` [N.m] are the motor torques that hold it, tau = -J'F, where F is the load at
-    the flange (compliant joints deflect under its opposite, +J'F). Links are
-    massless: no masses are printed. `known="q"` with targets v and w at der(q) gives the geometric Jacobian. All
-    branches of the inverse: `kinematics.WristPartition`.
+    T [m] and R are origin and orientation of the flange (its z axis points outwards), v [m/s] and w [rad/s] its linear
+    and angular velocity, W [m] the wrist centre and v_W its velocity. The flange carries `load.force` [N] and
+    `load.torque` [N.m], world coordinates. `tau` [N.m] are the motor torques that hold this load, tau = -J'F, with F
+    the load at the flange (compliant joints deflect under +J'F). Links are massless: no masses are printed. `known="q"`
+    with targets v and w gives the geometric Jacobian through der(q). `kinematics.WristPartition` returns all branches
+    of the inverse.
 
-    Motor torques [N.m] that hold 100 N downwards at the flange of a KR 500-3, in its pose with the forearm level:
+    Motor torques [N.m] that hold 100 N downwards at the flange of a KR 500-3 with its forearm level:
 
     >>> robot = gt.robots.kr500()
     >>> f = robot.causal(known=["q", "load.force", "load.torque"], targets=["T", "tau"])
@@ -53,7 +53,7 @@ class SphericalWristArm(gt.Model):
     [1.815 0.    2.29 ] [   0.  -131.5 -131.5    0.   -29.     0. ]
     """
 
-    origins = gt.parameter(shape=(6, 3), unit="m", description="axis origins, each in the frame before, at q = 0")
+    origins = gt.parameter(shape=(6, 3), unit="m", description="axis origins, each in the previous frame, at q = 0")
     axes = gt.parameter(shape=(6, 3), unit="1", kind="direction", description="axis directions at q = 0")
     R_flange = gt.parameter(
         FLANGE, unit="1", kind="rotation", description="rotation from flange to the last axis' frame"
@@ -73,7 +73,7 @@ class SphericalWristArm(gt.Model):
 
     @property
     def joint_limits(self) -> np.ndarray | None:
-        """Joint limits (6, 2), lower and upper [rad]; None for an arm of which none are known."""
+        """Joint limits (6, 2), lower and upper [rad]; None if they are unknown."""
         return None
 
     def equations(self):
@@ -95,7 +95,7 @@ class SphericalWristArm(gt.Model):
 
 
 class KR500(SphericalWristArm):
-    """The KR 500-3, whatever its geometry was calibrated to: with its own joint limits."""
+    """The KR 500-3 with its joint limits, for any calibrated geometry."""
 
     @property
     def joint_limits(self) -> np.ndarray:
@@ -103,11 +103,11 @@ class KR500(SphericalWristArm):
 
 
 def kr500(**modifiers: Any) -> KR500:
-    """The KR 500-3 of the printed geometry. modifiers: any parameter of SphericalWristArm.
+    """Return the KR 500-3 with its printed geometry. modifiers: any parameter of SphericalWristArm.
 
     Raises ModelError for an unknown parameter.
 
-    Flange and wrist centre [m] with the arm stretched out, all angles 0:
+    Flange and wrist centre [m] of the outstretched arm, all angles 0:
 
     >>> robot = gt.robots.kr500()
     >>> T, W, status = robot.causal(known="q", targets=["T", "W"])(np.zeros(6))
@@ -120,7 +120,7 @@ def kr500(**modifiers: Any) -> KR500:
 
 
 def kr500_limits() -> np.ndarray:
-    """Joint limits (6, 2) of the KR 500-3, lower and upper [rad], from its data sheet.
+    """Return the joint limits (6, 2) of the KR 500-3, lower and upper [rad], from its data sheet.
 
     In degrees, as on the data sheet:
 
@@ -136,9 +136,9 @@ def kr500_limits() -> np.ndarray:
 
 
 def kr500_tables() -> dict[str, Any]:
-    """The printed figures of the KR 500-3 (Cvitanic 2021) as nested tables, with the unit at the end of each key.
+    """Return the printed figures of the KR 500-3 (Cvitanic 2021) as nested tables; each key ends with its unit.
 
-    The damping c_z of the milling tests is missing in print. The tables are shared: leave them as they are.
+    The damping c_z of the milling tests is missing in print. The tables are shared: do not modify them.
 
     >>> tables = gt.robots.kr500_tables()
     >>> print(*sorted(tables))
@@ -150,8 +150,8 @@ def kr500_tables() -> dict[str, Any]:
 
 
 NOTE = (
-    "Table 16 holds nine distinct rows and they are values of a regression, no training data; its c_z repeats m_z, so "
-    "that zeta_z is taken as the mean of the other two"
+    "Table 16 has nine distinct rows, which are values of a regression and not its training data; its c_z repeats m_z, "
+    "so zeta_z is taken as the mean of zeta_x and zeta_y"
 )
 
 
@@ -164,7 +164,7 @@ class Table16Oscillators:
     c: np.ndarray
     k: np.ndarray
     tests: tuple[tuple[int, ...], ...]
-    note: str = NOTE  # what a reader of the values must know
+    note: str = NOTE
     name: str = "table_16"
 
     @property
@@ -179,7 +179,7 @@ class Table16Oscillators:
 
 
 def table_16() -> Table16Oscillators:
-    """Each pose once, c_z from zeta_z = (zeta_x + zeta_y) / 2."""
+    """Return each pose of Table 16 once, with c_z from zeta_z = (zeta_x + zeta_y) / 2."""
     table = kr500_tables()["milling_tests"]
     poses = np.column_stack([np.array(table["tcp_mm"]) / 1e3, np.deg2rad(table["angle_A_deg"])])
     m, c, k = np.array(table["m_kg"]), np.array(table["c_N_s_m"]), 1e6 * np.array(table["k_MN_m"])

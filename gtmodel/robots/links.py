@@ -1,5 +1,4 @@
-"""Links of a robot by their names in the model, those that run on guideways, and which of them form a cluster on which
-cart."""
+"""The links of a robot: their names in the model, the links on guideways, and the cluster and cart of each."""
 
 from __future__ import annotations
 
@@ -18,15 +17,16 @@ ROWS = ([0], [1, 2], [3, 4, 5])  # links of each arm
 
 
 def centred(rows: Array) -> Array:
-    """Rows less their mean."""
+    """Return the rows minus their mean."""
     return rows - rows.mean(axis=0)
 
 
 def orientation(cart: Array, plate: Array) -> tuple[Array, float]:
-    """Rotation R (3, 3) from plate to world at which clusters are nearest to parallel, and the worst misfit [m].
+    """Return the rotation R (3, 3) from plate to world that makes clusters closest to parallel, and the misfit [m].
 
     A Wahba fit of R B_ij to A_ij within each cluster, det R = +1; cart (6, 3) in world, plate (6, 3) in plate
-    coordinates. The misfit is some millimetres on calibrated sets and hundreds where a sign or a row is wrong.
+    coordinates. The largest misfit is some millimetres on calibrated geometries, and hundreds of millimetres if a sign
+    or a row is wrong.
     """
     a = np.vstack([centred(np.asarray(cart, dtype=float)[rows]) for rows in ROWS])
     b = np.vstack([centred(np.asarray(plate, dtype=float)[rows]) for rows in ROWS])
@@ -35,7 +35,7 @@ def orientation(cart: Array, plate: Array) -> tuple[Array, float]:
 
 
 def attitude(cart: Array, plate: Array) -> tuple[Array, float]:
-    """The same rotation as a unit quaternion, scalar first, its largest entry positive."""
+    """Return `orientation` as a unit quaternion, scalar first, its largest entry positive."""
     R, misfit = orientation(cart, plate)
     return quaternion_of(R, positive="largest"), misfit
 
@@ -45,26 +45,26 @@ _LINK = re.compile(r"(?P<part>\w+)\[(?P<index>\d+)\]\.rod\.a\.r")
 
 
 def rod_names(robot: Model) -> list[str]:
-    """Names of all parts with ends a and b, a length L and a `tension`, as mechanics.Rod: "link[0].rod"."""
+    """Return the names, such as "link[0].rod", of all parts with ends a and b, a length L and a `tension`."""
     flat = flat_of(robot)
     names = [m[1] for m in map(_ROD.fullmatch, flat.groups) if m]
     return [name for name in names if f"{name}.tension" in flat.groups and f"{name}.L" in flat.bindings]
 
 
 def link_names(robot: Model) -> list[str]:
-    """Names of the cart joints of all links that run on a guideway of their own direction v."""
+    """Return the names of the cart joints of all links whose guideway has its own direction v."""
     flat = flat_of(robot)
     names = [name for name in flat.groups if _LINK.fullmatch(name)]
     return [name for name in names if name.removesuffix("rod.a.r") + "v" in flat.bindings]
 
 
 def links_of(robot: Model) -> list[tuple[str, int]]:
-    """Part and index of the arms whose links `link_names` names."""
+    """Return part and index of the links that `link_names` finds."""
     return [(m["part"], int(m["index"])) for m in map(_LINK.fullmatch, link_names(robot)) if m]
 
 
 def family_of(model: Model) -> str:
-    """three_link, six_link or f1; "" for another mechanism. Robots of a user's own that declare the same are found."""
+    """Return three_link, six_link or f1, also for a user's robot with the same parameters; "" for other mechanisms."""
     if hasattr(model, "A0") and hasattr(model, "u1_2"):
         return "f1"
     A, v = (np.shape(getattr(model, n, ())) for n in "Av")

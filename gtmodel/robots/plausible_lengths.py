@@ -1,4 +1,4 @@
-"""Numbers of a robot far from what their unit says: metres for millimetres, degrees for radians, lost signs."""
+"""Checks for implausible robot parameters: metres for millimetres, degrees for radians, lost signs."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from ..lang import Model
 from .six_link import ARM, LINKS
 
-# link lengths [m] of a robot that carts carry: shorter or longer ones are in another unit, a thousand times as large or
-# small, so that no length is taken in both
+# link lengths [m] of a robot on carts: lengths outside this range are in another unit. The limits are a factor of 1000
+# apart, so that no length is plausible in both metres and millimetres
 SHORTEST, LONGEST = 0.02, 20.0
-# points in link lengths: least and greatest size of the farthest one. Cart joints lie about the room, plate and cart
-# joints in their own frames within a fraction of a link; a slip of unit is a factor of 1000
+# distance of the farthest point from the origin, in link lengths: least and greatest. Cart joints may be anywhere in
+# the room; joints in plate or joint-plate coordinates are within a fraction of a link. A wrong unit is a factor of 1000
 SIZES = {
     "A": (0.0, 300.0),
     "A0": (0.01, 300.0),
@@ -23,11 +23,11 @@ SIZES = {
     "B0": (1e-3, 10.0),
     "r3": (1e-3, 10.0),
 }
-# motion of a cart joint per q: about 1; a slip of unit is a factor of 1000
+# motion of a cart joint per q: about 1; a wrong unit is a factor of 1000
 MOTION = (0.1, 10.0)
-ONE_CART = 0.1  # of that motion; links of one cart that move farther apart tear it to pieces
+ONE_CART = 0.1  # largest relative difference of that motion between links of one cart
 
-# by the key's unit and whether the numbers are too small for it
+# keys: the unit in the key's name, and whether the numbers are too small for it
 _HINTS = {
     ("m", True): "are too short for a robot; give metres",
     ("m", False): "look like millimetres; give metres",
@@ -37,16 +37,16 @@ _HINTS = {
 
 
 CENTRE = 2.0  # farthest centre of mass of a plate, in link lengths
-# angles [rad]: no joint is limited to more turns; numbers so near to a right angle are no degrees
+# angles [rad]: the widest joint limit; and the distance to pi/2 or pi within which a number in degrees is suspect
 MOST_TURNED, RIGHT = 8 * np.pi, 1e-3
 
 
 def implausible_angle(values: Any, unit: str) -> str | None:
-    """What is wrong with angles in "rad" or "deg" that look like the other one; or None."""
+    """Return a sentence if angles in `unit` ("rad" or "deg") look like the other unit, else None."""
     a = np.abs(np.asarray(values, float))
     if a.size and a.max() > (MOST_TURNED if unit == "rad" else np.degrees(MOST_TURNED)):
         return f"angles up to {a.max():.6g} {unit} are more than four turns; " + (
-            "they look like degrees: give radians" if unit == "rad" else "give less"
+            "they look like degrees: give radians" if unit == "rad" else "give smaller angles"
         )
     quarters = np.abs(a[..., None] - np.pi * np.array([0.5, 1.0])) < RIGHT
     if unit == "deg" and a.size and a.max() <= np.pi + RIGHT and np.any(quarters):
@@ -55,11 +55,11 @@ def implausible_angle(values: Any, unit: str) -> str | None:
 
 
 def implausible_arm(table: Mapping[str, Any]) -> tuple[str, str] | None:
-    """As `implausible_length`, of a serial arm by Denavit-Hartenberg numbers."""
+    """Like `implausible_length`, for a serial arm given by Denavit-Hartenberg parameters."""
     for key in ("a_m", "d_m", "tool_m", "base_m"):
         far = np.max(np.abs(table.get(key) or [0.0]))
         if far > LONGEST:
-            return key, f"look like millimetres, {far:g} m is the longest; give metres"
+            return key, f"lengths up to {far:g} m look like millimetres; give metres"
     for key in ("alpha_deg", "theta_deg", "beta_deg", "limits_deg", "base_rpy_deg", "tool_rpy_deg"):
         if wrong := implausible_angle(table.get(key) or [], "deg"):
             return key, wrong
@@ -72,16 +72,16 @@ def implausible_arm(table: Mapping[str, Any]) -> tuple[str, str] | None:
 
 
 def implausible_length(table: Mapping[str, Any]) -> tuple[str, str] | None:
-    """The first key whose numbers are far from what the unit in its name allows, and what is wrong with it; or None.
+    """Return the first key whose numbers are implausible in the unit of its name, with a sentence; or None.
 
-    Points that are all zero are no slip of a unit.
+    Points that are all zero are accepted.
     """
-    with np.errstate(over="ignore"):  # a coordinate whose square is no number any more is far away
+    with np.errstate(over="ignore"):  # a coordinate whose square overflows counts as infinitely far
         return _implausible_length(table)
 
 
 def implausible_model(model: Model) -> tuple[str, str] | None:
-    """The same of a model that carts carry, by its parameters, in SI."""
+    """Like `implausible_length`, for the parameters (SI units) of a robot on carts."""
     f1 = hasattr(model, "A0")
     names = {"A": "A_bj", "B": "B0"} if f1 else {}
     table = {f"{names.get(n, n)}_m": getattr(model, n) for n in ("A0", "A", "B", "L", "r3", "home", "c_p")
@@ -111,7 +111,7 @@ def _implausible_length(table: Mapping[str, Any]) -> tuple[str, str] | None:
     if centre > CENTRE * L.max():
         return (
             "c_p_m",
-            f"the plate's centre of mass is {centre:.6g} m away, links are {L.max():.6g} m long; give metres",
+            f"the plate's centre of mass is {centre:.6g} m from T, but links are {L.max():.6g} m long; give metres",
         )
     if motion := _implausible_motion(np.atleast_2d(np.array(table["v"]))):
         return "v", motion
@@ -120,8 +120,7 @@ def _implausible_length(table: Mapping[str, Any]) -> tuple[str, str] | None:
 
 
 def _unreachable_home(table: Mapping[str, Any], unit: str, factor: float, longest: float) -> str | None:
-    """What is wrong with a home that lies farther from a guideway than what stands on it reaches, however the plate is
-    turned."""
+    """Return a sentence if `home` is farther from a guideway than the arm on it reaches at any plate orientation."""
     home = table.get(f"home_{unit}")
     if home is None:
         return None
@@ -135,24 +134,24 @@ def _unreachable_home(table: Mapping[str, Any], unit: str, factor: float, longes
     k = int(np.argmax(away))
     if away[k] <= reach:
         return None
-    return (f"is {away[k]:.6g} m away from guideway {k + 1}, and what stands on it reaches {reach:.6g} m; give a point "
-            f"that can be reached, in {'metres' if unit == 'm' else 'millimetres'}")  # fmt: skip
+    return (f"is {away[k]:.6g} m away from guideway {k + 1}, whose arm reaches {reach:.6g} m; give a point "
+            f"within reach, in {'metres' if unit == 'm' else 'millimetres'}")  # fmt: skip
 
 
 def _implausible_motion(v: np.ndarray) -> str | None:
-    """What is wrong with guideways that do not move their carts by about q, or the links of one cart not alike."""
+    """Return a sentence if v does not move a cart joint by about q, or differs between the links of one cart."""
     size = np.linalg.norm(v, axis=1)
     wrong = np.flatnonzero((size < MOTION[0]) | (size > MOTION[1]))
     if len(wrong):
         k = int(wrong[0])
-        said = f"row {k + 1} moves its cart joint by {size[k]:.6g} m per metre of q, about 1 expected"
-        return f"{said}; a guideway direction has the length 1"
+        motion = f"row {k + 1} moves its cart joint by {size[k]:.6g} m per metre of q; expected about 1"
+        return f"{motion}, the length of a guideway direction"
     if len(v) != len(ARM):
         return None
     for k, arm in enumerate(ARM):
         first = ARM.index(arm)
         apart = float(np.linalg.norm(v[k] - v[first]) / size[first])
         if apart > ONE_CART:
-            return (f"links {LINKS[first]} and {LINKS[k]} stand on one cart, and their rows differ by "
-                    f"{100 * apart:.0f} %; a sign or a row is probably wrong here")  # fmt: skip
+            return (f"links {LINKS[first]} and {LINKS[k]} are on one cart, but their rows differ by "
+                    f"{100 * apart:.0f} %; a sign or a row is probably wrong")  # fmt: skip
     return None

@@ -1,4 +1,4 @@
-"""The Gantry-Tau with all six links and a rigid plate, with two extra carts, and with the triangular arm of the
+"""The Gantry-Tau with six links and a rigid plate; also with two extra carts, and with the triangular arm of the
 Queensland machine."""
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from .cart import Cart, behind_and_ahead, cart_friction
 from .entries import printed
 
 LINKS = ("1", "2a", "2b", "3a", "3b", "3c")
-ARM = (0, 1, 1, 2, 2, 2)  # the cart on which each link stands
+ARM = (0, 1, 1, 2, 2, 2)  # the cart of each link
 
 
 class Link(gt.Model):
-    """One link from a cart to the plate; its cart joint is A + q v (Dressler 2012, section 4.4: own A and v per link).
+    """One link from a cart to the plate; its cart joint is A + q v (Dressler 2012, section 4.4: A and v of each link).
 
-    Branch `ahead`: the plate joint lies ahead of the cart joint along the guideway, dot(d, v) > 0.
+    Branch `ahead`: the plate joint is ahead of the cart joint along the guideway, dot(d, v) > 0.
     """
 
     A = gt.parameter(shape=3, unit="m", description="cart joint at q = 0")
-    v = gt.parameter(shape=3, unit="1", kind="direction", description="its motion per q, not normalised")
+    v = gt.parameter(shape=3, unit="1", kind="direction", description="motion of that joint per q, not normalised")
     cart = gt.port(Flange)
     tip = gt.port(PointFrame)
     guideway = gt.part(Guideway, A=A, v=v)
@@ -43,16 +43,17 @@ class Link(gt.Model):
 class SixLink(gt.Model):
     """Gantry-Tau with links 1, 2a, 2b, 3a, 3b, 3c and a rigid plate: carts q [m], pose T [m] and R, forces tau [N].
 
-    Link (i, j) closes |T + R B_ij - A_ij - q_i v_ij| = L_ij (Dressler 2012, section 4.4). The rows of A, v, L, B and
-    m_a are the links in the order of LINKS. The reference point of a cart, where its mass counts, moves with the mean
-    of its links' v. A positive force of tau pushes its cart along +v. R = R(e), e a unit quaternion, scalar first; e
-    and -e are the same pose. A wrist may hang on plate.frame. Of the assembly modes Newton takes the one that continues
-    the home pose, with carts behind the plate unless branches ask for another.
+    The closure equation of link (i, j) is |T + R B_ij - A_ij - q_i v_ij| = L_ij (Dressler 2012, section 4.4). The rows
+    of A, v, L, B and m_a are the links in the order of LINKS. The reference point of a cart, which carries its mass,
+    moves with the mean of its links' v. A positive force of tau pushes its cart along +v. R = R(e), e a unit
+    quaternion, scalar first; e and -e are the same pose. A wrist may be connected to plate.frame. The Newton iteration
+    finds the assembly mode that continues from the home pose, with the carts behind the plate unless `branches` select
+    another one.
 
     Attributes:
         stands_on: the cart of each link.
 
-    The plate's orientation follows from its position, here over half a metre along the guideways [degrees]:
+    Rotation of the plate [degrees] when it moves half a metre along the guideways; it follows from the position:
 
     >>> robot = gt.robots.six_link_gantry_tau()
     >>> R, status = robot.causal(known="T", targets="R")([robot.home, robot.home + [0.5, 0.0, 0.0]])
@@ -63,7 +64,7 @@ class SixLink(gt.Model):
 
     stands_on: ClassVar[tuple[int, ...]] = ARM
     A = gt.parameter(shape=(6, 3), unit="m", description="cart joints at q = 0")
-    v = gt.parameter(shape=(6, 3), unit="1", kind="direction", description="their motion per q, not normalised")
+    v = gt.parameter(shape=(6, 3), unit="1", kind="direction", description="joint motion per q, not normalised")
     L = gt.parameter(shape=6, unit="m", positive=True, description="link lengths")
     B = gt.parameter(shape=(6, 3), unit="m", description="plate joints from T, plate coordinates")
     m_p = gt.parameter(unit="kg", positive=True, description="plate mass, joints and payload included")
@@ -80,7 +81,7 @@ class SixLink(gt.Model):
     viscous = gt.parameter([0.0, 0.0, 0.0], unit="kg/s", min=0.0, description="viscous friction of each cart")
     velocity_scale = gt.parameter(0.1, unit="m/s", positive=True, description="friction smoothing")
     home = gt.parameter([0.0, 0.0, 0.0], unit="m", description="a reachable T")
-    home_e = gt.parameter([1.0, 0.0, 0.0, 0.0], unit="1", kind="unit", description="the quaternion there")
+    home_e = gt.parameter([1.0, 0.0, 0.0, 0.0], unit="1", kind="unit", description="plate quaternion at home")
     q = gt.variable(3, unit="m", start=lambda self: home_q(self), description="cart coordinates along their guideways")
     T = gt.variable(3, unit="m", start=home, prefer=1, description="tool centre point, origin of the plate frame")
     e = gt.variable(4, unit="1", start=home_e, prefer=-2, description="plate quaternion, scalar first")
@@ -110,15 +111,15 @@ class SixLink(gt.Model):
 
 
 def on_guideways(guideways: Sequence[Any]) -> dict[str, list[dict[str, Any]]]:
-    """Modifiers of SixLink that put arms 1 to 3 on these guideway parts: a cart and its links deviate alike.
+    """Return modifiers of SixLink that put arms 1 to 3 on the given guideway parts: a cart and its links deviate alike.
 
-    `SixLink(..., **on_guideways([PiecewiseLinearGuideway(at=..., deviation=...), Guideway, SplineGuideway(...)]))`; A
-    and v stay those of each link (Dressler 2012, section 5.3: models 4 and 5). For GantryTau it is
+    `SixLink(..., **on_guideways([PiecewiseLinearGuideway(at=..., deviation=...), Guideway, SplineGuideway(...)]))`.
+    Each link keeps its A and v (Dressler 2012, section 5.3: models 4 and 5). For GantryTau use
     `arm=[dict(guideway=g) for g in guideways]`.
 
-    Raises ModelError for another number than three.
+    Raises ModelError unless there are three guideways.
 
-    Arm 2 of the six-link D1 on a curve that is 0.1 mm high in its middle, the others straight:
+    Arm 2 of the six-link D1 on a curve that rises by 0.1 mm in its middle, the others straight:
 
     >>> straight = gt.mechanics.Guideway
     >>> bent = gt.mechanics.SplineGuideway(at=[-1.0, 0.0, 1.0], deviation=[[0, 0, 0], [0, 0, 1e-4], [0, 0, 0]])
@@ -143,7 +144,7 @@ def means(rows: Any, stands_on: Sequence[int]) -> list[Any]:
 
 
 def home_q(robot: Any) -> Any:
-    """Carts behind the plate at the home pose, by the first link of each: a start value on the common side."""
+    """Return carts behind the plate at the home pose, from the first link of each: start values on the usual side."""
     R = quaternion_matrix(robot.home_e)
     first = [robot.stands_on.index(i) for i in range(max(robot.stands_on) + 1)]
     return gt.vector(
@@ -151,7 +152,7 @@ def home_q(robot: Any) -> Any:
     )
 
 
-# No masses of D1 are printed: an EXAMPLE OF OURS, of the size of the identified L1 (Dressler 2012, Table 6.3).
+# No masses of D1 are printed. These are an EXAMPLE OF OURS, similar to the identified L1 (Dressler 2012, Table 6.3).
 EXAMPLE = dict(
     m_p=12.0,
     I_p=np.diag([0.25, 0.25, 0.3]),
@@ -164,15 +165,16 @@ D1_ZYZ_DEG = (85.0, 100.9, -88.6)  # the plate's orientation: see the note of d1
 
 
 def six_link_gantry_tau(name: str = "d1_six_link", **modifiers: Any) -> SixLink:
-    """The six-link D1 (Dressler 2012, Table 5.9 model 3); masses and friction are an example of ours.
+    """Return the six-link D1 (Dressler 2012, Table 5.9 model 3); masses and friction are an example of ours.
 
-    Repaired: A and v of link 2b are lost in the text; A_2b = A_2a plus the difference of the offsets of model 4, and
-    v_2b = v_2a, which agrees with Table 5.8 to 1.1 mm.
+    Repaired: A and v of link 2b are missing in the printed text. Here A_2b = A_2a plus the difference of the offsets of
+    model 4, and v_2b = v_2a, which agrees with Table 5.8 to 1.1 mm.
 
-    The plate is ahead of the carts, side c = -1, where six-link and three-link tool centre point agree; e is near
-    ZYZ = (85.0, 100.9, -88.6) deg. Modifiers: any parameter of SixLink. Raises ModelError for another name.
+    The plate is ahead of the carts, side c = -1, where the tool centre points of the six-link and the three-link model
+    agree; e is near ZYZ = (85.0, 100.9, -88.6) deg. Modifiers: any parameter of SixLink. Raises ModelError for an
+    unknown name.
 
-    A heavier plate [kg] on the links of the table [m]:
+    A heavier plate [kg] with the printed link lengths [m]:
 
     >>> robot = gt.robots.six_link_gantry_tau(m_p=20.0)
     >>> print(robot.m_p, robot.L)
@@ -187,13 +189,13 @@ def six_link_gantry_tau(name: str = "d1_six_link", **modifiers: Any) -> SixLink:
 
 
 class ExtraCarts(SixLink):
-    """Six links on five carts: one link of arm 2 and one of arm 3 stand on extra carts of guideways 2 and 3.
+    """Six links on five carts: one link of arm 2 and one of arm 3 are on extra carts of guideways 2 and 3.
 
-    Dressler 2012, Fig. 2.3; of each cluster the last link stands on the extra cart, 2b on that of q[3] and 3c on that
-    of q[4], a choice of ours. With q[3] = q[1] and q[4] = q[2] it is the six-link robot. Known q gives the pose by
-    Newton; of the pose, T and two elements of e can be prescribed.
+    Dressler 2012, Fig. 2.3. The last link of each cluster is on the extra cart, 2b on that of q[3] and 3c on that of
+    q[4]; this is a choice of ours. With q[3] = q[1] and q[4] = q[2] it is the six-link robot. A Newton iteration gives
+    the pose for known q. T and two elements of e can be prescribed.
 
-    The carts for the home pose, two elements of the quaternion among what is known:
+    The carts for the home pose, from T and two elements of the quaternion:
 
     >>> robot = gt.robots.extra_carts()
     >>> q, status = robot.causal(known=["T", "e[1]", "e[2]"], targets="q")(robot.home, *robot.home_e[1:3])
@@ -201,7 +203,7 @@ class ExtraCarts(SixLink):
     [-0.218 -0.026 -0.217 -0.026 -0.216]
     """
 
-    stands_on: ClassVar[tuple[int, ...]] = (0, 1, 3, 2, 2, 4)  # 2b and 3c have carts of their own
+    stands_on: ClassVar[tuple[int, ...]] = (0, 1, 3, 2, 2, 4)  # 2b and 3c are on the extra carts
     m_c = gt.parameter(shape=5, unit="kg", positive=True, description="cart masses, joints included")
     coulomb = gt.parameter(np.zeros(5), unit="N", min=0.0, description="Coulomb friction of each cart")
     viscous = gt.parameter(np.zeros(5), unit="kg/s", min=0.0, description="viscous friction of each cart")
@@ -218,11 +220,12 @@ class ExtraCarts(SixLink):
 
 
 def extra_carts(name: str = "d1_six_link", **modifiers: Any) -> ExtraCarts:
-    """A printed six-link geometry with two extra carts of 10 kg; all masses and frictions are an example of ours.
+    """Return a printed six-link geometry with two extra carts of 10 kg; all masses and friction: an example of ours.
 
     Modifiers: any parameter of ExtraCarts. Raises ModelError for an unknown name.
 
-    Carts 2 and 4 share guideway 2, carts 3 and 5 share guideway 3. Two of them, 10 mm apart, turn the plate [degrees]:
+    Carts 2 and 4 share guideway 2, carts 3 and 5 share guideway 3. Rotation of the plate [degrees] if carts 2 and 4 are
+    10 mm apart:
 
     >>> robot = gt.robots.extra_carts()
     >>> e, status = robot.causal(known="q", targets="e")([[-0.2, 0.0, -0.2, 0.0, -0.2], [-0.2, 0.0, -0.2, 0.01, -0.2]])
@@ -236,12 +239,12 @@ def extra_carts(name: str = "d1_six_link", **modifiers: Any) -> ExtraCarts:
 
 
 def triangular(robot: SixLink) -> dict[str, np.ndarray]:
-    """A (6, 3) and L (6) [m] for a triangular arm 3: links 3b and 3c meet in one joint on the cart, midway.
+    """Return A (6, 3) and L (6) [m] for a triangular arm 3: links 3b and 3c meet in one joint midway on the cart.
 
-    With their two plate joints they form a triangle, so that the plate turns with the arm, as that of the Queensland
-    Gantry-Tau (Dressler 2012, section 2.2): its orientation changes with its position, its cart needs less room. No
-    dimensions are printed: which links meet, and where, is OURS, and all lengths are those that close at the robot's
-    home pose with the carts of its first links.
+    With their two plate joints they form a triangle, so that the plate turns with the arm, as on the Queensland
+    Gantry-Tau (Dressler 2012, section 2.2): the orientation changes with the position, and the cart needs less room. No
+    dimensions are printed: the choice of links and of their common joint is OURS. The lengths close the loops at the
+    robot's home pose, with the cart at the coordinate of its first link.
     """
     A, v, B, L = (np.array(getattr(robot, name), dtype=float) for name in "AvBL")
     home, R = np.array(robot.home), quaternions.quaternion_matrix(np.array(robot.home_e))
@@ -254,11 +257,11 @@ def triangular(robot: SixLink) -> dict[str, np.ndarray]:
 
 
 def queensland_gantry_tau(name: str = "d1_six_link", **modifiers: Any) -> SixLink:
-    """The six-link D1 with a triangular arm 3: an EXAMPLE OF OURS for the Queensland Gantry-Tau's structure.
+    """Return the six-link D1 with a triangular arm 3: an EXAMPLE OF OURS for the structure of the Queensland machine.
 
     modifiers: any parameter of SixLink. Raises ModelError for an unknown name.
 
-    How far the plate turns over 0.3 m [degrees]; that of the six-link D1 turns by 0.09 degrees:
+    Rotation of the plate [degrees] over 0.3 m; the plate of the six-link D1 turns by 0.09 degrees:
 
     >>> robot = gt.robots.queensland_gantry_tau()
     >>> R, status = robot.causal(known="T", targets="R")([robot.home, robot.home + [0.0, 0.0, 0.3]])

@@ -1,5 +1,4 @@
-"""The Gantry-Tau with three parallel-link clusters, simplified to one link each, also on guideways through measured
-points."""
+"""The Gantry-Tau with its three parallel-link clusters simplified to one link each; also on measured guideways."""
 
 from __future__ import annotations
 
@@ -17,7 +16,7 @@ from .cart import cart_friction
 class Arm(gt.Model):
     """One arm: a driven cart on a guideway and a link from the cart to the plate.
 
-    Branch `ahead`: the plate lies ahead of the cart along the guideway, dot(d, v) > 0.
+    Branch `ahead`: the plate is ahead of the cart along the guideway, dot(d, v) > 0.
     """
 
     A = gt.parameter(shape=3, unit="m", description="cart joint at q = 0")
@@ -42,11 +41,11 @@ class Arm(gt.Model):
 class GantryTau(gt.Model):
     """Three-link Gantry-Tau: carts q [m], tool centre point T [m], motor forces tau [N], positive along +v.
 
-    Dressler 2012, eqs. (6.3)-(6.8), from components. Branch `plate_ahead`: the plate lies ahead of the plane
-    through the three cart joints, seen along the guideways; `arm[i].ahead` likewise for each cart alone.
+    Dressler 2012, eqs. (6.3)-(6.8), from components. Branch `plate_ahead`: the plate is ahead of the plane through the
+    three cart joints, along the guideways; `arm[i].ahead` is the same for one cart.
 
-    A machine of one's own, with three guideways along x and links of 2 m: carts [m] and motor forces [N] at rest for a
-    pose of the plate. A positive force pushes its cart along +v.
+    A custom machine with three guideways along x and links of 2 m: carts [m] and motor forces [N] at rest for a pose of
+    the plate. A positive force pushes its cart along +v.
 
     >>> robot = gt.robots.GantryTau(
     ...     A=[[0.0, 0.0, 1.4], [0.0, -1.3, 1.4], [0.0, 0.0, 0.0]],
@@ -96,38 +95,38 @@ class GantryTau(gt.Model):
         yield gt.branch("plate_ahead", gt.dot(self.T - p[0], normal) * gt.dot(normal, self.v[0]))
 
 
-# straight pieces, arm by arm, of models 1 to 5: three links up to model 2, six from model 3 on
+# arms on straight pieces in models 1 to 5; models 1 and 2 have three links, models 3 to 5 six
 D1_MODELS = {1: (), 2: (0, 1, 2), 3: (), 4: (0, 1, 2), 5: (1,)}
 
 
-LEAST = 0.5  # least travel along the guideway per travel of the cart; its inverse is the most
+LEAST = 0.5  # least travel along the guideway per travel of the cart; 1/LEAST is the greatest
 
 
 class OnPoints(NamedTuple):
-    """The robot, and the names of its guideways on measured points, such as "link[1].guideway"."""
+    """The robot, and the names of its measured guideways, such as "link[1].guideway"."""
 
     robot: Any
     guideways: list[str]
 
 
 def on_measured_points(robot: Any, at: np.ndarray, points: Mapping[int, np.ndarray], u: np.ndarray) -> OnPoints:
-    """The robot with some arms on straight pieces through measured cart points, eq. (5.7), all others as they were.
+    """Return the robot with some arms on straight pieces through measured cart points, eq. (5.7), the others unchanged.
 
-    robot: GantryTau, one guideway per arm, or SixLink, one per link; `at` (n,) [m] increasing cart coordinates;
-    `points`: arm from 0 -> (n, 3) [m] in the frame of their recording, whose orientation in the robot's frame is `u`
-    (4), a quaternion, scalar first. Its origin is set where the points lie best on the A + q v of each guideway: the
-    reflector stands beside the joint. A calibration moves t and u of the named guideways, u as a unit quaternion.
+    robot: GantryTau, one guideway per arm, or SixLink, one per link. `at` (n,) [m]: increasing cart coordinates.
+    `points`: arm from 0 -> (n, 3) [m] in the recording's frame. `u` (4): orientation of that frame in the robot's, a
+    quaternion, scalar first. The frame's origin is fitted to A + q v of each guideway, because the reflector is not at
+    the joint. A calibration adjusts t and u of the named guideways, u as a unit quaternion.
 
-    Raises ModelError for an arm that is not there, and points of another shape or that do not go along v as q does.
+    Raises ModelError for an unknown arm, points of the wrong shape, and points that do not move along v as q does.
     """
     A, v = np.array(robot.A, float), np.array(robot.v, float)
     stands_on = getattr(robot, "stands_on", tuple(range(len(A))))
     for arm, rows in points.items():
         if arm not in stands_on:
-            raise gt.ModelError(f"cart points of arm {arm + 1} were given; the robot has {max(stands_on) + 1} arms")
+            raise gt.ModelError(f"there are cart points of arm {arm + 1}; the robot has {max(stands_on) + 1} arms")
         if np.shape(rows) != (len(at), 3):
             raise gt.ModelError(f"cart points of arm {arm + 1} have the shape {np.shape(rows)}; expected "
-                                f"{(len(at), 3)}, a point per coordinate")  # fmt: skip
+                                f"{(len(at), 3)}, one point per coordinate")  # fmt: skip
     R = quaternion_matrix(u)
     parts: list[Any] = []
     for k, arm in enumerate(stands_on):
@@ -136,17 +135,17 @@ def on_measured_points(robot: Any, at: np.ndarray, points: Mapping[int, np.ndarr
             parts.append(MeasuredGuideway(at=at, points=points[arm], t=t, u=u))
             along = _along(np.asarray(at, float), np.asarray(points[arm]) @ R.T, v[k])
             if not LEAST <= along <= 1 / LEAST:
-                raise gt.ModelError(f"cart points of arm {arm + 1} go {along:.3g} m along its guideway where the "
-                                    "cart goes 1 m, about 1 expected; check their unit, their order and u")  # fmt: skip
+                raise gt.ModelError(f"cart points of arm {arm + 1} move {along:.3g} m along its guideway per metre of "
+                                    "the cart; expected about 1: check their unit, their order and u")  # fmt: skip
         else:
             parts.append(Guideway)
-    of = "link" if hasattr(robot, "stands_on") else "arm"
-    named = [f"{of}[{k}].guideway" for k, arm in enumerate(stands_on) if arm in points]
-    return OnPoints(robot.with_(**{of: [dict(guideway=g) for g in parts]}), named)
+    part = "link" if hasattr(robot, "stands_on") else "arm"
+    names = [f"{part}[{k}].guideway" for k, arm in enumerate(stands_on) if arm in points]
+    return OnPoints(robot.with_(**{part: [dict(guideway=g) for g in parts]}), names)
 
 
 def _along(at: np.ndarray, points: np.ndarray, v: np.ndarray) -> float:
-    """Slope of points (n, 3) [m] over at (n,) [m] along v, in v; NaN where `at` does not vary."""
+    """Return the slope along v of points (n, 3) [m] over at (n,) [m], in multiples of v; NaN if `at` is constant."""
     s = at - np.mean(at)
     with np.errstate(invalid="ignore", divide="ignore"):
         return float(s @ (points @ v) / (s @ s) / (v @ v))

@@ -1,4 +1,4 @@
-"""A three-link Gantry-Tau that carries the two-axis serial wrist: five degrees of freedom, as on D1 and L1."""
+"""A three-link Gantry-Tau with the two-axis serial wrist of D1 and L1: five degrees of freedom."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from ..mechanics import Frame, PointFrame, Wrist
 from . import catalogue
 from .three_link import GantryTau
 
-WRIST_START = (0.0, 0.5)  # off the pole of the first axis, where its angle has no effect
+WRIST_START = (0.0, 0.5)  # away from the singularity at which the first angle has no effect
 
 
 class HeldPlate(gt.Model):
-    """A massless plate that link clusters keep at the orientation R: what hangs on `frame` moves with `point`.
+    """A massless plate that the link clusters keep at the orientation R: its `frame` moves with `point`.
 
-    The clusters take up any torque, so that there is no equation for it.
+    The clusters bear any torque, so the model has no torque balance.
     """
 
     R = gt.parameter(np.eye(3), unit="1", kind="rotation", description="rotation from plate to world coordinates")
@@ -35,11 +35,11 @@ class HeldPlate(gt.Model):
 class GantryTauWrist(GantryTau):
     """Gantry-Tau with a serial wrist on its plate: axes (5), tool point P [m] and tool orientation R_tool.
 
-    axes[0:3] are the carts q [m], axes[3:5] the wrist angles [rad]; `direction` is the tool's z axis in the world. T
-    stays the point of the plate where the wrist is mounted, with the plate at the constant orientation R_plate. No
-    dimensions are printed: those of Wrist are an EXAMPLE OF OURS. Inverse kinematics: known P and the wrist's angles
-    in closed form, or P, direction[0] and direction[1], with Newton in the two angles (singular where the tool points
-    along the first axis).
+    axes[0:3] are the carts q [m], axes[3:5] the wrist angles [rad]; `direction` is the tool's z axis in the world. T is
+    the point of the plate that carries the wrist; the plate has the constant orientation R_plate. No dimensions are
+    printed: those of Wrist are an EXAMPLE OF OURS. Inverse kinematics has a closed form for known P and wrist angles.
+    For known P, direction[0] and direction[1] it is a Newton iteration in the two angles, singular if the tool points
+    along the first axis.
 
     Axes that put the tool at a point with its z axis at 30 degrees to the vertical:
 
@@ -73,11 +73,11 @@ class GantryTauWrist(GantryTau):
 
 
 def gantry_tau_wrist(name: str = "l1_tape", **modifiers: Any) -> GantryTauWrist:
-    """A three-link robot of the catalogue with the wrist; wrist dimensions are an example of ours (see Wrist).
+    """Return a three-link robot of the catalogue with the wrist, whose dimensions are an example of ours (see Wrist).
 
     modifiers: any parameter of GantryTauWrist. Raises ModelError for an unknown name.
 
-    Carts [m] and wrist angles [rad] to the tool's point and its z axis:
+    Tool point and z axis of the tool from carts [m] and wrist angles [rad]:
 
     >>> robot = gt.robots.gantry_tau_wrist("l1_tape")
     >>> fk = robot.causal(known="axes", targets=["P", "direction"])

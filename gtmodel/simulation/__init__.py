@@ -1,6 +1,6 @@
-"""Simulation of any model: consistent start, CVODES or IDAS on the reduced system, monitored states.
+"""Simulation of any model: consistent start, CVODES or IDAS on the reduced system, monitored choice of states.
 
-simulate gives a Simulation; simulation_study adds checks, table and pictures: a SimulationStudy.
+simulate returns a Simulation; simulation_study returns a SimulationStudy with checks, table and pictures.
 """
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,4 @@
-"""A simulation under way: pieces between discontinuities of equations and of inputs, intervals that its states are good
-for, rows on the way."""
+"""Advance of a simulation: pieces between discontinuities, intervals for which the states are valid, recorded rows."""
 
 from __future__ import annotations
 
@@ -27,14 +26,14 @@ if TYPE_CHECKING:
     from .prepare import Ready
     from .reduced import Stepper
 
-# roots are looked at in so many steps between the old and the new value of a discontinuous input
+# steps between the old and the new value of a discontinuous input, at which roots are checked
 STEPS = 64
-# of a derivative's largest size in its table: splines of measured rows end at rest only so well
+# share of a derivative's largest value in its table that counts as rest: splines of measured rows end nearly at rest
 AT_REST = 1e-3
 
 
 def refuse_discontinuities(flat: FlatModel) -> None:
-    """Raises ModelError, with file and line, for an equation that holds sign() of something that moves."""
+    """Raises ModelError, with file and line, for an equation that contains sign() of a variable."""
     if not is_nonsmooth(flat):
         return
     fixed = {q.symbol.element_hash() for q in flat.parameters}
@@ -43,8 +42,8 @@ def refuse_discontinuities(flat: FlatModel) -> None:
     for e, inside in zip(flat.equations, kinked_in(residuals, moving, frozenset([ca.OP_SIGN])), strict=True):
         if inside:
             raise ModelError(
-                f"'{e.label}' holds sign(), whose discontinuity makes integrators fail or return wrong answers; use a "
-                "smoothed friction (TanhFriction, PiecewiseLinearFriction)",
+                f"'{e.label}' contains sign(), whose discontinuity makes integrators fail or return wrong results; use "
+                "a smoothed friction (TanhFriction, PiecewiseLinearFriction)",
                 e.where,
             )
 
@@ -52,8 +51,7 @@ def refuse_discontinuities(flat: FlatModel) -> None:
 def refuse_discontinuous_inputs(
     inputs: SimulationInputs, needed: Sequence[tuple[int, int]], start: float, end: float
 ) -> None:
-    """Raises ModelError for a table whose end inside the run makes a derivative discontinuous, where the model needs
-    the derivative of that one.
+    """Raises ModelError if a table begins or ends inside the run with a nonzero rate whose derivative the model needs.
 
     needed: (index, order) of the derivatives that the model reads.
     """
@@ -72,7 +70,7 @@ def refuse_discontinuous_inputs(
                     what = "begins" if not before else "ends"
                     raise ModelError(
                         f"the table of input '{table.name}' {what} at {time:g} s with {rate} = {moving[k]:.3g} and is "
-                        f"held beyond, so that {name}, which the model needs, has an impulse there; extend the table "
+                        f"constant beyond, so {name}, which the model needs, has an impulse there; extend the table "
                         f"over the run, or let it {what[:-1]} at rest"
                     )
 
@@ -80,9 +78,9 @@ def refuse_discontinuous_inputs(
 def after_discontinuity(
     system: SimulatedSystem, x: np.ndarray, z: np.ndarray, time: float, before: np.ndarray, after: np.ndarray
 ) -> np.ndarray:
-    """Newton unknowns after the tables' pieces change, followed from the old to the new values.
+    """Follow the Newton unknowns from the old to the new input values at a discontinuity.
 
-    Raises Ended where a solution turns back, or a root meets its other one, on the way.
+    Raises Ended if a solution turns back, or meets another root, between them.
     """
     if np.array_equal(before[1:], after[1:]):
         return z
@@ -101,14 +99,14 @@ def after_discontinuity(
 def _roots_go_on(
     system: SimulatedSystem, x: np.ndarray, z: np.ndarray, time: float, before: np.ndarray, after: np.ndarray
 ) -> bool:
-    """Whether discriminants stay positive on the way; those that follow Newton unknowns are not asked."""
+    """Return whether the discriminants stay positive between old and new values; with Newton unknowns, do not check."""
     if z.size or not system.roots.moved_by_inputs:
         return True
     shares = np.linspace(0.0, 1.0, STEPS + 1)
     p = before[:, None] + shares * (after - before)[:, None]
     values = system.roots.values(x, z, time, p)
     a, b, c = values[:-2], values[1:-1], values[2:]
-    # a touch between two steps: a minimum whose parabola goes through zero
+    # a zero between two steps: the minimum of the parabola is negative
     curve = a - 2 * b + c
     with np.errstate(divide="ignore", invalid="ignore"):
         lowest = np.where((b <= a) & (b <= c) & (curve > 0), b - (a - c) ** 2 / (8 * curve), b)
@@ -118,29 +116,29 @@ def _roots_go_on(
 def _lost(time: float, names: str) -> Ended:
     return Ended(
         SolveStatus.FAILED,
-        f"the motion ends at {time:.6g} s, where an input is discontinuous: {names} cannot be followed from its old "
-        "to its new value, because the solution turns back or meets another one on the way; make its step smaller, or "
-        "ramp it",
+        f"the motion ends at {time:.6g} s, where an input is discontinuous: {names} cannot be followed from the old "
+        "to the new input value, because the solution turns back or meets another one between them; use a smaller step "
+        "or a ramp",
     )
 
 
-# an interval this much shorter than the whole run means that the motion leads nowhere
+# shortest interval relative to the run: if a shorter one is needed, the motion ends
 SHORTEST = 1e-8
-# an interval may be so many times as long as the one before it
+# largest ratio of the lengths of successive intervals
 GROWTH = 3.0
-# where the integrator fails, it tries again over so many times fewer rows
+# if the integrator fails, it tries again with this many times fewer rows
 FEWER = 10
-# times after which progress is reported
+# rows between two reports of progress
 REPORTED = 50
-# so many calls of the integrator that together lead less far than this part of the run, or so many rows, lead nowhere
+# the run is stuck if this many calls advance by less than STUCK of the run, or less than this many rows
 STUCK_CALLS, STUCK, STUCK_ROWS = 100, 1e-4, 20
-# an integrator's Newton unknowns, in tolerances, and at least, in nominals: farther off it is another solution
+# distance from the integrator's Newton unknowns, in tolerances and in nominals, beyond which it is another solution
 OTHER_TOLERANCES, OTHER = 100.0, 1e-4
 
 
 class Integration:
-    """Where a simulation is, and with which states. `rows` are the times to record, start and end included; `grid`
-    holds them and further times that intervals end at; `pace` bounds the integrator's own steps."""
+    """A running simulation: its point and its choice of states. `rows` are the times to record, with start and end;
+    `grid` contains them and further ends of intervals; `pace` bounds the internal steps of the integrator."""
 
     def __init__(self, ready: Ready, rows: np.ndarray, grid: np.ndarray, pace: Pace) -> None:
         self.ready, self.recorder, self.end = ready, ready.recorder, float(rows[-1])
@@ -154,7 +152,7 @@ class Integration:
         self.history = History()
         self._x, self._z = system.reduced.from_point(ready.initial.w)
         self._work = np.zeros(2)
-        # of any state so far, in nominals: absolute tolerances mean nothing for a motion that is smaller
+        # largest state so far, in nominals, for the comparison with the absolute tolerance
         self.largest = float(np.max(np.abs(self._x) / system.stepper.x_scale, initial=0.0))
         self._time = float(rows[0])
         self._progress: Progress | None = None
@@ -162,7 +160,7 @@ class Integration:
         self._stuck = float(rows[-1] - rows[0]) * min(STUCK, STUCK_ROWS / len(grid))
         self._calls, self._since = 0, self._time
         self._switch_below = SWITCH_BELOW
-        # of the last call: how far the next one goes depends on it, and how many rows it is likely to bring
+        # span of the last call, which limits the next one; and the number of rows that a call will probably use
         self._last_span, self._likely = np.inf, len(grid)
         self._p = ready.inputs.piece(self._time)
         continuation = system.continuation
@@ -171,11 +169,11 @@ class Integration:
             self._z = self._z if better is None else better
 
     def run(self, progress: Progress | None) -> None:
-        """Go to the last row. Raises Ended where that is not reached."""
+        """Advance to the last row. Raises Ended if it is not reached."""
         self._progress = progress
         end = float(self._rows[-1])
-        at = np.array([self._time])
-        self._record(at, self._x[None, :], self._z[None, :], self._work[None, :], self._here()[None, :])
+        start = np.array([self._time])
+        self._record(start, self._x[None, :], self._z[None, :], self._work[None, :], self._here()[None, :])
         knots = np.union1d(self._inputs.knots(self._time, end), self._pace.knots).tolist()
         for stop in [*knots, end]:
             while self._time < stop:
@@ -183,25 +181,25 @@ class Integration:
             if stop < end:
                 self._begin_piece(stop)
 
-    # -- what comes of it --------------------------------------------------------------------------
+    # -- results -----------------------------------------------------------------------------------
 
     def finish(self) -> tuple[float, str | None]:
-        """The largest residual of an equation at any row, and a sentence where one does not hold."""
+        """Return the largest residual of an equation at any row, and a sentence if an equation is violated."""
         return self.audit.residual, self.audit.verdict()
 
     def happened(self, status: SolveStatus) -> list[str]:
-        """What there was on the way, for the message of a run with this status."""
+        """Return notes for the message of a run with this status."""
         n, first = len(self.switches), {i for i, _ in self.ready.system.plan.states}
         others = [f"'{name}'" for name in self._systems.selection.preferred_beside(first)]
-        said = f"preferred as a state, and none at the start: {', '.join(others)}"
-        return [*([f"states switched {n} time{'s' * (n > 1)}"] if n else []), *([said] if others else [])]
+        note = f"preferred as a state, but not a state at the start: {', '.join(others)}"
+        return [*([f"states switched {n} time{'s' * (n > 1)}"] if n else []), *([note] if others else [])]
 
     def own_checks(self, moved: float) -> tuple[dict[str, Check], list[str]]:
-        """Further checks, and sentences of those that failed; `moved`: energy [J]."""
+        """Return further checks, and sentences about failed ones; `moved`: the exchanged energy [J]."""
         return {}, []
 
     def of_events(self) -> dict[str, Any]:
-        """What a `Simulation` holds of events."""
+        """Return the fields of a `Simulation` about events."""
         return {}
 
     def _begin_piece(self, knot: float) -> None:
@@ -213,7 +211,7 @@ class Integration:
     # -- states ------------------------------------------------------------------------------------
 
     def _span(self, stop: float) -> float:
-        """Time [s] to go, after a look whether other states would be better."""
+        """Return the time [s] of the next advance; switch to better states first."""
         selection, longest = self._systems.selection, min(stop - self._time, GROWTH * self._last_span)
         if not selection.has_choice:
             return longest
@@ -226,16 +224,16 @@ class Integration:
             if other is not None and better > quality:
                 self._switch(other, w)
                 quality = better
-            else:  # the best there is, until it gets much worse
+            else:  # the best choice available; check again only if it gets much worse
                 self._switch_below = 0.5 * quality
         else:
             self._switch_below = SWITCH_BELOW
         if not quality > 0.0:
             raise Ended(
                 SolveStatus.FAILED,
-                f"the motion ends at {self._time:.6g} s in a singular pose: no choice of states describes it there",
+                f"the motion ends at {self._time:.6g} s in a singular pose: no choice of states is valid there",
             )
-        # rows that are too far apart for these states: a part of the way to the next
+        # if rows are too far apart for these states, advance a fraction of the way to the next row
         after = int(np.searchsorted(self._grid, self._time, side="right"))
         span = min(longest, float(self._grid[after]) - self._time)
         if selection.foresees(self.system.choice, w, self._time, span):
@@ -257,14 +255,14 @@ class Integration:
 
     @property
     def _stepper(self) -> Stepper | OneStep:
-        """What integrates the system."""
+        """The integrator of the present system."""
         return self.system.stepper
 
     # -- integration -------------------------------------------------------------------------------
 
     def _advance(self, stop: float, span: float) -> None:
-        """One call of the integrator over at most `span` seconds: as many rows at once as go well."""
-        most, whole = self._stepper.most, True
+        """Advance by one call of the integrator over at most `span` seconds, by as many rows as are valid."""
+        most, first_try = self._stepper.most, True
         while True:
             if self._creeps():
                 raise self._wall(self._time - self._since)
@@ -274,14 +272,14 @@ class Integration:
                 self._x, self._z, begin, length, self._p, len(times), self._pace.at(begin), self._likely
             )
             if result is not None and (good := self._accept(times, *result)):
-                # where it went wrong, the next call does not go as far again at once
-                all_of_it = whole and good == len(times)
-                self._last_span = max(self._last_span, span) if all_of_it else good * length
-                self._likely = len(self._grid) if all_of_it else good
+                # after a failure, the next call is shorter
+                complete = first_try and good == len(times)
+                self._last_span = max(self._last_span, span) if complete else good * length
+                self._likely = len(self._grid) if complete else good
                 return
             if result is None and self._over_failure():
                 return
-            whole = False
+            first_try = False
             if len(times) > 1:
                 most = max(1, len(times) // FEWER) if result is None else 1
             else:
@@ -290,18 +288,18 @@ class Integration:
                 raise self._wall()
 
     def _over_failure(self) -> bool:
-        """Whether it goes on although the integrator failed just now: it has gone on then."""
+        """Try to advance after a failure of the integrator; return whether it did."""
         return False
 
     def _creeps(self) -> bool:
-        """Whether many calls of the integrator together led nowhere."""
+        """Return whether many calls of the integrator together hardly advanced."""
         self._calls += 1
         if self._time - self._since > self._stuck:
             self._calls, self._since = 1, self._time
         return self._calls > STUCK_CALLS
 
     def _intervals(self, stop: float, span: float, most: int) -> tuple[np.ndarray, float]:
-        """Ends of the next equal intervals, and their length: as many rows as there are, or a part of the way."""
+        """Return the ends of the next equal intervals and their length: rows, or a fraction of an interval."""
         slack = 1e-9 * span
         first = int(np.searchsorted(self._grid, self._time, side="right"))
         rows = self._grid[first : first + most]
@@ -315,26 +313,26 @@ class Integration:
         return rows[:available], float(rows[available - 1] - self._time) / available
 
     def _accept(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray, works: np.ndarray) -> int:
-        """Take the intervals over which the states stayed good; how many there are."""
+        """Take the intervals over which the states are valid, and return their number."""
         zs = self._followed(times, xs, zs)
         good = len(zs)
         touching: list[str] = []
         when = self._time
         if good and self.system.roots:
             good, touching, when = self._resolved(times[:good], xs[:good], zs)
-        begun = np.append(self._time, times[:good])
-        points = self._points(np.vstack([self._x, xs[:good]]), np.vstack([self._z, zs[:good]]), begun)
+        begins = np.append(self._time, times[:good])
+        points = self._points(np.vstack([self._x, xs[:good]]), np.vstack([self._z, zs[:good]]), begins)
         selection = self._systems.selection
-        # with other states it might have gone on there: judged over a time that these are good for
+        # other states might continue there: a touch counts only if these states are valid over the interval
         if touching and selection.has_choice:
-            span = float(times[good] - begun[good])
-            if not selection.foresees(self.system.choice, points[good], float(begun[good]), span):
+            span = float(times[good] - begins[good])
+            if not selection.foresees(self.system.choice, points[good], float(begins[good]), span):
                 touching = []
         if good and selection.has_choice:
-            good = selection.good_rows(self.system.choice, points, begun, self._switch_below)
+            good = selection.good_rows(self.system.choice, points, begins, self._switch_below)
         points = points[1:]
         works = self._work + works
-        # whether anybody looks on makes no difference to the numbers
+        # reports of progress do not change the numbers
         size = REPORTED if self._progress is not None else max(1, good)
         for begin in range(0, good, size):
             block = slice(begin, min(good, begin + size))
@@ -343,14 +341,14 @@ class Integration:
             raise Ended(
                 SolveStatus.FAILED,
                 f"the motion ends at {when:.6g} s in a singular pose: the two solutions of "
-                f"{'; '.join(touching)} meet there, and nothing decides on which one it goes on",
+                f"{'; '.join(touching)} meet there, and it is undetermined which one continues",
             )
         return good
 
     def _take_rows(
         self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray, works: np.ndarray, points: np.ndarray
     ) -> None:
-        """Record rows, go to the last of them, and say so."""
+        """Record rows, take the last as the present point, and report progress."""
         rows = np.flatnonzero(self._recorded(times))
         if rows.size:
             self._record(times[rows], xs[rows], zs[rows], works[rows], points[rows])
@@ -359,24 +357,24 @@ class Integration:
             raise Ended(SolveStatus.INTERRUPTED, f"stopped by request at {self._time:.6g} s")
 
     def _followed(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray) -> np.ndarray:
-        """The Newton unknowns to round-off, as far as they are those that the motion leads to."""
+        """Return the Newton unknowns to round-off, up to the first row with another solution."""
         continuation = self.system.continuation
         if continuation is None:
             return zs
-        other = max(OTHER, OTHER_TOLERANCES * self.system.tolerance)
+        limit = max(OTHER, OTHER_TOLERANCES * self.system.tolerance)
         rows, z, here = [], self._z, continuation.place(self._x, self._time, self._p)
         for x, near, t in zip(xs, zs, times, strict=True):
             there = continuation.place(x, t, self._p)
             followed = continuation.follow(z, here, there)
-            if followed is None or not continuation.apart(followed, near) <= other:
+            if followed is None or not continuation.apart(followed, near) <= limit:
                 break
             rows.append(followed)
             z, here = followed, there
         return np.array(rows).reshape(len(rows), zs.shape[1])
 
     def _resolved(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray) -> tuple[int, list[str], float]:
-        """How many of the intervals show on which side of its root the motion is, and what touches zero after them
-        and when."""
+        """Return how many intervals are resolved, that is, clearly on one side of each root; and which discriminants
+        touch zero after them, and when."""
         times = np.concatenate([[self._time], times])
         xs, zs = np.vstack([self._x, xs]), np.vstack([self._z, zs])
         values, rates = self.system.roots(xs, zs, times, self._p)
@@ -384,7 +382,7 @@ class Integration:
         return len(good) if good.all() else int(np.argmin(good)), touching, when
 
     def _recorded(self, times: np.ndarray) -> np.ndarray:
-        """Which times are rows."""
+        """Return which times are recorded rows."""
         place = np.minimum(np.searchsorted(self._rows, times), len(self._rows) - 1)
         return self._rows[place] == times
 
@@ -393,7 +391,7 @@ class Integration:
         self.largest = max(self.largest, float(np.max(np.abs(x) / self.system.stepper.x_scale, initial=0.0)))
 
     def _points(self, xs: np.ndarray, zs: np.ndarray, times: np.ndarray) -> np.ndarray:
-        """Points over the plan's pairs, one row for each time."""
+        """Return points over the plan's pairs, one row for each time."""
         return self.system.reduced.point(xs, zs, times[:, None], self._p)[0]
 
     def _record(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray, works: np.ndarray, points: np.ndarray) -> None:
@@ -408,11 +406,11 @@ class Integration:
             raise self._wall(0.0)
 
     def _shown(self, times: np.ndarray) -> np.ndarray:
-        """Times of rows as they are recorded."""
+        """Return the times of rows as recorded."""
         return times
 
     def _wall(self, failed: float | None = None) -> Ended:
-        """Why it does not go on from here, over `failed` [s] at once, the shortest interval if left out."""
+        """Return why the run ends here; `failed`: interval [s] that the integrator could not pass."""
         run = float(self._rows[0]), float(self._rows[-1])
         failed = self._shortest if failed is None else failed
         return wall(self.system, self._x, self._z, self._time, self._p, self._shortest, run, failed)

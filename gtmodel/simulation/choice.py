@@ -1,7 +1,7 @@
-"""Which variables are the states: chosen at a point, and watched along the motion.
+"""The choice of the state variables at a point, and its monitoring along the motion.
 
 Each stage of the structural analysis solves for as many columns of the system Jacobian as it has rows; the other
-columns are states. A choice goes bad where the solved columns C become singular although others would not.
+columns are states. A choice degrades if its solved columns C become singular while other columns would not.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from ..compiler.states import Stage, chosen_columns, stage_choices
 from ..lang.source import ModelError
 from .reduced import OverRows
 
-# below this fraction of the best conditioning the states are chosen anew
+# below this fraction of the best conditioning, new states are chosen
 SWITCH_BELOW = 0.3
-# |C^-1 dC| up to which a prediction may go, and what is compared with one inverse: C stays invertible, and a root
-# keeps its sign
+# limit of |C^-1 dC| for a prediction, and for rows compared with one inverse: C stays invertible, and a root keeps its
+# sign
 PREDICTED_CHANGE = 0.4
-# and beyond which a motion has gone too far from one row to the next: the prediction was too short-sighted
+# limit from one row to the next: beyond it, the prediction failed
 LARGEST_CHANGE = 0.8
-# relative column norm below which nothing is left to choose, as in compiler.states
+# relative column norm below which there is no choice left, as in compiler.states
 RANK_TOLERANCE = 1e-8
 
 # the solved columns of each stage that had a choice
 Choice = tuple[tuple[int, ...], ...]
 # rows and columns of a stage's matrix
 Part = tuple[tuple[int, ...], tuple[int, ...]]
-# rows that are compared with one inverse at once, to begin with
+# rows first compared with one inverse; and every how many rows are checked before checking all
 ROWS = 64
 STRIDE = 8
 
@@ -44,8 +44,8 @@ def choice_of(stages: list[Stage]) -> Choice:
 
 
 class StateSelection:
-    """The system Jacobian of a model at any point over `plan.pairs`; knows how good a choice of states is. `varied` are
-    the parameters that the plan holds as symbols, `numbers` their values."""
+    """Chooses states and rates a choice, from the system Jacobian at any point over `plan.pairs`. `varied` are the
+    parameters that stay symbols in the plan, `numbers` their values."""
 
     def __init__(self, plan: CausalPlan, prefer: frozenset[int], varied: ca.SX, numbers: np.ndarray) -> None:
         self._plan, self._prefer, self._numbers = plan, prefer, numbers
@@ -60,16 +60,16 @@ class StateSelection:
             )
             for part in map(_part, self._stages)
         }
-        self._known: dict[Choice, list[tuple[Part, list[int]]]] = {}
+        self._distinct_parts: dict[Choice, list[tuple[Part, list[int]]]] = {}
         place = {pair: n for n, pair in enumerate(plan.pairs)}
         # position of each symbol's first and second derivative; the last entry of an extended point is zero
         self._next = [[place.get((i, k + m), -1) for i, k in plan.pairs] for m in (1, 2)]
 
     def with_numbers(self, numbers: np.ndarray) -> StateSelection:
-        """The same with other values of the parameters that vary."""
-        other = copy(self)
-        other._numbers = numbers
-        return other
+        """Return a copy with other values of the varied parameters."""
+        selection = copy(self)
+        selection._numbers = numbers
+        return selection
 
     @property
     def has_choice(self) -> bool:
@@ -81,8 +81,8 @@ class StateSelection:
     # -- choosing ----------------------------------------------------------------------------------
 
     def choose(self, w: np.ndarray, time: float) -> Choice | None:
-        """Solved columns at a point: those that leave the preferred states where they are good enough, else the best
-        conditioned ones. None where no choice would do."""
+        """Return the solved columns at a point: those that keep the preferred states if these are good enough, else the
+        best conditioned ones; None if no choice is valid."""
         m = self.matrix(w, time)
         if not np.all(np.isfinite(m)):
             return None
@@ -98,16 +98,16 @@ class StateSelection:
         return best if best is not None and self.quality(best, m) > 0.0 else preferred
 
     def preferred_beside(self, states: Collection[int]) -> list[str]:
-        """Names of the preferred variables that are not among these states."""
+        """Return the names of the preferred variables that are not in `states`."""
         return [self._plan.flat.variables[i].name for i in sorted(self._prefer) if i not in states]
 
     def states(self, choice: Choice) -> list[int]:
-        """Variables, by index, of the columns that a choice leaves unsolved."""
+        """Return the indices of the variables whose columns a choice leaves unsolved."""
         columns = {j for s, solved in zip(self._stages, choice, strict=True) for j in s.columns if j not in solved}
         return sorted(self._plan.structure.unknowns[j] for j in columns)
 
     def _best(self, m: np.ndarray) -> Choice | None:
-        """Best conditioned columns, stage by stage; what one stage solved stays solved in the next."""
+        """Return the best conditioned columns, stage by stage; columns solved in one stage stay solved in the next."""
         choice: list[tuple[int, ...]] = []
         solved: list[int] = []
         for stage in self._stages:
@@ -116,8 +116,7 @@ class StateSelection:
             first = [place[j] for j in solved if j in place]
             q = np.linalg.qr(a[:, first])[0] if first else np.zeros((len(stage.rows), 0))
             rest = [n for n in range(len(stage.columns)) if n not in set(first)]
-            left = a[:, rest] - q @ (q.T @ a[:, rest])
-            _, r, order = pivoted_qr(left, "economic")
+            _, r, order = pivoted_qr(a[:, rest] - q @ (q.T @ a[:, rest]), "economic")
             count = len(stage.rows) - len(first)
             if count and np.abs(r[count - 1, count - 1]) <= RANK_TOLERANCE * np.abs(r[0, 0]):
                 return None
@@ -128,8 +127,8 @@ class StateSelection:
     # -- watching ----------------------------------------------------------------------------------
 
     def quality(self, choice: Choice, m: np.ndarray, enough: float = np.inf) -> float:
-        """How good a choice is where the system Jacobian is m; 1: as good as any. A lower bound where that is
-        `enough`."""
+        """Return the quality of a choice for the system Jacobian m, 1 for the best possible; a lower bound suffices if
+        it is at least `enough`."""
         if not np.all(np.isfinite(m)):
             return 0.0
         quality = 1.0
@@ -141,11 +140,11 @@ class StateSelection:
         return quality
 
     def good_rows(self, choice: Choice, points: np.ndarray, times: np.ndarray, below: float) -> int:
-        """How many rows after the first one a choice holds for: from each to the next no singular pose lies between,
-        neither by the points nor by what the rates at the first of them predict, and its quality stays above `below`;
-        the row at which it falls below is the last one.
+        """Return how many rows after the first a choice is valid for. Between valid rows there is no singular pose,
+        neither from the points nor from the prediction with their rates, and the quality stays above `below`; the row
+        at which it falls below is the last one.
 
-        Where every STRIDE-th row shows all of this, the rows between are not looked at.
+        If every STRIDE-th row passes, the rows between are not checked.
         """
         last = len(times) - 1
         some = np.append(np.arange(0, last, STRIDE), last)
@@ -161,7 +160,7 @@ class StateSelection:
     def _good_rows(
         self, choice: Choice, points: np.ndarray, times: np.ndarray, below: float, between: bool = False
     ) -> int:
-        """As `good_rows`, looking at all of them. `between`: only as far as rows between these are good too."""
+        """Like `good_rows`, checking every row. `between`: stop where rows between the given ones may be bad."""
         ahead = self._ahead(points[:-1], np.diff(times))
         good = len(ahead)
         for part, solved in self._distinct(choice):
@@ -171,7 +170,7 @@ class StateSelection:
         return good
 
     def foresees(self, choice: Choice, w: np.ndarray, time: float, span: float) -> bool:
-        """Whether the solved columns stay good over a time [s] if the motion goes on as it is."""
+        """Return whether the solved columns stay good over a time [s] if the present motion continues."""
         both = np.vstack([w, self._ahead(w[None, :], np.array([span]))])
         for part, solved in self._distinct(choice):
             c = self._matrices(part, both, np.array([time, time + span]))[:, :, solved]
@@ -184,27 +183,27 @@ class StateSelection:
         return True
 
     def _ahead(self, points: np.ndarray, spans: np.ndarray) -> np.ndarray:
-        """Where each point will be after a time [s], by its rates and their rates."""
+        """Extrapolate each point over a time [s] with its first and second derivatives."""
         with_zero, h = np.column_stack([points, np.zeros(len(points))]), spans[:, None]
         rate, curve = (with_zero[:, index] for index in self._next)
         return points + h * rate + h**2 / 2 * curve
 
     def _matrices(self, part: Part, points: np.ndarray, times: np.ndarray) -> np.ndarray:
-        """The matrix of a stage in nominals at points: (equations, points, columns)."""
+        """Return the matrix of a stage, scaled by nominals, at points: (equations, points, columns)."""
         entries = self._parts[part](points, times[:, None], self._numbers)[0]
         matrices = entries.reshape(len(points), len(part[1]), len(part[0])).transpose(2, 0, 1)
         return matrices * self._nominal[list(part[1])]
 
     def _distinct(self, choice: Choice) -> list[tuple[Part, list[int]]]:
-        """Rows and columns of the stages with the places of the solved among the columns; equal stages once."""
-        if choice not in self._known:
+        """Return rows and columns of each distinct stage, with the positions of the solved columns among them."""
+        if choice not in self._distinct_parts:
             places = [tuple(map(s.columns.index, solved)) for s, solved in zip(self._stages, choice, strict=True)]
             parts = dict.fromkeys(zip(map(_part, self._stages), places, strict=True))
-            self._known[choice] = [(part, list(solved)) for part, solved in parts]
-        return self._known[choice]
+            self._distinct_parts[choice] = [(part, list(solved)) for part, solved in parts]
+        return self._distinct_parts[choice]
 
     def _scaled(self, m: np.ndarray, stage: Stage) -> np.ndarray:
-        """The stage's matrix in nominals with rows scaled to maximum 1."""
+        """Return the stage's matrix, scaled by nominals, with rows scaled to maximum 1."""
         return _with_unit_rows(m[np.ix_(stage.rows, stage.columns)] * self._nominal[stage.columns])
 
 
@@ -218,21 +217,20 @@ def _with_unit_rows(a: np.ndarray) -> np.ndarray:
 
 
 def _quality(a: np.ndarray, solved: list[int], enough: float = np.inf) -> float:
-    """Smallest singular value of the solved columns of a stage's matrix, in parts of the best choice's; a lower bound
-    where that is `enough`."""
+    """Return the smallest singular value of the solved columns relative to that of the best choice; a lower bound
+    suffices if it is at least `enough`."""
     a = _with_unit_rows(a)
     smallest, most = (float(np.linalg.svd(x, compute_uv=False)[-1]) for x in (a[:, solved], a))
-    if smallest >= enough * most > RANK_TOLERANCE:  # no columns are better conditioned than all of them
+    if smallest >= enough * most > RANK_TOLERANCE:  # no subset is better conditioned than all columns
         return smallest / most
     order = pivoted_qr(a, "economic")[2]
     best = float(np.linalg.svd(a[:, order[: len(a)]], compute_uv=False)[-1])
     return smallest / best if best > RANK_TOLERANCE else 0.0
 
 
-def _good_rows(at: np.ndarray, ahead: np.ndarray, solved: list[int], below: float, between: bool) -> int:
-    """As `StateSelection.good_rows`, of the matrices (equations, n, columns) of one stage, at each row and as predicted
-    for the next one."""
-    c, predicted = (np.ascontiguousarray(x[:, :, solved]) for x in (at, ahead))
+def _good_rows(actual_rows: np.ndarray, ahead: np.ndarray, solved: list[int], below: float, between: bool) -> int:
+    """Like `StateSelection.good_rows`, from the matrices (equations, n, columns) of one stage, actual and predicted."""
+    c, predicted = (np.ascontiguousarray(x[:, :, solved]) for x in (actual_rows, ahead))
     row, last, window = 0, ahead.shape[1], ROWS
     while row < last:
         try:
@@ -247,17 +245,17 @@ def _good_rows(at: np.ndarray, ahead: np.ndarray, solved: list[int], below: floa
             if between or not (actual[0] <= LARGEST_CHANGE and expected[0] <= PREDICTED_CHANGE):
                 return row
             count = 1
-        if _quality(at[:, row + count], solved, below) < below:
+        if _quality(actual_rows[:, row + count], solved, below) < below:
             if between:
                 return row
             rows = range(row + 1, row + count)
-            return row + 1 + bisect_left(rows, True, key=lambda n: _quality(at[:, n], solved, below) < below)
+            return row + 1 + bisect_left(rows, True, key=lambda n: _quality(actual_rows[:, n], solved, below) < below)
         row, window = row + count, 2 * count + 8
     return row
 
 
 def _changes(inverse: np.ndarray, matrices: np.ndarray) -> np.ndarray:
-    """|inverse @ m - 1| of matrices (n, rows, n)."""
+    """Return |inverse @ m - 1| for matrices (n, rows, n)."""
     size, rows = matrices.shape[:2]
     change = (inverse @ matrices.reshape(size, -1)).reshape(size, rows, size)
     change -= np.eye(size)[:, None, :]

@@ -1,4 +1,4 @@
-"""What drives a simulation: constants, functions of time, tables as piecewise polynomials, trajectories."""
+"""Inputs of a simulation: constants, functions of time, tables as piecewise polynomials, trajectories."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from ..lang.source import ModelError, about
 from ..lang.units import si_unit
 from ..results.trajectory import Trajectory, TrajectoryError, UnknownNameError
 
-# polynomial coefficients of one piece: with two, the first derivative is known too, and so on
+# polynomial coefficients of one piece; n coefficients give n - 1 derivatives
 INTERPOLATIONS = {"previous": 1, "linear": 2, "cubic": 4}
 
 
 @dataclass(eq=False)
 class InputTable:
-    """A scalar function of time given by rows; constant before the first and after the last one."""
+    """A scalar function of time given by rows; constant before the first and after the last row."""
 
     name: str
     times: np.ndarray
@@ -38,7 +38,7 @@ class InputTable:
 
     @cached_property
     def _rows(self) -> np.ndarray:
-        """Taylor coefficients (value, derivatives) at the beginning of each piece, one row per time."""
+        """Value and derivatives at the beginning of each piece, one row per time."""
         n = len(self.times)
         rows = np.zeros((n, self.coefficients))
         rows[:, 0] = self.values
@@ -51,11 +51,11 @@ class InputTable:
         return rows
 
     def largest(self, order: int) -> float:
-        """Largest size of a derivative at the rows."""
+        """Return the largest absolute value of a derivative at the rows."""
         return float(np.max(np.abs(self._rows[:, order])))
 
     def piece(self, start: float, before: bool = False) -> np.ndarray:
-        """Taylor coefficients at a time, of the piece that begins or goes on there; `before`: that leads there."""
+        """Return value and derivatives at a time, from the piece after it, or from the piece `before` it."""
         k = int(np.searchsorted(self.times, start, side="left" if before else "right")) - 1
         if k < 0:
             return np.concatenate([self.values[:1], np.zeros(self.coefficients - 1)])
@@ -72,10 +72,10 @@ Entry = TypeVar("Entry")
 class SimulationInputs:
     """Scalar known variables as functions of time.
 
-    `functions`: index -> expression of `t`; `tables`: index -> Table; `constants`: index -> value; `parameters`: place
-    in `flat.p` -> value, of those that vary from run to run. `p` holds a reference time, for each table in the order of
-    the indices the coefficients of its polynomial there, the constants and the parameters in their order; it is
-    constant between `knots`, and the integrator restarts at each of them.
+    `functions`: index -> expression of `t`; `tables`: index -> InputTable; `constants`: index -> value; `parameters`:
+    place in `flat.p` -> value, for the parameters that vary between runs. `p` holds a reference time, the polynomial
+    coefficients of each table at that time in the order of the indices, the constants, and the parameters. It is
+    constant between `knots`; the integrator restarts at each knot.
     """
 
     flat: FlatModel
@@ -103,41 +103,41 @@ class SimulationInputs:
 
     @cached_property
     def structure(self) -> Hashable:
-        """Equal for inputs that differ in numbers only: their tables' rows, their constants and parameters."""
+        """A key that is equal for inputs that differ only in numbers: table rows, constants and parameters."""
         of_time = [self.functions[index] for index in sorted(self.functions)]
         text = ca.Function("inputs", [self.t], [ca.vertcat(*of_time)]).serialize() if of_time else ""
         tables = tuple((index, self.tables[index].coefficients) for index in sorted(self.tables))
         return tuple(sorted(self.functions)), text, tables, tuple(sorted(self.constants)), tuple(self._parameter)
 
     def knots(self, start: float, end: float) -> np.ndarray:
-        """Times strictly inside an interval at which a table bends or is discontinuous."""
+        """Return the times strictly inside an interval at which a table has a corner or a discontinuity."""
         times = np.unique(np.concatenate([np.zeros(0), *(table.times for table in self.tables.values())]))
         return times[(times > start) & (times < end)]
 
     def piece(self, start: float, before: bool = False) -> np.ndarray:
-        """Values of `p` from a knot, or any other time, up to the next knot; `before`: of the piece that ends there."""
+        """Return the values of `p` from a time to the next knot; `before`: for the piece that ends at that time."""
         pieces = [self.tables[index].piece(start, before) for index in sorted(self.tables)]
-        numbers = [given[key] for given in (self.constants, self.parameters) for key in sorted(given)]
+        numbers = [values[key] for values in (self.constants, self.parameters) for key in sorted(values)]
         return np.concatenate([[start], *pieces, numbers])
 
     def with_parameters(self, p: np.ndarray, numbers: Mapping[int, float]) -> np.ndarray:
-        """Values of `p` with other numbers of parameters, by their places in the model's."""
+        """Return `p` with other parameter values, given by place in `flat.p`."""
         p = p.copy()
         p[[self._parameter[place] for place in numbers]] = list(numbers.values())
         return p
 
     def symbol_of(self, place: int) -> ca.SX:
-        """What stands in `p` for a parameter that varies."""
+        """Return the symbol in `p` of a varied parameter."""
         return self.p[self._parameter[place]]
 
     @property
     def varied(self) -> tuple[ca.SX, ca.SX]:
-        """Symbols of the model's parameters that vary, and what stands for them in `p`."""
+        """The model's symbols of the varied parameters, and their symbols in `p`."""
         symbols = [self.flat.parameters[place].symbol for place in self._parameter]
         return ca.SX(ca.vertcat(*symbols)), self.p[list(self._parameter.values())]
 
     def values(self, pairs: list[tuple[int, int]], time: float) -> list[float]:
-        """Numbers of known variables' derivatives (index, order) at a time."""
+        """Return the values of known variables' derivatives (index, order) at a time."""
         if all(index in self.constants for index, _ in pairs):
             return [self.constants[index] if order == 0 else 0.0 for index, order in pairs]
         column = ca.vertcat(*[self.expression(*pair) for pair in pairs])
@@ -146,7 +146,7 @@ class SimulationInputs:
         )
 
     def expression(self, index: int, order: int) -> ca.SX:
-        """A known variable's derivative as an expression of t and p."""
+        """Return a derivative of a known variable as an expression of t and p."""
         if index in self.functions:
             e = self.functions[index]
             for _ in range(order):
@@ -172,16 +172,16 @@ class SimulationInputs:
 
 
 def read_inputs(
-    flat: FlatModel, given: Mapping[str, Any], parameters: Mapping[int, float] | None = None
+    flat: FlatModel, inputs: Mapping[str, Any], parameters: Mapping[int, float] | None = None
 ) -> SimulationInputs:
-    """Inputs from what a person gave by name.
+    """Convert a user's inputs, by name.
 
-    Each value is a number or array; a function of time, of one argument that takes NumPy's and gtmodel's functions
+    Each value is a number or array; a function of time that uses NumPy's or gtmodel's functions
     (``lambda t: [0.0, np.sin(3 * t)]``); a pair (times, values); or a Trajectory that holds the name. A table is
-    "linear" between its rows unless ((times, values), interpolation) or (trajectory, interpolation) says otherwise:
-    "previous" holds each row up to the next (a recorded row on a discontinuity shows what was before it), "cubic" is
-    a spline, which has two derivatives. Of a trajectory, wrapped angles are unwrapped for these two and the sign of a
-    quaternion does not jump. Before its first and after its last row every table keeps its end value.
+    "linear" between its rows unless ((times, values), interpolation) or (trajectory, interpolation) selects another
+    interpolation. "previous" is a zero-order hold (a recorded row at a discontinuity has the value before it); "cubic"
+    is a spline with two derivatives. For "linear" and "cubic", wrapped angles of a trajectory are unwrapped and sign
+    changes of a quaternion are removed. Every table is constant before its first and after its last row.
 
     Raises ModelError for a wrong name, shape or unit, and for a function that cannot be evaluated symbolically.
     """
@@ -189,14 +189,14 @@ def read_inputs(
     functions: dict[int, ca.SX] = {}
     tables: dict[int, InputTable] = {}
     constants: dict[int, float] = {}
-    for name, value in given.items():
+    for name, value in inputs.items():
         with about(f"inputs.{name}"):
             shape, indices, order = flat.lookup(name)
             if order:
                 raise ModelError(f"input '{name}' is a derivative; give the variable itself as a function of time")
-            twice = [flat.variables[i].name for i in indices if i in functions or i in tables or i in constants]
-            if twice:
-                raise ModelError(f"input '{twice[0]}' is given twice")
+            repeated = [flat.variables[i].name for i in indices if i in functions or i in tables or i in constants]
+            if repeated:
+                raise ModelError(f"input '{repeated[0]}' is given twice")
             table = _table(flat, name, indices[0], value)
             if table is not None:
                 times, values, interpolation = table
@@ -211,22 +211,22 @@ def read_inputs(
 
 
 def _by_index(name: str, indices: list[int], entries: list[Entry]) -> dict[int, Entry]:
-    """Entries of an input by the indices of its variables; one stands for all."""
+    """Return the entries of an input by the indices of its variables; a single entry applies to all."""
     if len(entries) not in (1, len(indices)):
         raise ModelError(f"input '{name}' has {len(indices)} entries; found {len(entries)}")
     return dict(zip(indices, entries if len(entries) > 1 else entries * len(indices), strict=True))
 
 
 def _table(flat: FlatModel, name: str, index: int, value: Any) -> tuple[np.ndarray, np.ndarray, str] | None:
-    """(times, values, interpolation) where the value is a table or a trajectory, else None."""
+    """Return (times, values, interpolation) if the value is a table or a trajectory, else None."""
     interpolation = "linear"
     if isinstance(value, tuple) and len(value) == 2 and isinstance(value[1], str):
         if not isinstance(value[0], (Trajectory, tuple)):
-            raise ModelError(f"input '{name}' takes (times, values), or that or a Trajectory with an interpolation")
+            raise ModelError(f"input '{name}' takes ((times, values), interpolation) or (Trajectory, interpolation)")
         value, interpolation = value
         if interpolation not in INTERPOLATIONS:
             raise ModelError(
-                f"input '{name}': there is no interpolation '{interpolation}'; it is one of {', '.join(INTERPOLATIONS)}"
+                f"input '{name}': there is no interpolation '{interpolation}'; use one of {', '.join(INTERPOLATIONS)}"
             )
     if isinstance(value, Trajectory):
         try:
@@ -235,7 +235,7 @@ def _table(flat: FlatModel, name: str, index: int, value: Any) -> tuple[np.ndarr
             raise ModelError(f"input '{name}': {error}") from None
         expected = flat.variables[index].unit
         if expected is not None and si_unit(expected).dimension != si_unit(unit).dimension:
-            raise ModelError(f"input '{name}' is in {expected}; the trajectory gives it in {unit}")
+            raise ModelError(f"input '{name}' is in {expected}; found {unit} in the trajectory")
         if interpolation != "previous":
             try:
                 values = value(value.time, name)
@@ -251,7 +251,7 @@ def _table(flat: FlatModel, name: str, index: int, value: Any) -> tuple[np.ndarr
 
 
 def _columns(name: str, shape: Shape, size: int, times: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values of a table as (rows, entries). Raises ModelError for numbers that make no table."""
+    """Return the values of a table as (rows, entries). Raises ModelError for an invalid table."""
     rows = values.shape[0] if values.ndim else 0
     if times.ndim != 1 or rows != len(times) or rows == 0 or values.shape[1:] not in (shape, (size,)):
         expected = "(n,)" if not shape else f"(n, {size})"
@@ -260,7 +260,7 @@ def _columns(name: str, shape: Shape, size: int, times: np.ndarray, values: np.n
             f"{values.shape}"
         )
     if not (np.all(np.isfinite(times)) and np.all(np.isfinite(values))):
-        raise ModelError(f"the table of input '{name}' holds numbers that are not finite")
+        raise ModelError(f"the table of input '{name}' contains numbers that are not finite")
     if np.any(np.diff(times) <= 0):
         raise ModelError(f"the times of input '{name}' must increase strictly")
     return values.reshape(len(times), size)
@@ -297,5 +297,5 @@ def _symbolic(flat: FlatModel, name: str, function: Callable[[Any], Any], t: ca.
         raise ModelError(f"the function of input '{name}' returns {entries}, which is not finite", line_of(function))
     foreign = [s.name() for s in ca.symvar(entries) if s.element_hash() != t.element_hash()]
     if foreign:
-        raise ModelError(f"input '{name}' must be a function of time alone; it holds {foreign[0]}", line_of(function))
+        raise ModelError(f"input '{name}' must depend on time only; it contains {foreign[0]}", line_of(function))
     return ca.vertsplit(entries)

@@ -1,5 +1,4 @@
-"""What is said of a run: why it ends early, in one sentence, and whether states that stay small beside others move by
-more than the absolute tolerance that they were integrated with."""
+"""Judgement of a run: why it ends early, in one sentence, and whether small states exceed the absolute tolerance."""
 
 from __future__ import annotations
 
@@ -11,21 +10,21 @@ from ..results.check import Check
 from ..results.status import SolveStatus
 from .systems import SimulatedSystem
 
-# where a run ends, a state of so many nominals has grown without bound
+# in nominals: a state beyond this at the end of a run has grown without bound
 UNBOUNDED = 1e6
-# a margin this small beside its typical size is named as what ends the motion
+# a margin below this share of its typical size is named as the reason for the end
 NEAR_ZERO = 1e-3
-# Newton unknowns that would go this far, in nominals, in the shortest interval turn back
+# in nominals: Newton unknowns that would move farther than this in the shortest interval turn back
 STEEP = 1e-6
-# intervals become so much shorter until the integrator goes over one, down to the last one [s]. Where it goes over so
-# many of these, one after the other, the next longer one took too many steps, and no end of the motion lies there
+# intervals are shortened by this factor, down to LAST [s], until the integrator passes one. If it passes EQUAL of them
+# in a row, the longer interval only took too many steps, and the motion does not end there
 SHORTER, LAST, EQUAL = 10.0, 1e-15, 20
-# intervals that are shorter than this part of what the run has gone are no matter of its length
+# intervals below this share of the time already simulated are not short because of the length of the run
 SLOWER = 1e-3
 
 
 class Ended(Exception):
-    """The run ends early; says why."""
+    """The run ends early; the message gives the reason."""
 
     def __init__(self, status: SolveStatus, sentence: str) -> None:
         super().__init__(sentence)
@@ -42,25 +41,25 @@ def wall(
     run: tuple[float, float],
     failed: float,
 ) -> Ended:
-    """Why a run does not go on from a point, where intervals of `shortest` [s] do not help.
+    """Return why a run ends at a point, although intervals are as short as `shortest` [s].
 
-    run: its start and end [s]; failed: an interval [s] that the integrator did not go over at once, 0 where it is not
-    that.
+    run: its start and end [s]; failed: an interval [s] that the integrator could not pass in one call, 0 if another
+    reason ended the run.
     """
     reduced, continuation = system.reduced, system.continuation
-    at = f"the motion ends at {time:.6g} s"
+    begin = f"the motion ends at {time:.6g} s"
     if np.any(np.abs(x) > UNBOUNDED * system.stepper.x_scale):
-        return Ended(SolveStatus.DIVERGED, f"{at}: the state grows without bound")
+        return Ended(SolveStatus.DIVERGED, f"{begin}: the state grows without bound")
     numbers = np.asarray(reduced.margins(x, z, time, p).full()).reshape(-1)
     margins = [m for b in reduced.plan.blocks for m in b.margins]
-    gone: dict[str, list[str]] = {"condition": [], "discriminant": [], "pivot": []}
+    vanished: dict[str, list[str]] = {"condition": [], "discriminant": [], "pivot": []}
     for m, value in zip(margins, numbers.tolist(), strict=True):
         size = abs(value) if m.kind == "pivot" else value
         if not size > NEAR_ZERO * m.scale:
-            gone[m.kind].append(f"the {m.kind} of {m.label} is {size:.3g}, typically {m.scale:.3g}")
-    lost = gone["condition"] or gone["discriminant"] or gone["pivot"]
-    if lost:
-        return Ended(SolveStatus.FAILED, f"{at}, where it leads out of the model's range: {'; '.join(lost[:3])}")
+            vanished[m.kind].append(f"the {m.kind} of {m.label} is {size:.3g}, typically {m.scale:.3g}")
+    reasons = vanished["condition"] or vanished["discriminant"] or vanished["pivot"]
+    if reasons:
+        return Ended(SolveStatus.FAILED, f"{begin}, where it leaves the model's range: {'; '.join(reasons[:3])}")
     if continuation is not None:
         rates = np.asarray(reduced.rate(x, z, time, p).full()).reshape(-1)
         along = shortest * np.concatenate([rates, [1.0], np.zeros(p.size)])
@@ -68,49 +67,49 @@ def wall(
         if not continuation.apart(z, z + ahead) <= STEEP:
             return Ended(
                 SolveStatus.FAILED,
-                f"{at}, where the equations of {reduced.unknowns} become singular: the solution turns back or ends "
+                f"{begin}, where the equations of {reduced.unknowns} become singular: the solution turns back or ends "
                 "there",
             )
     elif (span := _followed_span(system, x, time, p, failed)) >= SLOWER * (time - run[0]) and span > 0.0:
         length = run[1] - run[0]
         return Ended(
             SolveStatus.FAILED,
-            f"{at}, because a run of {length:.3g} s is too long for so fast a motion: the integrator goes over "
-            f"{span:.1g} s at a time, of which the run would take {length / span:.1g}; simulate a shorter one",
+            f"{begin}, because a run of {length:.3g} s is too long for so fast a motion: the integrator advances by "
+            f"{span:.1g} s per call, and the run would take {length / span:.1g} calls; simulate a shorter run",
         )
     return Ended(
         SolveStatus.FAILED,
-        f"{at}: the integrator's steps became too small there, or no numbers came out; look for a term that is "
+        f"{begin}: the integrator's steps became too small there, or values are not finite; look for a term that is "
         "discontinuous, or nearly so, at that time",
     )
 
 
 def _followed_span(system: SimulatedSystem, x: np.ndarray, time: float, p: np.ndarray, failed: float) -> float:
-    """The time [s] that the integrator goes over in one call, and again from there, less than `failed`; 0 where the
-    motion ends within a few of them."""
+    """Return the time [s], shorter than `failed`, that the integrator passes in each of several calls; 0 if the motion
+    ends within them."""
     if not failed > 0.0:
         return 0.0
-    span, none = failed, np.zeros(0)
-    while span > LAST * max(1.0, abs(time)) and system.stepper(x, none, time, span, p) is None:
+    span, no_z = failed, np.zeros(0)
+    while span > LAST * max(1.0, abs(time)) and system.stepper(x, no_z, time, span, p) is None:
         span /= SHORTER
     for n in range(EQUAL):
-        result = system.stepper(x, none, time + n * span, span, p)
+        result = system.stepper(x, no_z, time + n * span, span, p)
         if result is None:
             return 0.0
         x = result[0][-1]
     return span if np.all(np.abs(x) <= UNBOUNDED * system.stepper.x_scale) else 0.0
 
 
-# of the largest state: an absolute tolerance above it leaves errors of percents
+# largest ratio of the absolute tolerance to the largest state: above it, errors are percents
 COARSE = 1e-3
-# in nominals: states below are rest and round-off
+# in nominals: smaller states are rest and round-off
 REST = 1e-13
 
 
 def resolution(largest: float, tolerance: float) -> dict[str, Check]:
-    """The check "resolution" of a run whose states stay below COARSE; none for larger ones, and none at rest.
+    """Return the check "resolution" if all states stay below COARSE, but not at rest.
 
-    largest: of any state at any time, in nominals, as the tolerance is.
+    largest: the largest state at any time, in nominals, like the tolerance.
     """
     if not REST < largest < COARSE:
         return {}
@@ -119,7 +118,7 @@ def resolution(largest: float, tolerance: float) -> dict[str, Check]:
 
 
 def unresolved(checks: dict[str, Check]) -> str:
-    """A sentence for a motion that is not resolved; else an empty one."""
+    """Return a sentence if the motion is not resolved, else an empty string."""
     check = checks.get("resolution")
     if check is None or check.passed:
         return ""
@@ -127,29 +126,29 @@ def unresolved(checks: dict[str, Check]) -> str:
 
 
 Pair = tuple[int, int]
-# of the tolerance: the second run's
+# tolerance of the second run relative to the first, and its lower limit
 FINER = 0.01
 FINEST = 1e-14
-# of the largest state, in nominals: what is smaller may be round-off of that
+# relative to the largest state, in nominals: smaller states may be its round-off
 ROUND_OFF = 1e-11
-# a state that the finer tolerance leaves less of was the integrator's error: it rests, to the tolerance
+# if the finer tolerance reduces a state below this share, the state was the integrator's error and is at rest
 NOISE = 0.5
-# of the state's largest value: what a picture shows
+# largest error relative to the state's largest value
 BOUND = 1e-2
 
 
 class History:
-    """States at the recorded rows, in nominals, whichever they were."""
+    """The states at the recorded rows, in nominals, for any choice of states."""
 
     def __init__(self) -> None:
         self._blocks: list[tuple[tuple[Pair, ...], np.ndarray, np.ndarray]] = []
 
     def add(self, pairs: tuple[Pair, ...], times: np.ndarray, states: np.ndarray) -> None:
-        """Rows (n, states) at times (n,)."""
+        """Add rows (n, states) at times (n,)."""
         self._blocks.append((pairs, times, states))
 
     def largest(self) -> dict[Pair, float]:
-        """Of each state, its largest size."""
+        """Return the largest absolute value of each state."""
         sizes: dict[Pair, float] = {}
         for pairs, _, states in self._blocks:
             for pair, value in zip(pairs, np.max(np.abs(states), axis=0, initial=0.0).tolist(), strict=True):
@@ -157,7 +156,7 @@ class History:
         return sizes
 
     def of(self, pair: Pair) -> dict[float, float]:
-        """A state by time, where it was one."""
+        """Return a variable by time, for the rows at which it was a state."""
         by_time: dict[float, float] = {}
         for pairs, times, states in self._blocks:
             if pair in pairs:
@@ -166,8 +165,7 @@ class History:
 
 
 def small(history: History, tolerance: float) -> list[Pair]:
-    """States that may be no more than their own error, and far below their nominals: those of any run at a loose
-    tolerance are near it, as asked for."""
+    """Return the states that may be as small as their errors and are far below their nominals."""
     sizes = history.largest()
     least, most = ROUND_OFF * max(sizes.values(), default=0.0), min(tolerance / COARSE, COARSE)
     return sorted(p for p, size in sizes.items() if least < size < most) if least else []
@@ -176,8 +174,8 @@ def small(history: History, tolerance: float) -> list[Pair]:
 def small_states(
     pairs: list[Pair], history: History, finer: History, name: Callable[[Pair], str]
 ) -> tuple[dict[str, Check], str]:
-    """The check "small_states" of a run against one at a finer tolerance, and a sentence where it fails."""
-    worst, named = 0.0, ""
+    """Return the check "small_states" of a run against a run at a finer tolerance, and a sentence if it fails."""
+    worst, worst_name = 0.0, ""
     for pair in pairs:
         first, second = history.of(pair), finer.of(pair)
         times = [t for t in first if t in second]
@@ -189,9 +187,9 @@ def small_states(
             continue
         error = float(np.max(np.abs(a - b))) / size
         if error > worst:
-            worst, named = error, name(pair)
-    check = Check(worst, BOUND, f"declare the nominal size of '{named}', or use a smaller tolerance")
+            worst, worst_name = error, name(pair)
+    check = Check(worst, BOUND, f"declare the nominal size of '{worst_name}', or use a smaller tolerance")
     if check.passed:
         return {"small_states": check}, ""
-    said = f"'{named}' stays so small that {worst:.2g} of it is the integrator's error, more than {BOUND:g}"
-    return {"small_states": check}, f"{said}: {check.advice}"
+    sentence = f"'{worst_name}' stays so small that {worst:.2g} of it is the integrator's error, more than {BOUND:g}"
+    return {"small_states": check}, f"{sentence}: {check.advice}"

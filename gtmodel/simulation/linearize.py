@@ -1,4 +1,4 @@
-"""Linearisation of a model at a point: control.StateSpace with names, and its modes."""
+"""Linearisation of a model at a point as a control.StateSpace with names, and its modes."""
 
 from __future__ import annotations
 
@@ -29,9 +29,7 @@ else:
 
 @dataclass(frozen=True)
 class Mode:
-    """A mode of a linear model: eigenvalue [1/s], natural frequency [Hz], damping ratio, and the states that move most
-    in it.
-    """
+    """A mode of a linear model: eigenvalue [1/s], natural frequency [Hz], damping ratio, and its dominant states."""
 
     eigenvalue: complex
     frequency_Hz: float
@@ -48,18 +46,18 @@ def linearize(
     input_values: Mapping[str, Any] | None = None,
     prefer: Sequence[str] | str = (),
 ) -> StateSpace:
-    """Linear model x' = A x + B u, y = C x + D u of the deviations from a consistent point.
+    """Return the linear model x' = A x + B u, y = C x + D u of the deviations from a consistent point.
 
     Args:
-        inputs: names of known variables; they must enter without their derivatives.
+        inputs: names of known variables; the model must not need their derivatives.
         outputs: names such as "T", "der(q)".
-        start: prescribed values of the point by name; the rest follows (see `simulate`).
-        input_values: values of the inputs at the point, 0 where none is given.
-        prefer: names to keep as states, as long as they are good for it at the point.
+        start: prescribed values at the point by name; the others follow (see `simulate`).
+        input_values: values of the inputs at the point, by default 0.
+        prefer: names to keep as states if they are well conditioned at the point.
 
     Returns a `control.StateSpace` of python-control, in SI units. State, input and output names are the model's scalar
-    names, with ":" for "." ("capacitor:v"), which control keeps for itself. The point need not be an equilibrium; its
-    rates and the outputs are in `.params["rates"]` and `.params["outputs"]`, by the model's names.
+    names, with ":" instead of ".", which python-control reserves ("capacitor:v"). The point need not be an equilibrium;
+    its rates and outputs are in `.params["rates"]` and `.params["outputs"]`, by the model's names.
 
     Raises ModelError for a wrong name, an input whose derivative is needed, sign() of a variable, or a singular point.
 
@@ -81,15 +79,15 @@ def linearize(
     start, input_values = by_name("start", start), by_name("input_values", input_values)
     prefer = names("prefer", prefer)
     known = _inputs(flat, names("inputs", inputs))
-    asked = [(i, order) for _, indices, order in map(flat.lookup, names("outputs", outputs)) for i in indices]
-    twice = [flat.symbol_name(*pair) for n, pair in enumerate(asked) if pair in asked[:n]]
-    if twice:
-        raise ModelError(f"output '{twice[0]}' is named twice; name it once")
+    targets = [(i, order) for _, indices, order in map(flat.lookup, names("outputs", outputs)) for i in indices]
+    repeated = [flat.symbol_name(*pair) for n, pair in enumerate(targets) if pair in targets[:n]]
+    if repeated:
+        raise ModelError(f"output '{repeated[0]}' is named twice; name it once")
     values = _values(flat, known, input_values)
     u = {i: ca.SX.sym(flat.variables[i].name) for i in known}
-    given = SimulationInputs(flat, ca.SX.sym("t"), dict(u), {})
+    functions = SimulationInputs(flat, ca.SX.sym("t"), dict(u), {})
     preferred = [i for name in prefer for i in flat.lookup(name)[1]]
-    systems = Systems(flat, given, [flat.scope.symbol(*p) for p in asked], preferred)
+    systems = Systems(flat, functions, [flat.scope.symbol(*p) for p in targets], preferred)
     held, guess = start_values(systems.plan, start, known)
     held |= {(i, k): values[i] if k == 0 else 0.0 for i, k in systems.plan.pairs if i in values}
     w = initial_point(systems.plan, held, guess).w
@@ -101,16 +99,16 @@ def linearize(
             raise ModelError(f"the model needs the derivative of input '{flat.variables[i].name}'; filter it first")
     r = system.reduced
     column = ca.vertcat(*u.values()) if u else ca.SX(0, 1)
-    y = r.outputs[: len(asked)]
+    y = r.outputs[: len(targets)]
     blocks = [ca.densify(ca.jacobian(e, v)) for e in (r.rates, r.residuals, y) for v in (r.x, r.z, column)]
     f = ca.Function("linear", [r.x, r.z, column, r.t, r.p], [*blocks, r.rates, ca.densify(y)])
     point = [*r.from_point(w), [values[i] for i in known], 0.0, np.zeros(r.p.numel())]
-    fx, fz, fu, rx, rz, ru, gx, gz, gu, rates, at = (np.asarray(m.full()) for m in f.call(point))
+    fx, fz, fu, rx, rz, ru, gx, gz, gu, rates, y0 = (np.asarray(m.full()) for m in f.call(point))
     if rz.size:  # Newton unknowns follow the states: dz = -rz^-1 (rx dx + ru du)
         zx, zu = -np.linalg.solve(rz, rx), -np.linalg.solve(rz, ru)
         fx, fu, gx, gu = fx + fz @ zx, fu + fz @ zu, gx + gz @ zx, gu + gz @ zu
-    if len(asked) == 1 and not known:
-        raise ModelError("control.StateSpace holds no single output without an input; name a second output")
+    if len(targets) == 1 and not known:
+        raise ModelError("control.StateSpace does not support a single output without an input; name a second output")
     if not all(np.all(np.isfinite(m)) for m in (fx, fu, gx, gu)):
         raise ModelError(f"{flat.title}: the model is singular at this point; linearise at another one")
     import control  # slow to import, and only needed here
@@ -120,10 +118,10 @@ def linearize(
         name=flat.title,
         states=_labels(system.states),
         inputs=_labels(flat.variables[i].name for i in known),
-        outputs=_labels(flat.symbol_name(*p) for p in asked),
+        outputs=_labels(flat.symbol_name(*p) for p in targets),
         params={
             "rates": dict(zip(system.states, rates.reshape(-1).tolist(), strict=True)),
-            "outputs": dict(zip((flat.symbol_name(*p) for p in asked), at.reshape(-1).tolist(), strict=True)),
+            "outputs": dict(zip((flat.symbol_name(*p) for p in targets), y0.reshape(-1).tolist(), strict=True)),
         },
     )  # fmt: skip
     assert isinstance(linear, control.StateSpace)
@@ -134,27 +132,27 @@ def _labels(names: Iterable[str]) -> list[str]:
     return [name.replace(".", ":") for name in names]
 
 
-def _inputs(flat: FlatModel, given: list[str]) -> list[int]:
-    """Indices of the inputs. Raises ModelError for a derivative, and for one that is named twice."""
+def _inputs(flat: FlatModel, names: list[str]) -> list[int]:
+    """Return the indices of the inputs. Raises ModelError for a derivative, and for a repeated name."""
     known: list[int] = []
-    for name in given:
+    for name in names:
         _, indices, order = flat.lookup(name)
         if order:
             raise ModelError(f"input '{name}' is a derivative; name the variable itself, or filter it in the model")
-        twice = [flat.variables[i].name for i in indices if i in known]
-        if twice:
-            raise ModelError(f"input '{twice[0]}' is named twice; name it once")
+        repeated = [flat.variables[i].name for i in indices if i in known]
+        if repeated:
+            raise ModelError(f"input '{repeated[0]}' is named twice; name it once")
         known += indices
     return known
 
 
-def _values(flat: FlatModel, known: list[int], given: Mapping[str, Any]) -> dict[int, float]:
-    """Value of each input at the point, by index. Raises ModelError for a wrong name or shape."""
+def _values(flat: FlatModel, known: list[int], input_values: Mapping[str, Any]) -> dict[int, float]:
+    """Return the value of each input at the point, by index. Raises ModelError for a wrong name or shape."""
     values = dict.fromkeys(known, 0.0)
-    for name, value in given.items():
+    for name, value in input_values.items():
         _, indices, order = flat.lookup(name)
         if order or not set(indices) <= set(known):
-            raise ModelError(f"input_values: '{name}' is none of the inputs")
+            raise ModelError(f"input_values: '{name}' is not an input")
         array = numbers(f"input_values: '{name}'", value)
         if array.size not in (1, len(indices)) or not np.all(np.isfinite(array)):
             raise ModelError(f"input_values: '{name}' takes {len(indices)} finite numbers; found {value}")
@@ -163,10 +161,10 @@ def _values(flat: FlatModel, known: list[int], given: Mapping[str, Any]) -> dict
 
 
 def natural_modes(system: StateSpace) -> list[Mode]:
-    """Modes of a linear model by rising frequency; of a conjugate pair the one with positive imaginary part.
+    """Return the modes of a linear model by rising frequency, one for each conjugate pair.
 
-    system: as `linearize` returns it. Each `Mode` has its eigenvalue [1/s], natural frequency [Hz], damping ratio (1
-    for a real eigenvalue that decays) and the states that move most in it.
+    system: the result of `linearize`. Each `Mode` has its eigenvalue [1/s], with positive imaginary part if complex,
+    natural frequency [Hz], damping ratio (1 for a decaying real eigenvalue) and dominant states.
 
     >>> class Oscillator(gt.Model):
     ...     x = gt.variable(unit="m")

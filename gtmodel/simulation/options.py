@@ -1,5 +1,4 @@
-"""What a person may give to simulate() and linearize(), checked before anything is worked out, what a simulation gives
-back, and what its study answers."""
+"""Argument checks of simulate() and linearize(), and the results of a simulation and of its study."""
 
 from __future__ import annotations
 
@@ -24,26 +23,26 @@ if TYPE_CHECKING:
 else:
     Figure = hint("matplotlib.figure", "Figure")
 
-# rows of a trajectory: more fill the memory before anybody looks at them
+# rows of a trajectory: more would fill the memory
 MOST_ROWS = 1_000_000
-# time [s]: squares of a longer one overflow, and an integrator's norms with them
+# time [s]: squares of longer times, and so the integrator's norms, overflow
 LARGEST_TIME = 1e150
-# steps of an integrator with a longest one: more take hours
+# integrator steps with a given max_step: more would take hours
 MOST_STEPS = 10_000_000
 
 
 def number(what: str, value: Any) -> float:
-    """A finite number. Raises ModelError naming what it is for."""
+    """Return a number as float. Raises ModelError that names `what`."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise ModelError(f"{what} takes a number; found {value!r}")
     try:
         return float(value)
     except OverflowError:
-        raise ModelError(f"{what} takes a number; found one larger than any float") from None
+        raise ModelError(f"{what} takes a number; found one that exceeds the largest float") from None
 
 
 def numbers(what: str, value: Any) -> np.ndarray:
-    """Numbers as one column. Raises ModelError naming what they are for."""
+    """Return numbers as a one-dimensional array. Raises ModelError that names `what`."""
     try:
         return floats(value).reshape(-1)
     except (TypeError, ValueError):
@@ -51,7 +50,7 @@ def numbers(what: str, value: Any) -> np.ndarray:
 
 
 def names(what: str, value: Sequence[str] | str) -> list[str]:
-    """One name or several as a list. Raises ModelError for what is no name."""
+    """Return one name or several as a list. Raises ModelError for anything but strings."""
     texts: list[Any] = list(value) if isinstance(value, (list, tuple, set, dict)) else [value]
     for name in texts:
         if not isinstance(name, str):
@@ -60,7 +59,7 @@ def names(what: str, value: Sequence[str] | str) -> list[str]:
 
 
 def by_name(what: str, value: Mapping[str, Any] | None) -> Mapping[str, Any]:
-    """A dictionary from names. Raises ModelError for anything else."""
+    """Return a dictionary by name. Raises ModelError for anything else."""
     if value is None:
         return {}
     if not isinstance(value, Mapping):
@@ -70,17 +69,17 @@ def by_name(what: str, value: Mapping[str, Any] | None) -> Mapping[str, Any]:
 
 
 def span(final_time: Any, start_time: Any) -> tuple[float, float]:
-    """(start, end) [s] of a run."""
+    """Return (start, end) [s] of a run."""
     end, start = number("final_time", final_time), number("start_time", start_time)
     if not (np.isfinite(start) and np.isfinite(end) and end > start):
         raise ModelError(f"the simulation must end after its start; found {start:g} s to {end:g} s")
     if max(abs(start), abs(end)) > LARGEST_TIME:
-        raise ModelError(f"a run lies within {LARGEST_TIME:g} s of zero; found {start:g} s to {end:g} s")
+        raise ModelError(f"times of a run must be within {LARGEST_TIME:g} s of zero; found {start:g} s to {end:g} s")
     return start, end
 
 
 def output_step(step: Any, length: float) -> float | None:
-    """Interval [s] of the rows of a run of `length` seconds."""
+    """Return the interval [s] of the rows of a run of `length` seconds."""
     if step is None:
         return None
     step = number("step", step)
@@ -88,14 +87,14 @@ def output_step(step: Any, length: float) -> float | None:
         raise ModelError(f"the output interval must be positive and within the run; found {step:g} s")
     if length / step > MOST_ROWS:
         raise ModelError(
-            f"an output interval of {step:g} s gives {length / step:.3g} rows, more than {MOST_ROWS}; give one of at "
-            f"least {length / MOST_ROWS:.3g} s"
+            f"an output interval of {step:g} s gives {length / step:.3g} rows, more than {MOST_ROWS}; give at least "
+            f"{length / MOST_ROWS:.3g} s"
         )
     return step
 
 
 def longest_step(max_step: Any, length: float) -> float:
-    """Longest internal step [s] of a run of `length` seconds; infinite where none is given."""
+    """Return the longest internal step [s] of a run of `length` seconds; infinite by default."""
     if max_step is None:
         return np.inf
     step = number("max_step", max_step)
@@ -103,13 +102,13 @@ def longest_step(max_step: Any, length: float) -> float:
         raise ModelError(f"max_step must be positive; found {step:g} s")
     if length / step > MOST_STEPS:
         raise ModelError(
-            f"a max_step of {step:g} s means {length / step:.3g} steps, more than {MOST_STEPS}; give one of at least "
+            f"a max_step of {step:g} s means {length / step:.3g} steps, more than {MOST_STEPS}; give at least "
             f"{length / MOST_STEPS:.3g} s"
         )
     return step
 
 
-# called with the time reached [s]; True asks for a stop
+# called with the time reached [s]; returns True to stop
 Progress = Callable[[float], bool]
 
 
@@ -124,22 +123,22 @@ class Switch:
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """What `simulate` returns.
+    """The result of `simulate`.
 
-    trajectory: every quantity declared at the top or one level below, the first derivative of what moves, and
-        with declared energies `energy.stored`, `energy.supplied`, `energy.dissipated` [J].
-    status: CHECK_FAILED where the run reached its end and a check failed; simulate() does not raise for it.
-    checks: "energy_balance" where energies are declared: energy_error in parts of the energy that moved; "resolution"
-        where states stay that small: the tolerance in parts of the largest state, both in nominals; "small_states"
-        where some stay small beside others: the largest error of one in parts of its largest value.
+    trajectory: all quantities declared at the top level or one level below, first derivatives of moving top-level
+        quantities, and with declared energies `energy.stored`, `energy.supplied`, `energy.dissipated` [J].
+    status: CHECK_FAILED if the run reached its end but a check failed; simulate() does not raise for it.
+    checks: "energy_balance", for declared energies: energy_error relative to the exchanged energy. "resolution", if all
+        states stay very small: the tolerance relative to the largest state, both in nominals. "small_states", if some
+        states stay small compared with others: their largest error relative to the largest value of that state.
     energy_error: largest |stored - start - supplied + dissipated| at a row [J]; None without declared energies.
     residual: largest |left - right| of any equation as written, at any row, in SI units.
-    states: names of the states at the end. switches: their changes on the way.
-    chosen: start values that nobody prescribed, by state; the initialisation chose them.
-    events: what happened at instants, in their order. At each the trajectory has two rows, the second one, with what
-        came after it, at the next larger time that a float can hold.
+    states: names of the states at the end. switches: changes of the states during the run.
+    chosen: start values that were not prescribed, by state, as chosen by the initialisation.
+    events: the events in order. At each the trajectory has two rows; the second one, after the event, is at the next
+        larger floating-point time.
     samples: inputs and outputs of each sampled block at its samples, by the block's name.
-    accumulation: the time [s] at which events come infinitely close, where that ended the run.
+    accumulation: the time [s] at which events accumulate, if that ended the run.
 
     >>> class Ball(gt.Model):
     ...     height = gt.variable(unit="m", start=2.0, fixed=True)
@@ -167,13 +166,13 @@ class Simulation:
     accumulation: float | None = None
 
     def plot(self, *names: str) -> Figure:
-        """The named signals over time, all if none is named, with a mark at each change of states and each event; see
+        """Plot the named signals, by default all, over time, with a mark at each change of states and each event; see
         `Trajectory.plot`."""
-        return self.trajectory.plot(*names, marks=[at.time for at in (*self.switches, *self.events)])
+        return self.trajectory.plot(*names, marks=[change.time for change in (*self.switches, *self.events)])
 
 
 class NotSimulated(RuntimeError):
-    """Raised by simulate() when the run ended early; the message says why, and `.simulation` holds what was reached.
+    """Raised by simulate() if the run ends early; the message gives the reason, `.simulation` the run up to there.
 
     >>> class Escape(gt.Model):  # x' = x^2 from 1: infinite at 1 s
     ...     x = gt.variable(start=1.0, fixed=True)
@@ -192,19 +191,18 @@ class NotSimulated(RuntimeError):
 
 
 ENERGIES = ("stored", "supplied", "dissipated")
-# events in the table
-SHOWN = 5
+SHOWN = 5  # events in the table
 
 
 def described(event: Mapping[str, Any]) -> str:
-    """What changed at an event, or what caused it where nothing did."""
+    """Return the changes at an event, or its causes if nothing changed."""
     changes = [f"{name} {a:.6g} -> {b:.6g}" for name, (a, b) in event["changes"].items()]
     return "; ".join(changes or event["causes"])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class SimulationStudy(Study):
-    """A simulated motion. simulation: what `simulate` gave."""
+    """A simulated motion. simulation: the result of `simulate`."""
 
     simulation: Simulation
     end_time: Annotated[float, Quantity("s", "time reached")]
@@ -212,33 +210,29 @@ class SimulationStudy(Study):
         Mapping[str, Any], Quantity("", "every recorded quantity at that time, by its name, in SI units")
     ]  # fmt: skip
     states: Annotated[Sequence[str], Quantity("", "names of the states at that time")]
-    switches: Annotated[int, Quantity("", "number of changes of the states on the way")]
+    switches: Annotated[int, Quantity("", "number of changes of the states during the run")]
     chosen: Annotated[
         Mapping[str, float],
-        Quantity("", "start values that the problem leaves open, by state; the initialisation chose them"),
+        Quantity("", "start values that are not prescribed, by state, as chosen by the initialisation"),
     ] = field(default_factory=dict)
     events: Annotated[
         Sequence[Mapping[str, Any]],
-        Quantity(
-            "", "what happened at instants: time_s, causes, changes by name from and to, energy_J that it brought"
-        ),
+        Quantity("", "events: time_s, causes, changes by name with values before and after, change of energy energy_J"),
     ] = ()
-    accumulation: Annotated[
-        float | None, Quantity("s", "time at which events come infinitely close; null where they do not")
-    ] = None
+    accumulation: Annotated[float | None, Quantity("s", "time at which events accumulate; null if they do not")] = None
     energy_error: Annotated[
         float | None,
         Quantity("J", "largest error of the energy balance; null for a model that declares no energies"),
     ] = None
     energy_stored: Annotated[
-        float | None, Quantity("J", "energy stored at that time, beyond what was stored at the start")
+        float | None, Quantity("J", "energy stored at that time minus the energy stored at the start")
     ] = None
     energy_supplied: Annotated[float | None, Quantity("J", "energy supplied until then")] = None
     energy_dissipated: Annotated[float | None, Quantity("J", "energy dissipated until then")] = None
 
     @property
     def rows(self) -> list[Row]:
-        """The table for people."""
+        """Rows of the printed table."""
         units = {} if self.trajectory is None else self.trajectory.units
         rows = [Row("end time", self.end_time, "s")]
         rows += [Row(f"{name} at the end", x, units[name]) for name, x in self.end.items() if "." not in name]

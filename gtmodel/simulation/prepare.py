@@ -1,4 +1,4 @@
-"""What happens before the first step of a simulation, a consistent start and the system, and a text about it."""
+"""Preparation of a simulation up to its first step: consistent start and system; and a text that explains it."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from .record import Recorded, Recorder
 from .systems import IntegratorSettings, SimulatedSystem, Systems
 
 OUTPUT_STEPS = 500
-ROUND_OFF = 1e-9  # a chosen start value below so many nominals is reported as zero
+ROUND_OFF = 1e-9  # in nominals: smaller chosen start values are reported as zero
 
 
 @dataclass(frozen=True, eq=False)
 class Ready:
-    """A simulation before its first step: a consistent point and the system chosen there."""
+    """A simulation before its first step: consistent point, and the system chosen there."""
 
     systems: Systems
     settings: IntegratorSettings
@@ -37,7 +37,7 @@ class Ready:
     chosen: dict[str, float]
 
     def name_of(self, pair: tuple[int, int]) -> str:
-        """Of a state."""
+        """Return the name of a state."""
         return self.system.name_of(pair)
 
 
@@ -53,29 +53,29 @@ def prepare(
     bounded: bool = False,
     parameters: Mapping[str, Any] | None = None,
 ) -> Ready:
-    """Everything that happens before the first step; arguments and errors as for `simulate`."""
+    """Prepare a simulation up to its first step; arguments and errors as for `simulate`."""
     refuse_settings(tolerance, method)
     inputs, start, parameters = by_name("inputs", inputs), by_name("start", start), by_name("parameters", parameters)
     outputs, prefer = names("outputs", outputs), names("prefer", prefer)
-    flat, now, given = read_model(model, inputs, parameters)
+    flat, now, known = read_model(model, inputs, parameters)
     recorded, settings = Recorded.of(flat, outputs), IntegratorSettings(tolerance, method, bounded)
     preferred = [i for name in prefer for i in flat.lookup(name)[1]]
-    return prepare_in(flat, now, given, recorded, Recorder(recorded), start, start_time, preferred, settings)
+    return prepare_in(flat, now, known, recorded, Recorder(recorded), start, start_time, preferred, settings)
 
 
 def refuse_settings(tolerance: Any, method: Any) -> None:
-    """Raises ModelError for a tolerance or a method that is none."""
+    """Raises ModelError for an invalid tolerance or method."""
     if not 1e-14 <= number("tolerance", tolerance) <= 0.1:
-        raise ModelError(f"the tolerance must lie between 1e-14 and 0.1; found {tolerance:g}")
+        raise ModelError(f"the tolerance must be between 1e-14 and 0.1; found {tolerance:g}")
     if method not in ("bdf", "adams"):
-        raise ModelError(f"there is no integration method '{method}'; it is 'bdf' or 'adams'")
+        raise ModelError(f"there is no integration method '{method}'; use 'bdf' or 'adams'")
 
 
 def read_model(
     model: Model, inputs: Mapping[str, Any], parameters: Mapping[str, Any], further: Mapping[int, float] | None = None
 ) -> tuple[FlatModel, FlatModel, SimulationInputs]:
-    """A flat model, the same with the numbers of a run, and its inputs; `further`: numbers of parameters that vary by
-    their places. Raises ModelError for what is wrong in any of these."""
+    """Return the flat model, the flat model with the values of a run, and its inputs. `further`: values of varied
+    parameters by place. Raises ModelError for an error in any of these."""
     flat = with_switching_signs(flat_of(model))
     if not flat.variables:
         raise ModelError(f"{flat.title} declares no variable; there is nothing to simulate")
@@ -86,7 +86,7 @@ def read_model(
 def prepare_in(
     flat: FlatModel,
     now: FlatModel,
-    given: SimulationInputs,
+    inputs: SimulationInputs,
     recorded: Recorded,
     recorder: Recorder,
     start: Mapping[str, Any],
@@ -94,33 +94,33 @@ def prepare_in(
     preferred: Sequence[int],
     settings: IntegratorSettings,
 ) -> Ready:
-    """A simulation of a flat model before its first step; `now`: with the numbers of this run."""
-    systems = Systems.kept(flat, given, recorded, preferred, now)
-    held, guess = start_values(replace(systems.plan, flat=now), start, given.known)
+    """Prepare the simulation of a flat model up to its first step; `now`: the model with the values of this run."""
+    systems = Systems.kept(flat, inputs, recorded, preferred, now)
+    held, guess = start_values(replace(systems.plan, flat=now), start, inputs.known)
     prescribed = set(held)
-    known = set(given.known)
+    known = set(inputs.known)
     pairs = [p for p in systems.plan.pairs if p[0] in known]
-    values = dict(zip(pairs, given.values(pairs, start_time), strict=True))
+    values = dict(zip(pairs, inputs.values(pairs, start_time), strict=True))
     for pair, value in values.items():
         if not np.isfinite(value):
             raise ModelError(
-                f"input '{flat.symbol_name(*pair)}' has no finite value at the start, {start_time:g} s; mend the "
-                "input, or start where it is defined"
+                f"input '{flat.symbol_name(*pair)}' has no finite value at the start, {start_time:g} s; correct the "
+                "input, or start at a time where it is defined"
             )
     held |= values
     initial = initial_point(systems.plan, held, guess, start_time, systems.parameters, systems.samples)
     system = systems.at(initial.w, start_time, settings)
     if system is None:
-        raise ModelError(f"{flat.title}: the start is a singular pose, where no choice of states describes the motion")
+        raise ModelError(f"{flat.title}: the start is a singular pose, where no choice of states is valid")
     x = system.reduced.from_point(initial.w)[0]
     x = np.where(np.abs(x) > ROUND_OFF * system.stepper.x_scale, x, 0.0)
     states = zip(system.plan.states, system.states, x.tolist(), strict=True)
     chosen = {name: value for pair, name, value in states if pair in initial.free - prescribed}
-    return Ready(systems, settings, given, recorder, initial, system, chosen)
+    return Ready(systems, settings, inputs, recorder, initial, system, chosen)
 
 
 def output_rows(start: float, end: float, step: float | None) -> np.ndarray:
-    """Times to record; the end is one of them."""
+    """Return the times to record, including the end."""
     step = (end - start) / OUTPUT_STEPS if step is None else step
     count = max(1, round((end - start) / step))
     if abs(count * step - (end - start)) <= 1e-9 * (end - start):
@@ -130,7 +130,7 @@ def output_rows(start: float, end: float, step: float | None) -> np.ndarray:
 
 
 def watched_grid(rows: np.ndarray, max_step: float) -> np.ndarray:
-    """Rows, and times between them that are nowhere further apart than max_step."""
+    """Return the rows with additional times between them, at most max_step apart."""
     parts = int(np.ceil(np.max(np.diff(rows)) / max_step - 1e-9))
     if parts <= 1:
         return rows
@@ -149,9 +149,9 @@ def explain_simulation(
     tolerance: float = 1e-9,
     method: str = "bdf",
 ) -> str:
-    """How `simulate` runs a model: its states, their start values and what chose them, how their rates are computed.
+    """Explain how `simulate` runs a model: its states, their start values, and how their rates are computed.
 
-    Arguments as for `simulate`. Returns a text for people. Raises ModelError as `simulate` does.
+    Arguments and errors as for `simulate`. Returns a text.
 
     >>> class Ball(gt.Model):
     ...     height = gt.variable(unit="m", start=2.0, fixed=True)
@@ -173,11 +173,11 @@ def explain_simulation(
         f"{flat.title}: simulation by {integrator}, tolerance {tolerance:g}",
         f"  prescribed: {', '.join(known) or 'nothing'}",
         f"  index {plan.structure.index}; {plan.structure.degrees_of_freedom} degrees of freedom",
-        "  start:" if x.size else "  no states: everything follows from what is prescribed",
+        "  start:" if x.size else "  no states: all variables follow from the prescribed ones",
     ]
     for name, value in zip(system.states, x.tolist(), strict=True):
-        why = "chosen by the initialisation" if name in ready.chosen else "prescribed, or follows"
-        lines.append(f"    {name} = {ready.chosen.get(name, value):.6g}  {why}")
+        origin = "chosen by the initialisation" if name in ready.chosen else "prescribed or computed"
+        lines.append(f"    {name} = {ready.chosen.get(name, value):.6g}  {origin}")
     terms: dict[str, list[str]] = {}
     for e in flat.energies:
         terms.setdefault(e.kind, []).append(e.component or flat.title)
@@ -186,5 +186,5 @@ def explain_simulation(
     if not x.size:
         return text
     rates = [flat.symbol_name(i, k + 1) for i, k in system.plan.states]
-    kept = list(dict.fromkeys(flat.variables[i].name for i, _ in system.plan.states))
-    return text + "\n" + compile_causal(flat, known, rates, kept).explain()
+    states = list(dict.fromkeys(flat.variables[i].name for i, _ in system.plan.states))
+    return text + "\n" + compile_causal(flat, known, rates, states).explain()

@@ -1,5 +1,4 @@
-"""What a simulation records, names and rows of numbers that become a Trajectory, and the balance of the energies that
-a model declares."""
+"""Recording of a simulation as a Trajectory, and the balance of the energies that a model declares."""
 
 from __future__ import annotations
 
@@ -14,15 +13,15 @@ from ..lang.scope import derivative_name
 from ..results.check import Check
 from ..results.trajectory import Trajectory
 
-# of the energy that moved: amplitudes are right to half of it, which no picture shows. The default tolerance keeps an
-# undamped motion below it for some two hundred periods, and any damped or driven one
+# bound of the error relative to the exchanged energy: amplitudes are then accurate to half of it, invisible in a
+# picture. At the default tolerance, undamped motions stay below it for some two hundred periods, all others always
 ENERGY_BALANCE = 1e-4
 
 
 def balance(error: float | None, moved: float) -> dict[str, Check]:
-    """The check "energy_balance" of a model with energies: the error of their balance [J] in parts of what moved [J].
+    """Return the check "energy_balance": the error [J] relative to the exchanged energy `moved` [J].
 
-    Where nothing moved, as at rest, nothing is lost either.
+    If no energy was exchanged, as at rest, the error itself is checked.
     """
     if error is None:
         return {}
@@ -30,26 +29,26 @@ def balance(error: float | None, moved: float) -> dict[str, Check]:
 
 
 def unbalanced(checks: dict[str, Check], moved: float) -> str:
-    """A sentence for a balance that does not hold; else an empty one."""
+    """Return a sentence if the energy balance fails, else an empty string."""
     check = checks.get("energy_balance")
     if check is None or check.passed:
         return ""
     return (
-        f"the energy balance is off by {check.value:.2g} of the {moved:.3g} J that moved, more than "
+        f"the energy balance is off by {check.value:.2g} of the exchanged energy, {moved:.3g} J; the bound is "
         f"{check.bound:g}: {check.advice}"
     )
 
 
 def stored_terms(flat: FlatModel) -> list[ca.SX]:
-    """Terms of the stored energies, in original symbols: kinetic and potential energy of a swinging mass, apart.
+    """Return the terms of the stored energies in original symbols, such as kinetic and potential energy separately.
 
-    Their sum is conserved where nothing is supplied or dissipated, and says nothing about how much energy moves.
+    Their sum may be constant, so only the separate terms show how much energy is exchanged.
     """
     return [term for e in flat.energies if e.kind == "stored" for term in _terms(ca.SX(e.expression), ca.SX(1))]
 
 
 def _terms(e: ca.SX, factor: ca.SX) -> list[ca.SX]:
-    """Addends of an expression, also of a sum that is multiplied or divided by something that does not move."""
+    """Return the addends of an expression, also of a sum that is multiplied or divided by a constant."""
     if e.is_leaf() or e.numel() != 1:
         return [factor * e]
     operation = e.op()
@@ -65,14 +64,13 @@ def _terms(e: ca.SX, factor: ca.SX) -> list[ca.SX]:
 
 
 Pair = tuple[int, int]
-# of the stored energies
-ROUND_OFF = 1e-9
+ROUND_OFF = 1e-9  # relative to the stored energies
 Shape = tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class RecordedQuantity:
-    """A recorded name with its unit ("?": none declared), and the scalar symbols it is made of."""
+    """A recorded name with its unit ("?" if none is declared) and its scalar symbols."""
 
     name: str
     shape: Shape
@@ -81,11 +79,11 @@ class RecordedQuantity:
 
 
 def entries_of(flat: FlatModel, outputs: Sequence[str]) -> list[RecordedQuantity]:
-    """Names at the top and one level below, first derivatives of what moves at the top, and the outputs asked for."""
+    """Return the quantities of the top level and one below, first derivatives of top-level ones, and `outputs`."""
     entries: dict[str, RecordedQuantity] = {}
 
     def add(name: str, shape: Shape, indices: list[int], order: int) -> None:
-        if len(shape) > 1:  # a Trajectory holds vectors: the entries of a matrix stand by themselves
+        if len(shape) > 1:  # a Trajectory holds vectors, so the entries of a matrix are recorded one by one
             for i in indices:
                 add(flat.variables[i].name, (), [i], order)
             return
@@ -112,8 +110,8 @@ def entries_of(flat: FlatModel, outputs: Sequence[str]) -> list[RecordedQuantity
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """What rows consist of: `entries`, after them `terms` terms of the stored energy and `extra` numbers that are not
-    recorded; by the names asked for."""
+    """The columns of a row: `entries`, then `terms` terms of the stored energy and `extra` numbers that are not
+    recorded. names: the requested outputs."""
 
     names: tuple[str, ...]
     entries: list[RecordedQuantity]
@@ -124,7 +122,7 @@ class Recorded:
 
     @staticmethod
     def of(flat: FlatModel, outputs: Sequence[str]) -> Recorded:
-        """The same for the same names."""
+        """Return the columns for these outputs; cached in the model."""
         key = "recorded", tuple(outputs)
         if key not in flat.cache:
             entries, terms = entries_of(flat, outputs), stored_terms(flat)
@@ -141,17 +139,17 @@ class Recorder:
         self._blocks: list[np.ndarray] = []
 
     def add(self, times: np.ndarray, values: np.ndarray, works: np.ndarray) -> None:
-        """Rows: values of the entries, of the stored energy's terms, of what is not recorded, and of the stored energy;
-        energies supplied and dissipated so far [J]."""
+        """Add rows: values of the entries, stored energy terms, extra numbers and stored energy; and the energies
+        supplied and dissipated so far [J]."""
         self._blocks.append(np.column_stack([times, values, works]))
 
     @property
     def empty(self) -> bool:
-        """Was nothing recorded, not even the start?"""
+        """Whether nothing was recorded, not even the start."""
         return not any(len(block) for block in self._blocks)
 
     def trajectory(self) -> tuple[Trajectory, float | None, float]:
-        """What was recorded, the largest error of the energy balance [J], and the energy that moved [J]."""
+        """Return the trajectory, the largest error of the energy balance [J], and the exchanged energy [J]."""
         table = np.concatenate(self._blocks)
         times, rows = table[:, 0], table[:, 1:]
         values: dict[str, np.ndarray] = {}
@@ -172,7 +170,7 @@ class Recorder:
                 values[f"energy.{name}"], units[f"energy.{name}"] = data, "J"
             flows = np.column_stack([terms, stored, supplied, dissipated])
             moved = float(np.max(np.ptp(flows, axis=0)))
-            # less than this of what is stored is round-off: nothing moves
+            # a smaller share of the stored energy is round-off
             moved = max(moved, ROUND_OFF * float(np.max(np.abs(flows))))
             error = float(np.max(np.abs(stored - stored[0] - supplied + dissipated)))
         return Trajectory(times, values, units), error, moved

@@ -1,5 +1,5 @@
-"""The reduced system of a plan as numbers see it, rates, outputs, margins and the whole point, at one point or over
-many rows, and its integration over any length with CVODES, or IDAS where Newton unknowns ride along."""
+"""The reduced system of a plan: its rates, outputs, margins and full points as numeric functions, and its integration
+with CVODES, or with IDAS if there are Newton unknowns."""
 
 from __future__ import annotations
 
@@ -18,40 +18,40 @@ from ..compiler.plan import CausalPlan
 from ..compiler.rows import PointFunction, densified, map_columns
 from .inputs import SimulationInputs
 
-# rows that are evaluated one by one: a call over several costs more than that
+# up to this many rows are evaluated one by one, which is cheaper than a mapped call
 FEW = 6
 
 
 class OverRows:
-    """Called with arrays (n, size), one for each input, or (size,) where a row is the same for all; gives arrays
-    (n, size), one for each output."""
+    """A function over rows: takes an array (n, size) for each input, or (size,) for all rows, and returns an array
+    (n, size) for each output."""
 
     def __init__(self, f: ca.Function) -> None:
         self.function = densified(f)
-        self._made: dict[int, ca.Function] = {}
+        self._mapped: dict[int, ca.Function] = {}
 
     @cached_property
-    def _at_one(self) -> PointFunction:
+    def _single(self) -> PointFunction:
         return PointFunction(self.function)
 
     def __call__(self, *arguments: np.ndarray) -> list[np.ndarray]:
         rows = next((len(a) for a in arguments if a.ndim == 2), 1)
         if rows <= FEW:
-            each = [self._at_one(*[a[n] if a.ndim == 2 else a for a in arguments]) for n in range(rows)]
-            return [np.concatenate([r.T.reshape(1, -1) for r in one]) for one in zip(*each, strict=True)]
+            results = [self._single(*[a[n] if a.ndim == 2 else a for a in arguments]) for n in range(rows)]
+            return [np.concatenate([r.T.reshape(1, -1) for r in output]) for output in zip(*results, strict=True)]
         columns = [a.T if a.ndim == 2 else np.broadcast_to(a[:, None], (a.size, rows)) for a in arguments]
-        return [r.T for r in map_columns(self.function, columns, self._made)]
+        return [r.T for r in map_columns(self.function, columns, self._mapped)]
 
 
-# an equation left by more than this part of its largest term was not solved; round-off of stiff forces stays below
+# an equation with a larger residual, relative to its largest term, is not solved; round-off of stiff forces is smaller
 BROKEN = 1e-6
-# residuals below this, in SI units, are not looked at any closer
+# residuals below this, in SI units, are accepted
 SMALL = 1e-9
 
 
 class OriginalEquations:
-    """The equations before any elimination, over `plan.pairs`; `fold` has numbers for the parameters, and symbols for
-    those at `places`, which vary."""
+    """The equations before any elimination, over `plan.pairs`; `fold` has numbers for the parameters, and symbols at
+    `places` for those that vary."""
 
     def __init__(self, plan: CausalPlan, fold: ca.SX, places: list[int]) -> None:
         flat = self.flat = plan.flat
@@ -59,8 +59,8 @@ class OriginalEquations:
         place = {pair: n for n, pair in enumerate(plan.pairs)}
         self._sign, self._place = np.zeros(len(pairs)), np.zeros(len(pairs), dtype=int)
         for n, pair in enumerate(pairs):
-            sign, kept, order = plan.alias.resolve(*pair)
-            self._sign[n], self._place[n] = sign, place[(kept, order)]
+            sign, index, order = plan.alias.resolve(*pair)
+            self._sign[n], self._place[n] = sign, place[(index, order)]
         symbols = ca.vertcat(*[flat.scope.symbol(*pair) for pair in pairs])
         residuals = ca.densify(ca.vertcat(*[e.residual for e in flat.equations]))
         self.arguments = [symbols, flat.p, flat.scope.time]
@@ -70,15 +70,15 @@ class OriginalEquations:
         self._residuals = OverRows(ca.Function("equations", [values, time, varied], [written(values, fold, time)]))
 
     def __call__(self, points: np.ndarray, times: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Values of `pairs` and residuals, one row for each point; p: values of the parameters."""
+        """Return the values of `pairs` and the residuals, one row for each point; p: values of the parameters."""
         values = self._sign * points[:, self._place]
         return values, self._residuals(values, times[:, None], p[self._places])[0]
 
 
 class Audit:
-    """Residuals of the equations before any elimination, at points over the plan's pairs.
+    """Checks the equations before any elimination at points over the plan's pairs.
 
-    `residual` is the largest |left - right| so far, of any equation at any point, in SI units.
+    `residual` is the largest |left - right| of any equation so far, in SI units.
     """
 
     def __init__(self, equations: OriginalEquations, p: np.ndarray) -> None:
@@ -87,7 +87,7 @@ class Audit:
         self._worst: tuple[np.ndarray, float, int] | None = None
 
     def __call__(self, points: np.ndarray, times: np.ndarray) -> None:
-        """Look at points (rows)."""
+        """Check points, one per row."""
         if not len(times) or not self._equations.flat.equations:
             return
         values, residuals = self._equations(points, times, self._p)
@@ -98,7 +98,7 @@ class Audit:
             self._worst = values[point], float(times[point]), int(equation)
 
     def verdict(self) -> str | None:
-        """A sentence if the worst equation does not hold, measured by its largest term; else None."""
+        """Return a sentence if the worst equation is violated, relative to its largest term; else None."""
         if self._worst is None or self.residual <= SMALL:
             return None
         values, time, row = self._worst
@@ -110,8 +110,8 @@ class Audit:
         if self.residual <= BROKEN * np.max(terms, initial=0.0):
             return None
         return (
-            f"{e.label} ({e.where}) does not hold at {time:.6g} s: a residual of {self.residual:.3g} is left; use a "
-            "smaller tolerance or step"
+            f"{e.label} ({e.where}) does not hold at {time:.6g} s: its residual is {self.residual:.3g}; use a smaller "
+            "tolerance or step"
         )
 
 
@@ -119,9 +119,9 @@ Pair = tuple[int, int]
 
 
 class Reduced:
-    """x' = f(x, z, t, p), 0 = r(x, z, t, p): x states, z Newton unknowns, p pieces of tables (see Inputs).
+    """x' = f(x, z, t, p), 0 = r(x, z, t, p), with states x, Newton unknowns z, and `p` of SimulationInputs.
 
-    `outputs` are expressions of original symbols, as the energies are.
+    `outputs` are expressions of original symbols, like the energies.
     """
 
     def __init__(self, plan: CausalPlan, inputs: SimulationInputs, outputs: list[ca.SX]) -> None:
@@ -131,8 +131,8 @@ class Reduced:
         self.z = _column([u for b in plan.newton for u in b.unknowns])
         self.t, self.p = inputs.t, inputs.p
         self._arguments = [self.x, self.z, self.t, self.p]
-        own = set(plan.states)
-        given = [(scope.symbol(*pair), inputs.expression(*pair)) for pair in plan.inputs if pair not in own]
+        states = set(plan.states)
+        known = [(scope.symbol(*pair), inputs.expression(*pair)) for pair in plan.inputs if pair not in states]
         stored, supplied, dissipated = (energy(flat, kind) for kind in ("stored", "supplied", "dissipated"))
         groups = {
             "rates": [scope.symbol(i, k + 1) for i, k in plan.states],
@@ -142,7 +142,7 @@ class Reduced:
             "point": [scope.symbol(*pair) for pair in plan.pairs],
             "outputs": plan.alias.rewrite_all(flat, [*outputs, stored]),
         }
-        expressions = express(plan, [e for group in groups.values() for e in group], [*given, (scope.time, self.t)])
+        expressions = express(plan, [e for group in groups.values() for e in group], [*known, (scope.time, self.t)])
         symbols, numbers = inputs.varied
         values = iter(ca.substitute(expressions, [symbols], [numbers]) if inputs.parameters else expressions)
         columns = {name: _column([next(values) for _ in group]) for name, group in groups.items()}
@@ -159,7 +159,7 @@ class Reduced:
 
     @cached_property
     def margins(self) -> ca.Function:
-        """(x, z, t, p) -> what must not be negative or vanish, in the order of the plan's blocks."""
+        """(x, z, t, p) -> margins, which must not be negative or vanish, in the order of the plan's blocks."""
         return self._function("margins", self._margins)
 
     @cached_property
@@ -174,7 +174,7 @@ class Reduced:
 
     @property
     def margin_expressions(self) -> list[tuple[Margin, ca.SX]]:
-        """Margins of the plan's blocks with their expressions of (x, z, t, p)."""
+        """The margins of the plan's blocks with their expressions in (x, z, t, p)."""
         margins = [m for b in self.plan.blocks for m in b.margins]
         return list(zip(margins, ca.vertsplit(self._margins) if margins else [], strict=True))
 
@@ -185,7 +185,7 @@ class Reduced:
         return ", ".join(labels[:4]) + (f" and {len(labels) - 4} more" if len(labels) > 4 else "")
 
     def from_point(self, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """States and Newton unknowns of a point over plan.pairs."""
+        """Return the states and Newton unknowns of a point over plan.pairs."""
         place = {pair: n for n, pair in enumerate(self.plan.pairs)}
         scope = self.plan.flat.scope
         unknowns = [scope.owner(u) for b in self.plan.newton for u in b.unknowns]
@@ -196,7 +196,7 @@ class Reduced:
 
 
 def energy(flat: FlatModel, kind: str) -> ca.SX:
-    """Sum of what the components declare: "stored" [J], "supplied" or "dissipated" [W]; in original symbols."""
+    """Return the sum of the declared energies "stored" [J], "supplied" or "dissipated" [W], in original symbols."""
     total = ca.SX(0)
     for e in flat.energies:
         if e.kind == kind:
@@ -208,16 +208,16 @@ def _column(expressions: list[ca.SX]) -> ca.SX:
     return ca.SX(ca.vertcat(*expressions)) if expressions else ca.SX(0, 1)
 
 
-# a minimum of a discriminant, relative to its typical size, that is zero within the accuracy of the motion;
-# an integrator's tolerance adds up to some thousand times itself over a long run
+# a minimum of a discriminant, relative to its typical size, that is zero within the accuracy of the motion, also in
+# tolerances: over a long run, the integrator's error adds up to some thousand tolerances
 TOUCH, TOUCH_TOLERANCES = 1e-7, 1e3
-# near enough to a touch that the parabola through two points gives its minimum
+# in units of TOUCH: near enough to zero for the parabola through two points to give the minimum
 CLOSE = 100.0
-# a minimum between two points is well distinguished from zero where it keeps this part of the smaller end
+# a minimum between two points is distinct from zero if it is at least this share of the smaller end value
 KEPT = 0.25
-# and the rates at the two ends must explain the change between them up to this part of the larger one
+# largest deviation of the change between two points from that given by their rates, relative to the larger value
 EXPLAINED = 0.3
-# of a number that has been computed
+# relative round-off of a computed number
 ROUND_OFF = 8 * np.finfo(float).eps
 
 
@@ -231,7 +231,7 @@ class Watched:
         rate = ca.densify(ca.jacobian(d, t) + ca.mtimes(ca.jacobian(d, x), f))
         arguments = [x, z, t, reduced.p]
         self._values = OverRows(ca.Function("watched", arguments, [d, rate]))
-        # Newton unknowns move too: rz z' = -(rx x' + rt)
+        # rates of the Newton unknowns: rz z' = -(rx x' + rt)
         r = reduced.residuals
         moved = ca.densify(ca.jacobian(r, t) + ca.mtimes(ca.jacobian(r, x), f))
         by_z, rz = ca.densify(ca.jacobian(d, z)), ca.densify(ca.jacobian(r, z))
@@ -243,7 +243,7 @@ class Watched:
     def __call__(
         self, xs: np.ndarray, zs: np.ndarray, times: np.ndarray, p: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Values and their rates [1/s], one row for each time."""
+        """Return the values and their rates [1/s], one row for each time."""
         values, rates = self._values(xs, zs, times[:, None], p)
         if self._through_z is not None:
             rates = rates.copy()
@@ -264,19 +264,19 @@ class Watched:
     def round_off(
         self, x: np.ndarray, z: np.ndarray, time: float, p: np.ndarray, x_scale: np.ndarray, z_scale: np.ndarray
     ) -> np.ndarray:
-        """Of the values at one point: what round-off of states and Newton unknowns, which are of the size of their
-        nominals or larger, moves them by; 0 for those whose slope is not finite there."""
+        """Return the effect on the values at one point of round-off in states and Newton unknowns, whose size is at
+        least their nominal; 0 for values whose slope is not finite there."""
         sizes = np.maximum(np.abs(np.append(x, z)), np.append(x_scale, z_scale))
         moved = np.asarray(self._by_unknowns(x, z, time, p).full()) @ (ROUND_OFF * sizes)
         return np.where(np.isfinite(moved), moved, 0.0)
 
     def values(self, x: np.ndarray, z: np.ndarray, time: float, p: np.ndarray) -> np.ndarray:
-        """Values at one point for columns of table pieces, one row for each column."""
+        """Return the values at one point for several columns p, one row for each column."""
         return self._values(x, z, np.array([time]), p.T)[0]
 
 
 class Roots(Watched):
-    """Watches every discriminant, in units of its typical size, with its rate."""
+    """All discriminants relative to their typical sizes, with their rates."""
 
     def __init__(self, reduced: Reduced, tolerance: float) -> None:
         margins = [(m, e) for m, e in reduced.margin_expressions if m.kind == "discriminant"]
@@ -288,16 +288,16 @@ class Roots(Watched):
         return self.count > 0
 
     def judge(self, times: np.ndarray, values: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, list[str], float]:
-        """For each interval between neighbouring rows whether it is resolved, and the labels of what touches zero in
-        the first that is not, and when: for these the motion is at its end."""
+        """Return for each interval between rows whether it is resolved; and the labels of the discriminants that touch
+        zero in the first unresolved interval, with the time: there the motion ends."""
         h = np.diff(times)[:, None]
         a, b, da, db = values[:-1], values[1:], rates[:-1] * h, rates[1:] * h
         smaller, larger = np.minimum(a, b), np.maximum(a, b)
         explained = np.abs(b - a - (da + db) / 2) <= EXPLAINED * larger
         turns = (da < 0) & (db > 0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            s = np.where(turns, -da / (db - da), 0.0)  # where a parabola with these rates has its minimum
-        # the cubic through both ends with their rates
+            s = np.where(turns, -da / (db - da), 0.0)  # minimum of the parabola with these rates
+        # value there of the cubic through both ends with their rates
         lowest = (1 + 2 * s) * (1 - s) ** 2 * a + s * (1 - s) ** 2 * da + s**2 * (3 - 2 * s) * b + s**2 * (s - 1) * db
         touching = turns & (lowest <= self._touch) & (smaller <= CLOSE * self._touch)
         resolved = explained & ~touching & (~turns | (lowest >= KEPT * smaller))
@@ -308,28 +308,28 @@ class Roots(Watched):
         return good, [self.labels[j] for j in touch], when
 
 
-# equal intervals in one call, at most: the multistep method keeps its order and step size over them. Newton unknowns
-# are followed row by row after it, which is lost where they went astray
+# largest number of equal intervals in one call, over which the multistep method keeps its order and step size; fewer
+# with Newton unknowns, which are then followed row by row: that work is lost if they went to another solution
 MOST_ROWS, MOST_FOLLOWED = 500, 50
-# of an expensive system fewer, so that it can be stopped on the way: instructions of its rates in all rows together
+# fewer intervals for an expensive system, so that a run can be stopped: limit of instructions for all rows of a call
 MOST_WORK = 1_000_000
-# integrators that are kept, of one number of intervals each
+# cached integrators, each for one number of intervals
 MOST_INTEGRATORS = 32
-# internal steps in one interval: where that is not enough, the interval is halved
+# internal steps in one interval; if they are not enough, the interval is halved
 MOST_STEPS = 1000
-# a call over fewer intervals than this mostly builds up its order, in many short steps whose errors add up; each may
-# err by so much of the tolerance, down to what double precision leaves
+# a call over fewer intervals than this mostly builds up its order, in many short steps whose errors add up; it gets
+# this share of the tolerance, but at least FINEST
 FEW_INTERVALS, RESTARTED, FINEST = 50, 0.01, 1e-13
-# longest internal steps, in intervals, are powers of this
+# the longest internal step, in intervals, is a power of this
 STEP_RATIO = 4.0
 
 
 class Stepper:
-    """Integrates a reduced system over one or several equal intervals; None where it gives up.
+    """Integrates a reduced system over one or several equal intervals; returns None if the integrator fails.
 
-    States and unknowns are scaled by their nominals, so that one tolerance fits all of them; the energies
-    supplied and dissipated are integrated beside the states, with the same error control. `bounded`: internal steps
-    are no longer than one interval.
+    States and unknowns are scaled by their nominals, so that one tolerance applies to all. The supplied and dissipated
+    energies are integrated with the states, with the same error control. `bounded`: internal steps are at most one
+    interval long.
     """
 
     def __init__(self, reduced: Reduced, tolerance: float, method: str, bounded: bool = False) -> None:
@@ -353,10 +353,10 @@ class Stepper:
             "reltol": tolerance,
             "max_num_steps": MOST_STEPS,
             "disable_internal_warnings": True,
-            "show_eval_warnings": False,  # a step that leaves the model's range is tried again, shorter
+            "show_eval_warnings": False,  # a step that leaves the model's range is repeated with a shorter one
         }
         self._tolerance = tolerance
-        self._most = 1.0 if bounded else np.inf  # intervals in one internal step
+        self._most = 1.0 if bounded else np.inf  # longest internal step in intervals
         if z.numel():
             self._dae |= {"z": z, "alg": residuals}
             self._options["calc_ic"] = True
@@ -366,7 +366,7 @@ class Stepper:
 
     @cached_property
     def most(self) -> int:
-        """Intervals in one call."""
+        """Largest number of intervals in one call."""
         return (
             MOST_FOLLOWED
             if "z" in self._dae
@@ -374,7 +374,7 @@ class Stepper:
         )
 
     def _longest(self, intervals: float, count: int) -> float:
-        """Longest internal step in intervals, rounded down so that few integrators serve all lengths."""
+        """Return the longest internal step in intervals, rounded down so that few different integrators are needed."""
         longest = min(self._most, intervals)
         return STEP_RATIO ** float(np.floor(np.log(longest) / np.log(STEP_RATIO))) if longest < count else np.inf
 
@@ -402,13 +402,13 @@ class Stepper:
         longest: float = np.inf,
         likely: int = FEW_INTERVALS,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """After each of `count` intervals of `length` seconds: states (count, n), Newton unknowns
-        (count, m), and the energies supplied and dissipated since the start of the call (count, 2). `longest`: of its
-        internal steps [s]. `likely`: how many of the intervals will be of use."""
+        """Return states (count, n), Newton unknowns (count, m), and energies supplied and dissipated since the start of
+        the call (count, 2), after each of `count` intervals of `length` seconds. `longest`: longest internal step [s].
+        `likely`: number of intervals that will probably be used."""
         integrator = self._integrator(count, self._longest(longest / length, count), min(count, likely) < FEW_INTERVALS)
         start = np.concatenate([x / self.x_scale, [0.0, 0.0]])
         try:
-            # SUNDIALS says on the terminal what it returns as well
+            # SUNDIALS also prints its errors, which it returns as status
             with redirect_stderr(StringIO()):
                 result = integrator(x0=start, z0=z / self.z_scale, p=np.concatenate([[time, length], p]))
         except RuntimeError:

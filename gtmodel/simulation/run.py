@@ -1,5 +1,4 @@
-"""simulate(): a consistent start, an error-controlled integrator, states that switch where they must, and the
-judgement of the run."""
+"""simulate(): consistent start, error-controlled integration with switching states, and checks of the run."""
 
 from __future__ import annotations
 
@@ -39,7 +38,7 @@ def with_events(
     tolerance: float,
     method: str,
 ) -> HybridIntegration:
-    """A simulation of a model that has events, before its first step; arguments and errors as for `simulate`."""
+    """Prepare the simulation of a model with events up to its first step; arguments and errors as for `simulate`."""
     refuse_settings(tolerance, method)
     step = output_step(step, final_time - start_time)
     max_step = longest_step(max_step, final_time - start_time)
@@ -47,22 +46,22 @@ def with_events(
     outputs, prefer = names("outputs", outputs), names("prefer", prefer)
     flat = with_switching_signs(flat_of(model))
     assert flat.events is not None
-    started, start = discrete_starts(flat, start)
-    first = {place: float(flat.parameters[place].value) for place in flat.events.discrete}
-    flat, now, given = read_model(model, inputs, parameters, first | started)
+    discrete, start = discrete_starts(flat, start)
+    declared = {place: float(flat.parameters[place].value) for place in flat.events.discrete}
+    flat, now, known = read_model(model, inputs, parameters, declared | discrete)
     preferred = [i for name in prefer for i in flat.lookup(name)[1]]
-    modes = SimulatedModes(flat, now, given, outputs, preferred)
+    modes = SimulatedModes(flat, now, known, outputs, preferred)
     settings = IntegratorSettings(tolerance, method, np.isfinite(max_step))
     ready = modes.start(start, start_time, settings, final_time)
-    refuse_discontinuous_inputs(given, ready.ready.system.plan.inputs, start_time, final_time)
+    refuse_discontinuous_inputs(known, ready.ready.system.plan.inputs, start_time, final_time)
     rows = output_rows(start_time, final_time, step)
     grid = watched_grid(rows, min(max_step, (final_time - start_time) / OUTPUT_STEPS))
     return HybridIntegration(ready, modes, rows, grid)
 
 
 def outcome(at_tolerance: Callable[[float], Integration], tolerance: float, progress: Progress | None) -> Simulation:
-    """The result of a simulation. at_tolerance: makes it, before its first step; a second one at a finer tolerance
-    is made where states stay small, see `small`."""
+    """Run a simulation and return its result. at_tolerance: prepares it up to its first step. If states stay small, a
+    second run at a finer tolerance measures their errors; see `small`."""
     integration = at_tolerance(tolerance)
     status, message = SolveStatus.SOLVED, "simulated"
     try:
@@ -74,20 +73,19 @@ def outcome(at_tolerance: Callable[[float], Integration], tolerance: float, prog
         status, message = SolveStatus.FAILED, broken
     message = "; ".join([message, *integration.happened(status)])
     if integration.recorder.empty:
-        raise ModelError(f"the simulation ends before it begins: {message}; are all start values numbers?")
+        raise ModelError(f"the simulation fails at its start: {message}; check that all start values are finite")
     trajectory, energy_error, moved = integration.recorder.trajectory()
     checks = balance(energy_error, moved) | resolution(integration.largest, tolerance)
     sentences = [unbalanced(checks, moved), unresolved(checks)]
-    own, said = integration.own_checks(moved)
-    checks |= own
-    sentences += said
+    further, failures = integration.own_checks(moved)
+    checks |= further
+    sentences += failures
     if status.ok and FINER * tolerance >= FINEST and (pairs := small(integration.history, tolerance)):
-        # a run that ends early shows nothing
-        with suppress(Ended, ModelError):
+        with suppress(Ended, ModelError):  # no check from a second run that ends early
             finer = at_tolerance(FINER * tolerance)
             finer.run(None if progress is None else lambda _: progress(integration.end))
-            of_small, sentence = small_states(pairs, integration.history, finer.history, integration.ready.name_of)
-            checks |= of_small
+            result, sentence = small_states(pairs, integration.history, finer.history, integration.ready.name_of)
+            checks |= result
             sentences.append(sentence)
     if status.ok and any(sentences):
         status, message = SolveStatus.CHECK_FAILED, "; ".join([message, *filter(None, sentences)])
@@ -128,32 +126,32 @@ def simulate(
     Args:
         inputs: known variables by name: a number or array, a function of time, (times, values), a Trajectory, or
             (one of the last two, "linear" | "previous" | "cubic"); see `read_inputs`.
-        start: prescribed start values by name, e.g. {"T": [...], "der(T)": 0}; fixed start attributes are
-            prescribed too, other start attributes are guesses. States that are free after that start as near to
-            zero as they can.
-        parameters: values of parameters by name, e.g. {"m_p": 40.0}, instead of the model's own. Runs that name the
-            same parameters share all that is worked out, whatever the values: a sweep costs what its integrations
-            cost, while each `model.with_(m_p=...)` is a model of its own and is compiled. The named parameters stay
-            symbols in the equations, so that results agree with those of `with_` within the tolerance, not bit for bit.
+        start: prescribed start values by name, e.g. {"T": [...], "der(T)": 0}. Fixed start attributes are also
+            prescribed; other start attributes are guesses. States that are still free start as close to zero as
+            possible.
+        parameters: values of parameters by name, e.g. {"m_p": 40.0}, instead of the model's values. Runs that name the
+            same parameters share all preparation: a sweep only costs its integrations, while each
+            `model.with_(m_p=...)` is compiled again. The named parameters stay symbols in the equations, so results
+            agree with those of `with_` within the tolerance, not bit for bit.
         step: interval [s] of the recorded rows; default a 500th of the run. The integrator chooses its own steps.
-        max_step: longest internal step [s]. Short pulses of functions of time, in inputs and in the model's equations,
-            are found without it, however short they are, where they leave a straight line by more than a
-            ten-thousandth of the function's range; it is for what comes out of nothing in another way.
+        max_step: longest internal step [s]. It is not needed for short pulses of functions of time in inputs and
+            equations: these are found at any length if they deviate from a straight line by more than a ten-thousandth
+            of the function's range. Use it for other sudden changes.
         outputs: further names to record, e.g. "arm[0].rod.tension".
-        prefer: names to keep as states as long as they are good for it.
+        prefer: names to keep as states as long as they are well conditioned.
         tolerance: relative and absolute tolerance of the integrator, in nominals.
-        method: "bdf" for anything, "adams" for smooth motion at tight tolerances; models with Newton unknowns
-            are integrated by BDF.
-        progress: called with the time reached; returning True stops the run, keeping what there is.
-        throw: raise NotSimulated for a run that ends early; False: return what was reached, with its status.
+        method: "bdf" for all models, "adams" for smooth motion at tight tolerances; models with Newton unknowns are
+            always integrated with BDF.
+        progress: called with the time reached; if it returns True, the run stops and keeps its rows.
+        throw: raise NotSimulated if the run ends early; False: return the incomplete run with its status.
 
     Returns a `Simulation`: `trajectory["x"]` has a row for each of `trajectory.time`, in SI units.
 
-    Where the model declares its energies, their balance is checked: a run that reaches its end with an error of more
-    than a ten-thousandth of the energy that moved has the status CHECK_FAILED, and holds everything. The same status
-    has a run whose states all stay below a thousand times the tolerance, in nominals: that motion is smaller than its
-    own error. Where only some of them do, a second run at a hundredth of the tolerance measures their errors; above a
-    hundredth of the largest value of one the status is CHECK_FAILED too.
+    If the model declares its energies, their balance is checked: a run with an error above a ten-thousandth of the
+    exchanged energy has the status CHECK_FAILED, and a complete result. A run whose states all stay below a thousand
+    times the tolerance, in nominals, has the same status, because the absolute tolerance is too coarse for such a
+    motion. If only some states stay so small, a second run at a hundredth of the tolerance measures their errors; the
+    status is CHECK_FAILED if an error exceeds a hundredth of the state's largest value.
 
     Raises ModelError for a wrong model, input or start, and NotSimulated for a run that ends early, unless throw is
     False.
@@ -183,8 +181,8 @@ def simulate(
     if with_switching_signs(flat_of(model)).events is not None:
 
         def at_tolerance(tolerance: float) -> Integration:
-            given = start, start_time, step, max_step, outputs, prefer, tolerance, method
-            return with_events(model, final_time, inputs, parameters, *given)
+            options = start, start_time, step, max_step, outputs, prefer, tolerance, method
+            return with_events(model, final_time, inputs, parameters, *options)
 
     else:
 
@@ -193,7 +191,7 @@ def simulate(
             ready = prepare(model, inputs, start, start_time, outputs, prefer, tolerance, method, bounded, parameters)
             refuse_discontinuous_inputs(ready.inputs, ready.system.plan.inputs, start_time, final_time)
             rows = output_rows(start_time, final_time, step)
-            # roots and states are watched from one time to the next: as often as rows are recorded by default
+            # roots and states are monitored at least as often as rows are recorded by default
             watching = bool(ready.system.roots) or ready.systems.selection.has_choice
             watched = (final_time - start_time) / OUTPUT_STEPS if watching else np.inf
             pace = ready.systems.pace(ready.inputs, start_time, final_time)

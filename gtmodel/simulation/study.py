@@ -1,4 +1,4 @@
-"""The motion of a robot, or any model, under given inputs from a given start, as a study."""
+"""Simulation of a robot, or of any model, as a study."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .options import ENERGIES, LARGEST_TIME, MOST_ROWS, MOST_STEPS, Simulation, 
 from .run import simulate
 
 TIGHTER = "use a smaller tolerance"
-# in SI units: closed forms and polished Newton unknowns leave round-off, 1e-12 of forces up to 1e4 N
+# residual bound in SI units: closed forms and converged Newton unknowns leave round-off, 1e-12 of forces up to 1e4 N
 EQUATIONS = 1e-8
 
 
@@ -42,11 +42,11 @@ def simulation_study(
     """Simulate a model from 0 to `final_time` [s], with checks, table and pictures.
 
     Args:
-        inputs, start, parameters, step, max_step, outputs, prefer, tolerance, method: as of `simulate`.
+        inputs, start, parameters, step, max_step, outputs, prefer, tolerance, method: as in `simulate`.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    A run that ends early, or is interrupted, keeps what there is. Raises ArgumentError for what is given wrong, and
-    ModelError for a wrong model, or starts that contradict its equations.
+    The result of a run that ends early or is interrupted holds everything up to its end. Raises ArgumentError for a
+    wrong argument, and ModelError for a wrong model or start values that contradict its equations.
 
     >>> import gtmodel as gt
     >>> from gtmodel.simulation import simulation_study
@@ -76,7 +76,7 @@ def simulation_study(
 
 
 def refuse_unknown(model: Model, **lists: Mapping[str, Any] | Sequence[str]) -> None:
-    """Raises ArgumentError for a name that the model lacks."""
+    """Raises ArgumentError for a name that is not in the model."""
     flat = flat_of(model)
     discrete = {s.name for s in flat.events.shown} if flat.events else set()
     for argument, names in lists.items():
@@ -95,12 +95,12 @@ def _refuse_steps(final_time: float, step: float | None, max_step: float | None)
         raise ArgumentError(f"{step:g} s is longer than the run of {final_time:g} s", "step")
     for argument, value, most in (("step", step, MOST_ROWS), ("max_step", max_step, MOST_STEPS)):
         if value is not None and final_time / value > most:
-            raise ArgumentError(f"{value:g} s is too short: the run has at most {most} of them", argument)
+            raise ArgumentError(f"{value:g} s is too short: a run has at most {most} such steps", argument)
 
 
 def _study_of(simulation: Simulation, title: str) -> SimulationStudy:
     recorded = simulation.trajectory
-    whole = simulation.status.converged  # its failed checks are the study's
+    complete = simulation.status.converged  # failed checks are reported by the study
     if not simulation.status.ok:
         title += f" ({simulation.status.value})"
     trajectory = Trajectory(
@@ -110,7 +110,7 @@ def _study_of(simulation: Simulation, title: str) -> SimulationStudy:
     checks |= {
         name: at_most(check.value, check.bound or 0.0, check.advice) for name, check in simulation.checks.items()
     }
-    marks = [at.time for at in (*simulation.switches, *simulation.events)]
+    marks = [change.time for change in (*simulation.switches, *simulation.events)]
     figures = {"signals": partial(_signals, trajectory, marks)}
     events = [_row_of(e) for e in simulation.events]
     energies: dict[str, Any] = {}
@@ -118,7 +118,7 @@ def _study_of(simulation: Simulation, title: str) -> SimulationStudy:
         figures["energy"] = partial(_energy, trajectory)
         energies = {f"energy_{k}": float(x[-1] - x[0]) for k in ENERGIES for x in [trajectory[f"energy.{k}"]]}
     return SimulationStudy(
-        status=SolveStatus.SOLVED if whole else simulation.status,
+        status=SolveStatus.SOLVED if complete else simulation.status,
         message=simulation.message,
         title=title,
         checks=checks,
@@ -139,13 +139,13 @@ def _study_of(simulation: Simulation, title: str) -> SimulationStudy:
 
 
 def _row_of(event: Event) -> dict[str, Any]:
-    """An event as result.json has it."""
+    """Return an event as in result.json."""
     changes = {name: list(pair) for name, pair in {**event.discrete, **event.restarted}.items()}
     return {"time_s": event.time, "causes": list(event.causes), "changes": changes, "energy_J": event.energy}
 
 
 def _files(simulation: Simulation, events: list[dict[str, Any]]) -> dict[str, str]:
-    """Events, and inputs and outputs of each sampled block at its samples, as CSV."""
+    """Return CSV files of the events, and of the inputs and outputs of each sampled block at its samples."""
     files = {}
     if events:
         columns = {

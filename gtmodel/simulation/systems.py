@@ -1,5 +1,4 @@
-"""Reduced systems by choice of states and branch signs, where a choice that was made before costs nothing, and Newton
-unknowns along a motion."""
+"""Reduced systems for each choice of states and branch signs, cached, and continuation of Newton unknowns."""
 
 from __future__ import annotations
 
@@ -24,11 +23,11 @@ from .record import Recorded
 from .reduced import OriginalEquations, Reduced, Roots, Stepper
 
 CORRECTIONS = 12
-# each correction must shrink to a quarter of the last, as in compiler.newton: then no other solution is entered
+# each correction must shrink to a quarter of the last, as in compiler.newton, so that Newton stays on its solution
 CONTRACTION = 0.25
-# in nominals, or in parts of a larger unknown: so far an unknown goes in one step, so that no narrow bend is missed
+# largest step of an unknown, relative to its nominal or its value if larger, so that no narrow bend is missed
 REACH = 0.1
-# corrections this small are round-off, even of badly scaled equations
+# corrections below this are round-off, even for badly scaled equations
 ROUND_OFF = 1e-8
 CONVERGED = 1e-13
 SHORTEST = 1.0 / 4096
@@ -36,7 +35,7 @@ MOST_STEPS = 2000
 
 
 class NewtonContinuation:
-    """Follows r(z, a) == 0, where a holds states, time and tables' pieces (x, t, p)."""
+    """Follows the solution of r(z, a) == 0 along a, which consists of states, time and input pieces (x, t, p)."""
 
     def __init__(self, reduced: Reduced, scale: np.ndarray) -> None:
         self._scale = scale
@@ -51,16 +50,16 @@ class NewtonContinuation:
         return np.concatenate([x, [time], p])
 
     def apart(self, z: np.ndarray, other: np.ndarray) -> float:
-        """Largest distance of two solutions, in nominals or in parts of a larger unknown."""
+        """Return the largest difference of two solutions, relative to the nominal or the value if larger."""
         return float(np.max(np.abs(z - other) / self._size(z), initial=0.0))
 
     def tangent(self, z: np.ndarray, a: np.ndarray, along: np.ndarray) -> np.ndarray:
-        """How far z goes, to first order, while a goes `along`; NaN where the equations are singular."""
+        """Return the change of z, to first order, for a change `along` of a; NaN if the equations are singular."""
         rate, jacobian = (np.asarray(v.full()) for v in self._tangent(z, a, along))
         return -solve_rows(jacobian[None], rate.T)[0]
 
     def correct(self, z: np.ndarray, a: np.ndarray) -> np.ndarray | None:
-        """The solution right beside z, to round-off; None where Newton does not contract to one."""
+        """Return the solution close to z, to round-off; None if Newton's method does not contract."""
         last = REACH
         for n in range(CORRECTIONS):
             r, jacobian = (np.asarray(v.full()) for v in self._newton(z, a))
@@ -75,7 +74,7 @@ class NewtonContinuation:
         return z if last <= ROUND_OFF else None
 
     def step(self, z: np.ndarray, a: np.ndarray) -> np.ndarray | None:
-        """The step of Newton's method from z, at most REACH of each unknown; None where the equations are singular."""
+        """Return a Newton step from z, limited in length; None if the equations are singular."""
         r, jacobian = (np.asarray(v.full()) for v in self._newton(z, a))
         step = solve_rows(jacobian[None], -r.T)[0]
         if not np.all(np.isfinite(step)):
@@ -83,7 +82,7 @@ class NewtonContinuation:
         return step * min(1.0, float(np.min(self._size(z) / np.maximum(np.abs(step), 1e-300))))
 
     def follow(self, z: np.ndarray, begin: np.ndarray, end: np.ndarray) -> np.ndarray | None:
-        """The solution at `end` that continues z, which solves at `begin`; None where it leads nowhere."""
+        """Return the solution at `end` that continues z, the solution at `begin`; None if it cannot be followed."""
         done, step = 0.0, 1.0
         for _ in range(MOST_STEPS):
             part = min(1.0, done + step)
@@ -108,14 +107,14 @@ class NewtonContinuation:
 Pair = tuple[int, int]
 Key = TypeVar("Key", bound=Hashable)
 Value = TypeVar("Value")
-# of each kind, for the next simulation of a model
+# cache size for each kind of object, for the next simulations of a model
 KEPT = 16
 
 
 @dataclass(frozen=True, eq=False)
 class BranchPlan:
-    """A plan for one choice of states, with the signs of its roots; the `jacobian` of (point, time, parameters that
-    vary) has these signs at any point."""
+    """A plan for one choice of states and the signs of its roots; `jacobian` (point, time, varied parameters) returns
+    the derivatives whose signs select the roots at any point."""
 
     plan: CausalPlan
     jacobian: ca.Function
@@ -124,7 +123,7 @@ class BranchPlan:
 
 @dataclass(frozen=True)
 class IntegratorSettings:
-    """How a system is integrated; `bounded`: no internal step is longer than an interval."""
+    """Integrator settings; `bounded`: no internal step is longer than an interval."""
 
     tolerance: float = 1e-9
     method: str = "bdf"
@@ -133,7 +132,7 @@ class IntegratorSettings:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedSystem:
-    """A branch with the inputs and outputs of a simulation, ready to be integrated."""
+    """A branch plan with the inputs and outputs of a simulation, ready for integration."""
 
     choice: Choice
     plan: CausalPlan
@@ -143,7 +142,7 @@ class SimulatedSystem:
 
     @cached_property
     def continuation(self) -> NewtonContinuation | None:
-        """Of the Newton unknowns; None where there are none."""
+        """Continuation of the Newton unknowns; None without any."""
         return NewtonContinuation(self.reduced, self.stepper.z_scale) if self.reduced.z.numel() else None
 
     @cached_property
@@ -152,11 +151,11 @@ class SimulatedSystem:
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Their names."""
+        """Names of the states."""
         return tuple(self.name_of(s) for s in self.plan.states)
 
     def name_of(self, pair: Pair) -> str:
-        """Of a state: the one that the model declares, or as a derivative, "der(q)"."""
+        """Return the declared name of a state, or its name as a derivative, "der(q)"."""
         return self._declared.get(pair) or self.plan.flat.symbol_name(*pair)
 
     @cached_property
@@ -168,13 +167,12 @@ DEFAULT = IntegratorSettings()
 
 
 class Systems:
-    """Makes and keeps the systems of simulations of a model that differ in starts and in numbers of their inputs and
-    of parameters that vary, only.
+    """Builds and caches the systems of simulations of a model that differ only in start values, input values and varied
+    parameters.
 
-    `plan` has the structure that all of them share, and samples to start from; `selection` chooses the states;
-    `inputs` has the symbols that their functions read, and the numbers of the simulation they were made for. Parameters
-    are numbers in all of it, but for those that vary, which stay symbols; `flat` is the model with the numbers of one
-    run.
+    `plan` has their common structure and sample points; `selection` chooses the states; `inputs` has the symbols of
+    their functions, and the numbers of the first simulation. Parameters are numbers, except the varied ones, which stay
+    symbols; `flat` is the model with the values of one run.
     """
 
     def __init__(
@@ -189,7 +187,7 @@ class Systems:
         self._numbers = flat.p0[places]
         expressions = [*outputs, *(e.expression for e in flat.energies), *(e.residual for e in flat.equations)]
         targets = {(v.index, 0) for v in flat.variables} | set(flat.scope.symbols_in(ca.vertcat(*expressions)))
-        # plans know neither inputs nor tolerances: the model keeps them for the next simulation
+        # plans depend neither on inputs nor on tolerances, so the model caches them for the next simulation
         key = ("simulation", get_ident(), tuple(inputs.known), tuple(places), tuple(sorted(targets)))
         if key not in flat.cache:
             flat.cache[key] = self._first_plan(sorted(targets)), {}
@@ -199,7 +197,7 @@ class Systems:
         preferred = frozenset(self.plan.alias.resolve(i, 0)[1] for i in prefer)
         self.selection = StateSelection(self.plan, preferred, self._varied, self._numbers)
         self._reduced: dict[BranchPlan, Reduced] = {}
-        self._made: dict[tuple[BranchPlan, IntegratorSettings], SimulatedSystem] = {}
+        self._systems: dict[tuple[BranchPlan, IntegratorSettings], SimulatedSystem] = {}
         self._paces: dict[Hashable, Pace] = {}
         self.samples = self.plan.samples  # consistent points for the numbers of one run
 
@@ -207,29 +205,29 @@ class Systems:
     def kept(
         flat: FlatModel, inputs: SimulationInputs, outputs: Recorded, prefer: Sequence[int], now: FlatModel
     ) -> Systems:
-        """Those of the last simulations of this model with inputs of this structure, else new ones. `now`: the model
-        with the numbers of this run in place of the parameters that vary.
+        """Return the cached systems of this model for inputs of this structure, else new ones. `now`: the model with
+        the values of this run.
 
-        Each thread has its own: two calls of one integrator of CasADi at a time destroy each other's memory."""
-        known: dict[Hashable, Systems] = flat.cache.setdefault(("simulated", get_ident()), {})
+        Each thread has its own cache, because concurrent calls of a CasADi integrator corrupt each other's memory."""
+        cache: dict[Hashable, Systems] = flat.cache.setdefault(("simulated", get_ident()), {})
 
-        def of_kind(other: Hashable) -> Systems:
-            key = inputs.structure, outputs.names, tuple(prefer), other
-            systems = known.pop(key, None) or Systems(now if other else flat, inputs, outputs.expressions, prefer)
-            return put_last(known, key, systems)
+        def cached(difference: Hashable) -> Systems:
+            key = inputs.structure, outputs.names, tuple(prefer), difference
+            systems = cache.pop(key, None) or Systems(now if difference else flat, inputs, outputs.expressions, prefer)
+            return put_last(cache, key, systems)
 
-        other = _other_kind(flat, now, sorted(inputs.parameters))
-        systems = of_kind(other)
+        difference = _difference(flat, now, sorted(inputs.parameters))
+        systems = cached(difference)
         if not inputs.parameters:
             return systems
         signs, samples = systems._starts(now)
         if signs != systems._signs:
-            systems = of_kind((other, signs))
+            systems = cached((difference, signs))
         return systems.with_numbers(now, samples)
 
     def with_numbers(self, now: FlatModel, samples: np.ndarray | None) -> Systems:
-        """The same with the numbers of a run in place of the parameters that vary; all that is made is kept for all."""
-        _ = self.original_equations, self._reads_time  # made before the copy, so that they are made once
+        """Return a copy with the parameter values of a run; it shares all caches."""
+        _ = self.original_equations, self._reads_time  # evaluated before the copy, so that all copies share them
         run = copy(self)
         run.flat, run._numbers = now, now.p0[sorted(self.inputs.parameters)]
         run.selection = self.selection.with_numbers(run._numbers)
@@ -238,12 +236,12 @@ class Systems:
 
     @property
     def _signs(self) -> tuple[int, ...]:
-        """On which sides of its roots the plan lies."""
+        """Signs of the plan's roots."""
         return tuple(r.value for b in self.plan.blocks for r in b.roots)
 
     def _starts(self, now: FlatModel) -> tuple[Hashable, np.ndarray | None]:
-        """The signs that roots have with other numbers, and consistent points with these; None for the plan's own. Of
-        numbers that have no such points, the numbers."""
+        """Return the signs of the roots with the values of a run, and consistent points, None for those of the plan.
+        Without consistent points the values themselves replace the signs."""
         same = np.array_equal(now.p0, self.flat.p0)
         if same or not (self._start_depends or [v.start for v in now.variables] != self._own_starts):
             return self._signs, None
@@ -258,8 +256,8 @@ class Systems:
 
     @cached_property
     def _start_depends(self) -> bool:
-        """Whether parameters that vary have a say in where a start is sought that has several solutions: they stand in
-        the equations of the stages in which what roots and Newton blocks hold comes up."""
+        """Whether varied parameters affect the choice among several consistent starts: they occur in the sampler stages
+        up to the last one with symbols of roots or Newton blocks."""
         plan, scope = self.plan, self.flat.scope
         sides = [r.slope for b in plan.blocks for r in b.roots]
         chosen = scope.symbols_in(ca.vertcat(*sides, *(s for b in plan.newton for s in b.unknowns)))
@@ -279,17 +277,17 @@ class Systems:
         return self.flat.require_values()
 
     def at(self, w: np.ndarray, time: float, settings: IntegratorSettings = DEFAULT) -> SimulatedSystem | None:
-        """The system whose states and branches suit a consistent point; None where no choice of states would do."""
+        """Return the system for the states and branches of a consistent point; None if no choice of states is valid."""
         choice = self.selection.choose(w, time)
         if choice is None:
             return None
-        known = self._branches.setdefault(choice, [])
-        branch = next((b for b in known if _signs(b.jacobian, w, time, self._numbers) == b.signs), None)
+        branches = self._branches.setdefault(choice, [])
+        branch = next((b for b in branches if _signs(b.jacobian, w, time, self._numbers) == b.signs), None)
         if branch is None:
             branch = self._branch(self.selection.states(choice), w, time)
-            known.append(branch)
-        made = self._made.pop((branch, settings), None) or self._system(branch, settings)
-        return put_last(self._made, (branch, settings), made)
+            branches.append(branch)
+        system = self._systems.pop((branch, settings), None) or self._system(branch, settings)
+        return put_last(self._systems, (branch, settings), system)
 
     def _system(self, branch: BranchPlan, settings: IntegratorSettings) -> SimulatedSystem:
         reduced = self._reduced.pop(branch, None) or Reduced(branch.plan, self.inputs, self._outputs)
@@ -305,10 +303,10 @@ class Systems:
         watched: ca.SX | None = None,
         varies: Sequence[int] = (),
     ) -> Pace:
-        """How fast functions of time change between two times: inputs that have the numbers of a simulation.
+        """Return how fast functions of time change between two times, with the values of `inputs`.
 
-        watched: what else the model looks at on its way. varies: places of parameters that change on the way, which no
-        function of time alone holds.
+        watched: further expressions that the simulation monitors. varies: places of parameters that change during the
+        run, so that expressions with them are not functions of time alone.
         """
         uses_time = bool(self.inputs.functions) or self._reads_time
         uses_time = uses_time or (watched is not None and bool(ca.depends_on(watched, self.flat.scope.time)))
@@ -323,26 +321,26 @@ class Systems:
 
     @cached_property
     def _written(self) -> ca.SX:
-        """The model's equations and energies as a person wrote them."""
+        """The model's equations and energies as written."""
         flat = self.flat
         return ca.vertcat(*[e.residual for e in flat.equations], *[e.expression for e in flat.energies])
 
     @cached_property
     def _reads_time(self) -> bool:
-        """Whether the time itself stands in what is written."""
+        """Whether equations or energies contain the time."""
         return bool(ca.depends_on(self._written, self.flat.scope.time))
 
     def _driven(self, inputs: SimulationInputs, written: ca.SX, varies: Sequence[int]) -> ca.SX:
-        """What functions of time act on: the inputs themselves, and what is written."""
+        """Return the input functions and the written expressions with known inputs substituted."""
         flat, symbols = self.flat, self.inputs
         pairs = flat.scope.symbols_in(written)
-        given = [pair for pair in pairs if pair[0] in symbols.functions]
+        functions = [pair for pair in pairs if pair[0] in symbols.functions]
         constant = [pair for pair in pairs if pair[0] in symbols.constants]
         parameters = ca.SX(ca.DM(self.parameters))
         for place in varies:
             parameters[place] = flat.parameters[place].symbol
-        old = [flat.scope.time, flat.p, *(flat.scope.symbol(*pair) for pair in [*given, *constant])]
-        new = [symbols.t, parameters, *(symbols.expression(*pair) for pair in given)]
+        old = [flat.scope.time, flat.p, *(flat.scope.symbol(*pair) for pair in [*functions, *constant])]
+        new = [symbols.t, parameters, *(symbols.expression(*pair) for pair in functions)]
         new += [ca.SX(inputs.constants[i] if order == 0 else 0.0) for i, order in constant]
         written = ca.substitute(written, ca.vertcat(*old), ca.vertcat(*new))
         return ca.vertcat(*symbols.functions.values(), written)
@@ -357,14 +355,14 @@ class Systems:
         return BranchPlan(plan, jacobian, tuple(root.value for root in roots))
 
     def _first_plan(self, targets: list[Pair]) -> CausalPlan:
-        given = set(self.inputs.known)
-        left = [v.name for v in self.flat.variables if v.role == "input" and v.index not in given]
+        known = set(self.inputs.known)
+        missing = [v.name for v in self.flat.variables if v.role == "input" and v.index not in known]
         try:
             return self._plan(targets)
         except ModelError as error:
-            if left and " unknown" in str(error) and "equation" in str(error):
-                raise ModelError(f"{error}; inputs without a value: {', '.join(left)}") from None
-            # a root that nothing settles is no obstacle here: the start will. All else is wrong without targets too
+            if missing and " unknown" in str(error) and "equation" in str(error):
+                raise ModelError(f"{error}; inputs without a value: {', '.join(missing)}") from None
+            # a root of undetermined sign is accepted, because the start decides; other errors recur without targets
             plan = self._plan([])
             if not {plan.alias.resolve(*t)[1:] for t in targets} <= set(plan.pairs):
                 raise
@@ -384,9 +382,9 @@ def _signs(jacobian: ca.Function, w: np.ndarray, time: float, numbers: np.ndarra
     return tuple(1 if s >= 0 else -1 for s in np.asarray(jacobian(w, time, numbers).full()).reshape(-1))
 
 
-def _other_kind(flat: FlatModel, now: FlatModel, places: list[int]) -> Hashable:
-    """What a model with other numbers does not share with the model as it was made; nothing where they have all in
-    common. Signs of parameters decide on which side of a root the start lies, nominals are scales of the integrator."""
+def _difference(flat: FlatModel, now: FlatModel, places: list[int]) -> Hashable:
+    """Return the differences between the model with the values of a run and the declared model that need other systems:
+    signs of parameters, which affect the side of a root at the start, and nominals, which scale the integrator."""
     signs = np.sign(now.p0[places])
     nominals = tuple(v.nominal for v in now.variables)
     if np.array_equal(signs, np.sign(flat.p0[places])) and nominals == tuple(v.nominal for v in flat.variables):
@@ -394,9 +392,9 @@ def _other_kind(flat: FlatModel, now: FlatModel, places: list[int]) -> Hashable:
     return tuple(signs.tolist()), nominals
 
 
-def put_last(kept: dict[Key, Value], key: Key, value: Value) -> Value:
-    """The value, now the last of those that are kept; the oldest goes."""
-    kept[key] = value
-    if len(kept) > KEPT:
-        kept.pop(next(iter(kept)))
+def put_last(cache: dict[Key, Value], key: Key, value: Value) -> Value:
+    """Put a value last in a cache, drop the oldest entry if it is full, and return the value."""
+    cache[key] = value
+    if len(cache) > KEPT:
+        cache.pop(next(iter(cache)))
     return value

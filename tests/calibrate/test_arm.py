@@ -36,7 +36,8 @@ def test_the_problem_frees_what_can_be_determined(study) -> None:
     model = [n for n in study.estimate.names if not n.startswith("T.device")]
     assert sorted(model) == sorted(arm_poses.free())
     notes = "; ".join(study.notes)
-    assert "beta[1] is free in its place" in notes and "d[0] stays: it moves with the frame's shift along z" in notes
+    assert "beta[1] is free instead" in notes
+    assert "d[0] stays fixed: its effect is a combination of the frame's shift along z" in notes
 
 
 def test_true_numbers_are_found(study) -> None:

@@ -171,7 +171,7 @@ def test_what_each_model_of_table_6_3_fixes():
     for name, keys in (("model_3", list(table)), ("model_4", ["viscous", "viscous_minus"])):
         assert all(np.array_equal(getattr(variants[name].robot, k), table[k]) for k in keys)
     assert all(np.all(np.asarray(v.robot.m_a) == 0) for v in variants.values())
-    with pytest.raises(gt.ModelError, match="there is no 'model_5' here; there are model_1"):
+    with pytest.raises(gt.ModelError, match="no inertia variant 'model_5'; there are model_1"):
         gt.robots.inertia_variant("model_5")
 
 

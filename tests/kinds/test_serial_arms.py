@@ -45,7 +45,7 @@ def test_a_urdf_is_a_robot(context: Context) -> None:
     for x, y in zip(*(arm.causal(known="q", targets=["T", "R"])(q) for arm in (by_file, direct)), strict=True):
         np.testing.assert_array_equal(x, y)
     assert context.inputs["robot"].name == "serial.urdf"
-    assert context.notes[0].startswith("serial.urdf: not used: 1 shapes to be shown")
+    assert context.notes[0].startswith("serial.urdf: not used: 1 visual shapes")
 
 
 def test_its_tip_stands_behind_a_colon(context: Context) -> None:
@@ -91,7 +91,7 @@ def test_a_file_may_give_parameters_of_another(context: Context, name: str, base
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
-        ("0.3, 0.25", "300, 250", r"a_m: look like millimetres, 300 m is the longest; give metres"),
+        ("0.3, 0.25", "300, 250", r"a_m: lengths up to 300 m look like millimetres"),
         ('"rrp"', '"rr"', r"joints takes one of r, p for each of the 3 joints"),
         ("limits =", "limits_deg =", r"limits_deg: needs revolute joints only"),
         ("a_m", "a_n", r"a_n: .*a_m"),

@@ -88,7 +88,7 @@ class TestInputs:
         assert caught.value.key == key and caught.value.message
 
     def test_a_file_in_another_unit(self, here: Path) -> None:
-        with pytest.raises(InputError, match=r"input 'tau' is in N\.m; the trajectory gives it in m") as refused:
+        with pytest.raises(InputError, match=r"input 'tau' is in N\.m; found m") as refused:
             solve(Context(folder=here), inputs={"tau": {"file": self.csv(here, unit="m")}})
         assert refused.value.key == "inputs.tau"
 
@@ -123,7 +123,7 @@ def test_there_is_nothing_to_start_from() -> None:
 def test_explain() -> None:
     told = explained()
     assert told.startswith("Swing: 1 s\nPendulum: simulation by CVODES (bdf), tolerance 1e-11\n  prescribed: tau\n")
-    assert "phi = 0.01  prescribed, or follows" in told and "pendulum.py:" in told
+    assert "phi = 0.01  prescribed" in told and "pendulum.py:" in told
     assert "der(phi) = 0  chosen by the initialisation" in explained(start={})
 
 
@@ -239,7 +239,7 @@ class TestEvents:
         changes = ["robot=ball.py:Ball", "start={phi=1.0,v=0.0}", "final_time_s=5"]
         given = [word for change in changes for word in ("--set", change)]
         done = gtmodel("solve", TestCommand().toml(here), *given, "--out", "fallen")
-        assert done.code == 1 and "events come closer and closer and accumulate at 4.0637" in done.out + done.err
+        assert done.code == 1 and "events accumulate at 4.0637" in done.out + done.err
         result = json.loads((here / "fallen" / "result.json").read_text())["values"]
         assert result["accumulation_s"] == pytest.approx(4.06371, abs=1e-5)
         samples = Trajectory.from_csv(here / "fallen" / "samples_look.csv")

@@ -104,7 +104,7 @@ def test_signs_by_direction():
 
 def test_simulation_says_where_exact_signs_would_hold_the_carts():
     # at rest without forces the dry friction holds: neither direction of sliding goes on
-    with pytest.raises(gt.ModelError, match=r"no side of sign\(\) at .* suits the start.* friction would hold"):
+    with pytest.raises(gt.ModelError, match=r"no side of sign\(\) at .* is consistent with the start.* would stick"):
         with_parts(friction=m.SignFriction).simulate(0.1, inputs={"tau": np.zeros(3)})
 
 

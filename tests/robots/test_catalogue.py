@@ -89,7 +89,7 @@ class TestEntries:
                 make(name, payload=-3.0)
 
     def test_a_serial_arm_takes_no_friction(self):
-        with pytest.raises(ModelError, match="leave inertia, payload and friction smoothing out"):
+        with pytest.raises(ModelError, match="leave out inertia, payload and friction smoothing"):
             make("kr500", velocity_scale=0.3)
 
     def test_smoothing_is_felt(self):
@@ -99,7 +99,9 @@ class TestEntries:
         assert status is Status.OK and force == pytest.approx(130.0 + 10.0)
 
     def test_what_a_family_does_not_take(self):
-        with pytest.raises(gt.ModelError, match="inertia model 'model_1' applies to three-link robots only; 'f1' has"):
+        with pytest.raises(
+            gt.ModelError, match="inertia model 'model_1' applies to three-link robots only; give the masses of 'f1'"
+        ):
             make("f1", inertia="model_1")
         with pytest.raises(gt.ModelError, match="there is no three-link robot 'f1'; there are d1_nominal"):
             gantry_tau("f1")
@@ -135,9 +137,9 @@ class TestConfiguration:
             configuration(robot, (1, 1))
         with pytest.raises(gt.ModelError, match=r"the configuration takes \+1 or -1 for arm\[1\].ahead; found 0"):
             configuration(robot, (1, 0, 1))
-        with pytest.raises(gt.ModelError, match="the forward kinematics of F1 is iterative and continues the home"):
+        with pytest.raises(gt.ModelError, match="the forward kinematics of F1 is iterative"):
             configuration(make("f1"), forward=1)
-        with pytest.raises(gt.ModelError, match="World has no configuration; name its branches"):
+        with pytest.raises(gt.ModelError, match="World has no configuration"):
             configuration(gt.mechanics.World())
 
 

@@ -61,7 +61,7 @@ class TestAliases:
         (dict(final_time="1"), "final_time takes a number; found '1'"),
         (dict(start_time="a"), "start_time takes a number; found 'a'"),
         (dict(step="0.1"), "step takes a number; found '0.1'"),
-        (dict(step=1e-9), "interval of 1e-09 s gives 1e.09 rows, more than 1000000; give one of at least 1e-06 s"),
+        (dict(step=1e-9), "interval of 1e-09 s gives 1e.09 rows, more than 1000000; give at least 1e-06 s"),
         (dict(tolerance="a"), "tolerance takes a number; found 'a'"),
         (dict(start=[1.0]), r"start takes a dictionary by name, .*; found \[1.0\]"),
         (dict(inputs=[1.0]), r"inputs takes a dictionary by name, .*; found \[1.0\]"),

@@ -196,7 +196,7 @@ class TestPulses:
         [
             (0.0, "max_step must be positive; found 0 s"),
             ("a", "max_step takes a number; found 'a'"),
-            (1e-9, r"a max_step of 1e-09 s means 1e\+09 steps, more than 10000000; give one of at least 1e-07 s"),
+            (1e-9, r"a max_step of 1e-09 s means 1e\+09 steps, more than 10000000; give at least 1e-07 s"),
         ],
     )
     def test_a_longest_step_that_makes_no_sense(self, max_step, sentence):

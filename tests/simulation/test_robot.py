@@ -130,7 +130,7 @@ def test_out_of_reach_it_says_so():
     A, L = np.array(l1().A)[0], float(np.array(l1().L)[0])
     last = -0.9 - (A[1] - np.sqrt(L**2 - (0.3 - A[2]) ** 2))
     assert float(re.search(r"the motion ends at (\S+) s", run.message)[1]) == pytest.approx(last, abs=1e-5)
-    assert "leads out of the model's range: the discriminant of arm[0].rod" in run.message
+    assert "leaves the model's range: the discriminant of arm[0].rod" in run.message
     assert run.trajectory.time[-1] == pytest.approx(0.1 * np.floor(last / 0.1)) and np.all(
         np.isfinite(run.trajectory["tau"])
     )

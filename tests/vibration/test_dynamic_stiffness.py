@@ -44,7 +44,7 @@ def test_synthetic_experiments_are_recovered_and_say_what_they_are(small) -> Non
     for name in ("oscillators.toml", "poses.csv"):
         assert small.files[name].startswith("# SYNTHETIC: seed 16")
     assert small.files["oscillators.c"].startswith("/* SYNTHETIC: seed 16")
-    assert "regression, no training data; its c_z repeats m_z" in small.printed
+    assert "regression and not its training data; its c_z repeats m_z" in small.printed
 
 
 NOTHING = ["stiffness", "stiffness[02", "stiffness[\u00b2]", "stiffness[36]", "k[0]", "", None, 3]

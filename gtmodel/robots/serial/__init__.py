@@ -1,1 +1,1 @@
-"""Serial arms of any number of joints: by Denavit-Hartenberg numbers, from URDF files and back to them."""
+"""Serial arms with any number of joints, from Denavit-Hartenberg parameters and from URDF files, and back."""

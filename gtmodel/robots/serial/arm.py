@@ -1,4 +1,4 @@
-"""A serial arm as a model: joints, placements, bodies and friction from parts, and in lines of text."""
+"""A serial arm as a model built from joints, placements, bodies and friction, and its description as text."""
 
 from __future__ import annotations
 
@@ -31,30 +31,30 @@ from ...mechanics import (
 from .structure import ArmStructure, JointKind, Style
 
 Z = np.array([0.0, 0.0, 1.0])
-# friction of revolute and of prismatic joints
+# friction models of revolute and of prismatic joints
 FRICTION: dict[str, tuple[type[gt.Model], type[gt.Model]]] = {
     "tanh": (RotationalTanhFriction, TanhFriction),
     "piecewise_linear": (RotationalPiecewiseLinearFriction, PiecewiseLinearFriction),
     "sign": (RotationalSignFriction, SignFriction),
     "stiction": (RotationalStictionFriction, StictionFriction),
 }
-VELOCITY_SCALE = 0.1  # of friction [rad/s or m/s]
+VELOCITY_SCALE = 0.1  # friction smoothing [rad/s or m/s]
 DH_NAMES = ("theta", "d", "a", "alpha", "beta")
 
 
 class SerialArm(gt.Model):
-    """Base of all serial arms; made by `serial_arm`, `from_urdf` or a robot file with family = "serial".
+    """Base class of serial arms, built by `serial_arm`, `from_urdf` or a robot file with family = "serial".
 
-    q (n) [rad, m] are the joint coordinates, `tau` (n) [N.m, N] the motor efforts on them, T [m] and R the place and
-    orientation of the tool frame, v [m/s] and w [rad/s] its rates, world coordinates. The port `end` is that frame:
-    nothing pushes there unless something is connected. Gravity points along -z of the world, where base_xyz and
-    base_rpy place the base.
+    q (n) [rad, m] are the joint coordinates, `tau` (n) [N.m, N] the motor efforts on them, T [m] and R the position and
+    orientation of the tool frame, v [m/s] and w [rad/s] its linear and angular velocity, world coordinates. The port
+    `end` is the tool frame; no load acts there unless one is connected. base_xyz and base_rpy place the base in the
+    world; gravity points along -z of the world.
 
-    Parameters: base_xyz, base_rpy, tool_xyz, tool_rpy; of each joint by style xyz, rpy, axis (URDF) or theta, d, a,
-    alpha, beta (Denavit-Hartenberg); of each link m [kg], mc [kg m] and J [kg m2] as of `mechanics.LinkBody`, in the
-    link's own frame; viscous and coulomb friction of each joint, 0 unless given, with velocity_scale.
+    Parameters: base_xyz, base_rpy, tool_xyz, tool_rpy; per joint xyz, rpy, axis (URDF) or theta, d, a, alpha, beta
+    (Denavit-Hartenberg), depending on the style; per link m [kg], mc [kg m] and J [kg m2] as in `mechanics.LinkBody`,
+    in the link frame; per joint viscous and coulomb friction, by default 0, with velocity_scale.
 
-    Joint 2 of an arm with two parallel axes, 1 kg at 0.5 m from it, held level:
+    Motor torques that hold an arm level with 1 kg at 0.5 m from joint 2:
 
     >>> arm = gt.robots.serial_arm(a=[0.0, 0.5], alpha=[np.pi / 2, 0.0], m=[0.0, 1.0])
     >>> tau, status = arm.causal(known="q", targets="tau")(np.zeros(2), np.zeros(2), np.zeros(2))
@@ -63,10 +63,10 @@ class SerialArm(gt.Model):
     """
 
     structure: ClassVar[ArmStructure]
-    base_xyz = gt.parameter([0.0, 0.0, 0.0], unit="m", description="place of the base in the world")
-    base_rpy = gt.parameter([0.0, 0.0, 0.0], unit="rad", description="its turn: Rz(yaw) Ry(pitch) Rx(roll)")
-    tool_xyz = gt.parameter([0.0, 0.0, 0.0], unit="m", description="tool from the last link, its coordinates")
-    tool_rpy = gt.parameter([0.0, 0.0, 0.0], unit="rad", description="turn of the tool on the last link")
+    base_xyz = gt.parameter([0.0, 0.0, 0.0], unit="m", description="position of the base in the world")
+    base_rpy = gt.parameter([0.0, 0.0, 0.0], unit="rad", description="base orientation: Rz(yaw) Ry(pitch) Rx(roll)")
+    tool_xyz = gt.parameter([0.0, 0.0, 0.0], unit="m", description="tool position in the last link's frame")
+    tool_rpy = gt.parameter([0.0, 0.0, 0.0], unit="rad", description="tool orientation in the last link's frame")
     T = gt.variable(3, unit="m", description="origin of the tool frame")
     R = gt.variable((3, 3), unit="1", prefer=-4, description="rotation from tool to world coordinates")
     v = gt.variable(3, unit="m/s", description="velocity of T")
@@ -78,42 +78,42 @@ class SerialArm(gt.Model):
 
     @property
     def joint_limits(self) -> np.ndarray | None:
-        """Limits of q (n, 2), lower and upper [rad, m], infinite where there is none; None for an arm without any."""
+        """Lower and upper limits of q (n, 2) [rad, m], infinite for joints without one; None if no joint has any."""
         limits = self.structure.limits()
         return limits if np.any(np.isfinite(limits)) else None
 
     def joint_unit(self, entry: str) -> str:
-        """Unit of an entry such as "q[2]", "tau[2]" or "viscous[2]", which the array does not say where joints of both
-        kinds share it; "" of another one."""
+        """Return the unit of an entry such as "q[2]", "tau[2]" or "viscous[2]", "" for other names. The array itself
+        has no unit if revolute and prismatic joints share it."""
         name, _, index = entry.removesuffix("]").partition("[")
         if name not in JOINT_UNITS["revolute"] or not index.isdecimal():
             return ""
-        at = self.structure.leaders[int(index)] if name in ("q", "tau") else int(index)
-        return JOINT_UNITS[self.structure.joints[at].kind][name]
+        k = self.structure.leaders[int(index)] if name in ("q", "tau") else int(index)
+        return JOINT_UNITS[self.structure.joints[k].kind][name]
 
     @property
     def links(self) -> list[Any]:
-        """The parts that hold joint, body and friction of each link, inside equations()."""
+        """The part of each link, with joint, body and friction; for use inside equations()."""
         return [getattr(self, f"link_{k + 1}") for k in range(len(self.structure.joints))]
 
     def equations(self):
         yield gt.connect(self.ground.frame, self.base.a)
         before, efforts = self.base.b, [[] for _ in self.structure.leaders]
         for k, link in enumerate(self.links):
-            at, multiplier, offset = self.structure.coordinate(k)
+            place, multiplier, offset = self.structure.coordinate(k)
             yield gt.connect(before, link.before)
             if (multiplier, offset) == (1.0, 0.0):
-                yield self.q[at] == link.coordinate()
+                yield self.q[place] == link.coordinate()
             else:
-                yield link.coordinate() == multiplier * self.q[at] + offset
+                yield link.coordinate() == multiplier * self.q[place] + offset
             effort = link.effort()
-            if self.structure.geared(k):  # a force at a motor that turns, or a torque at one that slides
+            if self.structure.geared(k):  # the leader's effort has the other unit: force for torque, or the reverse
                 effort = getattr(self, f"effort_{k + 1}")
                 yield effort == link.effort()
-            efforts[at].append(multiplier * effort)
+            efforts[place].append(multiplier * effort)
             before = link.after
-        for at, parts in enumerate(efforts):
-            yield self.tau[at] == sum(parts[1:], parts[0])
+        for place, parts in enumerate(efforts):
+            yield self.tau[place] == sum(parts[1:], parts[0])
         yield gt.connect(before, self.tool.a)
         yield gt.connect(self.tool.b, self.end)
         yield self.T == self.end.r
@@ -127,7 +127,7 @@ class SerialArm(gt.Model):
 
 
 class _Link(gt.Model):
-    """A joint with its placement, motor, friction and the body that it moves."""
+    """A joint with its placement, motor, friction and the link body that it moves."""
 
     m = gt.parameter(0.0, unit="kg", description="mass")
     mc = gt.parameter(np.zeros(3), unit="kg.m", description="mass times centre of mass")
@@ -147,7 +147,7 @@ class _Link(gt.Model):
         yield gt.connect(joint, friction)
 
     def order(self) -> tuple[Any, Any]:
-        """Placement and joint, as they follow each other."""
+        """Return placement and joint in their order along the chain."""
         return self.placement, self.joint
 
 
@@ -182,17 +182,17 @@ def _link_class(style: Style, kind: JointKind, smoothing: str) -> type[_Link]:
     if style == "rpy":
         xyz, rpy = gt.parameter(np.zeros(3), unit="m"), gt.parameter(np.zeros(3), unit="rad")
         axis = gt.parameter(Z, unit="1", kind="direction")
-        own = {"xyz": xyz, "rpy": rpy, "axis": axis, "placement": gt.part(FixedRpy, xyz=xyz, rpy=rpy)}
-        return type("UrdfLink", (_Link,), {**body, **own, "joint": gt.part(joint, **{direction: axis})})
+        geometry = {"xyz": xyz, "rpy": rpy, "axis": axis, "placement": gt.part(FixedRpy, xyz=xyz, rpy=rpy)}
+        return type("UrdfLink", (_Link,), {**body, **geometry, "joint": gt.part(joint, **{direction: axis})})
     numbers = {n: gt.parameter(0.0, unit="m" if n in ("d", "a") else "rad") for n in DH_NAMES}
-    given = {"a_x" if n == "a" else n: p for n, p in numbers.items()}
-    placed = gt.part(FixedDH if style == "standard" else FixedModifiedDH, **given)
-    more = {"order": lambda self: (self.joint, self.placement)} if style == "standard" else {}
-    own = {**numbers, **more, "placement": placed, "joint": gt.part(joint, **{direction: Z})}
-    return type("DHLink", (_Link,), {**body, **own})
+    values = {"a_x" if n == "a" else n: p for n, p in numbers.items()}
+    placement = gt.part(FixedDH if style == "standard" else FixedModifiedDH, **values)
+    order = {"order": lambda self: (self.joint, self.placement)} if style == "standard" else {}
+    geometry = {**numbers, **order, "placement": placement, "joint": gt.part(joint, **{direction: Z})}
+    return type("DHLink", (_Link,), {**body, **geometry})
 
 
-# of q and of what goes with it
+# units of the quantities of a joint
 JOINT_UNITS: dict[str, dict[str, str]] = {
     "revolute": {"q": "rad", "tau": "N.m", "coulomb": "N.m", "viscous": "N.m.s/rad", "velocity_scale": "rad/s"},
     "prismatic": {"q": "m", "tau": "N", "coulomb": "N", "viscous": "kg/s", "velocity_scale": "m/s"},
@@ -200,7 +200,7 @@ JOINT_UNITS: dict[str, dict[str, str]] = {
 
 
 def _units(structure: ArmStructure) -> dict[str, str | None]:
-    """Units of q and of what goes with it; none where joints of both kinds share an array."""
+    """Return the units of the joint arrays; None if revolute and prismatic joints share an array."""
     kinds = structure.kinds
     return dict(JOINT_UNITS[kinds.pop()]) if len(kinds) == 1 else dict.fromkeys(JOINT_UNITS["revolute"])
 
@@ -211,7 +211,7 @@ def _row(name: str, k: int) -> Any:
 
 @cache
 def arm_class(structure: ArmStructure) -> type[SerialArm]:
-    """The class of all arms of a structure; made once."""
+    """Return the class of all arms of a structure; cached."""
     joints, units = structure.joints, _units(structure)
     n, moving = len(joints), len(structure.leaders)
     limits = structure.limits()
@@ -231,33 +231,33 @@ def arm_class(structure: ArmStructure) -> type[SerialArm]:
         "coulomb": gt.parameter(np.zeros(n), unit=units["coulomb"], min=0.0, description="Coulomb friction"),
         "viscous": gt.parameter(np.zeros(n), unit=units["viscous"], min=0.0, description="viscous friction"),
         "velocity_scale": gt.parameter(
-            VELOCITY_SCALE, unit=units["velocity_scale"], positive=True, description="over which friction changes sign"
+            VELOCITY_SCALE, unit=units["velocity_scale"], positive=True, description="friction smoothing"
         ),
     }
     if structure.style == "rpy":
         geometry = ["xyz", "rpy", "axis"]
-        body["xyz"] = gt.parameter(np.zeros((n, 3)), unit="m", description="origins of the joints, frame before")
-        body["rpy"] = gt.parameter(np.zeros((n, 3)), unit="rad", description="their turns: Rz(yaw) Ry(pitch) Rx(roll)")
-        body["axis"] = gt.parameter(
-            np.tile(Z, (n, 1)), unit="1", kind="direction", description="axes of the joints, in their frames"
+        body["xyz"] = gt.parameter(np.zeros((n, 3)), unit="m", description="joint origins, previous frame")
+        body["rpy"] = gt.parameter(
+            np.zeros((n, 3)), unit="rad", description="joint orientations: Rz(yaw) Ry(pitch) Rx(roll)"
         )
+        body["axis"] = gt.parameter(np.tile(Z, (n, 1)), unit="1", kind="direction", description="axes, joint frames")
     else:
         geometry = list(DH_NAMES)
         for name in geometry:
             unit = "m" if name in ("d", "a") else "rad"
             what = "Hayati's beta" if name == "beta" else f"Denavit-Hartenberg {name}"
-            body[name] = gt.parameter(np.zeros(n), unit=unit, description=f"{what}, by joint")
+            body[name] = gt.parameter(np.zeros(n), unit=unit, description=f"{what} of each joint")
     rows = [*geometry, "m", "mc", "J", "coulomb", "viscous"]
     for k, joint in enumerate(joints):
-        own = {name: _row(name, k) for name in rows} | {"velocity_scale": lambda arm: arm.velocity_scale}
+        values = {name: _row(name, k) for name in rows} | {"velocity_scale": lambda arm: arm.velocity_scale}
         if structure.geared(k):
-            body[f"effort_{k + 1}"] = gt.variable(description=f"effort that {joint.name} takes of its leader")
-        body[f"link_{k + 1}"] = gt.part(_link_class(structure.style, joint.kind, structure.smoothing), **own)
+            body[f"effort_{k + 1}"] = gt.variable(description=f"effort that {joint.name} needs from its leader")
+        body[f"link_{k + 1}"] = gt.part(_link_class(structure.style, joint.kind, structure.smoothing), **values)
     return type("SerialArm", (SerialArm,), body)
 
 
 def description(arm: SerialArm) -> str:
-    """What `gtmodel explain arm.urdf` prints: one line for each joint, in degrees and mm where it turns or slides.
+    """Return the text of `gtmodel explain arm.urdf`: one line for each joint, in degrees or mm.
 
     >>> arm = gt.robots.serial_arm(a=[0.3, 0.2], alpha=0.0, m=[3.0, 2.0], limits=[[-1.0, 1.0], [-2.0, 2.0]])
     >>> print(gt.robots.description(arm).splitlines()[1])
@@ -267,15 +267,15 @@ def description(arm: SerialArm) -> str:
     lines = [f"{s.name}: q ({len(s.leaders)}), from {s.base} to {s.tool}"]
     wide = max(len(joint.name) for joint in s.joints) + 3
     for k, joint in enumerate(s.joints):
-        at, multiplier, offset = s.coordinate(k)
+        place, multiplier, offset = s.coordinate(k)
         factor, unit = (np.degrees(1.0), "deg") if joint.kind == "revolute" else (1e3, "mm")
         ends = [factor * x for x in (joint.lower, joint.upper)]
         limits = f"{ends[0]:.4g} to {ends[1]:.4g} {unit}" if np.any(np.isfinite(ends)) else "no limits"
         if joint.leader is not None:
-            limits = f"{multiplier:g} q[{at}] {offset:+g}"
-        place = f"q[{at}]" if joint.leader is None else "    "
+            limits = f"{multiplier:g} q[{place}] {offset:+g}"
+        entry = f"q[{place}]" if joint.leader is None else "    "
         mass = float(np.asarray(arm.m)[k])
         lines.append(
-            f"  {place}  {joint.name:{wide}s} {joint.kind:10s}  {limits:22s}  moves {joint.link}, {mass:.4g} kg"
+            f"  {entry}  {joint.name:{wide}s} {joint.kind:10s}  {limits:22s}  moves {joint.link}, {mass:.4g} kg"
         )
     return "\n".join([*lines, *s.notes])

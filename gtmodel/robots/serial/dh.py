@@ -1,5 +1,5 @@
-"""Serial arms by Denavit-Hartenberg numbers, with Hayati's parameter for nearly parallel axes; an arm placed by xyz
-and rpy in these numbers; which of them measured poses determine."""
+"""Serial arms from Denavit-Hartenberg parameters, with Hayati's beta for nearly parallel axes; conversion of arms given
+by xyz and rpy; and the parameters that measured poses determine."""
 
 from __future__ import annotations
 
@@ -39,31 +39,31 @@ def serial_arm(
     payload: float = 0.0,
     **modifiers: Any,
 ) -> SerialArm:
-    """A serial arm of n joints by its Denavit-Hartenberg numbers; one number stands for all joints.
+    """Return a serial arm of n joints from its Denavit-Hartenberg parameters; a single number applies to all joints.
 
     Args:
         a: link lengths (n,) [m].
         alpha: twists (n,) [rad].
-        d: offsets (n,) [m]; of a prismatic joint added to its coordinate.
-        theta: angles (n,) [rad]; of a revolute joint added to its coordinate.
-        beta: Hayati's angles (n,) [rad] about y, for axes nearly parallel to the next, where d stays as it is.
+        d: offsets (n,) [m]; added to the coordinate of a prismatic joint.
+        theta: angles (n,) [rad]; added to the coordinate of a revolute joint.
+        beta: Hayati's angles (n,) [rad] about y, calibrated instead of d if an axis is nearly parallel to the next.
         convention: "standard", joint and then Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta), or "modified" (Craig),
             Tx(a) Rx(alpha) Ry(beta) Rz(theta) Tz(d) and then the joint.
-        joints: "r" or "p" of each, as "rrp", or one for all.
+        joints: "r" or "p" for each joint, such as "rrp", or one letter for all.
         names: of the joints.
-        limits: (n, 2) lower and upper [rad, m].
-        c, I: centres of mass (n, 3) [m] and inertias about them (n, 3, 3) [kg m2] in the link frames, in place of the
-            mc and J of the model.
+        limits: lower and upper (n, 2) [rad, m].
+        c, I: centres of mass (n, 3) [m] and inertias about them (n, 3, 3) [kg m2] in the link frames, instead of mc and
+            J.
         title: name of the arm.
         smoothing: of friction, "tanh", "piecewise_linear", "sign" or "stiction".
         payload: point mass at the tool's origin [kg].
         modifiers: any other parameter of `SerialArm`: m, tool_xyz, viscous, ...
 
-    Gauge: `independent_geometry` says which numbers a calibration can determine beside unknown frames.
+    Gauge: `independent_geometry` lists the parameters that a calibration with unknown frames can determine.
 
-    Raises ModelError for arrays of other lengths and for words that it does not know.
+    Raises ModelError for arrays of wrong length and for unknown options.
 
-    The tool of a SCARA, two parallel axes and a slide downwards [m]:
+    The tool of a SCARA with two parallel axes and a vertical slide [m]:
 
     >>> scara = gt.robots.serial_arm(a=[0.3, 0.25, 0.0], alpha=[0.0, np.pi, 0.0], joints="rrp")
     >>> T, status = scara.causal(known="q", targets="T")([0.0, np.pi / 2, 0.1])
@@ -82,28 +82,27 @@ def serial_arm(
     numbers = {"a": a, "alpha": alpha, "d": d, "theta": theta, "beta": beta}
     numbers = {key: _each(key, value, n) for key, value in numbers.items()}
     kinds = [joints] * n if isinstance(joints, str) and joints in KINDS else list(joints)
-    wrong = next((k for k in kinds if k not in KINDS), None)
-    if wrong is not None or len(kinds) != n:
+    if not set(kinds) <= set(KINDS) or len(kinds) != n:
         raise ModelError(f"joints takes one of r, p for each of the {n} joints, such as 'rrp'; found {joints!r}")
     if convention not in ("standard", "modified"):
         raise ModelError(f"a convention is standard or modified; found {convention!r}")
     if smoothing not in FRICTION:
         raise ModelError(f"friction smoothing is one of {', '.join(FRICTION)}; found {smoothing!r}")
-    named = [f"joint_{k + 1}" for k in range(n)] if names is None else [str(x) for x in names]
-    if len(named) != n or len(set(named)) != n:
-        raise ModelError(f"names takes {n} different names, one for each joint; found {', '.join(named)}")
+    labels = [f"joint_{k + 1}" for k in range(n)] if names is None else [str(x) for x in names]
+    if len(labels) != n or len(set(labels)) != n:
+        raise ModelError(f"names takes {n} different names, one for each joint; found {', '.join(labels)}")
     ends = np.full((n, 2), [-np.inf, np.inf]) if limits is None else np.asarray(limits, float)
     if ends.shape != (n, 2) or not np.all(ends[:, 0] < ends[:, 1]):
-        raise ModelError(f"limits takes a lower and a greater upper one for each of the {n} joints")
-    made = tuple(
-        ArmJoint(named[k], KINDS[kinds[k]], f"link_{k + 1}", float(ends[k, 0]), float(ends[k, 1]))  # type: ignore[arg-type]
+        raise ModelError(f"limits takes a lower and a greater upper limit for each of the {n} joints")
+    arm_joints = tuple(
+        ArmJoint(labels[k], KINDS[kinds[k]], f"link_{k + 1}", float(ends[k, 0]), float(ends[k, 1]))  # type: ignore[arg-type]
         for k in range(n)
     )
-    structure = ArmStructure(title, made, convention, smoothing=smoothing)
+    structure = ArmStructure(title, arm_joints, convention, smoothing=smoothing)
     values: dict[str, Any] = {**numbers, **modifiers}
     if c is not None or I is not None:
         if "mc" in modifiers or "J" in modifiers:
-            raise ModelError("c and I say the same as mc and J; give one pair of the two")
+            raise ModelError("c and I describe the same as mc and J; give one of the two pairs")
         values["mc"], values["J"] = moments(values.get("m", np.zeros(n)), c, I)
     return arm_class(structure)(**with_payload(values, payload, n))
 
@@ -122,10 +121,10 @@ def _each(name: str, value: ArrayLike, n: int) -> Array:
     return np.broadcast_to(array, n).copy()
 
 
-NEARLY_PARALLEL = np.radians(5.0)  # below, the place of the common normal is worse known than a tilt
-POINTS, SEED, STEP = 60, 1, 1e-6  # configurations, and the step of central differences [m, rad]
-RANK = 1e-6  # of the longest column; central differences are good to 1e-9
-WIDE = 1.5  # rad or m, of a joint with wider limits or none
+NEARLY_PARALLEL = np.radians(5.0)  # below this angle the common normal is less well determined than a tilt
+POINTS, SEED, STEP = 60, 1, 1e-6  # configurations, seed, and step of central differences [m, rad]
+RANK = 1e-6  # rank tolerance relative to the longest column; central differences are good to 1e-9
+WIDE = 1.5  # range [rad or m] of a joint with wider limits or none
 FRAME = [*(f"the frame's shift along {x}" for x in "xyz"), *(f"the frame's turn about {x}" for x in "xyz")]
 TOOL = [f"tool_xyz[{k}]" for k in range(3)]
 TURN = [f"tool_rpy[{k}]" for k in range(3)]
@@ -134,16 +133,17 @@ TURN = [f"tool_rpy[{k}]" for k in range(3)]
 def independent_geometry(
     arm: SerialArm, base: bool = True, tool: bool = True, *, turns: bool = False, tool_turn: bool = True
 ) -> tuple[list[str], list[str]]:
-    """Which Denavit-Hartenberg numbers a calibration by positions can determine, and why not the others.
+    """Return the Denavit-Hartenberg parameters that measured poses can determine, and sentences about the others.
 
-    base: whether the frame in which the tool is measured is unknown too. tool: whether the place of the target on the
-    last link is, as tool_xyz. Of the tool's turn positions see nothing. turns: whether orientations are measured, too.
-    tool_turn: whether the turn of the target on the last link is then unknown, as tool_rpy.
+    base: the measurement frame is unknown. tool: the position tool_xyz of the target on the last link is unknown.
+    turns: orientations are measured in addition to positions. tool_turn: if they are, the orientation tool_rpy of the
+    target is unknown; positions alone do not depend on it.
 
-    The names are for `free` of a calibration, the reasons are sentences. Where an axis is within 5 degrees of parallel
-    to the next, d stays as it is and Hayati's beta is free; elsewhere beta stays. Of what moves together, by a QR of
-    the poses' derivatives at random configurations, the unknown frames come first, then a, alpha, theta and d.
-    Raises ModelError for an arm placed by xyz and rpy, which has two numbers a joint too many: take `as_dh` of it.
+    The names are for `free` of a calibration. If an axis is within 5 degrees of parallel to the next, d stays fixed and
+    Hayati's beta is free; otherwise beta stays fixed. A QR decomposition of the poses' derivatives at random
+    configurations finds dependent parameters. Among these, the unknown frames are kept free first, then a, alpha, theta
+    and d. Raises ModelError for an arm given by xyz and rpy, which has two parameters too many per joint: convert it
+    with `as_dh`.
 
     >>> arm = gt.robots.serial_arm(a=[0.1, 0.5, 0.0], alpha=[np.pi / 2, 0.0, np.pi / 2], d=[0.4, 0.0, 0.0],
     ...                            tool_xyz=[0.1, 0.0, 0.2])
@@ -151,17 +151,16 @@ def independent_geometry(
     >>> print(", ".join(names))
     a[0], alpha[0], theta[1], a[1], alpha[1], beta[1], tool_xyz[0], tool_xyz[1], tool_xyz[2]
     >>> print(notes[0])
-    d[1] stays: axes 2 and 3 are nearly parallel, so that d[1] and d[2] move together; beta[1] is free in its place
+    d[1] stays fixed: axes 2 and 3 are nearly parallel, so d[1] and d[2] have the same effect; beta[1] is free instead
     """
     s, n = arm.structure, len(arm.structure.joints)
     if s.style == "rpy":
-        raise ModelError("an arm placed by xyz and rpy has six numbers a joint, two more than can be determined; "
-                         "take as_dh(arm) to calibrate it")  # fmt: skip
+        raise ModelError("an arm given by xyz and rpy has six parameters per joint, two more than can be determined; "
+                         "calibrate as_dh(arm) instead")  # fmt: skip
     place = _places(arm, turns)
     names = [f"{name}[{k}]" for k in range(n) for name in DH_NAMES] + TOOL + TURN + FRAME
     J = np.array([(place(h) - place(-h)) / (2 * STEP) for h in STEP * np.eye(len(names))]).T
-    # theta and d of a joint, and a, alpha and beta that lead from its axis to the next: of one link, or of two
-    parallel = {}
+    parallel = {}  # d of a joint -> beta between its axis and the next
     twist = np.abs(np.sin(np.asarray(arm.alpha, float)))
     for i in range(n - 1):
         link = i if s.style == "standard" else i + 1
@@ -170,42 +169,43 @@ def independent_geometry(
     beta = set(parallel.values())
     frames = [*(FRAME if base else []), *(TOOL if tool else []), *(TURN if turns and tool_turn else [])]
     groups = [[f"{name}[{k}]" for k in range(n)] for name in ("a", "alpha", "theta", "d")]
-    wanted = [*frames, *groups[0], *groups[1], *groups[2], *sorted(beta), *(x for x in groups[3] if x not in parallel)]
-    at = [names.index(name) for name in wanted]
-    chosen = dependencies(J[:, at], wanted, keep=wanted, tolerance=RANK)
+    order = [*frames, *groups[0], *groups[1], *groups[2], *sorted(beta), *(x for x in groups[3] if x not in parallel)]
+    columns = [names.index(name) for name in order]
+    result = dependencies(J[:, columns], order, keep=order, tolerance=RANK)
     notes = [
-        f"{d} stays: axes {int(d[2:-1]) + 1} and {int(d[2:-1]) + 2} are nearly parallel, so that {d} and "
-        f"d[{int(d[2:-1]) + 1}] move together; {b} is free in its place"
+        f"{d} stays fixed: axes {int(d[2:-1]) + 1} and {int(d[2:-1]) + 2} are nearly parallel, so {d} and "
+        f"d[{int(d[2:-1]) + 1}] have the same effect; {b} is free instead"
         for d, b in parallel.items()
-        if b in chosen.independent
+        if b in result.independent
     ]
-    for name, terms in chosen.coefficients.items():
-        with_ = [other for other, c in terms.items() if abs(c) > 0.01 * max(map(abs, terms.values()))]
-        notes.append(f"{name} stays: it moves with {', '.join(with_)}" if with_ else f"{name} moves nothing")
-    free = [name for name in names if name in chosen.independent and name not in FRAME]
+    for name, terms in result.coefficients.items():
+        related = [x for x, c in terms.items() if abs(c) > 0.01 * max(map(abs, terms.values()))]
+        reason = f"its effect is a combination of {', '.join(related)}" if related else "it has no effect on the poses"
+        notes.append(f"{name} stays fixed: {reason}")
+    free = [name for name in names if name in result.independent and name not in FRAME]
     return free, notes
 
 
 def _places(arm: SerialArm, turns: bool) -> Callable[[Array], Array]:
-    """Positions (m,) of the tool at random configurations as a function of changes of the numbers, tool and frame; with
-    `turns` also of points a metre along its axes, which its orientation moves."""
+    """Return a function of changes of the parameters, tool and frame: positions (m,) of the tool at random
+    configurations. With `turns` it includes points at 1 m along the tool's axes, which depend on its orientation."""
     s, n = arm.structure, len(arm.structure.joints)
     limits = s.limits()
     low, high = np.clip(limits, -WIDE, WIDE).T
     free = np.random.default_rng(SEED).uniform(low, np.maximum(high, low + 0.1), (POINTS, len(s.leaders)))
-    places = [s.coordinate(k) for k in range(n)]
-    q = np.column_stack([multiplier * free[:, at] + offset for at, multiplier, offset in places])
+    coordinates = [s.coordinate(k) for k in range(n)]
+    q = np.column_stack([multiplier * free[:, column] + offset for column, multiplier, offset in coordinates])
     numbers = np.array([np.asarray(getattr(arm, name), float) for name in DH_NAMES]).T
     point, rpy = np.asarray(arm.tool_xyz, float), np.asarray(arm.tool_rpy, float)
-    points = np.vstack([np.zeros(3), *([np.eye(3)] if turns else [])])  # in the frame of the tool
+    points = np.vstack([np.zeros(3), *([np.eye(3)] if turns else [])])  # tool coordinates
     q = np.tile(q, (len(points), 1))
 
     def place(change: Array) -> Array:
-        now = numbers + change[: 5 * n].reshape(n, 5)
+        changed = numbers + change[: 5 * n].reshape(n, 5)
         shift, turn, frame = np.split(change[5 * n :], [3, 6])
         p = np.repeat(point + shift + points @ rotation_of_rpy(rpy + turn).T, POINTS, axis=0)
         for k in reversed(range(n)):
-            R, r = dh_step(s.style, *now[k])
+            R, r = dh_step(s.style, *changed[k])
             if s.style == "standard":
                 p = _joint(s.joints[k].kind, q[:, k], p @ R.T + r)
             else:
@@ -216,7 +216,7 @@ def _places(arm: SerialArm, turns: bool) -> Callable[[Array], Array]:
 
 
 def _joint(kind: str, q: Array, p: Array) -> Array:
-    """Points (m, 3) moved by a joint about or along z."""
+    """Return points (m, 3) after a rotation about z or a translation along it."""
     if kind == "prismatic":
         return p + np.outer(q, [0.0, 0.0, 1.0])
     c, si = np.cos(q), np.sin(q)
@@ -224,17 +224,15 @@ def _joint(kind: str, q: Array, p: Array) -> Array:
 
 
 Pose = tuple[Array, Array]
-# of the sine between axes: below, they are parallel and the direction across them comes from their distance alone
-PARALLEL = 1e-9
-MEETING = 1e-9  # m
+MEETING = 1e-9  # axes closer than this intersect [m]
 
 
 def as_dh(arm: SerialArm) -> SerialArm:
-    """The same arm by standard Denavit-Hartenberg numbers, for a calibration: with limits, mimics, inertias, friction.
+    """Convert an arm to standard Denavit-Hartenberg parameters, with its limits, mimics, inertias and friction.
 
-    Frames follow the common normals of the axes; where an axis is within 5 degrees of parallel to the next, d is 0 and
-    Hayati's beta says the rest. What comes before the first axis is base_xyz and base_rpy, what comes behind the last
-    one tool_xyz and tool_rpy. An arm that has such numbers already is returned as it is.
+    Frames follow the common normals of the axes. If an axis is within 5 degrees of parallel to the next, d is 0 and
+    Hayati's beta is the tilt. base_xyz and base_rpy place the first frame, tool_xyz and tool_rpy the tool in the last
+    one. An arm with Denavit-Hartenberg parameters is returned unchanged.
 
     >>> text = '''<robot name="two"><link name="a"/><link name="b"/><link name="c"/>
     ...   <joint name="turn" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>
@@ -253,16 +251,16 @@ def as_dh(arm: SerialArm) -> SerialArm:
     numbers = np.zeros((n, 5))  # theta, d, a, alpha, beta
     frames = [_first(here, *axes[0])]
     for k in range(n - 1):
-        if s.joints[k].kind == "prismatic":  # its axis is a direction; it may pass anywhere
+        if s.joints[k].kind == "prismatic":  # the axis may pass through any point
             axes[k] = (axes[k][0], frames[k][1])
         through = frames[k][1] if s.joints[k + 1].kind == "prismatic" else axes[k + 1][1]
-        numbers[k], after = _step(frames[k], axes[k + 1][0], through)
-        frames.append(after)
-    ends = [*frames[1:], frames[-1]]  # where each link's frame is, behind its numbers
-    tool = _behind(links[-1], (rotation_of_rpy(arm.tool_rpy), np.asarray(arm.tool_xyz, float)))
+        numbers[k], following = _step(frames[k], axes[k + 1][0], through)
+        frames.append(following)
+    ends = [*frames[1:], frames[-1]]  # the link frames
+    tool = _composed(links[-1], (rotation_of_rpy(arm.tool_rpy), np.asarray(arm.tool_xyz, float)))
     m, mc, J = (np.asarray(x, float) for x in (arm.m, arm.mc, arm.J))
-    bodies = [moved(*_seen_from(ends[k], links[k]), m[k], mc[k], J[k]) for k in range(n)]
-    last = _seen_from(ends[-1], tool)
+    bodies = [moved(*_relative_to(ends[k], links[k]), m[k], mc[k], J[k]) for k in range(n)]
+    last = _relative_to(ends[-1], tool)
     values: dict[str, Any] = dict(zip(("theta", "d", "a", "alpha", "beta"), numbers.T, strict=True))
     values |= {"m": m, "mc": np.array([x for x, _ in bodies]), "J": np.array([x for _, x in bodies])}
     values |= {"base_xyz": frames[0][1], "base_rpy": rpy_of_rotation(frames[0][0])}
@@ -272,17 +270,17 @@ def as_dh(arm: SerialArm) -> SerialArm:
 
 
 def _links(arm: SerialArm) -> tuple[Pose, list[Pose]]:
-    """The base, and each link's frame with all joints at 0, in the world."""
+    """Return the base and the link frames in the world, with all joints at 0."""
     base = (rotation_of_rpy(arm.base_rpy), np.asarray(arm.base_xyz, float))
     poses, pose = [], base
     for xyz, rpy in zip(np.asarray(arm.xyz, float), np.asarray(arm.rpy, float), strict=True):
-        pose = _behind(pose, (rotation_of_rpy(rpy), xyz))
+        pose = _composed(pose, (rotation_of_rpy(rpy), xyz))
         poses.append(pose)
     return base, poses
 
 
 def _first(base: Pose, z: Array, point: Array) -> Pose:
-    """The frame on the first axis that is nearest to the base: its origin at the foot, its x along the base's."""
+    """Return the frame on the first axis nearest to the base: origin at the perpendicular's foot, x along its x."""
     R, r = base
     x = R[:, 0] - (R[:, 0] @ z) * z
     if np.linalg.norm(x) < 1e-6:
@@ -292,30 +290,30 @@ def _first(base: Pose, z: Array, point: Array) -> Pose:
 
 
 def _step(frame: Pose, z: Array, point: Array) -> tuple[Array, Pose]:
-    """theta, d, a, alpha, beta from a frame to the next axis, along z through a point, and the frame there."""
+    """Return theta, d, a, alpha, beta from a frame to the next axis, along z through a point, and the next frame."""
     R, r = frame
-    own, at = R.T @ z, R.T @ (point - r)  # in the frame
-    across = float(np.hypot(own[0], own[1]))
+    axis, p = R.T @ z, R.T @ (point - r)  # frame coordinates
+    across = float(np.hypot(axis[0], axis[1]))
     if across < np.sin(NEARLY_PARALLEL):
-        foot = at - own * (at[2] / own[2])  # where the next axis passes the plane z = 0
+        foot = p - axis * (p[2] / axis[2])  # intersection of the next axis with the plane z = 0
         a = float(np.hypot(foot[0], foot[1]))
         theta, d = float(np.arctan2(foot[1], foot[0])) if a > MEETING else 0.0, 0.0
-        seen = _about_z(-theta) @ own
-        beta, alpha = float(np.arcsin(np.clip(seen[0], -1.0, 1.0))), float(np.arctan2(-seen[1], seen[2]))
+        tilted = _about_z(-theta) @ axis
+        beta, alpha = float(np.arcsin(np.clip(tilted[0], -1.0, 1.0))), float(np.arctan2(-tilted[1], tilted[2]))
     else:
-        normal = np.array([-own[1], own[0], 0.0]) / across  # z x own
-        a = float(normal @ at)
+        normal = np.array([-axis[1], axis[0], 0.0]) / across  # z x axis
+        a = float(normal @ p)
         if a < -MEETING:
             normal, a = -normal, -a
         a = a if abs(a) > MEETING else 0.0
         theta, beta = float(np.arctan2(normal[1], normal[0])), 0.0
-        # the foot on this axis: at + s own has no part across the normal
+        # foot of the common normal: p + s axis has no component along side
         side = np.array([-normal[1], normal[0], 0.0])
-        d = float(at[2] - own[2] * (side @ at) / (side @ own))
-        alpha = float(np.arctan2(-(side @ own), own[2]))
+        d = float(p[2] - axis[2] * (side @ p) / (side @ axis))
+        alpha = float(np.arctan2(-(side @ axis), axis[2]))
     x, y, turn = (rotation_of_rpy(v) for v in ([alpha, 0, 0], [0, beta, 0], [0, 0, theta]))
-    placed = (turn @ x @ y, np.array([a * np.cos(theta), a * np.sin(theta), d]))
-    return np.array([theta, d, a, alpha, beta]), _behind(frame, placed)
+    step = (turn @ x @ y, np.array([a * np.cos(theta), a * np.sin(theta), d]))
+    return np.array([theta, d, a, alpha, beta]), _composed(frame, step)
 
 
 def _about_z(angle: float) -> Array:
@@ -326,9 +324,9 @@ def _unit(v: Array) -> Array:
     return v / np.linalg.norm(v)
 
 
-def _behind(first: Pose, second: Pose) -> Pose:
+def _composed(first: Pose, second: Pose) -> Pose:
     return first[0] @ second[0], first[0] @ second[1] + first[1]
 
 
-def _seen_from(frame: Pose, other: Pose) -> Pose:
+def _relative_to(frame: Pose, other: Pose) -> Pose:
     return frame[0].T @ other[0], frame[0].T @ (other[1] - frame[1])

@@ -1,4 +1,4 @@
-"""What a serial arm is made of: joints in their order with limits, and inertias of links in their two forms."""
+"""The structure of a serial arm: its joints with limits, and the two forms of link inertias."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ Style = Literal["rpy", "standard", "modified"]
 class ArmJoint:
     """A moving joint: its name, kind and the link that it moves; limits in rad or m, rad/s or m/s, N.m or N.
 
-    A joint with a `leader`, the place of another one among the joints of the arm, follows it (mimic of URDF): its
-    coordinate is multiplier times the leader's plus offset.
+    `leader` is the index of the joint that this one follows (URDF mimic): its coordinate is multiplier times the
+    leader's coordinate plus offset.
     """
 
     name: str
@@ -36,10 +36,10 @@ class ArmJoint:
 
 @dataclass(frozen=True)
 class ArmStructure:
-    """The joints of an arm from the base to the tool, and how they are placed.
+    """The joints of an arm from the base to the tool, and the form of their placements.
 
-    style: by xyz and rpy ("rpy"), or by standard or modified Denavit-Hartenberg numbers. smoothing: of friction. notes:
-    what was left out of the file it came from, in sentences.
+    style: xyz and rpy ("rpy"), or standard or modified Denavit-Hartenberg parameters. smoothing: of friction. notes:
+    sentences about elements of the source file that were not used.
     """
 
     name: str
@@ -52,45 +52,45 @@ class ArmStructure:
 
     @property
     def leaders(self) -> list[int]:
-        """Places of the joints that follow no other, in the order of q."""
+        """Indices of the joints without a leader, in the order of q."""
         return [k for k, joint in enumerate(self.joints) if joint.leader is None]
 
     def coordinate(self, k: int) -> tuple[int, float, float]:
-        """Of joint k: the place in q, and multiplier and offset of what stands there."""
+        """Return the index in q from which joint k follows, and multiplier and offset."""
         joint = self.joints[k]
         if joint.leader is None:
             return self.leaders.index(k), 1.0, 0.0
         return self.leaders.index(joint.leader), joint.multiplier, joint.offset
 
     def geared(self, k: int) -> bool:
-        """Whether joint k turns and follows one that slides, or the reverse: as nut and spindle."""
+        """Return whether joint k is revolute and its leader prismatic, or the reverse, like nut and spindle."""
         leader = self.joints[k].leader
         return leader is not None and self.joints[leader].kind != self.joints[k].kind
 
     @property
     def kinds(self) -> set[str]:
-        """Kinds of joints that there are."""
+        """The kinds of joints of the arm."""
         return {joint.kind for joint in self.joints}
 
     def limits(self) -> np.ndarray:
-        """Of q (n, 2), lower and upper; those of followers too, as far as they bind."""
+        """Return lower and upper limits of q (n, 2), including those that mimic joints impose on their leaders."""
         low, high = (np.full(len(self.leaders), v) for v in (-np.inf, np.inf))
         for k, joint in enumerate(self.joints):
-            at, multiplier, offset = self.coordinate(k)
+            place, multiplier, offset = self.coordinate(k)
             if multiplier == 0.0:
                 continue
             ends = sorted([(joint.lower - offset) / multiplier, (joint.upper - offset) / multiplier])
-            low[at], high[at] = max(low[at], ends[0]), min(high[at], ends[1])
+            low[place], high[place] = max(low[place], ends[0]), min(high[place], ends[1])
         return np.column_stack([low, high])
 
 
 Array = np.ndarray
-# of a symmetric tensor: xx, xy, xz, yy, yz, zz
+# entries xx, xy, xz, yy, yz, zz of a symmetric tensor
 ROWS, COLUMNS = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])
 
 
 def tensor(six: ArrayLike) -> Array:
-    """Tensors (..., 3, 3) of xx, xy, xz, yy, yz, zz (..., 6)."""
+    """Return tensors (..., 3, 3) from their entries xx, xy, xz, yy, yz, zz (..., 6)."""
     six = np.asarray(six, float)
     full = np.zeros((*six.shape[:-1], 3, 3))
     full[..., ROWS, COLUMNS] = six
@@ -99,19 +99,19 @@ def tensor(six: ArrayLike) -> Array:
 
 
 def six_of(full: ArrayLike) -> Array:
-    """xx, xy, xz, yy, yz, zz (..., 6) of tensors (..., 3, 3)."""
+    """Return the entries xx, xy, xz, yy, yz, zz (..., 6) of tensors (..., 3, 3)."""
     return np.asarray(full, float)[..., ROWS, COLUMNS]
 
 
 def about_point(m: ArrayLike, r: ArrayLike) -> Array:
-    """Inertia (..., 3, 3) of point masses m (...,) [kg] at r (..., 3) [m] about the origin."""
+    """Return the inertia (..., 3, 3) about the origin of point masses m (...,) [kg] at r (..., 3) [m]."""
     r = np.asarray(r, float)
     square = np.sum(r**2, axis=-1)[..., None, None] * np.eye(3)
     return np.asarray(m, float)[..., None, None] * (square - r[..., :, None] * r[..., None, :])
 
 
 def moments(m: ArrayLike, c: ArrayLike | None, I: ArrayLike | None) -> tuple[Array, Array]:
-    """mc (n, 3) and J (n, 6) about the frames' origins of masses (n,), centres c (n, 3) and inertias I (n, 3, 3)."""
+    """Return mc (n, 3) and J (n, 6) about the frames' origins from masses (n,), centres c (n, 3) and I (n, 3, 3)."""
     m = np.asarray(m, float)
     c = np.zeros((len(m), 3)) if c is None else np.asarray(c, float)
     I = np.zeros((len(m), 3, 3)) if I is None else np.asarray(I, float)
@@ -121,13 +121,13 @@ def moments(m: ArrayLike, c: ArrayLike | None, I: ArrayLike | None) -> tuple[Arr
 
 
 def central(m: float, mc: ArrayLike, J: ArrayLike) -> tuple[Array, Array]:
-    """Centre of mass (3,) [m] and inertia about it (3, 3) of a body with mass; m must not be 0."""
+    """Return the centre of mass (3,) [m] and the inertia about it (3, 3); m must not be 0."""
     c = np.asarray(mc, float) / m
     return c, tensor(J) - about_point(m, c)
 
 
 def moved(R: Array, r: Array, m: float, mc: Array, J: Array) -> tuple[Array, Array]:
-    """mc and J of a body in a frame where its own stands at r (3,) turned by R (3, 3)."""
+    """Return mc and J of a body in another frame, in which the body's frame has the origin r (3,) and rotation R."""
     h = R @ mc
     cross = np.outer(r, h)
     shift = about_point(m, r) + 2 * (r @ h) * np.eye(3) - cross - cross.T
@@ -135,7 +135,7 @@ def moved(R: Array, r: Array, m: float, mc: Array, J: Array) -> tuple[Array, Arr
 
 
 def with_payload(values: dict[str, Any], payload: float, n: int) -> dict[str, Any]:
-    """Modifiers of an arm with a point mass at the tool's origin. Raises ModelError for a payload below 0."""
+    """Add a point mass at the tool's origin to the modifiers of an arm. Raises ModelError for a payload below 0."""
     if payload < 0:
         raise ModelError(f"a payload is a mass of 0 kg or more; found {payload:g} kg")
     if not payload:

@@ -1,4 +1,4 @@
-"""A serial arm as a URDF file, for pinocchio, ROS and others, and as the tables of a TOML robot file."""
+"""Export of serial arms to URDF, for pinocchio, ROS and others, and to TOML robot files."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ BODY = ("m", "mc", "J", "viscous", "coulomb")
 
 
 def robot_table(arm: SerialArm, urdf: str) -> dict[str, Any]:
-    """Keys and values of a robot file: of an arm by Denavit-Hartenberg numbers all that it is, family "serial".
+    """Return the keys and values of a robot file.
 
-    An arm placed by xyz and rpy stays in `urdf`, the name of the file that `to_urdf` writes; its bodies and friction
-    stand beside it as parameters.
+    For an arm with Denavit-Hartenberg parameters the table is complete, with family "serial". For an arm given by xyz
+    and rpy it refers to `urdf`, the name of the file that `to_urdf` writes, and has bodies and friction as parameters.
 
     >>> arm = gt.robots.serial_arm(a=[0.3, 0.2], alpha=[0.0, np.pi / 2], m=[3.0, 2.0])
     >>> table = gt.robots.robot_table(arm, "arm.urdf")
@@ -56,12 +56,12 @@ Pose = tuple[Array, Array]
 
 
 def to_urdf(arm: SerialArm, comment: str = "") -> str:
-    """The text of a URDF file of an arm: placements, limits, mimics, inertias and friction; the tool is a fixed joint.
+    """Return the URDF text of an arm: placements, limits, mimics, inertias and friction; the tool is a fixed joint.
 
-    comment: stands at the top, such as where the numbers come from. The base of the arm stands where base_xyz and
-    base_rpy put it: then a link "world" comes before it.
+    comment: written at the top, for example the source of the numbers. A link "world" is added before the base unless
+    base_xyz and base_rpy are 0.
 
-    Raises ModelError for a body without mass that has moments, which URDF cannot say, and for a negative mass.
+    Raises ModelError for a negative mass, and for a body with moments but no mass, which URDF cannot represent.
 
     >>> arm = gt.robots.serial_arm(a=[0.3, 0.2], alpha=0.0, m=[3.0, 2.0], c=[[-0.15, 0, 0], [-0.1, 0, 0]])
     >>> text = gt.robots.to_urdf(arm)
@@ -72,7 +72,7 @@ def to_urdf(arm: SerialArm, comment: str = "") -> str:
     True
     """
     s = arm.structure
-    # no declaration: a comment may then come before the first line
+    # without an XML declaration, so that users may add comments before the first line
     lines = [f"<!-- {comment.replace('--', '- -')} -->"] if comment else []
     lines.append(f"<robot name={quoteattr(s.name)}>")
     base = (rotation_of_rpy(arm.base_rpy), np.asarray(arm.base_xyz, float))
@@ -86,42 +86,41 @@ def to_urdf(arm: SerialArm, comment: str = "") -> str:
     places, bodies = _placements(arm)
     for k, joint in enumerate(s.joints):
         lines += _link(joint.link, *bodies[k])
-        more = [f"    <axis {_xyz('xyz', _axis(arm, k))}/>"]
+        inside = [f"    <axis {_xyz('xyz', _axis(arm, k))}/>"]
         kind = joint.kind
         if kind == "revolute" and not (np.isfinite(joint.lower) or np.isfinite(joint.upper)):
             kind = "continuous"
         limit = {"velocity": joint.velocity, "effort": joint.effort}
         if kind != "continuous":
             limit |= {"lower": max(joint.lower, -1e9), "upper": min(joint.upper, 1e9)}
-        shown = {name: value if np.isfinite(value) else 1e9 for name, value in limit.items()}
-        more.append(f"    <limit {_numbers(shown)}/>")
+        inside.append(f"    <limit {_numbers({k: v if np.isfinite(v) else 1e9 for k, v in limit.items()})}/>")
         viscous, coulomb = float(np.asarray(arm.viscous)[k]), float(np.asarray(arm.coulomb)[k])
         if viscous or coulomb:
-            more.append(f'    <dynamics damping="{viscous:.17g}" friction="{coulomb:.17g}"/>')
+            inside.append(f'    <dynamics damping="{viscous:.17g}" friction="{coulomb:.17g}"/>')
         if joint.leader is not None:
             leader = s.joints[joint.leader].name
-            more.append(f'    <mimic joint={quoteattr(leader)} multiplier="{joint.multiplier:.17g}" '
-                        f'offset="{joint.offset:.17g}"/>')  # fmt: skip
-        lines += _joint(joint.name, kind, names[k], joint.link, places[k], more)
+            inside.append(f'    <mimic joint={quoteattr(leader)} multiplier="{joint.multiplier:.17g}" '
+                          f'offset="{joint.offset:.17g}"/>')  # fmt: skip
+        lines += _joint(joint.name, kind, names[k], joint.link, places[k], inside)
     lines.append(f"  <link name={quoteattr(_tool(arm))}/>")
     lines += _joint(f"{_tool(arm)}_mount", "fixed", names[-1], _tool(arm), places[-1])
     return "\n".join([*lines, "</robot>", ""])
 
 
 def _tool(arm: SerialArm) -> str:
-    """Name of the tool's link, which is not that of the last moving one."""
+    """Return a name for the tool's link that no moving link has."""
     s = arm.structure
     return s.tool if s.tool not in {j.link for j in s.joints} else f"{s.tool}_tool"
 
 
 def _placements(arm: SerialArm) -> tuple[list[Pose], list[tuple[float, Array, Array]]]:
-    """Each joint in the link before, the tool in the last one; and the bodies, in frames that turn with their joint."""
+    """Return the pose of each joint in the previous link and of the tool in the last, and the bodies in URDF frames."""
     s, n = arm.structure, len(arm.structure.joints)
     m, mc, J = (np.asarray(x, float) for x in (arm.m, arm.mc, arm.J))
     tool = (rotation_of_rpy(arm.tool_rpy), np.asarray(arm.tool_xyz, float))
     if s.style == "rpy":
-        own = [(rotation_of_rpy(arm.rpy[k]), np.asarray(arm.xyz[k], float)) for k in range(n)]
-        return [*own, tool], [(m[k], mc[k], J[k]) for k in range(n)]
+        poses = [(rotation_of_rpy(arm.rpy[k]), np.asarray(arm.xyz[k], float)) for k in range(n)]
+        return [*poses, tool], [(m[k], mc[k], J[k]) for k in range(n)]
     numbers = [np.asarray(getattr(arm, name), float) for name in DH_NAMES]
     steps = [dh_step(s.style, *[x[k] for x in numbers]) for k in range(n)]
     if s.style == "modified":
@@ -133,7 +132,7 @@ def _placements(arm: SerialArm) -> tuple[list[Pose], list[tuple[float, Array, Ar
 
 
 def dh_step(style: str, theta: float, d: float, a: float, alpha: float, beta: float) -> Pose:
-    """The frame behind Denavit-Hartenberg numbers [rad, m]: rotation (3, 3) and origin (3,) [m] in the one before."""
+    """Return rotation (3, 3) and origin (3,) [m] of the next frame from Denavit-Hartenberg parameters [rad, m]."""
     x, y, z = (rotation_of_rpy(np.eye(3)[k] * angle) for k, angle in enumerate((alpha, beta, theta)))
     if style == "standard":
         return z @ x @ y, np.array([a * np.cos(theta), a * np.sin(theta), d])
@@ -152,7 +151,7 @@ def _is_identity(pose: Pose) -> bool:
 def _link(name: str, m: float, mc: Array, J: Array) -> list[str]:
     if m < 0 or (m == 0 and (np.any(mc) or np.any(J))):
         what = f"a mass of {m:.4g} kg" if m else "moments but no mass"
-        raise ModelError(f"link '{name}' has {what}, which URDF cannot say; take physically consistent inertias")
+        raise ModelError(f"link '{name}' has {what}, which URDF cannot represent; give physically consistent inertias")
     if m == 0:
         return [f"  <link name={quoteattr(name)}/>"]
     c, I = central(m, mc, J)
@@ -168,13 +167,13 @@ def _link(name: str, m: float, mc: Array, J: Array) -> list[str]:
     ]
 
 
-def _joint(name: str, kind: str, parent: str, child: str, pose: Pose, more: Any = ()) -> list[str]:
+def _joint(name: str, kind: str, parent: str, child: str, pose: Pose, inside: Any = ()) -> list[str]:
     return [
         f"  <joint name={quoteattr(name)} type={quoteattr(kind)}>",
         f"    <parent link={quoteattr(parent)}/>",
         f"    <child link={quoteattr(child)}/>",
         f"    <origin {_xyz('xyz', pose[1])} {_xyz('rpy', rpy_of_rotation(pose[0]))}/>",
-        *more,
+        *inside,
         "  </joint>",
     ]
 

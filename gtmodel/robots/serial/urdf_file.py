@@ -1,5 +1,4 @@
-"""A URDF file as it is written, links with inertias, joints with origins, axes and limits, by plain elements that know
-their line."""
+"""Reading of URDF files: links with inertias, joints with origins, axes and limits, each with its line in the file."""
 
 from __future__ import annotations
 
@@ -21,7 +20,7 @@ from .structure import moved, six_of
 
 @dataclass
 class XmlElement:
-    """A tag with its attributes, what stands inside and the line where it begins."""
+    """An element with its tag, attributes, first line and inner elements."""
 
     tag: str
     attributes: dict[str, str]
@@ -29,11 +28,11 @@ class XmlElement:
     inside: list[XmlElement] = field(default_factory=list)
 
     def all(self, tag: str) -> list[XmlElement]:
-        """Elements of that tag directly inside."""
+        """Return the direct inner elements with a tag."""
         return [e for e in self.inside if e.tag == tag]
 
     def one(self, tag: str) -> XmlElement | None:
-        """The element of that tag, or None. Raises XmlFault where there are several."""
+        """Return the inner element with a tag, or None. Raises XmlFault if there are several."""
         several = self.all(tag)
         if len(several) > 1:
             raise XmlFault(f"<{self.tag}> holds {len(several)} <{tag}>; expected one", several[1].line)
@@ -41,7 +40,7 @@ class XmlElement:
 
 
 def parsed(content: bytes) -> XmlElement:
-    """The outermost element. Raises XmlFault for what is no XML, and for declared entities."""
+    """Return the outermost element. Raises XmlFault for invalid XML and for declared entities."""
     outside = XmlElement("", {}, 1)
     stack = [outside]
 
@@ -61,9 +60,9 @@ Array = np.ndarray
 MOVING = {"revolute", "continuous", "prismatic"}
 COUNTED = {3: "three", 4: "four"}
 KINDS = (*sorted(MOVING), "fixed")
-DEGREES = 13.0  # rad; limits beyond two turns each way are degrees more often than angles
-MILLIMETRES = 100.0  # m; origins this far are millimetres more often
-# what stands inside each element, and its attributes: those that are read, then those that say nothing of the motion
+DEGREES = 13.0  # rad; limits beyond two turns are probably degrees
+MILLIMETRES = 100.0  # m; origins farther away are probably millimetres
+# inner elements of each element; and its attributes: those that are read, and those that do not affect the motion
 INSIDE = {
     "robot": ("link", "joint"), "link": ("inertial",), "inertial": ("origin", "mass", "inertia"),
     "joint": ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic"),
@@ -75,18 +74,18 @@ ATTRIBUTES: dict[str, tuple[str, str]] = {
     "limit": ("lower upper velocity effort", "acceleration deceleration jerk"), "dynamics": ("damping friction", ""),
     "mimic": ("joint multiplier offset", ""),
 }  # fmt: skip
-UNIT_NORM = 1e-3  # by which a quaternion of rounded digits may be off; beyond it is another number
-# which no equation needs, with what they are called in the notes
+UNIT_NORM = 1e-3  # tolerance of a quaternion's norm, for rounded digits
+# elements that no equation needs, with their names in the notes
 LEFT_OUT = {
-    "visual": "shapes to be shown", "collision": "shapes for collisions", "transmission": "transmissions",
-    "gazebo": "elements of Gazebo", "safety_controller": "safety controllers", "calibration": "calibration marks",
-    "material": "materials", "ros2_control": "elements of ros2_control", "sensor": "sensors",
+    "visual": "visual shapes", "collision": "collision shapes", "transmission": "transmissions",
+    "gazebo": "Gazebo elements", "safety_controller": "safety controllers", "calibration": "calibration marks",
+    "material": "materials", "ros2_control": "ros2_control elements", "sensor": "sensors",
 }  # fmt: skip
 
 
 @dataclass(frozen=True)
 class UrdfLink:
-    """A link with mass [kg], first moments (3) [kg m] and inertia (6) [kg m2] in its own frame, and its line."""
+    """A link with mass [kg], first moments (3) [kg m] and inertia (6) [kg m2] in its frame, and its line."""
 
     name: str
     line: int
@@ -120,7 +119,7 @@ class UrdfJoint:
 
 @dataclass(frozen=True)
 class Urdf:
-    """The links and joints of a file by name, its root link, and what was not used, in sentences."""
+    """The links and joints of a file by name, its root link, and notes about elements that are not used."""
 
     name: str
     file: str
@@ -130,16 +129,16 @@ class Urdf:
     notes: list[str] = field(default_factory=list)
 
     def joints_on(self, link: str) -> list[UrdfJoint]:
-        """Joints whose parent is a link, in the order of the file."""
+        """Return the joints whose parent is a link, in the order of the file."""
         return [j for j in self.joints.values() if j.parent == link]
 
     def fault(self, sentence: str, line: int) -> ModelError:
-        """An error at a line of the file."""
+        """Return an error at a line of the file."""
         return ModelError(f"{self.file}, line {line}: {sentence}")
 
 
 def read_urdf(source: str | Path) -> Urdf:
-    """A file, or its text where it begins with "<". Raises ModelError with file and line."""
+    """Read a URDF file, or a text that begins with "<". Raises ModelError with file and line."""
     path_of(source, "source")
     text = str(source)
     if text.lstrip().startswith("<"):
@@ -164,7 +163,7 @@ class _Reader:
     def urdf(self) -> Urdf:
         robot = self.robot
         if robot.tag == "sdf":
-            raise XmlFault("is SDF; expected URDF, whose outermost element is <robot>", robot.line)
+            raise XmlFault("the file is SDF; expected URDF, whose outermost element is <robot>", robot.line)
         if robot.tag != "robot":
             raise XmlFault(f"the outermost element is <{robot.tag}>; expected <robot>", robot.line)
         self.refuse_xacro(robot)
@@ -180,50 +179,51 @@ class _Reader:
             self.refuse_second(joints, joint.name, "joint", element)
             joints[joint.name] = joint
         if not links:
-            raise XmlFault("holds no <link>", robot.line)
+            raise XmlFault("<robot> holds no <link>", robot.line)
         self.count(robot)
         root = self.root(links, joints)
         for joint in joints.values():
             if joint.leader is not None and joint.leader not in joints:
-                raise XmlFault(f"joint '{joint.name}' mimics '{joint.leader}', which is no joint", joint.line)
+                raise XmlFault(f"joint '{joint.name}' mimics '{joint.leader}', which is not a joint", joint.line)
         self.doubt(links, joints)
         return Urdf(robot.attributes.get("name", "arm"), self.file, root, links, joints, self.notes)
 
     def refuse_xacro(self, element: XmlElement) -> None:
         if element.tag.startswith("xacro:") or any("${" in v or "$(" in v for v in element.attributes.values()):
-            raise XmlFault("is xacro, a template; make the URDF first: xacro arm.xacro > arm.urdf", element.line)
+            raise XmlFault("this is a xacro template; create the URDF first: xacro arm.xacro > arm.urdf", element.line)
         for inner in element.inside:
             self.refuse_xacro(inner)
 
-    def refuse_unknown(self, e: XmlElement, of: str) -> None:
-        """Refuse what would be passed over although it is meant: an attribute that is not known, an element in the
-        wrong place or mistyped. of: link or joint in which the element stands. Namespaces are other programs' own."""
+    def refuse_unknown(self, e: XmlElement, owner: str) -> None:
+        """Refuse unknown attributes, and elements that are misplaced or mistyped, except names with a namespace. owner:
+        the link or joint of the element, for messages."""
         if e.tag in ("link", "joint"):
-            of = f" of {e.tag} '{e.attributes.get('name', '')}'"
+            owner = f" of {e.tag} '{e.attributes.get('name', '')}'"
         read, idle = (names.split() for names in ATTRIBUTES[e.tag])
         for name in e.attributes:
             if ":" in name or name == "xmlns" or name in read:
                 continue
             if name not in idle:
                 known = meant(name.lower(), read, f"it takes {', '.join(read) or 'none'}")
-                raise XmlFault(f"<{e.tag}>{of} has the unknown attribute '{name}'; {known}", e.line)
+                raise XmlFault(f"<{e.tag}>{owner} has the unknown attribute '{name}'; {known}", e.line)
             if name != "version":
-                self.notes.append(f"line {e.line}: '{name}' of <{e.tag}>{of} is not used")
-        here = INSIDE.get(e.tag, ())
+                self.notes.append(f"line {e.line}: '{name}' of <{e.tag}>{owner} is not used")
+        allowed = INSIDE.get(e.tag, ())
         for inner in e.inside:
-            if inner.tag in here:
-                self.refuse_unknown(inner, of)
+            if inner.tag in allowed:
+                self.refuse_unknown(inner, owner)
                 continue
-            slip = "" if inner.tag in LEFT_OUT else meant(inner.tag.lower(), here, cutoff=0.75)
+            slip = "" if inner.tag in LEFT_OUT else meant(inner.tag.lower(), allowed, cutoff=0.75)
             if inner.tag in ATTRIBUTES or slip:
-                known = slip or f"it takes {', '.join(here) or 'none'}"
-                raise XmlFault(f"<{e.tag}>{of} holds <{inner.tag}>, which it does not take; {known}", inner.line)
+                known = slip or f"it takes {', '.join(allowed) or 'none'}"
+                raise XmlFault(f"<{e.tag}>{owner} holds <{inner.tag}>, which it does not take; {known}", inner.line)
 
     def refuse_second(
-        self, there: Mapping[str, UrdfLink | UrdfJoint], name: str, what: str, element: XmlElement
+        self, elements: Mapping[str, UrdfLink | UrdfJoint], name: str, what: str, element: XmlElement
     ) -> None:
-        if name in there:
-            raise XmlFault(f"a second {what} is called '{name}' (the first in line {there[name].line})", element.line)
+        if name in elements:
+            line = elements[name].line
+            raise XmlFault(f"two elements <{what}> have the name '{name}'; the first is in line {line}", element.line)
 
     def link(self, e: XmlElement) -> UrdfLink:
         name = _attribute(e, "name")
@@ -232,8 +232,8 @@ class _Reader:
             return UrdfLink(name, e.line, 0.0, np.zeros(3), np.zeros(6))
         mass, inertia = inertial.one("mass"), inertial.one("inertia")
         if mass is None or inertia is None:
-            lacking = "mass" if mass is None else "inertia"
-            raise XmlFault(f"the <inertial> of link '{name}' has no <{lacking}>", inertial.line)
+            missing = "mass" if mass is None else "inertia"
+            raise XmlFault(f"the <inertial> of link '{name}' has no <{missing}>", inertial.line)
         m = _number(mass, "value")
         if m < 0:
             raise XmlFault(f"the mass of link '{name}' is {m:g} kg; it cannot be negative", mass.line)
@@ -241,8 +241,8 @@ class _Reader:
         I = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         principal = np.linalg.eigvalsh(I)
         if principal[0] < -1e-9 * abs(principal[2]) or principal[2] > (1 + 1e-6) * (principal[0] + principal[1]):
-            self.notes.append(f"line {inertia.line}: no body has the inertia of link '{name}': its principal moments "
-                              f"are {', '.join(f'{p:.3g}' for p in principal)} kg m2")  # fmt: skip
+            self.notes.append(f"line {inertia.line}: the inertia of link '{name}' is physically impossible: its "
+                              f"principal moments are {', '.join(f'{p:.3g}' for p in principal)} kg m2")  # fmt: skip
         xyz, rpy = _origin(inertial)
         mc, J = moved(rotation_of_rpy(rpy), xyz, m, np.zeros(3), six_of(I))
         return UrdfLink(name, e.line, m, mc, J)
@@ -250,7 +250,7 @@ class _Reader:
     def joint(self, e: XmlElement) -> UrdfJoint:
         name, kind = _attribute(e, "name"), _attribute(e, "type")
         if kind not in KINDS:
-            base = "; a base that moves is no part of a serial arm" if kind in ("floating", "planar") else ""
+            base = "; a serial arm has a fixed base" if kind in ("floating", "planar") else ""
             raise XmlFault(f"joint '{name}' is {kind}; expected one of {', '.join(KINDS)}{base}", e.line)
         ends: list[str] = []
         for side in ("parent", "child"):
@@ -264,56 +264,56 @@ class _Reader:
         length = float(np.linalg.norm(axis))
         if kind != "fixed" and length == 0.0:
             raise XmlFault(f"the axis of joint '{name}' is zero", axis_element.line if axis_element else e.line)
-        more: dict[str, Any] = {}
+        options: dict[str, Any] = {}
         limit = e.one("limit")
         if limit is not None and kind != "fixed":
             if kind != "continuous":
-                more["lower"], more["upper"] = (_number(limit, k, 0.0) for k in ("lower", "upper"))
-                if more["lower"] > more["upper"]:
+                options["lower"], options["upper"] = (_number(limit, k, 0.0) for k in ("lower", "upper"))
+                if options["lower"] > options["upper"]:
                     raise XmlFault(f"the lower limit of joint '{name}' is above the upper one", limit.line)
             for key in ("velocity", "effort"):
                 value = _number(limit, key, 0.0)
-                more[key] = value if value > 0 else np.inf
+                options[key] = value if value > 0 else np.inf
         elif kind in ("revolute", "prismatic"):
-            self.notes.append(f"line {e.line}: joint '{name}' is {kind} without a <limit>; it is taken as free")
+            self.notes.append(f"line {e.line}: joint '{name}' is {kind} without a <limit>; it is used without limits")
         dynamics = e.one("dynamics")
         if dynamics is not None:
-            more["damping"], more["friction"] = (_number(dynamics, k, 0.0) for k in ("damping", "friction"))
+            options["damping"], options["friction"] = (_number(dynamics, k, 0.0) for k in ("damping", "friction"))
         mimic = e.one("mimic")
         if mimic is not None and kind != "fixed":
-            more["leader"] = _attribute(mimic, "joint")
-            more["multiplier"], more["offset"] = _number(mimic, "multiplier", 1.0), _number(mimic, "offset", 0.0)
-        return UrdfJoint(name, kind, e.line, ends[0], ends[1], xyz, rpy, axis / (length or 1.0), **more)
+            options["leader"] = _attribute(mimic, "joint")
+            options["multiplier"], options["offset"] = _number(mimic, "multiplier", 1.0), _number(mimic, "offset", 0.0)
+        return UrdfJoint(name, kind, e.line, ends[0], ends[1], xyz, rpy, axis / (length or 1.0), **options)
 
     def root(self, links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> str:
         parents: dict[str, UrdfJoint] = {}
         for j in joints.values():
             for link, side in ((j.parent, "parent"), (j.child, "child")):
                 if link not in links:
-                    raise XmlFault(f"joint '{j.name}' names the {side} '{link}', which is no link", j.line)
+                    raise XmlFault(f"the {side} '{link}' of joint '{j.name}' is not a link", j.line)
             if j.child in parents:
                 raise XmlFault(
-                    f"link '{j.child}' is the child of '{parents[j.child].name}' and of '{j.name}'; a loop is no URDF, "
-                    "write such a mechanism as a model of gtmodel",
+                    f"link '{j.child}' is the child of '{parents[j.child].name}' and of '{j.name}'; URDF has no loops: "
+                    "write a closed mechanism as a gtmodel model",
                     j.line,
                 )
             parents[j.child] = j
         roots = [name for name in links if name not in parents]
         if not roots:
             first = next(iter(joints.values()))
-            raise XmlFault("the joints go round in a circle: no link is without a parent", first.line)
+            raise XmlFault("the joints form a loop: every link has a parent", first.line)
         if len(roots) > 1:
             raise XmlFault(f"several links have no parent: {', '.join(roots[:4])}; expected one", links[roots[1]].line)
-        seen, waiting = {roots[0]}, [roots[0]]
+        reached, waiting = {roots[0]}, [roots[0]]
         while waiting:
-            below = [j.child for j in joints.values() if j.parent == waiting[-1]]
+            children = [j.child for j in joints.values() if j.parent == waiting[-1]]
             waiting.pop()
-            seen.update(below)
-            waiting += below
-        lost = next((name for name in links if name not in seen), None)
-        if lost is not None:
-            raise XmlFault(f"link '{lost}' does not hang on '{roots[0]}': its joints go round in a circle",
-                           links[lost].line)  # fmt: skip
+            reached.update(children)
+            waiting += children
+        detached = next((name for name in links if name not in reached), None)
+        if detached is not None:
+            raise XmlFault(f"link '{detached}' is not connected to '{roots[0]}': its joints form a loop",
+                           links[detached].line)  # fmt: skip
         return roots[0]
 
     def count(self, robot: XmlElement) -> None:
@@ -330,10 +330,10 @@ class _Reader:
                     walk(inner)
 
         walk(robot)
-        left = [f"{number} {LEFT_OUT[tag]}" for tag, number in counts.items() if number]
-        if left:
-            self.notes.append(f"not used: {', '.join(left)}")
-        self.notes += [f"line {line}: <{tag}> is not known and not used" for tag, line in others.items()]
+        unused = [f"{number} {LEFT_OUT[tag]}" for tag, number in counts.items() if number]
+        if unused:
+            self.notes.append(f"not used: {', '.join(unused)}")
+        self.notes += [f"line {line}: <{tag}> is unknown and not used" for tag, line in others.items()]
 
     def doubt(self, links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> None:
         for j in joints.values():
@@ -353,11 +353,11 @@ def _origin(e: XmlElement) -> tuple[Array, Array]:
     if "quat_xyzw" not in origin.attributes:
         return xyz, _vector(origin, "rpy", [0.0, 0.0, 0.0])
     if "rpy" in origin.attributes:
-        raise XmlFault("<origin> has rpy and quat_xyzw; expected one of them", origin.line)
+        raise XmlFault("<origin> has both rpy and quat_xyzw; expected one of them", origin.line)
     quaternion = _vector(origin, "quat_xyzw", [0.0, 0.0, 0.0, 1.0])
     norm = float(np.linalg.norm(quaternion))
     if abs(norm - 1.0) > UNIT_NORM:
-        raise XmlFault(f"quat_xyzw of <origin> has the norm {norm:.4g}; a rotation has 1", origin.line)
+        raise XmlFault(f"quat_xyzw of <origin> has the norm {norm:.4g}; expected 1", origin.line)
     return xyz, rpy_of_rotation(scipy.spatial.transform.Rotation.from_quat(quaternion).as_matrix())
 
 

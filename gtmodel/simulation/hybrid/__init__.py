@@ -1,1 +1,1 @@
-"""Simulation of models with events and sampled blocks: pieces of ordinary simulation between the instants."""
+"""Simulation of models with events and sampled blocks: ordinary simulation between the instants of events."""

@@ -1,4 +1,4 @@
-"""Instants: those of samples, counted exactly; what happened at one; and events that come closer and closer."""
+"""Instants of samples in exact arithmetic, events, and the detection of accumulating or chattering events."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 
 class Due(NamedTuple):
-    """Something that happens at an instant: "sample" of a block or a condition by number, or "outputs" of a block."""
+    """An item due at an instant, by number: "block" or its delayed "outputs", or "sample" of a condition."""
 
     kind: str
     number: int
@@ -20,7 +20,7 @@ class Due(NamedTuple):
 
 
 class SampleClock:
-    """What is due when, in the order of time."""
+    """A queue of due items in the order of time."""
 
     def __init__(self) -> None:
         self._heap: list[tuple[Fraction, int, Due]] = []
@@ -36,7 +36,7 @@ class SampleClock:
         return self._heap[0][0] if self._heap else None
 
     def take(self) -> tuple[Fraction, list[Due]]:
-        """The next instant and all that is due at it, in the order in which it was added."""
+        """Remove and return the next instant with all its items, in the order in which they were added."""
         time = self._heap[0][0]
         due = []
         while self._heap and self._heap[0][0] == time:
@@ -45,18 +45,18 @@ class SampleClock:
 
 
 def exact(seconds: float) -> Fraction:
-    """A time as it is written in decimals: 0.004 is 1/250."""
+    """Return a time as the exact value of its decimal form: 0.004 is 1/250."""
     return Fraction(repr(float(seconds)))
 
 
 @dataclass(frozen=True)
 class Event:
-    """An instant at which a model changed: something switched, a `gt.when` acted.
+    """An event: an instant at which a `gt.when` acted or a mode switched.
 
-    time: [s]. causes: events by name with the lines that declare them, and `gt.If` that switched. discrete: discrete
-    variables that changed, by name, with their values before and after. restarted: continuous variables that started
-    anew, with their values before and after. impulses: of the forces that brought it about, their integrals over the
-    instant [unit of the force times s]. energy: change of the declared stored energies [J].
+    time: [s]. causes: the `gt.when` that acted and the `gt.If` that switched, with the lines that declare them.
+    discrete: discrete variables that changed, by name, with their values before and after. restarted: reinitialised
+    continuous variables, with their values before and after. impulses: integrals of impulsive forces over the instant
+    [unit of the force times s]. energy: change of the declared stored energies [J].
 
     >>> class Lamp(gt.Model):
     ...     x = gt.variable(start=0.0, fixed=True)
@@ -77,16 +77,16 @@ class Event:
     impulses: Mapping[str, float] = field(default_factory=dict)
 
 
-# so many intervals in a row that shrink by nearly one ratio, down to this part of the run, accumulate
+# events accumulate if this many successive intervals shrink by nearly the same ratio, down to this share of the run
 SHRINKING, SAME_RATIO, SHORT = 10, 0.05, 1e-6
-# so many different events may take turns in it
+# largest number of different events that may alternate in it
 LARGEST_GROUP = 4
-# so many events within this part of the run lead nowhere
+# events chatter if there are this many within this share of the run
 CHATTERING, INSTANT = 100, 1e-12
 
 
 class Accumulation:
-    """Watches the times of events in a run of some length [s]."""
+    """Detects accumulating and chattering events in a run of a given length [s]."""
 
     def __init__(self, length: float) -> None:
         self._length = length
@@ -94,7 +94,7 @@ class Accumulation:
         self._causes: list[str] = []
 
     def add(self, time: float, causes: tuple[str, ...]) -> float:
-        """An event; the time since the last one [s], infinite for the first."""
+        """Add an event; return the time since the last one [s], infinite for the first."""
         since = time - self._times[-1] if self._times else np.inf
         self._times.append(time)
         self._causes.append(" and ".join(causes))
@@ -102,8 +102,8 @@ class Accumulation:
 
     @property
     def point(self) -> float | None:
-        """The time at which the events accumulate [s], as a geometric series of their last intervals, or of groups of
-        them where different events take turns; None where they do not."""
+        """The time [s] at which the events accumulate, from the geometric series of the last intervals, or of groups of
+        intervals if different events alternate; None if they do not accumulate."""
         for group in range(1, LARGEST_GROUP + 1):
             d = np.diff(self._times[-SHRINKING - group - 1 :])
             if len(d) < SHRINKING + group or not 0 < d[-1] <= SHORT * self._length or not np.all(d > 0):
@@ -115,18 +115,18 @@ class Accumulation:
         return None
 
     def sentence(self) -> str | None:
-        """Why the events lead nowhere; None where they lead on."""
+        """Return a sentence if the events accumulate or chatter, else None."""
         if (point := self.point) is not None:
             return (
-                f"events come closer and closer and accumulate at {point:.10g} s, {len(self._times)} of them until "
-                f"{self._times[-1]:.10g} s, by {self._causes[-1]}; what comes after that is another mode, such as rest:"
-                " let an event set a discrete variable where the speed becomes small, and gt.If choose its equations"
+                f"events accumulate at {point:.10g} s, {len(self._times)} of them until {self._times[-1]:.10g} s, from "
+                f"{self._causes[-1]}; model the motion after that as another mode, such as rest: set a discrete "
+                "variable when the speed becomes small, and choose the equations with gt.If"
             )
         last = self._times[-CHATTERING:]
         if len(last) == CHATTERING and last[-1] - last[0] <= INSTANT * self._length:
             causes = "; ".join(list(dict.fromkeys(self._causes[-CHATTERING:]))[:3])
             return (
-                f"{CHATTERING} events at {last[-1]:.10g} s lead nowhere: {causes} chatter; give the switch a hysteresis"
-                " or a mode of its own in between"
+                f"{CHATTERING} events chatter at {last[-1]:.10g} s: {causes}; give the switch a hysteresis or a mode "
+                "in between"
             )
         return None

@@ -1,4 +1,4 @@
-"""A simulation with events under way: ordinary pieces, the instants between them, and what happens there."""
+"""Advance of a simulation with events: ordinary pieces, the instants between them, and the events there."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ if TYPE_CHECKING:
 
 Pair = tuple[int, int]
 
-# of the energy that moved: what an impact takes, by its formula and by the stored energies before and after it
+# largest difference, relative to the exchanged energy, of declared loss and change of stored energies at an impact
 DECLARED_LOSS = 1e-9
-# rounds of what follows from what at one instant, beside one for each event and switch
+# rounds of event iteration at one instant, in addition to one for each event and switch
 ROUNDS = 30
 
 
 class HybridIntegration(OverEdges):
-    """Where a simulation with events is. `events` are those so far; `blocks` the sampled blocks with their samples.
+    """A running simulation with events. `events` are the events so far, `blocks` the sampled blocks with their samples.
 
-    held: of each condition of gt.when.
+    held: the present truth value of each condition of gt.when.
     """
 
     def __init__(self, ready: ReadyInMode, modes: SimulatedModes, rows: np.ndarray, grid: np.ndarray) -> None:
@@ -71,13 +71,13 @@ class HybridIntegration(OverEdges):
 
     @property
     def _numbers(self) -> np.ndarray:
-        """Values of all parameters, discrete variables among them."""
+        """Values of all parameters, including discrete variables."""
         return self._systems.parameters
 
     # -- between events ----------------------------------------------------------------------------
 
     def run(self, progress: Progress | None) -> None:
-        """Go to the last row. Raises Ended where that is not reached."""
+        """Advance to the last row. Raises Ended if it is not reached."""
         self._progress = progress
         self._record(*self._one_row())
         self._grow(self._comparisons(self._x[None, :], self._z[None, :], np.array([self._time]))[0])
@@ -94,26 +94,26 @@ class HybridIntegration(OverEdges):
         self._at_the_end()
 
     def _knot(self, time: float) -> None:
-        """Go over a knot; inputs that jump there, or come to rest at a threshold, lead to their events at once."""
-        was = self._compared()
+        """Pass a knot; inputs that jump there, or come to rest at a threshold, cause their events immediately."""
+        before = self._compared()
         self._begin_piece(time)
-        now, zero = self._compared(), self._zero
-        arrived = (np.abs(now) <= zero) & (self.truth != self._modes.at_equality)
-        was = np.where(arrived, np.inf, was)
-        if np.any(np.abs(now - was) > zero):
-            self._event([], was=was)
+        after, zero = self._compared(), self._zero
+        at_rest = (np.abs(after) <= zero) & (self.truth != self._modes.at_equality)
+        before = np.where(at_rest, np.inf, before)
+        if np.any(np.abs(after - before) > zero):
+            self._event([], previous=before)
 
     def _at_the_end(self) -> None:
-        """The event whose instant the last row is, but for round-off."""
+        """Handle an event at the last row that round-off would miss."""
         if self._declared.comparisons:
-            at = np.array([self._time])
-            values, rates = self._comparisons(self._x[None, :], self._z[None, :], at)
+            end = np.array([self._time])
+            values, rates = self._comparisons(self._x[None, :], self._z[None, :], end)
             s, ds = values[0] * self._signs(), rates[0] * self._signs()
             if (flips := np.flatnonzero((np.abs(s) <= self._zero) & (ds < -self._slow(self._zero)))).size:
                 self._event(flips.tolist())
 
     def _row_at(self, time: float) -> float:
-        """The recorded row at a time, or the time where there is none."""
+        """Return the recorded row at a time, or the time if there is none."""
         place = int(np.searchsorted(self._grid, time - self._slack))
         return float(self._grid[place]) if self._grid[place] <= time + self._slack else time
 
@@ -121,41 +121,41 @@ class HybridIntegration(OverEdges):
         return np.inf if self.clock.next is None else float(self.clock.next)
 
     def _instant(self) -> None:
-        """Do what is due at this time."""
+        """Handle all samples that are due now."""
         while self._next_sample() <= self._time + self._slack:
             self._sampled(*self.clock.take())
 
     def _intervals(self, stop: float, span: float, most: int) -> tuple[np.ndarray, float]:
         times, length = super()._intervals(stop, span, most)
-        # few different numbers of intervals: an integrator is made for each
+        # only powers of 2, because each number of intervals needs its own integrator
         count = 1 << (len(times).bit_length() - 1)
         return times[:count], length
 
     def _accept(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray, works: np.ndarray) -> int:
-        """As in every simulation, up to the first interval in which a comparison changes; its event included."""
+        """Accept intervals up to the first change of a comparison, including its event."""
         times = times[: len(xs)]
         if not self._declared.comparisons:
             return super()._accept(times, xs, zs, works)
         way, origin = self._stepper.way, self._time
-        at, values, rates = self._looked_at(times, xs, zs)
-        place, dip = self._first_change(at, values, rates)
-        changes = place < len(at) - 1
-        after, side = (at[place + 1], "left") if changes else (at[-1], "right")
+        instants, values, rates = self._resolving(times, xs, zs)
+        place, dip = self._first_change(instants, values, rates)
+        changes = place < len(instants) - 1
+        after, side = (instants[place + 1], "left") if changes else (instants[-1], "right")
         interval = int(np.searchsorted(times, after, side=side))
         good = interval
         if interval:
             good = super()._accept(times[:interval], xs[:interval], zs[:interval], works[:interval])
-            self._grow(values[1 : int(np.searchsorted(at, self._time, side="right"))])
+            self._grow(values[1 : int(np.searchsorted(instants, self._time, side="right"))])
         if good < interval or not changes:
             return good
-        # what dips is at the interval's end on the side where it was
+        # a comparison that dips is on its previous side again at the end of the interval
         self._grow(values[1 : place + 1 + (dip > 0)])
         near = None if way is None else partial(self._near, way, self._time - origin)
-        done = self._to_change(float(at[place]), float(at[place + 1]), dip, near)
+        done = self._to_change(float(instants[place]), float(instants[place + 1]), dip, near)
         return max(good, 1) if done else good
 
     def _advance(self, stop: float, span: float) -> None:
-        """As in every simulation; an integrator that fails at a switch, where one side ends, is taken over it."""
+        """Advance; if the integrator fails at a switch beyond which the equations are undefined, go over it."""
         try:
             super()._advance(stop, span)
         except Ended as error:
@@ -163,11 +163,10 @@ class HybridIntegration(OverEdges):
                 raise
 
     def _to_change(self, start: float, end: float, dip: float, near: Signed | None = None) -> bool:
-        """Go to the first change between two times and do what it leads to; False where the integrator does not get
-        there.
+        """Advance to the first change between two times and handle its event; False if the integrator fails.
 
-        dip: a share of the interval at which a comparison seems to have changed, and changed back at its end. near:
-        values close to those that a step to there gives.
+        dip: share of the interval at which a comparison seems to be negative although it is not at the end, or 0. near:
+        approximate signed values.
         """
         begin, x, z, p = self._time, self._x, self._z, self._p
         steps: dict[float, tuple[np.ndarray, ...] | None] = {}
@@ -178,10 +177,10 @@ class HybridIntegration(OverEdges):
             return steps[span]
 
         def signed(span: float) -> tuple[np.ndarray, np.ndarray] | None:
-            made = (x[None, :], z[None, :]) if span == 0.0 else step(span)
-            if made is None:
+            result = (x[None, :], z[None, :]) if span == 0.0 else step(span)
+            if result is None:
                 return None
-            values, rates = self._comparisons(made[0], made[1], np.array([begin + span]))
+            values, rates = self._comparisons(result[0], result[1], np.array([begin + span]))
             return values[0] * self._signs(), rates[0] * self._signs()
 
         low, high = max(start - begin, 0.0), end - begin
@@ -192,7 +191,7 @@ class HybridIntegration(OverEdges):
             return False
         changing = at_end[0] < -(self._round_off if dip else self._zero)
         if not changing.any():
-            # the dip of the interpolation is none of the motion: go there, and look on
+            # only the interpolation dips: advance to this time and continue from there
             return self._go(high, step(high), begin + high)
         n = -1
         while changing.any():
@@ -208,7 +207,7 @@ class HybridIntegration(OverEdges):
         falls = -np.minimum(at_end[1], 0.0)
         zero = np.maximum(self._zero, falls * self._slack)
         at_zero = (np.abs(at_end[0]) <= zero) & (falls > self._slow(self._zero))
-        # times are floats: at the last one before the root its comparison may be farther from zero than others are
+        # at the last floating-point time before the root, its comparison may be farther from zero than others
         at_zero[n] = True
         flips = np.flatnonzero(at_zero).tolist()
         if high > 0.0 and not self._go(high, step(high), begin + high):
@@ -216,18 +215,18 @@ class HybridIntegration(OverEdges):
         self._event(flips)
         return True
 
-    def _go(self, span: float, made: tuple[np.ndarray, ...] | None, time: float) -> bool:
-        """Go on by one interval."""
-        if made is None:
+    def _go(self, span: float, result: tuple[np.ndarray, ...] | None, time: float) -> bool:
+        """Advance by one interval with the result of its integration; return whether that succeeds."""
+        if result is None:
             return False
         if time <= self._time:
             return True
-        return super()._accept(np.array([time]), *made) == 1
+        return super()._accept(np.array([time]), *result) == 1
 
     # -- at an instant -----------------------------------------------------------------------------
 
     def _sampled(self, now: Fraction, due: Sequence[Due]) -> None:
-        """Samples that are due now: inputs are read as they were before, outputs without delay are there at once."""
+        """Take the samples that are due now: inputs have their previous values, outputs without delay act at once."""
         new: dict[int, float] = {}
         blocks = [d.number for d in due if d.kind == "block"]
         inputs = self._block_inputs({}) if blocks else {}
@@ -235,13 +234,13 @@ class HybridIntegration(OverEdges):
             block = self.blocks[n]
             numbers = self._numbers.copy()
             numbers[list(new)] = list(new.values())
-            given = {place: v for m in self._sources[n] for place, v in self._outputs_in(new, m)}
-            read = self._block_inputs(given) if given else inputs
-            made = block.step(self._time, read[n], numbers)
+            immediate = {place: v for m in self._sources[n] for place, v in self._outputs_in(new, m)}
+            block_inputs = self._block_inputs(immediate) if immediate else inputs
+            result = block.step(self._time, block_inputs[n], numbers)
             outputs = {place for s in block.block.outputs for place in s.places}
-            new |= {place: v for place, v in made.items() if place not in outputs or not block.delay}
+            new |= {place: v for place, v in result.items() if place not in outputs or not block.delay}
             if block.delay:
-                late = {place: v for place, v in made.items() if place in outputs}
+                late = {place: v for place, v in result.items() if place in outputs}
                 self.clock.add(now + block.delay, Due("outputs", n, late))
             self.clock.add(now + block.period, Due("block", n))
         for d in due:
@@ -250,46 +249,46 @@ class HybridIntegration(OverEdges):
             elif d.kind == "sample" and (times := self._times[d.number]) is not None:
                 self.clock.add(now + times[0], Due("sample", d.number))
         samples = [n for n in range(len(self._times)) if Due("sample", n) in due]
-        was = self._compared() if new else None
+        previous = self._compared() if new else None
         if new:
             self._set(new)
         if samples or (new and (self._declared.comparisons)):
-            self._event([], samples, was)
+            self._event([], samples, previous)
 
     def _outputs_in(self, new: Mapping[int, float], block: int) -> list[tuple[int, float]]:
-        """New outputs of a block."""
+        """Return the new outputs of a block."""
         places = [place for s in self.blocks[block].block.outputs for place in s.places]
         return [(place, new[place]) for place in places if place in new]
 
     def _order(self, blocks: Sequence[int]) -> list[int]:
-        """Blocks that sample together, those whose outputs others read first.
+        """Return simultaneous blocks in the order of their data flow.
 
         Raises ModelError for a loop of blocks without delay.
         """
         if len(self.blocks) > 1 and self._sources_of is not self.system:
             self._sources = self._modes.sources(self.system, [not b.delay for b in self.blocks])
             self._sources_of = self.system
-        left, ordered = list(blocks), []
-        while left:
-            ready = [n for n in left if not self._sources[n].intersection(left)]
+        remaining, ordered = list(blocks), []
+        while remaining:
+            ready = [n for n in remaining if not self._sources[n].intersection(remaining)]
             if not ready:
-                names = ", ".join(self.blocks[n].name for n in left)
+                names = ", ".join(self.blocks[n].name for n in remaining)
                 raise ModelError(
-                    f"the sampled blocks {names} read each other's outputs at the same instant, in a loop; give one of "
-                    "them a delay"
+                    f"the sampled blocks {names} read each other's outputs at the same instant, in an algebraic loop; "
+                    "give one of them a delay"
                 )
             ordered += ready
-            left = [n for n in left if n not in ready]
+            remaining = [n for n in remaining if n not in ready]
         return ordered
 
     def _block_inputs(self, new: Mapping[int, float]) -> dict[int, np.ndarray]:
-        """Inputs of each block at this point; `new`: numbers in place of those of discrete variables."""
+        """Return the inputs of each block at this point; `new`: values that replace those of discrete variables."""
         p = self._inputs.with_parameters(self._p, new) if new else self._p
         row = self.system.reduced.row(self._x[None, :], self._z[None, :], np.array([[self._time]]), p)[0][0]
         return {n: row[self._modes.columns_of(b.block)] for n, b in enumerate(self.blocks)}
 
     def _set(self, new: Mapping[int, float]) -> None:
-        """Give discrete variables new values; continuous ones go on."""
+        """Set discrete variables; continuous ones continue."""
         changed = {place: v for place, v in new.items() if self._inputs.parameters[place] != v}
         if not changed:
             return
@@ -302,7 +301,7 @@ class HybridIntegration(OverEdges):
         self._calls = 0
 
     def _renumber(self, systems: Systems) -> None:
-        """Systems with the numbers of now."""
+        """Take the systems with the present values."""
         flat = renumbered(systems.flat, self._inputs.parameters)
         self._close_audit()
         self._systems = systems.with_numbers(flat, None)
@@ -313,67 +312,67 @@ class HybridIntegration(OverEdges):
         self._broken = self._broken or self.audit.verdict()
 
     def finish(self) -> tuple[float, str | None]:
-        """As in every simulation, of all numbers that parameters had."""
+        """Return residual and sentence as `Integration` does, over all parameter values of the run."""
         self._close_audit()
         return self._audited, self._broken
 
     def happened(self, status: SolveStatus) -> list[str]:
-        """As in every simulation, and the number of events."""
+        """Return the notes of `Integration`, and the number of events."""
         n = len(self.events)
         return [*([f"{n} event{'s' * (n > 1)}"] if n and status.ok else []), *super().happened(status)]
 
     def own_checks(self, moved: float) -> tuple[dict[str, Check], list[str]]:
-        """Whether events take the energy that they declare."""
+        """Return the check "declared_loss", that events dissipate the energy that they declare, and its sentence."""
         if not self._declares_loss:
             return {}, []
         scale = max(moved, self._largest_energy)
         share = self._energy_error / scale if scale > 0 else self._energy_error
-        check = Check(share, DECLARED_LOSS, "mend the formula of gt.energy_loss")
-        said = f"an event takes another energy than its gt.energy_loss says, by {self._energy_error:.3g} J"
-        return {"declared_loss": check}, [] if check.passed else [said]
+        check = Check(share, DECLARED_LOSS, "correct the formula of gt.energy_loss")
+        sentence = f"the energy loss of an event differs from its gt.energy_loss by {self._energy_error:.3g} J"
+        return {"declared_loss": check}, [] if check.passed else [sentence]
 
     def of_events(self) -> dict[str, Any]:
-        """Events, samples of the blocks, and where events come infinitely close [s]."""
+        """Return the events, the samples of the blocks, and the time [s] at which events accumulate."""
         samples = {b.name: b.trajectory for b in self.blocks if b.count}
         return {"events": self.events, "samples": samples, "accumulation": self._accumulation.point}
 
-    def _event(self, forced: Sequence[int], samples: Sequence[int] = (), was: np.ndarray | None = None) -> None:
-        """What happens now: comparisons `forced` change, samples are due; until nothing changes any more. was: values
-        of the comparisons just before, where something has jumped already.
+    def _event(self, forced: Sequence[int], samples: Sequence[int] = (), previous: np.ndarray | None = None) -> None:
+        """Handle the events of this instant until nothing changes: comparisons `forced` change, `samples` are due.
+        previous: values of the comparisons before, if some have jumped already.
 
-        Modes switch and gt.when acts together, round by round. Where this does not settle, gt.when waits in each round
-        for modes that agree with what they lead to, as the equations of one instant hold together.
+        In each round modes switch and gt.when acts together. If this does not settle, gt.when waits in each round for
+        modes that are consistent with their comparisons, because the equations of one instant hold together.
         """
-        begin = self._kept()
+        begin = self._snapshot()
         try:
-            self._rounds(forced, samples, was, waits=False)
+            self._rounds(forced, samples, previous, waits=False)
         except Unsettled:
             if not self._declared.modes:
                 raise
-            self._put_back(begin)
-            self._rounds(forced, samples, was, waits=True)
+            self._restore(begin)
+            self._rounds(forced, samples, previous, waits=True)
 
-    def _rounds(self, forced: Sequence[int], samples: Sequence[int], was: np.ndarray | None, waits: bool) -> None:
+    def _rounds(self, forced: Sequence[int], samples: Sequence[int], previous: np.ndarray | None, waits: bool) -> None:
         events, causes = self._declared, dict[str, None]()
         discrete: dict[int, tuple[float, float]] = {}
         restarted: dict[Pair, tuple[float, float]] = {}
         impulses: dict[str, float] = {}
         stored, declared, modes = self._stored(), None, self._values
-        before_it = self._one_row()
-        seen: set[tuple[object, ...]] = set()
-        self._see_round_off()
+        row_before = self._one_row()
+        visited: set[tuple[object, ...]] = set()
+        self._update_round_off()
         due, zero = [n in samples for n in range(len(events.samples))], self._zero
-        was = self._compared() if was is None else was
-        # the last float before the root may leave more
-        zero[forced] = np.maximum(zero[forced], 2 * np.abs(was[forced]))
-        begun, anew, jumped = np.zeros((3, len(events.comparisons)), dtype=bool)
+        previous = self._compared() if previous is None else previous
+        # at the last floating-point time before the root, the value may be larger
+        zero[forced] = np.maximum(zero[forced], 2 * np.abs(previous[forced]))
+        changed, reset, jumped = np.zeros((3, len(events.comparisons)), dtype=bool)
         acted, impacts, ends = False, False, list[int]()
         for turn in range(ROUNDS + len(events.whens) + len(events.modes)):
-            before = was
-            truth, was = self._sides(forced if turn == 0 else (), zero, was, anew)
+            before = previous
+            truth, previous = self._sides(forced if turn == 0 else (), zero, previous, reset)
             values = tuple(holds(m.logic, truth) for m in events.modes)
-            begun |= truth != self.truth
-            jumped = jumped | ((truth != self.truth) & (np.abs(was - before) > zero))
+            changed |= truth != self.truth
+            jumped = jumped | ((truth != self.truth) & (np.abs(previous - before) > zero))
             self.truth = truth
             switched = values != self._values
             fired: list[int] = []
@@ -385,7 +384,7 @@ class HybridIntegration(OverEdges):
                 break
             if not acted:
                 if self._last_recorded < self._time:
-                    self._record(*before_it)
+                    self._record(*row_before)
                 acted = True
             causes |= dict.fromkeys(f"{events.whens[n].name} ({events.whens[n].where})" for n in fired)
             causes |= dict.fromkeys(
@@ -404,19 +403,19 @@ class HybridIntegration(OverEdges):
             declared = declared if changes.loss is None else (declared or 0.0) + changes.loss
             impacts = impacts or bool(changes.restarted)
             state = values, tuple(sorted((self._inputs.parameters | changes.discrete).items()))
-            if state in seen and not changes.restarted:
-                agreeing = self._agreeing(np.flatnonzero(jumped).tolist(), zero, anew) if waits and not fired else None
+            if state in visited and not changes.restarted:
+                agreeing = self._agreeing(np.flatnonzero(jumped).tolist(), zero, reset) if waits and not fired else None
                 if agreeing is None:
                     raise self._unsettled(list(causes))
                 values = agreeing
-            seen.add(state)
+            visited.add(state)
             for force, impulse in self._restart(values, changes).items():
                 impulses[force] = impulses.get(force, 0.0) + impulse
-            anew = anew | self._compared_anew(changes)
+            reset = reset | self._compares_reset(changes)
         else:
             raise self._unsettled(list(causes))
-        # what changed its side begins anew to grow, from what is left of the other side
-        self._size = np.where(begun, self._left_over() / ZERO, self._size)
+        # the largest value of a comparison that changed its side starts again, from its remainder on the other side
+        self._size = np.where(changed, self._remainder() / ZERO, self._size)
         at_start = bool(samples) and all(self._times[n] is None for n in samples)
         unchanged = not restarted and values == modes and all(old == new for old, new in discrete.values())
         if not acted or (at_start and unchanged and not ends):
@@ -445,11 +444,11 @@ class HybridIntegration(OverEdges):
             raise Ended(SolveStatus.FAILED, sentence)
 
     def _termination(self, ends: Sequence[int]) -> Ended:
-        """The end that an event asks for; a failure has precedence."""
-        said = [end for n in ends if (end := self._declared.whens[n].end) is not None]
-        one = next((end for end in said if end.failed), said[0])
-        status = SolveStatus.FAILED if one.failed else SolveStatus.SOLVED
-        return Ended(status, f"at {self._time:.6g} s {one.sentence} ({one.where})")
+        """Return the end that an event declares; failures have precedence."""
+        declared = [end for n in ends if (end := self._declared.whens[n].end) is not None]
+        end = next((end for end in declared if end.failed), declared[0])
+        status = SolveStatus.FAILED if end.failed else SolveStatus.SOLVED
+        return Ended(status, f"at {self._time:.6g} s {end.sentence} ({end.where})")
 
     def _changes(self, fired: Sequence[int], modes: tuple[bool, ...]) -> Changes:
         if not fired:
@@ -459,7 +458,7 @@ class HybridIntegration(OverEdges):
         return self._actions(fired, values, self._numbers, modes, self._time)
 
     def _restart(self, values: tuple[bool, ...], changes: Changes) -> dict[str, float]:
-        """Go on in these modes, with discrete variables and states that start anew; impulses that do it by force."""
+        """Continue in these modes, with new discrete values and reinitialised states; return the impulses."""
         if values == self._values and not changes.restarted:
             self._set(changes.discrete)
             return {}
@@ -489,7 +488,7 @@ class HybridIntegration(OverEdges):
         return impulses
 
     def _value(self, pair: Pair) -> float:
-        """Of a variable's derivative that actions read, now."""
+        """Return the present value of a variable's derivative that actions read."""
         return float(self._row()[self._modes.read_columns][self._modes.pairs.index(pair)])
 
     # -- rows and energies -------------------------------------------------------------------------
@@ -501,21 +500,21 @@ class HybridIntegration(OverEdges):
         return float(self._row()[-1]) if self._modes.has_energy else 0.0
 
     def _book(self, change: float, declared: float | None, impacts: bool) -> None:
-        """Energy that an event took or brought: what it declares, else what an impact did. What changes without either
-        is an error of the balance."""
+        """Book the energy of an event: its declared loss, else the change by an impact. Any other change of the stored
+        energy is an error of the balance."""
         if not self._modes.has_energy or (declared is None and not impacts):
             return
         if declared is not None:
             self._energy_error = max(self._energy_error, abs(change + declared))
-        gone = -change if declared is None else declared
-        self._work = self._work + (np.array([0.0, gone]) if gone > 0 else np.array([-gone, 0.0]))
+        loss = -change if declared is None else declared
+        self._work = self._work + (np.array([0.0, loss]) if loss > 0 else np.array([-loss, 0.0]))
 
     def _one_row(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        at = np.array([self._time])
-        return at, self._x[None, :], self._z[None, :], self._work[None, :], self._here()[None, :]
+        time = np.array([self._time])
+        return time, self._x[None, :], self._z[None, :], self._work[None, :], self._here()[None, :]
 
     def _record(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray, works: np.ndarray, points: np.ndarray) -> None:
-        """As in every simulation; the second row of one instant stands at the next larger time."""
+        """Record rows; the second row of an instant is at the next larger floating-point time."""
         self._next_row = times[0]
         if times[0] <= self._last_recorded:
             last = self._last_recorded
@@ -528,7 +527,7 @@ class HybridIntegration(OverEdges):
 
 
 def renumbered(flat: FlatModel, numbers: Mapping[int, float]) -> FlatModel:
-    """The model with other values at some places of `flat.p`, of what nothing else follows from."""
+    """Return the model with other values of independent parameters, given by place in `flat.p`."""
     parameters = list(flat.parameters)
     for place, value in numbers.items():
         if parameters[place].value != value:

@@ -217,7 +217,7 @@ def test_a_state_that_an_equation_moves_is_refused_whatever_its_other_names() ->
             yield self.z == gt.If(self.a > 1, self.b, -self.b)
 
     with pytest.raises(
-        gt.ModelError, match=r"at 1 s .* want b = 7, and it is 1\.1\d*: a state does not jump by itself"
+        gt.ModelError, match=r"at 1 s .* require b = 7, but it is 1\.1\d*: a state does not jump by itself"
     ):
         gt.simulate(Moved(), 2.0)
 
