@@ -4,7 +4,7 @@ Corners: first_order_corners, exact_corners, projected_corners, SIGNS, largest. 
 Parallelepiped, parallelepiped. Maps: ErrorMap, map_errors. Monte Carlo: length_cloud, base_point_cloud. Forward
 kinematics: ForwardWithLengths, common_point.
 
-Study: accuracy_study over a section returns an AccuracyStudy; its options are LinkErrors, ErrorSection, MonteCarloDraws.
+Study: accuracy_study returns an AccuracyStudy; its options are LinkErrors, ErrorSection, MonteCarloDraws.
 """
 
 from typing import TYPE_CHECKING

@@ -97,7 +97,7 @@ def region_of(model: Model, cases: Sequence[LinkErrors], section: ErrorSection) 
     outer_low, outer_high = np.minimum(low, least), np.maximum(high, greatest)
     u, v = (_through(low[k], high[k], outer_low[k], outer_high[k], section.step) for k in range(2))
     if len(u) * len(v) > MOST_POINTS:
-        raise ArgumentError(f"the grid would have {len(u) * len(v):.1e} points; take a larger step", "section.step")
+        raise ArgumentError(f"the grid would have {len(u) * len(v):.1e} points; use a larger step", "section.step")
     uv = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
     rounding = 1e-9 * section.step
     window = np.all((uv >= low - rounding) & (uv <= high + rounding), axis=1)
