@@ -145,7 +145,7 @@ class Singularities:
 
     directions: Array
     least_angle: float
-    name: str = "singularity"
+    name: str = "singularity limit"
     unit: str = "rad"
     assumes: str = ""
 

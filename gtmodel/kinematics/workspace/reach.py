@@ -91,7 +91,7 @@ class Reach:
         margins = limit.margins(poses)[0]
         worst = int(np.argmin(margins))
         amount, unit = (np.degrees(margins[worst]), "deg") if limit.unit == "rad" else (margins[worst], limit.unit)
-        return f"{point} cannot be reached: {limit.parts[worst]} violates the {limit.name} by {-amount:.4g} {unit}"
+        return f"{point} cannot be reached: {limit.name} violated by {-amount:.4g} {unit} ({limit.parts[worst]})"
 
     def counts(self, codes: Array) -> dict[str, int]:
         """Return the number of points by reason, in the order of the tests, without reasons that do not occur."""
