@@ -78,7 +78,7 @@ class TestFit:
     @pytest.mark.parametrize(
         ("q", "P", "sentence"),
         [
-            (Q[:2], P[:2], "need at least 3 points; found 2"),
+            (Q[:2], P[:2], "needs at least 3 points; found 2"),
             (Q, P[:, :2], r"points of shape \(n, 3\); found \(6,\) and \(6, 2\)"),
             (np.where(Q == 0.4, np.nan, Q), P, "row 2 .* is not finite"),
             (Q, np.where(Q[:, None] > 0.5, np.inf, P), "row 3 and 2 more"),
