@@ -64,10 +64,10 @@ def _bases(q: Array, line: Array, frequencies: Array) -> Iterator[Array]:
         waves = np.stack([np.sin(phase), np.cos(phase)], axis=2)
         waves -= np.einsum("ik,kfj->ifj", line, np.einsum("ik,ifj->kfj", line, waves))
         gram = np.einsum("ifj,ifk->fjk", waves, waves)
-        sizes, turn = np.linalg.eigh(gram)
+        sizes, vectors = np.linalg.eigh(gram)
         usable = sizes > SAME * sizes[:, 1:]
         scale = np.where(usable, 1.0 / np.sqrt(np.where(usable, sizes, 1.0)), 0.0)
-        yield np.einsum("ifj,fjk->ifk", waves, turn * scale[:, None])
+        yield np.einsum("ifj,fjk->ifk", waves, vectors * scale[:, None])
 
 
 def _chance(single: float, noise: Array) -> float:
@@ -292,10 +292,10 @@ def backlash(q_forward: Any, P_forward: Any, q_backward: Any, P_backward: Any, *
     """
     fit, back_fit = (fit_guideway(*run, longest=longest) for run in ((q_forward, P_forward), (q_backward, P_backward)))
     q_b, P_b = checked(q_backward, P_backward, longest)
-    turn = float(np.degrees(np.arccos(np.clip(fit.direction @ back_fit.direction, -1, 1))))
-    if turn > APART_DEG:
+    angle = float(np.degrees(np.arccos(np.clip(fit.direction @ back_fit.direction, -1, 1))))
+    if angle > APART_DEG:
         raise MeasurementError(
-            f"the lines of the two runs differ by {turn:.3g} deg; expected at most {APART_DEG:g} deg; give points of "
+            f"the lines of the two runs differ by {angle:.3g} deg; expected at most {APART_DEG:g} deg; give points of "
             "the same guideway in the same frame"
         )
     for name, q, sign in (("forward", fit.q, 1), ("backward", q_b, -1)):

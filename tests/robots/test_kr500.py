@@ -175,5 +175,5 @@ def test_refusals():
         WristPartition.of(ORIGINS, -AXES)
     with pytest.raises(ValueError, match="axes 4, 5 and 6"):
         WristPartition.of(np.array([0.0, 0.1, 0.0]) + ORIGINS, AXES)
-    with pytest.raises(ValueError, match=r"T has the shape \(2, 3\) for 1 orientations"):
+    with pytest.raises(ValueError, match=r"T has shape \(2, 3\) for 1 orientations"):
         ARM.inverse(np.zeros((2, 3)), np.eye(3))
