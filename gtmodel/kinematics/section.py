@@ -1,5 +1,4 @@
-"""A plane across the guideways, the section in which workspaces and errors are drawn, and regular grids of tool centre
-points."""
+"""Sections across the guideways, in which workspaces and errors are drawn, and regular grids of tool centre points."""
 
 from __future__ import annotations
 
@@ -14,7 +13,7 @@ from ..results.options import Long, Options, Unit, Within
 
 Array = np.ndarray
 
-# guideways further than this from parallel have no common cross-section
+# largest angle between a guideway and the mean direction for a common cross-section
 PARALLEL = np.radians(15.0)
 AXIS = 1e-12  # rounding of a unit vector
 UP = (0.0, 0.0, 1.0)
@@ -37,7 +36,7 @@ class SectionPlane:
 
     @property
     def names(self) -> tuple[str, str]:
-        """Of the coordinates: x, y or z where a direction is that of an axis, otherwise u and v."""
+        """Names of the coordinates: x, y or z for a direction along an axis, otherwise u and v."""
         names = []
         for letter, d in zip("uv", (self.across, self.up), strict=True):
             k = int(np.argmax(d))
@@ -68,7 +67,7 @@ class SectionPlane:
 
 @dataclass(frozen=True)
 class CrossSection(Options):
-    """The cross-section, a plane orthogonal to the mean guideway direction; (u, v) = (y, z) for guideways along x.
+    """A cross-section: a plane orthogonal to the mean guideway direction; (u, v) = (y, z) for guideways along x.
 
     >>> gt.kinematics.workspace.CrossSection(low=[0.0, 0.0, 0.0])
     Traceback (most recent call last):
@@ -76,15 +75,15 @@ class CrossSection(Options):
     gtmodel.results.refusal.ArgumentError: low: expected 2 numbers; found 3
     """
 
-    along: Annotated[float | None, Unit("m"), "position along the guideways; through home if left out"] = None
+    along: Annotated[float | None, Unit("m"), "position along the guideways; default: at the home pose"] = None
     step: Annotated[float, Unit("m"), Within(above=0.0), "step of the grid"] = 0.02
     low: Annotated[
-        list[float] | None, Unit("m"), Long(2), "least (u, v); all that the links may reach if left out"
+        list[float] | None, Unit("m"), Long(2), "lower limits of (u, v); default: the largest reach of the links"
     ] = None  # fmt: skip
-    high: Annotated[list[float] | None, Unit("m"), Long(2), "greatest (u, v)"] = None
+    high: Annotated[list[float] | None, Unit("m"), Long(2), "upper limits of (u, v)"] = None
 
     def window(self, low: Array, high: Array, argument: str = "section") -> tuple[Array, Array]:
-        """Least and greatest (u, v) [m]: those given, otherwise low and high. Raises ArgumentError at `argument`."""
+        """Return the limits of (u, v) [m], with `low` and `high` as defaults. Raises ArgumentError at `argument`."""
         low = low if self.low is None else np.array(self.low)
         high = high if self.high is None else np.array(self.high)
         refuse_disordered(low, high, f"{argument}.high")
@@ -92,15 +91,15 @@ class CrossSection(Options):
 
 
 def refuse_disordered(low: Array, high: Array, argument: str) -> None:
-    """Raises ArgumentError unless every lower limit is less than its upper one."""
+    """Raise ArgumentError unless every lower limit is less than its upper limit."""
     if np.any(low >= high):
-        raise ArgumentError("every lower limit must be less than its upper one", argument)
+        raise ArgumentError("every lower limit must be less than its upper limit", argument)
 
 
 def section_of(
     anchors: Array, directions: Array, through: Array, along: float | None = None, up: Sequence[float] = UP
 ) -> SectionPlane:
-    """The section across a robot's guideways through a point, or at `along` [m]. Raises ArgumentError."""
+    """Return the section across a robot's guideways through a point, or at `along` [m]. Raises ArgumentError."""
     try:
         section = across_guideways(anchors, directions, through.tolist(), up)
     except ValueError as error:
@@ -111,15 +110,15 @@ def section_of(
 def across_guideways(
     anchors: Array, directions: Array, through: Sequence[float], up: Sequence[float] = UP
 ) -> SectionPlane:
-    """The section orthogonal to the mean guideway direction.
+    """Return the section orthogonal to the mean guideway direction.
 
     Args:
         anchors, directions: (m, 3) of the guideways; the length of a direction does not matter.
-        through: (3,) a point that fixes the position along the guideways [m]. The origin of (u, v) is the foot of the
-            frame's own origin in the plane, so that (u, v) = (y, z) where the guideways run along x.
-        up: (3,) what is drawn upwards.
+        through: (3,) a point of the section [m]. The origin of (u, v) is the projection of the frame's origin onto the
+            plane, so that (u, v) = (y, z) for guideways along x.
+        up: (3,) direction that is drawn upwards.
 
-    Raises ValueError where the guideways are not nearly parallel, or `up` lies along them.
+    Raises ValueError if the guideways are not nearly parallel, or if `up` is parallel to them.
     """
     unit = np.asarray(directions, dtype=float)
     unit = unit / np.linalg.norm(unit, axis=1, keepdims=True)
@@ -128,13 +127,13 @@ def across_guideways(
     worst = float(np.max(np.arccos(np.clip(unit @ normal, -1.0, 1.0))))
     if worst > PARALLEL:
         raise ValueError(
-            f"the guideways stand up to {np.degrees(worst):.1f} deg from their mean direction; a section across them "
-            f"needs less than {np.degrees(PARALLEL):g} deg"
+            f"a guideway deviates by {np.degrees(worst):.1f} deg from the mean direction; a cross-section allows at "
+            f"most {np.degrees(PARALLEL):g} deg"
         )
     vertical = np.asarray(up, dtype=float) - (np.asarray(up, dtype=float) @ normal) * normal
     length = float(np.linalg.norm(vertical))
     if length < np.sin(PARALLEL):
-        raise ValueError("the guideways run along the direction that is drawn upwards; name another one")
+        raise ValueError("the guideways are parallel to the upward direction; choose another `up`")
     vertical = vertical / length
     # for guideways along x: across = y, up = z
     across = np.cross(vertical, normal)
@@ -144,7 +143,7 @@ def across_guideways(
 
 @dataclass(frozen=True)
 class Grid:
-    """Points origin + sum_k coordinates[k] * directions[k]; the last axis runs fastest.
+    """A grid of points origin + sum_k coordinates[k] * directions[k]; the last axis varies fastest.
 
     Attributes:
         origin: (3,) [m]. directions: (k, 3), k = 1, 2 or 3. coordinates: k arrays, ascending [m].
@@ -165,7 +164,7 @@ class Grid:
         return int(np.prod(self.shape))
 
     def points(self, begin: int = 0, end: int | None = None) -> Array:
-        """Points (n, 3) [m] number begin to end - 1."""
+        """Return the points (n, 3) [m] with numbers begin to end - 1."""
         indices = np.unravel_index(np.arange(begin, self.size if end is None else end), self.shape)
         T = np.tile(np.asarray(self.origin, dtype=float), (len(indices[0]), 1))
         for c, d, k in zip(self.coordinates, np.asarray(self.directions, float), indices, strict=True):
@@ -174,7 +173,7 @@ class Grid:
 
 
 def box_grid(low: Array, high: Array, step: float) -> Grid:
-    """Points of a box with sides along the axes, from low to high [m], at most `step` [m] apart.
+    """Return a grid over an axis-aligned box from low to high [m], with points at most `step` [m] apart.
 
     >>> grid = gt.kinematics.workspace.box_grid(np.zeros(3), np.array([1.0, 0.5, 0.0]), 0.25)
     >>> grid.shape
@@ -184,7 +183,7 @@ def box_grid(low: Array, high: Array, step: float) -> Grid:
 
 
 def section_grid(section: SectionPlane, low: Array, high: Array, step: float) -> Grid:
-    """Points of a section within low <= (u, v) <= high [m], at most `step` [m] apart.
+    """Return a grid over low <= (u, v) <= high [m] of a section, with points at most `step` [m] apart.
 
     The plane across guideways along x:
 
@@ -198,5 +197,5 @@ def section_grid(section: SectionPlane, low: Array, high: Array, step: float) ->
 
 
 def spaced(low: float, high: float, step: float) -> Array:
-    """Values from low to high, both included, evenly spaced by at most `step`."""
+    """Return evenly spaced values from low to high, both included, at most `step` apart."""
     return np.linspace(low, high, max(2, int(np.ceil((high - low) / step - 1e-9)) + 1))

@@ -1,5 +1,5 @@
-"""Velocity and acceleration maps between two sets of coordinates of a model, and how far a pose is from a singular
-one, as lengths [m] and angles [rad]."""
+"""Velocity and acceleration maps between two sets of coordinates of a model, and distances of a pose from a
+singularity, as lengths [m] and angles [rad]."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ Array = np.ndarray
 class MotionMaps:
     """Velocity and acceleration maps of a position causality: y' = J x' and y'' = J x'' + b.
 
-    y is `target` as a function of x, `known`; J is its Jacobian, and b(x, x') is quadratic in x'.
+    y is `target` and x is `known`. J is the Jacobian of y(x), and b(x, x') is quadratic in x'.
 
-    Forward maps of a robot are MotionMaps(robot, "q", "T"), inverse ones MotionMaps(robot, "T", "q") (Dressler 2012,
-    eqs. (6.5), (6.6)). J comes from implicit differentiation, b from the twice differentiated equations.
+    MotionMaps(robot, "q", "T") gives the forward maps of a robot, MotionMaps(robot, "T", "q") the inverse maps
+    (Dressler 2012, eqs. (6.5), (6.6)). J comes from implicit differentiation, b from the second derivative.
 
-    branches: as for `causal`. Raises ModelError where y does not follow from x alone.
+    branches: as for `causal`. Raises ModelError if x alone does not determine y.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> J, status = gt.kinematics.MotionMaps(robot, "T", "q").velocity([0.0, -0.9, 0.1])  # carts per tool centre point
@@ -38,30 +38,30 @@ class MotionMaps:
         self.position: CausalFunction = compile_causal(model, known, target, branches=branches)
         names = [s.name for s in self.position.inputs]
         if names != [known]:
-            raise ModelError(f"'{target}' does not follow from '{known}' alone; it needs {', '.join(names)}")
+            raise ModelError(f"'{known}' alone does not determine '{target}'; it depends on {', '.join(names)}")
         self._known = known
         self._second = compile_causal(model, known, f"der({target},2)", branches=branches)
 
     def velocity(self, x: Any) -> tuple[Array, Any]:
-        """J (m, n) or (rows, m, n), and the status."""
+        """Return J (m, n) or (rows, m, n), and the status."""
         return self.position.jacobian(x)
 
     def acceleration(self, x: Any, rate: Any) -> tuple[Array, Array, Any]:
-        """J, b (m,) or (rows, m), and the status; `rate` is x'."""
-        given = {self._known: x, f"der({self._known})": rate, f"der({self._known},2)": np.zeros_like(np.asarray(rate))}
-        bias, status = self._second(*[given[s.name] for s in self._second.inputs])
+        """Return J, b (m,) or (rows, m), and the status; `rate` is x'."""
+        values = {self._known: x, f"der({self._known})": rate, f"der({self._known},2)": np.zeros_like(np.asarray(rate))}
+        bias, status = self._second(*[values[s.name] for s in self._second.inputs])
         J, _ = self.velocity(x)
         return J, bias, status
 
 
-COLLINEAR = 1e-10  # relative: joints this near to one line are on it, up to round-off
+COLLINEAR = 1e-10  # relative distance from a line below which joints count as collinear: rounding
 TINY = 1e-300
 
 
 class InverseMeasure(NamedTuple):
-    """Per link: component along its guideway [m] and angle to the plane across it [rad]; 0 is singular.
+    """For each link: its component along the guideway [m] and its angle to the plane across the guideway [rad].
 
-    The sign gives the side: positive where the platform joint is ahead of the cart.
+    0 is singular. The sign is positive if the platform joint is ahead of the cart.
     """
 
     along_m: Array
@@ -69,19 +69,22 @@ class InverseMeasure(NamedTuple):
 
 
 class ForwardMeasure(NamedTuple):
-    """Of three links to one point: least distance of a link's tip from the plane of the other two [m], and the least
-    angle between a link and that plane [rad]; 0 is singular: the links are in one plane and hold nothing across it."""
+    """For three links to one point: the smallest distance of a link's tip from the plane of the other two links [m],
+    and the smallest angle between a link and that plane [rad]. At 0 the links are coplanar, and the pose is singular:
+    they do not constrain the motion across their plane."""
 
     height_m: Array
     angle_rad: Array
 
 
 def inverse(d: Any, v: Any) -> InverseMeasure:
-    """Distance of each link from standing across its guideway, where d . v = 0 and the drive cannot move it.
+    """Return the distance of each link from the inverse singularity d . v = 0, where it is orthogonal to its guideway.
+
+    There the drive cannot move the link.
 
     d (n, 3) [m] or (rows, n, 3); v guideway directions of any length, (n, 3) or as d.
 
-    A link of 2 m that leans by 30 degrees, and one at a right angle to its guideway:
+    A link of 2 m at 30 degrees from the plane across its guideway, and a link orthogonal to its guideway:
 
     >>> d = [[1.0, 3**0.5, 0.0], [0.0, 2.0, 0.0]]
     >>> measure = gt.kinematics.singularity.inverse(d, [1.0, 0.0, 0.0])
@@ -94,10 +97,10 @@ def inverse(d: Any, v: Any) -> InverseMeasure:
 
 
 def forward(d: Any) -> ForwardMeasure:
-    """Distance of three links d (3, 3) [m] or (rows, 3, 3) from lying in one plane, where they lose a direction.
-    Raises ValueError for another number of links.
+    """Return the distance of three links d (3, 3) [m] or (rows, 3, 3) from the forward singularity, where they are
+    coplanar. Raises ValueError for another number of links.
 
-    Three links that almost lie in a plane, the third 10 mm out of it:
+    Three nearly coplanar links, the third 10 mm out of the plane:
 
     >>> measure = gt.kinematics.singularity.forward([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.6, -0.8, 0.01]])
     >>> round(1e3 * float(measure.height_m), 2), round(float(np.degrees(measure.angle_rad)), 2)  # mm, deg
@@ -105,7 +108,7 @@ def forward(d: Any) -> ForwardMeasure:
     """
     d = np.asarray(d, dtype=float)
     if d.shape[-2:] != (3, 3):
-        raise ValueError(f"forward() takes three links, (3, 3) or (rows, 3, 3); found {d.shape}; see platform()")
+        raise ValueError(f"forward() takes three links, (3, 3) or (rows, 3, 3), not {d.shape}; for six use platform()")
     normals = np.stack([np.cross(d[..., (i + 1) % 3, :], d[..., (i + 2) % 3, :]) for i in range(3)], axis=-2)
     sizes = np.linalg.norm(normals, axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -116,14 +119,14 @@ def forward(d: Any) -> ForwardMeasure:
 
 
 def platform(d: Any, arms: Any) -> Array:
-    """Least angle [rad] of the links of a platform to the motions that leave their lengths alone; 0 is singular.
+    """Return the distance of a platform on n links from a singularity, as an angle [rad]; 0 is singular.
 
-    Of all small motions of the platform that displace its joints by 1 (root mean square), the one that changes the
-    link lengths least: the arc sine of that change (root mean square). It depends on no choice of frame or unit.
-    d (n, 3) link vectors, arms (n, 3) from any point of the platform to its joints, world coordinates [m], n >= 6; or
-    with rows.
+    Consider all small motions of the platform that displace its joints by 1 (root mean square). The angle is the arc
+    sine of the smallest change of the link lengths (root mean square). It does not depend on frame or unit.
+    d (n, 3) are the link vectors, arms (n, 3) point from any point of the platform to its joints, in world coordinates
+    [m], n >= 6; both may have leading rows.
 
-    Six links that all stand upright leave the platform free to move sideways; legs that cross do not:
+    Six vertical links do not constrain the platform's horizontal motion; crossed links do:
 
     >>> angle = np.radians([0, 60, 120, 180, 240, 300])
     >>> arms = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
@@ -142,11 +145,11 @@ def platform(d: Any, arms: Any) -> Array:
     result = np.full(good.shape, np.nan)
     for k in np.ndindex(good.shape):
         if good[k]:
-            # singular values of the length rates relative to the joint velocities; turns in units of the joints' size
+            # singular values of the length rates relative to the joint velocities; rotations scaled by the arm length
             scale = np.repeat([1.0, 1.0 / max(float(np.linalg.norm(arms[k])), TINY)], 3)
             _, sizes, V = np.linalg.svd(moves[k] * scale, full_matrices=False)
             if sizes[-1] <= COLLINEAR * sizes[0]:
-                result[k] = 0.0  # joints on a line: turning about it moves none of them
+                result[k] = 0.0  # collinear joints: a rotation about their line displaces none of them
                 continue
             s = np.linalg.svd((rows[k] * scale) @ (V.T / sizes), compute_uv=False)
             result[k] = np.arcsin(min(1.0, s[-1]))
@@ -154,10 +157,11 @@ def platform(d: Any, arms: Any) -> Array:
 
 
 def amplification(f: CausalFunction, *arguments: Any) -> tuple[Array, Array, Any]:
-    """Largest and smallest output motion per input motion, singular values of d targets / d inputs, and the status.
+    """Return the largest and smallest singular value of d targets / d inputs, and the status.
 
-    For position causalities with one unit on both sides they are metres per metre; the largest grows without bound
-    towards a singularity of `f`, the smallest vanishes towards one of its inverse. NaN where the status is not ok.
+    For a position causality with equal units they are metres of output per metre of input. The largest tends to
+    infinity near a singularity of `f`, the smallest to zero near a singularity of its inverse. NaN if the status is
+    not OK.
 
     From carts to the tool centre point of the L1, in metres per metre:
 
@@ -174,10 +178,10 @@ def amplification(f: CausalFunction, *arguments: Any) -> tuple[Array, Array, Any
 
 
 def _sizes(x: Array, name: str) -> Array:
-    """Lengths of vectors (..., 3); raises ModelError for one of length zero."""
+    """Return the lengths of vectors (..., 3). Raises ModelError for a zero vector."""
     sizes = np.linalg.norm(x, axis=-1)
     if np.any(sizes == 0.0):
         *row, number = np.argwhere(sizes == 0.0)[0]
-        where = f" in row {row[0]} (counted from 0)" if row else ""
-        raise ModelError(f"{name} {number + 1}{where} has length zero and no direction; give its two ends apart")
+        place = f" in row {row[0]} (counted from 0)" if row else ""
+        raise ModelError(f"{name} {number + 1}{place} has zero length; its two ends must differ")
     return sizes

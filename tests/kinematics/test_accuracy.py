@@ -106,7 +106,7 @@ class TestCorners:
         assert status.tolist() == [Status.OK, Status.OUT_OF_RANGE, Status.OK]
 
     def test_unknown_parameter(self) -> None:
-        with pytest.raises(gt.ModelError, match=r"'l\[0\]' is no parameter of the model; there are A\[0,0\]"):
+        with pytest.raises(gt.ModelError, match=r"'l\[0\]' is not a parameter .* A\[0,0\]"):
             ForwardWithLengths(gt.robots.gantry_tau("d1_nominal").causal("q", "T"), ["l[0]"])
 
 
@@ -219,7 +219,7 @@ class TestDraws:
 
     def test_robots_that_cannot_be_assembled(self) -> None:
         p = poses()
-        with pytest.raises(ValueError, match=r"of 100 drawn robots cannot be assembled"):
+        with pytest.raises(ValueError, match=r"of 100 .* cannot be assembled"):
             length_cloud(p.a[0], p.T[0], D1.L, np.array([1.5, 1.5, 1.5]), 100, seed=1)
 
 

@@ -59,7 +59,7 @@ def test_numbers_table_and_pictures_are_of_one_map(of_d1) -> None:
     assert len(table) == of_d1.points["in_rectangle"] and of_d1.points["without_error"] == {}
     assert table["error_1_um"].max() == pytest.approx(case["max_um"], rel=1e-5)
     assert [*of_d1.figures] == ["error_1", "faces", "robot"] and of_d1.figure("error_1").axes
-    assert of_d1.rows[3].value == case["min_um"] and "lengths: greatest" in str(of_d1)
+    assert of_d1.rows[3].value == case["min_um"] and "lengths: largest" in str(of_d1)
 
 
 def test_lengths_and_spheres_are_the_same_errors(study) -> None:

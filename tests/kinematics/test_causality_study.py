@@ -127,7 +127,7 @@ class TestKnownValues:
         assert 1e-5 < abs(np.linalg.norm(rounded) - 1.0) < 1e-3
         s = causality_study(f1, ["T", "e"], "q", {"T": [f1.home] * 2, "e": [f1.home_e, rounded]})
         assert s.words == ["ok", "ok"] and s.normalised == 1
-        assert ("quaternions brought to length 1", 1, "") in s.rows
+        assert ("normalised quaternions", 1, "") in s.rows
         q, _ = f1.causal(["T", "e"], "q")(f1.home, rounded / np.linalg.norm(rounded))
         assert np.max(np.abs(s.targets["q"][1] - q)) < ROUND_OFF
 

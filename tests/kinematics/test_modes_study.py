@@ -159,7 +159,7 @@ class TestDraws:
 
         s = modes_study(draw(17, 1), progress=progress, stop=lambda: any(told))
         assert told == [None, None, 0.0, 16 / 17] and s.status is SolveStatus.INTERRUPTED
-        assert s.message.endswith("16 of 17 poses were searched")
+        assert s.message.endswith("16 of 17 poses are complete")
         assert s.whole == 16 and s.finite == 40 and s.each[16]["status"] == "interrupted"
 
     def test_stopped_before_it_began(self) -> None:

@@ -112,7 +112,7 @@ class TestCodes:
         for code in np.unique(codes):
             text = reach.diagnose(T[codes == code][0])
             assert text.endswith(" m can be reached") if code == 0 else ") m cannot be reached: " in text
-        assert "leaves the ball-joint cones of 40 deg by" in reach.diagnose(T[codes == FIRST_LIMIT + 3][0])
+        assert "ball-joint cones of 40 deg violated by" in reach.diagnose(T[codes == FIRST_LIMIT + 3][0])
         assert Status.NOT_FINITE.message in reach.diagnose(T[0])
 
     def test_singular_poses_are_out_of_the_workspace(self) -> None:
@@ -124,7 +124,7 @@ class TestCodes:
         flat = type(L1)(np.array([[0.0, -1, 0], [0, 0, 0], [0, 1, 0]]), L1.v, np.full(3, 2.0))
         reach = Reach(InverseKinematics(flat), [Singularities(L1.v, 1e-6)])
         assert reach([1.0, 0.1, 0.0]) == FIRST_LIMIT and reach([1.0, 0.1, 0.2]) == REACHABLE
-        assert "leaves the singularity by" in reach.diagnose([1.0, 0.1, 0.0])
+        assert "singularity limit violated by" in reach.diagnose([1.0, 0.1, 0.0])
 
     def test_links_keep_off_one_another(self) -> None:
         offsets = np.array([[0.0, 0.0, 0.1], [0.0, -0.1, 0.0], [0.0, 0.1, -0.1]])

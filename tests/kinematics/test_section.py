@@ -32,7 +32,7 @@ def test_lengths_and_signs_of_directions_do_not_matter() -> None:
 
 
 def test_what_has_no_section() -> None:
-    with pytest.raises(ValueError, match=r"up to .* deg from their mean direction"):
+    with pytest.raises(ValueError, match="deg from the mean direction"):
         across_guideways(A, np.eye(3), [0, 0, 0])
-    with pytest.raises(ValueError, match="name another one"):
+    with pytest.raises(ValueError, match="upward direction"):
         across_guideways(A, [[0, 0, 1.0]] * 3, [0, 0, 0])

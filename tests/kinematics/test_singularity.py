@@ -69,7 +69,7 @@ class TestForward:
 
     def test_flat_links_and_wrong_shapes(self):
         assert singularity.forward([[1, 0, 0], [2, 0, 0], [3, 0, 0]]).height_m == 0.0
-        with pytest.raises(ValueError, match=r"forward\(\) takes three links, .*; found \(6, 3\); see platform"):
+        with pytest.raises(ValueError, match=r"forward\(\) takes three links, .*\(6, 3\)"):
             singularity.forward(np.ones((6, 3)))
 
 
@@ -149,7 +149,7 @@ class TestMaps:
         )
 
     def test_what_needs_more_is_a_sentence(self):
-        with pytest.raises(gt.ModelError, match="'der\\(T\\)' does not follow from 'q' alone; it needs q, der\\(q\\)"):
+        with pytest.raises(gt.ModelError, match="'der\\(T\\)'; it depends on q, der\\(q\\)"):
             MotionMaps(gt.robots.gantry_tau("l1_tape"), "q", "der(T)")
 
 
@@ -187,10 +187,10 @@ def test_platform_of_the_d1():
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
-        (lambda: singularity.inverse([[0, 0, 0.0]], [[1, 0, 0]]), "link vector 1 has length zero and no direction"),
-        (lambda: singularity.inverse([[1, 0, 0.0]], [[0, 0, 0]]), "guideway direction 1 has length zero"),
+        (lambda: singularity.inverse([[0, 0, 0.0]], [[1, 0, 0]]), "link vector 1 has zero length"),
+        (lambda: singularity.inverse([[1, 0, 0.0]], [[0, 0, 0]]), "guideway direction 1 has zero length"),
         (lambda: singularity.forward([np.eye(3), [[1, 0, 0], [0, 0, 0], [0, 0, 1]]]), "link vector 2 in row 1"),
-        (lambda: singularity.platform(np.zeros((6, 3)), np.ones((6, 3))), "link vector 1 has length zero"),
+        (lambda: singularity.platform(np.zeros((6, 3)), np.ones((6, 3))), "link vector 1 has zero length"),
     ],
 )
 def test_what_has_no_direction_is_refused(call, sentence):

@@ -173,7 +173,7 @@ def test_singular_and_out_of_reach(forward):
 def test_refusals():
     with pytest.raises(ValueError, match="expected -z, y, y, -x, y, -x"):
         WristPartition.of(ORIGINS, -AXES)
-    with pytest.raises(ValueError, match="axes 4, 5 and 6 through one point"):
+    with pytest.raises(ValueError, match="axes 4, 5 and 6"):
         WristPartition.of(np.array([0.0, 0.1, 0.0]) + ORIGINS, AXES)
-    with pytest.raises(ValueError, match=r"T has the shape \(2, 3\) for 1 orientations"):
+    with pytest.raises(ValueError, match=r"T has shape \(2, 3\) for 1 orientations"):
         ARM.inverse(np.zeros((2, 3)), np.eye(3))

@@ -1,10 +1,10 @@
 """Positioning accuracy of three links (Dressler 2012, section 4.3 and appendix A).
 
 Corners: first_order_corners, exact_corners, projected_corners, SIGNS, largest. Errors: Ellipsoids, ErrorCase. Shape:
-Parallelepiped, parallelepiped. Maps: ErrorMap, map_errors. Draws: length_cloud, base_point_cloud. Forward kinematics:
-ForwardWithLengths, common_point.
+Parallelepiped, parallelepiped. Maps: ErrorMap, map_errors. Monte Carlo: length_cloud, base_point_cloud. Forward
+kinematics: ForwardWithLengths, common_point.
 
-The study: accuracy_study over a section, an AccuracyStudy; asked for by LinkErrors, ErrorSection, MonteCarloDraws.
+Study: accuracy_study returns an AccuracyStudy; its options are LinkErrors, ErrorSection, MonteCarloDraws.
 """
 
 from typing import TYPE_CHECKING

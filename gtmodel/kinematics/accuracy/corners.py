@@ -1,5 +1,5 @@
-"""The positioning error of three links with errors of their lengths or base points: its eight corners, their
-parallelepiped, bounds for base points in an ellipsoid (Dressler 2012, appendix A), and the greatest error at many
+"""Positioning error of three links with errors of their lengths or base points: its eight corners, their
+parallelepiped, bounds for base points in ellipsoids (Dressler 2012, appendix A), and the largest error at many
 poses."""
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ Array = np.ndarray
 
 # (8, 3) signs of the three links, corner by corner
 SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
-# |det| of three unit vectors: closer to a plane than this, errors are magnified a million times
+# |det| of three unit vectors; below it errors are amplified a million times
 SINGULAR = 1e-6
-# a corner must have the lengths that it was computed for [m]
+# largest deviation of a corner's link lengths from their intended values [m]
 LENGTH_TOLERANCE = 1e-9
 
 
 def first_order_corners(u: Array, r: Array) -> tuple[Array, Array]:
-    """Errors dT_j = U^-1 (s_j * r), j = 1..8.
+    """Return the errors dT_j = U^-1 (s_j * r), j = 1..8.
 
     Args:
         u: (n, 3, 3) unit vectors of the links, one row per link: the matrix U. r: (n, 3) or (3,) half-widths [m].
 
-    Returns: errors (n, 8, 3) [m] and codes (n,) of `Status`: SINGULAR where the links lie in a plane, NOT_FINITE for
-    rows with NaN; such rows are NaN and harm no other.
+    Returns: errors (n, 8, 3) [m] and codes (n,) of `Status`: SINGULAR if the links are coplanar, NOT_FINITE for rows
+    with NaN. The errors in such rows are NaN; other rows are not affected.
 
-    Three links, two at a right angle and one that leans; each may be 0.1 mm too long or too short:
+    Three links, two at a right angle and one oblique, with length errors of up to 0.1 mm:
 
     >>> u = np.array([[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.6, 0.8]]])  # links along the rows
     >>> errors, status = gt.kinematics.accuracy.first_order_corners(u, np.full(3, 1e-4))
@@ -57,15 +57,15 @@ def first_order_corners(u: Array, r: Array) -> tuple[Array, Array]:
 def exact_corners(
     forward: Callable[[Array, Array], tuple[Array, Array]], q: Array, a: Array, lengths: Array, r: Array
 ) -> tuple[Array, Array]:
-    """Corner positions by the robot's own forward kinematics with link lengths L + s_j * r (section A.3).
+    """Return corner positions from the robot's forward kinematics with link lengths L + s_j * r (section A.3).
 
     Args:
         forward: called with q (k, m) and lengths (k, 3); returns T (k, 3) and codes (k,) of `Status`.
         q: (n, m) actuator coordinates. a: (n, 3, 3) base points [m]. lengths: (3,) [m]. r: (n, 3) or (3,) [m].
 
-    Returns: corners (n, 8, 3) [m] and codes (n,). Each corner is checked against the lengths it was made for.
+    Returns: corners (n, 8, 3) [m] and codes (n,). The link lengths of each corner are checked.
 
-    Links of the L1 that may be 0.1 mm too long or too short, at the home pose:
+    The L1 with length errors of up to 0.1 mm, at the home pose:
 
     >>> from gtmodel.kinematics.accuracy import ForwardWithLengths, exact_corners, largest
     >>> robot = gt.robots.gantry_tau("l1_tape")
@@ -78,11 +78,11 @@ def exact_corners(
     """
     n = len(q)
     r = np.broadcast_to(np.asarray(r, dtype=float), (n, 3))
-    changed = (np.asarray(lengths, dtype=float) + r[:, None] * SIGNS).reshape(8 * n, 3)
-    T, code = forward(np.repeat(q, 8, axis=0), changed)
+    corner_lengths = (np.asarray(lengths, dtype=float) + r[:, None] * SIGNS).reshape(8 * n, 3)
+    T, code = forward(np.repeat(q, 8, axis=0), corner_lengths)
     distances = np.linalg.norm(T[:, None] - np.repeat(a, 8, axis=0), axis=2)
     with np.errstate(invalid="ignore"):
-        wrong = (code == Status.OK) & ~(np.abs(distances - changed) < LENGTH_TOLERANCE).all(axis=1)
+        wrong = (code == Status.OK) & ~(np.abs(distances - corner_lengths) < LENGTH_TOLERANCE).all(axis=1)
     code = np.where(wrong, Status.NOT_CONVERGED, code).reshape(n, 8)
     status = code.max(axis=1)
     corners = T.reshape(n, 8, 3).copy()
@@ -91,7 +91,7 @@ def exact_corners(
 
 
 def largest(errors: Array) -> Array:
-    """Greatest error [m] (n,) of corners (n, 8, 3) given from the nominal point.
+    """Return the largest error [m] (n,) of corners (n, 8, 3) relative to the nominal point.
 
     >>> corners = np.zeros((1, 8, 3))
     >>> corners[0, 5] = [3e-5, 0.0, 4e-5]
@@ -102,13 +102,13 @@ def largest(errors: Array) -> Array:
 
 
 ITERATIONS = 50
-# distance of the three projections from their common point [m]: far below a micrometre, above rounding at 1e1 m
+# largest distance of the three projections from their common point [m]: just above rounding
 CLOSE = 1e-12
 
 
 @dataclass(frozen=True)
 class Ellipsoids:
-    """Where the base points of three links may lie: about each nominal one, an ellipsoid.
+    """Ellipsoids about the nominal base points of three links, which contain the actual base points.
 
     Attributes:
         axes: (3, 3, 3), row k of axes[i] is the unit vector of the k-th half-axis of link i.
@@ -120,33 +120,34 @@ class Ellipsoids:
 
     @classmethod
     def about_guideways(cls, directions: Array, along: Array, across: Array) -> Ellipsoids:
-        """One half-axis `along` each guideway, two equal ones `across` it, (3,) each [m] (Dressler 2012, Table 4.2)."""
+        """Return ellipsoids with one half-axis `along` each guideway and two equal half-axes `across` it, (3,) each [m]
+        (Dressler 2012, Table 4.2)."""
         axes = [right_handed(v) for v in directions]
         return cls(np.array(axes), np.stack([along, across, across], axis=1).astype(float))
 
     def support(self, u: Array) -> Array:
-        """How far each ellipsoid reaches along the links: sqrt(sum_k (r_k a_k.u)^2) [m], (n, 3), for u (n, 3, 3).
+        """Return the half-width of each ellipsoid along its link: sqrt(sum_k (r_k a_k.u)^2) [m], (n, 3), u (n, 3, 3).
 
-        This is the exact first-order bound: no base point within the ellipsoid changes the distance by more.
+        This is the exact first-order bound of the change in distance for base points within the ellipsoid.
         """
         along = np.einsum("ikc,nic->nik", self.axes, u)
         return np.sqrt(np.einsum("nik,ik->ni", along**2, self.half**2))
 
 
 def projected_corners(a: Array, T: Array, lengths: Array, ellipsoids: Ellipsoids) -> tuple[Array, Array]:
-    """Corners by the iterative projection of Dressler 2012, section A.2.
+    """Return the corners from the iterative projection of Dressler 2012, section A.2.
 
     The free end of link i stays between the ellipsoids about its base point with half-axes L_i - r_ik and L_i + r_ik.
-    From the nominal point: project along the rays from the centres onto one ellipsoid of each link, intersect the
-    tangent planes there, repeat. To first order link i may be longer by sum_k r_k (a_k.u)^2, which is less than the
-    support: the thesis says itself that the exact set is slightly larger.
+    Starting at the nominal point, each iteration projects the point along the rays from the centres onto one ellipsoid
+    per link and intersects the tangent planes there. To first order link i can be longer by sum_k r_k (a_k.u)^2, which
+    is less than the support; the thesis notes that the exact set is slightly larger.
 
     Args:
         a: (n, 3, 3) nominal base points [m]. T: (n, 3) nominal intersection [m]. lengths: (3,) [m].
 
-    Returns: corners (n, 8, 3) [m] in the order of SIGNS, and whether each converged, (n, 8). Others are NaN.
+    Returns: corners (n, 8, 3) [m] in the order of SIGNS, NaN without convergence, and whether each converged, (n, 8).
 
-    Base points 1 m away from where the links meet, each within 0.1 mm in all directions:
+    Base points 1 m from the common point of the links, with errors of up to 0.1 mm in all directions:
 
     >>> from gtmodel.kinematics.accuracy import Ellipsoids, largest, projected_corners
     >>> within = Ellipsoids(np.tile(np.eye(3), (3, 1, 1)), np.full((3, 3), 1e-4))
@@ -155,7 +156,7 @@ def projected_corners(a: Array, T: Array, lengths: Array, ellipsoids: Ellipsoids
     (array([0.173]), True)
     """
     n = len(T)
-    # rows of corners, so that all are iterated at once
+    # one row per corner: all are iterated together
     centre = np.repeat(a[:, None], 8, axis=1).reshape(n * 8, 3, 3)
     half = lengths[:, None] + SIGNS[:, :, None] * ellipsoids.half
     half = np.tile(half, (n, 1, 1))
@@ -164,8 +165,7 @@ def projected_corners(a: Array, T: Array, lengths: Array, ellipsoids: Ellipsoids
     with np.errstate(all="ignore"):
         for _ in range(ITERATIONS):
             d = x[:, None] - centre
-            own = np.einsum("ikc,nic->nik", ellipsoids.axes, d)
-            scaled = own / half
+            scaled = np.einsum("ikc,nic->nik", ellipsoids.axes, d) / half
             size = np.sqrt((scaled**2).sum(axis=2))
             point = centre + d / size[..., None]
             good = np.max(np.linalg.norm(point - x[:, None], axis=2), axis=1) < CLOSE
@@ -179,7 +179,7 @@ def projected_corners(a: Array, T: Array, lengths: Array, ellipsoids: Ellipsoids
 
 
 def _solve(matrices: Array, rhs: Array) -> Array:
-    """Solutions of 3 x 3 systems in rows; NaN where a matrix is singular or not finite."""
+    """Solve 3 x 3 systems row by row; NaN if a matrix is singular or not finite."""
     determinant = np.linalg.det(np.where(np.isfinite(matrices), matrices, 0.0))
     usable = np.isfinite(matrices).all(axis=(1, 2)) & np.isfinite(rhs).all(axis=1) & (np.abs(determinant) > 1e-12)
     solution = np.full(rhs.shape, np.nan)
@@ -192,13 +192,13 @@ class Parallelepiped:
     """The body |u_i . x| <= r_i of three links, in rows.
 
     Attributes:
-        edges: (n, 3, 3) [m], row i is the edge on which only link i changes: column i of U^-1 times 2 r_i.
-        link_angles: (n, 3) [rad] between links j and k, opposite to link i: alpha_i, also the angle of the faces F_j
-            and F_k (or its supplement, for the outer normals).
-        pyramid_angles: (n, 3) [rad] between the pyramid sides that meet in link i: beta_i, also an angle of the
+        edges: (n, 3, 3) [m]; along row i only the length of link i changes: column i of U^-1 times 2 r_i.
+        link_angles: (n, 3) [rad] angle alpha_i between links j and k, opposite to link i; also the angle between the
+            faces F_j and F_k (or its supplement, for the outer normals).
+        pyramid_angles: (n, 3) [rad] angle beta_i between the pyramid sides that meet in link i; also an angle of the
             parallelograms F_i.
         faces: (n, 3) [m2] areas of the parallelograms orthogonal to link i.
-        diagonals: (n, 4) [m], from corner to opposite corner; half of the longest is the greatest error.
+        diagonals: (n, 4) [m], between opposite corners; half of the longest is the largest error.
         volume: (n,) [m3].
     """
 
@@ -211,20 +211,19 @@ class Parallelepiped:
 
     @property
     def longest(self) -> Array:
-        """(n,) the longest diagonal [m]."""
+        """Length (n,) of the longest diagonal [m]."""
         return self.diagonals.max(axis=1)
 
 
 def parallelepiped(u: Array, r: Array) -> Parallelepiped:
-    """Edges, angles, faces and diagonals for unit vectors u (n, 3, 3), one row per link, and half-widths r (n, 3) [m].
+    """Return the parallelepiped of unit vectors u (n, 3, 3), one row per link, and half-widths r (n, 3) [m].
 
-    Rows whose links lie in a plane have no such body: they are infinite or NaN; test them first
-    (`first_order_corners` gives a status).
+    Rows with coplanar links are infinite or NaN; `first_order_corners` gives their status.
 
     Links at right angles, with errors of at most 1, 2 and 3 mm, give a box:
 
     >>> box = gt.kinematics.accuracy.parallelepiped(np.eye(3)[None], np.array([[1e-3, 2e-3, 3e-3]]))
-    >>> (1e3 * box.edges[0]).round(6)  # mm, the whole width of the errors
+    >>> (1e3 * box.edges[0]).round(6)  # mm, full widths
     array([[2., 0., 0.],
            [0., 4., 0.],
            [0., 0., 6.]])
@@ -233,18 +232,18 @@ def parallelepiped(u: Array, r: Array) -> Parallelepiped:
     """
     u = np.asarray(u, dtype=float)
     r = np.broadcast_to(np.asarray(r, dtype=float), (len(u), 3))
-    turn = [(1, 2), (2, 0), (0, 1)]
+    pairs = [(1, 2), (2, 0), (0, 1)]
     # column i of U^-1 is u_j x u_k / det U: orthogonal to the two links that keep their length
-    normals = np.stack([np.cross(u[:, j], u[:, k]) for j, k in turn], axis=1)
+    normals = np.stack([np.cross(u[:, j], u[:, k]) for j, k in pairs], axis=1)
     determinant = np.einsum("nc,nc->n", u[:, 0], normals[:, 0])
     with np.errstate(divide="ignore", invalid="ignore"):
         edges = 2 * r[..., None] * normals / determinant[:, None, None]
-        alpha = np.stack([_angle(u[:, j], u[:, k]) for j, k in turn], axis=1)
-        # the sides that meet in link i hold (i, j) and (i, k)
+        alpha = np.stack([_angle(u[:, j], u[:, k]) for j, k in pairs], axis=1)
+        # the pyramid sides that meet in link i contain (i, j) and (i, k)
         beta = np.stack(
-            [_angle(np.cross(u[:, i], u[:, j]), np.cross(u[:, i], u[:, k])) for i, (j, k) in enumerate(turn)], 1
+            [_angle(np.cross(u[:, i], u[:, j]), np.cross(u[:, i], u[:, k])) for i, (j, k) in enumerate(pairs)], 1
         )
-        faces = np.stack([np.linalg.norm(np.cross(edges[:, j], edges[:, k]), axis=1) for j, k in turn], axis=1)
+        faces = np.stack([np.linalg.norm(np.cross(edges[:, j], edges[:, k]), axis=1) for j, k in pairs], axis=1)
         signs = np.array([[1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]], dtype=float)
         diagonals = np.linalg.norm(np.einsum("ji,nic->njc", signs, edges), axis=2)
         volume = np.abs(np.einsum("nc,nc->n", edges[:, 0], np.cross(edges[:, 1], edges[:, 2])))
@@ -265,11 +264,11 @@ class ErrorCase:
 
     Attributes:
         lengths: (3,) nominal link lengths [m].
-        radius: (3,) half-widths of length errors, or radii of spheres about the base points [m]: the same thing to
-            first order (Dressler 2012, section A.3). None where there are ellipsoids.
-        ellipsoids: of the base points; None where there is a radius.
-        method: how ellipsoids become corners: "support", the exact first-order bound, or "projection", the
-            appendix's iteration, which is a little less.
+        radius: (3,) half-widths of length errors, or radii of spheres about the base points [m], which are equivalent
+            to first order (Dressler 2012, section A.3). None if `ellipsoids` is set.
+        ellipsoids: of the base points; None if `radius` is set.
+        method: how corners are computed from ellipsoids: "support", the exact first-order bound, or "projection", the
+            iteration of the appendix, which gives slightly smaller errors.
     """
 
     lengths: Array
@@ -278,14 +277,15 @@ class ErrorCase:
     method: Method = "support"
 
     def half_widths(self, u: Array) -> Array:
-        """r (n, 3) [m] for link directions u (n, 3, 3)."""
+        """Return r (n, 3) [m] for link directions u (n, 3, 3)."""
         if self.ellipsoids is not None:
             return self.ellipsoids.support(u)
         assert self.radius is not None
         return np.broadcast_to(self.radius, (len(u), 3))
 
     def corners(self, a: Array, T: Array) -> tuple[Array, Array]:
-        """Errors at the corners (n, 8, 3) [m] for base points a (n, 3, 3) and T (n, 3), and codes (n,) of `Status`."""
+        """Return the errors at the corners (n, 8, 3) [m] for base points a (n, 3, 3) and T (n, 3), and codes (n,) of
+        `Status`."""
         with np.errstate(invalid="ignore"):
             u = (T[:, None] - a) / np.linalg.norm(T[:, None] - a, axis=2, keepdims=True)
         errors, status = first_order_corners(u, self.half_widths(u))
@@ -300,7 +300,7 @@ class ErrorCase:
 
 @dataclass(frozen=True)
 class ErrorMap:
-    """Errors at n points: greatest error [m] (n,), face areas (n, 3) [m2], codes of `Status` (n,)."""
+    """Errors at n points: largest error [m] (n,), face areas (n, 3) [m2], codes of `Status` (n,)."""
 
     error: Array
     faces: Array
@@ -316,13 +316,13 @@ def map_errors(
     chunk: int = CHUNK,
     progress: Callable[[float], bool] | None = None,
 ) -> ErrorMap:
-    """The greatest error at the points T (n, 3) [m]; NaN with a status where there is none.
+    """Return the largest error at the points T (n, 3) [m]; NaN if the status is not OK.
 
     Args:
         base_points: called with T (k, 3), returns the base points (k, 3, 3) [m] and codes (k,) of `Status`.
-        progress: called with the fraction done; returning True stops the work, the rest is NaN.
+        progress: called with the completed fraction; if it returns True, the work stops and the rest is NaN.
 
-    The L1 at two points, whose links may be 0.1 mm too long or too short; the second is out of reach:
+    The L1 with length errors of up to 0.1 mm at two points; the second point is out of reach:
 
     >>> from gtmodel.kinematics.accuracy import ErrorCase, map_errors
     >>> from gtmodel.kinematics.workspace import Bodies, limited_mechanism

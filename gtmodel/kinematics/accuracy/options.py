@@ -1,4 +1,4 @@
-"""What an accuracy study asks for, errors of carts or links, a section, synthetic draws, and what it answers."""
+"""Options of an accuracy study (errors of carts or links, a section, Monte Carlo samples) and its results."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .corners import Method
 
 @dataclass(frozen=True)
 class LinkErrors(Options):
-    """Errors of the three links: of their lengths, or of their cart joints' positions, in ellipsoids; some may be 0.
+    """Errors of the three links: of their lengths, or of the cart joints within ellipsoids; individual errors may be 0.
 
     >>> gt.kinematics.accuracy.LinkErrors("assembly", length=[1e-4, 1e-4])
     Traceback (most recent call last):
@@ -26,7 +26,7 @@ class LinkErrors(Options):
 
     name: Annotated[str, "name of the case"]
     length: Annotated[
-        list[float] | None, Unit("m", written="um"), Within(least=0.0), Long(3), "greatest error of each link length"
+        list[float] | None, Unit("m", written="um"), Within(least=0.0), Long(3), "largest error of each link length"
     ] = None  # fmt: skip
     along: Annotated[
         list[float] | None, Unit("m", written="um"), Within(least=0.0), Long(3),
@@ -36,12 +36,12 @@ class LinkErrors(Options):
         list[float] | None, Unit("m", written="um"), Within(least=0.0), Long(3),
         "half-axes of the ellipsoids across the guideways",
     ] = None  # fmt: skip
-    method: Annotated[Method | None, "method of this case; that of the study if left out"] = None
+    method: Annotated[Method | None, "method of this case; default: the method of the study"] = None
 
 
 @dataclass(frozen=True)
 class ErrorSection(CrossSection):
-    """The cross-section, a plane orthogonal to the mean guideway direction; (u, v) = (y, z) for guideways along x.
+    """A cross-section: a plane orthogonal to the mean guideway direction; (u, v) = (y, z) for guideways along x.
 
     >>> gt.kinematics.accuracy.ErrorSection(step=0.0)
     Traceback (most recent call last):
@@ -50,12 +50,12 @@ class ErrorSection(CrossSection):
     """
 
     step: Annotated[float, Unit("m"), Within(above=0.0), "step of the grid"] = 0.05
-    low: Annotated[list[float] | None, Unit("m"), Long(2), "least (u, v); of the guideways if left out"] = None
+    low: Annotated[list[float] | None, Unit("m"), Long(2), "lower limits of (u, v); default: from the guideways"] = None
 
 
 @dataclass(frozen=True)
 class MonteCarloDraws(Options):
-    """Synthetic draws of the errors, beside their corners.
+    """Monte Carlo samples of the errors, which cross-check the corners.
 
     >>> gt.kinematics.accuracy.MonteCarloDraws(samples=50)
     Traceback (most recent call last):
@@ -63,7 +63,7 @@ class MonteCarloDraws(Options):
     gtmodel.results.refusal.ArgumentError: samples: must be at least 100 and at most 1e+06; found 50
     """
 
-    samples: Annotated[int, Within(least=100, most=1000000), "draws for each case"] = 20000
+    samples: Annotated[int, Within(least=100, most=1000000), "samples for each case"] = 20000
     seed: Annotated[int, Within(least=0), "seed of the random numbers"] = 1
 
 
@@ -72,23 +72,23 @@ Array = np.ndarray
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class AccuracyStudy(Study):
-    """Greatest positioning errors over a rectangle of a cross-section, and over all that the robot reaches in it."""
+    """Largest positioning errors over a rectangle of a cross-section, and over the reachable part of the section."""
 
     cases: Annotated[
         Sequence[Mapping[str, Any]],
-        "for each case: name, errors, method; over the rectangle min_um, max_um, their places min_at_m, max_at_m "
-        "in (u, v), centre_um and nearest_guideway to the maximum (from 1); reached_min_um and reached_max_um over "
-        "all that is reached; monte_carlo_um and its corner_um at the place of the maximum; and shape, the "
-        "parallelepiped at the centre: link_angles_deg, pyramid_angles_deg, faces_um2, longest_diagonal_um",
+        "for each case: name, errors, method; over the rectangle min_um, max_um, their positions min_at_m, max_at_m "
+        "in (u, v), centre_um, and nearest_guideway to the maximum (from 1); reached_min_um and reached_max_um over "
+        "the reachable area; monte_carlo_um and corner_um at the maximum; and shape, the parallelepiped at the "
+        "centre: link_angles_deg, pyramid_angles_deg, faces_um2, longest_diagonal_um",
     ]
     window: Annotated[
-        Array, Quantity("m", "the rectangle that the numbers are about: least and greatest (u, v)")
+        Array, Quantity("m", "the evaluated rectangle: lower and upper limits of (u, v)")
     ]  # fmt: skip
-    guideways: Annotated[Array, Quantity("m", "where the guideways pierce the section, (u, v)")]
-    section: Annotated[Mapping[str, Any], "the section: a point of it, and its normal"]
+    guideways: Annotated[Array, Quantity("m", "points where the guideways pierce the section, (u, v)")]
+    section: Annotated[Mapping[str, Any], "the section: one of its points, and its normal"]
     points: Annotated[
         Mapping[str, Any],
-        "number of grid points in the rectangle, and how many of them have no error, by reason",
+        "number of grid points in the rectangle, and number of them without a result, by reason",
     ]
 
     @property
@@ -99,20 +99,16 @@ class AccuracyStudy(Study):
         for case in self.cases:
             name = case["name"]
             rows += [
-                Row(f"{name}: corners by", case["method"]),
-                Row(f"{name}: least error in the rectangle", case["min_um"], "um"),
-                Row(f"{name}: greatest", case["max_um"], "um"),
+                Row(f"{name}: corners from", case["method"]),
+                Row(f"{name}: smallest error in the rectangle", case["min_um"], "um"),
+                Row(f"{name}: largest", case["max_um"], "um"),
                 Row(f"{name}: at (u, v)", listed(case["max_at_m"]), "m"),
                 Row(f"{name}: nearest guideway", case["nearest_guideway"]),
                 Row(
-                    f"{name}: in the centre", "out of reach" if np.isnan(case["centre_um"]) else case["centre_um"], "um"
+                    f"{name}: at the centre", "out of reach" if np.isnan(case["centre_um"]) else case["centre_um"], "um"
                 ),
-                Row(f"{name}: over all that is reached, least", case["reached_min_um"], "um"),
-                Row(f"{name}: over all that is reached, greatest", case["reached_max_um"], "um"),
-                Row(f"{name}: synthetic draws at the greatest", case["monte_carlo_um"], "um"),
+                Row(f"{name}: smallest over the reachable area", case["reached_min_um"], "um"),
+                Row(f"{name}: largest over the reachable area", case["reached_max_um"], "um"),
+                Row(f"{name}: largest Monte Carlo sample at the maximum", case["monte_carlo_um"], "um"),
             ]
         return rows
-
-
-def _or_out_of_reach(value: float) -> float | str:
-    return "out of reach" if np.isnan(value) else value

@@ -1,19 +1,19 @@
 """All assembly modes of a platform on six legs, with a certificate that none is missing.
 
 Modes
-    assembly_modes        of one platform: joints A, B (6, 3), lengths L (6,) -> AssemblyModes
-    assembly_modes_batch  of many platforms or poses at once
-    AssemblyModes         real modes R, T, all complex ones, status, message, certificate
+    assembly_modes        modes of one platform: joints A, B (6, 3), lengths L (6,) -> AssemblyModes
+    assembly_modes_batch  modes of many platforms or poses
+    AssemblyModes         real modes R, T, all complex modes, status, message, certificate
     Certificate           finite, real, distinct, residual, nearest other mode, retries
 
-The study
-    modes_study           of a robot in one pose or many, or of bare platforms: a ModesStudy
-    CommandedPose, read_poses   poses of the robot, one by one or from a CSV file
-    Hands, bare, draw     legs of platforms, as they are given or drawn by a seed
+Study
+    modes_study           modes of a robot in one or many poses, or of platforms without a robot: a ModesStudy
+    CommandedPose, read_poses   poses of the robot, from arguments or from a CSV file
+    Hands, bare, draw     legs of platforms, from arrays or random
 
 Start systems
-    start_systems         the stored random complex platforms with their 40 solutions each
-    StartSystem           one of them; ``start_system``, run as a module, makes them anew
+    start_systems         stored random complex platforms with 40 solutions each
+    StartSystem           one start system; run ``start_system`` as a module to compute them again
 """
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,5 @@
-"""Assembly modes of many poses as a study: poses given one by one or as rows of a file, the commanded mode of each,
-certificate and checks."""
+"""The study of assembly modes: poses from arguments or from a file, the commanded mode of each pose, certificates and
+checks."""
 
 from __future__ import annotations
 
@@ -26,15 +26,16 @@ from .options import COLUMNS, CommandedPose, ModesStudy
 from .six_links import Hands, SixLinks, six_links_of
 from .solve import assembly_modes_batch
 
-# commanded pose from its mode, over the size or in rad: two Newton iterations, each to rounding times condition
+# largest difference of a commanded pose from its mode, relative to the size or in rad: rounding times condition number
 COMMANDED = 1e-9
 
 
 @dataclass(frozen=True)
 class Judged:
-    """Poses with their modes. commanded: index of the commanded mode of each, None where there is none.
+    """Poses with their modes. commanded: index of each pose's commanded mode, or None.
 
-    errors: relative distance or angle [rad], the larger, from the commanded pose to the nearest mode; NaN without one.
+    errors: difference between the commanded pose and the nearest mode, the larger of relative distance and angle
+    [rad]; NaN without a commanded pose.
     """
 
     hands: Hands
@@ -44,7 +45,7 @@ class Judged:
 
     @classmethod
     def of(cls, hands: Hands, results: list[AssemblyModes]) -> Judged:
-        """Look for every commanded pose among the real modes."""
+        """Find every commanded pose among the real modes."""
         commanded: list[int | None] = []
         errors = []
         for i, modes in enumerate(results):
@@ -59,26 +60,29 @@ class Judged:
         return cls(hands, results, commanded, errors)
 
     def done(self, i: int) -> bool:
-        """True for a pose that was searched."""
+        """Return True if the search for a pose was completed."""
         return self.results[i].status not in (ModesStatus.INTERRUPTED, ModesStatus.BAD_INPUT)
 
     def refused(self) -> list[str]:
-        """Why poses could not be searched, as sentences."""
+        """Return the messages of invalid poses."""
         return [self.message(i) for i, r in enumerate(self.results) if r.status is ModesStatus.BAD_INPUT]
 
     def message(self, i: int) -> str:
-        """The sentence of a pose."""
+        """Return the message of a pose."""
         return self.hands.faults.get(i) or self.results[i].message
 
     def leg_error(self, i: int) -> float:
-        """Largest error of a leg length at a real mode over the size: the legs as given, not the scaled ones."""
+        """Return the largest error of an unscaled leg length at a real mode, relative to the size."""
         hands, modes = self.hands, self.results[i]
         joints = modes.T[:, None] + hands.B[i] @ np.swapaxes(modes.R, 1, 2)
         errors = np.abs(np.linalg.norm(joints - hands.A[i], axis=2) - hands.L[i])
         return float(np.max(errors, initial=0.0)) / modes.size if errors.size else 0.0
 
     def commanded_nearest(self, i: int) -> tuple[float, float]:
-        """Distance [m] and angle [deg] of the real mode nearest the commanded one; NaN or infinite without."""
+        """Return distance [m] and angle [deg] between the commanded mode and its nearest real mode.
+
+        NaN without a commanded mode, infinite without another real mode.
+        """
         k = self.commanded[i]
         if k is None:
             return math.nan, math.nan
@@ -86,7 +90,7 @@ class Judged:
 
 
 def read_poses(path: str | Path) -> list[CommandedPose]:
-    """The poses of a CSV file, one row each, named columns as in COLUMNS. Raises ArgumentError.
+    """Read poses from a CSV file, one per row, with the columns of COLUMNS. Raises ArgumentError.
 
     >>> from pathlib import Path
     >>> from gtmodel.kinematics.assembly_modes import read_poses
@@ -97,86 +101,86 @@ def read_poses(path: str | Path) -> list[CommandedPose]:
     path = path_of(path)
     with naming("poses"):
         table = CsvTable(path)
-    head = table.names
-    wanted = [
-        (name, columns, f) for name, all_ in COLUMNS.items() for columns, f in all_.items() if {*columns} & {*head}
+    header = table.names
+    groups = [
+        (name, columns, f) for name, units in COLUMNS.items() for columns, f in units.items() if {*columns} & {*header}
     ]
-    known = [column for _, columns, _ in wanted for column in columns]
-    missing = [column for column in known if column not in head]
-    if missing or not wanted:
+    known = [column for _, columns, _ in groups for column in columns]
+    missing = [column for column in known if column not in header]
+    if missing or not groups:
         expected = ", ".join(missing) or "q1_m, q2_m, q3_m or x_m, y_m, z_m"
-        raise ArgumentError(f"{path.name} lacks the columns {expected}; it has {', '.join(head)}", "poses")
-    foreign = [column for column in head if column not in known]
-    if foreign:
-        raise ArgumentError(f"{path.name} has columns that are none of a pose: {', '.join(foreign)}", "poses")
-    twice = [columns for name, columns, _ in wanted if sum(name == other for other, _, _ in wanted) > 1]
+        raise ArgumentError(f"{path.name} lacks the columns {expected}; it has {', '.join(header)}", "poses")
+    unknown = [column for column in header if column not in known]
+    if unknown:
+        raise ArgumentError(f"{path.name} has unknown columns: {', '.join(unknown)}; remove them", "poses")
+    twice = [columns for name, columns, _ in groups if sum(name == n for n, _, _ in groups) > 1]
     if twice:
-        raise ArgumentError(f"{path.name} has {' and '.join(c[0] for c in twice)}; give either", "poses")
+        raise ArgumentError(f"{path.name} has {' and '.join(c[0] for c in twice)}; give only one of them", "poses")
     with naming("poses"):
         numbers = {c: table.numbers(c).tolist() for c in known}
     return [
-        CommandedPose(**{name: [f * numbers[c][k] for c in columns] for name, columns, f in wanted})
+        CommandedPose(**{name: [f * numbers[c][k] for c in columns] for name, columns, f in groups})
         for k in range(len(table.lines))
     ]
 
 
 def hands_of(robot: SixLinks, poses: Sequence[CommandedPose], argument: str) -> Hands:
-    """Legs of the robot in poses that give the same quantities. Raises ArgumentError at `argument`."""
-    given = poses[0].given()
-    _check(robot, given, argument)
-    if "q" in given:
+    """Return the legs of the robot in poses with the same quantities. Raises ArgumentError at `argument`."""
+    names = poses[0].given()
+    _check(robot, names, argument)
+    if "q" in names:
         q = np.array([pose.q for pose in poses])
         if robot.carts_and_axes[1]:
             q = np.hstack([q, np.array([pose.axes or [0.0, 0.0, 0.0] for pose in poses])])
         return robot.at_carts(q)
     T, e = robot.home
-    if "tcp" in given:
+    if "tcp" in names:
         return robot.at_poses(np.array([pose.tcp for pose in poses]), orientations(poses, e, argument))
     return robot.at_poses(T[None], e[None])
 
 
-def orientations(poses: Sequence[CommandedPose], left_out: np.ndarray, argument: str) -> np.ndarray:
-    """Quaternions (n, 4) of length 1 of the poses, `left_out` where they say nothing."""
-    heads = [f"pose {i + 1} " if len(poses) > 1 else "" for i in range(len(poses))]
-    return np.array([_orientation(pose, left_out, argument, head) for pose, head in zip(poses, heads, strict=True)])
+def orientations(poses: Sequence[CommandedPose], default: np.ndarray, argument: str) -> np.ndarray:
+    """Return unit quaternions (n, 4) of the poses; `default` for a pose without orientation."""
+    prefixes = [f"pose {i + 1} " if len(poses) > 1 else "" for i in range(len(poses))]
+    return np.array([_orientation(p, default, argument, prefix) for p, prefix in zip(poses, prefixes, strict=True)])
 
 
-def _orientation(pose: CommandedPose, left_out: np.ndarray, argument: str, head: str) -> np.ndarray:
+def _orientation(pose: CommandedPose, default: np.ndarray, argument: str, prefix: str) -> np.ndarray:
     if pose.quaternion is not None:
         e = np.array(pose.quaternion)
         length = float(np.linalg.norm(e))
         if abs(length - 1.0) > UNIT_LENGTH:
             raise ArgumentError(
-                f"{head}must be of length 1; found {pose.quaternion} of length {length:.6g}", f"{argument}.quaternion"
+                f"{prefix}must have length 1; found {pose.quaternion}, length {length:.6g}", f"{argument}.quaternion"
             )
         return e / length
     if pose.zyz is not None:
         return zyz_quaternion(*pose.zyz)
-    return left_out
+    return default
 
 
-def _check(robot: SixLinks, given: tuple[str, ...], argument: str) -> None:
-    """Raises ArgumentError for quantities that contradict each other or do not belong to the robot."""
-    if "tcp" in given and "q" in given:
+def _check(robot: SixLinks, names: tuple[str, ...], argument: str) -> None:
+    """Raise ArgumentError for quantities that contradict each other or that the robot does not have."""
+    if "tcp" in names and "q" in names:
         raise ArgumentError("give either the carts q_m or tcp_m", argument)
-    turned = [name for name in ("zyz", "quaternion") if name in given]
-    if len(turned) > 1:
+    rotations = [name for name in ("zyz", "quaternion") if name in names]
+    if len(rotations) > 1:
         raise ArgumentError("give either zyz or quaternion", argument)
-    if "axes" in given and not robot.carts_and_axes[1]:
-        raise ArgumentError("the robot has no rotary axes; leave them out", f"{argument}.axes")
-    if turned and not robot.turns:
-        raise ArgumentError("the robot's orientation follows from tcp_m; leave it out", f"{argument}.{turned[0]}")
-    if "axes" in given and "q" not in given:
-        raise ArgumentError("rotary axes need the carts q_m beside them", f"{argument}.axes")
-    if turned and "tcp" not in given:
-        raise ArgumentError("an orientation needs tcp_m beside it", f"{argument}.{turned[0]}")
+    if "axes" in names and not robot.carts_and_axes[1]:
+        raise ArgumentError("the robot has no rotary axes; remove axes", f"{argument}.axes")
+    if rotations and not robot.turns:
+        raise ArgumentError("tcp_m determines the robot's orientation; remove it", f"{argument}.{rotations[0]}")
+    if "axes" in names and "q" not in names:
+        raise ArgumentError("rotary axes need the carts; add q_m", f"{argument}.axes")
+    if rotations and "tcp" not in names:
+        raise ArgumentError("an orientation needs a tool centre point; add tcp_m", f"{argument}.{rotations[0]}")
 
 
-# scaled equations at a mode: rounding of some dozen terms of size one
+# scaled equations at a mode: rounding of about a dozen terms of size one
 RESIDUAL = 1e-12
-# leg lengths over the size: rounding too, larger by the condition near a singularity
+# leg lengths relative to the size: rounding, amplified by the condition number near a singularity
 LEG_ERROR = 1e-12
-# numbers of a pose that are those of its certificate, and of which the least, or the greatest, is reported of many
+# values from the certificate; for many poses the minimum (LEAST) or the maximum (GREATEST) is reported
 LEAST = ("finite", "distinct", "certified", "real", "conjugate_pairs")
 GREATEST = ("infinite", "multiple", "lost")
 CERTIFIED = (*LEAST, *GREATEST, "retries", "worst_residual")
@@ -188,15 +192,15 @@ def modes_study(
     poses: CommandedPose | Sequence[CommandedPose] | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> ModesStudy:
-    """All assembly modes of six links, with a certificate that none is missing, and the commanded one among them.
+    """Find all assembly modes of six links, with a certificate that none is missing, and the commanded mode.
 
     Args:
-        robot: with six links of fixed length, or the legs of bare platforms as `bare` and `draw` give them.
-        poses: of the robot, one or many that give the same quantities; its home if left out.
+        robot: a robot with six links of fixed length, or legs of platforms from `bare` or `draw`.
+        poses: one or many poses of the robot, with the same quantities; default: home.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    A pose at which the leg lengths do not exist has a status, and the other poses are computed all the same.
-    Interrupted, it holds the poses that were searched. Raises ArgumentError.
+    A pose without a solution for the legs has a status and does not affect the others. After an interruption, the study
+    contains the completed poses. Raises ArgumentError.
 
     >>> import gtmodel as gt
     >>> from gtmodel.kinematics.assembly_modes import CommandedPose
@@ -222,16 +226,16 @@ def modes_study(
 
 
 def legs_of(robot: Model | Hands, poses: CommandedPose | Sequence[CommandedPose] | None) -> Hands:
-    """The legs that a study is about. Raises ArgumentError."""
+    """Return the legs of a study. Raises ArgumentError."""
     if isinstance(robot, Hands):
         if poses is not None:
-            raise ArgumentError("legs of a platform are where they are; leave the poses out", _named(poses))
+            raise ArgumentError("a platform without a robot takes no poses; remove them", _named(poses))
         return robot
-    given = [poses or CommandedPose()] if poses is None or isinstance(poses, CommandedPose) else list(poses)
-    if not given:
-        raise ArgumentError("has no poses", "poses")
+    all_poses = [poses or CommandedPose()] if poses is None or isinstance(poses, CommandedPose) else list(poses)
+    if not all_poses:
+        raise ArgumentError("no poses; give at least one", "poses")
     try:
-        return hands_of(six_links_of(robot), given, _named(poses))
+        return hands_of(six_links_of(robot), all_poses, _named(poses))
     except ModelError as error:
         raise ArgumentError(str(error), "robot") from error
 
@@ -265,8 +269,8 @@ def _study_of(judged: Judged, title: str) -> ModesStudy:
 def _pose_values(judged: Judged, i: int) -> dict[str, Any]:
     modes, hands = judged.results[i], judged.hands
     c = modes.certificate
-    near = judged.commanded_nearest(i)
-    mine = judged.commanded[i]
+    distance, angle = judged.commanded_nearest(i)
+    commanded = judged.commanded[i]
     return {
         "pose": i + 1,
         "status": modes.status.value,
@@ -275,9 +279,9 @@ def _pose_values(judged: Judged, i: int) -> dict[str, Any]:
         "worst_leg_error": judged.leg_error(i),
         "nearest_mm": 1e3 * c.nearest_distance,
         "nearest_deg": c.nearest_angle_deg,
-        "commanded": None if mine is None else mine + 1,
-        "commanded_nearest_mm": 1e3 * near[0],
-        "commanded_nearest_deg": near[1],
+        "commanded": None if commanded is None else commanded + 1,
+        "commanded_nearest_mm": 1e3 * distance,
+        "commanded_nearest_deg": angle,
         "q_m": hands.q[i, :3],
         "q_rad": hands.q[i, 3:],
         "tcp_m": hands.T[i],
@@ -290,7 +294,7 @@ def _pose_values(judged: Judged, i: int) -> dict[str, Any]:
                 "nearest_mode": int(modes.nearest_other[k]) + 1 or None,
                 "nearest_mm": 1e3 * modes.nearest_distance[k],
                 "nearest_deg": modes.nearest_angle_deg[k],
-                "commanded": k == mine,
+                "commanded": k == commanded,
             }
             for k in range(c.real)
         ],
@@ -303,9 +307,9 @@ def _summary(judged: Judged, each: list[dict[str, Any]], done: list[int]) -> dic
 
     counts = Counter(each[i]["real"] for i in done)
     certificates = [r.certificate for r in judged.results]
-    near = _nearest(judged, done, lambda i: (certificates[i].nearest_distance, certificates[i].nearest_angle_deg))
-    mine = _nearest(judged, done, judged.commanded_nearest)
-    only = each[0] if len(each) == 1 else None
+    nearest = _nearest(judged, done, lambda i: (certificates[i].nearest_distance, certificates[i].nearest_angle_deg))
+    commanded_nearest = _nearest(judged, done, judged.commanded_nearest)
+    single = each[0] if len(each) == 1 else None
     return {
         "poses": len(each),
         "whole": sum(r.status.ok for r in judged.results),
@@ -314,26 +318,26 @@ def _summary(judged: Judged, each: list[dict[str, Any]], done: list[int]) -> dic
         "real_counts": {str(n): counts[n] for n in sorted(counts)},
         **{name: over(max, name) for name in (*GREATEST, "worst_residual", "worst_leg_error")},
         "retries": over(sum, "retries"),
-        "nearest_distance": near[0],
-        "nearest_angle_deg": near[1],
-        "commanded": only["commanded"] if only else None,
-        "commanded_nearest_distance": mine[0],
-        "commanded_nearest_angle_deg": mine[1],
-        "modes": only["modes"] if only else [],
+        "nearest_distance": nearest[0],
+        "nearest_angle_deg": nearest[1],
+        "commanded": single["commanded"] if single else None,
+        "commanded_nearest_distance": commanded_nearest[0],
+        "commanded_nearest_angle_deg": commanded_nearest[1],
+        "modes": single["modes"] if single else [],
         "each": each,
     }
 
 
-def _nearest(judged: Judged, done: list[int], of: Callable[[int], tuple[float, float]]) -> tuple[float, float]:
-    """Distance [m] and angle [deg] of the pose where two modes are nearest, as `AssemblyModes` measures it; NaN where
-    no pose has two."""
+def _nearest(judged: Judged, done: list[int], gap: Callable[[int], tuple[float, float]]) -> tuple[float, float]:
+    """Return the smallest `gap`, distance [m] and angle [deg], over the poses, with the measure of `AssemblyModes`; NaN
+    if no pose has two modes."""
 
     def measure(i: int) -> float:
-        distance, angle = of(i)
+        distance, angle = gap(i)
         return math.hypot(distance / judged.results[i].size, math.radians(angle))
 
-    several = [i for i in done if math.isfinite(of(i)[0])]
-    return of(min(several, key=measure)) if several else (math.nan, math.nan)
+    several = [i for i in done if math.isfinite(gap(i)[0])]
+    return gap(min(several, key=measure)) if several else (math.nan, math.nan)
 
 
 def _checks(judged: Judged, done: list[int]) -> dict[str, Check]:
@@ -356,31 +360,31 @@ def _checks(judged: Judged, done: list[int]) -> dict[str, Check]:
 def _message(judged: Judged, status: SolveStatus, checks: dict[str, Check]) -> str:
     n = len(judged.hands)
     if status is SolveStatus.INTERRUPTED:
-        return f"{status.message}; {sum(map(judged.done, range(n)))} of {n} poses were searched"
+        return f"{status.message}; {sum(map(judged.done, range(n)))} of {n} poses are complete"
     if status is SolveStatus.FAILED:
         bad = [i for i in range(n) if not judged.results[i].status.ok]
-        head = f"pose {bad[0] + 1}: " if n > 1 else ""
-        more = f"; {len(bad)} of {n} poses are not whole" if n > 1 else ""
-        return f"{head}{judged.message(bad[0])}{more}"
+        prefix = f"pose {bad[0] + 1}: " if n > 1 else ""
+        suffix = f"; {len(bad)} of {n} poses have no complete set of modes" if n > 1 else ""
+        return f"{prefix}{judged.message(bad[0])}{suffix}"
     text = judged.results[0].message if n == 1 else f"all finite modes of {n} poses were found"
     lacking = [i for i in range(n) if judged.hands.q.shape[1] and math.isnan(judged.errors[i])]
     if lacking and n == 1:
         real = judged.results[0].certificate.real
-        text += "; no real one: the links cannot be assembled at these carts" if real == 0 else ""
-        text += f"; Newton reached none of the {real} real ones from home" if real else ""
+        text += "; none is real: the links cannot be assembled at these carts" if real == 0 else ""
+        text += f"; Newton's method from home reached none of the {real} real modes" if real else ""
     elif lacking:
-        text += f"; Newton found no pose for {len(lacking)} of them"
+        text += f"; Newton's method found no pose for {len(lacking)} of them"
     return text
 
 
 def _csv(each: list[dict[str, Any]]) -> str:
-    """One line per real mode."""
+    """Return one line per real mode."""
     lines = ["pose,mode,x_m,y_m,z_m,e0,e1,e2,e3,commanded,nearest_mode,nearest_mm,nearest_deg"]
     for pose in each:
         for mode in pose["modes"]:
             numbers = [repr(float(x)) for x in (*mode["tcp_m"], *mode["quaternion"])]
-            near = [f"{mode[name]:.9g}" if math.isfinite(mode[name]) else "" for name in ("nearest_mm", "nearest_deg")]
-            cells = [pose["pose"], mode["mode"], *numbers, int(mode["commanded"]), mode["nearest_mode"] or "", *near]
+            gaps = [f"{mode[name]:.9g}" if math.isfinite(mode[name]) else "" for name in ("nearest_mm", "nearest_deg")]
+            cells = [pose["pose"], mode["mode"], *numbers, int(mode["commanded"]), mode["nearest_mode"] or "", *gaps]
             lines.append(",".join(map(str, cells)))
     return "\n".join(lines) + "\n"
 
@@ -398,9 +402,9 @@ def _panels(judged: Judged, title: str) -> Any:
 def _statistics(judged: Judged, title: str) -> Any:
     from ...plot.robot3d import real_counts_figure
 
-    made = judged.hands.synthetic
-    if made and "synthetic" not in title:
-        title += f" ({made})"
+    note = judged.hands.synthetic
+    if note and "synthetic" not in title:
+        title += f" ({note})"
     done = [i for i in range(len(judged.hands)) if judged.done(i)]
-    near = np.array([judged.commanded_nearest(i) for i in done]).reshape(-1, 2) * [1e3, 1.0]
-    return real_counts_figure([judged.results[i].certificate.real for i in done], near, title=title)
+    gaps = np.array([judged.commanded_nearest(i) for i in done]).reshape(-1, 2) * [1e3, 1.0]
+    return real_counts_figure([judged.results[i].certificate.real for i in done], gaps, title=title)

@@ -1,4 +1,4 @@
-"""What the search for assembly modes is asked for, and what its study found."""
+"""Options of the search for assembly modes, and the results of its study."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from ...results import Quantity, Row, Study
 from ...results.options import Long, Options, Unit
 
-# quantities of a pose with their columns in a file, and the number per SI unit
+# quantities of a pose, with their columns in a file and the factor to SI units
 COLUMNS = {
     "q": {("q1_m", "q2_m", "q3_m"): 1.0},
     "axes": {("q4_rad", "q5_rad", "q6_rad"): 1.0, ("q4_deg", "q5_deg", "q6_deg"): math.pi / 180},
@@ -22,7 +22,7 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class CommandedPose(Options):
-    """Carts and rotary axes, or a tool pose; home where nothing is given.
+    """A pose from carts and rotary axes, or a tool pose; default: home.
 
     >>> gt.kinematics.assembly_modes.CommandedPose(q=[0.1, 0.2])
     Traceback (most recent call last):
@@ -32,86 +32,84 @@ class CommandedPose(Options):
 
     q: Annotated[list[float] | None, Unit("m"), Long(3), "coordinates of the three carts"] = None
     axes: Annotated[
-        list[float] | None, Unit("rad"), Long(3), "rotary axes q4, q5, q6 of an F1; zero if left out"
+        list[float] | None, Unit("rad"), Long(3), "rotary axes q4, q5, q6 of an F1; default: zero"
     ] = None  # fmt: skip
-    tcp: Annotated[list[float] | None, Unit("m"), Long(3), "tool centre point, in place of q"] = None
+    tcp: Annotated[list[float] | None, Unit("m"), Long(3), "tool centre point, instead of q"] = None
     zyz: Annotated[
         list[float] | None, Unit("rad", written="deg"), Long(3),
-        "the plate's angles about z, y, z there, where they are free; home's if left out",
+        "ZYZ angles of the plate, if the orientation is free; default: as at home",
     ] = None  # fmt: skip
-    quaternion: Annotated[list[float] | None, Long(4), "its unit quaternion instead, scalar first"] = None
+    quaternion: Annotated[list[float] | None, Long(4), "unit quaternion of the plate, scalar first, not with zyz"] = (
+        None
+    )
 
     def given(self) -> tuple[str, ...]:
-        """The quantities that are there."""
+        """Return the names of the quantities that are set."""
         return tuple(name for name in COLUMNS if getattr(self, name) is not None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ModesStudy(Study):
-    """Assembly modes of one pose or platform, or of many. Angles are in degrees, as in `AssemblyModes`."""
+    """Assembly modes of one or many poses or platforms. Angles are in degrees, as in `AssemblyModes`."""
 
     poses: Annotated[int, "number of poses or platforms"] = 0
-    whole: Annotated[int, "how many of them have a whole set: every finite mode is known, and none is multiple"] = 0
-    finite: Annotated[int | None, "finite modes found over the complex numbers, least over the poses"] = None
+    whole: Annotated[int, "number of poses with a complete set of modes: every finite mode is known and isolated"] = 0
+    finite: Annotated[int | None, "finite modes over the complex numbers, minimum over the poses"] = None
     distinct: Annotated[
-        int | None, "those of them outside the radius of uniqueness of every other, least over the poses"
-    ] = None
-    certified: Annotated[int | None, "those that pass the Newton-Kantorovich test, least over the poses"] = None
-    real: Annotated[int | None, "modes with a real pose, least over the poses"] = None
-    real_most: Annotated[int | None, "the same, most over the poses"] = None
+        int | None, "finite modes that are separated from every other mode, minimum over the poses"
+    ] = None  # fmt: skip
+    certified: Annotated[int | None, "modes that pass the Newton-Kantorovich test, minimum over the poses"] = None
+    real: Annotated[int | None, "real modes, minimum over the poses"] = None
+    real_most: Annotated[int | None, "real modes, maximum over the poses"] = None
     real_counts: Annotated[Mapping[str, int], "number of poses by their number of real modes"] = field(
         default_factory=dict
     )
-    conjugate_pairs: Annotated[int | None, "pairs of complex conjugate modes, least over the poses"] = None
-    infinite: Annotated[int | None, "paths that ended at infinity, most over the poses"] = None
-    multiple: Annotated[int | None, "paths that ended in singular modes, most over the poses"] = None
-    lost: Annotated[int | None, "paths that ended nowhere, most over the poses"] = None
+    conjugate_pairs: Annotated[int | None, "pairs of complex conjugate modes, minimum over the poses"] = None
+    infinite: Annotated[int | None, "paths that ended at infinity, maximum over the poses"] = None
+    multiple: Annotated[int | None, "paths that ended in singular modes, maximum over the poses"] = None
+    lost: Annotated[int | None, "lost paths, maximum over the poses"] = None
     retries: Annotated[int | None, "paths tracked again from another start system, sum over the poses"] = None
-    worst_residual: Annotated[float | None, "largest scaled equation at a mode found; 1 is the size of the terms"] = (
-        None
-    )
+    worst_residual: Annotated[float | None, "largest scaled residual at a mode; 1 is the size of the terms"] = None
     worst_leg_error: Annotated[
-        float | None,
-        "largest error of a leg length at a real mode, by the legs as given, over the platform's size",
+        float | None, "largest error of an unscaled leg length at a real mode, relative to the platform's size"
     ] = None
     nearest_distance: Annotated[
         float,
         Quantity(
             "m",
-            "distance of the plate joints' centroid between the two real modes nearest each other, "
-            "over all poses; null with fewer than two. Near means least root of (distance / "
-            "size)^2 + angle^2",
+            "distance of the plate joints' centroid between the two nearest real modes of a pose, minimum over the "
+            "poses; null with fewer than two. The nearest modes have the smallest (distance / size)^2 + angle^2",
             key="nearest_mm",
             written="mm",
         ),
     ] = math.nan
-    nearest_angle_deg: Annotated[float, Quantity("deg", "the angle between these two", key="nearest_deg")] = math.nan
+    nearest_angle_deg: Annotated[float, Quantity("deg", "angle between these two modes", key="nearest_deg")] = math.nan
     commanded: Annotated[
         int | None,
-        "number of the commanded mode among the real ones, from 1; null for several poses, and "
-        "where no pose was commanded or Newton found none",
+        "number of the commanded mode among the real modes, from 1; null for several poses, without a commanded pose, "
+        "or if Newton's method found none",
     ] = None
     commanded_nearest_distance: Annotated[
         float,
         Quantity(
             "m",
-            "distance of the nearest other real mode from the commanded one, least over the poses",
+            "distance between the commanded mode and the nearest other real mode, minimum over the poses",
             key="commanded_nearest_mm",
             written="mm",
         ),
     ] = math.nan
     commanded_nearest_angle_deg: Annotated[
-        float, Quantity("deg", "the angle between them", key="commanded_nearest_deg")
+        float, Quantity("deg", "angle between these two modes", key="commanded_nearest_deg")
     ] = math.nan
     modes: Annotated[
         Sequence[Mapping[str, Any]],
-        "real modes of an only pose: mode (from 1), tcp_m, quaternion (scalar first), "
-        "nearest_mode, nearest_mm, nearest_deg, commanded; empty for several",
+        "real modes of a single pose: mode (from 1), tcp_m, quaternion (scalar first), nearest_mode, nearest_mm, "
+        "nearest_deg, commanded; empty for several poses",
     ] = ()
     each: Annotated[
         Sequence[Mapping[str, Any]],
-        "for each pose: pose (from 1), status, message, the numbers above, q_m and q_rad, the "
-        "commanded tcp_m and quaternion, and its modes",
+        "for each pose: pose (from 1), status, message, the values above, q_m and q_rad, the commanded tcp_m and "
+        "quaternion, and the modes",
     ] = ()
 
     @property
@@ -127,13 +125,13 @@ def _rows_of_one(study: ModesStudy, pose: Mapping[str, Any]) -> list[Row]:
         Row("modes found, distinct, certified", f"{pose['finite']}, {pose['distinct']}, {pose['certified']}", "of 40"),
         Row("real", pose["real"]),
         Row("conjugate pairs", pose["conjugate_pairs"]),
-        Row("at infinity, multiple, lost", f"{pose['infinite']}, {pose['multiple']}, {pose['lost']}", "paths"),
+        Row("paths at infinity, multiple, lost", f"{pose['infinite']}, {pose['multiple']}, {pose['lost']}", "paths"),
         Row("tracked again", pose["retries"], "paths"),
         Row("worst residual", pose["worst_residual"]),
-        Row("worst error of a leg, relative", pose["worst_leg_error"]),
-        *_near_rows("nearest two real modes", pose["nearest_mm"], pose["nearest_deg"]),
+        Row("worst relative error of a leg", pose["worst_leg_error"]),
+        *_near_rows("distance of the two nearest real modes", pose["nearest_mm"], pose["nearest_deg"]),
         Row("commanded mode", "none" if pose["commanded"] is None else pose["commanded"]),
-        *_near_rows("nearest to the commanded", pose["commanded_nearest_mm"], pose["commanded_nearest_deg"]),
+        *_near_rows("distance to the commanded mode", pose["commanded_nearest_mm"], pose["commanded_nearest_deg"]),
     ]
     for mode in study.modes:
         mark = " (commanded)" if mode["commanded"] else ""
@@ -150,14 +148,14 @@ def _near_rows(label: str, mm: float, deg: float) -> list[Row]:
 def _rows_of_many(study: ModesStudy, each: Sequence[Mapping[str, Any]]) -> list[Row]:
     return [
         Row("poses", study.poses),
-        Row("with a whole set of modes", study.whole),
-        *(Row(f"with {count} real modes", poses) for count, poses in study.real_counts.items()),
-        Row("with the commanded pose among them", sum(pose["commanded"] is not None for pose in each)),
+        Row("poses with a complete set of modes", study.whole),
+        *(Row(f"poses with {count} real modes", poses) for count, poses in study.real_counts.items()),
+        Row("poses with the commanded mode", sum(pose["commanded"] is not None for pose in each)),
         Row("tracked again", study.retries, "paths"),
         Row("worst residual", study.worst_residual),
-        Row("worst error of a leg, relative", study.worst_leg_error),
-        *_near_rows("nearest two real modes", 1e3 * study.nearest_distance, study.nearest_angle_deg),
+        Row("worst relative error of a leg", study.worst_leg_error),
+        *_near_rows("distance of the two nearest real modes", 1e3 * study.nearest_distance, study.nearest_angle_deg),
         *_near_rows(
-            "nearest to a commanded one", 1e3 * study.commanded_nearest_distance, study.commanded_nearest_angle_deg
+            "distance to a commanded mode", 1e3 * study.commanded_nearest_distance, study.commanded_nearest_angle_deg
         ),
     ]

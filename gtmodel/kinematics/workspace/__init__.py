@@ -1,9 +1,9 @@
-"""Workspace of a robot: which tool centre points it reaches under limits, and area, boundary and volume of them.
+"""Workspace of a robot: reachable tool centre points under limits, with their area, boundary and volume.
 
-The study: workspace_study, WorkspaceStudy, asked for by WorkspaceLimits, CrossSection, Sections, Bodies, Box, Beam.
-Points: Grid, box_grid, section_grid. The robot: InverseKinematics, Poses. Limits: ActuatorLimits, BallJointCones,
+Study: workspace_study, WorkspaceStudy; its options are WorkspaceLimits, CrossSection, Sections, Bodies, Box, Beam.
+Points: Grid, box_grid, section_grid. Robot: InverseKinematics, Poses. Limits: ActuatorLimits, BallJointCones,
 CartesianBox, Singularities, Obstacles, LinkClearance, FrameClearance. Maps: Reach, map_grid, map_section, map_volume.
-Shapes: Region, region. Robots under limits: limited_mechanism, limits_of.
+Shapes: Region, region. Robot with limits: limited_mechanism, limits_of.
 """
 
 from typing import TYPE_CHECKING

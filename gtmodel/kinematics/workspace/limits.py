@@ -1,6 +1,6 @@
-"""Limits that make the workspace smaller than the inverse kinematics allows: strokes, joint cones, free space.
+"""Limits that reduce the workspace: strokes, joint cones, free space, singularities.
 
-A limit gives a margin for each of its parts (positive inside, in its own unit) and says in words what it assumes.
+A limit returns a margin for each of its parts (positive inside, in the unit of the limit) and states its assumption.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from ..mechanism import Array, Poses
 
 
 class Limit(Protocol):
-    """What every limit offers.
+    """Interface of a limit.
 
-    name: one or two words. unit: of the margins. parts: what each column of the margins belongs to.
-    assumes: a sentence on what was assumed, stated with every result; "" where there is nothing to say.
+    name: one or two words. unit: of the margins. parts: names of the columns of the margins.
+    assumes: a sentence that states the assumption, reported with every result; "" without one.
     """
 
     @property
@@ -32,13 +32,13 @@ class Limit(Protocol):
     def assumes(self) -> str: ...
 
     def margins(self, poses: Poses) -> Array:
-        """(n, parts): positive inside the limit."""
+        """Return margins (n, parts), positive inside the limit."""
         ...
 
 
 @dataclass(frozen=True)
 class _Ends(ABC):
-    """Coordinates of a pose stay between a low and a high end."""
+    """Coordinates of a pose stay between lower and upper limits."""
 
     low: Array
     high: Array
@@ -48,11 +48,11 @@ class _Ends(ABC):
 
     @abstractmethod
     def coordinates(self, poses: Poses) -> Array:
-        """(n, m) what is limited."""
+        """Return the limited coordinates (n, m)."""
 
     @abstractmethod
     def names(self) -> Sequence[str]:
-        """Of the m coordinates."""
+        """Return the names of the m coordinates."""
 
     @property
     def parts(self) -> Sequence[str]:
@@ -81,10 +81,10 @@ class BallJointCones:
     """Each link stays within a cone about the axis of its ball joint.
 
     Attributes:
-        axes: (l, 3) unit vectors in world coordinates, from cart to plate. Carts and plate keep their orientation,
-            so that one cone stands for both ends of a link.
+        axes: (l, 3) unit vectors in world coordinates, from cart to plate. The orientation of carts and plate is
+            constant, so that one cone represents both ends of a link.
         half_angle: of the cones [rad].
-        assumes: how the axes were chosen; joint mounting directions are rarely published.
+        assumes: how the axes were chosen; mounting directions of joints are rarely published.
     """
 
     axes: Array
@@ -94,10 +94,10 @@ class BallJointCones:
 
     @classmethod
     def about_home(cls, home: Poses, half_angle: float) -> BallJointCones:
-        """Axes along the links at the home pose, the one row of `home`."""
-        where = ", ".join(f"{x:.4g}" for x in home.T[0])
+        """Return cones with axes along the links at the home pose, the single row of `home`."""
+        point = ", ".join(f"{x:.4g}" for x in home.T[0])
         assumes = (
-            f"ball-joint cones stand about the link directions at the home pose ({where}) m; "
+            f"the axes of the ball-joint cones are the link directions at the home pose ({point}) m; "
             "the real mounting directions are not known"
         )
         return cls(home.directions[0], half_angle, assumes)
@@ -112,14 +112,14 @@ class BallJointCones:
 
     def margins(self, poses: Poses) -> Array:
         u, axes = poses.directions, np.asarray(self.axes)
-        # the angle by its half: exact for small ones too
+        # from the half-angle: accurate for small angles too
         difference, total = (np.sqrt(np.einsum("nli,nli->nl", d, d)) for d in (u - axes, u + axes))
         return self.half_angle - 2 * np.arctan2(difference, total)
 
 
 @dataclass(frozen=True)
 class CartesianBox(_Ends):
-    """The tool centre point stays within low <= T <= high [m], both (3,): the free space inside a frame
+    """The tool centre point stays within low <= T <= high [m], both (3,), such as the free space inside a frame
     (Dressler 2012, section 5.6)."""
 
     name: str = "Cartesian limits"
@@ -133,10 +133,11 @@ class CartesianBox(_Ends):
 
 @dataclass(frozen=True)
 class Singularities:
-    """The robot stays off its singular poses by an angle [rad].
+    """The robot keeps an angular distance [rad] from its singularities.
 
-    Inverse: a link orthogonal to its guideway moves nothing; the margin is its angle from that. Forward (three
-    links): a link in the plane of the two others holds nothing; the margin is its angle from that plane.
+    Inverse singularity: a link is orthogonal to its guideway. The margin is the angle between the link and the plane
+    across the guideway. Forward singularity (three links): the links are coplanar. The margin is the angle between a
+    link and the plane of the other two. `least_angle` is subtracted from both.
 
     Attributes:
         directions: (l, 3) guideway direction of each link; length does not matter.
@@ -144,7 +145,7 @@ class Singularities:
 
     directions: Array
     least_angle: float
-    name: str = "singularity"
+    name: str = "singularity limit"
     unit: str = "rad"
     assumes: str = ""
 
@@ -165,8 +166,8 @@ class Singularities:
 
 
 def plane_angles(u: Array) -> Array:
-    """Angle [rad] (n, 3) of each of three unit vectors (n, 3, 3) from the plane of the two others; zero where they
-    are singular."""
+    """Return the angle [rad] (n, 3) between each of three unit vectors (n, 3, 3) and the plane of the other two; zero
+    if they are coplanar."""
     x, y, z = np.moveaxis(u, 2, 0)
     height, angles = np.zeros(len(u)), []
     for j, k in ((1, 2), (2, 0), (0, 1)):
@@ -175,10 +176,10 @@ def plane_angles(u: Array) -> Array:
             z[:, j] * x[:, k] - x[:, j] * z[:, k],
             x[:, j] * y[:, k] - y[:, j] * x[:, k],
         )
-        if not angles:  # three times the same determinant
+        if not angles:  # the determinant is the same for all three
             height = np.abs(normal[0] * x[:, 0] + normal[1] * y[:, 0] + normal[2] * z[:, 0])
         length = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
-        # two parallel links span no plane: as singular as can be
+        # two parallel links span no plane: singular
         sine = np.divide(height, length, out=np.zeros_like(height), where=length > 0)
         angles.append(np.arcsin(np.minimum(1.0, sine)))
     return np.stack(angles, axis=1)

@@ -1,4 +1,4 @@
-"""Which tool centre points a robot reaches, and why not the others, with the limits that it is asked to keep."""
+"""Reachability of tool centre points under limits, and the reasons why points cannot be reached."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from .limits import ActuatorLimits, BallJointCones, CartesianBox, Limit, Singula
 from .options import Beam, Bodies, Box, WorkspaceLimits
 
 REACHABLE = 0
-FIRST_LIMIT = 64  # codes below are those of `Status`, from here on they count the limits
-# rows at once: some 10 MB of poses and margins, whatever the size of the grid
+FIRST_LIMIT = 64  # smaller codes are those of `Status`; code FIRST_LIMIT + k is limit k
+# rows evaluated together: about 10 MB of poses and margins for any grid
 CHUNK = 16384
-# chunks handed to a cluster before any answer is waited for
+# chunks sent to a cluster before the results are collected
 WINDOW = 64
 
 
 class Reach:
-    """Reachability of tool centre points under limits, in one order: input, inverse kinematics, then each limit.
+    """Reachability of tool centre points, tested in this order: finite input, inverse kinematics, then each limit.
 
-    Called with T (3,) or (n, 3) [m] it returns codes: 0 reachable, below FIRST_LIMIT a `Status` of the inverse
-    kinematics, from there on FIRST_LIMIT + k for limit k, the first one that fails. It never throws on data, and a
-    row with NaN harms no other row.
+    Called with T (3,) or (n, 3) [m] it returns codes: 0 for reachable, a `Status` of the inverse kinematics below
+    FIRST_LIMIT, and FIRST_LIMIT + k if limit k is the first violated limit. It raises no error for any values of T, and
+    a row with NaN does not affect other rows.
     """
 
     def __init__(self, inverse: InverseKinematics, limits: Sequence[Limit] = ()) -> None:
@@ -39,38 +39,38 @@ class Reach:
 
     @property
     def assumptions(self) -> list[str]:
-        """What was assumed, one sentence for each limit that has one."""
+        """The assumptions of the limits, in sentences."""
         return [limit.assumes for limit in self.limits if limit.assumes]
 
     def __call__(self, T: Array) -> Any:
-        """Codes: an int for T (3,), uint8 (n,) for T (n, 3) [m]."""
+        """Return codes: an int for T (3,), uint8 (n,) for T (n, 3) [m]."""
         T = np.asarray(T, dtype=float)
         if T.shape[-1:] != (3,) or T.ndim not in (1, 2):
-            raise TypeError(f"tool centre points take shape (3,) or (n, 3); found {T.shape}")
+            raise TypeError(f"expected tool centre points of shape (3,) or (n, 3); found {T.shape}")
         if T.ndim == 1:
             return int(self(T[None])[0])
         poses = self.inverse(T)
         codes = np.asarray(poses.status).astype(np.uint8)
-        left = np.flatnonzero(codes == REACHABLE)
-        if self.limits and len(left) < len(codes):
-            poses = poses.rows(left)
+        remaining = np.flatnonzero(codes == REACHABLE)
+        if self.limits and len(remaining) < len(codes):
+            poses = poses.rows(remaining)
         for k, limit in enumerate(self.limits):
-            if not len(left):
+            if not len(remaining):
                 break
             with np.errstate(invalid="ignore"):
-                kept = np.asarray(np.all(limit.margins(poses) >= 0, axis=1))
-            codes[left[~kept]] = FIRST_LIMIT + k
-            if k + 1 < len(self.limits) and not kept.all():
-                poses = poses.rows(kept)
-            left = left[kept]
+                inside = np.asarray(np.all(limit.margins(poses) >= 0, axis=1))
+            codes[remaining[~inside]] = FIRST_LIMIT + k
+            if k + 1 < len(self.limits) and not inside.all():
+                poses = poses.rows(inside)
+            remaining = remaining[inside]
         return codes
 
     def inside(self, T: Array) -> Array:
-        """True for reachable rows of T (n, 3) [m]."""
+        """Return True for reachable rows of T (n, 3) [m]."""
         return self(T) == REACHABLE
 
     def message(self, code: int) -> str:
-        """What a code means."""
+        """Return the meaning of a code."""
         if code == REACHABLE:
             return "reachable"
         if code < FIRST_LIMIT:
@@ -78,23 +78,23 @@ class Reach:
         return f"outside the {self.limits[code - FIRST_LIMIT].name}"
 
     def diagnose(self, T: Array) -> str:
-        """One sentence on a single point (3,): reachable, or what forbids it and by how much."""
+        """Return a sentence on a single point (3,): reachable, or the violated limit and the amount."""
         T = np.asarray(T, dtype=float)
-        where = f"({', '.join(f'{x:.4g}' for x in T)}) m"
+        point = f"({', '.join(f'{x:.4g}' for x in T)}) m"
         code = self(T)
-        if code != REACHABLE and code < FIRST_LIMIT:
-            return f"{where} cannot be reached: {self.inverse.diagnose(T)}"
-        poses = self.inverse(T[None])
         if code == REACHABLE:
-            return f"{where} can be reached"
+            return f"{point} can be reached"
+        if code < FIRST_LIMIT:
+            return f"{point} cannot be reached: {self.inverse.diagnose(T)}"
+        poses = self.inverse(T[None])
         limit = self.limits[code - FIRST_LIMIT]
         margins = limit.margins(poses)[0]
         worst = int(np.argmin(margins))
         amount, unit = (np.degrees(margins[worst]), "deg") if limit.unit == "rad" else (margins[worst], limit.unit)
-        return f"{where} cannot be reached: {limit.parts[worst]} leaves the {limit.name} by {-amount:.4g} {unit}"
+        return f"{point} cannot be reached: {limit.name} violated by {-amount:.4g} {unit} ({limit.parts[worst]})"
 
     def counts(self, codes: Array) -> dict[str, int]:
-        """Number of points by reason, in the order of the tests; reasons without points are left out."""
+        """Return the number of points by reason, in the order of the tests, without reasons that do not occur."""
         counts = np.bincount(np.asarray(codes, dtype=int).ravel())
         return {self.message(code): int(n) for code, n in enumerate(counts) if n}
 
@@ -104,7 +104,7 @@ class ReachMap:
     """Codes of a grid.
 
     Attributes:
-        codes: uint8 of the grid's shape; NOT_LOOKED_AT where the work was stopped before.
+        codes: uint8 of the grid's shape; NOT_LOOKED_AT for points not evaluated before a stop.
         complete: False after a stop.
     """
 
@@ -114,7 +114,7 @@ class ReachMap:
 
     @property
     def reachable(self) -> Array:
-        """True where the robot reaches, of the grid's shape."""
+        """True for reachable points, of the grid's shape."""
         return self.codes == REACHABLE
 
 
@@ -129,15 +129,15 @@ def map_grid(
     client: Any = None,
     progress: Callable[[float], bool] | None = None,
 ) -> ReachMap:
-    """Codes of all points of a grid, chunk by chunk: memory beyond the result does not grow with the grid.
+    """Return the codes of all points of a grid, evaluated in chunks that limit the memory.
 
     Args:
-        chunk: rows at once.
-        client: of a cluster, such as `dask.distributed.Client`: anything with `map(function, items)`, which returns
-            futures, and `gather(futures)`. At most WINDOW chunks are under way. Left out: here.
-        progress: called with the fraction done; returning True stops the work.
+        chunk: points per chunk.
+        client: of a cluster, such as `dask.distributed.Client`: any object with `map(function, items)`, which returns
+            futures, and `gather(futures)`. At most WINDOW chunks are submitted together. Default: this process.
+        progress: called with the completed fraction; if it returns True, the work stops.
 
-    The L1 along a block beside its home, with carts that move 1 m each way:
+    The L1 in a block near its home, with carts that move within +-1 m:
 
     >>> from gtmodel.kinematics.workspace import ActuatorLimits, Bodies, Reach, box_grid, limited_mechanism, map_grid
     >>> robot = limited_mechanism(gt.robots.gantry_tau("l1_tape"), None, Bodies())
@@ -151,11 +151,11 @@ def map_grid(
     batch = 1 if client is None else WINDOW
     for first in range(0, grid.size, batch * chunk):
         begins = range(first, min(first + batch * chunk, grid.size), chunk)
-        chosen = [(begin, min(begin + chunk, grid.size)) for begin in begins]
-        parts = [work(span) for span in chosen] if client is None else client.gather(client.map(work, chosen))
-        for (begin, end), part in zip(chosen, parts, strict=True):
+        spans = [(begin, min(begin + chunk, grid.size)) for begin in begins]
+        parts = [work(span) for span in spans] if client is None else client.gather(client.map(work, spans))
+        for (begin, end), part in zip(spans, parts, strict=True):
             codes[begin:end] = part
-        done = chosen[-1][1]
+        done = spans[-1][1]
         if progress is not None and progress(done / grid.size) and done < grid.size:
             return ReachMap(grid, codes.reshape(grid.shape), complete=False)
     return ReachMap(grid, codes.reshape(grid.shape))
@@ -165,12 +165,12 @@ def _codes(reach: Reach, grid: Grid, span: tuple[int, int]) -> Array:
     return reach(grid.points(*span))
 
 
-MOST_POINTS = 2.5e7  # of a section, some 500 MB
-LONGEST_STROKE = 100.0  # in link lengths; a longer one was given in millimetres
+MOST_POINTS = 2.5e7  # of a section, about 500 MB
+LONGEST_STROKE = 100.0  # in link lengths; a longer stroke is in millimetres
 
 
 def limited_mechanism(model: Model, home: Sequence[float] | Array | None, bodies: Bodies) -> Mechanism:
-    """The robot with its home pose (3,) [m] and its real plate joints. Raises ArgumentError.
+    """Return the robot's mechanism with its home pose (3,) [m] and its real plate joints. Raises ArgumentError.
 
     >>> from gtmodel.kinematics.workspace import Bodies, limited_mechanism
     >>> robot = limited_mechanism(gt.robots.gantry_tau("l1_tape"), [1.4, -0.4, 0.9], Bodies(link_radius=0.02))
@@ -184,21 +184,21 @@ def limited_mechanism(model: Model, home: Sequence[float] | Array | None, bodies
         return robot
     count = len(robot.lengths)
     if len(joints) != count:
-        raise ArgumentError(f"the robot has {count} links; found {len(joints)} joints", "bodies.plate_joints")
+        raise ArgumentError(f"expected a joint for each of {count} links; found {len(joints)}", "bodies.plate_joints")
     return mechanism_of(model, home, np.array(joints, dtype=float))
 
 
 def limits_of(
     limits: WorkspaceLimits, bodies: Bodies, boxes: Sequence[Box], beams: Sequence[Beam], robot: Mechanism
 ) -> list[Limit]:
-    """Limits in the order of their cost and of their certainty. Raises ArgumentError.
+    """Return the limits, the cheapest and most certain first. Raises ArgumentError.
 
-    Two limits are asked for; singular poses are one in any case:
+    Two limits in addition to the singularity limit, which always applies:
 
     >>> from gtmodel.kinematics.workspace import Bodies, WorkspaceLimits, limited_mechanism, limits_of
     >>> robot = limited_mechanism(gt.robots.gantry_tau("l1_tape"), None, Bodies())
-    >>> wanted = WorkspaceLimits(actuators=[[-1.5, 1.5]] * 3, cone=np.radians(40.0))
-    >>> [type(limit).__name__ for limit in limits_of(wanted, Bodies(), [], [], robot)]
+    >>> limits = WorkspaceLimits(actuators=[[-1.5, 1.5]] * 3, cone=np.radians(40.0))
+    >>> [type(limit).__name__ for limit in limits_of(limits, Bodies(), [], [], robot)]
     ['Singularities', 'ActuatorLimits', 'BallJointCones']
     """
     all_limits: list[Limit] = [Singularities(robot.directions, limits.singularity)]
@@ -221,7 +221,8 @@ def limits_of(
     if bodies.link_clearance:
         if bodies.plate_joints is None:
             raise ArgumentError(
-                "the links meet in the tool centre point; give bodies.plate_joints_m", "bodies.link_clearance"
+                "without bodies.plate_joints_m the links meet in the tool centre point; give the plate joints",
+                "bodies.link_clearance",
             )
         all_limits.append(LinkClearance(radius))
     return all_limits + ([_frame(beams, radius)] if beams else [])
@@ -230,7 +231,7 @@ def limits_of(
 def _strokes(actuators: Sequence[Sequence[float]], robot: Mechanism) -> ActuatorLimits:
     carts, pairs = robot.home.q.shape[1], np.array(actuators, dtype=float)
     if pairs.shape != (carts, 2):
-        raise ArgumentError(f"the robot has {carts} carts; found {len(actuators)} pairs", "limits.actuators")
+        raise ArgumentError(f"expected a pair for each of {carts} carts; found {len(actuators)}", "limits.actuators")
     low, high = pairs.T
     refuse_disordered(low, high, "limits.actuators")
     stroke, longest = float(np.max(high - low)), float(robot.lengths.max())
@@ -248,11 +249,9 @@ def _frame(beams: Sequence[Beam], radius: Array) -> FrameClearance:
     for k, beam in enumerate(beams):
         wrong = [i for i in beam.skip_links if not 1 <= i <= count]
         if wrong:
-            raise ArgumentError(f"there is no link {wrong[0]}; there are 1 to {count}", f"beams[{k}].skip_links")
+            raise ArgumentError(f"no link {wrong[0]}; expected 1 to {count}", f"beams[{k}].skip_links")
         if len(set(beam.skip_links)) == count:
-            raise ArgumentError(
-                "names all links, so that nothing is tested; leave the beam out", f"beams[{k}].skip_links"
-            )
+            raise ArgumentError("all links are skipped; remove the beam", f"beams[{k}].skip_links")
     skip = [(i - 1, k) for k, beam in enumerate(beams) for i in beam.skip_links]
     ends = np.array([[beam.from_, beam.to] for beam in beams])
     return FrameClearance(ends, np.array([beam.radius for beam in beams]), radius, skip)
@@ -260,7 +259,7 @@ def _frame(beams: Sequence[Beam], radius: Array) -> FrameClearance:
 
 @dataclass(frozen=True)
 class WorkspaceTask:
-    """What is looked at: the robot, its tests, and the part low <= (u, v) <= high [m] of the section."""
+    """The robot, its reachability test, and the part low <= (u, v) <= high [m] of the section."""
 
     robot: Mechanism
     reach: Reach
@@ -278,18 +277,18 @@ def task_of(
     obstacles: Sequence[Box],
     beams: Sequence[Beam],
 ) -> WorkspaceTask:
-    """The section is what all links can reach at most, unless it is given. Raises ArgumentError."""
+    """Return the task; by default its section covers the largest reach of the links. Raises ArgumentError."""
     mechanism = limited_mechanism(robot, home, bodies)
     reach = Reach(mechanism.inverse, limits_of(limits, bodies, obstacles, beams, mechanism))
     plane = mechanism.section(section.along)
     low, high = section.window(*mechanism.farthest(plane.pierced(mechanism.anchors, mechanism.directions)))
     if np.any(high - low <= section.step):
         raise ArgumentError(
-            f"the section is {high[0] - low[0]:.4g} m by {high[1] - low[1]:.4g} m, so that no point lies within it; "
-            f"take a step below {np.min(high - low):.3g} m",
+            f"the section of {high[0] - low[0]:.4g} m by {high[1] - low[1]:.4g} m is too small for this step; "
+            f"use a step below {np.min(high - low):.3g} m",
             "section.step",
         )
     size = np.prod((high - low) / section.step)
     if size > MOST_POINTS:
-        raise ArgumentError(f"the grid would have {size:.1e} points; take a larger step", "section.step")
+        raise ArgumentError(f"the grid would have {size:.1e} points; use a larger step", "section.step")
     return WorkspaceTask(mechanism, reach, plane, low, high)

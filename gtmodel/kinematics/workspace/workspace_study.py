@@ -1,4 +1,4 @@
-"""Which tool centre points a robot reaches: their cross-section and volume as a study."""
+"""The workspace study: reachable tool centre points of a robot, in a cross-section and as a volume."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from .volume import SectionMap, Volume, map_section, map_volume
 
 Array = np.ndarray
 
-# relative change of the area when the step is doubled: boundary crossings are bisected, the rest is of second order
+# relative change of the area if the step is doubled: second order, because boundary crossings are bisected
 CONVERGENCE = 0.01
 FINER = "use a smaller step of the section"
-# relative: the same polygons by cells and by loops
+# relative difference of the area from cells and from boundary loops: rounding
 POLYGONS = 1e-9
-FEW = 10  # steps across the section; a section not reached at so few points may be reached between them
+FEW = 10  # points across the section; with so few, a reachable area between the points may be missed
 
 
 @study_function
@@ -46,20 +46,20 @@ def workspace_study(
     points: Annotated[Sequence[Sequence[float]], Long(3)] = (),
     **work_options: Unpack[WorkOptions],
 ) -> WorkspaceStudy:
-    """Which tool centre points a robot reaches: the cross-section under limits, its boundary, the volume, reasons.
+    """Compute the workspace of a robot under limits: cross-section, boundary, volume, and why points are unreachable.
 
     Args:
-        robot: with links on guideways, whose plate keeps its orientation or follows from T.
-        limits: what is to be kept; singularities alone if left out.
-        home: (3,) the pose where joint cones have their axes [m]; the robot's own if left out.
-        section: where the section lies, and its grid.
-        volume: the sections of the volume; none is computed if left out.
-        bodies: sizes of links and plate. obstacles, beams: what they must not touch.
-        compare_cones: half-angles of cones [rad] that are mapped beside the limits, each alone.
-        points: tool centre points (3,) [m] to judge one by one.
+        robot: with links on guideways; the plate's orientation is constant or determined by T.
+        limits: limits of the workspace; default: singularities only.
+        home: (3,) home pose, which defines the axes of the joint cones [m]; default: the robot's home.
+        section: position of the section, and its grid.
+        volume: sections of the volume; default: no volume.
+        bodies: sizes of links and plate. obstacles, beams: objects that they must not touch.
+        compare_cones: half-angles of cones [rad]; each is mapped alone, for comparison.
+        points: tool centre points (3,) [m] to test individually.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Interrupted, it holds what was mapped until then. Raises ArgumentError.
+    After an interruption, the study contains the completed maps. Raises ArgumentError.
 
     >>> import gtmodel as gt
     >>> from gtmodel.kinematics.workspace import CrossSection, WorkspaceLimits
@@ -83,7 +83,7 @@ def workspace_study(
             cones[angle] = maps(Reach(task.robot.inverse, [*singular, cone]), f"cones of {_degrees(angle):g} deg")
         main = maps(task.reach, "workspace")
         coarse = maps(task.reach, "coarse grid", 2 * section.step)
-        solid = None if volume is None else maps.volume(volume, _to_begin_with(volume, task, obstacles, beams))
+        solid = None if volume is None else maps.volume(volume, _initial_count(volume, task, obstacles, beams))
     except _Stopped:
         return WorkspaceStudy(
             status=SolveStatus.INTERRUPTED, title=work.title, cones=_cones(cones),
@@ -96,7 +96,7 @@ def _refuse_range(volume: Sections) -> None:
     if volume.low >= volume.high:
         raise ArgumentError("the first position must be less than the last", "volume.high")
     if volume.sections > volume.most_sections:
-        raise ArgumentError(f"is less than the {volume.sections} sections to begin with", "volume.most_sections")
+        raise ArgumentError(f"must be at least {volume.sections}, the number of sections", "volume.most_sections")
 
 
 class _Stopped(Exception):
@@ -105,7 +105,7 @@ class _Stopped(Exception):
 
 @dataclass(frozen=True)
 class _Maps:
-    """Maps of one section, and of many; raise _Stopped."""
+    """Maps one section or many; raises _Stopped."""
 
     task: WorkspaceTask
     step: float
@@ -120,26 +120,26 @@ class _Maps:
             raise _Stopped
         return section_map
 
-    def volume(self, given: Sections, count: int) -> Volume:
+    def volume(self, options: Sections, count: int) -> Volume:
         t = self.task
-        along = np.linspace(given.low, given.high, count) - float(t.section.origin @ t.section.normal)
+        along = np.linspace(options.low, options.high, count) - float(t.section.origin @ t.section.normal)
         solid = map_volume(
-            t.reach, t.section, t.low, t.high, along, self.step, tolerance=given.tolerance / 2,
-            most=given.most_sections, coarse=True, progress=self.work.fractions("sections"),
+            t.reach, t.section, t.low, t.high, along, self.step, tolerance=options.tolerance / 2,
+            most=options.most_sections, coarse=True, progress=self.work.fractions("sections"),
         )  # fmt: skip
         if not solid.complete:
             raise _Stopped
         return solid
 
 
-def _to_begin_with(volume: Sections, task: WorkspaceTask, boxes: Sequence[Box], beams: Sequence[Beam]) -> int:
-    """Number of sections before any is added: as many as asked for, or so many that none of the obstacles fits between
-    two of them."""
+def _initial_count(volume: Sections, task: WorkspaceTask, boxes: Sequence[Box], beams: Sequence[Beam]) -> int:
+    """Return the initial number of sections: at least `volume.sections`, and enough that no obstacle fits between two
+    of them."""
     normal = task.section.normal
-    thin = [float(np.ptp(np.array([b.low, b.high]), axis=0) @ np.abs(normal)) for b in boxes]
-    thin += [2 * b.radius + abs(float((np.array(b.to) - b.from_) @ normal)) for b in beams]
-    thin = [t for t in thin if t > 0]
-    enough = int(np.ceil((volume.high - volume.low) / min(thin))) + 1 if thin else 0
+    widths = [float(np.ptp(np.array([b.low, b.high]), axis=0) @ np.abs(normal)) for b in boxes]
+    widths += [2 * b.radius + abs(float((np.array(b.to) - b.from_) @ normal)) for b in beams]
+    widths = [w for w in widths if w > 0]
+    enough = int(np.ceil((volume.high - volume.low) / min(widths))) + 1 if widths else 0
     return min(max(volume.sections, enough), volume.most_sections)
 
 
@@ -160,7 +160,7 @@ def _study_of(
     footprint = rectangle if rectangle > 0.0 else None
     strokes = np.ptp(limits.actuators or [[0.0, 0.0]], axis=1)
     length = float(np.max(strokes)) * float(np.linalg.norm(robot.directions, axis=1).max())
-    compared = [BallJointCones.about_home(robot.home, angle).assumes for angle in cones]
+    cone_assumptions = [BallJointCones.about_home(robot.home, angle).assumes for angle in cones]
     reasons = reach.counts(main.codes)
     empty = region.area == 0.0
     study = WorkspaceStudy(
@@ -178,14 +178,14 @@ def _study_of(
             for p in points
         ],
         on_edge=region.on_edge,
-        assumptions=list(dict.fromkeys([*reach.assumptions, *compared])),
+        assumptions=list(dict.fromkeys([*reach.assumptions, *cone_assumptions])),
         figures={
             "section": partial(_section_figure, title, task, main, bare, cones),
             "robot": lambda: home_figure(robot, [main.section.points(p) for p in region.loops], title),
         },
     )
     if empty:
-        return study.with_(status=SolveStatus.INFEASIBLE, message=_nothing(main, reasons))
+        return study.with_(status=SolveStatus.INFEASIBLE, message=_empty_message(main, reasons))
     return study.with_(
         message="; ".join(study.cuts) or SolveStatus.SOLVED.message,
         checks=_checks(main, coarse, volume, solid),
@@ -193,16 +193,17 @@ def _study_of(
     )
 
 
-def _nothing(main: SectionMap, reasons: Mapping[str, int]) -> str:
-    message = f"no point of the section is reached; most often: {max(reasons, key=lambda r: reasons[r])}"
+def _empty_message(main: SectionMap, reasons: Mapping[str, int]) -> str:
+    reason = max(reasons, key=lambda r: reasons[r])
+    message = f"no point of the section can be reached; most frequent reason: {reason}"
     if min(len(main.u), len(main.v)) <= FEW:
-        message += f"; it was looked at in {len(main.u)} by {len(main.v)} points only, try a smaller step"
+        message += f"; the grid has only {len(main.u)} by {len(main.v)} points; try a smaller step"
     return message
 
 
-def _sizes(section_map: SectionMap, which: str = "") -> dict[str, Any]:
+def _sizes(section_map: SectionMap, prefix: str = "") -> dict[str, Any]:
     width, height = section_map.region.extent
-    return {f"{which}area": section_map.region.area, f"{which}width": float(width), f"{which}height": float(height)}
+    return {f"{prefix}area": section_map.region.area, f"{prefix}width": float(width), f"{prefix}height": float(height)}
 
 
 def _cones(cones: dict[float, SectionMap]) -> list[dict[str, float]]:
@@ -214,7 +215,7 @@ def _cones(cones: dict[float, SectionMap]) -> list[dict[str, float]]:
 
 
 def _degrees(angle: float) -> float:
-    """An angle [rad] in degrees, as a person would write it."""
+    """Return an angle [rad] in degrees, rounded for print."""
     return float(f"{angle / DEGREE:.12g}")
 
 
@@ -239,12 +240,15 @@ def _checks(main: SectionMap, coarse: SectionMap, volume: Sections | None, solid
     if solid is None or volume is None:
         return checks
     size, allowed = solid.volume, volume.tolerance
-    none = f"none of {len(solid.along)} sections is reached, {solid.widest:.3g} m apart; move volume.low_m and high_m"
-    more = f"allow more than {volume.most_sections} sections by volume.most_sections, or a narrower range"
+    move = (
+        f"no point of {len(solid.along)} sections, up to {solid.widest:.3g} m apart, can be reached; "
+        "change volume.low_m and high_m"
+    )
+    add = f"increase volume.most_sections above {volume.most_sections}, or use a narrower range"
     rough = abs(size - solid.coarse) / size if size else np.inf
     return checks | {
-        "volume_error": at_most(solid.error / size if size else np.inf, allowed, more if size else none),
-        "volume_change_at_double_step": at_most(rough, allowed, FINER if size else none),
+        "volume_error": at_most(solid.error / size if size else np.inf, allowed, add if size else move),
+        "volume_change_at_double_step": at_most(rough, allowed, FINER if size else move),
     }
 
 
@@ -263,8 +267,8 @@ def _section_figure(
 
     layers = {f"ball-joint cones of {_degrees(a):g} deg": section_map.region for a, section_map in cones.items()}
     if len(task.reach.limits) > 1:
-        layers["all limits of the file"] = main.region
+        layers["all limits"] = main.region
     layers = dict(sorted(layers.items(), key=lambda layer: -layer[1].area))
-    layers = {"inverse kinematics has a solution": bare.region, **layers}
+    layers = {"singularity limit alone": bare.region, **layers}
     guideways = main.section.pierced(task.robot.anchors, task.robot.directions)
     return section_figure(layers, guideways, title=title, names=main.section.names)
