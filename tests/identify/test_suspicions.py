@@ -95,7 +95,7 @@ def test_a_clock_in_milliseconds():
 
 def test_standing_still_with_a_noisy_sensor():
     still = np.asarray(simulator(16.0).truth["q"][:1]) + 1e-6 * np.random.default_rng(4).normal(size=(4000, 3))
-    with pytest.raises(ArgumentError, match="nothing moves beyond the noise of the position"):
+    with pytest.raises(ArgumentError, match="does not exceed the position noise"):
         solve(q=still)
 
 

@@ -392,7 +392,7 @@ def test_a_file_without_time_has_the_one_that_is_given(tmp_path: Path) -> None:
     path.write_text("x\n1\n2\n4\n")
     (session,) = read_log(path, {"x": Column("x", "m")}, time=None, sample_time=0.002)
     assert session.trajectory.time.tolist() == [0.0, 0.002, 0.004] and session.sample_time == 0.002
-    with pytest.raises(LogError, match="sample time has to be given"):
+    with pytest.raises(LogError, match="sample time is needed"):
         read_log(path, {"x": Column("x", "m")}, time=None)
 
 
