@@ -107,7 +107,7 @@ def test_clocks_that_are_not_brought_together_have_nothing_in_common(folder: Pat
     text = (folder / "p.toml").read_text()
     (folder / "p.toml").write_text(text[: text.index("[[align]]")])
     done = gtmodel("solve", folder / "p.toml")
-    assert done.code == 2 and "0 instants are common to all signals" in done.sentence and ": log" in done.sentence
+    assert done.code == 2 and "0 times are common to all signals" in done.sentence and ": log" in done.sentence
 
 
 @pytest.fixture

@@ -68,7 +68,7 @@ def test_an_interval_holds_the_truth_and_is_wider_where_residuals_are_coloured()
 
 
 def test_it_says_what_a_coarse_grid_folds_down_and_stops_when_asked() -> None:
-    assert any("folded down" in note for note in resampling_study(sampled(0.01, 1), EvenGrid(sample_time=0.1)).notes)
+    assert any("aliased" in note for note in resampling_study(sampled(0.01, 1), EvenGrid(sample_time=0.1)).notes)
     assert resampling_study(sampled(0.01, 1), stop=lambda: True).status is gt.SolveStatus.INTERRUPTED
 
 
