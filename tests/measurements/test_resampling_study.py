@@ -36,7 +36,7 @@ def test_a_known_delay_is_taken_off() -> None:
     assert study.trajectory["late"] == pytest.approx(study.trajectory["q"], abs=1e-4)
     as_it_stands = resampling_study(both, EvenGrid(sample_time=0.01))
     assert np.abs(as_it_stands.trajectory["late"] - as_it_stands.trajectory["q"]).max() > 0.05
-    assert any("'b' are taken as they stand" in note for note in as_it_stands.notes)
+    assert any("'b' are not aligned" in note for note in as_it_stands.notes)
 
 
 def test_a_gap_of_one_signal_parts_all_and_the_stretches_are_numbered() -> None:

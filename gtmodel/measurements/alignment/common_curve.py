@@ -111,7 +111,7 @@ SMALL = 1e-9  # relative change of the residuals at convergence
 
 @dataclass(frozen=True, eq=False)
 class Warp:
-    """The estimated parameters: offset [s] at time `at` of the other clock, drift [1], scale and shift of each series."""
+    """Estimated parameters: offset [s] at time `at` of the other clock, drift [1], scale and shift of each series."""
 
     at: float
     offset: float
@@ -128,8 +128,8 @@ class Warp:
 class CurveFit:
     """A fitted common curve. `border` (rows, parameters): Jacobian of the parameters after elimination of the curve,
     and `residuals`: both over the noise, for each series first the reference, then the other recording. `noise`
-    (series, 2): standard deviations. `curve`: number of coefficients. `simulated` (rows, PROBES): residuals of simulated
-    white noise."""
+    (series, 2): standard deviations. `curve`: number of coefficients. `simulated` (rows, PROBES): residuals of white
+    noise."""
 
     warp: Warp
     spacing: float

@@ -49,8 +49,8 @@ def resampling_study(
         delays: signal -> its delay [s], which is removed; `delay_study` estimates it.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    The `trajectory` of the study holds the grid in SI units; the file trajectory.csv can be read as a log. If gaps split
-    it, the signal "session" numbers the stretches. Intervals of offset and drift are those for white noise if the
+    The `trajectory` of the study holds the grid in SI units; its file, trajectory.csv, can be read as a log. If gaps
+    split it, the signal "session" numbers the stretches. Intervals of offset and drift are those for white noise if the
     residuals of the alignment pass a whiteness test, otherwise those of Newey and West. Raises ArgumentError for wrong
     names, for signals that do not agree, and if the signals have no times in common.
 
