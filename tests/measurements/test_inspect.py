@@ -164,7 +164,7 @@ def test_bags_and_tables_of_other_programs(tmp_path: Path) -> None:
     study = inspect(tmp_path / "log.bag")
     assert list(study.streams) == ["/x"] and study.inspected[0].clock is not None
     assert study.inspected[0].clock.sampling.rate == pytest.approx(250.0, rel=1e-6)
-    assert any("its time is when the message was received" in note for note in study.notes)
+    assert any("its time is the time of reception" in note for note in study.notes)
 
 
 def test_words_and_dates_in_columns(tmp_path: Path) -> None:
