@@ -187,7 +187,7 @@ class Compared:
 
     @property
     def decisive(self) -> bool:
-        """Whether a misreading would have been detected: the other reading is worse by more than the bound."""
+        """Whether the test could have detected misread columns: the other reading is worse by more than the bound."""
         return self.left > self.bound * self.given
 
     def suspicion(self, said: str, left: str) -> Suspicion:

@@ -201,7 +201,7 @@ def drifts(
     test = explained_by(J, rows, line[:, None, None] * np.eye(rows.shape[1]), least=least)
     if np.isnan(test.p):
         return Suspicion(name, f"drift: {TOO_FEW}", np.nan, remedy)
-    size = float(np.linalg.norm(_slopes(J, rows, line)))
+    size = float(np.linalg.norm(_drifts(J, rows, line)))
     return Suspicion(
         name, f"the readings drift by {size:.3g}{unit and f' {unit}'} over the recording ({shown_p(test.p)})", test.p,
         remedy,
@@ -286,7 +286,7 @@ def _orthonormal(A: np.ndarray, unit: float | None = None) -> np.ndarray:
     return U[:, s**2 > IN_SPAN]
 
 
-def _slopes(J: np.ndarray, rows: np.ndarray, line: np.ndarray) -> np.ndarray:
+def _drifts(J: np.ndarray, rows: np.ndarray, line: np.ndarray) -> np.ndarray:
     """Return the slope of each channel along a line (rows,), fitted together with the columns of J."""
     T, channels = rows.shape
     lines = (line[:, None, None] * np.eye(channels)).reshape(T * channels, channels)
