@@ -1,22 +1,22 @@
-"""Kinematics that a model's equations alone do not answer.
+"""Kinematic analyses: workspace, accuracy, assembly modes, singularities, guideways, orientation of the plate.
 
-workspace_study   which tool centre points a robot reaches: a WorkspaceStudy; its options in `workspace`
-causality_study   any causality on many points, and the orientation of the plate: a CausalityStudy; see `causality`
-modes_study       every pose in which six links can be assembled, with certificates: a ModesStudy; see `assembly_modes`
-accuracy_study    greatest positioning errors over a section, from errors of carts and links: an AccuracyStudy; what it
-                  is asked for, and its parts, in `accuracy`
-assembly_modes    every pose in which a platform on six legs of given lengths can be assembled
+workspace_study   reachable tool centre points of a robot: a WorkspaceStudy; options in `workspace`
+causality_study   any causality at many points, and the orientation of the plate: a CausalityStudy; see `causality`
+modes_study       all assembly modes of six links, with certificates: a ModesStudy; see `assembly_modes`
+accuracy_study    greatest positioning errors over a section, from errors of carts and links: an AccuracyStudy; options
+                  and parts in `accuracy`
+assembly_modes    all poses in which a platform on six legs of known lengths can be assembled
 section           a plane across the guideways
-workspace         which tool centre points are reached, and why not the others
+workspace         reachability of tool centre points, with the reasons
 mechanism         a robot on guideways as arrays: `Mechanism`
-singularity       how far a pose is from a singular one, as lengths and angles
-WristPartition    all branches of the inverse kinematics of a six-axis arm with a wrist centre
+singularity       distances of a pose from singular ones, as lengths and angles
+WristPartition    all branches of the inverse kinematics of a six-axis arm with a spherical wrist
 MotionMaps        velocity and acceleration maps of any position causality
 
-Guideways as measured
-    fit_guideway        line through cart points and what is left over: a GuidewayFit
-    backlash            play of the drive from a forward and a backward run: a Backlash
-    cyclic_term         sinusoid along the guideway: a CyclicTerm
+Measured guideways
+    fit_guideway        line through cart points, with residuals: a GuidewayFit
+    backlash            backlash of the drive from a forward and a backward run: a Backlash
+    cyclic_term         sinusoidal error along the guideway: a CyclicTerm
     MeasurementError    measurements that cannot be evaluated
 
 Orientation of the plate

@@ -1,4 +1,4 @@
-"""What the kinematic engines need of a robot, links, guideways and lengths as arrays, and its poses in rows."""
+"""A robot on guideways as arrays (links, guideways, lengths), and its poses in rows."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class Poses:
     Attributes:
         T: (n, 3) tool centre points [m].
         q: (n, m) actuator coordinates [m or rad].
-        a, b: (n, l, 3) the two ends of each link, at its cart and at the plate [m].
-        status: (n,) codes of `Status`; other rows than OK are NaN.
+        a, b: (n, l, 3) ends of each link, at its cart and at the plate [m].
+        status: (n,) codes of `Status`; rows that are not OK are NaN.
     """
 
     T: Array
@@ -37,7 +37,7 @@ class Poses:
     status: Array
 
     def rows(self, chosen: Array) -> Poses:
-        """Those rows alone."""
+        """Return the chosen rows."""
         return Poses(*(x[chosen] for x in (self.T, self.q, self.a, self.b, self.status)))
 
     @property
@@ -48,13 +48,13 @@ class Poses:
 
 
 class InverseKinematics:
-    """Tool centre points to `Poses`, from one function whose outputs are q and then both ends of every link.
+    """Maps tool centre points to `Poses`, with a function that returns q and both ends of every link.
 
     Args:
-        function: called with T (n, 3); returns q (n, m), a_1 (n, 3), b_1 (n, 3), a_2, ..., and Status codes (n,).
-            A CausalFunction will do; without Newton blocks it is cut loose from its model, so that it can be pickled.
-        offsets: (l, 3) added to both ends of each link [m]: from the simplified joint A to the real one, R B_i of a
-            plate that keeps its orientation (Dressler 2012, eq. (4.9)); zero if left out.
+        function: called with T (n, 3); returns q (n, m), a_1 (n, 3), b_1 (n, 3), a_2, ..., and Status codes (n,), as a
+            CausalFunction does. One without Newton blocks is separated from its model, so that it can be pickled.
+        offsets: (l, 3) added to both ends of each link [m]: vectors from the simplified joint A to the real one, R B_i
+            of a plate with constant orientation (Dressler 2012, eq. (4.9)); default: zero.
     """
 
     def __init__(self, function: Callable[..., Any], offsets: Array | None = None) -> None:
@@ -65,17 +65,17 @@ class InverseKinematics:
         self._offsets = None if offsets is None else np.asarray(offsets, dtype=float)
 
     def diagnose(self, T: Array) -> str:
-        """One sentence on T (3,) [m]: ok, or why there is no pose; with the variable where it is known."""
+        """Return a sentence on T (3,) [m]: ok, or the reason why there is no pose, with the variable if known."""
         if self._causal is not None and np.isfinite(T).all():
             return self._causal.diagnose(T)
         return Status(int(self(np.asarray(T)[None]).status[0])).message
 
     def __getstate__(self) -> dict[str, Any]:
-        # symbols stay at home; what is left computes the same numbers
+        # without the symbols, which cannot be pickled; the numerical function is unchanged
         return {**self.__dict__, "_causal": None}
 
     def __call__(self, T: Array) -> Poses:
-        """Poses of T (n, 3) [m]; a row without a solution is NaN and its status says why."""
+        """Return the poses of T (n, 3) [m]; rows without a solution are NaN, with the reason as status."""
         T = np.asarray(T, dtype=float)
         q, *ends, status = self._function(T)
         a, b = np.stack(ends[0::2], axis=1), np.stack(ends[1::2], axis=1)
@@ -86,7 +86,7 @@ class InverseKinematics:
         return Poses(T, q, a, b, np.where(finite, status, Status.NOT_FINITE))
 
 
-MARGIN_M = 0.05  # around what the links can reach at most
+MARGIN_M = 0.05  # margin around the largest reach of the links
 
 
 @dataclass(frozen=True)
@@ -94,12 +94,12 @@ class Mechanism:
     """A robot whose links run on guideways.
 
     Attributes:
-        inverse: tool centre points to poses. home: its pose at the model's home, one row.
+        inverse: maps tool centre points to poses. home: pose at the home of the model, one row.
         anchors, directions: (l, 3) guideway of each link: point at q = 0 [m] and motion per q.
         lengths: (l,) of the links [m].
-        plate_arms: (l,) from the tool centre point to each link's end [m], simplified joints: so much farther than its
-            link the tool centre point may be from a guideway.
-        length_names: the parameters that hold them; empty where they are bound.
+        plate_arms: (l,) distance of the tool centre point from the end of each link [m], for simplified joints; it adds
+            to the reach of the link.
+        length_names: parameters with the link lengths; empty if the lengths are not parameters.
     """
 
     model: Model
@@ -112,24 +112,25 @@ class Mechanism:
     length_names: tuple[str, ...]
 
     def section(self, along: float | None = None) -> SectionPlane:
-        """The section across the guideways through the home pose, or at `along` [m]. Raises ArgumentError."""
+        """Return the section across the guideways through the home pose, or at `along` [m]. Raises ArgumentError."""
         return section_of(self.anchors, self.directions, self.home.T[0], along)
 
     def farthest(self, pierced: Array) -> tuple[Array, Array]:
-        """Least and greatest (u, v) [m] that any tool centre point of a section may have, and a little more.
+        """Return bounds of (u, v) [m] that contain all reachable tool centre points of a section.
 
-        pierced: (l, 2) where the guideways pierce the section. No point is farther from one than link and plate reach.
+        pierced: (l, 2) points at which the guideways pierce the section. No reachable point is farther from any of them
+        than the reach of link and plate.
         """
         reach = (self.lengths + self.plate_arms + MARGIN_M)[:, None]
         return (pierced - reach).max(axis=0), (pierced + reach).min(axis=0)
 
 
 def mechanism_of(model: Model, home: Array | None = None, offsets: Array | None = None) -> Mechanism:
-    """The robot's mechanism; links are parts with `rod` and `v`, as in the robots of the library.
+    """Return the mechanism of a robot; links are parts with `rod` and `v`, as in the robots of the library.
 
     Args:
-        home: (3,) the pose where joint cones have their axes [m]; the model's own if left out.
-        offsets: (l, 3) from the simplified joints to the real ones [m].
+        home: (3,) pose that defines the axes of joint cones [m]; default: the home of the model.
+        offsets: (l, 3) vectors from the simplified joints to the real ones [m].
 
     Raises ArgumentError.
     """
@@ -147,7 +148,7 @@ def mechanism_of(model: Model, home: Array | None = None, offsets: Array | None 
         raise ArgumentError(str(error), "robot") from error
     if len(function.inputs) != 1:
         raise ArgumentError(
-            f"the links must follow from T alone; {', '.join(s.name for s in function.inputs[1:])} would be needed too",
+            f"T alone must determine the links; they also need {', '.join(s.name for s in function.inputs[1:])}",
             "robot",
         )
     inverse = InverseKinematics(function, offsets)
@@ -168,7 +169,7 @@ def mechanism_of(model: Model, home: Array | None = None, offsets: Array | None 
 
 
 def home_figure(robot: Mechanism, curves: list[Array], title: str) -> Any:
-    """The robot at home, and closed curves (k, 3) [m]."""
+    """Return the picture of the robot at home, with closed curves (k, 3) [m]."""
     from ..plot.robot3d import robot_figure
 
     home = robot.home

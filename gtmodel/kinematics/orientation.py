@@ -1,4 +1,4 @@
-"""The orientation of a robot's plate over a grid of tool centre points."""
+"""Orientation of the plate of a robot over a grid of tool centre points."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from ..results import Status
 
 
 def grid(center: Any, half_width: Any, counts: Sequence[int], directions: Any = None) -> np.ndarray:
-    """Points (*counts, 3) of a box about a centre: center + sum_k s_k d_k, s_k even from -half_width to half_width.
+    """Return the points (*counts, 3) of a box: center + sum_k s_k d_k, s_k evenly spaced within +-half_width.
 
     Args:
         center: (3,) [m].
-        half_width: (3,) [m]; zero where the count is 1.
+        half_width: (3,) [m]; ignored for a count of 1.
         counts: points along each direction; the first direction counts the layers.
-        directions: (3, 3), one row each, normalised here; the axes by default. They need not be orthogonal.
+        directions: (3, 3), one row each, normalised here; default: the axes. They need not be orthogonal.
 
-    Raises ValueError for another shape, a count below 1, or directions in one plane.
+    Raises ValueError for other shapes, a count below 1, or directions in one plane.
 
     >>> points = gt.kinematics.grid(center=[0.0, -0.9, 0.2], half_width=[0.1, 0.0, 0.05], counts=[3, 1, 2])
     >>> points.shape
@@ -35,7 +35,7 @@ def grid(center: Any, half_width: Any, counts: Sequence[int], directions: Any = 
     center, half = np.asarray(center, dtype=float), np.asarray(half_width, dtype=float)
     d = np.eye(3) if directions is None else np.asarray(directions, dtype=float)
     if center.shape != (3,) or half.shape != (3,) or len(counts) != 3 or d.shape != (3, 3):
-        raise ValueError("a grid takes a centre (3,), half widths (3,), three counts and directions (3, 3)")
+        raise ValueError("a grid needs a centre (3,), half widths (3,), three counts and directions (3, 3)")
     if min(counts) < 1:
         raise ValueError(f"counts of a grid are 1 or more; found {list(counts)}")
     length = np.linalg.norm(d, axis=1)
@@ -50,7 +50,7 @@ def grid(center: Any, half_width: Any, counts: Sequence[int], directions: Any = 
 class OrientationMap:
     """Orientation of the plate at tool centre points T (..., 3) [m]; the first axis counts layers.
 
-    R (..., 3, 3) takes plate to world coordinates, NaN where status (...) is not ok. Angles in rad.
+    R (..., 3, 3) maps plate to world coordinates; NaN if status (...) is not ok. Angles in rad.
     """
 
     T: np.ndarray
@@ -59,12 +59,12 @@ class OrientationMap:
 
     @property
     def ok(self) -> np.ndarray:
-        """Where there is an orientation (...)."""
+        """Whether each point has an orientation (...)."""
         return self.status == Status.OK
 
     @cached_property
     def reference(self) -> np.ndarray:
-        """The orientation (3, 3) at the ok point nearest to the middle of the ok ones; NaN if there is none."""
+        """Orientation (3, 3) at the ok point nearest to the mean of the ok points; NaN if there is none."""
         if not np.any(self.ok):
             return np.full((3, 3), np.nan)
         points, ok = self.T.reshape(-1, self.T.shape[-1]), self.ok.ravel()
@@ -82,7 +82,7 @@ class OrientationMap:
 
     @property
     def singular(self) -> np.ndarray:
-        """Where ZYZ is singular, beta = 0 or pi (...); use `rotation_vector` near there."""
+        """Whether ZYZ is singular (...), beta = 0 or pi; use `rotation_vector` near such points."""
         return self._zyz[1] & self.ok
 
     @cached_property
@@ -91,19 +91,19 @@ class OrientationMap:
         return rotation_vector(self.R, self.reference)
 
     def range(self) -> np.ndarray:
-        """Largest minus smallest ZYZ angle (3,) [rad] over the ok points; NaN if there is none."""
+        """Return the ranges of the ZYZ angles (3,) [rad] over the ok points; NaN if there is none."""
         return _range(self.zyz[self.ok])
 
     def layer_range(self) -> np.ndarray:
-        """Largest minus smallest ZYZ angle of each layer (layers, 3) [rad]."""
+        """Return the ranges of the ZYZ angles in each layer (layers, 3) [rad]."""
         return np.array([_range(a[ok]) for a, ok in zip(self.zyz, self.ok, strict=True)])
 
     def layer_difference(self) -> np.ndarray:
-        """How far the layers are from one pattern (3,), as a fraction of `range`.
+        """Return the difference between the layers (3,), as a fraction of `range`.
 
-        It is the largest deviation of an angle, minus its layer's mean, from the mean over the layers. It is small
-        where the links cause the orientation errors, because a motion along the guideways turns no link (Dressler 2012,
-        section 4.2). Places that are ok in all layers count; NaN if there is none.
+        From each angle the mean of its layer is subtracted; the difference is the largest deviation from the mean over
+        the layers. It is small if the links cause the orientation errors, because a motion along the guideways rotates
+        no link (Dressler 2012, section 4.2). Only places that are ok in all layers count; NaN if there is none.
         """
         everywhere = np.all(self.ok, axis=0)
         if not np.any(everywhere):
@@ -122,29 +122,28 @@ def orientation_map(
     joints: str | Sequence[str] = "q",
     branches: Mapping[str, int] | None = None,
 ) -> OrientationMap:
-    """Solve for the orientation at each tool centre point; the model has three degrees of freedom.
+    """Compute the orientation of the plate at each tool centre point; the model has three degrees of freedom.
 
     Args:
-        model: with the position `known` and the unit quaternion or rotation matrix `orientation`.
-        T: (..., 3) [m], for example from `grid`; with two axes or more.
-        joints: variables that must have a solution too. The orientation alone may not depend on an arm whose reach
-            nevertheless limits where the tool centre point can be.
+        model: a model with the position `known` and the unit quaternion or rotation matrix `orientation`.
+        T: (..., 3) [m], for example from `grid`; two or more axes.
+        joints: variables that must also have a solution: an arm may limit the reach without affecting the orientation.
         branches: as for `causal`.
 
-    A point out of reach has a status, and NaN for R. Raises ModelError for a name that the model lacks or a causality
-    that needs more than positions, ValueError for T of another shape.
+    A point out of reach has a status, and NaN for R. Raises ModelError for an unknown name or a causality that needs
+    more than positions, ValueError for T of another shape.
 
     >>> robot = gt.robots.make("d1_six_link")
     >>> box = gt.kinematics.grid(center=[-1.6, -4.4, -0.1], half_width=[0.2, 0.2, 0.0], counts=[2, 2, 1])
-    >>> turned = gt.kinematics.orientation_map(robot, box)
-    >>> turned.ok.all(), np.degrees(turned.range()).round(1)  # how far the plate turns, as ZYZ angles [deg]
+    >>> orientation = gt.kinematics.orientation_map(robot, box)
+    >>> orientation.ok.all(), np.degrees(orientation.range()).round(1)  # ranges of the ZYZ angles [deg]
     (np.True_, array([0. , 0.1, 0. ]))
     """
     T = np.asarray(T, dtype=float)
     if T.ndim < 2 or T.shape[-1] != 3:
         raise ValueError(f"expected points of shape (..., 3); found {T.shape}")
-    others = [joints] if isinstance(joints, str) else list(joints)
-    f = compile_causal(model, known, [orientation, *others], branches=branches)
+    required = [joints] if isinstance(joints, str) else list(joints)
+    f = compile_causal(model, known, [orientation, *required], branches=branches)
     rotations, *_, status = f(T.reshape(-1, 3))
     return OrientationMap(T, matrices(rotations).reshape(*T.shape[:-1], 3, 3), np.asarray(status).reshape(T.shape[:-1]))
 

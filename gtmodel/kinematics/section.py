@@ -1,4 +1,4 @@
-"""A plane across the guideways, the section in which workspaces and errors are drawn, and regular grids of tool centre
+"""The section, a plane across the guideways in which workspaces and errors are drawn, and regular grids of tool centre
 points."""
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from ..results.options import Long, Options, Unit, Within
 
 Array = np.ndarray
 
-# guideways further than this from parallel have no common cross-section
+# largest angle of a guideway from the mean direction for a common cross-section
 PARALLEL = np.radians(15.0)
 AXIS = 1e-12  # rounding of a unit vector
 UP = (0.0, 0.0, 1.0)
@@ -37,7 +37,7 @@ class SectionPlane:
 
     @property
     def names(self) -> tuple[str, str]:
-        """Of the coordinates: x, y or z where a direction is that of an axis, otherwise u and v."""
+        """Names of the coordinates: x, y or z for a direction along an axis, otherwise u and v."""
         names = []
         for letter, d in zip("uv", (self.across, self.up), strict=True):
             k = int(np.argmax(d))
@@ -45,22 +45,22 @@ class SectionPlane:
         return names[0], names[1]
 
     def points(self, uv: Array, along: float | Array = 0.0) -> Array:
-        """Points (n, 3) [m] of plane coordinates uv (n, 2), moved by `along` [m] along the normal."""
+        """Return the points (n, 3) [m] with plane coordinates uv (n, 2), shifted by `along` [m] along the normal."""
         uv = np.asarray(uv, dtype=float)
         moved = np.broadcast_to(np.asarray(along, dtype=float), uv.shape[:1])
         return self.origin + uv[:, :1] * self.across + uv[:, 1:] * self.up + moved[:, None] * self.normal
 
     def moved(self, along: float) -> SectionPlane:
-        """The section `along` [m] farther along its normal."""
+        """Return the section shifted by `along` [m] along its normal."""
         return replace(self, origin=self.origin + along * self.normal)
 
     def coordinates(self, points: Array) -> Array:
-        """Plane coordinates (n, 2) [m] of the feet of points (n, 3)."""
+        """Return the plane coordinates (n, 2) [m] of the projections of points (n, 3)."""
         d = np.asarray(points, dtype=float) - self.origin
         return np.stack([d @ self.across, d @ self.up], axis=-1)
 
     def pierced(self, anchors: Array, directions: Array) -> Array:
-        """Plane coordinates (m, 2) [m] where the lines anchors + s * directions, both (m, 3), meet the plane."""
+        """Return the plane coordinates (m, 2) [m] where lines anchors + s * directions, both (m, 3), meet the plane."""
         anchors, directions = np.asarray(anchors, dtype=float), np.asarray(directions, dtype=float)
         s = ((self.origin - anchors) @ self.normal) / (directions @ self.normal)
         return self.coordinates(anchors + s[:, None] * directions)
@@ -76,15 +76,15 @@ class CrossSection(Options):
     gtmodel.results.refusal.ArgumentError: low: expected 2 numbers; found 3
     """
 
-    along: Annotated[float | None, Unit("m"), "position along the guideways; through home if left out"] = None
+    along: Annotated[float | None, Unit("m"), "position along the guideways; default: through home"] = None
     step: Annotated[float, Unit("m"), Within(above=0.0), "step of the grid"] = 0.02
     low: Annotated[
-        list[float] | None, Unit("m"), Long(2), "least (u, v); all that the links may reach if left out"
+        list[float] | None, Unit("m"), Long(2), "lower bounds of (u, v); default: all that the links can reach"
     ] = None  # fmt: skip
-    high: Annotated[list[float] | None, Unit("m"), Long(2), "greatest (u, v)"] = None
+    high: Annotated[list[float] | None, Unit("m"), Long(2), "upper bounds of (u, v)"] = None
 
     def window(self, low: Array, high: Array, argument: str = "section") -> tuple[Array, Array]:
-        """Least and greatest (u, v) [m]: those given, otherwise low and high. Raises ArgumentError at `argument`."""
+        """Return the bounds of (u, v) [m]; low and high are the defaults. Raises ArgumentError at `argument`."""
         low = low if self.low is None else np.array(self.low)
         high = high if self.high is None else np.array(self.high)
         refuse_disordered(low, high, f"{argument}.high")
@@ -92,15 +92,15 @@ class CrossSection(Options):
 
 
 def refuse_disordered(low: Array, high: Array, argument: str) -> None:
-    """Raises ArgumentError unless every lower limit is less than its upper one."""
+    """Raise ArgumentError unless every lower limit is less than the upper limit."""
     if np.any(low >= high):
-        raise ArgumentError("every lower limit must be less than its upper one", argument)
+        raise ArgumentError("every lower limit must be less than its upper limit", argument)
 
 
 def section_of(
     anchors: Array, directions: Array, through: Array, along: float | None = None, up: Sequence[float] = UP
 ) -> SectionPlane:
-    """The section across a robot's guideways through a point, or at `along` [m]. Raises ArgumentError."""
+    """Return the section across the guideways of a robot through a point, or at `along` [m]. Raises ArgumentError."""
     try:
         section = across_guideways(anchors, directions, through.tolist(), up)
     except ValueError as error:
@@ -111,15 +111,15 @@ def section_of(
 def across_guideways(
     anchors: Array, directions: Array, through: Sequence[float], up: Sequence[float] = UP
 ) -> SectionPlane:
-    """The section orthogonal to the mean guideway direction.
+    """Return the section orthogonal to the mean guideway direction.
 
     Args:
         anchors, directions: (m, 3) of the guideways; the length of a direction does not matter.
-        through: (3,) a point that fixes the position along the guideways [m]. The origin of (u, v) is the foot of the
-            frame's own origin in the plane, so that (u, v) = (y, z) where the guideways run along x.
-        up: (3,) what is drawn upwards.
+        through: (3,) a point of the section [m]. The origin of (u, v) is the projection of the origin of the frame, so
+            that (u, v) = (y, z) for guideways along x.
+        up: (3,) direction drawn upwards.
 
-    Raises ValueError where the guideways are not nearly parallel, or `up` lies along them.
+    Raises ValueError if the guideways are not nearly parallel, or if `up` is along them.
     """
     unit = np.asarray(directions, dtype=float)
     unit = unit / np.linalg.norm(unit, axis=1, keepdims=True)
@@ -128,13 +128,13 @@ def across_guideways(
     worst = float(np.max(np.arccos(np.clip(unit @ normal, -1.0, 1.0))))
     if worst > PARALLEL:
         raise ValueError(
-            f"the guideways stand up to {np.degrees(worst):.1f} deg from their mean direction; a section across them "
+            f"the guideways deviate by up to {np.degrees(worst):.1f} deg from their mean direction; a cross-section "
             f"needs less than {np.degrees(PARALLEL):g} deg"
         )
     vertical = np.asarray(up, dtype=float) - (np.asarray(up, dtype=float) @ normal) * normal
     length = float(np.linalg.norm(vertical))
     if length < np.sin(PARALLEL):
-        raise ValueError("the guideways run along the direction that is drawn upwards; name another one")
+        raise ValueError("the guideways are along the direction drawn upwards; name another one")
     vertical = vertical / length
     # for guideways along x: across = y, up = z
     across = np.cross(vertical, normal)
@@ -144,7 +144,7 @@ def across_guideways(
 
 @dataclass(frozen=True)
 class Grid:
-    """Points origin + sum_k coordinates[k] * directions[k]; the last axis runs fastest.
+    """Points origin + sum_k coordinates[k] * directions[k]; the last index varies fastest.
 
     Attributes:
         origin: (3,) [m]. directions: (k, 3), k = 1, 2 or 3. coordinates: k arrays, ascending [m].
@@ -165,7 +165,7 @@ class Grid:
         return int(np.prod(self.shape))
 
     def points(self, begin: int = 0, end: int | None = None) -> Array:
-        """Points (n, 3) [m] number begin to end - 1."""
+        """Return the points (n, 3) [m] with numbers begin to end - 1."""
         indices = np.unravel_index(np.arange(begin, self.size if end is None else end), self.shape)
         T = np.tile(np.asarray(self.origin, dtype=float), (len(indices[0]), 1))
         for c, d, k in zip(self.coordinates, np.asarray(self.directions, float), indices, strict=True):
@@ -174,7 +174,7 @@ class Grid:
 
 
 def box_grid(low: Array, high: Array, step: float) -> Grid:
-    """Points of a box with sides along the axes, from low to high [m], at most `step` [m] apart.
+    """Return the grid of a box with sides along the axes, from low to high [m], with steps of at most `step` [m].
 
     >>> grid = gt.kinematics.workspace.box_grid(np.zeros(3), np.array([1.0, 0.5, 0.0]), 0.25)
     >>> grid.shape
@@ -184,7 +184,7 @@ def box_grid(low: Array, high: Array, step: float) -> Grid:
 
 
 def section_grid(section: SectionPlane, low: Array, high: Array, step: float) -> Grid:
-    """Points of a section within low <= (u, v) <= high [m], at most `step` [m] apart.
+    """Return the grid of a section within low <= (u, v) <= high [m], with steps of at most `step` [m].
 
     The plane across guideways along x:
 
@@ -198,5 +198,5 @@ def section_grid(section: SectionPlane, low: Array, high: Array, step: float) ->
 
 
 def spaced(low: float, high: float, step: float) -> Array:
-    """Values from low to high, both included, evenly spaced by at most `step`."""
+    """Return evenly spaced values from low to high, both included, with steps of at most `step`."""
     return np.linspace(low, high, max(2, int(np.ceil((high - low) / step - 1e-9)) + 1))

@@ -1,5 +1,5 @@
-"""Velocity and acceleration maps between two sets of coordinates of a model, and how far a pose is from a singular
-one, as lengths [m] and angles [rad]."""
+"""Velocity and acceleration maps between two sets of coordinates of a model, and distances of a pose from singular
+ones, as lengths [m] and angles [rad]."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class MotionMaps:
     Forward maps of a robot are MotionMaps(robot, "q", "T"), inverse ones MotionMaps(robot, "T", "q") (Dressler 2012,
     eqs. (6.5), (6.6)). J comes from implicit differentiation, b from the twice differentiated equations.
 
-    branches: as for `causal`. Raises ModelError where y does not follow from x alone.
+    branches: as for `causal`. Raises ModelError if x alone does not determine y.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> J, status = gt.kinematics.MotionMaps(robot, "T", "q").velocity([0.0, -0.9, 0.1])  # carts per tool centre point
@@ -43,25 +43,25 @@ class MotionMaps:
         self._second = compile_causal(model, known, f"der({target},2)", branches=branches)
 
     def velocity(self, x: Any) -> tuple[Array, Any]:
-        """J (m, n) or (rows, m, n), and the status."""
+        """Return J (m, n) or (rows, m, n), and the status."""
         return self.position.jacobian(x)
 
     def acceleration(self, x: Any, rate: Any) -> tuple[Array, Array, Any]:
-        """J, b (m,) or (rows, m), and the status; `rate` is x'."""
-        given = {self._known: x, f"der({self._known})": rate, f"der({self._known},2)": np.zeros_like(np.asarray(rate))}
-        bias, status = self._second(*[given[s.name] for s in self._second.inputs])
+        """Return J, b (m,) or (rows, m), and the status; `rate` is x'."""
+        values = {self._known: x, f"der({self._known})": rate, f"der({self._known},2)": np.zeros_like(np.asarray(rate))}
+        bias, status = self._second(*[values[s.name] for s in self._second.inputs])
         J, _ = self.velocity(x)
         return J, bias, status
 
 
-COLLINEAR = 1e-10  # relative: joints this near to one line are on it, up to round-off
+COLLINEAR = 1e-10  # relative tolerance for joints on one line
 TINY = 1e-300
 
 
 class InverseMeasure(NamedTuple):
     """Per link: component along its guideway [m] and angle to the plane across it [rad]; 0 is singular.
 
-    The sign gives the side: positive where the platform joint is ahead of the cart.
+    Both are positive if the platform joint is ahead of the cart.
     """
 
     along_m: Array
@@ -69,19 +69,20 @@ class InverseMeasure(NamedTuple):
 
 
 class ForwardMeasure(NamedTuple):
-    """Of three links to one point: least distance of a link's tip from the plane of the other two [m], and the least
-    angle between a link and that plane [rad]; 0 is singular: the links are in one plane and hold nothing across it."""
+    """For three links to one point: smallest distance of a link's tip from the plane of the other two [m], and smallest
+    angle between a link and that plane [rad]. 0 is singular: the links lie in one plane and cannot hold the point
+    perpendicular to it."""
 
     height_m: Array
     angle_rad: Array
 
 
 def inverse(d: Any, v: Any) -> InverseMeasure:
-    """Distance of each link from standing across its guideway, where d . v = 0 and the drive cannot move it.
+    """Return the distance of each link from the inverse singularity d . v = 0, orthogonal to its guideway.
 
-    d (n, 3) [m] or (rows, n, 3); v guideway directions of any length, (n, 3) or as d.
+    d: link vectors (n, 3) [m] or (rows, n, 3). v: guideway directions of any length, (n, 3) or as d.
 
-    A link of 2 m that leans by 30 degrees, and one at a right angle to its guideway:
+    A link of 2 m inclined by 30 degrees, and one orthogonal to its guideway:
 
     >>> d = [[1.0, 3**0.5, 0.0], [0.0, 2.0, 0.0]]
     >>> measure = gt.kinematics.singularity.inverse(d, [1.0, 0.0, 0.0])
@@ -94,8 +95,8 @@ def inverse(d: Any, v: Any) -> InverseMeasure:
 
 
 def forward(d: Any) -> ForwardMeasure:
-    """Distance of three links d (3, 3) [m] or (rows, 3, 3) from lying in one plane, where they lose a direction.
-    Raises ValueError for another number of links.
+    """Return the distance of three links d (3, 3) [m] or (rows, 3, 3) from the forward singularity, where they lie in
+    one plane. Raises ValueError for another number of links.
 
     Three links that almost lie in a plane, the third 10 mm out of it:
 
@@ -116,14 +117,14 @@ def forward(d: Any) -> ForwardMeasure:
 
 
 def platform(d: Any, arms: Any) -> Array:
-    """Least angle [rad] of the links of a platform to the motions that leave their lengths alone; 0 is singular.
+    """Return the smallest angle [rad] of the links of a platform to motions that keep their lengths; 0 is singular.
 
-    Of all small motions of the platform that displace its joints by 1 (root mean square), the one that changes the
-    link lengths least: the arc sine of that change (root mean square). It depends on no choice of frame or unit.
-    d (n, 3) link vectors, arms (n, 3) from any point of the platform to its joints, world coordinates [m], n >= 6; or
-    with rows.
+    Among all small motions of the platform that displace its joints by 1 (RMS), take the one that changes the link
+    lengths least; the angle is the arc sine of this change (RMS). It does not depend on frame or units. d (n, 3): link
+    vectors; arms (n, 3): vectors from any point of the platform to its joints; world coordinates [m], n >= 6. Both may
+    have a leading dimension of rows.
 
-    Six links that all stand upright leave the platform free to move sideways; legs that cross do not:
+    With six upright links the platform can move sideways; with crossed links it cannot:
 
     >>> angle = np.radians([0, 60, 120, 180, 240, 300])
     >>> arms = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
@@ -138,15 +139,15 @@ def platform(d: Any, arms: Any) -> Array:
     rows = np.concatenate([u, np.cross(arms, u)], axis=-1)  # length rates per twist
     moves = np.concatenate([np.broadcast_to(np.eye(3), (*arms.shape, 3)), -cross_matrix(arms)], axis=-1)
     moves = moves.reshape(*arms.shape[:-2], 3 * n, 6)  # joint velocities per twist
-    good = np.asarray(np.isfinite(rows).all(axis=(-2, -1)))
-    result = np.full(good.shape, np.nan)
-    for k in np.ndindex(good.shape):
-        if good[k]:
-            # singular values of the length rates relative to the joint velocities; turns in units of the joints' size
+    finite = np.asarray(np.isfinite(rows).all(axis=(-2, -1)))
+    result = np.full(finite.shape, np.nan)
+    for k in np.ndindex(finite.shape):
+        if finite[k]:
+            # singular values of the length rates relative to the joint velocities; rotations scaled by platform size
             scale = np.repeat([1.0, 1.0 / max(float(np.linalg.norm(arms[k])), TINY)], 3)
             _, sizes, V = np.linalg.svd(moves[k] * scale, full_matrices=False)
             if sizes[-1] <= COLLINEAR * sizes[0]:
-                result[k] = 0.0  # joints on a line: turning about it moves none of them
+                result[k] = 0.0  # joints on a line: a rotation about it moves none of them
                 continue
             s = np.linalg.svd((rows[k] * scale) @ (V.T / sizes), compute_uv=False)
             result[k] = np.arcsin(min(1.0, s[-1]))
@@ -154,10 +155,11 @@ def platform(d: Any, arms: Any) -> Array:
 
 
 def amplification(f: CausalFunction, *arguments: Any) -> tuple[Array, Array, Any]:
-    """Largest and smallest output motion per input motion, singular values of d targets / d inputs, and the status.
+    """Return the largest and smallest singular value of d targets / d inputs, and the status.
 
-    For position causalities with one unit on both sides they are metres per metre; the largest grows without bound
-    towards a singularity of `f`, the smallest vanishes towards one of its inverse. NaN where the status is not ok.
+    They are the extreme ratios of output motion to input motion, in metres per metre for positions on both sides. The
+    largest grows without bound near a singularity of `f`, the smallest vanishes near a singularity of its inverse. NaN
+    if the status is not ok.
 
     From carts to the tool centre point of the L1, in metres per metre:
 
@@ -168,16 +170,16 @@ def amplification(f: CausalFunction, *arguments: Any) -> tuple[Array, Array, Any
     """
     J, status = f.jacobian(*arguments)
     s = np.full((*J.shape[:-2], min(J.shape[-2:])), np.nan)
-    good = np.asarray(np.isfinite(J).all(axis=(-2, -1)))
-    s[good] = np.linalg.svd(J[good], compute_uv=False)
+    finite = np.asarray(np.isfinite(J).all(axis=(-2, -1)))
+    s[finite] = np.linalg.svd(J[finite], compute_uv=False)
     return s[..., 0], s[..., -1], status
 
 
 def _sizes(x: Array, name: str) -> Array:
-    """Lengths of vectors (..., 3); raises ModelError for one of length zero."""
+    """Return the lengths of vectors (..., 3). Raises ModelError for a vector of length zero."""
     sizes = np.linalg.norm(x, axis=-1)
     if np.any(sizes == 0.0):
         *row, number = np.argwhere(sizes == 0.0)[0]
         where = f" in row {row[0]} (counted from 0)" if row else ""
-        raise ModelError(f"{name} {number + 1}{where} has length zero and no direction; give its two ends apart")
+        raise ModelError(f"{name} {number + 1}{where} has length zero and no direction; its two ends must differ")
     return sizes

@@ -1,5 +1,4 @@
-"""Errors of the transmission and of the guideway, seen in measured cart points: backlash, a cyclic term, and how
-straight the guideway is."""
+"""Errors of transmission and guideway from measured cart points: straightness, backlash, cyclic error."""
 
 from __future__ import annotations
 
@@ -16,23 +15,23 @@ from ..results.estimate import half_width
 
 Array = np.ndarray
 
-SEED = 20080  # of the noise; the same places give the same chance
-# noise rows: as many as this work allows, within these bounds; 2000 give a chance of 5 per cent to 0.5 per cent
+SEED = 20080  # of the noise, so that results are reproducible
+# noise rows: limited by this amount of work, within these bounds; 2000 determine a probability of 5 % to 0.5 %
 WORK, FEWEST, MOST = 1e8, 300, 2000
-TAIL = 0.02  # chances below this are extrapolated, from at least so many noise rows:
+TAIL = 0.02  # smaller probabilities are extrapolated, from at least TAIL_ROWS noise rows
 TAIL_ROWS = 20
-SAME = 1e-9  # relative: a sine and a cosine that span one direction only, as for points two per period
-PART = 2_000_000  # numbers of a basis held at once
+SAME = 1e-9  # relative size below which sine and cosine span one direction only, as with two points per period
+PART = 2_000_000  # numbers of a basis in memory at once
 
 
 def strongest(q: Array, e: Array, frequencies: Array) -> tuple[int, float]:
-    """Index of the frequency that explains most of e, and the chance that white noise has one that explains as much.
+    """Return the index of the frequency that explains most of e, and the probability that white noise does as well.
 
-    At each frequency sine, cosine, offset and slope are fitted; explained is the part of the sum of squares left by the
-    line alone. The frequencies searched are neither independent nor at a known number of them, so the chance is found
-    by synthetic noise at the same places (seed 20080, Gaussian, 300 to 2000 rows); below 2 per cent it is extrapolated
-    by the law of one frequency, (1 - power)^((n - 4) / 2), times a number of frequencies that is taken from the noise
-    and grows as in R. B. Davies, Biometrika 74 (1987).
+    At each frequency sine, cosine, offset and slope are fitted; the power is the explained share of the sum of squares
+    that remains after the fit of a line. The frequencies are not independent and their effective number is unknown, so
+    the probability comes from synthetic noise at the same places (seed 20080, Gaussian, 300 to 2000 rows). Below 2 % it
+    is extrapolated with the law of a single frequency, (1 - power)^((n - 4) / 2), times an effective number of
+    frequencies, which is estimated from the noise and grows as in R. B. Davies, Biometrika 74 (1987).
 
     Args:
         q: (n,) places [m], n > 4. e: (n,) [m], not all on a line. frequencies: [1/m].
@@ -50,13 +49,14 @@ def strongest(q: Array, e: Array, frequencies: Array) -> tuple[int, float]:
             best = first + int(np.argmax(explained[0]))
         power = np.maximum(power, explained.max(axis=1))
         first += basis.shape[1]
-    # chance of as much at one frequency given in advance
+    # probability of this power at a single, predetermined frequency
     single = np.maximum(1.0 - power, 1e-16) ** ((n - 4) / 2)
     return best, _chance(float(single[0]), np.sort(single[1:]))
 
 
 def _bases(q: Array, line: Array, frequencies: Array) -> Iterator[Array]:
-    """Orthonormal bases (n, frequencies, 2) of sine and cosine without their parts along the line, part by part."""
+    """Yield orthonormal bases (n, frequencies, 2) of sine and cosine, orthogonal to the line, for parts of the
+    frequencies."""
     size = max(1, PART // len(q))
     for first in range(0, len(frequencies), size):
         phase = 2 * np.pi * np.outer(q, frequencies[first : first + size])
@@ -70,7 +70,7 @@ def _bases(q: Array, line: Array, frequencies: Array) -> Iterator[Array]:
 
 
 def _chance(single: float, noise: Array) -> float:
-    """The chance of a least single-frequency chance as small as this, from those of the noise, ascending."""
+    """Return the probability of a single-frequency probability this small, given those of the noise, ascending."""
     rank = int(np.searchsorted(noise, single, side="right"))
     tail = max(TAIL_ROWS, int(TAIL * len(noise)))
     if rank >= tail:
@@ -81,23 +81,23 @@ def _chance(single: float, noise: Array) -> float:
 
 
 MIN_POINTS = 3  # two points leave no residual
-# metres per metre: transmission scales are 0.96 to 1.003; a factor of two is another unit or another axis
+# metres per metre: transmission scales are 0.96 to 1.003; beyond a factor of two, unit or axis is wrong
 SCALE_RANGE = (0.5, 2.0)
-# m: what spans more was given in millimetres, if no guideway is shorter than the thousandth part, 20 mm
+# m: larger spans are probably in millimetres; this assumes guideways longer than 20 mm
 LONGEST = 20.0
-STANDSTILL = 1e-3  # m: nothing can be said about a guideway along which the cart moves less
+STANDSTILL = 1e-3  # m: least motion of the cart
 
 
 class MeasurementError(ValueError):
-    """Measurements that cannot be evaluated; one plain sentence."""
+    """Measurements that cannot be evaluated; the message is one sentence."""
 
 
 @dataclass(frozen=True, eq=False)
 class GuidewayFit:
-    """A guideway as measured: cart points P(q) = P0 + q v + e (Dressler 2012, eq. (4.10)), lengths in m.
+    """A measured guideway: cart points P(q) = P0 + q v + e (Dressler 2012, eq. (4.10)), lengths in m.
 
-    P0 (3,) and v (3,) minimise the sum of e.e. v points towards rising q; its length is a transmission scale [m per m],
-    so it is no unit vector. `q` (n,) and the residuals `e` (n, 3) are in the order of the measurements.
+    P0 (3,) and v (3,) minimise the sum of e.e. v points towards increasing q; its length is the transmission scale
+    [m per m]. `q` (n,) and the residuals `e` (n, 3) are in the order of the measurements.
     """
 
     P0: np.ndarray
@@ -112,24 +112,24 @@ class GuidewayFit:
 
     @cached_property
     def along(self) -> np.ndarray:
-        """Part of e along the guideway (n,) [m], signed: e.v / |v|.
+        """Component of e along the guideway (n,) [m], signed: e.v / |v|.
 
-        Eq. (4.11) prints e.v, which is |v| times as large (0.96 to 1.003); a length needs the unit vector.
+        Eq. (4.11) in print is e.v, which is |v| times as large (0.96 to 1.003); a length needs the unit vector.
         """
         return self.e @ self.direction
 
     @cached_property
     def across(self) -> np.ndarray:
-        """Part of e orthogonal to the guideway (n, 3) [m], a vector.
+        """Component of e orthogonal to the guideway (n, 3) [m], a vector.
 
-        Eq. (4.12) prints e - e_par with a scalar e_par; meant is the vector along the guideway.
+        Eq. (4.12) in print is e - e_par with a scalar e_par, which means the vector along the guideway.
         """
         return self.e - np.outer(self.along, self.direction)
 
     def statistics(self) -> dict[str, float]:
-        """Mean, standard deviation (of the sample, n - 1) and maximum of |e|, |e_par| and |e_perp| [m].
+        """Return mean, sample standard deviation (n - 1) and maximum of |e|, |e_par| and |e_perp| [m].
 
-        `mean` and `std` are the rows of Dressler 2012, Table 4.1; the others go with Figs. 4.4 and 5.3.
+        `mean` and `std` are the rows of Dressler 2012, Table 4.1; the others belong to Figs. 4.4 and 5.3.
         """
         sizes = {
             "": np.linalg.norm(self.e, axis=1),
@@ -146,10 +146,11 @@ class GuidewayFit:
         return statistics
 
     def modifiers(self, R: np.ndarray | None = None) -> dict[str, np.ndarray]:
-        """`at` (k,) and `deviation` (k, 3) for PiecewiseLinearGuideway or SplineGuideway: q sorted, and e there.
+        """Return `at` (k,), sorted q, and `deviation` (k, 3), e there, for PiecewiseLinearGuideway or SplineGuideway.
 
-        Measurements at one q are averaged. R (3, 3) turns measurement into robot coordinates where these differ
-        (Dressler 2012, Table 5.2); where the points lie drops out, for A and v of the robot's own links stand for it.
+        Measurements at equal q are averaged. R (3, 3) rotates measurement into robot coordinates if these differ
+        (Dressler 2012, Table 5.2). The position of the line is not needed, because the links of the robot have their
+        own A and v.
         """
         at, which = np.unique(self.q, return_inverse=True)
         deviation = np.zeros((len(at), 3))
@@ -159,15 +160,15 @@ class GuidewayFit:
 
 
 def fit_guideway(q: Any, P: Any, *, longest: float = LONGEST) -> GuidewayFit:
-    """Fit a line to cart points that were measured along one guideway (Dressler 2012, eqs. (4.10)-(4.12)).
+    """Fit a line to cart points measured along one guideway (Dressler 2012, eqs. (4.10)-(4.12)).
 
     Args:
         q: commanded cart coordinates (n,) [m], in any order, n >= 3.
-        P: measured points (n, 3) [m], any frame.
-        longest: guideway that may be meant [m]; raise it for a robot that is larger.
+        P: measured points (n, 3) [m], in any frame.
+        longest: largest plausible span of q [m]; raise it for a larger robot.
 
-    Raises MeasurementError: too few points, numbers that are not finite, a cart that does not move, lengths that
-    look like millimetres.
+    Raises MeasurementError for too few points, numbers that are not finite, a cart that does not move, and lengths that
+    seem to be in millimetres.
 
     >>> q = np.linspace(0.0, 2.0, 21)
     >>> straight = np.outer(q, [0.99, 0.0, 0.0]) + [0.0, 0.0, 1.0]
@@ -183,8 +184,8 @@ def fit_guideway(q: Any, P: Any, *, longest: float = LONGEST) -> GuidewayFit:
     low, high = SCALE_RANGE
     if scale < STANDSTILL / np.ptp(q) or np.max(np.linalg.norm(P - P[0], axis=1)) < STANDSTILL:
         raise MeasurementError(
-            f"the points move by less than {1e3 * STANDSTILL:g} mm while q runs over {np.ptp(q):.4g} m; give the "
-            "points of the cart that q drives"
+            f"the points move by less than {1e3 * STANDSTILL:g} mm while q spans {np.ptp(q):.4g} m; expected points of "
+            "the cart that q drives"
         )
     if not low <= scale <= high:
         hint = "one of them is in millimetres, or q belongs to another cart" if _thousand(scale) else "check the units"
@@ -196,7 +197,7 @@ def fit_guideway(q: Any, P: Any, *, longest: float = LONGEST) -> GuidewayFit:
 
 
 def checked(q: Any, P: Any, longest: float = LONGEST) -> tuple[np.ndarray, np.ndarray]:
-    """q (n,) and P (n, 3) as arrays. Raises MeasurementError."""
+    """Return q (n,) and P (n, 3) as arrays. Raises MeasurementError if they cannot be evaluated."""
     q, P = np.asarray(q, dtype=float), np.asarray(P, dtype=float)
     if q.ndim != 1 or P.shape != (len(q), 3):
         raise MeasurementError(f"expected q of shape (n,) and points of shape (n, 3); found {q.shape} and {P.shape}")
@@ -205,39 +206,39 @@ def checked(q: Any, P: Any, longest: float = LONGEST) -> tuple[np.ndarray, np.nd
     bad = np.flatnonzero(~(np.isfinite(q) & np.all(np.isfinite(P), axis=1)))
     if bad.size:
         more = f" and {bad.size - 1} more" if bad.size > 1 else ""
-        raise MeasurementError(f"row {bad[0]}{more} (counted from 0) is not finite; leave such rows out")
+        raise MeasurementError(f"row {bad[0]}{more} (counted from 0) is not finite; remove such rows")
     span = float(np.ptp(q))
     if span < STANDSTILL:
-        raise MeasurementError(f"q runs over {span:.3g} m only; the cart has to move along its guideway")
+        raise MeasurementError(f"q spans only {span:.3g} m; the cart has to move along its guideway")
     if span > longest:
         raise MeasurementError(
-            f"q runs over {span:.4g} m, more than {longest:g}; give metres, not millimetres, or say by `longest` that "
-            "the guideway is longer"
+            f"q spans {span:.4g} m, more than {longest:g} m; give metres, not millimetres, or increase `longest` for a "
+            "longer guideway"
         )
     return q, P
 
 
 def _thousand(scale: float) -> bool:
-    """Whether a ratio is about 1000 or its inverse."""
+    """Return whether a ratio is about 1000 or 1/1000."""
     return 0.5 < abs(np.log10(scale)) / 3 < 1.5
 
 
 CONFIDENCE = 0.95
-FALSE_ALARM = 1e-3  # a cyclic term counts as found below this chance of noise alone
-OVERSAMPLING = 10  # frequencies tried per 1/length of the guideway
+FALSE_ALARM = 1e-3  # significance level of a cyclic term
+OVERSAMPLING = 10  # frequencies per 1/length of the guideway
 MOST_FREQUENCIES = 200_000
 MIN_CYCLIC_POINTS = 8  # five numbers are fitted: offset, slope, sine, cosine, period
 ALIASES = 5
 NUMBERS = ("offset", "slope", "sine", "cosine", "frequency")
-APART_DEG = 1.0  # between the lines of two runs: a guideway bends by a thousandth of that
+APART_DEG = 1.0  # largest angle between the lines of two runs; a guideway bends by a thousandth of that
 
 
 @dataclass(frozen=True)
 class Backlash:
-    """Width [m] of the play: backward minus forward run along the guideway, positive for a cart that lags.
+    """Width [m] of the backlash: backward minus forward run along the guideway, positive for a cart that lags.
 
-    `standard_error` [m] is that of the mean, with `degrees_of_freedom`; `pairs` is the number of places compared,
-    `across` (3,) [m] the mean difference orthogonal to the guideway, which no play explains.
+    `standard_error` [m]: of the mean, with `degrees_of_freedom`. `pairs`: number of places compared. `across` (3,) [m]:
+    mean difference orthogonal to the guideway, which backlash does not explain.
     """
 
     width: float
@@ -248,14 +249,14 @@ class Backlash:
 
     @property
     def significant(self) -> bool:
-        """Whether the interval of 95 per cent excludes zero."""
+        """Whether the 95 % confidence interval excludes zero."""
         low, high = self.interval("width", CONFIDENCE)
         return low > 0.0 or high < 0.0
 
     def interval(self, name: str = "width", level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of the width [m], by Student's t. Raises ArgumentError for another name or no level."""
+        """Return the confidence interval of the width [m] (Student's t). Raises ArgumentError for a wrong argument."""
         if name != "width":
-            raise ArgumentError(f"'{name}' was not estimated; it is the width that has an interval", "name")
+            raise ArgumentError(f"'{name}' was not estimated; only 'width' has an interval", "name")
         if not 0 < level < 1:
             raise ArgumentError(f"a confidence level lies between 0 and 1; found {level:g}", "level")
         reach = half_width(level, self.degrees_of_freedom) * self.standard_error
@@ -263,19 +264,19 @@ class Backlash:
 
 
 def backlash(q_forward: Any, P_forward: Any, q_backward: Any, P_backward: Any, *, longest: float = LONGEST) -> Backlash:
-    """Play of the drive from one run with rising and one with falling q (Dressler 2012, section 4.2 and Fig. 4.3).
+    """Estimate the backlash of a drive from runs with increasing and decreasing q (Dressler 2012, sec. 4.2, Fig. 4.3).
 
-    The residuals of both runs about the line of the forward run are compared place by place, so that the guideway's
-    own errors cancel; the backward run is interpolated to the places of the forward run within their common range.
-    Visit the same places in both runs where errors vary faster than the points follow each other.
+    The residuals of both runs from the line of the forward run are compared place by place, so that the errors of the
+    guideway cancel. The backward run is interpolated at the places of the forward run within the common range. If
+    errors vary between neighbouring points, visit the same places in both runs.
 
     Args:
         q_forward, q_backward: (n,) and (m,) [m], each in the order of the measurement.
         P_forward, P_backward: (n, 3) and (m, 3) [m].
         longest: as for `fit_guideway`.
 
-    Raises MeasurementError: as `fit_guideway`; a forward run whose q does not rise, or a backward run whose q does not
-    fall, from each point to the next; runs along different lines; fewer than three common places.
+    Raises MeasurementError as `fit_guideway` does, if q does not increase in the forward or decrease in the backward
+    run, for runs along different lines, and for fewer than three common places.
 
     >>> q = np.linspace(0.0, 1.0, 11)
     >>> there = np.outer(q, [1.0, 0.0, 0.0])
@@ -289,7 +290,7 @@ def backlash(q_forward: Any, P_forward: Any, q_backward: Any, P_backward: Any, *
     turn = float(np.degrees(np.arccos(np.clip(fit.direction @ back_fit.direction, -1, 1))))
     if turn > APART_DEG:
         raise MeasurementError(
-            f"the two runs go along lines {turn:.3g} deg apart, at most {APART_DEG:g} expected; give points of one "
+            f"the lines of the two runs are {turn:.3g} deg apart; expected at most {APART_DEG:g} deg: points of one "
             "guideway in one frame"
         )
     for name, q, sign in (("forward", fit.q, 1), ("backward", q_b, -1)):
@@ -309,7 +310,7 @@ def backlash(q_forward: Any, P_forward: Any, q_backward: Any, P_backward: Any, *
     back = np.column_stack([np.interp(fit.q[inside], q_b[::-1], e_b[:, k]) for k in range(3)])
     difference = back - fit.e[inside]
     along = difference @ fit.direction
-    # interpolated places share measurements: no more of them count than there are points in the common range
+    # interpolated places share measurements: count at most the measured points in the common range
     independent = min(len(along), max(2, int(np.sum((q_b >= fit.q[0]) & (q_b <= fit.q[-1])))))
     error = float(np.std(along, ddof=1) / np.sqrt(independent))
     width = float(np.mean(along))
@@ -321,9 +322,9 @@ def backlash(q_forward: Any, P_forward: Any, q_backward: Any, P_backward: Any, *
 class CyclicTerm:
     """A periodic error along the guideway: sine sin(2 pi q / period) + cosine cos(2 pi q / period), all in m.
 
-    `false_alarm` is the chance that white noise alone, measured at the same places, shows as much in the range searched
-    (see `strongest`). `aliases` are other periods [m] that fit points so far apart equally well, the longest ones;
-    empty where the points are uneven. Errors are infinite where the points do not determine the numbers.
+    `false_alarm`: probability that white noise at the same places has a term as strong in the searched range (see
+    `strongest`). `aliases`: the longest other periods [m] that fit evenly spaced points equally well; empty for uneven
+    points. Errors are infinite if the points do not determine the parameters.
     """
 
     period: float
@@ -337,11 +338,11 @@ class CyclicTerm:
 
     @property
     def significant(self) -> bool:
-        """Whether it counts as found: false_alarm below 1e-3."""
+        """Whether false_alarm is below 1e-3."""
         return self.false_alarm < FALSE_ALARM
 
     def modifiers(self, direction: Any) -> dict[str, Any]:
-        """`period`, `sine` and `cosine` of PiecewiseLinearCyclicGuideway, for a unit vector along the guideway (3,)."""
+        """Return `period`, `sine` and `cosine` for PiecewiseLinearCyclicGuideway; direction: unit vector (3,)."""
         along = np.asarray(direction, dtype=float)
         return {"period": self.period, "sine": self.sine * along, "cosine": self.cosine * along}
 
@@ -349,16 +350,17 @@ class CyclicTerm:
 def cyclic_term(fit: GuidewayFit, periods: tuple[float, float] | None = None) -> CyclicTerm:
     """Find the strongest sinusoid in the residuals along the guideway: period, amplitude, and their standard errors.
 
-    A periodogram (sinusoid, offset and slope at every frequency) finds it, a least-squares fit refines it.
+    The start is the maximum of a periodogram (sinusoid, offset and slope at every frequency); a least-squares fit
+    refines it.
 
     Args:
         fit: line and residuals of the guideway, from `fit_guideway`.
-        periods: shortest and longest period [m]; by default from twice the median distance of the points to half the
-            length measured. Points d apart cannot distinguish the frequency 1/period from k/d +- 1/period, k a whole
-            number (Dressler 2012, section 4.2: 50 mm between points, teeth much closer): such `aliases` fit equally
-            well, so shorter periods need points that are closer or uneven.
+        periods: shortest and longest period [m]; default: from twice the median spacing of the points to half the
+            measured length. With a spacing d the frequency 1/period cannot be distinguished from k/d +- 1/period for
+            integer k (Dressler 2012, section 4.2: 50 mm between points, teeth much closer). Shorter periods need a
+            closer or uneven spacing.
 
-    Raises MeasurementError: fewer than eight places, or a range of periods that cannot be searched.
+    Raises MeasurementError for fewer than eight places, or for a range of periods that cannot be searched.
 
     >>> q = np.linspace(0.0, 1.0, 101)
     >>> points = np.outer(q, [1.0, 0.0, 0.0])
@@ -377,11 +379,11 @@ def cyclic_term(fit: GuidewayFit, periods: tuple[float, float] | None = None) ->
     if not 0 < shortest < longest <= 2 * span:
         raise MeasurementError(
             f"periods from {shortest:.4g} to {longest:.4g} m cannot be searched; expected 0 < shortest < longest <= "
-            f"{2 * span:.4g} m, twice the length measured"
+            f"{2 * span:.4g} m, twice the measured length"
         )
     count = int(np.ceil(OVERSAMPLING * span * (1 / shortest - 1 / longest))) + 2
     if count > MOST_FREQUENCIES:
-        raise MeasurementError(f"periods from {shortest:.4g} m up are {count} frequencies to try; ask for longer ones")
+        raise MeasurementError(f"periods from {shortest:.4g} m need {count} frequencies; raise the shortest period")
     if np.max(np.abs(e)) == 0.0:
         return CyclicTerm(longest, np.inf, 0.0, 0.0, 0.0, 0.0, 1.0, ())
     frequencies = np.linspace(1 / longest, 1 / shortest, count)
@@ -392,21 +394,21 @@ def cyclic_term(fit: GuidewayFit, periods: tuple[float, float] | None = None) ->
 
     f0, size = float(frequencies[best]), float(np.max(np.abs(e)))
     start = np.linalg.lstsq(columns(f0), e / size, rcond=None)[0]
-    # residuals of order one, and within one peak of the periodogram
+    # residuals scaled to order one; the frequency stays within one peak of the periodogram
     reach = 1 / span
     fitted = nonlinear_fit(
         by_differences(lambda x: columns(x[4]) @ x[:4] - e / size, len(q)), [*start, f0], NUMBERS,
         scale=[1, 1, 1, 1, reach], bounds={"frequency": (f0 - reach, f0 + reach)}, hold_undetermined=True,
     )  # fmt: skip
-    known = fitted.estimate
-    # sine and cosine may grow against each other: few points, about two per period
-    if known is None or known.held or known.undetermined:
+    estimate = fitted.estimate
+    # with about two points per period, sine and cosine may grow against each other
+    if estimate is None or estimate.held or estimate.undetermined:
         sine, cosine, f, amplitude_error, frequency_error = *(size * start[2:]), f0, np.inf, np.inf
     else:
         sine, cosine, f = *(size * fitted.x[2:4]), fitted.x[4]
         gradient = np.array([sine, cosine]) / max(float(np.hypot(sine, cosine)), 1e-300)
-        amplitude_error = size * float(np.sqrt(gradient @ known.covariance[2:4, 2:4] @ gradient))
-        frequency_error = float(known.std[4])
+        amplitude_error = size * float(np.sqrt(gradient @ estimate.covariance[2:4, 2:4] @ gradient))
+        frequency_error = float(estimate.std[4])
     return CyclicTerm(
         float(1 / f), float(frequency_error / f**2), float(np.hypot(sine, cosine)), amplitude_error, float(sine),
         float(cosine), false_alarm, _aliases(float(f), places),
@@ -414,7 +416,7 @@ def cyclic_term(fit: GuidewayFit, periods: tuple[float, float] | None = None) ->
 
 
 def _aliases(f: float, places: np.ndarray) -> tuple[float, ...]:
-    """Periods of the frequencies k/d +- f for even places d apart."""
+    """Return the periods of the frequencies k/d +- f for evenly spaced places at distance d."""
     gaps = np.diff(places)
     d = float(np.mean(gaps))
     if np.max(np.abs(gaps - d)) > 1e-3 * d:

@@ -1,4 +1,4 @@
-"""All branches of the inverse kinematics of a six-axis arm whose last three axes meet, by partition at the wrist."""
+"""All branches of the inverse kinematics of a six-axis arm with a spherical wrist, by partition at the wrist centre."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from numpy.typing import ArrayLike
 from ..geometry.rotations import within_pi
 from ..results import Status
 
-# sines and relative distances below this keep fewer than ten digits of the angle that they determine
+# sines and relative distances below this determine an angle to fewer than ten digits
 SINGULAR = 1e-6
-# a straight elbow misses its own reach by rounding of a few metres
+# tolerance for rounding of the cosine of a straight or folded elbow
 EDGE = 1e-12
-# where a pose is on a limit, rounding of the angle must not lose it [rad]
+# tolerance for rounding of an angle on a limit [rad]
 ON_LIMIT = 1e-9
 AXES = np.array([[0, 0, -1], [0, 1, 0], [0, 1, 0], [-1, 0, 0], [0, 1, 0], [-1, 0, 0]], float)
-# by branch: shoulder in front (1) or behind (-1), elbow by the sign of its angle, wrist by that of q5
+# per branch: shoulder in front (1) or behind (-1), sign of the elbow angle, sign of q5
 SIDES = np.array([[s, e, w] for s in (1, -1) for e in (1, -1) for w in (1, -1)])
 
 
 @dataclass(frozen=True, eq=False)
 class InverseBranches:
-    """Joint angles on the eight branches of n poses: q (n, 8, 6) [rad], NaN where there is none, and status (n, 8).
+    """Joint angles on the eight branches of n poses: q (n, 8, 6) [rad], NaN without a solution, and status (n, 8).
 
-    SINGULAR: the branch exists, but there the shoulder (wrist centre on axis 1), the elbow (arm straight or folded)
-    or the wrist (axes 4 and 6 in line) lets joints move with the pose at rest, or two branches meet; q is one of its
+    SINGULAR: the branch exists, but the shoulder (wrist centre on axis 1), the elbow (arm straight or folded) or the
+    wrist (axes 4 and 6 in line) is singular: joints can move at constant pose, or two branches meet. q is one of the
     solutions. OUT_OF_RANGE: the wrist centre is out of reach.
     """
 
@@ -34,8 +34,8 @@ class InverseBranches:
     status: np.ndarray
 
     def within(self, limits: ArrayLike, pose: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """All joint angles (k, 6) of one pose within limits (6, 2) [rad], each branch in all its turns of 360 degrees,
-        and the branch (k,) that each belongs to; empty where the limits leave none."""
+        """Return all joint angles (k, 6) of one pose within limits (6, 2) [rad], including full turns, and the branch
+        (k,) of each; empty if there are none."""
         low, high = np.asarray(limits, float).reshape(6, 2).T
         rows, branches = [], []
         for branch, angles in enumerate(self.q[pose]):
@@ -56,14 +56,14 @@ class InverseBranches:
 class WristPartition:
     """Inverse kinematics of a six-axis arm with a spherical wrist, from its lengths [m].
 
-    At q = 0 the axes point along -z, y, y, -x, y, -x, and the flange looks along x, Ry(90 deg).
+    At q = 0 the axes point along -z, y, y, -x, y, -x, and the flange points along x, Ry(90 deg).
 
-    `base` is where axis 2 stands (offset along x, height), `upper` the distance from axis 2 to axis 3, `fore` (2,) the
-    way from axis 3 to the wrist centre along x and z, `flange` the distance from the wrist centre to the flange.
+    `base`: position of axis 2 (offset along x, height); `upper`: distance from axis 2 to axis 3; `fore` (2,): vector
+    from axis 3 to the wrist centre along x and z; `flange`: distance from the wrist centre to the flange.
 
     >>> robot = gt.robots.kr500()
     >>> arm = gt.kinematics.WristPartition.of(robot.origins, robot.axes)
-    >>> branches = arm.inverse([1.5, 0.4, 1.2], np.diag([1.0, -1.0, -1.0]))  # flange looks down
+    >>> branches = arm.inverse([1.5, 0.4, 1.2], np.diag([1.0, -1.0, -1.0]))  # flange points down
     >>> np.degrees(branches.q[0, 0, :3]).round(1), (branches.status == gt.Status.OK).all()  # all eight branches exist
     (array([-14.9, -72.1, 119.5]), np.True_)
     """
@@ -75,8 +75,8 @@ class WristPartition:
 
     @classmethod
     def of(cls, origins: ArrayLike, axes: ArrayLike) -> WristPartition:
-        """From axis origins (6, 3) [m], each in the frame before, and directions (6, 3). ValueError for another kind
-        of arm."""
+        """Build from axis origins (6, 3) [m], each in the previous frame, and axis directions (6, 3). Raises ValueError
+        for another arm geometry."""
         o, a = np.asarray(origins, float), np.asarray(axes, float)
         if a.shape != (6, 3) or not np.allclose(a, AXES):
             raise ValueError(f"axes are {a.tolist()}; expected -z, y, y, -x, y, -x")
@@ -89,14 +89,14 @@ class WristPartition:
 
     @property
     def reach(self) -> tuple[float, float]:
-        """Least and greatest distance of the wrist centre from axis 2 [m]."""
+        """Smallest and largest distance of the wrist centre from axis 2 [m]."""
         fore = float(np.hypot(*self.fore))
         return abs(self.upper - fore), self.upper + fore
 
     def inverse(self, T: ArrayLike, R: ArrayLike) -> InverseBranches:
-        """The branches, in the order of SIDES, of flange poses T (n, 3) [m] and R (n, 3, 3).
+        """Return the branches, in the order of SIDES, of flange poses T (n, 3) [m] and R (n, 3, 3).
 
-        A row that is no finite pose has the status NOT_FINITE. Raises ValueError for other shapes.
+        Rows with NaN or infinity have the status NOT_FINITE. Raises ValueError for other shapes.
         """
         T, R = np.atleast_2d(np.asarray(T, float)), np.asarray(R, float).reshape(-1, 3, 3)
         if T.ndim != 2 or T.shape[1] != 3 or len(T) != len(R):
@@ -105,19 +105,19 @@ class WristPartition:
         q, status = np.full((len(T), 8, 6), np.nan), np.empty((len(T), 8), int)
         for k, (shoulder, elbow, wrist) in enumerate(SIDES):
             q[:, k, :3], arm, ok = self._arm(centre, shoulder, elbow)
-            q[:, k, 3:], turned = self._wrist(R, q[:, k, :3], wrist)
-            status[:, k] = np.where(ok, np.where(arm | turned, Status.SINGULAR, Status.OK), Status.OUT_OF_RANGE)
+            q[:, k, 3:], in_line = self._wrist(R, q[:, k, :3], wrist)
+            status[:, k] = np.where(ok, np.where(arm | in_line, Status.SINGULAR, Status.OK), Status.OUT_OF_RANGE)
         finite = np.isfinite(T).all(axis=1) & np.isfinite(R).all(axis=(1, 2))
         status[~finite] = Status.NOT_FINITE
         return InverseBranches(q, status)
 
     def _arm(self, centre: np.ndarray, shoulder: int, elbow: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """q1..q3 (n, 3), where they are singular (n,) and where they exist (n,)."""
+        """Return q1..q3 (n, 3), whether they are singular (n,), and whether they exist (n,)."""
         x, y, z = centre.T
         radius = np.hypot(x, y)
         on_axis = radius < SINGULAR * self.upper
         q1 = -np.arctan2(shoulder * y, shoulder * x)
-        # the plane of the arm: forwards, downwards, so that angles about y are positive
+        # coordinates in the plane of the arm: forwards, downwards, so that angles about y are positive
         u, v = shoulder * radius - self.base[0], self.base[1] - z
         fore, bend = float(np.hypot(*self.fore)), float(np.arctan2(-self.fore[1], self.fore[0]))
         cosine = (u**2 + v**2 - self.upper**2 - fore**2) / (2 * self.upper * fore)
@@ -129,7 +129,7 @@ class WristPartition:
         return q, on_axis | (np.abs(np.sin(angle)) < SINGULAR), exists
 
     def _wrist(self, R: np.ndarray, q: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray]:
-        """q4..q6 (n, 3) and where they are singular (n,): Rx(-q4) Ry(q5) Rx(-q6) is what arm and flange leave."""
+        """Return q4..q6 (n, 3), and whether they are singular (n,); Rx(-q4) Ry(q5) Rx(-q6) is the wrist rotation."""
         c1, s1, c, s = np.cos(q[:, 0]), np.sin(q[:, 0]), np.cos(q[:, 1] + q[:, 2]), np.sin(q[:, 1] + q[:, 2])
         zero = np.zeros_like(c1)
         arm = np.stack([c1 * c, s1, c1 * s, -s1 * c, c1, -s1 * s, -s, zero, c], axis=1).reshape(-1, 3, 3)
@@ -138,7 +138,7 @@ class WristPartition:
         sine = np.hypot(M[:, 0, 1], M[:, 0, 2])
         q4 = np.arctan2(-side * M[:, 1, 0], -side * M[:, 2, 0])
         q5 = np.arctan2(side * sine, M[:, 0, 0])
-        # q6 after q4 and not from M alone: with axes 4 and 6 in line, only their sum is determined
+        # q6 is computed with q4: if axes 4 and 6 are in line, only their sum is determined
         across = np.cos(q4)[:, None] * M[:, 1] - np.sin(q4)[:, None] * M[:, 2]
         q6 = np.arctan2(across[:, 2], across[:, 1])
         return np.stack([q4, q5, q6], axis=1), sine < SINGULAR

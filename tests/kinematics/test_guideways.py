@@ -80,15 +80,15 @@ class TestFit:
         [
             (Q[:2], P[:2], "need at least 3 points; found 2"),
             (Q, P[:, :2], r"points of shape \(n, 3\); found \(6,\) and \(6, 2\)"),
-            (np.where(Q == 0.4, np.nan, Q), P, "row 2 .* is not finite; leave such rows out"),
+            (np.where(Q == 0.4, np.nan, Q), P, "row 2 .* is not finite; remove such rows"),
             (Q, np.where(Q[:, None] > 0.5, np.inf, P), "row 3 and 2 more"),
             (Q, 1e3 * P, "997.7|999.7.* m per metre of q.*one of them is in millimetres"),
-            (1e3 * Q, P, "1000 m, more than 20; give metres, not millimetres"),
-            (90 * Q, 90 * P, "90 m, more than 20; give metres, not millimetres"),
-            (20.5 * Q, 20.5 * P, "20.5 m, more than 20; give metres"),
+            (1e3 * Q, P, "1000 m, more than 20 m; give metres, not millimetres"),
+            (90 * Q, 90 * P, "90 m, more than 20 m; give metres, not millimetres"),
+            (20.5 * Q, 20.5 * P, "20.5 m, more than 20 m; give metres"),
             (0.01e3 * Q, 1e-3 * P, "do not move|move .* in millimetres|move by less"),
-            (0 * Q, P, "runs over 0 m only; the cart has to move"),
-            (Q, 0 * P, "move by less than 1 mm while q runs over 1 m"),
+            (0 * Q, P, "q spans only 0 m; the cart has to move"),
+            (Q, 0 * P, "move by less than 1 mm while q spans 1 m"),
             (Q, 3 * P, "move 2.999 m per metre of q.*check the units"),
         ],
     )
@@ -110,7 +110,7 @@ class TestBacklash:
         ("q", "P", "sentence"),
         [
             (1.0, 1e3, "one of them is in millimetres"),
-            (30.0, 30.0, "more than 20; give metres"),
+            (30.0, 30.0, "more than 20 m; give metres"),
             (1.0, np.diag([1.0, -1.0, 1.0]), "lines .* deg apart"),
         ],
     )
@@ -248,5 +248,5 @@ class TestCyclic:
             cyclic_term(fit_guideway(TestFit.Q, TestFit.P + 1e-5 * np.eye(6, 3)))
         with pytest.raises(MeasurementError, match="cannot be searched; expected 0 < shortest < longest"):
             cyclic_term(fit, periods=(0.2, 0.1))
-        with pytest.raises(MeasurementError, match="frequencies to try; ask for longer ones"):
+        with pytest.raises(MeasurementError, match="frequencies; raise the shortest period"):
             cyclic_term(fit, periods=(1e-6, 0.1))

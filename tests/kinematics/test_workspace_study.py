@@ -12,7 +12,7 @@ from gtmodel.compiler.flat_cache import shared
 from gtmodel.kinematics.mechanism import mechanism_of
 from gtmodel.kinematics.workspace import Beam, Bodies, Box, CrossSection, Sections, WorkspaceLimits, workspace_study
 from gtmodel.kinematics.workspace.reach import task_of
-from gtmodel.kinematics.workspace.workspace_study import _to_begin_with
+from gtmodel.kinematics.workspace.workspace_study import _initial_sections
 from gtmodel.results import ArgumentError, SolveStatus, Status
 from gtmodel.results.as_json import result
 from tests.kinematics.by_hand import L1, disc_intersection_area
@@ -127,7 +127,7 @@ def test_what_leaves_the_window_says_so(l1) -> None:
 
 
 @pytest.mark.parametrize("sections", [3, 6])
-def test_the_volume_does_not_depend_on_the_sections_to_begin_with(l1, sections: int) -> None:
+def test_the_volume_does_not_depend_on_the_initial_sections(l1, sections: int) -> None:
     """Without added ones 26.7 m3 and 0.0 m3."""
     limits = WorkspaceLimits(cone=np.radians(40.0), actuators=[[-1.5, 1.5]] * 3)
     s = reached(l1, limits, volume=Sections(-10.0, 12.0, sections, 0.05))
@@ -145,7 +145,7 @@ def test_a_volume_with_too_few_sections_fails_its_check(l1) -> None:
 def test_sections_are_as_near_as_an_obstacle_is_thin(l1) -> None:
     box = Box(name="post", low=[0.4, -1.0, -0.3], high=[0.5, -0.4, 0.2])
     task = task_of(l1, WorkspaceLimits(), None, COARSE, Bodies(), [box], [])
-    assert _to_begin_with(Sections(-1.0, 1.0, 3), task, [box], []) >= 21
+    assert _initial_sections(Sections(-1.0, 1.0, 3), task, [box], []) >= 21
 
 
 def test_a_volume_may_be_cut_where_the_section_is_not(l1) -> None:

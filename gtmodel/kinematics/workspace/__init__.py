@@ -1,6 +1,6 @@
-"""Workspace of a robot: which tool centre points it reaches under limits, and area, boundary and volume of them.
+"""Workspace of a robot: reachable tool centre points under limits, with area, boundary and volume.
 
-The study: workspace_study, WorkspaceStudy, asked for by WorkspaceLimits, CrossSection, Sections, Bodies, Box, Beam.
+The study: workspace_study, WorkspaceStudy; options: WorkspaceLimits, CrossSection, Sections, Bodies, Box, Beam.
 Points: Grid, box_grid, section_grid. The robot: InverseKinematics, Poses. Limits: ActuatorLimits, BallJointCones,
 CartesianBox, Singularities, Obstacles, LinkClearance, FrameClearance. Maps: Reach, map_grid, map_section, map_volume.
 Shapes: Region, region. Robots under limits: limited_mechanism, limits_of.

@@ -1,4 +1,4 @@
-"""Clearance of the links: from obstacles, from one another, from the beams of the frame, all rows at once."""
+"""Clearance of the links from obstacles, from one another and from the beams of the frame, for many poses at once."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from ..mechanism import Array, Poses
 
 
 def between_segments(p1: Array, p2: Array, r1: Array, r2: Array) -> Array:
-    """Least distance [m] (n,) between segments p1-p2 and r1-r2, each end (n, 3); segments may be points.
+    """Return the distance [m] (n,) between segments p1-p2 and r1-r2, each end (n, 3); segments may be points.
 
-    The least lies inside both segments or at an end of one: the four ends against the other segment, and the feet of
-    the common perpendicular where both lie within.
+    It is the smallest distance of the four ends from the other segment, or the length of the common perpendicular if
+    its feet lie within both segments.
     """
     ends = [_to_segment(p1, r1, r2), _to_segment(p2, r1, r2), _to_segment(r1, p1, p2), _to_segment(r2, p1, p2)]
     least = np.min(ends, axis=0)
@@ -27,15 +27,15 @@ def between_segments(p1: Array, p2: Array, r1: Array, r2: Array) -> Array:
         s, t = (b * g - c * f) / determinant, (a * g - b * f) / determinant
         inside = (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
         gap = w + s[:, None] * d - t[:, None] * e
-        # rounding makes s and t of nearly parallel segments arbitrary, but the gap is that of two true points
+        # for nearly parallel segments s and t are arbitrary, but the gap still is the distance of two points on them
         return np.where(inside, np.minimum(least, np.sqrt(_dot(gap, gap))), least)
 
 
 def segment_to_box(p1: Array, p2: Array, low: Array, high: Array) -> Array:
-    """Least distance [m] (n,) between segments p1-p2 (n, 3) and a box with sides along the axes; 0 where they meet.
+    """Return the distance [m] (n,) between segments p1-p2 (n, 3) and a box with sides along the axes; 0 if they meet.
 
-    The squared distance along the segment is convex and piecewise quadratic; between the parameters at which it
-    enters or leaves the slabs of the box its minimum is exact.
+    The squared distance along the segment is convex and quadratic between the parameters at which the segment enters or
+    leaves the slabs of the box; its minimum is computed exactly.
     """
     d = p2 - p1
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -44,7 +44,7 @@ def segment_to_box(p1: Array, p2: Array, low: Array, high: Array) -> Array:
     n = len(p1)
     t = np.sort(np.concatenate([np.zeros((n, 1)), cuts, np.ones((n, 1))], axis=1), axis=1)
     slope = np.einsum("nki,ni->nk", _outside(p1[:, None] + t[..., None] * d[:, None], low, high), d)
-    # the derivative is increasing and piecewise linear: its root lies in the interval where the sign changes
+    # the derivative is increasing and piecewise linear; its root lies in the interval with a change of sign
     k = np.clip((slope < 0).sum(axis=1), 1, t.shape[1] - 1)
     row = np.arange(n)
     t0, t1, s0, s1 = t[row, k - 1], t[row, k], slope[row, k - 1], slope[row, k]
@@ -56,7 +56,7 @@ def segment_to_box(p1: Array, p2: Array, low: Array, high: Array) -> Array:
 
 
 def _outside(p: Array, low: Array, high: Array) -> Array:
-    """Vector from the nearest point of the box to p; zero inside."""
+    """Return the vector from the nearest point of the box to p; zero inside."""
     return np.minimum(p - low, 0.0) + np.maximum(p - high, 0.0)
 
 
@@ -72,7 +72,7 @@ def _dot(x: Array, y: Array) -> Array:
     return np.einsum("ni,ni->n", x, y)
 
 
-# what meets is not clear, also where nothing has a radius [m]
+# bodies that touch are not clear of one another, even if their radii are zero [m]
 TOUCHING = 1e-9
 
 
@@ -87,7 +87,7 @@ class Obstacles:
     Attributes:
         low, high: (k, 3) corners of the boxes [m].
         link_radius: (l,) of the links [m].
-        plate_radius: of a sphere about the tool centre point that holds the plate [m].
+        plate_radius: of a sphere about the tool centre point that contains the plate [m].
         names: one per box, for messages.
     """
 
@@ -120,14 +120,14 @@ class Obstacles:
 
 @dataclass(frozen=True)
 class LinkClearance:
-    """Links stay clear of one another: the distance of their segments is more than the sum of their radii.
+    """Links stay clear of one another: the distance of their axes exceeds the sum of their radii.
 
     Attributes:
         radius: (l,) of the links [m].
-        pairs: which links; all pairs if left out.
+        pairs: pairs of links; default: all pairs.
 
-    Links that end in one point are never clear of one another: give real joint positions (`offsets` of
-    `InverseKinematics`), or leave the pair out.
+    Links that end in one point always touch: supply real joint positions (`offsets` of `InverseKinematics`), or leave
+    the pair out.
     """
 
     radius: Array
@@ -138,7 +138,7 @@ class LinkClearance:
 
     @property
     def chosen(self) -> Sequence[tuple[int, int]]:
-        """The pairs that are looked at."""
+        """The pairs that are checked."""
         return self.pairs or list(combinations(range(len(self.radius)), 2))
 
     @property
@@ -171,7 +171,7 @@ class FrameClearance:
 
     @property
     def chosen(self) -> Sequence[tuple[int, int]]:
-        """The pairs (link, beam) that are looked at."""
+        """The pairs (link, beam) that are checked."""
         pairs = [(i, k) for i in range(len(self.link_radius)) for k in range(len(self.ends))]
         return [pair for pair in pairs if pair not in set(self.skip)]
 

@@ -1,6 +1,6 @@
-"""Limits that make the workspace smaller than the inverse kinematics allows: strokes, joint cones, free space.
+"""Limits of the workspace besides the inverse kinematics: strokes, joint cones, free space, singularities.
 
-A limit gives a margin for each of its parts (positive inside, in its own unit) and says in words what it assumes.
+A limit returns a margin for each of its parts (positive inside, in its own unit) and states its assumptions.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from ..mechanism import Array, Poses
 
 
 class Limit(Protocol):
-    """What every limit offers.
+    """Interface of a limit.
 
-    name: one or two words. unit: of the margins. parts: what each column of the margins belongs to.
-    assumes: a sentence on what was assumed, stated with every result; "" where there is nothing to say.
+    name: one or two words. unit: of the margins. parts: name of each column of the margins.
+    assumes: a sentence with the assumptions, shown with every result, or "".
     """
 
     @property
@@ -32,7 +32,7 @@ class Limit(Protocol):
     def assumes(self) -> str: ...
 
     def margins(self, poses: Poses) -> Array:
-        """(n, parts): positive inside the limit."""
+        """Return the margins (n, parts), positive inside the limit."""
         ...
 
 
@@ -48,11 +48,11 @@ class _Ends(ABC):
 
     @abstractmethod
     def coordinates(self, poses: Poses) -> Array:
-        """(n, m) what is limited."""
+        """Return the limited coordinates (n, m)."""
 
     @abstractmethod
     def names(self) -> Sequence[str]:
-        """Of the m coordinates."""
+        """Return the names of the m coordinates."""
 
     @property
     def parts(self) -> Sequence[str]:
@@ -82,9 +82,9 @@ class BallJointCones:
 
     Attributes:
         axes: (l, 3) unit vectors in world coordinates, from cart to plate. Carts and plate keep their orientation,
-            so that one cone stands for both ends of a link.
+            so that one cone represents both ends of a link.
         half_angle: of the cones [rad].
-        assumes: how the axes were chosen; joint mounting directions are rarely published.
+        assumes: how the axes were chosen; mounting directions of joints are rarely published.
     """
 
     axes: Array
@@ -94,10 +94,10 @@ class BallJointCones:
 
     @classmethod
     def about_home(cls, home: Poses, half_angle: float) -> BallJointCones:
-        """Axes along the links at the home pose, the one row of `home`."""
+        """Build cones with axes along the links at the home pose, the single row of `home`."""
         where = ", ".join(f"{x:.4g}" for x in home.T[0])
         assumes = (
-            f"ball-joint cones stand about the link directions at the home pose ({where}) m; "
+            f"the axes of the ball-joint cones are the link directions at the home pose ({where}) m; "
             "the real mounting directions are not known"
         )
         return cls(home.directions[0], half_angle, assumes)
@@ -112,7 +112,7 @@ class BallJointCones:
 
     def margins(self, poses: Poses) -> Array:
         u, axes = poses.directions, np.asarray(self.axes)
-        # the angle by its half: exact for small ones too
+        # half-angle formula: accurate for small angles, too
         difference, total = (np.sqrt(np.einsum("nli,nli->nl", d, d)) for d in (u - axes, u + axes))
         return self.half_angle - 2 * np.arctan2(difference, total)
 
@@ -133,10 +133,10 @@ class CartesianBox(_Ends):
 
 @dataclass(frozen=True)
 class Singularities:
-    """The robot stays off its singular poses by an angle [rad].
+    """The robot keeps an angle [rad] from its singular poses.
 
-    Inverse: a link orthogonal to its guideway moves nothing; the margin is its angle from that. Forward (three
-    links): a link in the plane of the two others holds nothing; the margin is its angle from that plane.
+    Inverse singularity: a link is orthogonal to its guideway; the margin is its angle from the orthogonal plane.
+    Forward singularity (three links): a link lies in the plane of the other two; the margin is its angle from it.
 
     Attributes:
         directions: (l, 3) guideway direction of each link; length does not matter.
@@ -165,8 +165,8 @@ class Singularities:
 
 
 def plane_angles(u: Array) -> Array:
-    """Angle [rad] (n, 3) of each of three unit vectors (n, 3, 3) from the plane of the two others; zero where they
-    are singular."""
+    """Return the angle [rad] (n, 3) of each of three unit vectors (n, 3, 3) from the plane of the other two; zero if
+    singular."""
     x, y, z = np.moveaxis(u, 2, 0)
     height, angles = np.zeros(len(u)), []
     for j, k in ((1, 2), (2, 0), (0, 1)):
@@ -175,10 +175,10 @@ def plane_angles(u: Array) -> Array:
             z[:, j] * x[:, k] - x[:, j] * z[:, k],
             x[:, j] * y[:, k] - y[:, j] * x[:, k],
         )
-        if not angles:  # three times the same determinant
+        if not angles:  # the determinant is the same for all three
             height = np.abs(normal[0] * x[:, 0] + normal[1] * y[:, 0] + normal[2] * z[:, 0])
         length = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
-        # two parallel links span no plane: as singular as can be
+        # two parallel links span no plane: singular
         sine = np.divide(height, length, out=np.zeros_like(height), where=length > 0)
         angles.append(np.arcsin(np.minimum(1.0, sine)))
     return np.stack(angles, axis=1)

@@ -1,4 +1,4 @@
-"""What a workspace study is asked for, limits, bodies, what stands in their way, sections, and what it found."""
+"""Options and result of the workspace study: limits, bodies, obstacles, sections."""
 
 from __future__ import annotations
 
@@ -13,36 +13,36 @@ from ...results.options import Long, Options, Unit, Within
 Pair = Annotated[list[float], Long(2)]
 Point = Annotated[list[float], Long(3)]
 DEGREE = math.pi / 180
-MOST_SECTIONS = 200  # of one volume: each maps a whole grid
+MOST_SECTIONS = 200  # of a volume; a grid is mapped for each
 
 
 @dataclass(frozen=True)
 class WorkspaceLimits(Options):
-    """Limits that the workspace must keep; what is left out is unlimited.
+    """Limits of the workspace; coordinates without a limit are unlimited.
 
     >>> limits = gt.kinematics.workspace.WorkspaceLimits(actuators=[[-1.5, 1.5]] * 3)
     >>> round(float(np.degrees(limits.singularity)), 3), limits.cone is None  # deg
     (0.1, True)
     """
 
-    actuators: Annotated[list[Pair] | None, Unit("m"), "least and greatest q of every cart"] = None
+    actuators: Annotated[list[Pair] | None, Unit("m"), "lower and upper limit of q for every cart"] = None
     cone: Annotated[
         float | None, Unit("rad", written="deg"), Within(above=0.0, most=math.pi),
         "half-angle of ball-joint cones about the links at home",
     ] = None  # fmt: skip
     singularity: Annotated[
         float, Unit("rad", written="deg"), Within(least=0.0),
-        "least angle of a link from orthogonal to its guideway and from the others' plane",
+        "least angle of a link from the plane orthogonal to its guideway and from the plane of the other links",
     ] = 0.1 * DEGREE  # fmt: skip
     tcp_low: Annotated[
-        list[float] | None, Unit("m"), Long(3), "least tool centre point, such as a wall of the frame"
+        list[float] | None, Unit("m"), Long(3), "lower limits of the tool centre point, such as a wall of the frame"
     ] = None  # fmt: skip
-    tcp_high: Annotated[list[float] | None, Unit("m"), Long(3), "greatest tool centre point"] = None
+    tcp_high: Annotated[list[float] | None, Unit("m"), Long(3), "upper limits of the tool centre point"] = None
 
 
 @dataclass(frozen=True)
 class Bodies(Options):
-    """Sizes of links and plate, for clearances. The way from the simplified to the real joints may be given.
+    """Sizes of links and plate for clearances, and positions of the real plate joints.
 
     >>> gt.kinematics.workspace.Bodies(link_radius=-0.02)
     Traceback (most recent call last):
@@ -56,7 +56,7 @@ class Bodies(Options):
     ] = 0.0  # fmt: skip
     plate_joints: Annotated[
         list[Point] | None, Unit("m"),
-        "plate joint of each link from the TCP, robot frame; the links meet in the TCP without",
+        "position of the plate joint of each link relative to the TCP, robot frame; default: the links meet in the TCP",
     ] = None  # fmt: skip
     link_clearance: Annotated[bool, "keep the links clear of one another; needs plate_joints_m"] = False
 
@@ -72,13 +72,13 @@ class Box(Options):
     """
 
     name: Annotated[str, "name of the obstacle in messages"] = ""
-    low: Annotated[list[float], Unit("m"), Long(3), "its least corner"]
-    high: Annotated[list[float], Unit("m"), Long(3), "its greatest corner"]
+    low: Annotated[list[float], Unit("m"), Long(3), "corner with the smallest coordinates"]
+    high: Annotated[list[float], Unit("m"), Long(3), "corner with the largest coordinates"]
 
 
 @dataclass(frozen=True)
 class Beam(Options):
-    """A straight beam of the frame, from which the links must keep clear.
+    """A straight beam of the frame that the links must not touch.
 
     >>> beam = gt.kinematics.workspace.Beam([0, 0, 0.8], [0, 0, 1.6], radius=0.05, skip_links=[1])
     >>> beam.radius, beam.skip_links
@@ -87,7 +87,7 @@ class Beam(Options):
 
     from_: Annotated[list[float], Unit("m"), Long(3), "one end"]
     to: Annotated[list[float], Unit("m"), Long(3), "the other end"]
-    radius: Annotated[float, Unit("m"), Within(least=0.0), "its radius"] = 0.0
+    radius: Annotated[float, Unit("m"), Within(least=0.0), "radius of the beam"] = 0.0
     skip_links: Annotated[list[int], "numbers of links (from 1) that may touch it"] = field(default_factory=list)
 
 
@@ -103,68 +103,66 @@ class Sections(Options):
 
     low: Annotated[float, Unit("m"), "first position along the guideways"]
     high: Annotated[float, Unit("m"), "last position along the guideways"]
-    sections: Annotated[int, Within(least=2, most=10000), "number of sections to begin with"] = 21
+    sections: Annotated[int, Within(least=2, most=10000), "initial number of sections"] = 21
     tolerance: Annotated[
-        float, Within(above=0.0, below=1.0), "relative error of the volume below which no more sections are added"
+        float, Within(above=0.0, below=1.0), "relative error of the volume; sections are added until it is reached"
     ] = 0.01  # fmt: skip
-    most_sections: Annotated[int, Within(least=3, most=10000), "number of sections at most"] = MOST_SECTIONS
+    most_sections: Annotated[int, Within(least=3, most=10000), "largest number of sections"] = MOST_SECTIONS
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class WorkspaceStudy(Study):
-    """Which tool centre points a robot reaches. Of a study that was interrupted it holds what was mapped until then."""
+    """The reachable tool centre points of a robot. An interrupted study holds the maps completed so far."""
 
-    area: Annotated[float | None, Quantity("m2", "area of the cross-section that is reached under all limits")] = None
-    width: Annotated[float | None, Quantity("m", "its width")] = None
-    height: Annotated[float | None, Quantity("m", "its height")] = None
+    area: Annotated[float | None, Quantity("m2", "area of the cross-section reachable under all limits")] = None
+    width: Annotated[float | None, Quantity("m", "width of the cross-section")] = None
+    height: Annotated[float | None, Quantity("m", "height of the cross-section")] = None
     kinematic_area: Annotated[
         float | None,
-        Quantity("m2", "area where the inverse kinematics has a solution, all limits left out but singularities"),
+        Quantity("m2", "area in which the inverse kinematics has a solution, limited by singularities only"),
     ] = None
-    kinematic_width: Annotated[float | None, Quantity("m", "its width")] = None
-    kinematic_height: Annotated[float | None, Quantity("m", "its height")] = None
+    kinematic_width: Annotated[float | None, Quantity("m", "width of that area")] = None
+    kinematic_height: Annotated[float | None, Quantity("m", "height of that area")] = None
     cones: Annotated[
         Sequence[Mapping[str, float]],
         "for each angle of compare_cones_deg: angle_deg, area_m2, width_m, height_m under ball-joint cones alone",
     ] = ()
     guideway_rectangle: Annotated[
         float | None,
-        Quantity("m2", "area of the upright rectangle that the guideways span in the section: the footprint"),
+        Quantity("m2", "area of the upright rectangle around the guideways in the section: the footprint"),
     ] = None
-    area_ratio: Annotated[float | None, "area_m2 to that footprint"] = None
+    area_ratio: Annotated[float | None, "ratio of area_m2 to the footprint"] = None
     volume: Annotated[
         float | None, Quantity("m3", "volume of the workspace along the guideways; null without [volume]")
     ] = None
     volume_error: Annotated[
         float | None,
-        Quantity("m3", "its error, estimated from the sections; null without [volume], and where none is reached"),
+        Quantity("m3", "error of the volume, estimated from the sections; null without [volume] or reachable sections"),
     ] = None
-    volume_sections: Annotated[int | None, "number of sections that were mapped for it"] = None
+    volume_sections: Annotated[int | None, "number of sections of the volume"] = None
     volume_ratio: Annotated[
         float | None,
-        "volume_m3 to the footprint times the longest stroke of limits.actuators_m; null without them",
+        "ratio of volume_m3 to footprint times longest stroke of limits.actuators_m; null without these limits",
     ] = None  # fmt: skip
     reasons: Annotated[
         Mapping[str, int],
-        "number of grid points of the section by reason, the first limit that fails",
+        "number of grid points of the section per reason, the first violated limit",
     ] = field(default_factory=dict)
     points: Annotated[Sequence[Mapping[str, Any]], "for each of points_m: tcp_m, reachable, sentence"] = ()
-    on_edge: Annotated[bool | None, "whether the cross-section reaches the edge of the grid and is cut off there"] = (
-        None
-    )
+    on_edge: Annotated[bool | None, "whether the edge of the grid cuts off the cross-section"] = None
     volume_on_edge: Annotated[
         bool | None,
-        "whether the volume reaches the first or last section, or the edge of one; null without [volume]",
+        "whether the first or last section, or the edge of a grid, cuts off the volume; null without [volume]",
     ] = None
     assumptions: Annotated[
-        Sequence[str], "what was assumed about joints and bodies, in sentences"
+        Sequence[str], "assumptions on joints and bodies, in sentences"
     ] = ()  # fmt: skip
 
     @property
     def rows(self) -> list[Row]:
         """The table for people."""
         rows = [
-            Row("cross-section reached", self.area, "m2"),
+            Row("reachable cross-section", self.area, "m2"),
             Row("its width", self.width, "m"),
             Row("its height", self.height, "m"),
             Row("where inverse kinematics exists", self.kinematic_area, "m2"),
@@ -173,12 +171,12 @@ class WorkspaceStudy(Study):
             rows = [row for row in rows if row.value is not None]
         rows += [Row(f"with cones of {c['angle_deg']:g} deg alone", c["area_m2"], "m2") for c in self.cones]
         if self.area is not None:
-            rows.append(Row("to the rectangle of the guideways", self.area_ratio))
+            rows.append(Row("ratio to the rectangle of the guideways", self.area_ratio))
         if self.volume is not None:
             rows.append(Row("volume", self.volume, "m3"))
-            rows.append(Row("  its error by the sections", self.volume_error, "m3"))
+            rows.append(Row("  its error from the sections", self.volume_error, "m3"))
             rows.append(Row("  sections", self.volume_sections))
-            rows.append(Row("to the box of guideways and strokes", self.volume_ratio))
+            rows.append(Row("ratio to the box of guideways and strokes", self.volume_ratio))
         rows += [Row(f"grid points: {reason}", count) for reason, count in self.reasons.items()]
         rows += [Row("point", point["sentence"]) for point in self.points]
         rows += [Row("assumed", sentence) for sentence in self.assumptions]
@@ -186,7 +184,7 @@ class WorkspaceStudy(Study):
 
     @property
     def cuts(self) -> list[str]:
-        """Where the workspace goes on beyond what was looked at, in sentences."""
+        """Sentences on where the grid or the sections cut off the workspace."""
         cuts = ["the cross-section reaches the edge of the grid and is cut there"] if self.on_edge else []
         if self.volume_on_edge:
             cuts.append("the volume reaches its first or last section, or the edge of one, and is cut there")

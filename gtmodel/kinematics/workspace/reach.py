@@ -1,4 +1,4 @@
-"""Which tool centre points a robot reaches, and why not the others, with the limits that it is asked to keep."""
+"""Reachability of tool centre points under limits, with the reasons for unreachable ones."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from .limits import ActuatorLimits, BallJointCones, CartesianBox, Limit, Singula
 from .options import Beam, Bodies, Box, WorkspaceLimits
 
 REACHABLE = 0
-FIRST_LIMIT = 64  # codes below are those of `Status`, from here on they count the limits
-# rows at once: some 10 MB of poses and margins, whatever the size of the grid
+FIRST_LIMIT = 64  # smaller codes are those of `Status`, FIRST_LIMIT + k is limit k
+# rows at once: about 10 MB of poses and margins for a grid of any size
 CHUNK = 16384
-# chunks handed to a cluster before any answer is waited for
+# chunks submitted to a cluster at once
 WINDOW = 64
 
 
 class Reach:
-    """Reachability of tool centre points under limits, in one order: input, inverse kinematics, then each limit.
+    """Tests tool centre points in a fixed order: finite input, inverse kinematics, then each limit.
 
-    Called with T (3,) or (n, 3) [m] it returns codes: 0 reachable, below FIRST_LIMIT a `Status` of the inverse
-    kinematics, from there on FIRST_LIMIT + k for limit k, the first one that fails. It never throws on data, and a
-    row with NaN harms no other row.
+    Called with T (3,) or (n, 3) [m], it returns codes: 0 reachable, below FIRST_LIMIT a `Status` of the inverse
+    kinematics, FIRST_LIMIT + k if limit k is the first violated limit. It raises no error for any numbers, and a row
+    with NaN does not affect other rows.
     """
 
     def __init__(self, inverse: InverseKinematics, limits: Sequence[Limit] = ()) -> None:
@@ -39,38 +39,38 @@ class Reach:
 
     @property
     def assumptions(self) -> list[str]:
-        """What was assumed, one sentence for each limit that has one."""
+        """The assumptions of the limits, in sentences."""
         return [limit.assumes for limit in self.limits if limit.assumes]
 
     def __call__(self, T: Array) -> Any:
-        """Codes: an int for T (3,), uint8 (n,) for T (n, 3) [m]."""
+        """Return the codes: an int for T (3,), uint8 (n,) for T (n, 3) [m]."""
         T = np.asarray(T, dtype=float)
         if T.shape[-1:] != (3,) or T.ndim not in (1, 2):
-            raise TypeError(f"tool centre points take shape (3,) or (n, 3); found {T.shape}")
+            raise TypeError(f"tool centre points have shape (3,) or (n, 3); found {T.shape}")
         if T.ndim == 1:
             return int(self(T[None])[0])
         poses = self.inverse(T)
         codes = np.asarray(poses.status).astype(np.uint8)
-        left = np.flatnonzero(codes == REACHABLE)
-        if self.limits and len(left) < len(codes):
-            poses = poses.rows(left)
+        candidates = np.flatnonzero(codes == REACHABLE)
+        if self.limits and len(candidates) < len(codes):
+            poses = poses.rows(candidates)
         for k, limit in enumerate(self.limits):
-            if not len(left):
+            if not len(candidates):
                 break
             with np.errstate(invalid="ignore"):
-                kept = np.asarray(np.all(limit.margins(poses) >= 0, axis=1))
-            codes[left[~kept]] = FIRST_LIMIT + k
-            if k + 1 < len(self.limits) and not kept.all():
-                poses = poses.rows(kept)
-            left = left[kept]
+                within = np.asarray(np.all(limit.margins(poses) >= 0, axis=1))
+            codes[candidates[~within]] = FIRST_LIMIT + k
+            if k + 1 < len(self.limits) and not within.all():
+                poses = poses.rows(within)
+            candidates = candidates[within]
         return codes
 
     def inside(self, T: Array) -> Array:
-        """True for reachable rows of T (n, 3) [m]."""
+        """Return whether each row of T (n, 3) [m] is reachable."""
         return self(T) == REACHABLE
 
     def message(self, code: int) -> str:
-        """What a code means."""
+        """Return the meaning of a code in words."""
         if code == REACHABLE:
             return "reachable"
         if code < FIRST_LIMIT:
@@ -78,7 +78,7 @@ class Reach:
         return f"outside the {self.limits[code - FIRST_LIMIT].name}"
 
     def diagnose(self, T: Array) -> str:
-        """One sentence on a single point (3,): reachable, or what forbids it and by how much."""
+        """Return a sentence on a point (3,): reachable, or the violated limit and the amount."""
         T = np.asarray(T, dtype=float)
         where = f"({', '.join(f'{x:.4g}' for x in T)}) m"
         code = self(T)
@@ -94,7 +94,7 @@ class Reach:
         return f"{where} cannot be reached: {limit.parts[worst]} leaves the {limit.name} by {-amount:.4g} {unit}"
 
     def counts(self, codes: Array) -> dict[str, int]:
-        """Number of points by reason, in the order of the tests; reasons without points are left out."""
+        """Return the number of points per reason, in the order of the tests, without reasons that do not occur."""
         counts = np.bincount(np.asarray(codes, dtype=int).ravel())
         return {self.message(code): int(n) for code, n in enumerate(counts) if n}
 
@@ -104,8 +104,8 @@ class ReachMap:
     """Codes of a grid.
 
     Attributes:
-        codes: uint8 of the grid's shape; NOT_LOOKED_AT where the work was stopped before.
-        complete: False after a stop.
+        codes: uint8 in the shape of the grid; NOT_LOOKED_AT for points that were not tested.
+        complete: False if the work was stopped.
     """
 
     grid: Grid
@@ -114,7 +114,7 @@ class ReachMap:
 
     @property
     def reachable(self) -> Array:
-        """True where the robot reaches, of the grid's shape."""
+        """Whether each point is reachable, in the shape of the grid."""
         return self.codes == REACHABLE
 
 
@@ -129,15 +129,15 @@ def map_grid(
     client: Any = None,
     progress: Callable[[float], bool] | None = None,
 ) -> ReachMap:
-    """Codes of all points of a grid, chunk by chunk: memory beyond the result does not grow with the grid.
+    """Compute the codes of all points of a grid in chunks, so that only the result grows with the grid.
 
     Args:
         chunk: rows at once.
-        client: of a cluster, such as `dask.distributed.Client`: anything with `map(function, items)`, which returns
-            futures, and `gather(futures)`. At most WINDOW chunks are under way. Left out: here.
+        client: client of a cluster, such as `dask.distributed.Client`, with the methods `map(function, items)`, which
+            returns futures, and `gather(futures)`. At most WINDOW chunks are pending. Default: compute locally.
         progress: called with the fraction done; returning True stops the work.
 
-    The L1 along a block beside its home, with carts that move 1 m each way:
+    The L1 in a block beside its home, with strokes of +-1 m:
 
     >>> from gtmodel.kinematics.workspace import ActuatorLimits, Bodies, Reach, box_grid, limited_mechanism, map_grid
     >>> robot = limited_mechanism(gt.robots.gantry_tau("l1_tape"), None, Bodies())
@@ -151,11 +151,11 @@ def map_grid(
     batch = 1 if client is None else WINDOW
     for first in range(0, grid.size, batch * chunk):
         begins = range(first, min(first + batch * chunk, grid.size), chunk)
-        chosen = [(begin, min(begin + chunk, grid.size)) for begin in begins]
-        parts = [work(span) for span in chosen] if client is None else client.gather(client.map(work, chosen))
-        for (begin, end), part in zip(chosen, parts, strict=True):
+        spans = [(begin, min(begin + chunk, grid.size)) for begin in begins]
+        parts = [work(span) for span in spans] if client is None else client.gather(client.map(work, spans))
+        for (begin, end), part in zip(spans, parts, strict=True):
             codes[begin:end] = part
-        done = chosen[-1][1]
+        done = spans[-1][1]
         if progress is not None and progress(done / grid.size) and done < grid.size:
             return ReachMap(grid, codes.reshape(grid.shape), complete=False)
     return ReachMap(grid, codes.reshape(grid.shape))
@@ -165,12 +165,12 @@ def _codes(reach: Reach, grid: Grid, span: tuple[int, int]) -> Array:
     return reach(grid.points(*span))
 
 
-MOST_POINTS = 2.5e7  # of a section, some 500 MB
-LONGEST_STROKE = 100.0  # in link lengths; a longer one was given in millimetres
+MOST_POINTS = 2.5e7  # of a section, about 500 MB
+LONGEST_STROKE = 100.0  # in link lengths; longer strokes are probably in millimetres
 
 
 def limited_mechanism(model: Model, home: Sequence[float] | Array | None, bodies: Bodies) -> Mechanism:
-    """The robot with its home pose (3,) [m] and its real plate joints. Raises ArgumentError.
+    """Return the mechanism with its home pose (3,) [m] and its real plate joints. Raises ArgumentError.
 
     >>> from gtmodel.kinematics.workspace import Bodies, limited_mechanism
     >>> robot = limited_mechanism(gt.robots.gantry_tau("l1_tape"), [1.4, -0.4, 0.9], Bodies(link_radius=0.02))
@@ -191,14 +191,14 @@ def limited_mechanism(model: Model, home: Sequence[float] | Array | None, bodies
 def limits_of(
     limits: WorkspaceLimits, bodies: Bodies, boxes: Sequence[Box], beams: Sequence[Beam], robot: Mechanism
 ) -> list[Limit]:
-    """Limits in the order of their cost and of their certainty. Raises ArgumentError.
+    """Return the limits, the cheapest and most certain first. Raises ArgumentError.
 
-    Two limits are asked for; singular poses are one in any case:
+    Two limits are set; singularities always limit the workspace:
 
     >>> from gtmodel.kinematics.workspace import Bodies, WorkspaceLimits, limited_mechanism, limits_of
     >>> robot = limited_mechanism(gt.robots.gantry_tau("l1_tape"), None, Bodies())
-    >>> wanted = WorkspaceLimits(actuators=[[-1.5, 1.5]] * 3, cone=np.radians(40.0))
-    >>> [type(limit).__name__ for limit in limits_of(wanted, Bodies(), [], [], robot)]
+    >>> options = WorkspaceLimits(actuators=[[-1.5, 1.5]] * 3, cone=np.radians(40.0))
+    >>> [type(limit).__name__ for limit in limits_of(options, Bodies(), [], [], robot)]
     ['Singularities', 'ActuatorLimits', 'BallJointCones']
     """
     all_limits: list[Limit] = [Singularities(robot.directions, limits.singularity)]
@@ -221,7 +221,7 @@ def limits_of(
     if bodies.link_clearance:
         if bodies.plate_joints is None:
             raise ArgumentError(
-                "the links meet in the tool centre point; give bodies.plate_joints_m", "bodies.link_clearance"
+                "the links meet in the tool centre point; set bodies.plate_joints_m", "bodies.link_clearance"
             )
         all_limits.append(LinkClearance(radius))
     return all_limits + ([_frame(beams, radius)] if beams else [])
@@ -250,9 +250,7 @@ def _frame(beams: Sequence[Beam], radius: Array) -> FrameClearance:
         if wrong:
             raise ArgumentError(f"there is no link {wrong[0]}; there are 1 to {count}", f"beams[{k}].skip_links")
         if len(set(beam.skip_links)) == count:
-            raise ArgumentError(
-                "names all links, so that nothing is tested; leave the beam out", f"beams[{k}].skip_links"
-            )
+            raise ArgumentError("names all links, so the beam is not tested; remove the beam", f"beams[{k}].skip_links")
     skip = [(i - 1, k) for k, beam in enumerate(beams) for i in beam.skip_links]
     ends = np.array([[beam.from_, beam.to] for beam in beams])
     return FrameClearance(ends, np.array([beam.radius for beam in beams]), radius, skip)
@@ -260,7 +258,7 @@ def _frame(beams: Sequence[Beam], radius: Array) -> FrameClearance:
 
 @dataclass(frozen=True)
 class WorkspaceTask:
-    """What is looked at: the robot, its tests, and the part low <= (u, v) <= high [m] of the section."""
+    """The robot, its tests, and the part low <= (u, v) <= high [m] of the section."""
 
     robot: Mechanism
     reach: Reach
@@ -278,18 +276,18 @@ def task_of(
     obstacles: Sequence[Box],
     beams: Sequence[Beam],
 ) -> WorkspaceTask:
-    """The section is what all links can reach at most, unless it is given. Raises ArgumentError."""
+    """Return the task; by default the section covers all that the links can reach. Raises ArgumentError."""
     mechanism = limited_mechanism(robot, home, bodies)
     reach = Reach(mechanism.inverse, limits_of(limits, bodies, obstacles, beams, mechanism))
     plane = mechanism.section(section.along)
     low, high = section.window(*mechanism.farthest(plane.pierced(mechanism.anchors, mechanism.directions)))
     if np.any(high - low <= section.step):
         raise ArgumentError(
-            f"the section is {high[0] - low[0]:.4g} m by {high[1] - low[1]:.4g} m, so that no point lies within it; "
-            f"take a step below {np.min(high - low):.3g} m",
+            f"the section is {high[0] - low[0]:.4g} m by {high[1] - low[1]:.4g} m, so the grid has no point within it; "
+            f"use a step below {np.min(high - low):.3g} m",
             "section.step",
         )
     size = np.prod((high - low) / section.step)
     if size > MOST_POINTS:
-        raise ArgumentError(f"the grid would have {size:.1e} points; take a larger step", "section.step")
+        raise ArgumentError(f"the grid would have {size:.1e} points; use a larger step", "section.step")
     return WorkspaceTask(mechanism, reach, plane, low, high)

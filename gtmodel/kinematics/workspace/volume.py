@@ -1,5 +1,5 @@
-"""Workspaces by sections: boundary and area of the region in a section by marching squares, and the volume of a row of
-sections."""
+"""Workspaces from sections: boundary and area of the region in a section with marching squares, and the volume from a
+row of sections."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from .reach import CHUNK, Reach, ReachMap, map_grid
 Array = np.ndarray
 Inside = Callable[[Array], Array]
 
-BISECTIONS = 30  # of one step: some 1e-9 of it is left
-# corners of a cell in the order in which the boundary is followed, and the two ends of each edge between them
+BISECTIONS = 30  # of one grid step: accurate to 1e-9 of it
+# corners of a cell, counterclockwise
 _CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
 
 
@@ -28,9 +28,9 @@ class Region:
 
     Attributes:
         area: [m2].
-        loops: closed polygons (k, 2) [m], the region on the left: outer boundaries run counterclockwise, holes
+        loops: closed polygons (k, 2) [m] with the region on the left: outer boundaries counterclockwise, holes
             clockwise; the longest first.
-        on_edge: the region reaches the edge of the grid, so that area and boundary are those of the part within.
+        on_edge: whether the region reaches the edge of the grid; area and boundary then describe the part within.
     """
 
     area: float
@@ -39,27 +39,27 @@ class Region:
 
     @property
     def area_within_loops(self) -> float:
-        """Area [m2] by the polygons of the boundary, holes taken off: a cross-check of `area`."""
+        """Area [m2] within the boundary polygons, without holes: a cross-check of `area`."""
         return sum(_shoelace(p) for p in self.loops)
 
     @property
     def low(self) -> Array:
-        """(2,) least coordinates [m]; NaN for an empty region."""
+        """Smallest coordinates (2,) [m]; NaN for an empty region."""
         return np.min([p.min(axis=0) for p in self.loops], axis=0) if self.loops else np.full(2, np.nan)
 
     @property
     def high(self) -> Array:
-        """(2,) greatest coordinates [m]; NaN for an empty region."""
+        """Largest coordinates (2,) [m]; NaN for an empty region."""
         return np.max([p.max(axis=0) for p in self.loops], axis=0) if self.loops else np.full(2, np.nan)
 
     @property
     def extent(self) -> Array:
-        """(2,) width and height [m]; zero for an empty region."""
+        """Width and height (2,) [m]; zero for an empty region."""
         return self.high - self.low if self.loops else np.zeros(2)
 
 
 def region(inside: Inside, u: Array, v: Array, mask: Array) -> Region:
-    """The region where `inside` holds, within the grid of u and v.
+    """Return the region in which `inside` is true, within the grid of u and v.
 
     Args:
         inside: called with (n, 2) coordinates [m], returns (n,) booleans.
@@ -79,7 +79,7 @@ def region(inside: Inside, u: Array, v: Array, mask: Array) -> Region:
     """
     mask = np.asarray(mask, dtype=bool)
     on_edge = bool(mask[[0, -1]].any() or mask[:, [0, -1]].any())
-    # a rim of empty cells without width closes the boundary at the edge of the grid
+    # a border of empty cells of zero width closes the boundary at the edge of the grid
     u, v = np.pad(np.asarray(u, float), 1, "edge"), np.pad(np.asarray(v, float), 1, "edge")
     mask = np.pad(mask, 1)
     across = _crossings(inside, u, v, mask, 0)
@@ -98,7 +98,7 @@ def region(inside: Inside, u: Array, v: Array, mask: Array) -> Region:
 
 
 def _crossings(inside: Inside, u: Array, v: Array, mask: Array, axis: int) -> Array:
-    """Coordinate along `axis` where the boundary crosses each edge in that direction; NaN where it does not."""
+    """Return the coordinate along `axis` at which the boundary crosses each edge in that direction; NaN if none."""
     first = mask[:-1] if axis == 0 else mask[:, :-1]
     last = mask[1:] if axis == 0 else mask[:, 1:]
     i, j = np.nonzero(first != last)
@@ -113,8 +113,8 @@ def _crossings(inside: Inside, u: Array, v: Array, mask: Array, axis: int) -> Ar
 
 
 def _rings(i: Array, j: Array, u: Array, v: Array, mask: Array, across: Array, up: Array) -> tuple[Array, Array, Array]:
-    """For each cell the corners and crossings around it, in turn: points (n, 8, 2), which of them belong to the
-    region's polygon (n, 8), and the numbers of the four edges (n, 4)."""
+    """Return for each cell its corners and crossings in order (n, 8, 2), whether they belong to the polygon of the
+    region (n, 8), and the numbers of the four edges (n, 4)."""
     ring = np.empty((len(i), 8, 2))
     present = np.zeros((len(i), 8), dtype=bool)
     for k, (a, b) in enumerate(_CORNERS):
@@ -133,22 +133,22 @@ def _rings(i: Array, j: Array, u: Array, v: Array, mask: Array, across: Array, u
 
 
 def _polygon_area(ring: Array, present: Array) -> float:
-    """Sum of the areas of the polygons of the points present."""
+    """Return the sum of the areas of the polygons of the points present."""
     if not len(ring):
         return 0.0
     first = np.argmax(present, axis=1)
     start = ring[np.arange(len(ring)), first]
     last, total = start.copy(), np.zeros(len(ring))
     for k in range(8):
-        here = ring[:, k]
+        point = ring[:, k]
         use = present[:, k]
-        total += np.where(use, _cross(last - start, here - start), 0.0)
-        last = np.where(use[:, None], here, last)
+        total += np.where(use, _cross(last - start, point - start), 0.0)
+        last = np.where(use[:, None], point, last)
     return float(total.sum() / 2)
 
 
 def _corner_area(ring: Array, present: Array) -> float:
-    """Sum of the two corner triangles of cells whose middle is outside."""
+    """Return the sum of the two corner triangles of cells whose centre is outside."""
     total = 0.0
     for k in range(4):
         use = present[:, 2 * k]
@@ -158,17 +158,17 @@ def _corner_area(ring: Array, present: Array) -> float:
 
 
 def _loops(ring: Array, present: Array, edges: Array, apart: Array) -> tuple[Array, ...]:
-    """Boundary polygons, from the piece of boundary in every cell: from the edge where the region is left to the one
-    where it is entered again."""
+    """Return the boundary polygons, joined from the boundary pieces of the cells: each leads from the edge at which the
+    region is left to the edge at which it is entered again."""
     following: dict[int, int] = {}
     place: dict[int, Array] = {}
-    for points, there, numbers, split in zip(ring, present, edges, apart, strict=True):
-        crossed = [k for k in range(4) if there[2 * k + 1]]
+    for points, inside, numbers, split in zip(ring, present, edges, apart, strict=True):
+        crossed = [k for k in range(4) if inside[2 * k + 1]]
         for n, k in enumerate(crossed):
             place[int(numbers[k])] = points[2 * k + 1]
-            if there[2 * k]:  # inside before this crossing: the region is left here
-                other = crossed[n - 1] if split else crossed[(n + 1) % len(crossed)]
-                following[int(numbers[k])] = int(numbers[other])
+            if inside[2 * k]:  # inside before this crossing: the region is left here
+                entry = crossed[n - 1] if split else crossed[(n + 1) % len(crossed)]
+                following[int(numbers[k])] = int(numbers[entry])
     loops = []
     while following:
         edge, path = next(iter(following)), []
@@ -188,15 +188,15 @@ def _cross(a: Array, b: Array) -> Array:
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
-# widest gaps with a tolerance, as shares of the length reached so far: beside a section that is reached, and where none
-# is; a part narrower than that and apart from the others may stay unseen
+# widest gaps between sections, over the length reached so far: beside a reached section, and elsewhere. Separate parts
+# that are narrower may be missed
 BESIDE, APART = 1 / 16, 1 / 2
 Progress = Callable[[float], bool]
 
 
 @dataclass(frozen=True)
 class SectionMap:
-    """The workspace in one section: codes of a grid with coordinates u and v [m], and the region reached."""
+    """The workspace in one section: codes of a grid with coordinates u and v [m], and the reachable region."""
 
     section: SectionPlane
     u: Array
@@ -208,16 +208,16 @@ class SectionMap:
 
 @dataclass(frozen=True)
 class Volume:
-    """A workspace by sections.
+    """A workspace from sections.
 
     Attributes:
         along: positions of the sections along the guideways [m]. areas: of the sections [m2].
-        volume: [m3], by the trapezoidal rule.
-        error: of the volume [m3], estimated by how much it changed when the sections between were added;
-            infinite with fewer than three sections, where none of them is reached, and where `most` leave wide gaps.
-        coarse: the volume of the same sections on a grid of the double step [m3]; NaN where it was not asked for.
-        on_edge: the workspace reaches the first or last section, or the edge of one: the volume is that of a part.
-        counts: number of points by reason.
+        volume: [m3], trapezoidal rule.
+        error: estimated error of the volume [m3], see `_error`; infinite for fewer than three sections, if no section
+            is reachable, or if wide gaps remain with `most` sections.
+        coarse: volume from the same sections on grids with twice the step [m3]; NaN if not computed.
+        on_edge: whether the workspace reaches the first or last section, or the edge of a grid, and is cut off there.
+        counts: number of points per reason.
     """
 
     along: Array
@@ -231,7 +231,7 @@ class Volume:
 
     @property
     def widest(self) -> float:
-        """Greatest distance of two neighbouring sections [m]: a workspace narrower than that may lie between them."""
+        """Largest distance between neighbouring sections [m]; a narrower workspace may lie between them."""
         return float(np.max(np.diff(self.along), initial=0.0))
 
 
@@ -246,7 +246,7 @@ def map_section(
     client: Any = None,
     progress: Progress | None = None,
 ) -> SectionMap:
-    """The workspace within low <= (u, v) <= high [m] of a section, on a grid of `step` [m]; see `map_grid`.
+    """Map the workspace within low <= (u, v) <= high [m] of a section, on a grid with `step` [m]; see `map_grid`.
 
     The area that the L1 reaches in a section through its home [m2]:
 
@@ -279,14 +279,15 @@ def map_volume(
     client: Any = None,
     progress: Progress | None = None,
 ) -> Volume:
-    """The workspace between the first and the last of the sections at `along` (n,) [m], moved along the normal.
+    """Map the workspace between the first and the last of the sections shifted by `along` (n,) [m] along the normal.
 
-    low, high (2,): corners of the grid in the section's coordinates [m]; step: of the grid [m].
+    low, high (2,): corners of the grid in the coordinates of the section [m]; step: of the grid [m]. coarse: map each
+    section also with twice the step.
 
-    With a `tolerance` [share of the volume] sections are added in the middle of the widest gaps until these are a 16th
-    of the length reached, half of it where nothing is reached, then where the area changes most, until the estimated
-    error is below it or there are `most`; the section itself, at 0, is one of them if it lies between. Else there are
-    those at `along` alone. `coarse`: each is mapped on the double step too.
+    Without `tolerance` only the sections at `along` are mapped. With a `tolerance`, as a share of the volume, the
+    section at 0 is added if it lies between, then sections in the middle of the widest gaps until gaps beside reached
+    sections are at most a 16th of the length reached, others half of it. Then sections are added where the area changes
+    most, until the estimated error is below the tolerance or there are `most` sections.
 
     The L1 between two sections 1 m apart, without limits of the carts: areas [m2] and volume [m3]:
 
@@ -300,27 +301,27 @@ def map_volume(
     areas: dict[float, tuple[float, float]] = {}
     counts: dict[str, int] = {}
     edges: list[bool] = []
-    wanted = sorted({float(x) for x in along})
-    if tolerance is not None and wanted[0] < 0 < wanted[-1]:
-        wanted = sorted({*wanted, 0.0})
+    positions = sorted({float(x) for x in along})
+    if tolerance is not None and positions[0] < 0 < positions[-1]:
+        positions = sorted({*positions, 0.0})
     stopped = False
 
     def add(position: float) -> None:
         nonlocal stopped
-        here = section.moved(position)
-        section_map = map_section(reach, here, low, high, step, chunk=chunk, client=client)
+        plane = section.moved(position)
+        section_map = map_section(reach, plane, low, high, step, chunk=chunk, client=client)
         rough = np.nan
         if coarse:
-            rough = map_section(reach, here, low, high, 2 * step, chunk=chunk, client=client).region.area
+            rough = map_section(reach, plane, low, high, 2 * step, chunk=chunk, client=client).region.area
         areas[position] = section_map.region.area, rough
         edges.append(section_map.region.on_edge)
         for reason, n in reach.counts(section_map.codes).items():
             counts[reason] = counts.get(reason, 0) + n
-        stopped = progress is not None and progress(min(len(areas) / max(len(wanted), 1), 1.0))
+        stopped = progress is not None and progress(min(len(areas) / max(len(positions), 1), 1.0))
 
-    for k, position in enumerate(wanted):
+    for k, position in enumerate(positions):
         add(position)
-        if stopped and k + 1 < len(wanted):
+        if stopped and k + 1 < len(positions):
             break
     else:
         stopped = False
@@ -336,7 +337,7 @@ def map_volume(
         elif total > 0:
             if _error(places, sizes) <= tolerance * total:
                 break
-            # half of a gap's share of what the sections beside it change
+            # contribution of a gap to the estimated error, from the sections beside it
             beside = np.abs(_bends(places, sizes))
             local = np.maximum(np.append(0.0, beside), np.append(beside, 0.0)) * gaps
         else:
@@ -364,23 +365,23 @@ def map_volume(
 
 
 def _error(along: Array, areas: Array) -> float:
-    """Estimated error of the trapezoidal rule: the sum of the triangles that each section adds to its neighbours, which
-    would be counted twice if every second one were left out, without regard to sign."""
+    """Return the estimated error of the trapezoidal rule: half the sum of the absolute areas of the triangles between
+    each inner section and the chord of its neighbours."""
     if len(along) < 3 or not np.any(areas > 0):
         return np.inf
     return float(np.sum(np.abs(_bends(along, areas)) * (along[2:] - along[:-2]) / 2) / 2)
 
 
 def _wide(along: Array, areas: Array) -> Array:
-    """Gaps in which a part as long as a share of what is reached could lie unseen; none while nothing is reached."""
+    """Return the gaps that are too wide compared with the length reached; none if nothing is reached."""
     gaps, reached = np.diff(along), areas > 0
-    # each section stands for half of the gaps beside it
+    # each section represents half of the gaps beside it
     length = float(np.sum(reached[1:] * gaps + reached[:-1] * gaps) / 2)
     beside = reached[1:] | reached[:-1]
     return (gaps > np.where(beside, BESIDE, APART) * length * (1 + 1e-9)) & (length > 0)
 
 
 def _bends(along: Array, areas: Array) -> Array:
-    """How far each inner section's area is from the straight line between its neighbours' [m2]."""
+    """Return the difference of the area of each inner section from the chord of its neighbours [m2]."""
     share = (along[1:-1] - along[:-2]) / (along[2:] - along[:-2])
     return areas[1:-1] - (1 - share) * areas[:-2] - share * areas[2:]

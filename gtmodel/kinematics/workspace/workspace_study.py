@@ -1,4 +1,4 @@
-"""Which tool centre points a robot reaches: their cross-section and volume as a study."""
+"""The workspace study: cross-section and volume of the reachable tool centre points of a robot."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from .volume import SectionMap, Volume, map_section, map_volume
 
 Array = np.ndarray
 
-# relative change of the area when the step is doubled: boundary crossings are bisected, the rest is of second order
+# relative change of the area for twice the step; the boundary is bisected, so that the error is of second order
 CONVERGENCE = 0.01
 FINER = "use a smaller step of the section"
-# relative: the same polygons by cells and by loops
+# relative difference of the area from cells and from boundary loops
 POLYGONS = 1e-9
-FEW = 10  # steps across the section; a section not reached at so few points may be reached between them
+FEW = 10  # grid points across the section; with fewer points, reachable parts may lie between them
 
 
 @study_function
@@ -46,20 +46,20 @@ def workspace_study(
     points: Annotated[Sequence[Sequence[float]], Long(3)] = (),
     **work_options: Unpack[WorkOptions],
 ) -> WorkspaceStudy:
-    """Which tool centre points a robot reaches: the cross-section under limits, its boundary, the volume, reasons.
+    """Compute the workspace of a robot: cross-section under limits, boundary, volume, reasons for unreachable points.
 
     Args:
-        robot: with links on guideways, whose plate keeps its orientation or follows from T.
-        limits: what is to be kept; singularities alone if left out.
-        home: (3,) the pose where joint cones have their axes [m]; the robot's own if left out.
-        section: where the section lies, and its grid.
-        volume: the sections of the volume; none is computed if left out.
-        bodies: sizes of links and plate. obstacles, beams: what they must not touch.
-        compare_cones: half-angles of cones [rad] that are mapped beside the limits, each alone.
-        points: tool centre points (3,) [m] to judge one by one.
+        robot: a robot with links on guideways, whose plate keeps its orientation or whose T determines it.
+        limits: limits to keep; default: singularities only.
+        home: (3,) pose that defines the axes of joint cones [m]; default: the home of the robot.
+        section: position and grid of the section.
+        volume: sections of the volume; default: no volume.
+        bodies: sizes of links and plate. obstacles, beams: bodies that they must not touch.
+        compare_cones: half-angles of cones [rad]; each is mapped separately for comparison.
+        points: tool centre points (3,) [m] to check one by one.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Interrupted, it holds what was mapped until then. Raises ArgumentError.
+    An interrupted study holds the maps completed so far. Raises ArgumentError for wrong arguments.
 
     >>> import gtmodel as gt
     >>> from gtmodel.kinematics.workspace import CrossSection, WorkspaceLimits
@@ -83,7 +83,7 @@ def workspace_study(
             cones[angle] = maps(Reach(task.robot.inverse, [*singular, cone]), f"cones of {_degrees(angle):g} deg")
         main = maps(task.reach, "workspace")
         coarse = maps(task.reach, "coarse grid", 2 * section.step)
-        solid = None if volume is None else maps.volume(volume, _to_begin_with(volume, task, obstacles, beams))
+        solid = None if volume is None else maps.volume(volume, _initial_sections(volume, task, obstacles, beams))
     except _Stopped:
         return WorkspaceStudy(
             status=SolveStatus.INTERRUPTED, title=work.title, cones=_cones(cones),
@@ -96,7 +96,7 @@ def _refuse_range(volume: Sections) -> None:
     if volume.low >= volume.high:
         raise ArgumentError("the first position must be less than the last", "volume.high")
     if volume.sections > volume.most_sections:
-        raise ArgumentError(f"is less than the {volume.sections} sections to begin with", "volume.most_sections")
+        raise ArgumentError(f"is less than the initial {volume.sections} sections", "volume.most_sections")
 
 
 class _Stopped(Exception):
@@ -105,7 +105,7 @@ class _Stopped(Exception):
 
 @dataclass(frozen=True)
 class _Maps:
-    """Maps of one section, and of many; raise _Stopped."""
+    """Computes maps of a section or a volume; raises _Stopped if interrupted."""
 
     task: WorkspaceTask
     step: float
@@ -120,21 +120,21 @@ class _Maps:
             raise _Stopped
         return section_map
 
-    def volume(self, given: Sections, count: int) -> Volume:
+    def volume(self, sections: Sections, count: int) -> Volume:
         t = self.task
-        along = np.linspace(given.low, given.high, count) - float(t.section.origin @ t.section.normal)
+        along = np.linspace(sections.low, sections.high, count) - float(t.section.origin @ t.section.normal)
         solid = map_volume(
-            t.reach, t.section, t.low, t.high, along, self.step, tolerance=given.tolerance / 2,
-            most=given.most_sections, coarse=True, progress=self.work.fractions("sections"),
+            t.reach, t.section, t.low, t.high, along, self.step, tolerance=sections.tolerance / 2,
+            most=sections.most_sections, coarse=True, progress=self.work.fractions("sections"),
         )  # fmt: skip
         if not solid.complete:
             raise _Stopped
         return solid
 
 
-def _to_begin_with(volume: Sections, task: WorkspaceTask, boxes: Sequence[Box], beams: Sequence[Beam]) -> int:
-    """Number of sections before any is added: as many as asked for, or so many that none of the obstacles fits between
-    two of them."""
+def _initial_sections(volume: Sections, task: WorkspaceTask, boxes: Sequence[Box], beams: Sequence[Beam]) -> int:
+    """Return the initial number of sections: at least `volume.sections`, and so many that no obstacle fits between two
+    of them."""
     normal = task.section.normal
     thin = [float(np.ptp(np.array([b.low, b.high]), axis=0) @ np.abs(normal)) for b in boxes]
     thin += [2 * b.radius + abs(float((np.array(b.to) - b.from_) @ normal)) for b in beams]
@@ -196,7 +196,7 @@ def _study_of(
 def _nothing(main: SectionMap, reasons: Mapping[str, int]) -> str:
     message = f"no point of the section is reached; most often: {max(reasons, key=lambda r: reasons[r])}"
     if min(len(main.u), len(main.v)) <= FEW:
-        message += f"; it was looked at in {len(main.u)} by {len(main.v)} points only, try a smaller step"
+        message += f"; the grid has only {len(main.u)} by {len(main.v)} points, try a smaller step"
     return message
 
 
@@ -214,7 +214,7 @@ def _cones(cones: dict[float, SectionMap]) -> list[dict[str, float]]:
 
 
 def _degrees(angle: float) -> float:
-    """An angle [rad] in degrees, as a person would write it."""
+    """Return an angle [rad] in degrees, without rounding digits."""
     return float(f"{angle / DEGREE:.12g}")
 
 
@@ -240,7 +240,7 @@ def _checks(main: SectionMap, coarse: SectionMap, volume: Sections | None, solid
         return checks
     size, allowed = solid.volume, volume.tolerance
     none = f"none of {len(solid.along)} sections is reached, {solid.widest:.3g} m apart; move volume.low_m and high_m"
-    more = f"allow more than {volume.most_sections} sections by volume.most_sections, or a narrower range"
+    more = f"raise volume.most_sections above {volume.most_sections}, or narrow the range"
     rough = abs(size - solid.coarse) / size if size else np.inf
     return checks | {
         "volume_error": at_most(solid.error / size if size else np.inf, allowed, more if size else none),
@@ -263,7 +263,7 @@ def _section_figure(
 
     layers = {f"ball-joint cones of {_degrees(a):g} deg": section_map.region for a, section_map in cones.items()}
     if len(task.reach.limits) > 1:
-        layers["all limits of the file"] = main.region
+        layers["all limits"] = main.region
     layers = dict(sorted(layers.items(), key=lambda layer: -layer[1].area))
     layers = {"inverse kinematics has a solution": bare.region, **layers}
     guideways = main.section.pierced(task.robot.anchors, task.robot.directions)
