@@ -87,4 +87,4 @@ def test_a_start_is_refused() -> None:
 
 def test_explain_names_region_and_method() -> None:
     text = explain(load(FILE), Context())
-    assert "rectangle from (u, v) = (-5.078, -0.6949)" in text and "corners by the support function" in text
+    assert "rectangle from (u, v) = (-5.078, -0.6949)" in text and "corners from the support function" in text

@@ -106,7 +106,7 @@ class TestCorners:
         assert status.tolist() == [Status.OK, Status.OUT_OF_RANGE, Status.OK]
 
     def test_unknown_parameter(self) -> None:
-        with pytest.raises(gt.ModelError, match=r"'l\[0\]' is no parameter of the model; there are A\[0,0\]"):
+        with pytest.raises(gt.ModelError, match=r"'l\[0\]' is not a parameter of the model; there are A\[0,0\]"):
             ForwardWithLengths(gt.robots.gantry_tau("d1_nominal").causal("q", "T"), ["l[0]"])
 
 

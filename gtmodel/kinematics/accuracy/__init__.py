@@ -4,7 +4,7 @@ Corners: first_order_corners, exact_corners, projected_corners, SIGNS, largest. 
 Parallelepiped, parallelepiped. Maps: ErrorMap, map_errors. Draws: length_cloud, base_point_cloud. Forward kinematics:
 ForwardWithLengths, common_point.
 
-The study: accuracy_study over a section, an AccuracyStudy; asked for by LinkErrors, ErrorSection, MonteCarloDraws.
+The study: accuracy_study over a section, an AccuracyStudy; options: LinkErrors, ErrorSection, MonteCarloDraws.
 """
 
 from typing import TYPE_CHECKING

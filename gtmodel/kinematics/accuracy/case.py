@@ -1,5 +1,5 @@
-"""One case of errors on a robot: its numbers, and cross-checks of its corners by the model's own forward kinematics,
-by spheres and by drawing."""
+"""One error case of a robot: its values, and cross-checks of its corners with the forward kinematics of the model, with
+intersections of spheres, and with random draws."""
 
 from __future__ import annotations
 
@@ -32,26 +32,26 @@ from .options import LinkErrors, MonteCarloDraws
 
 
 class ForwardWithLengths:
-    """T from q and link lengths, by a closed-form CausalFunction whose parameters are left open.
+    """T from q and link lengths, with a closed-form CausalFunction and variable parameters.
 
     Args:
         forward: causal(known="q", targets="T") of the model.
-        names: the parameters that are the link lengths, such as "L[0]".
+        names: parameters with the link lengths, such as "L[0]".
 
-    Raises ModelError where a name is no parameter of the model.
+    Raises ModelError if a name is not a parameter of the model.
     """
 
     def __init__(self, forward: CausalFunction, names: Sequence[str]) -> None:
         known = forward.parameter_names
         for name in names:
             if name not in known:
-                raise ModelError(f"'{name}' is no parameter of the model; there are {', '.join(known)}")
+                raise ModelError(f"'{name}' is not a parameter of the model; there are {', '.join(known)}")
         self._function = forward.casadi_parametric
         self._values = np.asarray(forward.flat.require_values(), dtype=float).ravel()
         self._places = [known.index(name) for name in names]
 
     def __call__(self, q: Array, lengths: Array) -> tuple[Array, Array]:
-        """T (n, 3) [m] of q (n, m) and lengths (n, 3) [m], and codes (n,): OUT_OF_RANGE where the links do not meet."""
+        """Return T (n, 3) [m] and codes (n,) for q (n, m), lengths (n, 3) [m]; OUT_OF_RANGE if links do not meet."""
         parameters = np.repeat(self._values[:, None], len(q), axis=1)
         parameters[self._places] = np.asarray(lengths, dtype=float).T
         position, status, _ = map_columns(self._function, [np.asarray(q, dtype=float).T, parameters])
@@ -61,14 +61,14 @@ class ForwardWithLengths:
 
 
 STEPS = 8
-CLOSE = 1e-12  # residual of the lengths [m]: rounding of points some metres from the origin
+CLOSE = 1e-12  # residual of the lengths at convergence [m]
 
 
 def common_point(centres: Array, radii: Array, start: Array) -> tuple[Array, Array]:
-    """Points (n, 3) [m] at distances radii (n, 3) from centres (n, 3, 3), from nearby start values (n, 3).
+    """Compute points (n, 3) [m] at distances radii (n, 3) from centres (n, 3, 3), with Newton from nearby start points.
 
-    Returns the points and codes (n,) of `Status`: SINGULAR where the three directions lie in a plane, NOT_CONVERGED
-    where the spheres do not meet near the start. Other rows than OK are NaN.
+    Returns the points and codes (n,) of `Status`: SINGULAR if the three directions lie in a plane, NOT_CONVERGED if the
+    spheres do not meet near the start. Rows that are not OK are NaN.
 
     Spheres of 1 m, and one that is too small to meet the others:
 
@@ -98,13 +98,13 @@ def common_point(centres: Array, radii: Array, start: Array) -> tuple[Array, Arr
 
 
 def length_cloud(a: Array, T: Array, lengths: Array, r: Array, samples: int, seed: int) -> Array:
-    """Errors (samples, 3) [m] at one pose for link-length errors drawn evenly from -r to r.
+    """Return errors (samples, 3) [m] at one pose for link-length errors with uniform distribution from -r to r.
 
     Args:
         a: (3, 3) base points [m]. T: (3,) nominal point [m]. lengths, r: (3,) [m].
         seed: of NumPy's default generator.
 
-    Raises ValueError where a draw has no solution.
+    Raises ValueError if a draw has no solution.
 
     Three links of 1 m at right angles:
 
@@ -118,9 +118,9 @@ def length_cloud(a: Array, T: Array, lengths: Array, r: Array, samples: int, see
 
 
 def base_point_cloud(a: Array, T: Array, lengths: Array, ellipsoids: Ellipsoids, samples: int, seed: int) -> Array:
-    """Errors (samples, 3) [m] at one pose for base points drawn from the surfaces of their ellipsoids.
+    """Return errors (samples, 3) [m] at one pose for base points drawn from the surfaces of their ellipsoids.
 
-    Directions are drawn evenly and stretched by the half-axes; see `length_cloud` for the arguments.
+    Uniformly distributed directions are scaled with the half-axes; see `length_cloud` for the arguments.
 
     Three links of 1 m at right angles, base points 0.1 mm off:
 
@@ -146,23 +146,23 @@ def _cloud(centres: Array, T: Array, radii: Array) -> Array:
     return points - T
 
 
-# relative difference of first-order and exact corners: errors over link lengths, some 1e-4, magnified some times
+# relative difference of first-order and exact corners: errors over link lengths, about 1e-4, with some magnification
 EXACT = 1e-3
-# closed form and Newton for the same corner [m]: rounding of lengths of metres
+# difference of closed form and Newton for one corner [m]: rounding
 TWO_WAYS = 1e-9
-# a draw may exceed the first-order corners by second-order terms only
+# a draw exceeds the first-order corners at most by second-order terms
 ABOVE = 1.001
-NEAR = 0.1  # of the corner: how near the farthest draw of many comes at least, or what so few come, see nearest()
+NEAR = 0.1  # share of the corner's error that the largest of many draws may lack; for few draws see nearest()
 
 
 @dataclass(frozen=True)
 class ErrorRegion:
-    """A robot, its section, and the grid over the rectangle and all that is reached.
+    """A robot, its section, and a grid over the rectangle and the reachable part of the section.
 
     Attributes:
-        corners: (3, 2) where the guideways pierce the section [m].
-        low, high: (2,) of the rectangle that the numbers are about [m].
-        u, v: coordinates of the grid [m]. T: (n, 3) its points [m]. window: (n,) which of them lie in the rectangle.
+        corners: (3, 2) intersections of the guideways with the section [m].
+        low, high: (2,) bounds of the rectangle [m].
+        u, v: coordinates of the grid [m]. T: (n, 3) its points [m]. window: (n,) whether they lie in the rectangle.
     """
 
     robot: Mechanism
@@ -176,7 +176,7 @@ class ErrorRegion:
     window: Array
 
     def base_points(self, T: Array) -> tuple[Array, Array]:
-        """Base points (n, 3, 3) [m] and codes (n,) of `Status` for T (n, 3) [m]."""
+        """Return the base points (n, 3, 3) [m] and codes (n,) of `Status` for T (n, 3) [m]."""
         poses = self.robot.inverse(T)
         return poses.a, poses.status
 
@@ -192,31 +192,31 @@ class JudgedCase:
 
 
 def with_method(cases: list[LinkErrors], method: Method) -> list[LinkErrors]:
-    """The cases, each with its method."""
+    """Return the cases, with the default method filled in."""
     return [replace(case, method=case.method or method) for case in cases]
 
 
 def errors_of(case: LinkErrors, k: int, robot: Mechanism) -> ErrorCase:
-    """Case number k on this robot. Raises ArgumentError."""
+    """Return case number k for this robot. Raises ArgumentError."""
     argument = f"cases[{k}]"
-    given = [name for name in ("length", "along", "across") if getattr(case, name) is not None]
-    if given and not any(np.any(getattr(case, name)) for name in given):
-        raise ArgumentError("all errors are zero; give at least one that is greater", f"{argument}.{given[0]}")
-    if given == ["length"]:
+    names = [name for name in ("length", "along", "across") if getattr(case, name) is not None]
+    if names and not any(np.any(getattr(case, name)) for name in names):
+        raise ArgumentError("all errors are zero; at least one must be positive", f"{argument}.{names[0]}")
+    if names == ["length"]:
         return ErrorCase(robot.lengths, radius=np.array(case.length))
-    if given != ["along", "across"]:
-        raise ArgumentError("give either length, or along with across", argument)
+    if names != ["along", "across"]:
+        raise ArgumentError("set either length, or along and across", argument)
     ellipsoids = Ellipsoids.about_guideways(robot.directions, np.array(case.along), np.array(case.across))
     return ErrorCase(robot.lengths, ellipsoids=ellipsoids, method=case.method or "support")
 
 
 def describe(case: LinkErrors) -> str:
-    """The errors in words."""
+    """Return the errors in words."""
     if case.length is not None:
         return f"link lengths within {_micrometres(case.length)} um"
     return (
         f"cart joints within ellipsoids of {_micrometres(case.along)} um along and "
-        f"{_micrometres(case.across)} um across the guideways, corners by {method_of(case)}"
+        f"{_micrometres(case.across)} um across the guideways, corners from {method_of(case)}"
     )
 
 
@@ -225,7 +225,7 @@ def _micrometres(lengths: list[float] | None) -> str:
 
 
 def method_of(case: LinkErrors) -> str:
-    """How the errors become corners, in words."""
+    """Return the method for the corners in words."""
     if case.length is not None:
         return "eight corners of U^-1"
     return "iterative projection" if case.method == "projection" else "the support function"
@@ -240,9 +240,9 @@ def judged(
     good: Array,
     draws: MonteCarloDraws,
 ) -> JudgedCase:
-    """Values of one case, and its corners by the robot's equations, by Newton, and by drawing.
+    """Return the values of one case, and cross-checks of its corners.
 
-    word: begins the names of its checks. good: (n,) points of the rectangle with an error, at least one.
+    word: prefix of the names of its checks. good: (n,) whether a point lies in the rectangle and has an error.
     """
     robot, plane, T = region.robot, region.plane, region.T
     where = np.flatnonzero(good)
@@ -251,7 +251,7 @@ def judged(
     centre = plane.points(((region.low + region.high) / 2)[None])
     poses = robot.inverse(np.concatenate([T[[top]], centre]))
     corners, _ = errors.corners(poses.a, poses.T)
-    at = largest(corners)
+    greatest = largest(corners)
     top_uv = plane.coordinates(T[[top]])[0]
     half = errors.half_widths(poses.directions)
     arguments = (poses.a[0], poses.T[0], robot.lengths)
@@ -261,7 +261,7 @@ def judged(
         else:
             cloud = base_point_cloud(*arguments, errors.ellipsoids, draws.samples, draws.seed)
         drawn = float(np.linalg.norm(cloud, axis=1).max())
-    except ValueError:  # too close to a singularity: the check fails and says so
+    except ValueError:  # too close to a singularity: the check fails
         drawn = np.nan
     shape = parallelepiped(poses.directions[1:], half[1:])
     values = {
@@ -273,11 +273,11 @@ def judged(
         "max_um": 1e6 * float(mapped.error[top]),
         "max_at_m": top_uv.tolist(),
         "nearest_guideway": 1 + int(np.argmin(np.linalg.norm(region.corners - top_uv, axis=1))),
-        "centre_um": 1e6 * float(at[1]),
+        "centre_um": 1e6 * float(greatest[1]),
         "reached_min_um": 1e6 * float(reached.min()),
         "reached_max_um": 1e6 * float(reached.max()),
         "monte_carlo_um": 1e6 * drawn,
-        "corner_um": 1e6 * float(at[0]),
+        "corner_um": 1e6 * float(greatest[0]),
         "shape": {
             "link_angles_deg": np.degrees(shape.link_angles[0]).tolist(),
             "pyramid_angles_deg": np.degrees(shape.pyramid_angles[0]).tolist(),
@@ -285,7 +285,7 @@ def judged(
             "longest_diagonal_um": 1e6 * float(shape.longest[0]),
         },
     }
-    checks = _checks(region, errors, mapped, good, drawn / float(at[0]), draws.samples)
+    checks = _checks(region, errors, mapped, good, drawn / float(greatest[0]), draws.samples)
     named = {f"{word}_{name}": check for name, check in checks.items()}
     return JudgedCase(errors, mapped, values, named)
 
@@ -313,7 +313,7 @@ def _checks(
         checks["first_order_against_exact"] = at_most(
             difference,
             EXACT,
-            "the errors are too large for a first-order analysis, or the rectangle too near to a singular pose",
+            "the errors are too large for a first-order analysis, or the rectangle is too close to a singular pose",
         )
         least = 1 - max(NEAR, nearest(samples))
         within = at_most(drawn, ABOVE)
@@ -322,9 +322,9 @@ def _checks(
 
 
 def nearest(samples: int) -> float:
-    """Share of the corner's error that the farthest of so many draws lacks at most, but for a false alarm.
+    """Return the share of the corner's error that the largest draw lacks at most, except for false alarms.
 
-    Each arm's error is drawn evenly from -r to r. With three that count alike, a draw is within the share d of one of
-    the two opposite corners with the probability 2 (3 d)^3 / 48.
+    The error of each arm is uniform from -r to r. If the three arms contribute equally, a draw is within the share d of
+    one of the two opposite corners with the probability 2 (3 d)^3 / 48.
     """
     return float(np.cbrt(24 * -np.log(FALSE_ALARM) / samples) / 3)

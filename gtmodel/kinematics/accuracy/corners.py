@@ -1,6 +1,5 @@
-"""The positioning error of three links with errors of their lengths or base points: its eight corners, their
-parallelepiped, bounds for base points in an ellipsoid (Dressler 2012, appendix A), and the greatest error at many
-poses."""
+"""Positioning error of three links with errors of their lengths or base points: the eight corners, their
+parallelepiped, bounds for base points within ellipsoids (Dressler 2012, appendix A), greatest errors at many poses."""
 
 from __future__ import annotations
 
@@ -18,22 +17,22 @@ Array = np.ndarray
 
 # (8, 3) signs of the three links, corner by corner
 SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
-# |det| of three unit vectors: closer to a plane than this, errors are magnified a million times
+# |det| of three unit vectors; below it errors are magnified a million times
 SINGULAR = 1e-6
-# a corner must have the lengths that it was computed for [m]
+# tolerance of the link lengths at a corner [m]
 LENGTH_TOLERANCE = 1e-9
 
 
 def first_order_corners(u: Array, r: Array) -> tuple[Array, Array]:
-    """Errors dT_j = U^-1 (s_j * r), j = 1..8.
+    """Return the errors dT_j = U^-1 (s_j * r), j = 1..8.
 
     Args:
         u: (n, 3, 3) unit vectors of the links, one row per link: the matrix U. r: (n, 3) or (3,) half-widths [m].
 
-    Returns: errors (n, 8, 3) [m] and codes (n,) of `Status`: SINGULAR where the links lie in a plane, NOT_FINITE for
-    rows with NaN; such rows are NaN and harm no other.
+    Returns: errors (n, 8, 3) [m] and codes (n,) of `Status`: SINGULAR if the links lie in a plane, NOT_FINITE for rows
+    with NaN. Such rows are NaN and do not affect others.
 
-    Three links, two at a right angle and one that leans; each may be 0.1 mm too long or too short:
+    Three links, two at a right angle and one inclined; each may be 0.1 mm too long or too short:
 
     >>> u = np.array([[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.6, 0.8]]])  # links along the rows
     >>> errors, status = gt.kinematics.accuracy.first_order_corners(u, np.full(3, 1e-4))
@@ -57,13 +56,13 @@ def first_order_corners(u: Array, r: Array) -> tuple[Array, Array]:
 def exact_corners(
     forward: Callable[[Array, Array], tuple[Array, Array]], q: Array, a: Array, lengths: Array, r: Array
 ) -> tuple[Array, Array]:
-    """Corner positions by the robot's own forward kinematics with link lengths L + s_j * r (section A.3).
+    """Return the corner positions from the forward kinematics of the robot with link lengths L + s_j * r (section A.3).
 
     Args:
         forward: called with q (k, m) and lengths (k, 3); returns T (k, 3) and codes (k,) of `Status`.
         q: (n, m) actuator coordinates. a: (n, 3, 3) base points [m]. lengths: (3,) [m]. r: (n, 3) or (3,) [m].
 
-    Returns: corners (n, 8, 3) [m] and codes (n,). Each corner is checked against the lengths it was made for.
+    Returns: corners (n, 8, 3) [m] and codes (n,). The link lengths at each corner are checked.
 
     Links of the L1 that may be 0.1 mm too long or too short, at the home pose:
 
@@ -91,7 +90,7 @@ def exact_corners(
 
 
 def largest(errors: Array) -> Array:
-    """Greatest error [m] (n,) of corners (n, 8, 3) given from the nominal point.
+    """Return the greatest error [m] (n,) of corners (n, 8, 3) relative to the nominal point.
 
     >>> corners = np.zeros((1, 8, 3))
     >>> corners[0, 5] = [3e-5, 0.0, 4e-5]
@@ -102,13 +101,13 @@ def largest(errors: Array) -> Array:
 
 
 ITERATIONS = 50
-# distance of the three projections from their common point [m]: far below a micrometre, above rounding at 1e1 m
+# distance of the three projections from their common point [m] at convergence
 CLOSE = 1e-12
 
 
 @dataclass(frozen=True)
 class Ellipsoids:
-    """Where the base points of three links may lie: about each nominal one, an ellipsoid.
+    """Ellipsoids about the nominal base points of three links, within which the real base points lie.
 
     Attributes:
         axes: (3, 3, 3), row k of axes[i] is the unit vector of the k-th half-axis of link i.
@@ -120,12 +119,12 @@ class Ellipsoids:
 
     @classmethod
     def about_guideways(cls, directions: Array, along: Array, across: Array) -> Ellipsoids:
-        """One half-axis `along` each guideway, two equal ones `across` it, (3,) each [m] (Dressler 2012, Table 4.2)."""
+        """Build from a half-axis `along` each guideway and two `across` it, (3,) [m] (Dressler 2012, Table 4.2)."""
         axes = [right_handed(v) for v in directions]
         return cls(np.array(axes), np.stack([along, across, across], axis=1).astype(float))
 
     def support(self, u: Array) -> Array:
-        """How far each ellipsoid reaches along the links: sqrt(sum_k (r_k a_k.u)^2) [m], (n, 3), for u (n, 3, 3).
+        """Return the support function along the links: sqrt(sum_k (r_k a_k.u)^2) [m], (n, 3), for u (n, 3, 3).
 
         This is the exact first-order bound: no base point within the ellipsoid changes the distance by more.
         """
@@ -134,19 +133,19 @@ class Ellipsoids:
 
 
 def projected_corners(a: Array, T: Array, lengths: Array, ellipsoids: Ellipsoids) -> tuple[Array, Array]:
-    """Corners by the iterative projection of Dressler 2012, section A.2.
+    """Compute the corners with the iterative projection of Dressler 2012, section A.2.
 
     The free end of link i stays between the ellipsoids about its base point with half-axes L_i - r_ik and L_i + r_ik.
-    From the nominal point: project along the rays from the centres onto one ellipsoid of each link, intersect the
-    tangent planes there, repeat. To first order link i may be longer by sum_k r_k (a_k.u)^2, which is less than the
-    support: the thesis says itself that the exact set is slightly larger.
+    Starting at the nominal point, project along the rays from the centres onto one ellipsoid of each link, intersect
+    the tangent planes there, and repeat. To first order, link i may be longer by sum_k r_k (a_k.u)^2, which is less
+    than the support; the thesis states that the exact set is slightly larger.
 
     Args:
         a: (n, 3, 3) nominal base points [m]. T: (n, 3) nominal intersection [m]. lengths: (3,) [m].
 
-    Returns: corners (n, 8, 3) [m] in the order of SIGNS, and whether each converged, (n, 8). Others are NaN.
+    Returns: corners (n, 8, 3) [m] in the order of SIGNS, NaN without convergence, and whether each converged, (n, 8).
 
-    Base points 1 m away from where the links meet, each within 0.1 mm in all directions:
+    Base points 1 m from the common point of the links, each within 0.1 mm in all directions:
 
     >>> from gtmodel.kinematics.accuracy import Ellipsoids, largest, projected_corners
     >>> within = Ellipsoids(np.tile(np.eye(3), (3, 1, 1)), np.full((3, 3), 1e-4))
@@ -155,7 +154,7 @@ def projected_corners(a: Array, T: Array, lengths: Array, ellipsoids: Ellipsoids
     (array([0.173]), True)
     """
     n = len(T)
-    # rows of corners, so that all are iterated at once
+    # all corners are iterated at once
     centre = np.repeat(a[:, None], 8, axis=1).reshape(n * 8, 3, 3)
     half = lengths[:, None] + SIGNS[:, :, None] * ellipsoids.half
     half = np.tile(half, (n, 1, 1))
@@ -164,8 +163,7 @@ def projected_corners(a: Array, T: Array, lengths: Array, ellipsoids: Ellipsoids
     with np.errstate(all="ignore"):
         for _ in range(ITERATIONS):
             d = x[:, None] - centre
-            own = np.einsum("ikc,nic->nik", ellipsoids.axes, d)
-            scaled = own / half
+            scaled = np.einsum("ikc,nic->nik", ellipsoids.axes, d) / half
             size = np.sqrt((scaled**2).sum(axis=2))
             point = centre + d / size[..., None]
             good = np.max(np.linalg.norm(point - x[:, None], axis=2), axis=1) < CLOSE
@@ -179,7 +177,7 @@ def projected_corners(a: Array, T: Array, lengths: Array, ellipsoids: Ellipsoids
 
 
 def _solve(matrices: Array, rhs: Array) -> Array:
-    """Solutions of 3 x 3 systems in rows; NaN where a matrix is singular or not finite."""
+    """Solve 3 x 3 systems in rows; NaN if a matrix is singular or not finite."""
     determinant = np.linalg.det(np.where(np.isfinite(matrices), matrices, 0.0))
     usable = np.isfinite(matrices).all(axis=(1, 2)) & np.isfinite(rhs).all(axis=1) & (np.abs(determinant) > 1e-12)
     solution = np.full(rhs.shape, np.nan)
@@ -192,11 +190,11 @@ class Parallelepiped:
     """The body |u_i . x| <= r_i of three links, in rows.
 
     Attributes:
-        edges: (n, 3, 3) [m], row i is the edge on which only link i changes: column i of U^-1 times 2 r_i.
-        link_angles: (n, 3) [rad] between links j and k, opposite to link i: alpha_i, also the angle of the faces F_j
-            and F_k (or its supplement, for the outer normals).
-        pyramid_angles: (n, 3) [rad] between the pyramid sides that meet in link i: beta_i, also an angle of the
-            parallelograms F_i.
+        edges: (n, 3, 3) [m], row i is the edge along which only link i changes: column i of U^-1 times 2 r_i.
+        link_angles: (n, 3) [rad] between links j and k, opposite to link i: alpha_i, which is also the angle of the
+            faces F_j and F_k (or its supplement, for the outer normals).
+        pyramid_angles: (n, 3) [rad] between the pyramid sides that meet in link i: beta_i, which is also an angle of
+            the parallelograms F_i.
         faces: (n, 3) [m2] areas of the parallelograms orthogonal to link i.
         diagonals: (n, 4) [m], from corner to opposite corner; half of the longest is the greatest error.
         volume: (n,) [m3].
@@ -211,20 +209,20 @@ class Parallelepiped:
 
     @property
     def longest(self) -> Array:
-        """(n,) the longest diagonal [m]."""
+        """Longest diagonal (n,) [m]."""
         return self.diagonals.max(axis=1)
 
 
 def parallelepiped(u: Array, r: Array) -> Parallelepiped:
-    """Edges, angles, faces and diagonals for unit vectors u (n, 3, 3), one row per link, and half-widths r (n, 3) [m].
+    """Return the parallelepiped for unit vectors u (n, 3, 3), one row per link, and half-widths r (n, 3) [m].
 
-    Rows whose links lie in a plane have no such body: they are infinite or NaN; test them first
-    (`first_order_corners` gives a status).
+    Rows whose links lie in a plane have no such body: their values are infinite or NaN; `first_order_corners` returns
+    a status for them.
 
     Links at right angles, with errors of at most 1, 2 and 3 mm, give a box:
 
     >>> box = gt.kinematics.accuracy.parallelepiped(np.eye(3)[None], np.array([[1e-3, 2e-3, 3e-3]]))
-    >>> (1e3 * box.edges[0]).round(6)  # mm, the whole width of the errors
+    >>> (1e3 * box.edges[0]).round(6)  # mm, the full width of the errors
     array([[2., 0., 0.],
            [0., 4., 0.],
            [0., 0., 6.]])
@@ -240,7 +238,7 @@ def parallelepiped(u: Array, r: Array) -> Parallelepiped:
     with np.errstate(divide="ignore", invalid="ignore"):
         edges = 2 * r[..., None] * normals / determinant[:, None, None]
         alpha = np.stack([_angle(u[:, j], u[:, k]) for j, k in turn], axis=1)
-        # the sides that meet in link i hold (i, j) and (i, k)
+        # the sides that meet in link i contain the links (i, j) and (i, k)
         beta = np.stack(
             [_angle(np.cross(u[:, i], u[:, j]), np.cross(u[:, i], u[:, k])) for i, (j, k) in enumerate(turn)], 1
         )
@@ -265,11 +263,11 @@ class ErrorCase:
 
     Attributes:
         lengths: (3,) nominal link lengths [m].
-        radius: (3,) half-widths of length errors, or radii of spheres about the base points [m]: the same thing to
-            first order (Dressler 2012, section A.3). None where there are ellipsoids.
-        ellipsoids: of the base points; None where there is a radius.
-        method: how ellipsoids become corners: "support", the exact first-order bound, or "projection", the
-            appendix's iteration, which is a little less.
+        radius: (3,) half-widths of length errors, or radii of spheres about the base points [m], which are equivalent
+            to first order (Dressler 2012, section A.3). None with ellipsoids.
+        ellipsoids: of the base points; None with a radius.
+        method: method for ellipsoids: "support", the exact first-order bound, or "projection", the iteration of
+            the appendix, which gives slightly smaller errors.
     """
 
     lengths: Array
@@ -278,14 +276,14 @@ class ErrorCase:
     method: Method = "support"
 
     def half_widths(self, u: Array) -> Array:
-        """r (n, 3) [m] for link directions u (n, 3, 3)."""
+        """Return r (n, 3) [m] for link directions u (n, 3, 3)."""
         if self.ellipsoids is not None:
             return self.ellipsoids.support(u)
         assert self.radius is not None
         return np.broadcast_to(self.radius, (len(u), 3))
 
     def corners(self, a: Array, T: Array) -> tuple[Array, Array]:
-        """Errors at the corners (n, 8, 3) [m] for base points a (n, 3, 3) and T (n, 3), and codes (n,) of `Status`."""
+        """Return the errors at the corners (n, 8, 3) [m] for base points a (n, 3, 3) and T (n, 3), and codes (n,)."""
         with np.errstate(invalid="ignore"):
             u = (T[:, None] - a) / np.linalg.norm(T[:, None] - a, axis=2, keepdims=True)
         errors, status = first_order_corners(u, self.half_widths(u))
@@ -316,13 +314,13 @@ def map_errors(
     chunk: int = CHUNK,
     progress: Callable[[float], bool] | None = None,
 ) -> ErrorMap:
-    """The greatest error at the points T (n, 3) [m]; NaN with a status where there is none.
+    """Compute the greatest error at the points T (n, 3) [m]; NaN with a status if there is no solution.
 
     Args:
         base_points: called with T (k, 3), returns the base points (k, 3, 3) [m] and codes (k,) of `Status`.
         progress: called with the fraction done; returning True stops the work, the rest is NaN.
 
-    The L1 at two points, whose links may be 0.1 mm too long or too short; the second is out of reach:
+    The L1 with links that may be 0.1 mm too long or too short, at two points, the second out of reach:
 
     >>> from gtmodel.kinematics.accuracy import ErrorCase, map_errors
     >>> from gtmodel.kinematics.workspace import Bodies, limited_mechanism

@@ -1,4 +1,4 @@
-"""What an accuracy study asks for, errors of carts or links, a section, synthetic draws, and what it answers."""
+"""Options and result of the accuracy study: errors of carts or links, section, synthetic draws."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .corners import Method
 
 @dataclass(frozen=True)
 class LinkErrors(Options):
-    """Errors of the three links: of their lengths, or of their cart joints' positions, in ellipsoids; some may be 0.
+    """Errors of the three links: of their lengths, or of the positions of their cart joints within ellipsoids.
 
     >>> gt.kinematics.accuracy.LinkErrors("assembly", length=[1e-4, 1e-4])
     Traceback (most recent call last):
@@ -30,13 +30,13 @@ class LinkErrors(Options):
     ] = None  # fmt: skip
     along: Annotated[
         list[float] | None, Unit("m", written="um"), Within(least=0.0), Long(3),
-        "half-axis of each cart joint's ellipsoid along its guideway",
+        "half-axis of the ellipsoid of each cart joint along its guideway",
     ] = None  # fmt: skip
     across: Annotated[
         list[float] | None, Unit("m", written="um"), Within(least=0.0), Long(3),
         "half-axes of the ellipsoids across the guideways",
     ] = None  # fmt: skip
-    method: Annotated[Method | None, "method of this case; that of the study if left out"] = None
+    method: Annotated[Method | None, "method of this case; default: the method of the study"] = None
 
 
 @dataclass(frozen=True)
@@ -50,12 +50,12 @@ class ErrorSection(CrossSection):
     """
 
     step: Annotated[float, Unit("m"), Within(above=0.0), "step of the grid"] = 0.05
-    low: Annotated[list[float] | None, Unit("m"), Long(2), "least (u, v); of the guideways if left out"] = None
+    low: Annotated[list[float] | None, Unit("m"), Long(2), "lower bounds of (u, v); default: the guideways"] = None
 
 
 @dataclass(frozen=True)
 class MonteCarloDraws(Options):
-    """Synthetic draws of the errors, beside their corners.
+    """Synthetic draws of the errors, for comparison with the corners.
 
     >>> gt.kinematics.accuracy.MonteCarloDraws(samples=50)
     Traceback (most recent call last):
@@ -72,23 +72,23 @@ Array = np.ndarray
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class AccuracyStudy(Study):
-    """Greatest positioning errors over a rectangle of a cross-section, and over all that the robot reaches in it."""
+    """Greatest positioning errors over a rectangle of a cross-section, and over the reachable part of the section."""
 
     cases: Annotated[
         Sequence[Mapping[str, Any]],
         "for each case: name, errors, method; over the rectangle min_um, max_um, their places min_at_m, max_at_m "
         "in (u, v), centre_um and nearest_guideway to the maximum (from 1); reached_min_um and reached_max_um over "
-        "all that is reached; monte_carlo_um and its corner_um at the place of the maximum; and shape, the "
+        "all reachable points; monte_carlo_um and its corner_um at the place of the maximum; and shape, the "
         "parallelepiped at the centre: link_angles_deg, pyramid_angles_deg, faces_um2, longest_diagonal_um",
     ]
     window: Annotated[
-        Array, Quantity("m", "the rectangle that the numbers are about: least and greatest (u, v)")
+        Array, Quantity("m", "the rectangle: lower and upper bounds of (u, v)")
     ]  # fmt: skip
-    guideways: Annotated[Array, Quantity("m", "where the guideways pierce the section, (u, v)")]
-    section: Annotated[Mapping[str, Any], "the section: a point of it, and its normal"]
+    guideways: Annotated[Array, Quantity("m", "intersections of the guideways with the section, (u, v)")]
+    section: Annotated[Mapping[str, Any], "the section: one of its points, and its normal"]
     points: Annotated[
         Mapping[str, Any],
-        "number of grid points in the rectangle, and how many of them have no error, by reason",
+        "number of grid points in the rectangle, and numbers of points without an error, by reason",
     ]
 
     @property

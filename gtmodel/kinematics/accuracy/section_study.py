@@ -20,7 +20,7 @@ from .corners import Array, ErrorMap, Method, map_errors
 from .options import AccuracyStudy, ErrorSection, LinkErrors, MonteCarloDraws
 
 MOST_POINTS = 1e7
-DIAGONAL = 101  # points of the rectangle's diagonal along which the faces are drawn
+DIAGONAL = 101  # points on the diagonal of the rectangle in the picture of the faces
 
 
 @study_function
@@ -33,19 +33,19 @@ def accuracy_study(
     monte_carlo: MonteCarloDraws | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> AccuracyStudy:
-    """The greatest positioning error of a robot with three links, over a rectangle of a section across its guideways.
+    """Compute the greatest positioning errors of a robot with three links, over a rectangle of a cross-section.
 
     Args:
-        robot: three links on guideways, with lengths of their own.
-        cases: errors to look at, one after the other, each under a name of its own.
-        section: the section and its rectangle, which is that of the guideways if left out.
-        method: how ellipsoids become corners where a case does not say: "support", the exact first-order bound, or
-            "projection", the iteration of Dressler 2012, A.2.
-        monte_carlo: synthetic draws beside the corners.
+        robot: three links on guideways, whose lengths are parameters.
+        cases: error cases, each with a unique name.
+        section: the section and its rectangle; default: the rectangle of the guideways.
+        method: default method for ellipsoids: "support", the exact first-order bound, or "projection", the iteration of
+            Dressler 2012, A.2.
+        monte_carlo: options of the synthetic draws.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Every case is cross-checked: the corners by the robot's own equations, by Newton's method, and by the draws.
-    Interrupted, it holds the cases that are done. Raises ArgumentError.
+    Every case is cross-checked: the corners against the equations of the robot, Newton's method, and the draws. An
+    interrupted study holds the completed cases. Raises ArgumentError for wrong arguments.
 
     >>> import gtmodel as gt
     >>> from gtmodel.kinematics.accuracy import ErrorSection, LinkErrors
@@ -76,20 +76,18 @@ def accuracy_study(
 
 
 def region_of(model: Model, cases: Sequence[LinkErrors], section: ErrorSection) -> ErrorRegion:
-    """The robot, its section and the grid; the cases are named apart. Raises ArgumentError."""
+    """Return the robot, its section and the grid. Raises ArgumentError, also if two cases have the same name."""
     robot = mechanism_of(model)
     if len(robot.lengths) != 3 or not robot.length_names:
         raise ArgumentError(
-            f"accuracy is defined for three links with lengths of their own; found {len(robot.lengths)}", "robot"
+            f"accuracy needs three links whose lengths are parameters; found {len(robot.lengths)} links", "robot"
         )
     if not cases:
-        raise ArgumentError("there is no case; give at least one", "cases")
+        raise ArgumentError("there is no case; expected at least one", "cases")
     words = [_word(case.name) for case in cases]
     for k, word in enumerate(words):
         if word in words[:k]:
-            raise ArgumentError(
-                f"two cases are called '{cases[k].name}'; give them different names", f"cases[{k}].name"
-            )
+            raise ArgumentError(f"two cases are called '{cases[k].name}'; rename one of them", f"cases[{k}].name")
     plane = robot.section(section.along)
     corners = plane.pierced(robot.anchors, robot.directions)
     low, high = section.window(corners.min(axis=0), corners.max(axis=0))
@@ -97,7 +95,7 @@ def region_of(model: Model, cases: Sequence[LinkErrors], section: ErrorSection) 
     outer_low, outer_high = np.minimum(low, least), np.maximum(high, greatest)
     u, v = (_through(low[k], high[k], outer_low[k], outer_high[k], section.step) for k in range(2))
     if len(u) * len(v) > MOST_POINTS:
-        raise ArgumentError(f"the grid would have {len(u) * len(v):.1e} points; take a larger step", "section.step")
+        raise ArgumentError(f"the grid would have {len(u) * len(v):.1e} points; use a larger step", "section.step")
     uv = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
     rounding = 1e-9 * section.step
     window = np.all((uv >= low - rounding) & (uv <= high + rounding), axis=1)
@@ -105,7 +103,7 @@ def region_of(model: Model, cases: Sequence[LinkErrors], section: ErrorSection) 
 
 
 def _through(low: float, high: float, outer_low: float, outer_high: float, step: float) -> Array:
-    """Evenly spaced values with low and high among them, on to the outer ones."""
+    """Return evenly spaced values that include low and high and extend to the outer ones."""
     count = max(1, int(np.ceil((high - low) / step - 1e-9)))
     size = (high - low) / count
     first, last = int(np.floor((outer_low - low) / size)), int(np.ceil((outer_high - low) / size))
@@ -118,11 +116,11 @@ def _study_of(region: ErrorRegion, title: str, judged_cases: list[JudgedCase]) -
         f.values["name"] for f in judged_cases if any(not math.isfinite(check.value) for check in f.checks.values())
     ]
     if lost:
-        # the numbers of the first order stand, but no cross-check reaches them
+        # the first-order values are valid, but cannot be cross-checked
         status = SolveStatus.FAILED
         message = (
-            f"{' and '.join(lost)}: at some points of the rectangle a robot with the greatest errors cannot be "
-            "assembled; the errors are too large, or the rectangle too near to the edge of what is reached"
+            f"{' and '.join(lost)}: at some points of the rectangle the robot cannot be assembled with the greatest "
+            "errors; the errors are too large, or the rectangle is too close to the edge of the workspace"
         )
     figures: dict[str, Any] = {
         f"error_{k + 1}": partial(_error_figure, region, title, f) for k, f in enumerate(judged_cases)
@@ -163,7 +161,7 @@ def _reasons(status: Array) -> dict[str, int]:
 
 
 def _table(region: ErrorRegion, maps: list[ErrorMap]) -> str:
-    """Points of the rectangle with the error of every case; empty where there is none."""
+    """Return the points of the rectangle with the error of every case; empty cells without a solution."""
     inside = region.window
     uv, T = region.plane.coordinates(region.T)[inside], region.T[inside]
     places = {"u_m": uv[:, 0], "v_m": uv[:, 1], "x_m": T[:, 0], "y_m": T[:, 1], "z_m": T[:, 2]}
@@ -188,7 +186,7 @@ def _faces_figure(region: ErrorRegion, title: str, judged_cases: list[JudgedCase
     s = np.linspace(0.0, 1.0, DIAGONAL)
     T = region.plane.points(region.low + s[:, None] * (region.high - region.low))
     faces = {f.values["name"]: map_errors(f.errors, region.base_points, T).faces for f in judged_cases}
-    what = "faces of the error's parallelepiped,\nalong the rising diagonal of the window"
+    content = "faces of the error parallelepiped,\nalong the rising diagonal of the window"
     return faces_figure(
-        s * float(np.linalg.norm(region.high - region.low)), faces, title=f"{title or 'accuracy'}: {what}"
+        s * float(np.linalg.norm(region.high - region.low)), faces, title=f"{title or 'accuracy'}: {content}"
     )

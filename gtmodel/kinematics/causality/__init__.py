@@ -1,7 +1,7 @@
-"""A causality of a robot on many points.
+"""A causality of a robot at many points.
 
 The study: causality_study, a CausalityStudy; points may be a PointGrid, Orientation adds angles of the plate.
-Conditions: which rows of known values keep them. point_table: points as a CSV file.
+Conditions: conditions on known values. point_table: points as a CSV file.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Any causality of a robot on many points, and the orientation of its plate over a grid, with tables and pictures."""
+"""The causality study: any causality of a robot at many points, and the orientation of its plate over a grid."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Array = np.ndarray
 
 
 def csv_of(pairs: Sequence[tuple[CausalSignal, Array]], study: CausalityStudy, orientation: Orientation | None) -> str:
-    """The table of all points as CSV."""
+    """Return the table of all points as CSV."""
     columns = [(point_table.columns(s), s.unit, values) for s, values in pairs]
     if orientation is not None:
         columns.append(([f"zyz[{k}]" for k in range(3)], "deg", np.degrees(study.orientation.zyz).reshape(-1, 3)))
@@ -39,9 +39,9 @@ def csv_of(pairs: Sequence[tuple[CausalSignal, Array]], study: CausalityStudy, o
 def figures_of(
     pairs: Sequence[tuple[CausalSignal, Array]], study: CausalityStudy, box: PointGrid | None, title: str
 ) -> dict[str, Any]:
-    """Pictures by name."""
-    shown = [(s.name, s.unit, values) for s, values in pairs]
-    figures: dict[str, Any] = {"targets": partial(_targets_figure, shown, study.ok, title)}
+    """Return the pictures by name."""
+    targets = [(s.name, s.unit, values) for s, values in pairs]
+    figures: dict[str, Any] = {"targets": partial(_targets_figure, targets, study.ok, title)}
     if study.orientation is not None and np.any(study.orientation.ok):
         figures["orientation_points"] = partial(_sequence_figure, study.orientation, title)
         if box is not None and min(box.counts[1:]) > 1:
@@ -49,10 +49,10 @@ def figures_of(
     return figures
 
 
-def _targets_figure(shown: list[tuple[str, str, Array]], ok: Array, title: str) -> Any:
+def _targets_figure(targets: list[tuple[str, str, Array]], ok: Array, title: str) -> Any:
     from ...plot.workspace import points_figure
 
-    return points_figure(shown, ok, title)
+    return points_figure(targets, ok, title)
 
 
 def _sequence_figure(orientation: OrientationMap, title: str) -> Any:
@@ -68,7 +68,7 @@ def _layers_figure(orientation: OrientationMap, box: PointGrid, title: str) -> A
 
 
 Points = Mapping[str, Any] | PointGrid | Path | str | Array
-CHUNK = 2000  # rows between two looks at the clock
+CHUNK = 2000  # rows between two checks for an interruption
 MOST_POINTS = 1_000_000
 
 
@@ -83,18 +83,18 @@ def causality_study(
     orientation: Orientation | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> CausalityStudy:
-    """Evaluate a causality on many points; a point without a solution has a status and does not stop the others.
+    """Evaluate a causality at many points; a point without a solution has a status and does not affect the others.
 
     Args:
-        model: any model; quantities go by its own names, such as T, q, e or "arm[0].rod.tension".
-        known, targets: what is given at each point, and what is computed there.
-        points: values (n, *shape) by name, in SI units; an array where one quantity alone is given; a `PointGrid`; or
-            the path of a CSV file with a column for each component, such as T[0] [m].
+        model: any model; quantities have the names of the model, such as T, q, e or "arm[0].rod.tension".
+        known, targets: quantities known at each point, and quantities to be computed.
+        points: values (n, *shape) by name, in SI units; an array if there is one known quantity; a `PointGrid`; or the
+            path of a CSV file with a column for each component, such as T[0] [m].
         branches: sign by declared branch name.
-        orientation: of the plate, with angles in the table.
+        orientation: adds the orientation of the plate to the table.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Interrupted, the rows that were not computed have the code -1. Raises ArgumentError.
+    After an interruption, rows that were not computed have the code -1. Raises ArgumentError for wrong arguments.
 
     >>> import gtmodel as gt
     >>> robot = gt.robots.gantry_tau("l1_tape")
@@ -112,20 +112,20 @@ def causality_study(
     inputs, normalised = conditions.normalised(inputs)
     outputs, codes = _evaluate(function, inputs, conditions, work)
     shape = (1, len(codes)) if not isinstance(points, PointGrid) else tuple(points.counts)
-    turned = None
+    angles = None
     if orientation is not None:
         place = next(k for k, s in enumerate(function.outputs) if s.name == orientation.of)
         R, T = matrices(outputs[place]), np.hstack([a.reshape(len(codes), -1) for a in inputs])
-        turned = OrientationMap(T.reshape(*shape, -1), R.reshape(*shape, 3, 3), codes.reshape(shape))
+        angles = OrientationMap(T.reshape(*shape, -1), R.reshape(*shape, 3, 3), codes.reshape(shape))
     box = points if isinstance(points, PointGrid) else None
-    whole = _study_of(function, inputs, targets, outputs, codes, turned, box is not None)
+    study = _study_of(function, inputs, targets, outputs, codes, angles, box is not None)
     pairs = [(s, values) for s, values in zip(function.outputs, outputs, strict=True) if s.name in targets]
-    given = list(zip(function.inputs, inputs, strict=True))
-    return whole.with_(
+    known_pairs = list(zip(function.inputs, inputs, strict=True))
+    return study.with_(
         title=work.title,
         normalised=normalised,
-        files={"points.csv": csv_of([*given, *pairs], whole, orientation)},
-        figures=figures_of(pairs, whole, box, work.title),
+        files={"points.csv": csv_of([*known_pairs, *pairs], study, orientation)},
+        figures=figures_of(pairs, study, box, work.title),
     )
 
 
@@ -136,7 +136,7 @@ def causality_of(
     branches: Mapping[str, int] | None = None,
     orientation: Orientation | None = None,
 ) -> CausalFunction:
-    """The causality, with the orientation among its targets. Raises ArgumentError.
+    """Compile the causality, with the orientation among its targets. Raises ArgumentError.
 
     >>> from gtmodel.kinematics.causality import Orientation, causality_of
     >>> f = causality_of(gt.robots.f1_gantry_tau(), ["q"], ["T"], orientation=Orientation())
@@ -145,14 +145,14 @@ def causality_of(
     """
     flat = flat_of(model)
     if not targets:
-        raise ArgumentError("no target is given; name at least one variable to compute", "targets")
+        raise ArgumentError("there is no target; name at least one variable to compute", "targets")
     for argument, entries in (("known", known), ("targets", targets)):
         for n, name in enumerate(entries):
             try:
                 flat.lookup(name)
             except ModelError as error:
                 raise ArgumentError(str(error), f"{argument}[{n}]") from error
-    wanted = list(targets)
+    names = list(targets)
     if orientation is not None:
         try:
             shape = flat.lookup(orientation.of)[0]
@@ -163,9 +163,9 @@ def causality_of(
                 f"'{orientation.of}' has shape {shape}; expected a quaternion (4,) or a rotation matrix (3, 3)",
                 "orientation.of",
             )
-        wanted += [] if orientation.of in wanted else [orientation.of]
+        names += [] if orientation.of in names else [orientation.of]
     try:
-        function = compile_causal(model, list(known), wanted, branches=branches or {})
+        function = compile_causal(model, list(known), names, branches=branches or {})
     except ModelError as error:
         raise ArgumentError(str(error), "branches" if "branch" in str(error) else "known") from error
     if function.plan.uses_time:
@@ -176,7 +176,7 @@ def causality_of(
 def _inputs(
     points: Points, model: Model, known: list[str], function: CausalFunction, branches: Mapping[str, int] | None
 ) -> list[Array]:
-    """One array per input of the function, (rows, *shape)."""
+    """Return one array per input of the function, (rows, *shape)."""
     if isinstance(points, PointGrid):
         return [_box(points, model, known, function, branches)]
     if isinstance(points, (str, Path)):
@@ -185,13 +185,13 @@ def _inputs(
     if not isinstance(points, Mapping):
         if len(function.inputs) > 1:
             names = ", ".join(s.name for s in function.inputs)
-            raise ArgumentError(f"expected values by name, for {names} are needed", "points")
+            raise ArgumentError(f"expected values by name for {names}", "points")
         points = {function.inputs[0].name: points}
     arrays = [_rows_of(points, signal) for signal in function.inputs]
     counts = {s.name: len(a) for s, a in zip(function.inputs, arrays, strict=True)}
     if len(set(counts.values())) > 1:
-        shown = ", ".join(f"{n} of {name}" for name, n in counts.items())
-        raise ArgumentError(f"expected as many rows of each; found {shown}", "points")
+        rows = ", ".join(f"{n} of {name}" for name, n in counts.items())
+        raise ArgumentError(f"expected equal numbers of rows; found {rows}", "points")
     return arrays
 
 
@@ -201,7 +201,7 @@ def _rows_of(points: Mapping[str, Any], signal: CausalSignal) -> Array:
     values = np.asarray(points[signal.name], dtype=float)
     if values.ndim != 1 + len(signal.shape) or values.shape[1:] != signal.shape or not len(values):
         expected = ", ".join(["n", *map(str, signal.shape)])
-        raise ArgumentError(f"'{signal.name}' takes an array ({expected}); found {values.shape}", "points")
+        raise ArgumentError(f"'{signal.name}' has shape {values.shape}; expected ({expected})", "points")
     return values
 
 
@@ -210,15 +210,17 @@ def _box(
 ) -> Array:
     shape = flat_of(model).lookup(known[0])[0]
     if len(known) != 1 or shape != (3,):
-        raise ArgumentError("a grid is for one known vector of three; give the points as a CSV file", "points.center")
+        raise ArgumentError(
+            "a grid needs a single known vector of three; supply the points as a CSV file", "points.center"
+        )
     more = [s.name for s in function.inputs if s.name != known[0]]
     if more:
         raise ArgumentError(
-            f"the targets need {', '.join(more)} too, which a grid does not give; give the points as a CSV file",
+            f"the targets also need {', '.join(more)}, which a grid lacks; supply the points as a CSV file",
             "targets",
         )
     if math.prod(box.counts) > MOST_POINTS:
-        raise ArgumentError(f"{math.prod(box.counts)} points are more than {MOST_POINTS}; take fewer", "points.counts")
+        raise ArgumentError(f"the grid has {math.prod(box.counts)} points; at most {MOST_POINTS}", "points.counts")
     try:
         points = grid(_center(box, model, known, branches), box.half_width, box.counts, box.directions)
     except ArgumentError:
@@ -231,22 +233,22 @@ def _box(
 def _center(box: PointGrid, model: Model, known: list[str], branches: Mapping[str, int] | None) -> Array:
     if (box.center is None) == (box.center_where is None):
         supplied = "neither" if box.center is None else "both"
-        raise ArgumentError(f"give either center or center_where; found {supplied}", "points.center")
+        raise ArgumentError(f"set either center or center_where; found {supplied}", "points.center")
     if box.center is not None:
         return np.array(box.center)
-    given, argument = box.center_where or {}, "points.center_where"
+    values, argument = box.center_where or {}, "points.center_where"
     try:
-        f = compile_causal(model, list(given), known, branches=branches or {})
+        f = compile_causal(model, list(values), known, branches=branches or {})
     except ModelError as error:
         raise ArgumentError(str(error), argument) from error
-    center, status = f(*[_sized(given, s, argument) for s in f.inputs])
+    center, status = f(*[_sized(values, s, argument) for s in f.inputs])
     if status != Status.OK:
         raise ArgumentError(f"{known[0]} cannot be computed there: {status.message}", argument)
     return np.asarray(center)
 
 
-def _sized(given: Mapping[str, Sequence[float]], signal: CausalSignal, argument: str) -> Array:
-    value = np.asarray(given.get(signal.name, []), dtype=float)
+def _sized(values: Mapping[str, Sequence[float]], signal: CausalSignal, argument: str) -> Array:
+    value = np.asarray(values.get(signal.name, []), dtype=float)
     if value.shape != signal.shape:
         raise ArgumentError(f"'{signal.name}' takes {signal.size} numbers; found {value.size}", argument)
     return value
@@ -255,14 +257,14 @@ def _sized(given: Mapping[str, Sequence[float]], signal: CausalSignal, argument:
 def _evaluate(
     function: CausalFunction, inputs: list[Array], conditions: Conditions, work: Work
 ) -> tuple[list[Array], Array]:
-    """Targets as the function orders them, and the code of each row."""
+    """Return the targets in the order of the function, and the code of each row."""
     rows = len(inputs[0])
     targets = [np.full((rows, *s.shape), np.nan) for s in function.outputs]
     codes = np.full(rows, -1)
     for first in range(0, rows, CHUNK):
         if work.interrupted():
             break
-        work.progress("points", first / rows, {"row": float(first)})
+        work.progress("computing points", first / rows, {"row": float(first)})
         part = slice(first, min(first + CHUNK, rows))
         *outputs, status = function(*[a[part] for a in inputs])
         for target, values in zip(targets, outputs, strict=True):
@@ -275,15 +277,15 @@ def _evaluate(
 def _study_of(
     function: CausalFunction,
     inputs: list[Array],
-    wanted: list[str],
+    names: list[str],
     outputs: list[Array],
     codes: Array,
-    turned: OrientationMap | None,
+    angles: OrientationMap | None,
     layered: bool,
 ) -> CausalityStudy:
-    said = words_of(codes)
+    row_words = words_of(codes)
     words = [s.name.lower() for s in Status] + [INCONSISTENT, NOT_COMPUTED]
-    counts = {word: n for word in words if (n := said.count(word)) or word == "ok"}
+    counts = {word: n for word in words if (n := row_words.count(word)) or word == "ok"}
     status, message = SolveStatus.SOLVED, f"{counts['ok']} of {len(codes)} points have a solution"
     failed = ", ".join(f"{n} {word.replace('_', ' ')}" for word, n in counts.items() if word != "ok")
     if failed:
@@ -293,32 +295,32 @@ def _study_of(
         status = SolveStatus.INTERRUPTED
     elif counts["ok"] == 0:
         status = SolveStatus.INFEASIBLE
-    targets = {s.name: a for s, a in zip(function.outputs, outputs, strict=True) if s.name in wanted}
-    whole = {name: values[codes == Status.OK] for name, values in targets.items()}
-    layers = turned if layered else None
+    targets = {s.name: a for s, a in zip(function.outputs, outputs, strict=True) if s.name in names}
+    solved = {name: values[codes == Status.OK] for name, values in targets.items()}
+    layers = angles if layered else None
     return CausalityStudy(
         status=status,
         message=message,
         known={s.name: a for s, a in zip(function.inputs, inputs, strict=True)},
         targets=targets,
         codes=codes,
-        orientation=turned,
+        orientation=angles,
         units={s.name: s.unit for s in (*function.inputs, *function.outputs)},
         count=len(codes),
         statuses=counts,
         ranges={
             name: {end: f(a, axis=0) if len(a) else None for end, f in (("min", np.min), ("max", np.max))}
-            for name, a in whole.items()
+            for name, a in solved.items()
         },
-        zyz_range=None if turned is None else turned.range(),
+        zyz_range=None if angles is None else angles.range(),
         zyz_layer_range=None if layers is None else layers.layer_range(),
         layer_difference=None if layers is None else layers.layer_difference(),
-        zyz_singular_rows=None if turned is None else int(np.sum(turned.singular)),
+        zyz_singular_rows=None if angles is None else int(np.sum(angles.singular)),
     )
 
 
 def _inconsistent(function: CausalFunction, inputs: list[Array], codes: Array) -> str:
-    """Why the first row with inconsistent known values has no solution; "" where there is none."""
+    """Return why the first row with inconsistent known values has no solution; "" if there is no such row."""
     rows = np.flatnonzero(codes == -2)
     if not rows.size:
         return ""

@@ -1,4 +1,4 @@
-"""What a causality on many points is asked for besides the points themselves, and what it gave."""
+"""Options and result of the causality study."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Three = Annotated[list[float], Long(3)]
 
 @dataclass(frozen=True, kw_only=True)
 class PointGrid(Options):
-    """A box of points for the one known vector of three, in SI units.
+    """A box of points for a single known vector of three, in SI units.
 
     >>> gt.kinematics.causality.PointGrid(center=[0.0, 0.0, 0.0], half_width=[0.1] * 3, counts=[3, 3, 0])
     Traceback (most recent call last):
@@ -27,48 +27,48 @@ class PointGrid(Options):
     center: Annotated[list[float] | None, Long(3), "middle of the box"] = None
     center_where: Annotated[
         dict[str, list[float]] | None,
-        "the middle is where these have their values, such as {q = [0.0, 0.0, 0.0]}",
+        "quantities whose values determine the middle, such as {q = [0.0, 0.0, 0.0]}",
     ] = None  # fmt: skip
     half_width: Annotated[
-        list[float], Long(3), Within(least=0.0), "from the middle to the last point along each direction"
+        list[float], Long(3), Within(least=0.0), "distance from the middle to the last point along each direction"
     ]  # fmt: skip
     counts: Annotated[
         list[int], Long(3), Within(least=1), "points along each direction; the first one counts layers"
     ]  # fmt: skip
-    directions: Annotated[
-        list[Three], Long(3), "one row each, made unit vectors; the first one goes from layer to layer"
-    ] = field(default_factory=lambda: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    directions: Annotated[list[Three], Long(3), "one row each, normalised; the first one leads from layer to layer"] = (
+        field(default_factory=lambda: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    )
 
 
 @dataclass(frozen=True)
 class Orientation(Options):
-    """Adds the orientation to the table: ZYZ angles in degrees, and on request the turn from the middle point.
+    """Adds the orientation to the table: ZYZ angles in degrees and, optionally, the rotation from the middle point.
 
-    Keep the joints among the targets: an arm that has no say in the orientation still limits what can be reached.
+    Keep the joints among the targets: an arm that does not affect the orientation still limits the reach.
 
     >>> gt.kinematics.causality.Orientation(of="plate.R").rotation_vector
     False
     """
 
-    of: Annotated[str, "the model's quaternion, scalar first, or rotation matrix"] = "e"
+    of: Annotated[str, "quaternion of the model, scalar first, or rotation matrix"] = "e"
     rotation_vector: Annotated[
-        bool, "add the rotation vector from the middle point, in degrees; nowhere singular"
+        bool, "add the rotation vector from the middle point, in degrees; it is never singular"
     ] = False  # fmt: skip
 
 
 Array = np.ndarray
 NOT_COMPUTED = "not_computed"
 INCONSISTENT = "inconsistent_known_values"
-OWN = {-1: NOT_COMPUTED, -2: INCONSISTENT}  # codes beside those of Status
+OWN = {-1: NOT_COMPUTED, -2: INCONSISTENT}  # codes in addition to those of Status
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CausalityStudy(Study):
-    """Values of a causality on n points.
+    """Values of a causality at n points.
 
-    known, targets: by name, (n, *shape) in SI units; NaN where a row has no solution. codes: (n,) of `Status`, -1 where
-    the row was not computed, -2 where its known values contradict each other. orientation: an `OrientationMap`, or
-    None. normalised: rows with a quaternion brought to length 1. units: by name.
+    known, targets: by name, (n, *shape) in SI units; NaN in rows without a solution. codes: (n,) of `Status`; -1 for
+    rows that were not computed, -2 for contradictory known values. orientation: an `OrientationMap`, or None.
+    normalised: number of rows with a quaternion that was normalised. units: by name.
     """
 
     known: Mapping[str, Array]
@@ -80,14 +80,13 @@ class CausalityStudy(Study):
     count: Annotated[int, Quantity("", "number of points", key="rows")]
     statuses: Annotated[
         Mapping[str, int],
-        "number of rows by status: ok, out_of_range, not_converged (no solution where Newton looks for one, as "
-        "beyond a six-link robot's reach), wrong_branch (Newton's solution lies on another than a declared "
-        "branch), singular, not_finite, inconsistent_known_values (such as a quaternion that is not of length 1), "
-        "not_computed",
+        "number of rows per status: ok, out_of_range, not_converged (Newton's method found no solution, as beyond the "
+        "reach of a six-link robot), wrong_branch (Newton's solution is not on the declared branch), singular, "
+        "not_finite, inconsistent_known_values (such as a quaternion that is not of length 1), not_computed",
     ]
     ranges: Annotated[
         Mapping[str, Mapping[str, Any]],
-        "least and greatest value of each target over the rows that are ok, in SI units",
+        "smallest and largest value of each target over the rows that are ok, in SI units",
     ]
     zyz_range: Annotated[
         Array | None,
@@ -98,19 +97,19 @@ class CausalityStudy(Study):
         ),
     ] = None
     zyz_layer_range: Annotated[
-        Array | None, Quantity("rad", "the same for each layer of a grid; null without one", written="deg")
+        Array | None, Quantity("rad", "zyz_range_deg of each layer of a grid; null without a grid", written="deg")
     ] = None
     layer_difference: Annotated[
         Array | None,
-        "how far the layers are from one pattern, as a fraction of zyz_range_deg; null without a grid",
+        "largest difference between the layers, as a fraction of zyz_range_deg; null without a grid",
     ] = None  # fmt: skip
     zyz_singular_rows: Annotated[
-        int | None, "number of rows where ZYZ is singular, beta = 0 or pi; null without [orientation]"
+        int | None, "number of rows with singular ZYZ angles, beta = 0 or pi; null without [orientation]"
     ] = None
 
     @property
     def ok(self) -> Array:
-        """Which rows have a solution (n,)."""
+        """Whether each row has a solution (n,)."""
         return self.codes == Status.OK
 
     @property
@@ -129,7 +128,7 @@ class CausalityStudy(Study):
             if ends["min"] is not None and np.ndim(ends["min"]) < 2:
                 unit = self.units[name]
                 rows += [Row(f"least {name}", ends["min"], unit), Row(f"greatest {name}", ends["max"], unit)]
-        # no number, no row: no point is ok, or no place is ok in all layers
+        # NaN if no point is ok, or no place is ok in all layers
         if self.zyz_range is not None and np.all(np.isfinite(self.zyz_range)):
             rows.append(Row("range of ZYZ angles", self.values["zyz_range_deg"], "deg"))
         if self.layer_difference is not None and np.all(np.isfinite(self.layer_difference)):
@@ -140,5 +139,5 @@ class CausalityStudy(Study):
 
 
 def words_of(codes: Array) -> list[str]:
-    """The status of each row as a word."""
+    """Return the status of each row as a word."""
     return [OWN[c] if c in OWN else Status(c).name.lower() for c in codes.tolist()]

@@ -1,4 +1,4 @@
-"""Points as a CSV table, where a NaN is data, and conditions on known values, such as a quaternion of length 1."""
+"""Points as a CSV table, which may contain NaN, and conditions on known values, such as a quaternion of length 1."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from ...lang.units import UnitError, convert, parse_unit
 from ...measurements.signal_table import CsvTable
 from ...results import ArgumentError
 
-UNIT_LENGTH = 1e-3  # a quaternion farther from length 1 is a slip of the pen, not rounding
-# unit vectors in no special direction: what holds for all of them is a condition on the length
+UNIT_LENGTH = 1e-3  # largest deviation of a quaternion from length 1 that counts as rounding
+# unit vectors in general directions: a condition that all of them satisfy is a condition on the length
 DIRECTIONS = np.array([[0.5, -0.1, 0.7, 0.5], [-0.1, 0.3, 0.3, -0.9], [0.7, 0.7, -0.1, 0.1]])
 
 
 class Conditions:
-    """The conditions that a causality puts on its known values; none where its plan has no block of them."""
+    """The conditions that a causality places on its known values."""
 
     def __init__(self, function: CausalFunction) -> None:
         flat, blocks = function.plan.flat, function.plan.blocks
@@ -34,24 +34,24 @@ class Conditions:
         expressions = [e for e in (m.expression for m in margins) if known.issuperset(flat.scope.symbols_in(e))]
         if not expressions:
             return
-        given = [ca.vertcat(*[flat.scope.symbol(*p) for p in s.pairs]) for s in function.inputs]
-        made = ca.Function("margins", [*given, flat.p], [ca.vertcat(*expressions)])
-        self._margins = ca.Function("margins", given, made.call([*given, ca.DM(flat.p0)]))
+        symbols = [ca.vertcat(*[flat.scope.symbol(*p) for p in s.pairs]) for s in function.inputs]
+        parametric = ca.Function("margins", [*symbols, flat.p], [ca.vertcat(*expressions)])
+        self._margins = ca.Function("margins", symbols, parametric.call([*symbols, ca.DM(flat.p0)]))
         self._places = [set(flat.scope.symbols_in(e)) for e in expressions]
         self._quaternions = [k for k in range(len(function.inputs)) if self._are_lengths(k)]
 
     def broken(self, inputs: Sequence[np.ndarray]) -> np.ndarray:
-        """Which rows (n,) break a condition. inputs: (n, *shape) each, in the order of the function."""
+        """Return whether each row (n,) violates a condition. inputs: (n, *shape), in the order of the function."""
         n = len(inputs[0])
         if self._margins is None:
             return np.zeros(n, dtype=bool)
         return ~np.all(self._at(inputs) >= 0, axis=0)
 
     def normalised(self, inputs: Sequence[np.ndarray]) -> tuple[list[np.ndarray], int]:
-        """The inputs with quaternions near length 1 brought to it, and the number of rows that this changed.
+        """Return the inputs with normalised quaternions, and the number of rows changed.
 
-        A quaternion is an input of shape (4,) on which the one condition is its length. Those within 1e-3 of length 1
-        that break it are changed, for measured and typed numbers are rounded.
+        A quaternion is an input of shape (4,) whose only condition is its length. It is normalised if it violates the
+        condition and its length is within 1e-3 of 1, because measured and typed numbers are rounded.
         """
         scaled, changed = list(inputs), np.zeros(len(inputs[0]), dtype=bool)
         for k in self._quaternions:
@@ -62,28 +62,27 @@ class Conditions:
         return scaled, int(np.sum(changed))
 
     def _are_lengths(self, k: int) -> bool:
-        """Whether input k has conditions, and unit vectors in any direction keep them."""
+        """Return whether input k has conditions, and unit vectors in all directions satisfy them."""
         pairs = set(self._inputs[k].pairs)
-        own = [n for n, p in enumerate(self._places) if pairs.issuperset(p)]  # not those that speak of rates too
-        if self._inputs[k].shape != (4,) or not own:
+        conditions = [n for n, p in enumerate(self._places) if pairs.issuperset(p)]  # without those on rates
+        if self._inputs[k].shape != (4,) or not conditions:
             return False
-        any_way = [np.ones((len(DIRECTIONS), s.size)) for s in self._inputs]
-        any_way[k] = DIRECTIONS
-        return bool(np.all(self._at(any_way)[own] >= 0))
+        trials = [np.ones((len(DIRECTIONS), s.size)) for s in self._inputs]
+        trials[k] = DIRECTIONS
+        return bool(np.all(self._at(trials)[conditions] >= 0))
 
     def _at(self, inputs: Sequence[np.ndarray]) -> np.ndarray:
-        """Margins (conditions, n)."""
+        """Return the margins (conditions, n)."""
         assert self._margins is not None
         return map_columns(self._margins, [a.reshape(len(a), -1).T for a in inputs])[0]
 
 
 def read(path: Path, signals: Sequence[CausalSignal]) -> list[np.ndarray]:
-    """One array per signal, (rows, *shape), in SI units.
+    """Read one array per signal, (rows, *shape), in SI units.
 
-    The header names the columns: "T[0] [m]", or "T[0]" for the unit that the model declares; further columns are left
-    alone, so a table written by `text` can be read again. An empty cell or nan is NaN; lines that begin with # are
-    comments. Raises ArgumentError with the line: a column missing or there twice, a unit that does not fit, a cell that
-    is no number.
+    The header names the columns: "T[0] [m]", or "T[0]" for the unit of the model. Other columns are ignored, so that a
+    table written by `text` can be read. An empty cell or nan is read as NaN; lines that begin with # are comments.
+    Raises ArgumentError with the line for a missing or repeated column, a wrong unit, or a cell that is not a number.
     """
     table = CsvTable(path)
     parts = [[_in_units_of(signal, table, name) for name in columns(signal)] for signal in signals]
@@ -91,12 +90,12 @@ def read(path: Path, signals: Sequence[CausalSignal]) -> list[np.ndarray]:
 
 
 def columns(signal: CausalSignal) -> list[str]:
-    """Names of a signal's components: T[0], T[1], ...; R[0,0] is written R[0][0], for commas part columns."""
+    """Return the names of the components of a signal: T[0], T[1], ...; R[0,0] is written R[0][0], without commas."""
     return [signal.name + "".join(f"[{i}]" for i in index) for index in np.ndindex(*signal.shape)]
 
 
 def text(table: Sequence[tuple[Sequence[str], str, np.ndarray]], status: Sequence[str]) -> str:
-    """The CSV: row number from 0, columns (names, unit, values (rows, *shape)), and the status of each row."""
+    """Return the CSV: row number from 0, columns (names, unit, values (rows, *shape)), and status of each row."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     heads = [f"{name} [{unit}]" if unit else name for names, unit, _ in table for name in names]
@@ -108,7 +107,7 @@ def text(table: Sequence[tuple[Sequence[str], str, np.ndarray]], status: Sequenc
 
 
 def _in_units_of(signal: CausalSignal, table: CsvTable, name: str) -> np.ndarray:
-    """Numbers of a column in the unit that the model declares."""
+    """Return the numbers of a column in the unit of the model."""
     unit, values = table.units[table.place(name)], table.numbers(name, gaps=True)
     if not unit:
         return values
@@ -118,5 +117,5 @@ def _in_units_of(signal: CausalSignal, table: CsvTable, name: str) -> np.ndarray
     except UnitError as error:
         raise ArgumentError(f"{where}: {error}") from error
     if not fits:
-        raise ArgumentError(f"{where}: the unit {unit} does not fit; the model has it in {signal.unit}")
+        raise ArgumentError(f"{where}: the unit {unit} does not fit the unit of the model, {signal.unit}")
     return np.asarray(convert(values, unit, signal.unit), float) if signal.unit else values
