@@ -194,7 +194,7 @@ def test_wrong_shapes_are_errors_with_a_sentence() -> None:
         assembly_modes(p.A[0].T, p.B[0], p.L[0])
     with pytest.raises(ModelError, match=r"L has shape \(5,\); expected \(6,\)"):
         assembly_modes(p.A[0], p.B[0], p.L[0, :5])
-    with pytest.raises(ModelError, match="as many poses each; found 2, 3"):
+    with pytest.raises(ModelError, match="different numbers of poses: 2, 3"):
         assembly_modes_batch(p.A, np.zeros((3, 6, 3)), p.L)
     with pytest.raises(ModelError, match="B must hold real numbers"):
         assembly_modes(p.A[0], p.B[0] + 1j, p.L[0])

@@ -9,11 +9,11 @@ Modes
 The study
     modes_study           of a robot in one pose or many, or of bare platforms: a ModesStudy
     CommandedPose, read_poses   poses of the robot, one by one or from a CSV file
-    Hands, bare, draw     legs of platforms, as they are given or drawn by a seed
+    Hands, bare, draw     legs of platforms: of a robot, from arrays, or random
 
 Start systems
     start_systems         the stored random complex platforms with their 40 solutions each
-    StartSystem           one of them; ``start_system``, run as a module, makes them anew
+    StartSystem           one of them; run the module ``start_system`` to generate them again
 """
 
 from typing import TYPE_CHECKING

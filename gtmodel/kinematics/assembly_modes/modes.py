@@ -1,5 +1,5 @@
-"""The assembly modes of one pose: from the solutions of the scaled equations to poses of the platform, and the
-certificate of the search in numbers."""
+"""The assembly modes of one pose: poses of the platform from the solutions of the scaled equations, and the certificate
+of the search."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from .tracker import distance_to_conjugate, distances, newton_step, projective_d
 
 @dataclass(frozen=True)
 class Certificate:
-    """Evidence that the set of modes is whole.
+    """Evidence that the set of modes is complete.
 
     Attributes:
         paths: paths of one start system, 40.
         finite: finite modes over the complex numbers, none multiple.
-        distinct: those of them that lie outside the radius of uniqueness of every other; as many as `finite`.
-        certified: how many of them pass the Newton-Kantorovich test (one solution near, no other within a radius).
-        real: real modes among them.
-        conjugate_pairs: pairs of complex conjugate modes among them; real + 2 conjugate_pairs = finite when whole.
+        distinct: finite modes outside the radius of uniqueness of every other; equals `finite` if all are distinct.
+        certified: finite modes that pass the Newton-Kantorovich test (a solution nearby, no other within a radius).
+        real: real modes.
+        conjugate_pairs: pairs of complex conjugate modes; real + 2 conjugate_pairs = finite for a complete set.
         infinite: paths of the last start system that ended at infinity (x.x = 0).
-        multiple: paths of the last start system that ended in finite modes where the equations are singular.
-        lost: paths of the last start system that ended nowhere, or twice in the same regular mode.
-        start_systems: start systems used, 1 when the first sufficed.
+        multiple: paths of the last start system that ended in finite modes with singular equations.
+        lost: paths of the last start system that failed, or ended in a regular mode that another path had reached.
+        start_systems: start systems used, 1 if the first sufficed.
         retries: paths tracked again from another start system.
         steps_mean, steps_most: steps per path.
-        worst_residual: largest scaled equation |F(z)| with |z| = 1 over the found modes; 1 is the size of the terms.
+        worst_residual: largest residual |F(z)| of the scaled equations, |z| = 1, over the modes; the terms have size 1.
         worst_closure: largest error of a leg length over the real modes, relative to the platform's size.
-        worst_condition: largest condition number of the equations at a found mode.
-        least_separation: smallest distance of two found modes as points of projective space; at most 1.
-        nearest_distance: over the real modes, distance of the platform joints' centroid between the two that are
-            nearest each other (`AssemblyModes.nearest_other`), in the unit of the input; infinite with fewer than two.
-        nearest_angle_deg: the angle between these two [deg].
+        worst_condition: largest condition number of the equations at a mode.
+        least_separation: smallest distance of two modes as points of projective space; at most 1.
+        nearest_distance: distance of the centroid of the platform joints between the two closest real modes
+            (`AssemblyModes.nearest_other`), in the unit of the input; infinite for fewer than two.
+        nearest_angle_deg: angle between these two modes [deg].
     """
 
     paths: int = 40
@@ -62,8 +62,8 @@ class Certificate:
     nearest_angle_deg: float = np.inf
 
     def text(self, *, unit: str = "m") -> str:
-        """The certificate as lines for a person; ``unit`` is that of the input, metres are shown as millimetres."""
-        factor, shown = (1000.0, "mm") if unit == "m" else (1.0, unit)
+        """Return the certificate as text; ``unit`` is the unit of the input, metres are printed as millimetres."""
+        factor, label = (1000.0, "mm") if unit == "m" else (1.0, unit)
         lines = [
             ("modes found", f"{self.finite} of {self.paths}, {self.distinct} distinct, {self.certified} certified"),
             ("real", f"{self.real}, and {self.conjugate_pairs} conjugate pairs"),
@@ -72,7 +72,7 @@ class Certificate:
             ("condition", f"{self.worst_condition:.1e}; least separation {self.least_separation:.1e}"),
             (
                 "nearest modes",
-                f"{self.nearest_distance * factor:.3f} {shown} and {self.nearest_angle_deg:.3f} deg apart",
+                f"{self.nearest_distance * factor:.3f} {label} and {self.nearest_angle_deg:.3f} deg apart",
             ),
             ("start systems", f"{self.start_systems}, {self.retries} paths tracked again"),
             ("steps per path", f"{self.steps_mean:.0f} mean, {self.steps_most} most"),
@@ -84,28 +84,28 @@ class Certificate:
 
 @dataclass(frozen=True)
 class AssemblyModes:
-    """All assembly modes of a platform on six legs of given lengths.
+    """All assembly modes of a platform on six legs of known lengths.
 
-    A platform joint B stands at T + R B in the frame of the base joints. Lengths are in the unit of the input.
+    A platform joint B has the position T + R B in the frame of the base joints. Lengths are in the unit of the input.
 
     Attributes:
-        status: whether the set is whole.
-        message: the same in a sentence with numbers.
-        R: attitudes of the m real modes, (m, 3, 3).
-        T: their positions, (m, 3). The modes are sorted by the place of the platform joints' centroid, by x, then y,
-            then z, with differences below 1e-9 of the size ignored.
-        quaternion: their attitudes as unit quaternions, (m, 4), scalar first, first nonzero entry positive.
-        nearest_other: (m,) index of the real mode nearest each, -1 when it is the only one. Near means least
-            root of (distance / size)^2 + angle^2, with the distance between the centroids of the platform joints.
-        nearest_distance: (m,) that distance, in the unit of the input; infinite when there is no other.
-        nearest_angle_deg: (m,) and the angle [deg].
-        R_complex: all k finite modes, the real ones first in the order of R, then pairs of conjugates;
+        status: whether the set is complete.
+        message: the status in a sentence with numbers.
+        R: orientations of the m real modes, (m, 3, 3).
+        T: positions of the real modes, (m, 3). They are sorted by the centroid of the platform joints, by x, then y,
+            then z; differences below 1e-9 of the size are ignored.
+        quaternion: orientations as unit quaternions, (m, 4), scalar first, first nonzero entry positive.
+        nearest_other: (m,) index of the closest other real mode, -1 if there is none. The measure is
+            (distance / size)^2 + angle^2, with the distance between the centroids of the platform joints.
+        nearest_distance: (m,) this distance, in the unit of the input; infinite if there is no other mode.
+        nearest_angle_deg: (m,) angle to that mode [deg].
+        R_complex: all k finite modes, first the real ones in the order of R, then pairs of conjugates;
             (k, 3, 3) complex with R R' = 1.
         T_complex: (k, 3) complex.
         infinite: directions x of the modes at infinity as complex quaternions with x.x = 0, |x| = 1, (j, 4).
-        R_multiple: one for each finite mode where the equations are singular, (l, 3, 3), complex in general.
-        T_multiple: (l, 3); known to about half the digits only.
-        size: length that the legs were divided by.
+        R_multiple: one for each finite mode with singular equations, (l, 3, 3), complex in general.
+        T_multiple: (l, 3); accurate to about half the digits only.
+        size: length by which the legs were divided.
         certificate: the evidence.
     """
 
@@ -127,14 +127,14 @@ class AssemblyModes:
 
     @property
     def ok(self) -> bool:
-        """True when all finite modes are known and isolated."""
+        """Whether all finite modes are known and isolated."""
         return self.status.ok
 
     def nearest(self, R: ArrayLike, T: ArrayLike) -> tuple[int, float, float]:
-        """The real mode nearest a pose R (3, 3), T (3,): its index, distance in the input's unit, angle [deg].
+        """Return the real mode closest to a pose R (3, 3), T (3,): index, distance in the input unit, angle [deg].
 
-        Near as for `nearest_other`, but with the distance between the two T. Index -1 and infinite distances when
-        there are no real modes.
+        The measure is that of `nearest_other`, but with the distance between the two T. Without real modes the index is
+        -1 and the distances are infinite.
         """
         if not len(self.T):
             return -1, np.inf, np.inf
@@ -145,7 +145,7 @@ class AssemblyModes:
 
 
 def without_modes(status: ModesStatus, message: str, size: float, certificate: Certificate) -> AssemblyModes:
-    """A result that holds no modes, only its status."""
+    """Return a result without modes."""
     R, T = np.zeros((0, 3, 3)), np.zeros((0, 3))
     Rc, Tc, none = R.astype(complex), T.astype(complex), np.zeros(0)
     return AssemblyModes(
@@ -154,13 +154,13 @@ def without_modes(status: ModesStatus, message: str, size: float, certificate: C
     )  # fmt: skip
 
 
-REAL = 1e-6  # distance from its own conjugate below which a mode that is not certified counts as real
-SAME_MULTIPLE = 1e-3  # distance of two endpoints of one multiple mode
-ORDER_DIGITS = 9  # of positions, by which the real modes are sorted
+REAL = 1e-6  # distance from its conjugate below which a mode without certificate counts as real
+SAME_MULTIPLE = 1e-3  # distance below which two endpoints belong to one multiple mode
+ORDER_DIGITS = 9  # digits of the positions by which the real modes are sorted
 
 
 def modes_of(search: ModesSearch, scaled: ScaledLegs) -> AssemblyModes:
-    """The modes that a search has found for one pose, with their certificate."""
+    """Return the modes found by a search for one pose, with their certificate."""
     status, message = search.verdict()
     real = _is_real(search.z, search.isolation)
     points = real_points(search.C, search.z[real])
@@ -168,7 +168,7 @@ def modes_of(search: ModesSearch, scaled: ScaledLegs) -> AssemblyModes:
     order = np.lexsort(np.round(T, ORDER_DIGITS).T[::-1])
     points, R, T = points[order], R[order], T[order]
     pairs = _conjugate_pairs(search.z, real)
-    others = np.setdiff1d(np.flatnonzero(~real), pairs.ravel())  # without a partner: a sign of a lost path
+    others = np.setdiff1d(np.flatnonzero(~real), pairs.ravel())  # without a conjugate: indicates a lost path
     rows = np.concatenate([np.flatnonzero(real)[order], pairs.ravel(), others])
     nearest, distance, angle = _nearest_others(R, T)
     closure = np.linalg.norm(T[:, None] + scaled.legs.B[0] @ np.swapaxes(R, 1, 2) - scaled.legs.A[0], axis=2)
@@ -221,7 +221,7 @@ def modes_of(search: ModesSearch, scaled: ScaledLegs) -> AssemblyModes:
 
 
 def real_points(C: Array, z: Array) -> Real:
-    """Real representatives (m, 8) of real modes z (m, 8): the phase taken out, refined by Newton in real numbers."""
+    """Return real representatives (m, 8) of real modes z (m, 8): without phase, refined by Newton in real numbers."""
     points = np.real(z / np.sqrt(np.sum(z[:, :4] ** 2, axis=1, keepdims=True)))
     system = np.broadcast_to(C, (len(z), *C.shape))
     for _ in range(3):
@@ -231,12 +231,12 @@ def real_points(C: Array, z: Array) -> Real:
 
 
 def _is_real(z: Array, isolation: Isolation) -> NDArray[np.bool_]:
-    """(m,) True where a mode is its own conjugate: by its radius of uniqueness, where certified."""
+    """Return whether each mode (m,) is its own conjugate, judged by the radius of uniqueness if certified."""
     return distance_to_conjugate(z) < np.where(isolation.certified, 0.5 * isolation.rho, REAL)
 
 
 def _conjugate_pairs(z: Array, real: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Indices (p, 2) of modes that are each other's conjugate and nobody else's; the first of a pair leads."""
+    """Return the indices (p, 2) of pairs of conjugate modes."""
     free = np.flatnonzero(~real).tolist()
     pairs = []
     while len(free) > 1:
@@ -251,7 +251,7 @@ def _conjugate_pairs(z: Array, real: NDArray[np.bool_]) -> NDArray[np.intp]:
 
 
 def _nearest_others(R: Real, T: Real) -> tuple[NDArray[np.intp], Real, Real]:
-    """Index, distance (scaled, of the platform's centroid) and angle [rad] of the real mode nearest each of m."""
+    """Return index, distance (scaled, of the platform centroids) and angle [rad] of the closest mode for each of m."""
     m = len(R)
     if m < 2:
         return np.full(m, -1, dtype=np.intp), np.full(m, np.inf), np.full(m, np.inf)
@@ -270,14 +270,14 @@ def _in_users_frame(R: Array, T: Array, scaled: ScaledLegs) -> tuple[Array, Arra
 
 
 def _unit_quaternions(points: Real) -> Real:
-    """Unit quaternions (m, 4) of real points (m, 8), the first entry that is not nearly zero positive."""
+    """Return unit quaternions (m, 4) of real points (m, 8); the first entry that is not nearly zero is positive."""
     x = points[:, :4]
     lead = np.argmax(np.abs(x) > 1e-9, axis=1)
     return x * np.sign(x[np.arange(len(x)), lead])[:, None] if len(x) else x
 
 
 def _representatives(z: Array) -> Array:
-    """One of each group of neighbouring singular endpoints."""
+    """Return one of each group of neighbouring singular endpoints."""
     if not len(z):
         return z
     near = np.tril(distances(z) < SAME_MULTIPLE, -1).any(axis=1)

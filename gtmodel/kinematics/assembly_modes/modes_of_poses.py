@@ -1,5 +1,5 @@
-"""Assembly modes of many poses as a study: poses given one by one or as rows of a file, the commanded mode of each,
-certificate and checks."""
+"""The modes study: assembly modes of many poses, from arguments or a file, the commanded mode of each, certificate and
+checks."""
 
 from __future__ import annotations
 
@@ -26,15 +26,16 @@ from .options import COLUMNS, CommandedPose, ModesStudy
 from .six_links import Hands, SixLinks, six_links_of
 from .solve import assembly_modes_batch
 
-# commanded pose from its mode, over the size or in rad: two Newton iterations, each to rounding times condition
+# largest difference of a commanded pose from its mode, over the size or in rad
 COMMANDED = 1e-9
 
 
 @dataclass(frozen=True)
 class Judged:
-    """Poses with their modes. commanded: index of the commanded mode of each, None where there is none.
+    """Poses with their modes. commanded: index of the commanded mode of each pose, or None.
 
-    errors: relative distance or angle [rad], the larger, from the commanded pose to the nearest mode; NaN without one.
+    errors: relative distance or angle [rad], whichever is larger, between the commanded pose and the closest mode; NaN
+    without a commanded pose.
     """
 
     hands: Hands
@@ -44,7 +45,7 @@ class Judged:
 
     @classmethod
     def of(cls, hands: Hands, results: list[AssemblyModes]) -> Judged:
-        """Look for every commanded pose among the real modes."""
+        """Find every commanded pose among the real modes."""
         commanded: list[int | None] = []
         errors = []
         for i, modes in enumerate(results):
@@ -59,26 +60,26 @@ class Judged:
         return cls(hands, results, commanded, errors)
 
     def done(self, i: int) -> bool:
-        """True for a pose that was searched."""
+        """Return whether a pose was searched."""
         return self.results[i].status not in (ModesStatus.INTERRUPTED, ModesStatus.BAD_INPUT)
 
     def refused(self) -> list[str]:
-        """Why poses could not be searched, as sentences."""
+        """Return sentences on why poses could not be searched."""
         return [self.message(i) for i, r in enumerate(self.results) if r.status is ModesStatus.BAD_INPUT]
 
     def message(self, i: int) -> str:
-        """The sentence of a pose."""
+        """Return the message of a pose."""
         return self.hands.faults.get(i) or self.results[i].message
 
     def leg_error(self, i: int) -> float:
-        """Largest error of a leg length at a real mode over the size: the legs as given, not the scaled ones."""
+        """Return the largest error of a leg length at a real mode over the size, for the unscaled legs."""
         hands, modes = self.hands, self.results[i]
         joints = modes.T[:, None] + hands.B[i] @ np.swapaxes(modes.R, 1, 2)
         errors = np.abs(np.linalg.norm(joints - hands.A[i], axis=2) - hands.L[i])
         return float(np.max(errors, initial=0.0)) / modes.size if errors.size else 0.0
 
     def commanded_nearest(self, i: int) -> tuple[float, float]:
-        """Distance [m] and angle [deg] of the real mode nearest the commanded one; NaN or infinite without."""
+        """Return distance [m] and angle [deg] from the commanded mode to the closest one; NaN or infinite if none."""
         k = self.commanded[i]
         if k is None:
             return math.nan, math.nan
@@ -86,7 +87,7 @@ class Judged:
 
 
 def read_poses(path: str | Path) -> list[CommandedPose]:
-    """The poses of a CSV file, one row each, named columns as in COLUMNS. Raises ArgumentError.
+    """Read the poses of a CSV file, one per row, with column names as in COLUMNS. Raises ArgumentError.
 
     >>> from pathlib import Path
     >>> from gtmodel.kinematics.assembly_modes import read_poses
@@ -98,45 +99,45 @@ def read_poses(path: str | Path) -> list[CommandedPose]:
     with naming("poses"):
         table = CsvTable(path)
     head = table.names
-    wanted = [
+    groups = [
         (name, columns, f) for name, all_ in COLUMNS.items() for columns, f in all_.items() if {*columns} & {*head}
     ]
-    known = [column for _, columns, _ in wanted for column in columns]
+    known = [column for _, columns, _ in groups for column in columns]
     missing = [column for column in known if column not in head]
-    if missing or not wanted:
+    if missing or not groups:
         expected = ", ".join(missing) or "q1_m, q2_m, q3_m or x_m, y_m, z_m"
         raise ArgumentError(f"{path.name} lacks the columns {expected}; it has {', '.join(head)}", "poses")
     foreign = [column for column in head if column not in known]
     if foreign:
-        raise ArgumentError(f"{path.name} has columns that are none of a pose: {', '.join(foreign)}", "poses")
-    twice = [columns for name, columns, _ in wanted if sum(name == other for other, _, _ in wanted) > 1]
+        raise ArgumentError(f"{path.name} has columns that do not belong to a pose: {', '.join(foreign)}", "poses")
+    twice = [columns for name, columns, _ in groups if sum(name == n for n, _, _ in groups) > 1]
     if twice:
-        raise ArgumentError(f"{path.name} has {' and '.join(c[0] for c in twice)}; give either", "poses")
+        raise ArgumentError(f"{path.name} has {' and '.join(c[0] for c in twice)}; remove one of them", "poses")
     with naming("poses"):
         numbers = {c: table.numbers(c).tolist() for c in known}
     return [
-        CommandedPose(**{name: [f * numbers[c][k] for c in columns] for name, columns, f in wanted})
+        CommandedPose(**{name: [f * numbers[c][k] for c in columns] for name, columns, f in groups})
         for k in range(len(table.lines))
     ]
 
 
 def hands_of(robot: SixLinks, poses: Sequence[CommandedPose], argument: str) -> Hands:
-    """Legs of the robot in poses that give the same quantities. Raises ArgumentError at `argument`."""
-    given = poses[0].given()
-    _check(robot, given, argument)
-    if "q" in given:
+    """Return the legs of the robot in poses that set the same quantities. Raises ArgumentError at `argument`."""
+    names = poses[0].given()
+    _check(robot, names, argument)
+    if "q" in names:
         q = np.array([pose.q for pose in poses])
         if robot.carts_and_axes[1]:
             q = np.hstack([q, np.array([pose.axes or [0.0, 0.0, 0.0] for pose in poses])])
         return robot.at_carts(q)
     T, e = robot.home
-    if "tcp" in given:
+    if "tcp" in names:
         return robot.at_poses(np.array([pose.tcp for pose in poses]), orientations(poses, e, argument))
     return robot.at_poses(T[None], e[None])
 
 
 def orientations(poses: Sequence[CommandedPose], left_out: np.ndarray, argument: str) -> np.ndarray:
-    """Quaternions (n, 4) of length 1 of the poses, `left_out` where they say nothing."""
+    """Return the unit quaternions (n, 4) of the poses; `left_out` is the default."""
     heads = [f"pose {i + 1} " if len(poses) > 1 else "" for i in range(len(poses))]
     return np.array([_orientation(pose, left_out, argument, head) for pose, head in zip(poses, heads, strict=True)])
 
@@ -155,28 +156,28 @@ def _orientation(pose: CommandedPose, left_out: np.ndarray, argument: str, head:
     return left_out
 
 
-def _check(robot: SixLinks, given: tuple[str, ...], argument: str) -> None:
-    """Raises ArgumentError for quantities that contradict each other or do not belong to the robot."""
-    if "tcp" in given and "q" in given:
-        raise ArgumentError("give either the carts q_m or tcp_m", argument)
-    turned = [name for name in ("zyz", "quaternion") if name in given]
-    if len(turned) > 1:
-        raise ArgumentError("give either zyz or quaternion", argument)
-    if "axes" in given and not robot.carts_and_axes[1]:
-        raise ArgumentError("the robot has no rotary axes; leave them out", f"{argument}.axes")
-    if turned and not robot.turns:
-        raise ArgumentError("the robot's orientation follows from tcp_m; leave it out", f"{argument}.{turned[0]}")
-    if "axes" in given and "q" not in given:
-        raise ArgumentError("rotary axes need the carts q_m beside them", f"{argument}.axes")
-    if turned and "tcp" not in given:
-        raise ArgumentError("an orientation needs tcp_m beside it", f"{argument}.{turned[0]}")
+def _check(robot: SixLinks, names: tuple[str, ...], argument: str) -> None:
+    """Raise ArgumentError for quantities that contradict each other or do not belong to the robot."""
+    if "tcp" in names and "q" in names:
+        raise ArgumentError("set either the carts q_m or tcp_m", argument)
+    rotations = [name for name in ("zyz", "quaternion") if name in names]
+    if len(rotations) > 1:
+        raise ArgumentError("set either zyz or quaternion", argument)
+    if "axes" in names and not robot.carts_and_axes[1]:
+        raise ArgumentError("the robot has no rotary axes; remove them", f"{argument}.axes")
+    if rotations and not robot.turns:
+        raise ArgumentError("tcp_m determines the orientation of the robot; remove it", f"{argument}.{rotations[0]}")
+    if "axes" in names and "q" not in names:
+        raise ArgumentError("rotary axes also need the carts q_m", f"{argument}.axes")
+    if rotations and "tcp" not in names:
+        raise ArgumentError("an orientation also needs tcp_m", f"{argument}.{rotations[0]}")
 
 
-# scaled equations at a mode: rounding of some dozen terms of size one
+# residual of the scaled equations at a mode: rounding of a dozen terms of size one
 RESIDUAL = 1e-12
-# leg lengths over the size: rounding too, larger by the condition near a singularity
+# error of the leg lengths over the size: rounding, amplified near a singularity
 LEG_ERROR = 1e-12
-# numbers of a pose that are those of its certificate, and of which the least, or the greatest, is reported of many
+# values of the certificate, reported as the smallest or the largest over many poses
 LEAST = ("finite", "distinct", "certified", "real", "conjugate_pairs")
 GREATEST = ("infinite", "multiple", "lost")
 CERTIFIED = (*LEAST, *GREATEST, "retries", "worst_residual")
@@ -188,15 +189,15 @@ def modes_study(
     poses: CommandedPose | Sequence[CommandedPose] | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> ModesStudy:
-    """All assembly modes of six links, with a certificate that none is missing, and the commanded one among them.
+    """Compute all assembly modes of six links, with a certificate of completeness, and identify the commanded mode.
 
     Args:
-        robot: with six links of fixed length, or the legs of bare platforms as `bare` and `draw` give them.
-        poses: of the robot, one or many that give the same quantities; its home if left out.
+        robot: a robot with six links of fixed length, or legs of platforms from `bare` or `draw`.
+        poses: pose of the robot, or several that set the same quantities; default: home.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    A pose at which the leg lengths do not exist has a status, and the other poses are computed all the same.
-    Interrupted, it holds the poses that were searched. Raises ArgumentError.
+    A pose without a solution of the inverse kinematics has a status and does not affect the others. An interrupted
+    study holds the poses searched so far. Raises ArgumentError for wrong arguments.
 
     >>> import gtmodel as gt
     >>> from gtmodel.kinematics.assembly_modes import CommandedPose
@@ -205,9 +206,9 @@ def modes_study(
     (40, 6, 6)
     """
     work = Work(**work_options)
-    work.step("equations")
+    work.step("building equations")
     hands = legs_of(robot, poses)
-    work.step("tracking")
+    work.step("tracking paths")
 
     def report(done: int, count: int) -> bool:
         work.progress("tracking 40 paths per pose", done / count, {"poses": float(done)})
@@ -222,16 +223,16 @@ def modes_study(
 
 
 def legs_of(robot: Model | Hands, poses: CommandedPose | Sequence[CommandedPose] | None) -> Hands:
-    """The legs that a study is about. Raises ArgumentError."""
+    """Return the legs to be studied. Raises ArgumentError."""
     if isinstance(robot, Hands):
         if poses is not None:
-            raise ArgumentError("legs of a platform are where they are; leave the poses out", _named(poses))
+            raise ArgumentError("legs of a platform already have poses; remove the poses", _named(poses))
         return robot
-    given = [poses or CommandedPose()] if poses is None or isinstance(poses, CommandedPose) else list(poses)
-    if not given:
+    commanded = [poses or CommandedPose()] if poses is None or isinstance(poses, CommandedPose) else list(poses)
+    if not commanded:
         raise ArgumentError("has no poses", "poses")
     try:
-        return hands_of(six_links_of(robot), given, _named(poses))
+        return hands_of(six_links_of(robot), commanded, _named(poses))
     except ModelError as error:
         raise ArgumentError(str(error), "robot") from error
 
@@ -325,8 +326,8 @@ def _summary(judged: Judged, each: list[dict[str, Any]], done: list[int]) -> dic
 
 
 def _nearest(judged: Judged, done: list[int], of: Callable[[int], tuple[float, float]]) -> tuple[float, float]:
-    """Distance [m] and angle [deg] of the pose where two modes are nearest, as `AssemblyModes` measures it; NaN where
-    no pose has two."""
+    """Return the smallest distance [m], with its angle [deg], over the poses, by the measure of `AssemblyModes`; NaN if
+    no pose has two modes."""
 
     def measure(i: int) -> float:
         distance, angle = of(i)
@@ -360,7 +361,7 @@ def _message(judged: Judged, status: SolveStatus, checks: dict[str, Check]) -> s
     if status is SolveStatus.FAILED:
         bad = [i for i in range(n) if not judged.results[i].status.ok]
         head = f"pose {bad[0] + 1}: " if n > 1 else ""
-        more = f"; {len(bad)} of {n} poses are not whole" if n > 1 else ""
+        more = f"; {len(bad)} of {n} poses have no complete set of modes" if n > 1 else ""
         return f"{head}{judged.message(bad[0])}{more}"
     text = judged.results[0].message if n == 1 else f"all finite modes of {n} poses were found"
     lacking = [i for i in range(n) if judged.hands.q.shape[1] and math.isnan(judged.errors[i])]
@@ -374,7 +375,7 @@ def _message(judged: Judged, status: SolveStatus, checks: dict[str, Check]) -> s
 
 
 def _csv(each: list[dict[str, Any]]) -> str:
-    """One line per real mode."""
+    """Return a CSV with one line per real mode."""
     lines = ["pose,mode,x_m,y_m,z_m,e0,e1,e2,e3,commanded,nearest_mode,nearest_mm,nearest_deg"]
     for pose in each:
         for mode in pose["modes"]:
@@ -398,9 +399,9 @@ def _panels(judged: Judged, title: str) -> Any:
 def _statistics(judged: Judged, title: str) -> Any:
     from ...plot.robot3d import real_counts_figure
 
-    made = judged.hands.synthetic
-    if made and "synthetic" not in title:
-        title += f" ({made})"
+    synthetic = judged.hands.synthetic
+    if synthetic and "synthetic" not in title:
+        title += f" ({synthetic})"
     done = [i for i in range(len(judged.hands)) if judged.done(i)]
     near = np.array([judged.commanded_nearest(i) for i in done]).reshape(-1, 2) * [1e3, 1.0]
     return real_counts_figure([judged.results[i].certificate.real for i in done], near, title=title)

@@ -1,4 +1,4 @@
-"""What the search for assembly modes is asked for, and what its study found."""
+"""Options and result of the modes study."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from ...results import Quantity, Row, Study
 from ...results.options import Long, Options, Unit
 
-# quantities of a pose with their columns in a file, and the number per SI unit
+# quantities of a pose: their columns in a file, and the factor to SI units
 COLUMNS = {
     "q": {("q1_m", "q2_m", "q3_m"): 1.0},
     "axes": {("q4_rad", "q5_rad", "q6_rad"): 1.0, ("q4_deg", "q5_deg", "q6_deg"): math.pi / 180},
@@ -22,7 +22,7 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class CommandedPose(Options):
-    """Carts and rotary axes, or a tool pose; home where nothing is given.
+    """Carts and rotary axes, or a tool pose; default: home.
 
     >>> gt.kinematics.assembly_modes.CommandedPose(q=[0.1, 0.2])
     Traceback (most recent call last):
@@ -32,17 +32,17 @@ class CommandedPose(Options):
 
     q: Annotated[list[float] | None, Unit("m"), Long(3), "coordinates of the three carts"] = None
     axes: Annotated[
-        list[float] | None, Unit("rad"), Long(3), "rotary axes q4, q5, q6 of an F1; zero if left out"
+        list[float] | None, Unit("rad"), Long(3), "rotary axes q4, q5, q6 of an F1; default: zero"
     ] = None  # fmt: skip
-    tcp: Annotated[list[float] | None, Unit("m"), Long(3), "tool centre point, in place of q"] = None
+    tcp: Annotated[list[float] | None, Unit("m"), Long(3), "tool centre point, instead of q"] = None
     zyz: Annotated[
         list[float] | None, Unit("rad", written="deg"), Long(3),
-        "the plate's angles about z, y, z there, where they are free; home's if left out",
+        "ZYZ angles of the plate at tcp, if its orientation is free; default: those at home",
     ] = None  # fmt: skip
-    quaternion: Annotated[list[float] | None, Long(4), "its unit quaternion instead, scalar first"] = None
+    quaternion: Annotated[list[float] | None, Long(4), "unit quaternion instead of zyz, scalar first"] = None
 
     def given(self) -> tuple[str, ...]:
-        """The quantities that are there."""
+        """Return the names of the quantities that are set."""
         return tuple(name for name in COLUMNS if getattr(self, name) is not None)
 
 
@@ -51,66 +51,65 @@ class ModesStudy(Study):
     """Assembly modes of one pose or platform, or of many. Angles are in degrees, as in `AssemblyModes`."""
 
     poses: Annotated[int, "number of poses or platforms"] = 0
-    whole: Annotated[int, "how many of them have a whole set: every finite mode is known, and none is multiple"] = 0
-    finite: Annotated[int | None, "finite modes found over the complex numbers, least over the poses"] = None
+    whole: Annotated[int, "number of poses with a complete set: all finite modes are known, and none is multiple"] = 0
+    finite: Annotated[int | None, "finite modes over the complex numbers, smallest number over the poses"] = None
     distinct: Annotated[
-        int | None, "those of them outside the radius of uniqueness of every other, least over the poses"
+        int | None, "finite modes outside the radius of uniqueness of every other, smallest number over the poses"
     ] = None
-    certified: Annotated[int | None, "those that pass the Newton-Kantorovich test, least over the poses"] = None
-    real: Annotated[int | None, "modes with a real pose, least over the poses"] = None
-    real_most: Annotated[int | None, "the same, most over the poses"] = None
+    certified: Annotated[int | None, "modes that pass the Newton-Kantorovich test, smallest number over the poses"] = (
+        None
+    )
+    real: Annotated[int | None, "modes with a real pose, smallest number over the poses"] = None
+    real_most: Annotated[int | None, "modes with a real pose, largest number over the poses"] = None
     real_counts: Annotated[Mapping[str, int], "number of poses by their number of real modes"] = field(
         default_factory=dict
     )
-    conjugate_pairs: Annotated[int | None, "pairs of complex conjugate modes, least over the poses"] = None
-    infinite: Annotated[int | None, "paths that ended at infinity, most over the poses"] = None
-    multiple: Annotated[int | None, "paths that ended in singular modes, most over the poses"] = None
-    lost: Annotated[int | None, "paths that ended nowhere, most over the poses"] = None
+    conjugate_pairs: Annotated[int | None, "pairs of complex conjugate modes, smallest number over the poses"] = None
+    infinite: Annotated[int | None, "paths that ended at infinity, largest number over the poses"] = None
+    multiple: Annotated[int | None, "paths that ended in singular modes, largest number over the poses"] = None
+    lost: Annotated[int | None, "paths that failed, largest number over the poses"] = None
     retries: Annotated[int | None, "paths tracked again from another start system, sum over the poses"] = None
-    worst_residual: Annotated[float | None, "largest scaled equation at a mode found; 1 is the size of the terms"] = (
-        None
-    )
+    worst_residual: Annotated[float | None, "largest residual of the scaled equations; the terms have size 1"] = None
     worst_leg_error: Annotated[
         float | None,
-        "largest error of a leg length at a real mode, by the legs as given, over the platform's size",
+        "largest error of a leg length at a real mode, for the unscaled legs, over the size of the platform",
     ] = None
     nearest_distance: Annotated[
         float,
         Quantity(
             "m",
-            "distance of the plate joints' centroid between the two real modes nearest each other, "
-            "over all poses; null with fewer than two. Near means least root of (distance / "
-            "size)^2 + angle^2",
+            "distance of the centroid of the plate joints between the two closest real modes, over all poses; null for "
+            "fewer than two. The measure is (distance / size)^2 + angle^2",
             key="nearest_mm",
             written="mm",
         ),
     ] = math.nan
-    nearest_angle_deg: Annotated[float, Quantity("deg", "the angle between these two", key="nearest_deg")] = math.nan
+    nearest_angle_deg: Annotated[float, Quantity("deg", "angle between these two modes", key="nearest_deg")] = math.nan
     commanded: Annotated[
         int | None,
-        "number of the commanded mode among the real ones, from 1; null for several poses, and "
-        "where no pose was commanded or Newton found none",
+        "number of the commanded mode among the real ones, from 1; null for several poses, and if "
+        "no pose was commanded or Newton's method found none",
     ] = None
     commanded_nearest_distance: Annotated[
         float,
         Quantity(
             "m",
-            "distance of the nearest other real mode from the commanded one, least over the poses",
+            "distance from the commanded mode to the closest other real mode, smallest over the poses",
             key="commanded_nearest_mm",
             written="mm",
         ),
     ] = math.nan
     commanded_nearest_angle_deg: Annotated[
-        float, Quantity("deg", "the angle between them", key="commanded_nearest_deg")
+        float, Quantity("deg", "angle between these two modes", key="commanded_nearest_deg")
     ] = math.nan
     modes: Annotated[
         Sequence[Mapping[str, Any]],
-        "real modes of an only pose: mode (from 1), tcp_m, quaternion (scalar first), "
+        "real modes of a single pose: mode (from 1), tcp_m, quaternion (scalar first), "
         "nearest_mode, nearest_mm, nearest_deg, commanded; empty for several",
     ] = ()
     each: Annotated[
         Sequence[Mapping[str, Any]],
-        "for each pose: pose (from 1), status, message, the numbers above, q_m and q_rad, the "
+        "for each pose: pose (from 1), status, message, the values above, q_m and q_rad, the "
         "commanded tcp_m and quaternion, and its modes",
     ] = ()
 
@@ -150,7 +149,7 @@ def _near_rows(label: str, mm: float, deg: float) -> list[Row]:
 def _rows_of_many(study: ModesStudy, each: Sequence[Mapping[str, Any]]) -> list[Row]:
     return [
         Row("poses", study.poses),
-        Row("with a whole set of modes", study.whole),
+        Row("with a complete set of modes", study.whole),
         *(Row(f"with {count} real modes", poses) for count, poses in study.real_counts.items()),
         Row("with the commanded pose among them", sum(pose["commanded"] is not None for pose in each)),
         Row("tracked again", study.retries, "paths"),

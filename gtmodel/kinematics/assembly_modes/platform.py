@@ -1,5 +1,5 @@
-"""Platforms on six legs in Study coordinates: the leg equations as quadrics in the projective 7-space, scaled; the
-straight line between two platforms; platforms that are singular in every pose."""
+"""Platforms on six legs in Study coordinates: the scaled leg equations as quadrics in projective 7-space, the straight
+line between two platforms, and platforms that are singular in every pose."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from ...lang.source import ModelError
 Array = NDArray[Any]  # of float or complex numbers
 
 VARIABLES = 8
-EQUATIONS = 7  # six legs and x.y = 0; a patch makes the eighth
+EQUATIONS = 7  # six legs and x.y = 0; a patch adds the eighth
 BASIS = 18
 MODES = 40  # of a general platform, counted over the complex numbers
 
 
 def _basis_rows() -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Of each gradient D(z)[k, i] = sign[k, i] * z[index[k, i]]: index and sign, both (18, 8)."""
+    """Return index and sign, both (18, 8), of the gradients D(z)[k, i] = sign[k, i] * z[index[k, i]]."""
     index = np.zeros((BASIS, VARIABLES), dtype=np.intp)
     sign = np.zeros((BASIS, VARIABLES))
 
     def product(k: int, i: int, j: int, factor: float) -> None:
-        """Add factor z_i z_j to quadric k; no variable stands in two products of one quadric."""
+        """Add factor z_i z_j to quadric k; no variable occurs in two products of a quadric."""
         index[k, i], index[k, j] = j, i
         sign[k, i] = sign[k, j] = 2 * factor if i == j else factor
 
@@ -53,17 +53,17 @@ _INDEX, _SIGN = _basis_rows()
 
 
 def gradients(z: Array) -> Array:
-    """D(z), the gradients of the 18 basis quadrics at z (..., 8); shape (..., 18, 8)."""
+    """Return D(z), the gradients of the 18 basis quadrics at z (..., 8); shape (..., 18, 8)."""
     return _SIGN * z[..., _INDEX]
 
 
 def basis(z: Array) -> Array:
-    """b(z), the values of the 18 basis quadrics at z (..., 8); shape (..., 18)."""
+    """Return b(z), the values of the 18 basis quadrics at z (..., 8); shape (..., 18)."""
     return 0.5 * (gradients(z) @ z[..., None])[..., 0]
 
 
 def leg_rows(A: Array, B: Array, c: Array) -> Array:
-    """Coefficients (..., 6, 18) of the leg equations for A, B (..., 6, 3) and c = A.A + B.B - L^2 (..., 6)."""
+    """Return the coefficients (..., 6, 18) of the leg equations for A, B (..., 6, 3), c = A.A + B.B - L^2 (..., 6)."""
     rows = np.zeros((*c.shape, BASIS), dtype=np.result_type(A, B, c))
     rows[..., 0] = c
     rows[..., 1:4] = -4 * A
@@ -74,9 +74,9 @@ def leg_rows(A: Array, B: Array, c: Array) -> Array:
 
 
 def closed_system(rows: Array) -> Array:
-    """The seven equations C (..., 7, 18) of leg rows (..., 6, 18): leg 1, the others less leg 1, and x.y.
+    """Return the seven equations C (..., 7, 18) of leg rows (..., 6, 18): leg 1, the others minus leg 1, and x.y.
 
-    The difference removes the common y.y, which scales the equations better.
+    The difference removes the common y.y, which improves the scaling.
     """
     system = np.zeros((*rows.shape[:-2], EQUATIONS, BASIS), dtype=rows.dtype)
     system[..., 0, :] = rows[..., 0, :]
@@ -86,7 +86,7 @@ def closed_system(rows: Array) -> Array:
 
 
 def rotation_and_position(z: Array) -> tuple[Array, Array]:
-    """R (..., 3, 3) and T (..., 3) of points z (..., 8); z may have any scale, but x.x must not be zero."""
+    """Return R (..., 3, 3) and T (..., 3) of points z (..., 8) of any scale; x.x must not be zero."""
     b = basis(z)
     n = b[..., 0, None]
     return (b[..., 7:16] / n).reshape(*b.shape[:-1], 3, 3), 2 * b[..., 1:4] / n
@@ -94,9 +94,9 @@ def rotation_and_position(z: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class HomotopyParameters:
-    """A platform as 42 free numbers, real or complex, or n of them: A, B (..., 6, 3) and c (..., 6).
+    """A platform, or n platforms, as 42 free real or complex numbers each: A, B (..., 6, 3) and c (..., 6).
 
-    c stands for A.A + B.B - L^2, but is a parameter of its own along a homotopy.
+    c is A.A + B.B - L^2, but an independent parameter along a homotopy.
     """
 
     A: Array
@@ -104,16 +104,16 @@ class HomotopyParameters:
     c: Array
 
     def system(self) -> Array:
-        """The seven equations at these parameters, (..., 7, 18)."""
+        """Return the seven equations at these parameters, (..., 7, 18)."""
         return closed_system(leg_rows(self.A, self.B, self.c))
 
     def of(self, poses: NDArray[np.intp]) -> HomotopyParameters:
-        """Some of n platforms."""
+        """Return some of n platforms."""
         return HomotopyParameters(self.A[poses], self.B[poses], self.c[poses])
 
 
 def straight_line(start: HomotopyParameters, end: HomotopyParameters) -> Array:
-    """Coefficients of the systems C(t) = C0 + t C1 + t^2 C2 between start and end; (n, 3, 7, 18), complex.
+    """Return the coefficients of the systems C(t) = C0 + t C1 + t^2 C2 from start to end; (n, 3, 7, 18), complex.
 
     start: one platform, or n; end: n platforms, arrays with a leading axis. The products A B make it quadratic.
     """
@@ -148,10 +148,10 @@ class Legs:
 
 @dataclass(frozen=True)
 class ScaledLegs:
-    """Legs with the centroids of A and of B in the origin, divided by a common size.
+    """Legs with the centroids of A and of B at the origin, divided by a common size.
 
-    legs: scaled, (n, ...). size: (n,), the largest of the rms length, the rms distance of the base joints from their
-    centroid and that of the platform joints. base_centre, platform_centre: (n, 3), unscaled.
+    legs: scaled, (n, ...). size: (n,), the largest of the RMS length and the RMS distances of the base and the platform
+    joints from their centroids. base_centre, platform_centre: (n, 3), unscaled.
     """
 
     legs: Legs
@@ -160,18 +160,18 @@ class ScaledLegs:
     platform_centre: Real
 
     def of(self, i: int) -> ScaledLegs:
-        """Pose i alone, still with the leading axis."""
+        """Return pose i alone, with the leading axis."""
         one = slice(i, i + 1)
         return ScaledLegs(self.legs[one], self.size[one], self.base_centre[one], self.platform_centre[one])
 
     def parameters(self) -> HomotopyParameters:
-        """The coefficients' parameters (A, B, c) of the scaled legs."""
+        """Return the parameters (A, B, c) of the scaled legs."""
         A, B, L = self.legs.A, self.legs.B, self.legs.L
         return HomotopyParameters(A, B, np.sum(A * A, axis=-1) + np.sum(B * B, axis=-1) - L * L)
 
 
 def read_legs(A: ArrayLike, B: ArrayLike, L: ArrayLike) -> Legs:
-    """Legs of n poses from A, B (n, 6, 3) or (6, 3) and L (n, 6) or (6,); what has no n serves every pose.
+    """Return the legs of n poses from A, B (n, 6, 3) or (6, 3) and L (n, 6) or (6,); arrays without n apply to all.
 
     Raises ModelError for a wrong shape, different n, or entries that are not real numbers.
     """
@@ -181,7 +181,7 @@ def read_legs(A: ArrayLike, B: ArrayLike, L: ArrayLike) -> Legs:
         len(a) for a, one in ((joints_A, (LEGS, 3)), (joints_B, (LEGS, 3)), (lengths, (LEGS,))) if a.ndim > len(one)
     }
     if len(counts) > 1:
-        raise ModelError(f"A, B and L must be of as many poses each; found {', '.join(map(str, sorted(counts)))}")
+        raise ModelError(f"A, B and L have different numbers of poses: {', '.join(map(str, sorted(counts)))}")
     n = counts.pop() if counts else 1
     return Legs(
         np.broadcast_to(joints_A, (n, LEGS, 3)),
@@ -206,7 +206,7 @@ def _numbers(name: str, value: ArrayLike, one: tuple[int, ...]) -> Real:
 
 
 def scale(legs: Legs) -> ScaledLegs:
-    """Centre and scale; the input must be finite and of positive length."""
+    """Centre and scale legs; they must be finite, with positive lengths."""
     base, platform = legs.A.mean(axis=1), legs.B.mean(axis=1)
     A, B = legs.A - base[:, None], legs.B - platform[:, None]
     size = np.sqrt(
@@ -224,7 +224,7 @@ def scale(legs: Legs) -> ScaledLegs:
 
 
 def fault(A: Real, B: Real, L: Real) -> str | None:
-    """What forbids the legs A, B (6, 3), L (6,) of one pose as input, in a sentence; None when nothing does."""
+    """Return a sentence on a fault of the legs A, B (6, 3), L (6,) of one pose, None if there is no fault."""
     for name, values in (("A", A), ("B", B), ("L", L)):
         if not np.all(np.isfinite(values)):
             leg = int(np.argmax(~np.isfinite(values.reshape(LEGS, -1)).all(axis=1)))
@@ -235,19 +235,19 @@ def fault(A: Real, B: Real, L: Real) -> str | None:
     for i in range(LEGS):
         for j in range(i + 1, LEGS):
             if np.array_equal(A[i], A[j]) and np.array_equal(B[i], B[j]):
-                return f"legs {i + 1} and {j + 1} join the same two points: five legs do not hold a platform"
+                return f"legs {i + 1} and {j + 1} join the same two points: five legs cannot hold a platform"
     return None
 
 
 POSES = 6
 SEED = 20121
-DEPENDENT = 1e-10  # smallest singular value over the largest, below which the legs count as dependent
+DEPENDENT = 1e-10  # ratio of smallest to largest singular value below which the legs count as dependent
 
 
 def architecturally_singular(scaled: ScaledLegs) -> NDArray[np.bool_]:
-    """(n,) True where the leg Jacobian is singular in each of some fixed random poses."""
+    """Return whether the leg Jacobian of each platform (n,) is singular in all of some fixed random poses."""
     z = np.random.default_rng(SEED).normal(size=(POSES, 8))
-    R, T = rotation_and_position(z)  # the part of y along x drops out of T
+    R, T = rotation_and_position(z)  # T does not depend on the component of y along x
     independent = np.zeros(len(scaled.legs), dtype=bool)
     for attitude, position in zip(R, T, strict=True):
         rows = leg_jacobian(scaled.legs.A, scaled.legs.B, attitude, position)
@@ -257,9 +257,9 @@ def architecturally_singular(scaled: ScaledLegs) -> NDArray[np.bool_]:
 
 
 def leg_jacobian(A: Real, B: Real, R: Real, T: Real) -> Real:
-    """Rows d.dT + (R B x d).omega of the legs d = T + R B - A, for A, B (n, 6, 3); shape (n, 6, 6).
+    """Return the rows d.dT + (R B x d).omega of the legs d = T + R B - A, for A, B (n, 6, 3); shape (n, 6, 6).
 
-    The rows are divided by the length of d where that is not zero.
+    The rows are divided by the length of d unless it is zero.
     """
     arm = B @ R.T
     d = T + arm - A

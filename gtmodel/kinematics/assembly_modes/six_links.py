@@ -1,4 +1,4 @@
-"""Six legs as arrays: of a robot at given carts or a given pose, of bare platforms, and of synthetic ones."""
+"""Six legs as arrays: of a robot at known carts or in a known pose, of platforms, and of synthetic platforms."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ LINKS = 6
 
 @dataclass(frozen=True)
 class Hands:
-    """Six legs in n poses, and the poses that were commanded.
+    """Six legs in n poses, and the commanded poses.
 
     Attributes:
         A: (n, 6, 3) joints at the carts [m]; B: (n, 6, 3) plate joints in plate coordinates [m]; L: (n, 6) lengths [m].
-        T, R: (n, 3), (n, 3, 3) commanded poses; NaN where there is none, or none was found.
-        q: (n, k) carts [m], then rotary axes [rad]; k = 0 for a bare platform.
-        faults: for a pose whose legs could not be had, by its index: why.
-        carts: indices of the legs on each cart, or one each. directions: (6, 3) way of each A per q, or None.
-        synthetic: how the legs were drawn, in a few words; "" where they were not.
+        T, R: (n, 3), (n, 3, 3) commanded poses; NaN if there is none, or none was found.
+        q: (n, k) carts [m], then rotary axes [rad]; k = 0 for a platform without a robot.
+        faults: index of a pose without legs -> reason.
+        carts: indices of the legs on each cart, default: one each. directions: (6, 3) motion of each A per q, or None.
+        synthetic: description of the random draw; "" for other legs.
     """
 
     A: Array
@@ -55,27 +55,28 @@ class SixLinks:
 
     @cached_property
     def carts_and_axes(self) -> tuple[int, int]:
-        """How many of the coordinates q are carts [m] and how many are rotary axes [rad]."""
+        """Numbers of carts [m] and of rotary axes [rad] among the coordinates q."""
         return 3, _coordinates(self.model) - 3
 
     @property
     def turns(self) -> bool:
-        """True when the plate's orientation is free, and not a consequence of T."""
+        """Whether the orientation of the plate is free, not determined by T."""
         return self.carts_and_axes[1] == 3
 
     @property
     def home(self) -> tuple[Array, Array]:
-        """The model's home pose: T (3,) [m] and the quaternion e (4,)."""
+        """Home pose of the model: T (3,) [m] and the quaternion e (4,)."""
         return np.asarray(self.model.home, dtype=float), np.asarray(self.model.home_e, dtype=float)  # type: ignore[attr-defined]
 
     def at_carts(self, q: Array) -> Hands:
-        """Legs at coordinates q (n, k); the commanded pose is that of the forward kinematics, by Newton from home."""
+        """Return the legs at coordinates q (n, k); Newton's method from home gives the commanded poses."""
         T, R, status = self.forward(q)
         T[status != Status.OK], R[status != Status.OK] = np.nan, np.nan
         return self._hands(q, T, R, {})
 
     def at_poses(self, T: Array, e: Array) -> Hands:
-        """Legs at tool poses T (n, 3) and quaternions e (n, 4), which count only where the orientation is free."""
+        """Return the legs at tool poses T (n, 3) and quaternions e (n, 4), which count only if the orientation is
+        free."""
         known = (T, e) if self.turns else (T,)
         q, R, status = self.inverse(*known)
         faults = {
@@ -87,12 +88,12 @@ class SixLinks:
 
     @cached_property
     def forward(self) -> CausalFunction:
-        """q -> T, R by Newton."""
+        """Forward kinematics q -> T, R with Newton's method."""
         return compile_causal(self.model, known="q", targets=["T", "R"])
 
     @cached_property
     def inverse(self) -> CausalFunction:
-        """T, and e where the orientation is free, -> q, R."""
+        """Inverse kinematics T -> q, R, or T, e -> q, R if the orientation is free."""
         return compile_causal(self.model, known=["T", "e"] if self.turns else ["T"], targets=["q", "R"])
 
     @cached_property
@@ -107,12 +108,12 @@ class SixLinks:
         L, B = (np.array(v).ravel() for v in values)
         n = len(q)
         A = np.stack(self._joints(q)[:-1], axis=1)
-        whole = np.flatnonzero(np.isfinite(q).all(axis=1))
-        carts, directions = self._carriers(q[whole[0]]) if whole.size else (Hands.carts, None)
+        finite = np.flatnonzero(np.isfinite(q).all(axis=1))
+        carts, directions = self._carriers(q[finite[0]]) if finite.size else (Hands.carts, None)
         return Hands(A, np.tile(B.reshape(LINKS, 3), (n, 1, 1)), np.tile(L, (n, 1)), T, R, q, faults, carts, directions)
 
     def _carriers(self, q: Array) -> tuple[tuple[tuple[int, ...], ...], Array]:
-        """Which legs move with which cart, and which way, from the derivative of their joints."""
+        """Return the legs on each cart, and the motion of their joints, from the derivative of the joints."""
         by_q = self._joints.jacobian(q)[0].reshape(LINKS, 3, -1)[:, :, : self.carts_and_axes[0]]
         cart = np.argmax(np.linalg.norm(by_q, axis=1), axis=1)
         groups = tuple(tuple(int(k) for k in np.flatnonzero(cart == i)) for i in range(self.carts_and_axes[0]))
@@ -120,22 +121,22 @@ class SixLinks:
 
 
 def six_links_of(model: Model) -> SixLinks:
-    """The six links of a robot; raises ArgumentError for a robot of another kind."""
+    """Return the six links of a robot. Raises ArgumentError for other robots."""
     try:
         rods = rod_names(model)
     except ModelError as error:
         raise ArgumentError(str(error), "robot") from error
     if len(rods) != LINKS or "B" not in flat_of(model).bindings:
         raise ArgumentError(
-            "assembly modes are those of six links of fixed length on a plate with the joints B; this is a "
-            f"{type(model).__name__} with {len(rods)} of them",
+            "assembly modes need six links of fixed length on a plate with the joints B; found a "
+            f"{type(model).__name__} with {len(rods)} links",
             "robot",
         )
     count = _coordinates(model)
     if count not in (3, 6):
         raise ArgumentError(
-            f"assembly modes are those of three carts, or of three carts and three rotary axes; {type(model).__name__} "
-            f"has {count} coordinates q",
+            f"assembly modes need three carts, or three carts and three rotary axes; {type(model).__name__} has "
+            f"{count} coordinates q",
             "robot",
         )
     return SixLinks(model, rods)
@@ -147,7 +148,7 @@ def _coordinates(model: Model) -> int:
 
 
 def bare(A: Array, B: Array, L: Array, T: Array | None = None, e: Array | None = None) -> Hands:
-    """Legs given as they are: A, B (n, 6, 3) or (6, 3), L (n, 6) or (6,); commanded poses T (n, 3), e (n, 4).
+    """Build legs from arrays: A, B (n, 6, 3) or (6, 3), L (n, 6) or (6,); commanded poses T (n, 3), e (n, 4).
 
     A hexapod at rest 1 m above its base:
 
@@ -167,10 +168,10 @@ def bare(A: Array, B: Array, L: Array, T: Array | None = None, e: Array | None =
 
 
 def draw(count: int, seed: int) -> Hands:
-    """Base joints uniform in a cube of side 2 m, plate joints in one of side 1 m, measured in random poses.
+    """Draw random platforms with leg lengths from random poses, which are the commanded ones.
 
-    T is normal with standard deviation 1 m, attitudes are uniform over all. The drawn pose is the commanded one.
-    The first platforms of a larger count are those of a smaller one.
+    Base joints are uniform in a cube of side 2 m, plate joints in a cube of side 1 m. T is normal with standard
+    deviation 1 m, orientations are uniform. A larger count begins with the platforms of a smaller count.
 
     >>> from gtmodel.kinematics.assembly_modes import draw
     >>> hands = draw(3, seed=1)

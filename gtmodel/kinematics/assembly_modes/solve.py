@@ -1,4 +1,4 @@
-"""All assembly modes of platforms on six legs, from the legs to the certificate."""
+"""Compute all assembly modes of platforms on six legs, with a certificate."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .start_system import StartSystem, start_systems
 from .tracker import track
 
 Progress = Callable[[int, int], bool | None]
-POSES_AT_ONCE = 16  # enough to hide numpy's overhead, few enough for the processor's cache
+POSES_AT_ONCE = 16  # large enough to hide the overhead of numpy, small enough for the cache
 
 
 def assembly_modes(
@@ -26,23 +26,23 @@ def assembly_modes(
     *,
     systems: tuple[StartSystem, ...] | None = None,
 ) -> AssemblyModes:
-    """All assembly modes of a platform on six legs: every (R, T) with |T + R B_i - A_i| = L_i.
+    """Compute all assembly modes of a platform on six legs: every (R, T) with |T + R B_i - A_i| = L_i.
 
     Args:
         A: joints at the base or the carts, (6, 3), in any unit of length, in the base frame.
         B: joints on the platform, (6, 3), in the same unit, in the platform frame.
-        L: lengths of the legs, (6,), in the same unit; lengths, not their squares.
-        systems: start systems to use instead of the stored ones, in the order of their use.
+        L: lengths of the legs, (6,), in the same unit; not their squares.
+        systems: start systems to use instead of the stored ones, in this order.
 
-    A general platform has 40 modes over the complex numbers; those with a real pose are `.R` and `.T` of the result,
-    an even number. Data that are no platform, self-motions and lost paths show in its `.status` and `.message`.
-    Method: a coefficient-parameter homotopy in Study coordinates from a generic complex platform; it finds all
-    modes with probability one, and a path that numerics lose is counted and tracked again from another platform.
-    Modes count as infinite when |x.x| < 1e-10 for a point of unit norm: positions beyond some 1e10 leg lengths.
+    A general platform has 40 modes over the complex numbers. An even number of them has a real pose, `.R` and `.T` of
+    the result. Wrong data, self-motions and lost paths appear in `.status` and `.message`.
+    Method: a coefficient-parameter homotopy in Study coordinates from a generic complex platform. It finds all modes
+    with probability one; paths that are lost numerically are counted and tracked again from another platform. Modes
+    count as infinite if |x.x| < 1e-10 for a point of unit norm: positions beyond about 1e10 leg lengths.
 
     Raises ModelError for a wrong shape, for several poses, or entries that are not real numbers.
 
-    One synthetic platform: all modes over the complex numbers, and those that are real:
+    All modes of a synthetic platform over the complex numbers, and the real ones:
 
     >>> from gtmodel.kinematics.assembly_modes import assembly_modes, draw
     >>> hands = draw(1, seed=1)
@@ -52,7 +52,7 @@ def assembly_modes(
     """
     legs = read_legs(A, B, L)
     if max(np.ndim(A) - 2, np.ndim(B) - 2, np.ndim(L) - 1) > 0:
-        raise ModelError(f"the legs are of {len(legs)} poses; assembly_modes_batch takes several")
+        raise ModelError(f"found legs of {len(legs)} poses, expected one; assembly_modes_batch takes several")
     return _solve(legs, systems, None)[0]
 
 
@@ -64,15 +64,15 @@ def assembly_modes_batch(
     progress: Progress | None = None,
     systems: tuple[StartSystem, ...] | None = None,
 ) -> list[AssemblyModes]:
-    """All assembly modes of n platforms or poses at once, which takes less time than one by one.
+    """Compute all assembly modes of n platforms or poses together, which is faster than one by one.
 
     Args:
         A, B: (n, 6, 3), or (6, 3) for all poses; L: (n, 6), or (6,) for all. Otherwise as for `assembly_modes`.
-        progress: called with (poses done, poses in all); a true answer stops, and the poses left get the status
-            interrupted.
+        progress: called with (poses done, number of poses); returning True stops the work, and the remaining poses get
+            the status interrupted.
         systems: as for `assembly_modes`.
 
-    One result per pose, in their order; a bad pose does not harm the others. Raises ModelError for wrong shapes.
+    Returns one result per pose; a wrong pose does not affect the others. Raises ModelError for wrong shapes.
 
     >>> from gtmodel.kinematics.assembly_modes import assembly_modes_batch, draw
     >>> hands = draw(2, seed=1)
@@ -83,10 +83,10 @@ def assembly_modes_batch(
 
 
 def _solve(legs: Legs, systems: tuple[StartSystem, ...] | None, progress: Progress | None) -> list[AssemblyModes]:
-    chosen = start_systems() if systems is None else systems
+    systems = start_systems() if systems is None else systems
     results: list[AssemblyModes] = []
     for first in range(0, len(legs), POSES_AT_ONCE):
-        results += _solve_some(legs[first : first + POSES_AT_ONCE], chosen)
+        results += _solve_some(legs[first : first + POSES_AT_ONCE], systems)
         if progress is not None and progress(len(results), len(legs)):
             break
     stopped = without_modes(ModesStatus.INTERRUPTED, ModesStatus.INTERRUPTED.message, np.nan, Certificate())
@@ -94,7 +94,7 @@ def _solve(legs: Legs, systems: tuple[StartSystem, ...] | None, progress: Progre
 
 
 def _solve_some(legs: Legs, systems: tuple[StartSystem, ...]) -> list[AssemblyModes]:
-    """Results of a few poses that are tracked together."""
+    """Return the results of a few poses that are tracked together."""
     results: dict[int, AssemblyModes] = {}
     for i in range(len(legs)):
         sentence = fault(legs.A[i], legs.B[i], legs.L[i])
@@ -134,6 +134,6 @@ def _solve_scaled(scaled: ScaledLegs, systems: tuple[StartSystem, ...]) -> list[
 def _architecturally_singular(size: float) -> AssemblyModes:
     message = (
         "the platform is architecturally singular: its six legs are linearly dependent in every pose, so that it "
-        "either cannot be assembled with these lengths or moves with all of them fixed"
+        "either cannot be assembled with these lengths or moves at constant lengths"
     )
     return without_modes(ModesStatus.SELF_MOTION, message, float(size), Certificate())

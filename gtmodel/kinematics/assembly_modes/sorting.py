@@ -1,5 +1,5 @@
-"""Endpoints of the paths sorted, regular finite modes, modes at infinity, singular ones and lost paths, with the tests
-for that, and what is known about a pose after each start system."""
+"""Classify the endpoints of the paths as regular finite modes, modes at infinity, singular modes and lost paths, and
+combine the results of several start systems."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from ...results.status import ModesStatus
 from .platform import EQUATIONS, MODES, VARIABLES, Array, Real, basis, gradients
 from .tracker import SAME, Endpoints, distances, projective_distance, refined
 
-STRICT = 0.1  # largest h that is trusted: at an exact double solution h tends to 1/2, whatever the precision
+STRICT = 0.1  # largest h of a certified mode: at an exact double solution h tends to 1/2 at any precision
 BASIS_MATRICES = np.moveaxis(gradients(np.eye(VARIABLES)), 0, -1)  # (18, 8, 8): D(z) = BASIS_MATRICES z
 
 
 @dataclass(frozen=True)
 class Isolation:
-    """Per point (m,): certified (h small), rho (radius of uniqueness, 0 if not certified), condition number."""
+    """Per point (m,): certified (small h), rho (radius of uniqueness, 0 if not certified), condition number."""
 
     certified: NDArray[np.bool_]
     rho: Real
@@ -35,8 +35,8 @@ def isolate(C: Array, z: Array) -> Isolation:
     residual = np.zeros((len(z), VARIABLES), dtype=complex)
     residual[:, :EQUATIONS] = 0.5 * (matrix[:, :EQUATIONS] @ z[:, :, None])[..., 0]
     with np.errstate(all="ignore"):
-        turned = np.conj(np.swapaxes(U, 1, 2)) @ residual[:, :, None]
-        beta = np.linalg.norm(turned[..., 0] / values, axis=1)
+        projected = np.conj(np.swapaxes(U, 1, 2)) @ residual[:, :, None]
+        beta = np.linalg.norm(projected[..., 0] / values, axis=1)
         K = _second_derivative(C) / values[:, -1]
         h = beta * K
         certified = h <= STRICT
@@ -45,22 +45,22 @@ def isolate(C: Array, z: Array) -> Isolation:
 
 
 def _second_derivative(C: Array) -> Real:
-    """A bound of |D2F| for systems C (m, 7, 18): root of the sum of squares of the Hessians' spectral norms."""
+    """Return a bound of |D2F| for systems C (m, 7, 18): root sum of squares of the spectral norms of the Hessians."""
     hessians = np.tensordot(C, BASIS_MATRICES, axes=(2, 0))
     return np.sqrt(np.sum(np.linalg.norm(hessians, ord=2, axis=(-2, -1)) ** 2, axis=-1))
 
 
 ON_A_CURVE = 1e-10  # smallest singular value over the largest on a curve
-NEAR_A_CURVE = 1e-5  # the same at an endpoint near a curve, which is known to about 1e-6
-FINITE = 1e-6  # |x.x| / |z|^2 below it: a curve at infinity, along which no platform moves
-STEP = 0.03  # along the tangent, |z| = 1; at an isolated mode of multiplicity m its power m remains of the equations
-ITERATIONS = 60  # halving, where the solutions on a curve are multiple themselves
-ON_THE_EQUATIONS = 1e-12  # of |F| with |z| = 1
+NEAR_A_CURVE = 1e-5  # the same ratio at an endpoint near a curve, which is accurate to about 1e-6
+FINITE = 1e-6  # least |x.x| / |z|^2; smaller values are a curve at infinity, along which no platform moves
+STEP = 0.03  # along the tangent, |z| = 1; at an isolated mode of multiplicity m the residual is of order STEP^m
+ITERATIONS = 60  # enough for linear convergence if the solutions on a curve are multiple
+ON_THE_EQUATIONS = 1e-12  # largest |F| with |z| = 1
 PROJECTIONS = 4  # of a singular endpoint onto the equations
 
 
 def on_a_curve(C: Array, z: Array) -> bool:
-    """True when finite solutions of the system C (7, 18) go on from the singular point z (8,), |z| = 1, as a curve."""
+    """Return whether a curve of finite solutions of the system C (7, 18) passes through the singular point z (8,)."""
     z = _settled(C, z, np.conj(z)[None])
     values, directions = _tangent(C, z)
     finite = abs(np.sum(z[:4] ** 2)) > FINITE
@@ -73,9 +73,9 @@ def on_a_curve(C: Array, z: Array) -> bool:
 
 
 def _settled(C: Array, z: Array, plane: Array) -> Array:
-    """The point z (8,) moved onto the system C, within the plane of rows (k, 8), by Levenberg-Marquardt steps.
+    """Move the point z (8,) onto the system C, within the plane of rows (k, 8), with Levenberg-Marquardt steps.
 
-    The damping goes down with the residual, after Fan and Yuan, Computing 74 (2005): quick across a curve, too.
+    The damping decreases with the residual (Fan and Yuan, Computing 74, 2005), for fast convergence onto a curve, too.
     """
     for _ in range(ITERATIONS):
         J = C @ gradients(z)
@@ -87,9 +87,9 @@ def _settled(C: Array, z: Array, plane: Array) -> Array:
 
 
 def onto_equations(C: Array, z: Array) -> Array:
-    """Points z (m, 8) moved onto the systems C (m, 7, 18) by Gauss-Newton steps of least norm; |z| = 1.
+    """Move points z (m, 8) onto the systems C (m, 7, 18) with Gauss-Newton steps of least norm; |z| = 1.
 
-    A direction that the equations hardly determine is left alone, so that a point does not run along a curve.
+    Directions that the equations hardly determine are excluded, so that a point does not move along a curve.
     """
     for _ in range(PROJECTIONS):
         J = C @ gradients(z)
@@ -100,7 +100,7 @@ def onto_equations(C: Array, z: Array) -> Array:
 
 
 def _tangent(C: Array, z: Array) -> tuple[Array, Array]:
-    """Singular values and right vectors (conjugated rows) of [J; z*]."""
+    """Return singular values and right vectors (conjugated rows) of [J; z*]."""
     matrix = np.empty((VARIABLES, VARIABLES), dtype=complex)
     matrix[:EQUATIONS] = C @ gradients(z)
     matrix[EQUATIONS] = np.conj(z)
@@ -112,21 +112,21 @@ def _residual(C: Array, z: Array) -> float:
     return float(np.max(np.abs(0.5 * C @ (gradients(z) @ z))))
 
 
-AT_INFINITY = 1e-10  # |x.x| / |z|^2 below it; exact Tau geometry has finite modes at 5e-7
-STALLED = 1e-4  # a path that comes so near t = 1 and no further runs into a singular endpoint
-CONVERGED = 1e-12  # of |F|, |z| = 1, at a finite mode
+AT_INFINITY = 1e-10  # largest |x.x| / |z|^2 at infinity; exact Tau geometry has finite modes at 5e-7
+STALLED = 1e-4  # a path that stops within this distance of t = 1 approaches a singular endpoint
+CONVERGED = 1e-12  # largest |F|, |z| = 1, at a finite mode
 REFINEMENTS = 12  # Newton steps at t = 1
-WEAK = 1e4  # condition above which a stalled path is thought to have met a singular mode
-MOVED = 1e-2  # a point may move so far at t = 1
+WEAK = 1e4  # least condition number at the singular mode of a stalled path
+MOVED = 1e-2  # largest distance that a point may move at t = 1
 SINGULAR = 1e-11  # reciprocal condition below which an endpoint counts as singular
 
 
 @dataclass(frozen=True)
 class Endings:
-    """The endpoints of the paths of one pose from one start system, sorted.
+    """The classified endpoints of the paths of one pose from one start system.
 
-    modes: regular finite modes, all different, (k, 8), |z| = 1; isolation: of each. infinite (j, 8), singular (l, 8):
-    endpoints at infinity and in singular finite modes. lost: paths that ended nowhere or doubly. steps: per path.
+    modes: distinct regular finite modes, (k, 8), |z| = 1; isolation: of each. infinite (j, 8), singular (l, 8):
+    endpoints at infinity and in singular finite modes. lost: paths that failed or repeat a mode. steps: per path.
     """
 
     modes: Array
@@ -138,7 +138,7 @@ class Endings:
 
 
 def sort_endpoints(C: Array, ends: Endpoints) -> list[Endings]:
-    """Refine and sort the endpoints of n poses with systems C (n, 7, 18); the paths lie pose by pose."""
+    """Refine and classify the endpoints of n poses with systems C (n, 7, 18); the paths are ordered by pose."""
     n = len(C)
     paths = len(ends.z) // n
     systems = np.repeat(C, paths, axis=0).astype(complex)
@@ -155,34 +155,34 @@ def sort_endpoints(C: Array, ends: Endpoints) -> list[Endings]:
     result = []
     for i in range(n):
         rows = slice(i * paths, (i + 1) * paths)
-        kept = np.flatnonzero(regular[rows]) + i * paths
-        kept = kept[first_of_each(z[kept], isolation.rho[kept])]
-        others = z[rows]
-        lost = paths - len(kept) - int(infinite[rows].sum()) - int(singular[rows].sum())
+        modes = np.flatnonzero(regular[rows]) + i * paths
+        modes = modes[first_of_each(z[modes], isolation.rho[modes])]
+        points = z[rows]
+        lost = paths - len(modes) - int(infinite[rows].sum()) - int(singular[rows].sum())
         result.append(
             Endings(
-                z[kept], pick(isolation, kept), others[infinite[rows]], others[singular[rows]], lost, ends.steps[rows]
+                z[modes], pick(isolation, modes), points[infinite[rows]], points[singular[rows]], lost, ends.steps[rows]
             )
         )
     return result
 
 
 def merge(z: Array, isolation: Isolation, more: Array, theirs: Isolation) -> tuple[Array, Isolation]:
-    """The different regular modes of two searches, (k, 8) and (l, 8), the first ones first."""
+    """Return the distinct regular modes of two searches, (k, 8) and (l, 8), in this order."""
     joined = Isolation(
         np.concatenate([isolation.certified, theirs.certified]),
         np.concatenate([isolation.rho, theirs.rho]),
         np.concatenate([isolation.condition, theirs.condition]),
     )
-    both = np.concatenate([z, more])
-    kept = first_of_each(both, joined.rho)
-    return both[kept], pick(joined, kept)
+    points = np.concatenate([z, more])
+    rows = first_of_each(points, joined.rho)
+    return points[rows], pick(joined, rows)
 
 
 def refined_or_kept(C: Array, z: Array) -> Array:
-    """Newton at t = 1, but the point itself where that leads away, fails or does not lessen the residual.
+    """Refine points with Newton steps at t = 1; keep a point if they lead away, fail or do not reduce the residual.
 
-    Near a curve of solutions Newton may run along it; such a point is moved straight onto the equations.
+    Near a curve of solutions Newton steps may run along it; such a point is projected onto the equations instead.
     """
     with np.errstate(all="ignore"):
         w = refined(C, z, REFINEMENTS)
@@ -197,30 +197,31 @@ def refined_or_kept(C: Array, z: Array) -> Array:
 
 
 def residuals(C: Array, z: Array) -> Real:
-    """Largest |F| (m,) over the seven equations C (m, 7, 18) at z (m, 8), |z| = 1."""
+    """Return the largest |F| (m,) over the seven equations C (m, 7, 18) at z (m, 8), |z| = 1."""
     return np.max(np.abs((C @ basis(z)[..., None])[..., 0]), axis=-1)
 
 
 def first_of_each(z: Array, rho: Real) -> NDArray[np.intp]:
-    """Indices of the first of each group of equal points z (m, 8); rho: radii of uniqueness, 0 where unknown.
+    """Return the index of the first of each group of equal points z (m, 8); rho: radii of uniqueness, 0 if unknown.
 
-    Two points are one when either lies within the other's radius of uniqueness; without one, within 1e-6.
+    Two points are equal if either lies within half the radius of uniqueness of the other, or within 1e-6 without a
+    radius.
     """
     return np.flatnonzero(~np.tril(are_same(z, rho), -1).any(axis=1))
 
 
 def are_same(z: Array, rho: Real) -> NDArray[np.bool_]:
-    """(m, m) True where two points z (m, 8) are one, as for `first_of_each`; False on the diagonal."""
+    """Return whether two points z (m, 8) are equal (m, m), as for `first_of_each`; False on the diagonal."""
     reach = np.where(rho > 0, 0.5 * rho, SAME)
     return distances(z) < np.maximum(reach[:, None], reach[None, :])
 
 
 def pick(isolation: Isolation, rows: NDArray[np.intp]) -> Isolation:
-    """The isolation of some points."""
+    """Return the isolation of some points."""
     return Isolation(isolation.certified[rows], isolation.rho[rows], isolation.condition[rows])
 
 
-CURVES_TRIED = 3  # singular endpoints per search that are tested for a self-motion
+CURVES_TRIED = 3  # singular endpoints per search tested for a self-motion
 
 
 def _nothing(C: Array) -> tuple[Array, Isolation]:
@@ -232,7 +233,7 @@ def _nothing(C: Array) -> tuple[Array, Isolation]:
 class ModesSearch:
     """The search for the modes of one scaled pose with the system C (7, 18).
 
-    z (k, 8), isolation: all different regular modes so far. last: the endings from the start system used last.
+    z (k, 8), isolation: all distinct regular modes so far. last: endings from the last start system.
     """
 
     C: Array
@@ -249,15 +250,15 @@ class ModesSearch:
         self.z, self.isolation = _nothing(self.C)
 
     def add(self, endings: Endings) -> None:
-        """Take in what another start system gave."""
+        """Add the endings from another start system."""
         if self.last is None:
             self.z, self.isolation = endings.modes, endings.isolation
         else:
             before = len(self.z)
             self.z, self.isolation = merge(self.z, self.isolation, endings.modes, endings.isolation)
-            # fewer than 40 are believed when two searches account for every path and find the same modes
-            same = len(self.z) == before == len(endings.modes)
-            self._agreed = same and not endings.lost and not self.last.lost
+            # fewer than 40 modes are accepted if two searches account for every path and find the same modes
+            equal = len(self.z) == before == len(endings.modes)
+            self._agreed = equal and not endings.lost and not self.last.lost
             self.retries += len(endings.steps)
         self.last = endings
         self.used += 1
@@ -265,11 +266,11 @@ class ModesSearch:
         self.self_motion = any(on_a_curve(self.C, z) for z in endings.singular[:CURVES_TRIED])
 
     def settled(self) -> bool:
-        """True when no further start system is needed."""
+        """Return whether no further start system is needed."""
         return len(self.z) == MODES or self.self_motion or self._agreed
 
     def verdict(self) -> tuple[ModesStatus, str]:
-        """Status and message, once all start systems that are needed or there have been used."""
+        """Return status and message, after all necessary or available start systems have been used."""
         count, last = len(self.z), self.last
         if last is None:
             return ModesStatus.INCOMPLETE, "no start system was used"
@@ -277,15 +278,15 @@ class ModesSearch:
         tail = f"found {count} finite modes; {infinite} paths ended at infinity"
         if self.self_motion:
             return ModesStatus.SELF_MOTION, (
-                f"the modes are not finite in number: {multiple} of {MODES} paths ended on a curve of solutions "
-                "(real or complex), along which the platform moves with all lengths fixed"
+                f"the number of modes is not finite: {multiple} of {MODES} paths ended on a curve of solutions "
+                "(real or complex), along which the platform moves at constant lengths"
             )
         if count == MODES:
             return ModesStatus.COMPLETE, f"all {MODES} modes were found"
         if count > MODES:
             return (
                 ModesStatus.INCOMPLETE,
-                f"found {count} modes where at most {MODES} can be: some are not distinguished",
+                f"found {count} modes, but at most {MODES} exist: some were counted twice",
             )
         if not self._agreed:
             return ModesStatus.INCOMPLETE, (
@@ -294,7 +295,7 @@ class ModesSearch:
             )
         if multiple:
             return ModesStatus.MULTIPLE, (
-                f"{tail} and {multiple} in modes that coincide, or nearly: the platform is singular there"
+                f"{tail} and {multiple} in modes that (nearly) coincide: the platform is singular there"
             )
         return ModesStatus.FEWER_FINITE, (
             f"{tail} from each of {self.used} start systems: this platform has fewer than {MODES} finite modes"

@@ -1,5 +1,5 @@
-"""The stored start systems, random complex platforms with all their 40 solutions, and how they are made anew: ``python
--m gtmodel.kinematics.assembly_modes.start_system [FILE]``."""
+"""The stored start systems, random complex platforms with all their 40 solutions. To generate them again: ``python -m
+gtmodel.kinematics.assembly_modes.start_system [FILE]``."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FILE = Path(__file__).with_name("start_systems.json")
 
 @dataclass(frozen=True)
 class StartSystem:
-    """A complex platform and its solutions z (40, 8), |z| = 1; seed: of the random numbers that made it."""
+    """A complex platform and its solutions z (40, 8), |z| = 1; seed: of the random numbers."""
 
     seed: int
     parameters: HomotopyParameters
@@ -29,7 +29,7 @@ class StartSystem:
 
 @functools.cache
 def start_systems() -> tuple[StartSystem, ...]:
-    """The stored start systems, in the order of their use.
+    """Return the stored start systems, in the order of their use.
 
     >>> from gtmodel.kinematics.assembly_modes import start_systems
     >>> start_systems()[0].z.shape  # 40 solutions in Study coordinates
@@ -39,7 +39,7 @@ def start_systems() -> tuple[StartSystem, ...]:
 
 
 def to_text(systems: tuple[StartSystem, ...]) -> str:
-    """The file's text; every number with the digits that give it back exactly."""
+    """Return the text of the file; all numbers are written with full precision."""
     records = []
     for s in systems:
         arrays = {"A": s.parameters.A, "B": s.parameters.B, "c": s.parameters.c, "z": s.z}
@@ -57,7 +57,7 @@ def to_text(systems: tuple[StartSystem, ...]) -> str:
 
 
 def from_text(text: str) -> tuple[StartSystem, ...]:
-    """Start systems from the file's text."""
+    """Parse start systems from the text of the file."""
     systems = []
     for record in json.loads(text)["systems"]:
         A, B, c, z = (_complex(record[k]) for k in ("A", "B", "c", "z"))
@@ -78,14 +78,14 @@ def _complex(rows: list[list[float]]) -> Array:
 
 BASE_SIZE = 0.7  # of the random cart joints, as for a platform scaled by its leg length
 PLATFORM_SIZE = 0.4  # of the random platform joints
-LOOP_SIZE = 0.9  # distance of a loop's corners
+LOOP_SIZE = 0.9  # distance of the corners of a loop
 MOST_LOOPS = 200
 
 
 def random_start_system(seed: int) -> tuple[HomotopyParameters, Array]:
-    """A random complex platform and its 40 solutions (40, 8), |z| = 1; the same for the same seed.
+    """Return a random complex platform and its 40 solutions (40, 8), |z| = 1, reproducible for a seed.
 
-    Raises RuntimeError when the loops do not find all 40.
+    Raises RuntimeError if the monodromy loops do not find all 40.
     """
     random = np.random.default_rng(seed)
 
@@ -120,7 +120,7 @@ SEEDS = (1, 2, 3)
 
 
 def make(seeds: Sequence[int] = SEEDS) -> tuple[StartSystem, ...]:
-    """One start system per seed, by monodromy; some seconds. Raises RuntimeError if 40 solutions are not found."""
+    """Compute one start system per seed with monodromy loops. Raises RuntimeError if 40 solutions are not found."""
     return tuple(StartSystem(seed, *random_start_system(seed)) for seed in seeds)
 
 

@@ -1,5 +1,5 @@
-"""Solution paths of F(z, t) = 0 from t = 0 to t = 1, all paths of all poses in one batch: Newton's method in a patch
-of projective space, and distances between its points."""
+"""Track solution paths of F(z, t) = 0 from t = 0 to t = 1, all paths of all poses in one batch: Newton's method in a
+patch of projective space, and distances between points of projective space."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from .platform import EQUATIONS, VARIABLES, Array, Real, gradients
 
-SAME = 1e-6  # below it two points are taken for one where nothing better is known
+SAME = 1e-6  # distance below which two points count as equal, without a radius of uniqueness
 
 
 def projective_distance(z: Array, w: Array) -> Array:
-    """Distance of points (..., 8) from the complex line through w (..., 8); both with unit norm."""
+    """Return the distance of points (..., 8) from the complex line through w (..., 8); both with unit norm."""
     return np.linalg.norm(z - w * np.sum(np.conj(w) * z, axis=-1, keepdims=True), axis=-1)
 
 
 def distances(z: Array) -> Real:
-    """Projective distances between points z (..., m, 8), |z| = 1; shape (..., m, m), the diagonal infinite."""
+    """Return the projective distances between points z (..., m, 8), |z| = 1; (..., m, m), the diagonal is infinite."""
     inner = np.conj(z) @ np.swapaxes(z, -1, -2)
     gap = z[..., None, :, :] - inner[..., None] * z[..., :, None, :]
     result = np.linalg.norm(gap, axis=-1)
@@ -29,19 +29,19 @@ def distances(z: Array) -> Real:
 
 
 def distance_to_conjugate(z: Array) -> Real:
-    """Projective distance (m,) of points z (m, 8), |z| = 1, from their own conjugates: zero for a real point."""
+    """Return the projective distance (m,) of points z (m, 8), |z| = 1, from their conjugates: zero for a real point."""
     w = np.conj(z)
     return np.linalg.norm(w - z * np.sum(w * w, axis=-1, keepdims=True), axis=-1)
 
 
 def newton_step(C: Array, z: Array, patch: Array) -> Array:
-    """The Newton correction (m, 8) of F = C b(z) at z within the patch (m, 8): it leaves patch.z unchanged."""
+    """Return the Newton correction (m, 8) of F = C b(z) at z within the patch (m, 8), with constant patch.z."""
     J = C @ gradients(z)
     return solve_rows(J, patch, -0.5 * (J @ z[:, :, None])[..., 0])
 
 
 def solve_rows(J: Array, patch: Array, right: Array) -> Array:
-    """Solve [J; patch] dz = [right; 0] for J (m, 7, 8), patch (m, 8), right (m, 7); NaN where it is singular."""
+    """Solve [J; patch] dz = [right; 0] for J (m, 7, 8), patch (m, 8), right (m, 7); NaN if singular."""
     matrix = np.empty((len(J), VARIABLES, VARIABLES), dtype=complex)
     matrix[:, :EQUATIONS] = J
     matrix[:, EQUATIONS] = patch
@@ -49,7 +49,7 @@ def solve_rows(J: Array, patch: Array, right: Array) -> Array:
     full[:, :EQUATIONS, 0] = right
     try:
         return np.linalg.solve(matrix, full)[..., 0]
-    except np.linalg.LinAlgError:  # one exactly singular matrix spoils the whole batch
+    except np.linalg.LinAlgError:  # raised for the whole batch if one matrix is exactly singular
         singular = np.linalg.det(matrix) == 0
         matrix[singular] = np.eye(VARIABLES)
         full[singular] = np.nan
@@ -57,7 +57,7 @@ def solve_rows(J: Array, patch: Array, right: Array) -> Array:
 
 
 def refined(C: Array, z: Array, iterations: int = 6) -> Array:
-    """Points z (m, 8) after Newton steps on the system C (7, 18) or (m, 7, 18), scaled to |z| = 1."""
+    """Return points z (m, 8) after Newton steps on the system C (7, 18) or (m, 7, 18), scaled to |z| = 1."""
     z = z / np.linalg.norm(z, axis=1, keepdims=True)
     C = np.broadcast_to(C, (len(z), *C.shape[-2:]))
     for _ in range(iterations):
@@ -68,18 +68,18 @@ def refined(C: Array, z: Array, iterations: int = 6) -> Array:
 
 FIRST_STEP = 0.02
 LARGEST_STEP = 0.1
-SMALLEST_STEP = 1e-9  # below it a path has failed
+SMALLEST_STEP = 1e-9  # a path with a smaller step has failed
 FIRST_CORRECTION = 3e-3  # largest first Newton correction of an accepted step; |z| = 1
-CONTRACTION = 0.1  # the second correction must be that much smaller than the first
+CONTRACTION = 0.1  # largest ratio of the second correction to the first
 LAST_CORRECTION = 1e-7  # largest third correction
-EASY_CORRECTION = 1e-5  # a first correction below it doubles the step
-GOOD_STEPS = 4  # after so many accepted steps the step grows by half
-MOST_STEPS = 2000  # per path; ends a path that creeps
+EASY_CORRECTION = 1e-5  # a smaller first correction doubles the step
+GOOD_STEPS = 4  # accepted steps after which the step grows by half
+MOST_STEPS = 2000  # per path
 
 
 @dataclass(frozen=True)
 class Endpoints:
-    """Where the paths ended: z (m, 8) with |z| = 1, t (m,) in [0, 1] (1 = arrived), steps (m,) tried."""
+    """Endpoints of the paths: z (m, 8) with |z| = 1, t (m,) in [0, 1] (1 = arrived), steps (m,) tried."""
 
     z: NDArray[np.complex128]
     t: NDArray[np.float64]
@@ -87,19 +87,19 @@ class Endpoints:
 
     @property
     def arrived(self) -> NDArray[np.bool_]:
-        """(m,) True where the path reached t = 1."""
+        """Whether each path (m,) reached t = 1."""
         return self.t >= 1.0
 
 
 def track(line: Array, pose: NDArray[np.intp], z: Array) -> Endpoints:
-    """Follow paths along their lines.
+    """Track paths along their lines.
 
     Args:
         line: C(t) = C0 + t C1 + t^2 C2 per pose, (n, 3, 7, 18), from `straight_line`.
-        pose: (m,) the line that each path belongs to.
+        pose: (m,) index of the line of each path.
         z: (m, 8) solutions at t = 0.
 
-    Never raises on data: a path that fails keeps the t it reached.
+    Raises no error for any numbers: a path that fails keeps the t that it reached.
     """
     m = len(z)
     z = np.array(z, dtype=complex)
@@ -128,7 +128,7 @@ def track(line: Array, pose: NDArray[np.intp], z: Array) -> Endpoints:
 
 
 def _step(line: Array, z: Array, t: Array, h: Array) -> tuple[Array, NDArray[np.bool_], Array]:
-    """One step of every path: new points with |z| = 1, whether to accept, size of the first correction."""
+    """Take one step on every path; return the new points with |z| = 1, acceptance, and size of the first correction."""
     patch = np.conj(z)
     C0, C1, C2 = line[:, 0], line[:, 1], line[:, 2]
 
