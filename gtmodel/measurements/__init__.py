@@ -1,57 +1,57 @@
-"""Measured signals: logs read with declared columns and units, corrections, filters. Knows no robot.
+"""Measured signals: read logs with declared columns and units, correct and filter them. Independent of any robot.
 
 Logs
-    Column            where a quantity stands in a log, and its unit there
-    Session           one stretch of evenly sampled rows
-    session_of        a trajectory in memory as one
-    read_log          a file of any kind as sessions
-    read_recording    files recorded at once as trajectories by clock, rows uneven
-    open_log          the tables of a file, and what their columns are called
-    LogForm           how a file is written, where it does not say so itself
-    read_signals      the same for a set of signals and several files
-    LogError          what is wrong with a log, with the file and its line
-    sampling_of       rate, jitter, gaps and late rows of a time
-    SamplingReport, Gap   what it returns
-    inspect           what a log holds, before it is used
-    InspectionStudy   what it returns
+    Column            name and unit of the column that holds a quantity
+    Session           one evenly sampled recording
+    session_of        a session from a trajectory in memory
+    read_log          read a log file of any format as sessions
+    read_recording    read files with several clocks: one unevenly sampled trajectory per clock
+    open_log          list the tables of a file and their columns
+    LogForm           format of a file that does not state it
+    read_signals      read a set of signals from several files
+    LogError          an error in a log, with its file and line
+    sampling_of       sampling rate, jitter, gaps and late rows
+    SamplingReport, Gap   the result of sampling_of
+    inspect           examine a log before it is used
+    InspectionStudy   the result of inspect
 
 Signals
     Signal            a column with delay, scale and offset, each fixed or to be estimated
-    ESTIMATE          the value that frees one of them
-    Corrections       the free ones of a set of signals, session by session
-    offset_columns    the regressor of offsets that are free
+    ESTIMATE          marks a delay, scale or offset to be estimated
+    Corrections       the unknown corrections of a set of signals, session by session
+    offset_columns    regressor columns of unknown offsets
 
 Clocks
-    resample          uneven rows on an even grid, with the error of the method
-    Resampled         what it returns
-    resampling_study  signals of several clocks on one even grid
-    ResamplingStudy   its result
-    smooth            angles unwrapped, quaternions with a sign that does not jump
-    EvenGrid          the grid: sample time, method, gaps, interval of time
-    AlignBy           signals by which clocks are brought together
-    align             offset and drift between two clocks, by a signal that both show
-    Alignment         what it returns
-    delay_study       how late one signal comes behind another
-    DelayStudy        its result
-    Search            where the delay lies
-    SyntheticDelay    two synthetic recordings of one motion
-    made_pair         these as trajectories
+    resample          resample uneven rows on an even grid and estimate the interpolation error
+    Resampled         the result of resample
+    resampling_study  resample signals of several clocks on one even grid
+    ResamplingStudy   the result of resampling_study
+    smooth            unwrap angles and remove sign jumps of quaternions
+    EvenGrid          the grid: sample time, method, gaps, time interval
+    AlignBy           a pair of signals that aligns two clocks
+    align             estimate offset and drift between two clocks from a signal that both record
+    Alignment         the result of align
+    delay_study       estimate the delay between two signals
+    DelayStudy        the result of delay_study
+    Search            search range of the delay
+    SyntheticDelay    options of two synthetic recordings of one motion
+    made_pair         the two synthetic recordings as trajectories
 
 Copies
-    copies            rows that equal an earlier one
-    copied_stretch    samples in a row that repeat earlier ones
+    copies            rows equal to an earlier row
+    copied_stretch    consecutive samples that repeat earlier ones
 
 Filters
-    ZeroPhase         Butterworth low pass forth and back
-    cutoff_for        its cut-off from the band that the motion excites
-    excitation_band   the frequency below which the motion has its power
-    derivative        central differences, of order two
-    second_derivative the same twice, on three rows
+    ZeroPhase         zero-phase Butterworth low pass
+    cutoff_for        cut-off frequency chosen from the excitation band
+    excitation_band   frequency below which nearly all power of the motion lies
+    derivative        central differences of second order
+    second_derivative central second differences
     motion            position, velocity and acceleration from measured positions
-    smooth_motion     the same from the smooth curve through exact samples
-    decimate          every n-th row
-    position_noise    standard deviation of white noise on a smooth motion
-    moving            where a velocity is far from zero, and the share dropped
+    smooth_motion     position, velocity and acceleration from a spline through exact samples
+    decimate          keep every n-th row
+    position_noise    standard deviation of the white noise on a smooth motion
+    moving            rows whose velocity is far from zero, and the share of the others
 """
 
 from typing import TYPE_CHECKING

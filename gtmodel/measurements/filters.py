@@ -1,4 +1,4 @@
-"""Zero-phase low pass, central differences, decimation, and where a velocity is far from zero."""
+"""Zero-phase low pass, central differences, decimation, and detection of rows in motion."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from ..results.trajectory import Trajectory
 from ..results.trajectory_checks import Array, TrajectoryError
 from .log import Session
 
-BAND_FACTOR = 2.5  # cut-off over excitation band; 2 to 3 leaves the motion and takes most of the noise
+BAND_FACTOR = 2.5  # cut-off over excitation band; 2 to 3 keeps the motion and removes most of the noise
 BAND_SHARE = 0.999  # of the velocity's power
 ORDER = 4
-FLOOR = (0.25, 0.4)  # of the sampling rate: where the noise of the position is looked for
-BEYOND = 10.0  # the sum of n periodogram values of noise scatters by 1/sqrt(n) of itself
-DIFFERENCES, MEDIAN = 6, 0.6745  # the median of a normal variable's size over its standard deviation
-WIDEST = 0.4  # of the sampling rate: four fifths of half of it
+FLOOR = (0.25, 0.4)  # range of frequencies, over the sampling rate, from which the position noise is estimated
+BEYOND = 10.0  # threshold in units of 1/sqrt(n), the relative scatter of the sum of n periodogram values of noise
+DIFFERENCES, MEDIAN = 6, 0.6745  # order; median of the absolute value of a standard normal variable
+WIDEST = 0.4  # largest cut-off over the sampling rate
 # the slowest pole of the filter decays as exp(-2 pi f_c sin(pi / 8) t) at order four: 1e-3 after 2.9 / f_c
 SETTLING_PERIODS = 3.0
-SMOOTH = 5  # degree of the spline through the samples: four continuous derivatives, accelerations without corners
+SMOOTH = 5  # degree of the interpolating spline: four continuous derivatives
 
 
 @dataclass(frozen=True)
 class ZeroPhase:
-    """Butterworth low pass, run forth and back: no phase, amplitude |H|^2, which is one half at the cut-off.
+    """Butterworth low pass run forward and backward: zero phase, amplitude |H|^2, one half at the cut-off frequency.
 
     Args:
-        cutoff_Hz: of one pass [Hz].
-        order: of one pass.
+        cutoff_Hz: cut-off frequency of one pass [Hz].
+        order: order of one pass.
 
-    Called with rows (n,) or (n, k) and their sample time [s] it returns them filtered: rows that are an orientation or
-    a direction stay one, and with unit="rad" wrapped angles are unwrapped. `linear` takes all rows as plain numbers.
+    Called with rows (n,) or (n, k) and their sample time [s], it returns the filtered rows. Orientations and directions
+    remain valid, and with unit="rad" wrapped angles are unwrapped. `linear` treats all rows as plain numbers.
 
     >>> low_pass = gt.measurements.ZeroPhase(20.0)
     >>> low_pass.amplitude(np.array([5.0, 20.0, 60.0]), sample_time=0.004).round(3).tolist()
@@ -48,11 +48,11 @@ class ZeroPhase:
     order: int = ORDER
 
     def __call__(self, rows: Array, sample_time: float, unit: str = "1") -> Array:
-        """Filtered rows, (n,) or (n, k), sampled at sample_time [s]; `unit` is their SI unit.
+        """Return filtered rows, (n,) or (n, k), sampled at sample_time [s]; `unit` is their SI unit.
 
-        Quaternions, directions and rotation matrices are recognised by their lengths where the unit is "1", wrapped
-        angles where it is "rad". Raises TrajectoryError for a cut-off that the sampling cannot carry, for too few rows,
-        and for a turn of more than 90 deg from row to row.
+        With unit "1", quaternions, directions and rotation matrices are recognised by their lengths; with unit "rad",
+        wrapped angles. Raises TrajectoryError if the cut-off exceeds half the sampling rate, if there are too few rows,
+        and for a rotation of more than 90 deg between two rows.
         """
         rows = np.asarray(rows, dtype=float)
         nature = nature_of(rows, unit)
@@ -60,7 +60,7 @@ class ZeroPhase:
         return rotation_rows(self.linear(rows, sample_time), nature)
 
     def linear(self, rows: Array, sample_time: float) -> Array:
-        """Filtered rows (n, ...) of plain numbers, each by itself. Raises as the call does."""
+        """Return filtered rows (n, ...) of plain numbers, each column separately. Raises as the call does."""
         rows = np.asarray(rows, dtype=float)
         need = 3 * (2 * math.ceil(self.order / 2) + 1)
         if len(rows) <= need:
@@ -68,34 +68,34 @@ class ZeroPhase:
         return np.asarray(scipy.signal.sosfiltfilt(self._sections(sample_time), rows, axis=0))
 
     def amplitude(self, frequency_Hz: float | Array, sample_time: float) -> Array:
-        """By how much a sine of that frequency comes out smaller (both passes)."""
+        """Return the amplitude ratio of both passes at a frequency."""
         turn = 2 * np.pi * np.atleast_1d(frequency_Hz) * sample_time
         _, response = scipy.signal.sosfreqz(self._sections(sample_time), worN=turn)
         return np.square(np.abs(np.asarray(response)), dtype=float)
 
     def end_rows(self, sample_time: float) -> int:
-        """Rows at either end that the ends of the record disturb: three periods of the cut-off."""
+        """Return the number of rows at either end with transients of the filter: three periods of the cut-off."""
         return math.ceil(SETTLING_PERIODS / (self.cutoff_Hz * sample_time))
 
     def kernel(self, sample_time: float) -> Array:
-        """Its symmetric impulse response (2 end_rows + 1,), cut there and summing to one."""
+        """Return the symmetric impulse response (2 end_rows + 1,), truncated and normalised to sum one."""
         reach = self.end_rows(sample_time)
         impulse = np.zeros(6 * reach + 1)
         impulse[3 * reach] = 1.0
         weights = self.linear(impulse, sample_time)[2 * reach : 4 * reach + 1]
-        weights = weights + weights[::-1]  # the edges far off leave 1e-8 of a phase
+        weights = weights + weights[::-1]  # the ends of the impulse record leave an asymmetry of 1e-8
         return weights / weights.sum()
 
     def every(self, rows: Array, sample_time: float, every: int) -> Array:
-        """Weighted means of rows (n, k) by `kernel` at rows end_rows, end_rows + every, ... < n - end_rows only.
+        """Filter rows (n, k) with `kernel`, only at rows end_rows, end_rows + every, ... < n - end_rows.
 
-        No value is invented beyond the ends, and rows that are not asked for cost nothing.
+        The data are not extrapolated beyond their ends.
         """
         weights = self.kernel(sample_time)
         count = -(-(len(rows) - len(weights) + 1) // every)
         if count < 1:
             return np.zeros((0, *rows.shape[1:]))
-        first = len(weights) - 1  # of the full convolution without missing rows; upfirdn gives multiples of `every`
+        first = len(weights) - 1  # first complete row of the full convolution; upfirdn returns multiples of `every`
         late = -first % every
         filtered = scipy.signal.upfirdn(np.concatenate([np.zeros(late), weights]), rows, 1, every, axis=0)
         begin = (first + late) // every
@@ -116,15 +116,15 @@ def _butterworth(order: int, cutoff_Hz: float, rate_Hz: float) -> Array:
 
 
 def excitation_band(position: Array, sample_time: float, share: float = BAND_SHARE) -> float:
-    """Frequency [Hz] below which the velocity has that share of its power.
+    """Return the frequency [Hz] below which the velocity has the given share of its power.
 
     Args:
         position: (n,) or (n, k), evenly sampled.
         sample_time: [s].
-        share: of the power of the velocity.
+        share: share of the power of the velocity.
 
-    White noise of the position is left out of the power: its floor is what the upper frequencies show. Raises
-    TrajectoryError where nothing moves, or nothing beyond the noise.
+    The power of white position noise, estimated at high frequencies, is subtracted. Raises TrajectoryError if nothing
+    moves, or if the motion is not larger than the noise.
 
     >>> t = 0.004 * np.arange(1000)
     >>> q = np.sin(2 * np.pi * 0.5 * t) + 0.1 * np.sin(2 * np.pi * 3.0 * t)
@@ -140,17 +140,17 @@ def excitation_band(position: Array, sample_time: float, share: float = BAND_SHA
     noise = transfer * (np.median(power[upper] / transfer[upper]) if upper.any() else 0.0)
     total = np.cumsum(power - noise)
     if not np.max(total) > 0:
-        raise TrajectoryError("nothing moves, so there is no band of excitation; give the cut-off of the filter")
+        raise TrajectoryError("nothing moves, so there is no excitation band; set the cut-off of the filter")
     if np.max(total) < BEYOND / np.sqrt(len(power)) * noise.sum():
-        raise TrajectoryError("nothing moves beyond the noise of the position; give the cut-off of the filter")
+        raise TrajectoryError("the motion does not exceed the position noise; set the cut-off of the filter")
     return float(frequency[np.argmax(total >= share * np.max(total))])
 
 
 def position_noise(position: Array) -> float:
-    """Standard deviation of white noise on a smooth motion (n,) or (n, k), in its unit; of columns the largest.
+    """Return the standard deviation of the white noise on a smooth motion (n,) or (n, k); the largest of the columns.
 
-    It comes from sixth differences, in which nothing of a smooth motion is left, by their median, which single events
-    do not move. Fewer than seven rows give 0.
+    It is estimated from the median of the absolute sixth differences: these remove the smooth motion, and the median is
+    robust against single events. Fewer than seven rows give 0.
 
     >>> t = 0.004 * np.arange(2000)
     >>> noise = 1e-4 * np.random.default_rng(2).standard_normal(2000)  # synthetic: seed 2
@@ -159,14 +159,13 @@ def position_noise(position: Array) -> float:
     """
     if len(position) <= DIFFERENCES:
         return 0.0
-    left = np.abs(np.diff(np.asarray(position, dtype=float), n=DIFFERENCES, axis=0)).reshape(
-        len(position) - DIFFERENCES, -1
-    )
-    return float(np.max(np.median(left, axis=0))) / (MEDIAN * math.sqrt(math.comb(2 * DIFFERENCES, DIFFERENCES)))
+    sixth = np.abs(np.diff(np.asarray(position, dtype=float), n=DIFFERENCES, axis=0))
+    median = np.median(sixth.reshape(len(sixth), -1), axis=0)
+    return float(np.max(median)) / (MEDIAN * math.sqrt(math.comb(2 * DIFFERENCES, DIFFERENCES)))
 
 
 def cutoff_for(position: Array, sample_time: float, factor: float = BAND_FACTOR) -> float:
-    """Cut-off [Hz] of a low pass for a motion: `factor` times its excitation band, at most 0.4 times the sampling rate.
+    """Return the cut-off frequency [Hz] for a motion: `factor` times its excitation band, at most 0.4 sampling rates.
 
     position: (n,) or (n, k), evenly sampled at sample_time [s]. Raises TrajectoryError as `excitation_band` does.
 
@@ -179,7 +178,7 @@ def cutoff_for(position: Array, sample_time: float, factor: float = BAND_FACTOR)
 
 
 def derivative(rows: Array, sample_time: float) -> Array:
-    """Central differences of rows (n,) or (n, k) at sample_time [s]; one-sided at the ends, all of second order.
+    """Return central differences of rows (n,) or (n, k) at sample_time [s]; one-sided at the ends, all second order.
 
     Raises TrajectoryError for fewer than three rows.
 
@@ -193,7 +192,7 @@ def derivative(rows: Array, sample_time: float) -> Array:
 
 
 def second_derivative(rows: Array, sample_time: float) -> Array:
-    """Central second differences of rows (n,) or (n, k), sampled at sample_time [s], of second order.
+    """Return central second differences of rows (n,) or (n, k) at sample_time [s], of second order.
 
     The end rows repeat their neighbours. Raises TrajectoryError for fewer than three rows.
 
@@ -208,18 +207,18 @@ def second_derivative(rows: Array, sample_time: float) -> Array:
 
 
 def motion(session: Session, position: str, low_pass: ZeroPhase | None) -> Trajectory:
-    """The session as a motion: its signals with "der(POSITION)" and "der(POSITION,2)", the filter's ends cut off.
+    """Return the signals of a session with "der(POSITION)" and "der(POSITION,2)", without the transients at the ends.
 
     Args:
-        session: as `read_log` or `session_of` gives it.
+        session: a session from `read_log` or `session_of`.
         position: name of the signal to differentiate.
-        low_pass: acts on every signal alike, position and forces, so that no phase or amplitude comes between them.
-            None leaves the rows as they are, for regressors that are filtered together with the force afterwards: exact
-            for columns linear in velocity and acceleration, and right for the sign of a velocity.
+        low_pass: filter for all signals, position and forces alike, so that it adds no relative phase or amplitude.
+            None does not filter: use this if regressor and force are filtered together afterwards, which is exact for
+            columns linear in velocity and acceleration and keeps the sign of a velocity.
 
-    Wrapped angles are unwrapped, and of orientations the rows stay orientations and the sign of a quaternion does not
-    jump. Raises TrajectoryError for a recording that is too short for the filter, and where it is not clear which way
-    a signal turns from row to row.
+    Wrapped angles are unwrapped, orientations remain valid, and the sign of a quaternion does not jump. Raises
+    TrajectoryError if the recording is too short for the filter, or if the sense of rotation between two rows is
+    ambiguous.
 
     >>> t = 0.004 * np.arange(1000)
     >>> log = gt.Trajectory(t, {"q": np.sin(2 * t)}, {"q": "m"})
@@ -228,19 +227,19 @@ def motion(session: Session, position: str, low_pass: ZeroPhase | None) -> Traje
     >>> moved.names, moved.unit("der(q,2)"), len(moved)
     (('q', 'der(q)', 'der(q,2)'), 'm/s2', 924)
     """
-    of = natures(session.trajectory)
-    raw, step = smooth(session.trajectory, of), session.sample_time
+    kinds = natures(session.trajectory)
+    raw, step = smooth(session.trajectory, kinds), session.sample_time
     rows = {name: raw[name] for name in raw.names}
     if low_pass is not None:
-        rows = rotations_again({name: low_pass.linear(row, step) for name, row in rows.items()}, of)
+        rows = rotations_again({name: low_pass.linear(row, step) for name, row in rows.items()}, kinds)
     unit = raw.unit(position)
     first, second = f"der({position})", f"der({position},2)"
     rows[first], rows[second] = derivative(rows[position], step), second_derivative(rows[position], step)
     cut = 1 if low_pass is None else low_pass.end_rows(step)
     if 2 * cut + 3 > len(raw):
         raise TrajectoryError(
-            f"'{session.name}' lasts {raw.duration:g} s; expected more than twice the {cut * step:g} s that the filter "
-            "cuts off at either end, so record longer or raise the cut-off"
+            f"'{session.name}' lasts {raw.duration:g} s; expected more than twice the transient of the filter, "
+            f"{cut * step:g} s; record longer or raise the cut-off"
         )
     inside = slice(cut, len(raw) - cut)
     units = {**raw.units, first: rate_unit(unit), second: rate_unit(unit, 2)}
@@ -255,22 +254,21 @@ def motion(session: Session, position: str, low_pass: ZeroPhase | None) -> Traje
 
 
 def decimate(trajectory: Trajectory, every: int) -> Trajectory:
-    """Every n-th row of signals that are low-passed already.
+    """Return every n-th row of signals that have already been low-pass filtered.
 
-    Raises TrajectoryError where fewer than three rows would be left.
+    Raises TrajectoryError if fewer than three rows would remain.
 
     >>> log = gt.Trajectory(0.004 * np.arange(101), {"q": np.arange(101.0)}, {"q": "m"})
     >>> len(gt.measurements.decimate(log, 10))
     11
     """
-    left = len(trajectory) // max(every, 1)
-    if every < 1 or left < 3:
-        raise TrajectoryError(f"every {every}th of {len(trajectory)} rows; expected a whole number that leaves three")
+    if every < 1 or len(trajectory) // every < 3:
+        raise TrajectoryError(f"every = {every} of {len(trajectory)} rows; expected a whole number that leaves 3 rows")
     return trajectory.resample(trajectory.time[::every])
 
 
 class Moving(NamedTuple):
-    """Where all velocities are beyond their thresholds: (n,) rows, the threshold [unit of velocity], share dropped."""
+    """Rows in motion: (n,) booleans, the threshold [unit of velocity], and the share of the other rows."""
 
     rows: np.ndarray
     threshold: float
@@ -278,14 +276,14 @@ class Moving(NamedTuple):
 
 
 def moving(velocity: Array, sample_time: float, step: float, steps: float = 3.0) -> Moving:
-    """Rows in which every velocity is so large that its sign is known: at least `steps` quantisation steps per sample.
+    """Find the rows in which all velocities have a certain sign: at least `steps` quantisation steps per sample.
 
     Args:
         velocity: (n,) or (n, k).
         sample_time: [s].
         step: quantisation of the position, in its unit.
 
-    Returns `Moving`: the rows (n,) as booleans, the threshold, and the share that is dropped.
+    Returns the rows (n,) as booleans, the threshold, and the share of rows dropped.
 
     >>> kept = gt.measurements.moving(np.array([0.0, 0.01, -0.2]), sample_time=0.004, step=1e-5)
     >>> kept.rows.tolist(), round(kept.threshold, 6)  # m/s
@@ -298,13 +296,13 @@ def moving(velocity: Array, sample_time: float, step: float, steps: float = 3.0)
 
 
 def smooth_motion(time: Array, position: Array) -> tuple[Array, Array, Array]:
-    """Position, velocity and acceleration at the samples, of the smooth curve through them.
+    """Return position, velocity and acceleration at the samples, from a quintic spline through them.
 
     Args:
         time: (n,) [s], ascending, n >= 6.
-        position: (n, axes), exact samples such as those of a reference; noise would be amplified.
+        position: (n, axes), exact samples such as a reference; noise would be amplified.
 
-    The curve is a spline of degree five: what a simulated motion is taken to be between its samples.
+    A simulated motion follows this curve between its samples.
 
     >>> t = np.linspace(0.0, 1.0, 51)
     >>> q, dq, ddq = gt.measurements.smooth_motion(t, t[:, None] ** 3)

@@ -1,4 +1,4 @@
-"""Recordings with uneven rows on an even grid, by a stated method, with the error that it makes."""
+"""Resampling of uneven rows on an even grid, with an estimate of the interpolation error."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from .sampling import Gap, sampling_of
 
 Method = Literal["cubic", "linear", "monotone"]
 METHODS: tuple[Method, ...] = ("cubic", "linear", "monotone")
-FEWEST = 8  # rows: every other one is left out to judge the method
-LONGEST_GAP = 5.0  # median steps: beyond it the signal between two rows is a guess
+FEWEST = 8  # rows between gaps: every other one is left out to estimate the error
+LONGEST_GAP = 5.0  # median steps: interpolation across a longer gap is a guess
 
 
 @dataclass(frozen=True, eq=False)
 class Resampled:
     """A recording on an even grid. `sessions`: one for each stretch between gaps that are too long to bridge.
 
-    `error`: by signal, what the method misses the rows by where every other one is left out, rms in its unit, by
-    component: at twice the spacing, so more than on the grid, and with the noise of the rows in it; in a bridged gap
-    it is more. `bridged`: gaps that the method fills; `cut`: those at which the recording is parted. `natures`: signals
-    that are more than plain numbers.
+    `error`: signal -> RMS interpolation error of each component, in the signal's unit. It is computed at every other
+    row, from the remaining rows. With twice the spacing and the noise of the rows it overestimates the error on the
+    grid; within bridged gaps the error is larger. `bridged`: gaps filled by interpolation; `cut`: gaps that split the
+    recording. `natures`: the signals that are angles, quaternions, directions or rotation matrices.
     """
 
     sessions: tuple[Session, ...]
@@ -40,12 +40,11 @@ class Resampled:
 
     @property
     def trajectory(self) -> Trajectory:
-        """The one stretch there is. Raises LogError where gaps part the recording into several."""
+        """The trajectory of the only session. Raises LogError if gaps split the recording."""
         if len(self.sessions) != 1:
             raise LogError(
                 f"'{self.sessions[0].name}' has {len(self.cut)} gaps too long to bridge, the first of "
-                f"{self.cut[0].duration:.3g} s at {self.cut[0].time:.6g} s; take its `sessions`, or a longer "
-                "`longest_gap`"
+                f"{self.cut[0].duration:.3g} s at {self.cut[0].time:.6g} s; use `sessions`, or increase `longest_gap`"
             )
         return self.sessions[0].trajectory
 
@@ -69,21 +68,21 @@ def resample(
     start: float | None = None,
     name: str = "log",
 ) -> Resampled:
-    """A recording of uneven rows as even ones.
+    """Resample a recording with uneven rows on an even grid.
 
     Args:
-        trajectory: its rows may jitter and have gaps.
-        sample_time: of the grid [s]; the median step of the rows if left out.
-        method: "cubic" spline through the rows, "linear" between them, or "monotone" (cubic without overshoot). None
-            of them filters: low-pass before you take a sample time much longer than the rows'.
-        longest_gap: that is bridged [s]; five median steps if left out. A longer one parts the recording.
-        start: first time of the grid [s]; the first row's if left out. The grid of all stretches is this one.
+        trajectory: the recording; its rows may jitter and have gaps.
+        sample_time: sample time of the grid [s]; default: the median step of the rows.
+        method: "cubic" spline, "linear" interpolation, or "monotone" (cubic without overshoot). No method filters:
+            apply a low-pass filter first if the grid is much coarser than the rows.
+        longest_gap: longest gap that is bridged [s]; default: five median steps. A longer gap splits the recording.
+        start: first time of the grid [s]; default: the time of the first row. All stretches share this grid.
 
-    Quaternions, rotation matrices and directions are taken as such: what is between the rows is one too, and the sign
-    of a quaternion does not jump. Wrapped angles are unwrapped, in each stretch for itself.
+    Quaternions, rotation matrices and directions are recognised and remain valid between the rows; the sign of a
+    quaternion does not jump. Wrapped angles are unwrapped in each stretch separately.
 
-    Raises LogError for fewer than eight rows between gaps, and where it is not clear which way a signal turns from one
-    row to the next; ArgumentError for a wrong argument.
+    Raises LogError if a stretch between gaps has fewer than eight rows, or if the sense of rotation between two rows is
+    ambiguous; ArgumentError for a wrong argument.
 
     >>> rng = np.random.default_rng(0)
     >>> t = np.sort(0.01 * np.arange(500) + 0.003 * rng.uniform(-1, 1, 500))
@@ -106,13 +105,13 @@ def resample(
         raise ArgumentError(f"the sample time is {step:g} s; expected more than zero", "sample_time")
     if not longest >= sampling.step:
         raise ArgumentError(
-            f"the longest gap to bridge is {longest:g} s, and rows are {sampling.step:g} s apart; expected more",
+            f"the longest gap to bridge is {longest:g} s; expected at least the step of the rows, {sampling.step:g} s",
             "longest_gap",
         )
     time = trajectory.time
     steps = np.diff(time)
     breaks = np.flatnonzero(steps > longest) + 1
-    sessions, rows, of = list[Session](), dict[str, list[Array]](), natures(trajectory)
+    sessions, misses, kinds = list[Session](), dict[str, list[Array]](), natures(trajectory)
     for begin, end in zip([0, *breaks.tolist()], [*breaks.tolist(), len(time)], strict=True):
         part = slice(begin, end)
         if end - begin < FEWEST:
@@ -127,21 +126,21 @@ def resample(
             raise LogError(
                 f"'{name}': a sample time of {step:g} s leaves {len(grid)} rows; expected at least 3", "sample_time"
             )
-        values, stretch = dict[str, Array](), smooth(_rows(trajectory, part), of)
+        values, stretch = dict[str, Array](), smooth(_rows(trajectory, part), kinds)
         straight = stretch.resample(grid) if method == "linear" else None
         for signal in trajectory.names:
             y = np.asarray(stretch[signal], float)
             values[signal] = straight[signal] if straight is not None else _curve(method)(time[part], y)(grid)
-            rows.setdefault(signal, []).append(_left_out(method, time[part], y))
-        values = rotations_again(values, of)
+            misses.setdefault(signal, []).append(_misses(method, time[part], y))
+        values = rotations_again(values, kinds)
         label = name if not len(breaks) else f"{name} from {time[begin]:.6g} s"
         sessions.append(Session(label, Trajectory(
             grid, values, {n: trajectory.unit(n) for n in trajectory.names}, title=trajectory.title,
             provenance={"resampled": method, "sample_time_s": step}, synthetic=trajectory.synthetic,
         ), step))  # fmt: skip
-    error = {n: np.sqrt(np.mean(np.concatenate(parts) ** 2, axis=0)) for n, parts in rows.items()}
+    error = {n: np.sqrt(np.mean(np.concatenate(parts) ** 2, axis=0)) for n, parts in misses.items()}
     bridged, cut = (tuple(g for g in sampling.gaps if (g.duration > longest) == over) for over in (False, True))
-    return Resampled(tuple(sessions), method, error, bridged, cut, of)
+    return Resampled(tuple(sessions), method, error, bridged, cut, kinds)
 
 
 def _rows(trajectory: Trajectory, part: slice) -> Trajectory:
@@ -159,9 +158,9 @@ def _curve(method: Method) -> Callable[[Array, Array], Callable[[Array], Array]]
     return lambda t, y: scipy.interpolate.PchipInterpolator(t, y)
 
 
-def _left_out(method: Method, time: Array, y: Array) -> Array:
-    """What each inner row of odd number is missed by from those of even number, (rows, components)."""
-    kept = slice(0, None, 2)
-    missed = slice(1, len(time) - 1 if len(time) % 2 == 0 else None, 2)
-    curve = _curve(method)(time[kept], y[kept])
-    return (curve(time[missed]) - y[missed]).reshape(len(time[missed]), -1)
+def _misses(method: Method, time: Array, y: Array) -> Array:
+    """Return the errors (rows, components) of interpolating the inner odd rows from the even ones."""
+    even = slice(0, None, 2)
+    odd = slice(1, len(time) - 1 if len(time) % 2 == 0 else None, 2)
+    curve = _curve(method)(time[even], y[even])
+    return (curve(time[odd]) - y[odd]).reshape(len(time[odd]), -1)

@@ -1,4 +1,4 @@
-"""How a recording is sampled: its rate, jitter, gaps, and rows that come late or twice."""
+"""Sampling of a recording: rate, jitter, gaps, late and repeated rows."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from ..results.trajectory_checks import Array
 
 LateRows = Literal["refuse", "drop", "sort"]
 EmptyRows = Literal["refuse", "drop"]
-MISSING = 0.5  # of a sample time beyond the next row: a sample is missing, not late
-FENCE = 1.5  # interquartile ranges above the upper quartile: a step beyond is no jitter
-MOST_LOST = 1e15  # samples in a gap: more are a time that is no time
-LONGEST_LIST = 1000  # gaps that are kept one by one
+MISSING = 0.5  # a step longer than 1 + MISSING sample times is a missing sample, not jitter
+FENCE = 1.5  # a step this many interquartile ranges above the upper quartile is not jitter
+MOST_LOST = 1e15  # limit on the samples of a gap, for times that are not plausible
+LONGEST_LIST = 1000  # number of gaps listed
 
 
 @dataclass(frozen=True)
 class Gap:
-    """Samples that are missing: behind `row`, from 0, at `time` [s], for `duration` [s], about `missing` of them."""
+    """A gap of about `missing` samples after row `row` (from 0) at `time` [s]; the step lasts `duration` [s]."""
 
     row: int
     time: float
@@ -30,14 +30,14 @@ class Gap:
 
 @dataclass(frozen=True)
 class SamplingReport:
-    """How the rows of a recording follow each other.
+    """Sampling statistics of a recording.
 
-    rows: their number. step: median time from row to row [s]. rate: its inverse [Hz]. duration: last minus first [s].
-    jitter: deviation of a step from the median, as a share of it: the standard deviation of a normal distribution with
-        the same quartiles, for gaps are no jitter. most: the largest deviation of a step that is no gap, as a share.
-    gaps: where samples are missing, the first thousand: steps half as long again as the median, and longer than the
-        jitter explains. missing: about how many in all, as a share of those that were to be.
-    late, repeated: rows whose time is before, or that of, an earlier row.
+    rows: number of rows. step: median time between rows [s]. rate: 1 / step [Hz]. duration: span of the times [s].
+    jitter: standard deviation of the steps over the median step, from the quartiles, so that gaps do not count.
+        most: the largest deviation of a step from the median, over the median, gaps excluded.
+    gaps: the first thousand steps that are longer than 1.5 medians and longer than the jitter explains.
+        missing: estimated share of the samples that is missing.
+    late, repeated: number of rows whose time is before, or equal to, the time of an earlier row.
     """
 
     rows: int
@@ -52,12 +52,12 @@ class SamplingReport:
     repeated: int
 
     def even(self, jitter: float) -> bool:
-        """Whether each step is the median within this share, without gaps and late rows."""
+        """Return whether there are no gaps or late rows and every step is within this share of the median."""
         return not (self.gaps or self.late or self.repeated) and self.most <= jitter
 
 
 def sampling_of(time: Array | Sequence[float]) -> SamplingReport:
-    """How these times [s] follow each other, in the order of the rows.
+    """Return the sampling statistics of times [s], given in the order of the rows.
 
     >>> sampling = gt.measurements.sampling_of([0.0, 0.01, 0.02, 0.05, 0.06, 0.07])
     >>> round(sampling.rate, 6), sampling.gaps[0].missing, sampling.gaps[0].row
@@ -73,7 +73,7 @@ def sampling_of(time: Array | Sequence[float]) -> SamplingReport:
     rows, span = int(time.size), float(np.ptp(time)) if time.size else 0.0
     if not forward.size:
         return SamplingReport(rows, 0.0, 0.0, span, 0.0, 0.0, (), 0.0, late, repeated)
-    # no more copies than needed: a clock may have ten million rows
+    # few copies: a clock may have ten million rows
     low, step, high = (float(x) for x in np.percentile(forward, [25.0, 50.0, 75.0]))
     longest = max((1 + MISSING) * step, high + FENCE * (high - low))
     wide = np.flatnonzero(steps > longest)
@@ -85,16 +85,16 @@ def sampling_of(time: Array | Sequence[float]) -> SamplingReport:
     slowest = float(np.max(forward, where=forward <= longest, initial=step))
     most = max(slowest / step - 1.0, 1.0 - float(forward.min()) / step)
     missing = float(lost.sum() / (lost.sum() + rows))
-    # two times are each off by half a unit in the last place
+    # rounding: each of two times is off by half a unit in the last place
     spread = high - low if high - low > 4 * np.spacing(max(abs(float(time.min())), abs(float(time.max())))) else 0.0
     return SamplingReport(rows, step, 1 / step, span, spread / 1.349 / step, most, gaps, missing, late, repeated)
 
 
 def in_order(time: Array, late_rows: LateRows) -> np.ndarray | None:
-    """Which rows to take, in which order, so that the time increases strictly; None for all as they are.
+    """Return the indices of the rows to take so that the time increases strictly, or None to take all rows.
 
-    late_rows: "drop" leaves out what comes late or twice, "sort" brings late rows to their place; of rows at one time
-    the first is taken. "refuse" changes nothing.
+    late_rows: "drop" leaves out late and repeated rows; "sort" sorts the rows by time; "refuse" changes nothing. Of
+    rows with equal times the first is taken.
     """
     if late_rows == "refuse" or not np.any(np.diff(time) <= 0):
         return None

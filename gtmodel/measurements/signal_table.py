@@ -1,4 +1,4 @@
-"""Tables of a CSV file read whole, with the columns of a header, and measured signals in declared columns and units."""
+"""CSV tables with named columns, and measured signals read from declared columns and units."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from .streams.text import TextStream, number
 
 
 class CsvTable:
-    """A CSV file: cells by column, and the line of each row. Raises ArgumentError with the line for what is no table.
+    """A CSV file read whole. Raises ArgumentError with the line if the file is not a table.
 
-    file: for messages. names, units, where: see `Heads`. lines: of each row.
+    file: name for messages. names, units, where: see `Heads`. lines: line number of each row.
     """
 
     def __init__(self, path: Path, form: LogForm = LogForm()) -> None:  # noqa: B008
@@ -37,20 +37,21 @@ class CsvTable:
         self._stream = stream
 
     def place(self, name: str) -> int:
-        """Where a column stands. Raises ArgumentError where it does not, or twice."""
+        """Return the index of a column. Raises ArgumentError if it is missing or occurs twice."""
         return self._stream.heads.place(name)
 
     def refuse_other_unit(self, name: str, declared: str) -> None:
-        """Raises ArgumentError where the header says another unit than was declared."""
+        """Raise ArgumentError if the unit in the header differs from the declared one."""
         self._stream.heads.refuse_other_unit(name, declared)
 
     def texts(self, name: str) -> list[str]:
-        """The cells of a column."""
+        """Return the cells of a column."""
         place = self.place(name)
         return [row[place] for row in self._rows]
 
     def numbers(self, name: str, *, gaps: bool = False) -> np.ndarray:
-        """The numbers of a column as written; with `gaps` an empty cell is NaN, and no number need be finite."""
+        """Return the numbers of a column as written; `gaps` allows numbers that are not finite and reads an empty cell
+        as NaN."""
         values = np.empty(len(self.lines))
         for k, (line, cell) in enumerate(zip(self.lines.tolist(), self.texts(name), strict=True)):
             try:
@@ -64,7 +65,7 @@ class CsvTable:
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Names of columns in a file and their units, one each."""
+    """Names of columns in a file, and the unit of each."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
@@ -72,8 +73,8 @@ class Columns:
 
 @dataclass(frozen=True, eq=False)
 class SignalTable:
-    """`columns` and `values` by signal, (N, k) in SI units; the line of each row, its session, and what a synthetic
-    file says."""
+    """`columns` and `values` (N, k) in SI units by signal; `lines` and `sessions` of the rows; `synthetic`: the note of
+    a synthetic file."""
 
     columns: dict[str, Columns]
     values: dict[str, np.ndarray]
@@ -90,34 +91,34 @@ def read(
     *,
     gaps: bool = False,
 ) -> SignalTable:
-    """The columns of each signal by name; `wanted`: signal -> its columns, or their common stem, and unit or units.
+    """Read the columns of each signal; `wanted`: signal -> its columns, or their common stem, and unit or units.
 
-    A file of any kind, see `open_log`; `form` says how it is written where it does not say so itself. With `gaps` an
-    empty cell or nan is NaN. Columns that nobody asks for are left alone. Raises ArgumentError with the line: a column
-    missing or there twice, a unit that is not the declared one, an empty cell, a cell that is no finite number; of a
-    signal's column or unit with the argument "signals.NAME.column".
+    The file may have any format that `open_log` reads; `form` declares a format that the file does not state. With
+    `gaps` an empty cell or nan is read as NaN. Other columns are ignored. Raises ArgumentError with the line for a
+    missing or repeated column, a unit other than the declared one, or a cell without a finite number. For a signal's
+    column or unit the argument of the error is "signals.NAME.column" or "signals.NAME.unit".
     """
     try:
         stream = stream_of(path, form, holding=_first(wanted))
     except OSError as error:
         raise ArgumentError(f"{path.name} cannot be read: {error.strerror}") from error
-    chosen = {signal: _columns(stream, signal, *given) for signal, given in wanted.items()}
-    for c in chosen.values():
+    columns = {signal: _columns(stream, signal, *pair) for signal, pair in wanted.items()}
+    for c in columns.values():
         for name, unit in zip(c.names, c.units, strict=True):
             stream.heads.refuse_other_unit(name, unit)
 
     def si(signal: str, values: np.ndarray) -> np.ndarray:
-        parts = zip(values.T, chosen[signal].units, strict=True)
+        parts = zip(values.T, columns[signal].units, strict=True)
         return np.column_stack([convert(part, unit, parse_unit(unit).si_text) for part, unit in parts])
 
-    rows = stream.read({signal: c.names for signal, c in chosen.items()}, si, gaps=gaps)
+    rows = stream.read({signal: c.names for signal, c in columns.items()}, si, gaps=gaps)
     sessions = None if session is None else tuple(stream.texts(session))
     note = next(iter(stream.comments.get("synthetic", [])), None)
-    return SignalTable(chosen, rows.values, rows.lines.array(), sessions, note)
+    return SignalTable(columns, rows.values, rows.lines.array(), sessions, note)
 
 
 def _first(wanted: Mapping[str, tuple[str | Sequence[str], str | Sequence[str]]]) -> str:
-    """A column by which the table of a file with several is found."""
+    """Return the column that identifies the table in a file with several tables."""
     column = next(iter(wanted.values()))[0]
     return column if isinstance(column, str) else column[0]
 

@@ -1,4 +1,4 @@
-"""Measured signals with a delay, a scale and an offset, each fixed or estimated, in common or by session."""
+"""Measured signals with a delay, a scale and an offset, each fixed or estimated, for all sessions or for each."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from .log import JITTER, TIME, Column, LogError, Session, read_log, si_unit_of
 Estimate = Literal["estimate"]
 ESTIMATE: Estimate = "estimate"
 What = Literal["delay", "scale", "offset"]
-LONGEST_DELAY = 0.05  # s; what a bus, a filter and a servo cycle add up to, not the seconds between two clocks
+LONGEST_DELAY = 0.05  # s; the delay of a bus, a filter and a servo cycle together, not the offset between two clocks
 
 
 @dataclass(frozen=True)
 class Signal:
-    """A column of a log, and how the quantity follows from it: quantity(t) = scale column(t + delay) - offset.
+    """A column of a log and its conversion to the quantity: quantity(t) = scale * column(t + delay) - offset.
 
     Args:
-        column, unit: where it stands, see `Column`; components of different units have one each.
+        column, unit: name and unit of the column, see `Column`; components with different units have one unit each.
         scale: quantity per column [quantity_unit / unit].
-        offset: what the reading shows, times scale, when the quantity is zero [quantity_unit].
-        delay: how late the column is [s].
-        quantity_unit: SI unit of the quantity; that of the column when empty.
-        per_session: which of the free ones differ from session to session.
+        offset: scale times the reading at zero quantity [quantity_unit].
+        delay: delay of the column [s].
+        quantity_unit: SI unit of the quantity; default: the unit of the column.
+        per_session: which of the estimated corrections have a value for each session.
 
-    A number fixes scale, offset or delay; ESTIMATE leaves it to be estimated, see `Corrections`. Raises LogError where
-    column and quantity have different dimensions and no scale is given.
+    A number fixes scale, offset or delay; ESTIMATE leaves it to be estimated, see `Corrections`. Raises LogError if
+    column and quantity differ in dimension and there is no scale.
 
     >>> gt.measurements.Signal("volts", "V", quantity_unit="N")
     Traceback (most recent call last):
@@ -55,8 +55,8 @@ class Signal:
         if not self.units:
             raise LogError(f"the column '{self.column}' has no unit; give one, or one for each of its columns")
         for unit in self.units:
-            other = parse_unit(self.quantity_unit or unit).dimension != parse_unit(unit).dimension
-            if other and self.scale == 1.0:
+            differs = parse_unit(self.quantity_unit or unit).dimension != parse_unit(unit).dimension
+            if differs and self.scale == 1.0:
                 raise LogError(
                     f"the column '{self.column}' is in {unit} and the quantity in {self.quantity_unit}; "
                     f'give the scale in {self.quantity_unit} per {unit}, or scale = "estimate"'
@@ -64,12 +64,12 @@ class Signal:
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Of its columns, one each or one for all."""
+        """Units of the columns: one each, or one for all."""
         return (self.unit,) if isinstance(self.unit, str) else self.unit
 
 
 class FreeCorrection(NamedTuple):
-    """One correction to be estimated; `session` and `component` are None where it holds for all."""
+    """One correction to be estimated; `session` and `component` are None if it applies to all of them."""
 
     signal: str
     what: What
@@ -78,7 +78,7 @@ class FreeCorrection(NamedTuple):
 
     @property
     def name(self) -> str:
-        """As in "force.offset[0] of session 2"."""
+        """Name such as "force.offset[0] of session 2"."""
         part = "" if self.component is None else f"[{self.component}]"
         return f"{self.signal}.{self.what}{part}" + ("" if self.session is None else f" of session {self.session + 1}")
 
@@ -88,10 +88,10 @@ class Corrections:
 
     Args:
         signals: quantity -> `Signal`.
-        sessions: as `read_log` gave them, columns not yet corrected.
-        longest_delay: bound on a free delay [s].
+        sessions: sessions from `read_log`, with uncorrected columns.
+        longest_delay: bound on an estimated delay [s].
 
-    `free` is what is to be estimated, in the order of the arguments of `apply`; `start` is where an estimation begins.
+    `free`: the corrections to be estimated, in the order of the argument of `apply`; `start`: their initial values.
 
     >>> t = 0.002 * np.arange(500)
     >>> log = gt.Trajectory(t, {"force": np.sin(5 * t)}, {"force": "V"})
@@ -113,25 +113,25 @@ class Corrections:
         self.start = np.array([1.0 if free.what == "scale" else 0.0 for free in self.free])
 
     def apply(self, values: Array | Sequence[float] = ()) -> tuple[Session, ...]:
-        """The sessions with the quantities in place of the columns, in SI units; values: of `free`.
+        """Return the sessions with the quantities, in SI units, in place of the columns; `values` belong to `free`.
 
-        Rows at both ends are cut by the longest delay there can be, so their number does not depend on the values. A
-        fraction of a sample is a cubic spline's; a noise-like signal must be low-passed for that.
+        Both ends are cut by the longest possible delay, so that the number of rows does not depend on `values`. A cubic
+        spline interpolates between samples; apply a low-pass filter to noisy signals first.
         """
         return tuple(self._session(k, np.asarray(values, dtype=float)) for k in range(len(self.sessions)))
 
     def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds of the free values: delays are bounded, the others are not."""
+        """Return lower and upper bounds of the estimated values; only delays are bounded."""
         most = np.array([self.longest_delay if free.what == "delay" else np.inf for free in self.free])
         return -most, most
 
     def estimate(self, residual: Callable[[tuple[Session, ...]], Array]) -> Array:
-        """The free values that make the sum of squares of residual(corrected sessions) least.
+        """Return the values that minimise the sum of squares of residual(corrected sessions).
 
-        residual : smooth, of constant length; what else it has to estimate it may eliminate by itself (variable
-            projection). Offsets of a force are better columns of the regressor, see `offset_columns`.
+        residual : smooth and of constant length; it may eliminate further unknowns itself (variable projection). Better
+            estimate offsets of a force as columns of the regressor, see `offset_columns`.
 
-        Raises LogError where the minimum is not found, or a delay ends at its bound.
+        Raises LogError if no minimum is found, or if a delay ends at its bound.
         """
         if not self.free:
             return np.zeros(0)
@@ -143,20 +143,20 @@ class Corrections:
             hold_undetermined=True,
         )  # fmt: skip
         if fit.estimate is None:
-            raise LogError(f"the corrections {', '.join(names)} were not found: {fit.message}")
+            raise LogError(f"the estimation of {', '.join(names)} failed: {fit.message}")
         for name in fit.estimate.held:
             raise LogError(
-                f"the estimate of {name} runs to its bound, {1e3 * (fit.x * size)[names.index(name)]:.3g} ms; "
-                "cut the logs to a common start, or give the delay"
+                f"the estimate of {name} has reached its bound, {1e3 * (fit.x * size)[names.index(name)]:.3g} ms; "
+                "cut the logs to a common start, or set the delay"
             )
         return fit.x * size
 
     def named(self, values: Array) -> dict[str, float]:
-        """Free values by name; delays in s."""
+        """Return the estimated values by name; delays in s."""
         return {free.name: float(x) for free, x in zip(self.free, values, strict=True)}
 
     def _size(self, free: FreeCorrection) -> float:
-        """What is a small change of a value: a sample, a hundredth of the scale or of the signal."""
+        """Return the unit of a value in the fit: a sample time, 1 for a scale, the signal's deviation for an offset."""
         if free.what == "delay":
             return min(session.sample_time for session in self.sessions)
         if free.what == "scale":
@@ -166,8 +166,8 @@ class Corrections:
 
     def _session(self, k: int, values: Array) -> Session:
         session = self.sessions[k]
-        of = natures(session.trajectory.select([n for n in session.trajectory.names if n in self.signals]))
-        raw, step = smooth(session.trajectory, of), session.sample_time
+        kinds = natures(session.trajectory.select([n for n in session.trajectory.names if n in self.signals]))
+        raw, step = smooth(session.trajectory, kinds), session.sample_time
         reach = max(
             self.longest_delay if s.delay == ESTIMATE else abs(float(s.delay)) for s in [*self.signals.values(), _STILL]
         )
@@ -182,7 +182,7 @@ class Corrections:
             columns = [_at(raw.time, rows[:, j], time, cut, float(delay[j])) for j in range(width)]
             late[name] = columns[0] if raw[name].ndim == 1 else np.column_stack(columns)
             moved |= {name} if np.any(delay != 0) else set()
-        late = rotations_again(late, {group: nature for group, nature in of.items() if moved.intersection(group)})
+        late = rotations_again(late, {group: nature for group, nature in kinds.items() if moved.intersection(group)})
         for name in raw.names:
             signal = self.signals.get(name)
             if signal is None:
@@ -199,9 +199,9 @@ class Corrections:
         return Session(session.name, derived, step)
 
     def _values(self, name: str, signal: Signal, what: What, k: int, width: int, values: Array) -> Array:
-        given = getattr(signal, what)
-        if given != ESTIMATE:
-            return np.full(width, float(given))
+        fixed = getattr(signal, what)
+        if fixed != ESTIMATE:
+            return np.full(width, float(fixed))
         session = k if what in signal.per_session else None
         parts = range(width) if width > 1 else [None]
         return np.array([values[self._places[FreeCorrection(name, what, session, part)]] for part in parts])
@@ -220,10 +220,10 @@ def read_signals(
     jitter: float = JITTER,
     **more: Any,
 ) -> tuple[Session, ...]:
-    r"""The columns of the signals from one or several files, one after the other, as sessions; not yet corrected.
+    r"""Read the columns of the signals from one or several files as sessions, without corrections.
 
-    signals: by quantity, which `Signal` shows it; `Corrections` then applies scale, offset and delay. Other arguments,
-    all that `read_log` takes, and errors as there.
+    signals: quantity -> its `Signal`; `Corrections` applies scale, offset and delay afterwards. Other arguments and
+    errors as in `read_log`.
 
     >>> from pathlib import Path
     >>> written = Path("run.csv").write_text("time,volts\n0.0,1.0\n0.1,1.5\n0.2,1.0\n")
@@ -233,23 +233,19 @@ def read_signals(
     ([1.0, 1.5, 1.0], 'V')
     """
     columns = {name: Column(signal.column, signal.unit) for name, signal in signals.items()}
-    return tuple(
-        one
-        for path in paths
-        for one in read_log(path, columns, time=time, session=session, sample_time=sample_time, jitter=jitter, **more)
-    )
+    options = {"time": time, "session": session, "sample_time": sample_time, "jitter": jitter, **more}
+    return tuple(part for path in paths for part in read_log(path, columns, **options))
 
 
 def offset_columns(rows: Sequence[int], width: int = 1, *, per_session: bool = True) -> Array:
-    """Regressor columns of a measured force's offsets: (sum(rows) * width, parameters), zeros and ones.
+    """Return the regressor columns of the offsets of a measured force, (sum(rows) * width, offsets), zeros and ones.
 
     Args:
-        rows: number of rows of each session, stacked one after the other, with the `width` components of a row side by
-            side.
-        width: components of the force.
-        per_session: each session has offsets of its own; False: one set for all.
+        rows: number of rows of each session; the sessions are stacked, with the `width` components of a row adjacent.
+        width: number of components of the force.
+        per_session: whether each session has its own offsets; False: one set for all.
 
-    The parameters are the components of the first session, of the second and so on. The measured force is
+    The offsets are ordered by session, then by component. The measured force is
     regressor @ parameters + these columns @ offsets.
 
     >>> gt.measurements.offset_columns([2, 1]).tolist()  # two sessions, a scalar force
@@ -272,16 +268,16 @@ def _free(signals: Mapping[str, Signal], sessions: Sequence[Session]) -> list[Fr
     return free
 
 
-def _at(time: Array, rows: Array, wanted: Array, cut: int, delay: float) -> Array:
+def _at(time: Array, rows: Array, instants: Array, cut: int, delay: float) -> Array:
     if delay == 0.0:
         return rows[cut : len(rows) - cut]
     import scipy
 
-    return scipy.interpolate.CubicSpline(time, rows)(wanted + delay)
+    return scipy.interpolate.CubicSpline(time, rows)(instants + delay)
 
 
 def _per_si(signal: Signal) -> Array:
-    """Factors of columns that arrived in SI units: the scale is per the declared unit, the column is not any more."""
+    """Return the factors from SI units back to the declared units, to which the scale refers."""
     factors = []
     for text in signal.units:
         quantity, unit = parse_unit(signal.quantity_unit or text), parse_unit(text)

@@ -50,7 +50,7 @@ def test_logs_without_a_delay_raise_as_many_alarms_as_chance_does() -> None:
 def test_copied_recordings_are_refused() -> None:
     one = shifted(1, 0)
     half = Session("half", _part(one), SAMPLE_TIME)
-    with pytest.raises(TrajectoryError, match=r"'half' repeats from"):
+    with pytest.raises(TrajectoryError, match=r"samples of 'half' repeat"):
         rows_of([one, half], regressor())
 
 

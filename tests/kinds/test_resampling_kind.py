@@ -73,17 +73,17 @@ def test_explain_names_the_clocks(folder: Path, gtmodel: Commands) -> None:
         ('column = "q1"\nunit = "deg"', 'column = "q1"\nunit = "mm"', "log", "deg"),
         ("sample_time_s = 0.01", "sample_time_s = 0.0", "grid.sample_time_s", "0"),
         ("sample_time_s = 0.01", "sample_time_s = 60.0", "grid.sample_time_s", "rows; expected at least 3"),
-        ("longest_gap_s = 0.1", "longest_gap_s = 0.001", "grid.longest_gap_s", "0.01 s apart"),
-        ("longest_gap_s = 0.1", "longest_gap_s = 0.1\nstart_s = 50.0", "grid", "0 instants are common"),
+        ("longest_gap_s = 0.1", "longest_gap_s = 0.001", "grid.longest_gap_s", "step of the rows, 0.01 s"),
+        ("longest_gap_s = 0.1", "longest_gap_s = 0.1\nstart_s = 50.0", "grid", "0 times are common"),
         ('method = "cubic"', 'method = "best"', "grid.method", "cubic"),
         ('other = "tracker_angle"', 'other = "force"', "align[0]", "one unit"),
         ('other = "tracker_angle"', 'other = "angles"', "align[0].other", "there is no signal 'angles'"),
-        ('reference = "angle"', 'reference = "force"', "align[0].other", "clock of the reference"),
+        ('reference = "angle"', 'reference = "force"', "align[0].other", "reference clock"),
         ('other = "tracker_angle"', 'other = "tracker_angle"\noffset_range_s = [1.0, -1.0]', "align[0].offset_range_s",
-         "smaller one first"),
+         "lower bound comes first"),
         ('[[align]]', '[[align]]\nreference = "angle"\nother = "force"\n[[align]]', "align[1].other", "already"),
         ('[[align]]', '[[aligned]]', "aligned", "align"),
-        ('[signals.force]', '[signals.session]', "log", "numbers the stretches"),
+        ('[signals.force]', '[signals.session]', "log", "is reserved"),
         ("robot_synthetic", "robot", "log.files[0]", "there is no file"),
         ('unit = "s" }', 'unit = "s" }\njitter = 0.2', "log.jitter", ""),
     ],
@@ -112,7 +112,7 @@ def test_clocks_that_are_not_brought_together_have_nothing_in_common(folder: Pat
     text = (folder / "p.toml").read_text()
     (folder / "p.toml").write_text(text[: text.index("[[align]]")])
     done = gtmodel("solve", folder / "p.toml")
-    assert done.code == 2 and "0 instants are common to all signals" in done.sentence and ": log" in done.sentence
+    assert done.code == 2 and "0 times are common to all signals" in done.sentence and ": log" in done.sentence
 
 
 @pytest.fixture

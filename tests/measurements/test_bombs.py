@@ -55,7 +55,7 @@ def bag(folder: Path, kind: str, compression: str) -> Path:
 def test_a_bag_that_swells_is_refused_unless_that_is_said(tmp_path: Path, kind: str, compression: str) -> None:
     path = bag(tmp_path, kind, compression)
     form = LogForm(most_growth=20.0)
-    with pytest.raises(LogError, match=r"what is compressed in it would take .* most_growth") as caught:
+    with pytest.raises(LogError, match=r"its compressed content would take .* most_growth") as caught:
         open_log(path, form)
     assert "\n" not in str(caught.value)
     (stream,) = open_log(path, LogForm(most_growth=1e5))

@@ -127,10 +127,10 @@ def changed(good: bytes, old: bytes, new: bytes) -> bytes:
     [
         ((9, 320), (99, 320), "type 99"),  # SciPy would look up a type behind its table of types
         ((9, 320), (14, 320), "type 14"),  # numbers that would be a matrix
-        ((9, 320), (9, 3200), "stands where"),
-        ((6, 8, 6, 0), (6, 8, 60, 0), "class that there is not"),
+        ((9, 320), (9, 3200), "3200 bytes exceeds"),
+        ((6, 8, 6, 0), (6, 8, 60, 0), "unknown class 60"),
         ((6, 8, 6, 0), (6, 8, 0x806, 0), "lacks some of its elements"),  # imaginary parts that are not there
-        ((5, 8, 1, 40), (5, 7, 1, 40), "how large an array is"),
+        ((5, 8, 1, 40), (5, 7, 1, 40), "takes 7 bytes"),
         ((5, 8, 1, 2), (5, 8, 1, 2**30), "rows or columns"),  # members of a cell
     ],
 )

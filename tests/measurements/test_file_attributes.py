@@ -151,7 +151,7 @@ def test_numbers_that_stand_in_another_file(tmp_path: Path) -> None:
         layout[:] = h5py.VirtualSource(str(tmp_path / "other.h5"), "x", (40,))
         file.create_virtual_dataset("y", layout)
     for name in "xy":
-        with pytest.raises(LogError, match=f"'{name}' stands in another file"):
+        with pytest.raises(LogError, match=f"'{name}' is stored in another file"):
             read_log(tmp_path / "log.h5", {"q": Column(name, "m")}, time=Column("t", "s"))
 
 
@@ -177,7 +177,7 @@ def test_a_first_row_that_looks_like_the_others_is_no_header(tmp_path: Path, wor
     path = tmp_path / "log.csv"
     path.write_text("".join(f"{word}{k},{0.5 * k},{k * k}\n" for k in range(9)))
     if word == "run":
-        with pytest.raises(LogError, match=r"line 1: 1 words and 2 numbers .* header = 0, .* header = 1"):
+        with pytest.raises(LogError, match=r"line 1: 1 words and 2 numbers .* header = 0; .* header = 1"):
             open_log(path)
     (stream,) = open_log(path, LogForm(header=0 if word == "run" else None))
     assert stream.read({"y": ["3"]}).values["y"][:, 0].tolist() == [k * k for k in range(9)]
@@ -187,7 +187,7 @@ def test_decimal_commas_between_blanks_are_asked_about(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     for head in ("t x\n", ""):
         path.write_text(head + "0,0  1,5\n0,1  1,7\n0,2  1,6\n")
-        with pytest.raises(LogError, match=r"'0,0  1,5'; if they do, say decimal = .comma."):
+        with pytest.raises(LogError, match=r"'0,0  1,5'; if so, set decimal = .comma."):
             open_log(path)
         (stream,) = open_log(path, LogForm(decimal="comma"))
         assert stream.read({"x": [stream.heads.names[1]]}).values["x"][:, 0].tolist() == [1.5, 1.7, 1.6]
@@ -199,8 +199,8 @@ def test_links_of_hdf5_are_named_with_where_they_lead(tmp_path: Path) -> None:
         file["t"], file["x"] = T, STORED
     for name, link, said in (
         ("elsewhere", h5py.ExternalLink("numbers.h5", "/x"), r"'x' is a link to '/x' of numbers.h5; read that file"),
-        ("nowhere", h5py.SoftLink("/in/y"), r"'x' is a link to '/in/y', where this file holds nothing"),
-        ("round", h5py.SoftLink("/x"), r"'x' is a link to '/x', where this file holds nothing"),
+        ("nowhere", h5py.SoftLink("/in/y"), r"'x' is a link to '/in/y', which this file does not contain"),
+        ("round", h5py.SoftLink("/x"), r"'x' is a link to '/x', which this file does not contain"),
     ):
         with h5py.File(tmp_path / f"{name}.h5", "w") as file:
             file["x"] = link
@@ -210,6 +210,6 @@ def test_links_of_hdf5_are_named_with_where_they_lead(tmp_path: Path) -> None:
             file["t"], file["raw/z"], file["z"] = T, STORED, h5py.SoftLink("/raw/z")
         read = {"z": Column("raw.z", "1")}
         assert len(read_log(tmp_path / f"{name}.h5", read, time=Column("t", "s"))) == 1
-        for column, words in (("x", said), ("z", "'z' is a link to 'raw.z' of this file; take that name")):
+        for column, words in (("x", said), ("z", "'z' is a link to 'raw.z' of this file; use that name")):
             with pytest.raises(LogError, match=words):
                 read_log(tmp_path / f"{name}.h5", {"q": Column(column, "1")}, time=Column("t", "s"))

@@ -136,7 +136,7 @@ def test_refusals() -> None:
         (lambda: second_derivative(TIME[:2], DT), r"there are 2 rows to differentiate"),
         (lambda: excitation_band(np.ones(50), DT), r"nothing moves"),
         (lambda: motion(session(TIME), "q", ZeroPhase(0.5)), r"'made here' lasts 7.996 s; expected more than twice"),
-        (lambda: decimate(session(TIME).trajectory, 0), r"every 0th of 2000 rows"),
+        (lambda: decimate(session(TIME).trajectory, 0), r"every = 0 of 2000 rows"),
     ):
         with pytest.raises(TrajectoryError, match=said):
             call()

@@ -164,7 +164,7 @@ def test_bags_and_tables_of_other_programs(tmp_path: Path) -> None:
     study = inspect(tmp_path / "log.bag")
     assert list(study.streams) == ["/x"] and study.inspected[0].clock is not None
     assert study.inspected[0].clock.sampling.rate == pytest.approx(250.0, rel=1e-6)
-    assert any("its time is when the message was received" in note for note in study.notes)
+    assert any("its time is the time of reception" in note for note in study.notes)
 
 
 def test_words_and_dates_in_columns(tmp_path: Path) -> None:
@@ -187,12 +187,12 @@ def said_of(folder: Path, header: str, rows: list[str]) -> str:
 def test_columns_that_are_not_looked_at_are_named(tmp_path: Path) -> None:
     assert "columns 2, 3 are all called 'x'" in said_of(tmp_path, "t_s,x,x", ROWS)
     assert "column 2 has no name" in said_of(tmp_path, "t_s,,x", ROWS)
-    assert "not looked at" not in said_of(tmp_path, "t_s,x,y", ROWS)
+    assert "ignored" not in said_of(tmp_path, "t_s,x,y", ROWS)
 
 
 def test_a_word_among_numbers_is_shown_with_its_line(tmp_path: Path) -> None:
     said = said_of(tmp_path, "t_s,x,y", [*ROWS[:30], "0.30,error 7,1", "0.31,,nan", *ROWS[32:]])
-    assert "line 32, column 'x': 'error 7' is no number and counts as empty" in said and "column 'y'" not in said
+    assert "line 32, column 'x': 'error 7' is not a number and counts as empty" in said and "column 'y'" not in said
     several = [row.replace(",", ";").replace(".", ",") for row in ROWS]
     assert 'decimal = "comma"' in said_of(tmp_path, "t_s;x;y", several)
 

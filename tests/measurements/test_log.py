@@ -54,7 +54,7 @@ def test_a_session_column_parts_the_rows(tmp_path: Path) -> None:
         (dict(header="t [ms],position [mm],cur,temp"), r"log.csv line 2: there is no column 'pos'; did you mean"),
         (dict(header="t [ms],pos [m],cur,temp"), r"line 2: 'pos' is in m here and declared in mm; correct one"),
         (dict(header="t [ms],pos [parsec],cur,temp"), r"line 2, column 'pos': unit 'parsec'"),
-        (dict(header="t [ms],pos,pos,cur"), r"line 2: 'pos' is there twice, in columns 2 and 3"),
+        (dict(header="t [ms],pos,pos,cur"), r"line 2: 'pos' occurs twice, in columns 2 and 3"),
         (dict(row=(2, "8,nan,1,7")), r"line 5, column 'pos': found 'nan'; expected a finite number"),
         (dict(row=(2, "8,1,7")), r"line 5: found 3 cells; expected 4"),
         (dict(row=(2, "3,20,1,7")), r"line 5, column 't': 3.0 ms does not come after 4.0 ms in line 4"),

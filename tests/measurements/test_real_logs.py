@@ -172,4 +172,4 @@ def test_tables(columns: dict[str, tuple[list[str], str]], name: str, rows: int,
     path = table_twin(tmp_path / "twin.csv", columns) if name == "twin" else there(name)
     shapes = {name: values.shape for name, values in read_table(path, columns).values.items()}
     assert shapes == {name: (rows, len(members)) for name, (members, _) in columns.items()}
-    assert any("no column of time" in note for note in inspect(path).notes)
+    assert any("no time column" in note for note in inspect(path).notes)

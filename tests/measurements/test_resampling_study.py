@@ -36,7 +36,7 @@ def test_a_known_delay_is_taken_off() -> None:
     assert study.trajectory["late"] == pytest.approx(study.trajectory["q"], abs=1e-4)
     as_it_stands = resampling_study(both, EvenGrid(sample_time=0.01))
     assert np.abs(as_it_stands.trajectory["late"] - as_it_stands.trajectory["q"]).max() > 0.05
-    assert any("'b' are taken as they stand" in note for note in as_it_stands.notes)
+    assert any("'b' are not aligned" in note for note in as_it_stands.notes)
 
 
 def test_a_gap_of_one_signal_parts_all_and_the_stretches_are_numbered() -> None:
@@ -68,7 +68,7 @@ def test_an_interval_holds_the_truth_and_is_wider_where_residuals_are_coloured()
 
 
 def test_it_says_what_a_coarse_grid_folds_down_and_stops_when_asked() -> None:
-    assert any("folded down" in note for note in resampling_study(sampled(0.01, 1), EvenGrid(sample_time=0.1)).notes)
+    assert any("aliased" in note for note in resampling_study(sampled(0.01, 1), EvenGrid(sample_time=0.1)).notes)
     assert resampling_study(sampled(0.01, 1), stop=lambda: True).status is gt.SolveStatus.INTERRUPTED
 
 

@@ -60,7 +60,7 @@ def test_a_delay_may_differ_from_session_to_session() -> None:
 def test_a_delay_at_its_bound_is_told() -> None:
     signal = Signal("vir", "V", scale=35.0, delay=ESTIMATE, quantity_unit="N")
     corrections = Corrections({"force": signal}, [logged(0.03, 35.0, 0.0)], longest_delay=0.01)
-    with pytest.raises(LogError, match=r"the estimate of force.delay runs to its bound, 10 ms"):
+    with pytest.raises(LogError, match=r"the estimate of force.delay has reached its bound, 10 ms"):
         corrections.estimate(lambda done: done[0].trajectory["force"] - force(done[0].trajectory["clock"]))
 
 

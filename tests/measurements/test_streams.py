@@ -259,7 +259,7 @@ def test_bags(tmp_path: Path, kind: str) -> None:
     streams = {stream.name: stream for stream in open_log(path)}
     assert set(streams) == {"/imu", "/force"}
     assert streams["/imu"].clock == "header.stamp" and "stamp of the header" in streams["/imu"].remarks[0]
-    assert streams["/force"].clock == "receive_time" and "was received" in streams["/force"].remarks[0]
+    assert streams["/force"].clock == "receive_time" and "time of reception" in streams["/force"].remarks[0]
     names = tuple(f"angular_velocity.{x}" for x in "xyz")
     columns = {"w": Column(names, "rad/s", stream="/imu"), "f": Column("data", "N", stream="/force")}
     recording = read_recording(path, columns)
@@ -392,7 +392,7 @@ def test_a_file_without_time_has_the_one_that_is_given(tmp_path: Path) -> None:
     path.write_text("x\n1\n2\n4\n")
     (session,) = read_log(path, {"x": Column("x", "m")}, time=None, sample_time=0.002)
     assert session.trajectory.time.tolist() == [0.0, 0.002, 0.004] and session.sample_time == 0.002
-    with pytest.raises(LogError, match="sample time has to be given"):
+    with pytest.raises(LogError, match="sample time is needed"):
         read_log(path, {"x": Column("x", "m")}, time=None)
 
 
@@ -451,7 +451,7 @@ def test_clocks_of_several_files(tmp_path: Path) -> None:
         read_recording(paths, {"u": Column("u", "V")})
     with pytest.raises(LogError, match="in no file"):
         read_recording(paths, {"u": Column("w", "V")})
-    with pytest.raises(LogError, match="none of those"):
+    with pytest.raises(LogError, match="is not in the recording"):
         read_recording(paths, {"u": Column("u", "V", file="c.csv")})
 
 

@@ -81,7 +81,7 @@ TEXTS: dict[str, tuple[str | bytes, list[str], dict[str, Any]]] = {
     "a pointer of Git LFS": (
         "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n", ["log.csv", "git lfs pull"], {}
     ),
-    "lines that do not end": (GOOD + "1," * (LONGEST_LINE // 2 + BLOCK), ["log.csv line 10", "no table"], {}),
+    "lines that do not end": (GOOD + "1," * (LONGEST_LINE // 2 + BLOCK), ["log.csv line 10", "not a table"], {}),
     "the time goes back": (changed("0.3,", "0.1,"), ["log.csv line 5", "'t'", "line 4"], {}),
     "a time twice": (changed("0.3,", "0.2,"), ["log.csv line 5", "'t'", "line 4"], {}),
     "a sample missing": (changed("0.3,3,9\n", ""), ["log.csv line 5", "1 sample is missing"], {}),

@@ -48,10 +48,10 @@ def test_the_delay_is_found(delay) -> None:
 @pytest.mark.parametrize("times", [2, 20])
 def test_copied_recordings_are_refused(times) -> None:
     given = steps(0.9647, 0.03527)
-    with pytest.raises(ArgumentError, match=r"'recording 4' repeats from 0 s on, in .* what 'recording 1' holds"):
+    with pytest.raises(ArgumentError, match=r"from 0 s, .* samples of 'recording 4' repeat .* those of 'recording 1'"):
         identify_step(given * times)
     joined = Record(np.vstack([r.u for r in given] * 2), np.vstack([r.y for r in given] * 2), TS)
-    with pytest.raises(ArgumentError, match=r"'recording 1' repeats from .* what 'recording 1' holds"):
+    with pytest.raises(ArgumentError, match=r"samples of 'recording 1' repeat .* those of 'recording 1'"):
         identify_step(joined)
 
 

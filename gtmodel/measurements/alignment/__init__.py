@@ -1,1 +1,1 @@
-"""Clocks brought together, and delays: two recordings of one signal, sampled by different clocks or late."""
+"""Alignment of clocks, and delays between signals of one motion."""

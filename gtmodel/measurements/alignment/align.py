@@ -1,4 +1,4 @@
-"""Offset and drift between two clocks by a signal that both recordings show, with intervals."""
+"""Offset and drift between two clocks, with intervals, from a signal in both recordings."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ from ..log import LogError
 from .common_curve import OVERLAP, PROBES, CurveFit, Freed, Series, Warp, coarse_offset, fit_curve, shown
 
 FEWEST = 20  # rows of each recording
-COARSEST = 16  # knots of the first curve
-ROWS_A_KNOT = 2.5  # of both recordings together: fewer, and nothing is left to judge the fit by
+COARSEST = 16  # knot intervals of the first curve
+ROWS_A_KNOT = 2.5  # least rows of both recordings per knot, so that the residuals can be tested
 LAGS = 20
-NEARLY_ALL = 0.9  # of what the closest knots show: with these the fit begins
-TINY_P = 1e-6  # what a fit to so few simulations can say
-MOST_DRIFT = 0.05  # of rate: the worst clocks of loggers, resonators without a crystal, are off by 1 or 2 %
-RELATED = 0.5  # of the variance that the common curve must explain: else they are no two views of one signal
+NEARLY_ALL = 0.9  # the fit begins with knots that explain this share of what the closest knots explain
+TINY_P = 1e-6  # smallest p-value that PROBES simulations can support
+MOST_DRIFT = 0.05  # relative rate: the worst clocks, resonators without a crystal, are off by 1 or 2 %
+RELATED = 0.5  # share of the variance that the common curve must explain; below it the signals are unrelated
 
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """Where another clock stands against a reference, and how well that is known.
+    """Offset and drift of another clock relative to a reference clock, with their uncertainty.
 
-    `warp(t)` gives the reference's times of times t on the other's clock; `bring(trajectory)` does so for a whole
-    recording. `estimate`: "offset" [s], what the other's times want added in the middle of its recording, "drift" [1]
-    where it is free, and "scale" and "shift" of each signal. `explained`: the share of the variance that the curve
-    explains where both have rows, of the other signal, or of the reference where that is less and not white. `noise`
-    (signals, 2): standard deviations of reference and other, in their units. `tests`: whether the residuals of each
-    recording are white, by name; `coloured` where one is not, the intervals are then those of Newey and West.
-    `resolved`: whether a finer curve would fit no better than chance. `residuals`: name -> times on the reference's
-    clock and residuals of the other recording, in `unit` where all signals have one.
+    `warp(t)` converts times of the other clock to the reference clock; `bring(trajectory)` converts a recording.
+    `estimate`: "offset" [s], to be added to the other times at the middle of that recording; "drift" [1], if estimated;
+    "scale" and "shift" of each signal. `explained`: share of the variance that the common curve explains where the
+    recordings overlap; the smaller share of both signals, except that a reference with white residuals does not count.
+    `noise` (signals, 2): standard deviations of reference and other signal, in their units. `tests`: whiteness test of
+    the residuals of each recording; if one fails, `coloured` is true and the intervals are those of Newey and West.
+    `resolved`: whether a finer curve would not fit significantly better. `residuals`: name -> times on the reference
+    clock and residuals of the other recording, in `unit` if all signals share one.
     """
 
     warp: Warp
@@ -57,20 +57,20 @@ class Alignment:
 
     @property
     def offset(self) -> float:
-        """[s] to be added to the other's times, in the middle of its recording."""
+        """Offset [s] to be added to the times of the other clock, at the middle of its recording."""
         return self.warp.offset
 
     @property
     def drift(self) -> float:
-        """[1] by which the reference's clock runs faster."""
+        """Relative rate [1] by which the reference clock runs faster."""
         return self.warp.drift
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of a name of `estimate`. Raises ArgumentError for another one."""
+        """Return the confidence interval of an entry of `estimate`. Raises ArgumentError for an unknown name."""
         return self.estimate.interval(name, level)
 
     def bring(self, trajectory: Trajectory) -> Trajectory:
-        """A recording of the other clock with the times of the reference."""
+        """Return a recording of the other clock with times of the reference clock."""
         return Trajectory(
             self.warp(trajectory.time), {n: trajectory[n] for n in trajectory.names},
             {n: trajectory.unit(n) for n in trajectory.names}, title=trajectory.title,
@@ -80,10 +80,10 @@ class Alignment:
     @property
     def message(self) -> str:
         low, high = self.interval("offset")
-        text = f"the other clock wants {self.offset:.6g} s added ({low:.6g} to {high:.6g})"
+        text = f"add {self.offset:.6g} s ({low:.6g} to {high:.6g}) to the times of the other clock"
         if "drift" in self.estimate.names:
             half = 0.5 * float(np.diff(self.interval("drift"))[0])
-            text += f" and runs {-1e6 * self.drift:.3g} ppm fast (+- {1e6 * half:.2g})"
+            text += f", which runs {-1e6 * self.drift:.3g} ppm fast (+- {1e6 * half:.2g})"
         return text
 
 
@@ -98,29 +98,29 @@ def align(
     within: tuple[float, float] | None = None,
     progress: Progress = silent,
 ) -> Alignment:
-    """Where the clock of one recording stands against that of another, by signals that both show.
+    """Estimate offset and drift between the clocks of two recordings, from signals that both contain.
 
     Args:
         reference, other: recordings; their rows may be uneven and have gaps.
-        signals: names in the reference -> names in the other; a name or names where both have the same; None for all
-            that both have. Components of vectors are taken one by one. Their units must agree.
+        signals: names in the reference -> names in the other; a name or names if they agree; None for all common names.
+            Components of vectors are used separately. Units must agree.
         drift: whether the clocks may differ in rate.
-        scale, shift: whether the other signal may be scale times the reference's plus shift.
-        within: the range of the offset [s]; None for all at which half of the shorter recording overlaps.
+        scale, shift: whether the other signal may be scale times the reference signal plus shift.
+        within: range of the offset [s]; None for all offsets at which half of the shorter recording overlaps.
 
-    A coarse offset by correlation, then one cubic spline through both recordings, with offset, drift, scale and shift
-    estimated along, and the noise of each. Knots are set closer until a finer curve explains no more than chance. The
-    residuals are tested for whiteness against white noise sent through the same fit; the interval is that of white
-    noise where they pass and Newey and West's where they do not. Raises LogError where the signals do not agree at any
-    offset, or at two alike, ArgumentError for names and units.
+    Correlation gives a coarse offset. Then one cubic spline is fitted to both recordings, together with offset, drift,
+    scale, shift and the noise level of each. Knots are refined until a finer curve is not significantly better. The
+    residuals are tested for whiteness against white noise passed through the same fit. Intervals are those for white
+    noise if the test passes, otherwise those of Newey and West. Raises LogError if the signals agree at no offset or
+    equally well at two, ArgumentError for wrong names or units.
 
     >>> t = np.linspace(0.0, 20.0, 1001)
     >>> wave = lambda t: np.sin(t + 0.2 * t**2)
     >>> rng = np.random.default_rng(0)
     >>> robot = gt.Trajectory(t, {"q": wave(t) + 0.01 * rng.normal(size=t.size)}, {"q": "rad"})
     >>> tracker = gt.Trajectory(t[:900] + 100.0, {"q": wave(t[:900] + 0.7) + 0.01 * rng.normal(size=900)}, {"q": "rad"})
-    >>> found = gt.measurements.align(robot, tracker)
-    >>> round(found.offset, 3), abs(found.drift) < 1e-4
+    >>> alignment = gt.measurements.align(robot, tracker)
+    >>> round(alignment.offset, 3), abs(alignment.drift) < 1e-4
     (-99.3, True)
     """
     pairs = _pairs(reference, other, signals)
@@ -128,11 +128,11 @@ def align(
     series = _series(reference, other, pairs)
     low, high = within or _widest(series)
     if not low <= high:
-        raise ArgumentError(f"the offset may be from {low:g} to {high:g} s; expected the smaller one first", "within")
+        raise ArgumentError(f"the range of the offset is {low:g} to {high:g} s; the lower bound comes first", "within")
     progress("correlating", 0.1)
     start = coarse_offset(series, low, high)
-    at = 0.5 * float(series[0].other_time[0] + series[0].other_time[-1])
-    warp = _with_scales(series, Warp(at, start, 0.0, np.ones(len(series)), np.zeros(len(series))), scale, shift)
+    middle = 0.5 * float(series[0].other_time[0] + series[0].other_time[-1])
+    warp = _with_scales(series, Warp(middle, start, 0.0, np.ones(len(series)), np.zeros(len(series))), scale, shift)
     fit, resolved = _fine_enough(series, warp, Freed(drift, scale, shift), progress)
     if not low - 0.5 * (high - low) <= fit.warp.offset <= high + 0.5 * (high - low):
         raise LogError(f"the estimated offset, {fit.warp.offset:.6g} s, has left the range {low:g} to {high:g} s")
@@ -140,8 +140,8 @@ def align(
     unit = units.pop() if len(units) == 1 else ""
     if abs(fit.warp.drift) > MOST_DRIFT:
         raise LogError(
-            f"the clocks would differ in rate by {100 * abs(fit.warp.drift):.2g} %, which clocks do not; expected at "
-            f"most {100 * MOST_DRIFT:g} %, so take signals that show the same motion, and check the units of both times"
+            f"the estimated rates of the clocks differ by {100 * abs(fit.warp.drift):.2g} %; expected at most "
+            f"{100 * MOST_DRIFT:g} %; use signals of the same motion, and check the units of both times"
         )
     return _judged(series, fit, resolved, unit, drift, scale, shift)
 
@@ -172,7 +172,7 @@ def _series(
             )
         if a.shape[1:] != b.shape[1:]:
             raise ArgumentError(
-                f"'{first}' has {a[0].size} components and '{second}' {b[0].size}; expected as many", "signals"
+                f"'{first}' has {a[0].size} components and '{second}' {b[0].size}; expected equal numbers", "signals"
             )
         for which, rows in (("reference", a), ("other recording", b)):
             if len(rows) < FEWEST:
@@ -182,11 +182,11 @@ def _series(
             name = first if a.shape[1] == 1 else f"{first}[{k}]"
             if np.ptp(a[:, k]) == 0.0 or np.ptp(b[:, k]) == 0.0:
                 if a.shape[1] > 1:
-                    continue  # an axis that stands still says nothing
-                raise LogError(f"'{name}' does not vary; take a signal that moves in both recordings")
+                    continue
+                raise LogError(f"'{name}' does not vary; use a signal that moves in both recordings")
             series.append(Series(name, reference.time, a[:, k], other.time, b[:, k]))
     if not series:
-        raise LogError(f"'{next(iter(pairs))}' does not vary; take a signal that moves in both recordings")
+        raise LogError(f"'{next(iter(pairs))}' does not vary; use a signal that moves in both recordings")
     return series
 
 
@@ -199,7 +199,7 @@ def _widest(series: Sequence[Series]) -> tuple[float, float]:
 
 
 def _with_scales(series: Sequence[Series], warp: Warp, scale: bool, shift: bool) -> Warp:
-    """Scales and shifts at the coarse offset, by straight lines."""
+    """Fit scales and shifts at the coarse offset with straight lines."""
     scales, shifts = warp.scale.copy(), warp.shift.copy()
     for k, s in enumerate(series):
         u = warp(s.other_time)
@@ -215,7 +215,7 @@ def _with_scales(series: Sequence[Series], warp: Warp, scale: bool, shift: bool)
 
 
 def _fine_enough(series: Sequence[Series], warp: Warp, freed: Freed, progress: Progress) -> tuple[CurveFit, bool]:
-    """The fit with the widest knots whose next two halvings explain no more than chance; else with the closest."""
+    """Return the coarsest fit that two halvings of the knot spacing do not improve significantly, else the finest."""
     s = series[0]
     length = max(s.reference_time[-1], warp(s.other_time)[-1]) - min(s.reference_time[0], warp(s.other_time)[0])
     closest = ROWS_A_KNOT * length / (len(s.reference) + len(s.other))
@@ -224,7 +224,7 @@ def _fine_enough(series: Sequence[Series], warp: Warp, freed: Freed, progress: P
         spacings.append(spacings[-1] / 2)
     fits = list[CurveFit]()
     noise = None
-    # a curve too coarse to show the motion says nothing of the clocks: the fit would run away from the coarse offset
+    # with a curve too coarse to show the motion, the fit would run away from the coarse offset
     shares = [min(shown(series, warp, spacing)) for spacing in spacings]
     if max(shares) > RELATED:
         spacings = spacings[next(k for k, share in enumerate(shares) if share >= NEARLY_ALL * max(shares)) :]
@@ -240,7 +240,7 @@ def _fine_enough(series: Sequence[Series], warp: Warp, freed: Freed, progress: P
 
 
 def _chance(coarse: CurveFit, fine: CurveFit) -> bool:
-    """Whether the finer curve leaves no less than chance takes away: an F test in the noise of the finer one."""
+    """Return whether the finer curve is not significantly better: an F test with the noise levels of the finer fit."""
     more = fine.curve - coarse.curve
     if more <= 0 or fine.degrees_of_freedom <= 0:
         return True
@@ -257,20 +257,19 @@ def _judged(
 ) -> Alignment:
     tests, residuals, explained = dict[str, Verdict](), dict[str, tuple[Array, Array]](), list[float]()
     for k, (s, pair) in enumerate(zip(series, fit.parts, strict=True)):
-        of = "" if len(series) == 1 else f" of {s.name}"
+        suffix = "" if len(series) == 1 else f" of {s.name}"
         for which, part in zip(("reference", "other"), pair, strict=True):
-            tests[f"{which} signal{of}"] = _whiteness(fit.residuals[part], fit.simulated[part])
-        left = fit.noise[k, 1] * fit.residuals[pair[1]]
-        residuals[s.name] = fit.times[pair[1]], left
+            tests[f"{which} signal{suffix}"] = _whiteness(fit.residuals[part], fit.simulated[part])
+        residuals[s.name] = fit.times[pair[1]], fit.noise[k, 1] * fit.residuals[pair[1]]
         shares = _explained(s, fit, k)
-        if tests[f"reference signal{of}"].passed:
-            shares.pop(" of the reference", None)  # white: the reference is noisy, and the other one is not
+        if tests[f"reference signal{suffix}"].passed:
+            shares.pop(" of the reference", None)  # its residuals are noise
         explained += shares.values()
         for whose, share in shares.items():
             if share < RELATED:
                 raise LogError(
                     f"the common curve explains {100 * max(share, 0.0):.0f} % of '{s.name}'{whose} at the best offset, "
-                    f"{fit.warp.offset:.6g} s; expected more than half, so take signals that show the same motion"
+                    f"{fit.warp.offset:.6g} s; expected more than half, so use signals of the same motion"
                 )
     coloured = not all(v.passed for v in tests.values())
     n, k = fit.border.shape
@@ -278,7 +277,7 @@ def _judged(
         order = np.argsort(fit.times, kind="stable")
         lags = _lags(fit)
         covariance = newey_west(fit.border[order], fit.residuals[order], lags=lags)
-        covariance *= (n - k) / fit.degrees_of_freedom  # the curve's degrees of freedom are gone, too
+        covariance *= (n - k) / fit.degrees_of_freedom  # accounts for the coefficients of the curve
     else:
         covariance = white(fit.border, fit.sum_of_squares / fit.degrees_of_freedom, scale=_norms(fit.border))
     names, values, units = ["offset"], [fit.warp.offset], ["s"]
@@ -292,11 +291,11 @@ def _judged(
     notes = []
     if coloured:
         worst = min(tests, key=lambda name: tests[name].p)
-        notes.append(f"{worst}: {tests[worst].message}; intervals are those of coloured residuals (Newey and West)")
+        notes.append(f"{worst}: {tests[worst].message}; the intervals allow for this (Newey and West)")
     if not resolved:
         notes.append(
-            "the signals hold more than a curve of the sampling's own resolution shows: what is faster than "
-            f"{1e3 * fit.spacing:.3g} ms counts as noise"
+            "the signals contain more than the sampling resolves: components faster than "
+            f"{1e3 * fit.spacing:.3g} ms count as noise"
         )
     estimate = Estimate(
         tuple(names), np.array(values), covariance, float(fit.degrees_of_freedom), 1.0, False, fit.residuals, (),
@@ -318,21 +317,20 @@ def _judged(
 
 
 def _explained(s: Series, fit: CurveFit, k: int) -> dict[str, float]:
-    """Shares of the variance of the other recording and of the reference that series k's curve explains, by whose they
-    are. Only where both have rows: elsewhere the curve follows the one that has. Raises LogError for a short overlap.
-    """
+    """Return the explained shares of the variance of both recordings of series k, keyed by a suffix for messages. Only
+    the overlap counts: elsewhere the curve follows a single recording. Raises LogError if the overlap is too short."""
     u = fit.warp(s.other_time)
     low, high = max(s.reference_time[0], u[0]), min(s.reference_time[-1], u[-1])
     if high - low < OVERLAP * min(np.ptp(s.reference_time), np.ptp(u)) * 0.9:
         raise LogError(
             f"the recordings of '{s.name}' overlap for {high - low:.3g} s at the best offset, {fit.warp.offset:.6g} s, "
-            "which is less than half of the shorter one; take signals that show the same motion"
+            "which is less than half of the shorter one; use signals of the same motion"
         )
     shares = {}
     for whose, which, time, values in (("", 1, u, s.other), (" of the reference", 0, s.reference_time, s.reference)):
-        there = (time >= low) & (time <= high)
-        left = fit.noise[k, which] * fit.residuals[fit.parts[k][which]]
-        shares[whose] = 1.0 - float(np.var(left[there]) / max(np.var(values[there]), np.finfo(float).tiny))
+        overlap = (time >= low) & (time <= high)
+        residuals = fit.noise[k, which] * fit.residuals[fit.parts[k][which]]
+        shares[whose] = 1.0 - float(np.var(residuals[overlap]) / max(np.var(values[overlap]), np.finfo(float).tiny))
     return shares
 
 
@@ -341,7 +339,7 @@ def _norms(J: Array) -> Array:
 
 
 def _lags(fit: CurveFit) -> int:
-    """Bandwidth in rows of both recordings together, from that of each."""
+    """Return the Newey-West bandwidth in rows of both recordings together, from the bandwidth of each."""
     longest = 1.0
     total = len(fit.times) / max(np.ptp(fit.times), np.finfo(float).tiny)
     for pair in fit.parts:
@@ -352,7 +350,7 @@ def _lags(fit: CurveFit) -> int:
 
 
 def _whiteness(r: Array, simulated: Array) -> Verdict:
-    """Ljung and Box's sum of squared autocorrelations against that of white noise sent through the same fit."""
+    """Ljung-Box test whose null distribution comes from white noise passed through the same fit."""
     lags = min(LAGS, len(r) // 5)
     c = autocorrelation(r, lags)[1:]
     Q = portmanteau(c, len(r))
@@ -360,6 +358,6 @@ def _whiteness(r: Array, simulated: Array) -> Verdict:
     mean, variance = float(chance.mean()), float(chance.var(ddof=1))
     p = float(chi_squared_chance(Q * 2 * mean / variance, 2 * mean**2 / variance))
     k = int(np.argmax(np.abs(c)))
-    said = "residuals look white" if p >= SMALL_P else f"residuals are coloured (correlation {c[k]:.2f} at lag {k + 1})"
-    shown = f"= {p:.2g}" if p >= TINY_P else f"below {TINY_P:g}"
-    return Verdict(Q, p, p >= SMALL_P, f"{said}, p {shown} by {PROBES} simulations of white noise")
+    text = "residuals look white" if p >= SMALL_P else f"residuals are coloured (correlation {c[k]:.2f} at lag {k + 1})"
+    p_text = f"= {p:.2g}" if p >= TINY_P else f"below {TINY_P:g}"
+    return Verdict(Q, p, p >= SMALL_P, f"{text}, p {p_text} from {PROBES} simulations of white noise")

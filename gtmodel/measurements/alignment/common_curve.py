@@ -1,5 +1,5 @@
-"""The shift at which two recordings agree, by correlation, and one smooth curve through both with the clock, scale
-and shift of the second."""
+"""Coarse offset between two recordings by correlation, and the fit of one smooth curve to both together with clock,
+scale and shift of the second."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from ...inference.nonlinear import descend
 from ...results.trajectory_checks import Array
 from ..log import LogError
 
-OVERLAP = 0.5  # of the shorter recording: less of it says little of a shift
-RIVAL = 0.98  # of the largest correlation: another peak as high leaves the shift open
-FLAT = 0.5  # of the largest correlation, below which a peak ends
+OVERLAP = 0.5  # least overlap, as a share of the shorter recording
+RIVAL = 0.98  # share of the largest correlation: a second peak as high makes the offset ambiguous
+FLAT = 0.5  # share of the largest correlation below which a peak ends
 
 
 class Series(NamedTuple):
-    """One scalar signal in both recordings: times [s] and values of the reference, and of the other by its clock."""
+    """One scalar signal in both recordings: times [s], each on its own clock, and values."""
 
     name: str
     reference_time: Array
@@ -30,10 +30,10 @@ class Series(NamedTuple):
 
 
 def coarse_offset(series: Sequence[Series], low: float, high: float) -> float:
-    """What the other's times want added to agree best, between low and high [s].
+    """Return the offset of the other times, between low and high [s], at which the recordings agree best.
 
-    The squared correlation coefficients of all series, over what overlaps, are averaged; signs do not matter. Raises
-    LogError where nothing varies, and where two shifts agree alike, as with a periodic motion.
+    The criterion is the mean over all series of the squared correlation coefficient in the overlap; signs do not
+    matter. Raises LogError if a signal does not vary, and if two offsets fit equally well, as for a periodic motion.
     """
     step = min(
         min(float(np.median(np.diff(s.reference_time))), float(np.median(np.diff(s.other_time)))) for s in series
@@ -55,13 +55,13 @@ def coarse_offset(series: Sequence[Series], low: float, high: float) -> float:
     if rival is not None:
         raise LogError(
             f"the signals agree as well at an offset of {offsets[rival]:.6g} s as at {offsets[best]:.6g} s; the motion "
-            "repeats itself, so give the range in which the offset lies"
+            "repeats itself, so state the range of the offset"
         )
     return float(offsets[best])
 
 
 def _correlation(s: Series, step: float) -> tuple[Array, Array]:
-    """Lags in samples of the other's start against the reference's, and the squared correlation coefficient of each."""
+    """Return the lags of the other recording, in samples, and the squared correlation coefficient at each."""
     import scipy
 
     x, y = _even(s.reference_time, s.reference, step), _even(s.other_time, s.other, step)
@@ -80,7 +80,7 @@ def _correlation(s: Series, step: float) -> tuple[Array, Array]:
     enough = count >= OVERLAP * min(n, m)
     least = 1e-9 * np.array([np.sum(x * x), np.sum(y * y)])
     if least.min() == 0.0:
-        raise LogError(f"'{s.name}' does not vary; take a signal that moves in both recordings")
+        raise LogError(f"'{s.name}' does not vary; use a signal that moves in both recordings")
     varied = enough & (var_x > least[0]) & (var_y > least[1])
     square = np.full(len(lags), np.nan)
     square[varied] = between[varied] ** 2 / (var_x[varied] * var_y[varied])
@@ -92,29 +92,29 @@ def _even(time: Array, values: Array, step: float) -> Array:
 
 
 def _rival(score: Array, best: int) -> int | None:
-    """Another peak nearly as high, beyond the valley beside the best one."""
+    """Return another peak that is nearly as high as the best one, beyond the adjacent valleys."""
     low = score < FLAT * score[best]
     left, right = np.flatnonzero(low[:best]), np.flatnonzero(low[best:])
     others = score.copy()
     others[(left[-1] if left.size else 0) : best + (right[0] if right.size else len(score)) + 1] = -1.0
-    other = int(np.argmax(others))
-    return other if others[other] > RIVAL * score[best] else None
+    second = int(np.argmax(others))
+    return second if others[second] > RIVAL * score[best] else None
 
 
-PROBES = 48  # simulated white residuals: traces to a few per mille, the residual test to a tenth of its spread
+PROBES = 48  # simulated white residuals: traces accurate to a few per mille, the residual test to a tenth of its spread
 ITERATIONS = 30
-REWEIGHTS = 4  # the two noise levels settle in so many turns
-RIDGE = 1e-10  # of the largest diagonal: where neither recording has a row the curve is of no matter
-SETTLED = 0.02  # change of the logarithm of a noise level
-SMALL = 1e-9  # of the residuals' length: the step that changes them by less is the end
-# where so many tries lowered the sum of squares by no more than this part: a row that enters an interval of its own
-# bends the sum by as much, and steps would be shortened again and again
+REWEIGHTS = 4  # updates of the two noise levels
+RIDGE = 1e-10  # over the largest diagonal element; fixes the curve where neither recording has rows
+SETTLED = 0.02  # change of the logarithm of a noise level at convergence
+SMALL = 1e-9  # relative change of the residuals at convergence
+# the descent ends if this many tries lowered the sum of squares by no more than this share: a row that enters another
+# interval changes the sum by as much, so the step would be shortened again and again
 TRIED, LEVEL = 10, 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Warp:
-    """What is estimated: offset [s] at `at` on the other's clock, drift [1], scale and shift of each series."""
+    """Estimated parameters: offset [s] at time `at` of the other clock, drift [1], scale and shift of each series."""
 
     at: float
     offset: float
@@ -123,15 +123,16 @@ class Warp:
     shift: Array
 
     def __call__(self, time: Array) -> Array:
-        """The reference's times of times on the other's clock."""
+        """Return the times on the reference clock of times on the other clock."""
         return time + self.offset + self.drift * (time - self.at)
 
 
 @dataclass(frozen=True, eq=False)
 class CurveFit:
-    """A fitted common curve. `border`: rows of both recordings after the curve is eliminated (rows, estimated),
-    divided by the noise; `residuals` likewise, all of the references first. `noise` (series, 2):
-    standard deviations. `curve`: number of its coefficients. `simulated` (rows, PROBES): residuals of white noise."""
+    """A fitted common curve. `border` (rows, parameters): Jacobian of the parameters after elimination of the curve,
+    and `residuals`: both over the noise, for each series first the reference, then the other recording. `noise`
+    (series, 2): standard deviations. `curve`: number of coefficients. `simulated` (rows, PROBES): residuals of white
+    noise."""
 
     warp: Warp
     spacing: float
@@ -162,9 +163,10 @@ class Freed:
 
 
 def fit_curve(series: Sequence[Series], warp: Warp, spacing: float, freed: Freed, noise: Array | None) -> CurveFit:
-    """The least-squares curve with knots `spacing` [s] apart, from a start, with both noise levels estimated.
+    """Fit the curve with knots `spacing` [s] apart by least squares, and estimate both noise levels.
 
-    noise: (series, 2) to start from; None for equal ones. Raises LogError where the iteration leaves the overlap.
+    warp, noise (series, 2): initial values; noise None starts from the deviations of the signals. Raises LogError if
+    the iteration leaves the overlap.
     """
     if noise is None:
         noise = np.array([[np.std(s.reference), np.std(s.other)] for s in series], dtype=float)
@@ -176,14 +178,14 @@ def fit_curve(series: Sequence[Series], warp: Warp, spacing: float, freed: Freed
             break
         warp, fit = _descended(series, warp, spacing, freed, level, probes)
     level = _levels(fit)
-    # in units of the last levels, which the residuals gave
+    # rescale to the final noise levels
     unit = np.concatenate([np.full(p.stop - p.start, level[k, w] / fit.noise[k, w])
                            for k, pair in enumerate(fit.parts) for w, p in enumerate(pair)])  # fmt: skip
     return replace(fit, residuals=fit.residuals / unit, border=fit.border / unit[:, None], noise=level)
 
 
 def shown(series: Sequence[Series], warp: Warp, spacing: float) -> list[float]:
-    """The shares of the variance of each recording that a curve with knots `spacing` [s] apart shows at this warp."""
+    """Return the share of the variance of each recording that a curve with knots `spacing` [s] apart explains."""
     level = np.array([[np.std(s.reference), np.std(s.other)] for s in series], dtype=float)
     fit = _evaluated(series, warp, spacing, Freed(drift=False, scale=False, shift=False), level, None)
     return [1.0 - float(np.var(fit.residuals[part])) for pair in fit.parts for part in pair]
@@ -210,15 +212,15 @@ def _descended(
 
 
 def _moved(warp: Warp, step: Array, freed: Freed) -> Warp:
-    """The order of the columns: offset, drift, then scale and shift of each series."""
+    """Add a step of the parameters, ordered as offset, drift, then scale and shift of each series."""
     k = 1 + freed.drift
-    own = step[k:].reshape(len(warp.scale), -1)
+    by_series = step[k:].reshape(len(warp.scale), -1)
     return replace(
         warp,
         offset=warp.offset + float(step[0]),
         drift=warp.drift + (float(step[1]) if freed.drift else 0.0),
-        scale=warp.scale + (own[:, 0] if freed.scale else 0.0),
-        shift=warp.shift + (own[:, -1] if freed.shift else 0.0),
+        scale=warp.scale + (by_series[:, 0] if freed.scale else 0.0),
+        shift=warp.shift + (by_series[:, -1] if freed.shift else 0.0),
     )
 
 
@@ -227,10 +229,10 @@ def _evaluated(
 ) -> CurveFit:
     import scipy
 
-    own = int(freed.scale) + int(freed.shift)
+    each = int(freed.scale) + int(freed.shift)
     common = 1 + int(freed.drift)
     rows = sum(len(s.reference) + len(s.other) for s in series)
-    border, residuals, times = np.zeros((rows, common + own * len(series))), np.zeros(rows), np.zeros(rows)
+    border, residuals, times = np.zeros((rows, common + each * len(series))), np.zeros(rows), np.zeros(rows)
     simulated = np.zeros((rows, 0 if probes is None else PROBES))
     parts, curve, begin = [], 0, 0
     for k, s in enumerate(series):
@@ -258,11 +260,11 @@ def _evaluated(
         D[n:, 0] = rate
         if freed.drift:
             D[n:, 1] = rate * (s.other_time - warp.at)
-        at = common + own * k
+        column = common + each * k
         if freed.scale:
-            D[n:, at] = spline(u) / level[k, 1]
+            D[n:, column] = spline(u) / level[k, 1]
         if freed.shift:
-            D[n:, at + own - 1] = 1.0 / level[k, 1]
+            D[n:, column + each - 1] = 1.0 / level[k, 1]
         border[both] = D - A @ solve(A.T @ D)
         residuals[both] = y - A @ c
         times[first], times[second] = s.reference_time, u
@@ -270,27 +272,27 @@ def _evaluated(
             simulated[both] = probes[both] - A @ solve(A.T @ probes[both])
         parts.append((first, second))
         begin = both.stop
-    if probes is not None:  # what the other estimates take up, too
+    if probes is not None:  # project out the parameters, too
         Q = np.linalg.qr(border)[0]
         simulated -= Q @ (Q.T @ simulated)
     return CurveFit(warp, spacing, border, residuals, tuple(parts), times, level, curve, simulated)
 
 
 def _levels(fit: CurveFit) -> Array:
-    """Standard deviations of the two recordings of each series, by the share of their white residuals that is left."""
+    """Estimate the standard deviations of both recordings of each series, corrected for the noise the fit absorbs."""
     new: Array = np.empty_like(fit.noise)
     for k, pair in enumerate(fit.parts):
         for which, part in enumerate(pair):
-            # share of the variance that is left of white noise of these levels
-            left = float(np.mean(fit.simulated[part] ** 2))
-            new[k, which] = fit.noise[k, which] * np.sqrt(np.mean(fit.residuals[part] ** 2) / max(left, 1e-6))
+            # share of the variance of white noise that remains in the residuals
+            share = float(np.mean(fit.simulated[part] ** 2))
+            new[k, which] = fit.noise[k, which] * np.sqrt(np.mean(fit.residuals[part] ** 2) / max(share, 1e-6))
     floor = 1e-9 * max(float(new.max()), np.finfo(float).tiny)
     new[new < floor] = floor
     return new
 
 
 def _knots(low: float, high: float, spacing: float) -> Array:
-    """On a grid from zero, so that half the spacing holds all knots of the whole; four beyond each end are needed."""
+    """Return knots on a grid through zero, so that halving the spacing keeps them, with three beyond each end."""
     first, last = int(np.floor(low / spacing)), int(np.ceil(high / spacing))
     last += last == first
     return spacing * np.arange(float(first - 3), float(last + 4))

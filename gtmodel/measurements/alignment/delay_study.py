@@ -1,4 +1,4 @@
-"""The delay study: how late one signal comes behind another that shows the same motion."""
+"""The delay study: estimates the delay between two signals of the same motion."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from ...results.work import WorkOptions, study_function
 from .align import Alignment, align
 from .options import Search, SyntheticDelay, made_pair
 
-RELATED = 0.99  # of the late signal's variance, explained: below, the two hardly show the same motion
-TRUTH = 3.3  # standard deviations: chance goes beyond in one of a thousand synthetic recordings
+RELATED = 0.99  # least explained share of the variance; below it the signals hardly show the same motion
+TRUTH = 3.3  # standard deviations; by chance one synthetic recording in a thousand exceeds them
 
 
 @to_inherit
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class DelayStudy(Study):
-    """Delays by pair of signals, positive where the second one is late; empty where it was stopped before."""
+    """Delay of each pair of signals, positive if the second signal is late; empty if the study was stopped early."""
 
-    pairs: Annotated[Sequence[str], "names, in the order of all that follows"] = ()
-    delay: Annotated[Sequence[float], Quantity("s", "how late the second signal of each pair is")] = ()
+    pairs: Annotated[Sequence[str], "names of the pairs, in the order of the other lists"] = ()
+    delay: Annotated[Sequence[float], Quantity("s", "delay of the second signal of each pair")] = ()
     delay_interval: Annotated[Sequence[Sequence[float]], Quantity("s", "95 % intervals")] = ()
     drift: Annotated[
-        Sequence[float] | None, Quantity("1", "by which the second clock runs slow, where the rates may differ")
+        Sequence[float] | None, Quantity("1", "relative rate by which the second clock runs slow, if estimated")
     ] = None
     drift_interval: Annotated[Sequence[Sequence[float]] | None, Quantity("1", "95 % intervals")] = None
-    scale: Annotated[Sequence[float], "of the second signal over the first"] = ()
+    scale: Annotated[Sequence[float], "ratio of the second signal to the first"] = ()
     explained: Annotated[
-        Sequence[float], "share of the variance, of the signal that the common curve explains less of, noise left out"
+        Sequence[float], "share of the variance that the common curve explains; the smaller one of the two signals"
     ] = ()
-    coloured: Annotated[Sequence[bool], "whether residuals are coloured, which the intervals then heed"] = ()
+    coloured: Annotated[Sequence[bool], "whether the residuals are coloured; the intervals then allow for it"] = ()
     synthetic: Annotated[str | None, "seed and noise of a synthetic recording; null for measured ones"] = None
 
     @property
@@ -64,19 +64,19 @@ def delay_study(
     search: Search | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> DelayStudy:
-    """How late one signal comes behind another that shows the same motion, with intervals and a test of the residuals.
+    """Estimate the delay between two signals of the same motion, with intervals and a test of the residuals.
 
     Args:
-        recordings: by name the reference and the late recording, each with one signal, of one unit; rows may be uneven.
-            Or what a synthetic recording is made of.
-        search: where the delay lies and what may differ besides; 50 ms either way, scale and shift, if left out.
+        recordings: name -> reference and late recording, each with one signal in the same unit; rows may be uneven. Or
+            the options of a synthetic pair.
+        search: search range, and which other parameters are estimated; default: +-50 ms, with scale and shift.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Late means late(t) = scale reference(t - delay) + shift. See `align` for the method. Raises ArgumentError where
-    units differ or nothing varies, and where the signals agree at no delay or at two.
+    The delay is defined by late(t) = scale reference(t - delay) + shift. See `align` for the method. Raises
+    ArgumentError if units differ, if a signal does not vary, and if the signals agree at no delay or at several.
 
-    >>> made = gt.measurements.SyntheticDelay(delay=0.003, duration=4.0)
-    >>> s = gt.measurements.delay_study(made)
+    >>> options = gt.measurements.SyntheticDelay(delay=0.003, duration=4.0)
+    >>> s = gt.measurements.delay_study(options)
     >>> low, high = s.interval("synthetic")
     >>> low < 0.003 < high, round(1e3 * s.delay[0], 1)  # ms
     (True, 3.0)
@@ -86,12 +86,12 @@ def delay_study(
     truth = recordings if isinstance(recordings, SyntheticDelay) else None
     pairs = {"synthetic": made_pair(recordings)} if isinstance(recordings, SyntheticDelay) else dict(recordings)
     if not pairs:
-        raise ArgumentError("there is no pair of signals; name one", "recordings")
+        raise ArgumentError("there is no pair of signals; expected at least one", "recordings")
     fits = dict[str, Alignment]()
     for n, (name, (first, late)) in enumerate(pairs.items()):
         work.step(f"delay of {name}", n / len(pairs))
         if len(first.names) != 1 or len(late.names) != 1:
-            raise ArgumentError(f"'{name}' has several signals in a recording; select one", f"recordings.{name}")
+            raise ArgumentError(f"a recording of '{name}' does not have exactly one signal", f"recordings.{name}")
         with naming(f"recordings.{name}", before=f"{name}: "):
             fits[name] = align(
                 first, late, {first.names[0]: late.names[0]}, drift=search.drift, scale=search.scale,
@@ -106,17 +106,17 @@ def _study(
 ) -> DelayStudy:
     delay = [-f.offset for f in fits.values()]
     std = np.array([f.estimate.std[0] for f in fits.values()])
-    left = min(f.estimate.degrees_of_freedom for f in fits.values())
+    degrees_of_freedom = min(f.estimate.degrees_of_freedom for f in fits.values())
     estimate = Estimate(
-        tuple(fits), np.array(delay), np.diag(std**2), left, 1.0, False,
+        tuple(fits), np.array(delay), np.diag(std**2), degrees_of_freedom, 1.0, False,
         np.concatenate([f.estimate.residuals for f in fits.values()]), (), units=("s",) * len(fits),
     )  # fmt: skip
     intervals = [list(estimate.interval(name)) for name in fits]
     checks = {"explained": at_least(
         min(f.explained for f in fits.values()), RELATED,
-        "look at the residuals in the picture: the second signal shows more than the first one, late",
+        "look at the residuals in the picture: the second signal is more than a delayed copy of the first",
     ), "delay_s": at_most(
-        float(np.max(np.abs(delay))), search.longest, "raise search.longest_delay_s: the delay has left the range",
+        float(np.max(np.abs(delay))), search.longest, "raise search.longest_delay_s: the delay is beyond the range",
     )}  # fmt: skip
     if truth is not None:
         checks["true_delay"] = Check(abs(delay[0] - truth.delay) / float(std[0]), TRUTH, "the interval is too narrow")

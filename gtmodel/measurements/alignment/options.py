@@ -1,4 +1,4 @@
-"""Which signals show one motion, where their offset is sought, and synthetic recordings of one motion by two clocks."""
+"""Options of the delay search, and synthetic recordings of one motion with two clocks."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ...results.trajectory_checks import Array
 
 @dataclass(frozen=True)
 class Search(Options):
-    """Where a delay is sought, and what may differ besides it.
+    """Search range of a delay, and the other parameters to be estimated.
 
     >>> gt.measurements.Search(longest=0.2).drift
     False
@@ -22,31 +22,31 @@ class Search(Options):
 
     longest: Annotated[
         float, Unit("s", key="longest_delay_s"), Within(above=0),
-        "largest delay either way; clocks that began apart want more",
+        "largest delay in either direction; raise it for clocks that were started at different times",
     ] = 0.05  # fmt: skip
     drift: Annotated[bool, "whether the two clocks may differ in rate"] = False
-    scale: Annotated[bool, "whether the late signal may be the other one times a factor"] = True
-    shift: Annotated[bool, "whether it may be shifted by a constant"] = True
+    scale: Annotated[bool, "whether the signals may differ by a factor"] = True
+    shift: Annotated[bool, "whether the signals may differ by a constant"] = True
 
 
 @dataclass(frozen=True)
 class SyntheticDelay(Options):
-    """A synthetic recording of one motion by two clocks: sums of sines, white noise, jitter, gaps.
+    """Synthetic recordings of one motion with two clocks: sums of sines, white noise, jitter, gaps.
 
     >>> gt.measurements.SyntheticDelay(delay=0.003, seed=1).noise
     0.001
     """
 
-    delay: Annotated[float, Unit("s"), "how late the second recording is"] = 0.003
-    drift: Annotated[float, "by which its clock runs slow, 5e-5 for 50 ppm"] = 0.0
-    duration: Annotated[float, Unit("s"), Within(above=0), "of both"] = 10.0
-    sample_time: Annotated[float, Unit("s"), Within(above=0), "of both"] = 0.004
-    noise: Annotated[float, Unit("rad"), Within(above=0), "standard deviation, of a motion of about 1 rad"] = 1e-3
-    jitter: Annotated[float, Within(least=0, below=0.5), "of each row's time, as a share of the sample time, even"] = (
-        0.0
-    )
-    missing: Annotated[float, Within(least=0, below=0.5), "share of the rows that lie in gaps of ten rows"] = 0.0
-    seed: Annotated[int, Within(least=0), "of the noise, the times and the phases"] = 0
+    delay: Annotated[float, Unit("s"), "delay of the second recording"] = 0.003
+    drift: Annotated[float, "relative rate by which the second clock runs slow, 5e-5 for 50 ppm"] = 0.0
+    duration: Annotated[float, Unit("s"), Within(above=0), "duration of both recordings"] = 10.0
+    sample_time: Annotated[float, Unit("s"), Within(above=0), "sample time of both recordings"] = 0.004
+    noise: Annotated[float, Unit("rad"), Within(above=0), "standard deviation; the motion is about 1 rad"] = 1e-3
+    jitter: Annotated[
+        float, Within(least=0, below=0.5), "largest deviation of a row's time over the sample time, uniform"
+    ] = 0.0
+    missing: Annotated[float, Within(least=0, below=0.5), "share of missing rows, in gaps of ten rows"] = 0.0
+    seed: Annotated[int, Within(least=0), "seed of the noise, the times and the phases"] = 0
 
 
 FREQUENCIES = np.array([0.31, 0.83, 1.71, 2.9])  # Hz
@@ -55,7 +55,7 @@ GAP = 10  # rows
 
 
 def made_pair(options: SyntheticDelay) -> tuple[Trajectory, Trajectory]:
-    """The reference and the late recording, each with the signal q [rad]; they say that they are synthetic.
+    """Return the reference and the late recording, each with the signal q [rad] and a note that it is synthetic.
 
     >>> first, late = gt.measurements.made_pair(gt.measurements.SyntheticDelay(jitter=0.3, missing=0.02))
     >>> len(first) < 2501, first.synthetic[:9]
@@ -75,10 +75,10 @@ def made_pair(options: SyntheticDelay) -> tuple[Trajectory, Trajectory]:
     )
     first, second = _times(options, rng), _times(options, rng)
     middle = 0.5 * options.duration
-    seen = second - options.delay + options.drift * (second - middle)
+    true_times = second - options.delay + options.drift * (second - middle)
     return tuple(  # type: ignore[return-value]
         Trajectory(t, {"q": motion(at) + options.noise * rng.normal(size=len(t))}, {"q": "rad"}, synthetic=note)
-        for t, at in ((first, first), (second, seen))
+        for t, at in ((first, first), (second, true_times))
     )
 
 

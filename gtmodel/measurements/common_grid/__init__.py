@@ -1,1 +1,1 @@
-"""Recordings with clocks of their own brought on one clock and one even grid."""
+"""Recordings with several clocks on one clock and one even grid."""

@@ -1,5 +1,4 @@
-"""The even grid on which signals are wanted, by which signals clocks are brought together, and what the resampling
-study returns."""
+"""Options and result of the resampling study: the even grid, and the signals that align the clocks."""
 
 from __future__ import annotations
 
@@ -18,7 +17,7 @@ from ..resampling import Method
 
 @dataclass(frozen=True)
 class EvenGrid(Options):
-    """The even grid on which signals are wanted.
+    """The even grid on which signals are resampled.
 
     >>> gt.measurements.EvenGrid(sample_time=0.004, method="linear").longest_gap is None
     True
@@ -28,84 +27,86 @@ class EvenGrid(Options):
         float | None,
         Unit("s"),
         Within(above=0),
-        "from row to row; the median step, of the reference's clock, if left out",
+        "sample time of the grid; default: the median step of the reference clock",
     ] = None
-    method: Annotated[Method, "between the rows: cubic spline, linear, or monotone (cubic without overshoot)"] = "cubic"
+    method: Annotated[Method, "interpolation: cubic spline, linear, or monotone (cubic without overshoot)"] = "cubic"
     longest_gap: Annotated[
         float | None, Unit("s"), Within(above=0),
-        "that is bridged; a longer one parts the recording. Five median steps if left out",
+        "longest gap that is bridged; a longer gap splits the recording. Default: five median steps",
     ] = None  # fmt: skip
     start: Annotated[
-        float | None, Unit("s"), "first row, on the reference's clock; the first instant of all signals if left out"
+        float | None, Unit("s"), "first time, on the reference clock; default: the first time common to all signals"
     ] = None
     end: Annotated[
-        float | None, Unit("s"), "no row behind it, on the reference's clock; the last instant of all if left out"
+        float | None, Unit("s"), "last time, on the reference clock; default: the last time common to all signals"
     ] = None
 
 
 @dataclass(frozen=True)
 class AlignBy(Options):
-    """Two signals that show one motion by different clocks; the clock of the second is brought to that of the first.
+    """Two signals of one motion on different clocks; the clock of the second is aligned with the clock of the first.
 
     >>> gt.measurements.AlignBy("angle", "tracker_angle").drift
     True
     """
 
-    reference: Annotated[str, "the signal whose clock stays; the same clock in all pairs"]
-    other: Annotated[str, "the signal whose clock is moved, with all other signals of that clock"]
+    reference: Annotated[str, "signal on the reference clock, which is the same in all pairs"]
+    other: Annotated[str, "signal on the other clock; all signals of that clock are shifted"]
     drift: Annotated[bool, "whether the two clocks may differ in rate"] = True
-    scale: Annotated[bool, "whether the second signal may be the first one times a factor"] = True
-    shift: Annotated[bool, "whether it may be shifted by a constant"] = True
+    scale: Annotated[bool, "whether the signals may differ by a factor"] = True
+    shift: Annotated[bool, "whether the signals may differ by a constant"] = True
     offset_range: Annotated[
         list[float] | None, Unit("s"), Long(2),
-        "where the offset is sought; wherever half of the shorter recording overlaps if left out",
+        "search range of the offset; default: all offsets at which half of the shorter recording overlaps",
     ] = None  # fmt: skip
 
 
 @to_inherit
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ResamplingStudy(Study):
-    """Signals of one recording on one even grid: `trajectory`, and how good it is. Empty where it was stopped before.
+    """Signals of one recording on one even grid (`trajectory`), and their quality. Empty if it was stopped early.
 
-    By clock: how its rows follow each other, and where it stands against the reference's. By signal, in its SI unit:
-    what the method misses its rows by where every other one is left out.
+    Per clock: sampling statistics, and the alignment with the reference clock. Per signal, in its SI unit: the error of
+    interpolating every other row from the remaining rows.
     """
 
-    clocks: Annotated[
-        Sequence[str], "names, in the order of all that is said by clock; the first is the reference"
+    clocks: Annotated[Sequence[str], "names, in the order of all lists per clock; the first is the reference"] = ()
+    rows_read: Annotated[Sequence[int], "per clock: rows read"] = ()
+    rows_left_out: Annotated[
+        Sequence[int], "per clock: rows dropped because they lack a number, are late or repeat"
     ] = ()
-    rows_read: Annotated[Sequence[int], "of each clock"] = ()
-    rows_left_out: Annotated[Sequence[int], "of each clock: rows that lacked a number, came late or twice"] = ()
-    rate: Annotated[Sequence[float], Quantity("Hz", "of each clock: one over the median step")] = ()
-    jitter: Annotated[Sequence[float], "of each clock: spread of its steps as a share of the median"] = ()
-    gaps: Annotated[Sequence[int], "of each clock: where rows are missing"] = ()
-    longest_gap: Annotated[Sequence[float], Quantity("s", "of each clock: its longest step")] = ()
-    missing: Annotated[Sequence[float], "of each clock: rows that are missing as a share of those that were to be"] = ()
-    sample_time: Annotated[float | None, Quantity("s", "of the grid")] = None
-    rows_written: Annotated[int | None, "on the grid"] = None
-    stretches: Annotated[int | None, "between gaps too long to bridge; their number is the signal `session`"] = None
-    method: Annotated[str, "between the rows"] = ""
-    units: Annotated[Mapping[str, str], "by signal: its SI unit"] = field(default_factory=dict)
+    rate: Annotated[Sequence[float], Quantity("Hz", "per clock: 1 / median step")] = ()
+    jitter: Annotated[Sequence[float], "per clock: spread of the steps over the median step"] = ()
+    gaps: Annotated[Sequence[int], "per clock: number of gaps"] = ()
+    longest_gap: Annotated[Sequence[float], Quantity("s", "per clock: longest step")] = ()
+    missing: Annotated[Sequence[float], "per clock: share of missing rows"] = ()
+    sample_time: Annotated[float | None, Quantity("s", "sample time of the grid")] = None
+    rows_written: Annotated[int | None, "rows of the grid"] = None
+    stretches: Annotated[int | None, "stretches between gaps too long to bridge, numbered by the signal `session`"] = (
+        None
+    )
+    method: Annotated[str, "interpolation method"] = ""
+    units: Annotated[Mapping[str, str], "per signal: SI unit"] = field(default_factory=dict)
     error: Annotated[
         Mapping[str, Sequence[float]],
-        "by signal and component: rows left out are missed by this, rms, in its unit; noise of the rows is in it",
+        "per signal and component: RMS error of interpolating left-out rows, in the signal's unit, noise included",
     ] = field(default_factory=dict)
-    length: Annotated[Mapping[str, float], "by vector signal: median of its length, in its unit"] = field(
+    length: Annotated[Mapping[str, float], "per vector signal: median length, in its unit"] = field(
         default_factory=dict
     )
     offset: Annotated[
-        Mapping[str, float], Quantity("s", "by clock: what its times want added in the middle of its recording")
+        Mapping[str, float], Quantity("s", "per clock: offset to add to its times, at the middle of its recording")
     ] = field(default_factory=dict)
     offset_interval: Annotated[Mapping[str, Sequence[float]], Quantity("s", "95 %")] = field(default_factory=dict)
     drift: Annotated[
-        Mapping[str, float], Quantity("1", "by clock that may differ in rate: how much slower it runs")
+        Mapping[str, float], Quantity("1", "per clock, if estimated: relative rate by which it runs slow")
     ] = field(default_factory=dict)
     drift_interval: Annotated[Mapping[str, Sequence[float]], Quantity("1", "95 %")] = field(default_factory=dict)
-    explained: Annotated[Mapping[str, float], "by clock: share of its signal that the common curve explains"] = field(
-        default_factory=dict
+    explained: Annotated[Mapping[str, float], "per clock: share of the variance that the common curve explains"] = (
+        field(default_factory=dict)
     )
     coloured: Annotated[
-        Mapping[str, bool], "by clock: whether residuals are coloured, which the intervals then heed"
+        Mapping[str, bool], "per clock: whether the residuals are coloured; the intervals then allow for it"
     ] = field(default_factory=dict)
     synthetic: Annotated[str | None, "seed and noise of a synthetic recording; null for measured ones"] = None
 
@@ -114,8 +115,8 @@ class ResamplingStudy(Study):
         """The table for people."""
         rows = []
         for k, clock in enumerate(self.clocks):
-            left = f", {self.rows_left_out[k]} left out" if self.rows_left_out[k] else ""
-            rows.append(Row(f"clock {clock}", f"{self.rows_read[k]} rows{left}, {self.rate[k]:.5g}", "Hz"))
+            dropped = f", {self.rows_left_out[k]} left out" if self.rows_left_out[k] else ""
+            rows.append(Row(f"clock {clock}", f"{self.rows_read[k]} rows{dropped}, {self.rate[k]:.5g}", "Hz"))
             if self.gaps[k]:
                 gaps = "one gap" if self.gaps[k] == 1 else f"{self.gaps[k]} gaps"
                 missing = f"; {gaps}, {100 * self.missing[k]:.2g} % missing, at most {1e3 * self.longest_gap[k]:.4g} ms"
@@ -149,6 +150,6 @@ class ResamplingStudy(Study):
 
 
 def _digits(low: float, high: float) -> int:
-    """As many as show the width of an interval."""
+    """Return the number of digits that shows the width of an interval."""
     size = max(abs(low), abs(high))
     return 4 if high <= low or size == 0 else int(np.clip(np.ceil(np.log10(size / (high - low))) + 3, 3, 12))

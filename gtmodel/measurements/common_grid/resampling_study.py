@@ -1,4 +1,4 @@
-"""The resampling study: the signals of one recording, whatever their clocks, on one even grid."""
+"""The resampling study: puts the signals of one recording, from several clocks, on one even grid."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from ..resampling import Resampled, resample
 from ..sampling import SamplingReport, sampling_of
 from .options import AlignBy, EvenGrid, ResamplingStudy
 
-SESSION = "session"  # the signal that numbers stretches between gaps
+SESSION = "session"  # the signal that numbers the stretches between gaps
 FEWEST = 3  # rows on the grid
-COARSER = 1.5  # median steps: a grid with longer ones folds what is faster
+COARSER = 1.5  # median steps: a longer sample time of the grid causes aliasing
 
 
 @study_function
@@ -38,21 +38,21 @@ def resampling_study(
     delays: Mapping[str, float] | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> ResamplingStudy:
-    """The signals of one recording on one even grid, with the error of the method and where the clocks stand.
+    """Resample the signals of one recording on one even grid, with interpolation errors and clock alignment.
 
     Args:
-        recording: by clock the signals that it took, as `read_recording` gives them; a trajectory has one clock. Rows
-            may be uneven and have gaps. No name may stand under two clocks.
-        grid: sample time, method, gaps that are bridged, interval of time; see `EvenGrid`.
-        align_by: signals by which clocks are brought to the first one's, one for each other clock; a clock that is not
-            named is taken as it stands.
-        delays: by signal how late it is [s], which is taken off; `delay_study` estimates it.
+        recording: clock -> its signals, as `read_recording` returns them; a trajectory has one clock. Rows may be
+            uneven and have gaps. No two clocks may share a signal name.
+        grid: sample time, method, bridged gaps, time interval; see `EvenGrid`.
+        align_by: for each other clock a pair of signals that aligns it with the reference clock. A clock without a pair
+            is not shifted.
+        delays: signal -> its delay [s], which is removed; `delay_study` estimates it.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Returns a study whose `trajectory` holds the grid in SI units, written as trajectory.csv, which every reader of logs
-    takes. Where gaps part it, the signal "session" numbers the stretches. Intervals of offset and drift are those of
-    white noise where the residuals of the alignment pass a test for it, and Newey and West's where they do not. Raises
-    ArgumentError for names, for signals that do not agree, and where no instants are common to all signals.
+    The `trajectory` of the study holds the grid in SI units; its file, trajectory.csv, can be read as a log. If gaps
+    split it, the signal "session" numbers the stretches. Intervals of offset and drift are those for white noise if the
+    residuals of the alignment pass a whiteness test, otherwise those of Newey and West. Raises ArgumentError for wrong
+    names, for signals that do not agree, and if the signals have no times in common.
 
     >>> first, late = gt.measurements.made_pair(gt.measurements.SyntheticDelay(delay=0.5, jitter=0.3))
     >>> late = gt.Trajectory(late.time, {"tracker": late["q"]}, {"tracker": "rad"}, synthetic=late.synthetic)
@@ -67,23 +67,23 @@ def resampling_study(
     clocks = {"log": recording} if isinstance(recording, Trajectory) else dict(recording)
     parts = _parts(clocks, dict(delays or {}))
     reference = _reference(parts, align_by)
-    work.step("clocks", 0.05)
+    work.step("aligning clocks", 0.05)
     fits = _aligned(parts, align_by, reference, work)
     parts = [part.on(fits.get(part.clock)) for part in parts]
     work.step("resampling", 0.8)
     step = grid.sample_time or sampling_of(clocks[reference].time).step
     if not step > 0:
-        raise ArgumentError(f"'{reference}' has fewer than two rows; no grid follows from them", "recording")
+        raise ArgumentError(f"'{reference}' has fewer than two different times; expected more", "recording")
     first = max(float(part.rows.time[0]) for part in parts)
     start = first if grid.start is None else grid.start
     even = [_even(part, step, start, grid) for part in parts]
-    made = _joined(even, step, start, grid, work.title)
-    return _study(clocks, reference, parts, fits, even, made, step, grid, work.title)
+    joined = _joined(even, step, start, grid, work.title)
+    return _study(clocks, reference, parts, fits, even, joined, step, grid, work.title)
 
 
 @dataclass(frozen=True)
 class _Part:
-    """Signals of one clock that are late by as much, without their delay."""
+    """Signals of one clock with equal delays, which are removed."""
 
     clock: str
     rows: Trajectory
@@ -93,8 +93,8 @@ class _Part:
 
 
 @dataclass(frozen=True)
-class _Made:
-    """The grid with all signals; `stretch` numbers those between gaps, from 0."""
+class _Joined:
+    """All signals on the grid; `stretch` numbers the stretches between gaps, from 0."""
 
     rows: Trajectory
     stretch: np.ndarray
@@ -103,21 +103,21 @@ class _Made:
 def _parts(clocks: Mapping[str, Trajectory], delays: Mapping[str, float]) -> list[_Part]:
     if not clocks:
         raise ArgumentError("there is no signal", "recording")
-    of = dict[str, str]()
+    clock_of = dict[str, str]()
     for clock, trajectory in clocks.items():
         for name in trajectory.names:
-            if name in of:
+            if name in clock_of:
                 raise ArgumentError(
-                    f"'{name}' is a signal of '{of[name]}' and of '{clock}'; name them apart", "recording"
+                    f"'{name}' is a signal of '{clock_of[name]}' and of '{clock}'; rename one of them", "recording"
                 )
-            of[name] = clock
+            clock_of[name] = clock
         if len(trajectory) < 2:
             raise ArgumentError(f"'{clock}' has one row; expected more", "recording")
     for name in delays:
-        if name not in of:
-            raise ArgumentError(f"there is no signal '{name}'; there are {', '.join(of)}", "delays")
-    if SESSION in of:
-        raise ArgumentError(f"'{SESSION}' numbers the stretches of the result; call the signal otherwise", "recording")
+        if name not in clock_of:
+            raise ArgumentError(f"there is no signal '{name}'; there are {', '.join(clock_of)}", "delays")
+    if SESSION in clock_of:
+        raise ArgumentError(f"the name '{SESSION}' is reserved for the result; rename the signal", "recording")
     parts = []
     for clock, trajectory in clocks.items():
         late: dict[float, list[str]] = {}
@@ -141,34 +141,34 @@ def _clock_of(parts: Sequence[_Part], name: str, place: str) -> _Part:
     for part in parts:
         if name in part.rows:
             return part
-    there = ", ".join(n for part in parts for n in part.rows.names)
-    raise ArgumentError(f"there is no signal '{name}'; there are {there}", place)
+    names = ", ".join(n for part in parts for n in part.rows.names)
+    raise ArgumentError(f"there is no signal '{name}'; there are {names}", place)
 
 
 def _reference(parts: Sequence[_Part], align_by: Sequence[AlignBy]) -> str:
-    """The clock to which the others are brought: that of the first pair, else the first. Raises ArgumentError."""
-    chosen, moved = "", dict[str, str]()
+    """Return the reference clock: that of the first pair, else the first clock. Raises ArgumentError."""
+    chosen, aligned = "", dict[str, str]()
     for n, pair in enumerate(align_by):
         first = _clock_of(parts, pair.reference, f"align_by[{n}].reference").clock
         other = _clock_of(parts, pair.other, f"align_by[{n}].other").clock
         chosen = chosen or first
         if first != chosen:
             raise ArgumentError(
-                f"'{pair.reference}' has the clock '{first}', and the pairs before it have '{chosen}' as reference; "
-                "bring all clocks to one",
+                f"'{pair.reference}' has the clock '{first}', but the reference clock of earlier pairs is '{chosen}'; "
+                "align all clocks with one reference",
                 f"align_by[{n}].reference",
             )
         if other == chosen:
             raise ArgumentError(
-                f"'{pair.other}' has the clock of the reference, '{chosen}'; a delay between signals of one clock is "
-                "found by the kind delay",
+                f"'{pair.other}' is on the reference clock '{chosen}'; use the kind delay to estimate a delay between "
+                "signals of one clock",
                 f"align_by[{n}].other",
             )
-        if other in moved:
+        if other in aligned:
             raise ArgumentError(
-                f"the clock '{other}' is brought to the reference by '{moved[other]}' already", f"align_by[{n}].other"
+                f"'{aligned[other]}' aligns the clock '{other}' already; name one pair", f"align_by[{n}].other"
             )
-        moved[other] = pair.other
+        aligned[other] = pair.other
     return chosen or parts[0].clock
 
 
@@ -176,7 +176,7 @@ def _aligned(parts: Sequence[_Part], align_by: Sequence[AlignBy], reference: str
     fits = dict[str, Alignment]()
     for n, pair in enumerate(align_by):
         first, other = (_clock_of(parts, name, "") for name in (pair.reference, pair.other))
-        work.step(f"clock {other.clock} against {reference}", 0.1 + 0.6 * n / len(align_by))
+        work.step(f"aligning clock {other.clock} with {reference}", 0.1 + 0.6 * n / len(align_by))
         range_ = pair.offset_range
         try:
             fits[other.clock] = align(
@@ -200,8 +200,8 @@ def _even(part: _Part, step: float, start: float, grid: EvenGrid) -> Resampled:
         raise ArgumentError(error.message, place or "grid") from error
 
 
-def _joined(even: Sequence[Resampled], step: float, start: float, grid: EvenGrid, title: str) -> _Made:
-    """The instants that all signals have. Raises ArgumentError where there are none."""
+def _joined(even: Sequence[Resampled], step: float, start: float, grid: EvenGrid, title: str) -> _Joined:
+    """Return all signals at their common times. Raises ArgumentError if there are too few."""
     numbers = [np.concatenate([_numbers(s.trajectory.time, start, step) for s in one.sessions]) for one in even]
     common = numbers[0]
     for more in numbers[1:]:
@@ -216,14 +216,14 @@ def _joined(even: Sequence[Resampled], step: float, start: float, grid: EvenGrid
             f"{one.sessions[-1].trajectory.time[-1]:.6g} s"
             for one in even
         )
-        interval = "" if grid.start is None and grid.end is None else " in the interval of time that is asked for"
+        interval = "" if grid.start is None and grid.end is None else " between start and end of the grid"
         raise ArgumentError(
-            f"{len(common)} instants are common to all signals{interval}; expected at least {FEWEST}: {spans}",
+            f"{len(common)} times are common to all signals{interval}; expected at least {FEWEST}: {spans}",
             "grid" if interval else "recording",
         )
     values, units = dict[str, Array](), dict[str, str]()
-    for one, there in zip(even, numbers, strict=True):
-        rows = np.searchsorted(there, common)
+    for one, instants in zip(even, numbers, strict=True):
+        rows = np.searchsorted(instants, common)
         for name in one.sessions[0].trajectory.names:
             values[name] = np.concatenate([s.trajectory[name] for s in one.sessions])[rows]
             units[name] = one.sessions[0].trajectory.unit(name)
@@ -231,11 +231,11 @@ def _joined(even: Sequence[Resampled], step: float, start: float, grid: EvenGrid
     if stretch[-1]:
         values, units = {SESSION: stretch.astype(float), **values}, {SESSION: "1", **units}
     notes = list(dict.fromkeys(s.trajectory.synthetic for one in even for s in one.sessions if s.trajectory.synthetic))
-    made = Trajectory(
+    trajectory = Trajectory(
         start + step * common, values, units, title=title,
         provenance={"resampled": grid.method, "sample_time_s": step}, synthetic="; ".join(notes) or None,
     )  # fmt: skip
-    return _Made(made, stretch)
+    return _Joined(trajectory, stretch)
 
 
 def _numbers(time: Array, start: float, step: float) -> np.ndarray:
@@ -244,17 +244,17 @@ def _numbers(time: Array, start: float, step: float) -> np.ndarray:
 
 def _study(
     clocks: Mapping[str, Trajectory], reference: str, parts: Sequence[_Part], fits: Mapping[str, Alignment],
-    even: Sequence[Resampled], made: _Made, step: float, grid: EvenGrid, title: str,
+    even: Sequence[Resampled], joined: _Joined, step: float, grid: EvenGrid, title: str,
 ) -> ResamplingStudy:  # fmt: skip
     order = [reference, *(clock for clock in clocks if clock != reference)]
     sampling = {clock: sampling_of(clocks[clock].time) for clock in order}
-    rows = made.rows
+    rows = joined.rows
     error = {name: one.error[name] for one in even for name in one.error}
     checks = {}
     if fits:
         checks["explained"] = at_least(
             min(fit.explained for fit in fits.values()), RELATED,
-            "look at the residuals in the picture: the two signals do not show the same motion",
+            "look at the residuals in the picture: the two signals do not describe the same motion",
         )  # fmt: skip
     data = [Data({n: t[n] for n in t.names}, recordings=[(clock, t.time)]) for clock, t in clocks.items()]
     doubtful, sentences = suspicion_checks(tested(*data))
@@ -262,7 +262,7 @@ def _study(
     drifting = {clock: fit for clock, fit in fits.items() if "drift" in fit.estimate.names}
     text = title or "resampling"
     figures = {
-        "signals": partial(_signals, text, parts, rows, made.stretch),
+        "signals": partial(_signals, text, parts, rows, joined.stretch),
         "steps": partial(_steps, text, {c: clocks[c].time for c in order}, rows.synthetic),
     }
     if fits:
@@ -280,7 +280,7 @@ def _study(
         gaps=[len(sampling[c].gaps) for c in order],
         longest_gap=[float(np.max(np.diff(clocks[c].time))) for c in order],
         missing=[sampling[c].missing for c in order],
-        sample_time=step, rows_written=len(rows), stretches=int(made.stretch[-1]) + 1, method=grid.method,
+        sample_time=step, rows_written=len(rows), stretches=int(joined.stretch[-1]) + 1, method=grid.method,
         units={n: rows.unit(n) for n in names}, error={n: error[n].tolist() for n in names},
         length={n: float(np.median(np.linalg.norm(rows[n], axis=1))) for n in names if rows[n].ndim > 1},
         offset={c: fit.offset for c, fit in fits.items()},
@@ -293,16 +293,16 @@ def _study(
 
 
 def _estimate(fits: Mapping[str, Alignment]) -> Estimate | None:
-    """Offsets and drifts of all clocks that were brought to the reference."""
+    """Return offsets and drifts of all aligned clocks."""
     if not fits:
         return None
     import scipy
 
     names, values, units, blocks = list[str](), list[float](), list[str](), list[Array]()
     for clock, fit in fits.items():
-        own = [n for n in ("offset", "drift") if n in fit.estimate.names]
-        places = [fit.estimate.names.index(n) for n in own]
-        names += [f"{n} of {clock}" for n in own]
+        estimated = [n for n in ("offset", "drift") if n in fit.estimate.names]
+        places = [fit.estimate.names.index(n) for n in estimated]
+        names += [f"{n} of {clock}" for n in estimated]
         values += fit.estimate.values[places].tolist()
         units += [fit.estimate.units[p] for p in places]
         blocks.append(fit.estimate.covariance[np.ix_(places, places)])
@@ -321,20 +321,18 @@ def _notes(
     loose = [clock for clock in clocks if clock != reference and clock not in fits]
     if loose:
         names = " and ".join(f"'{clock}'" for clock in loose)
-        notes.append(
-            f"the times of {names} are taken as they stand; name a pair of signals to bring them to '{reference}'"
-        )
+        notes.append(f"the times of {names} are not aligned; name a pair of signals to align them with '{reference}'")
     for clock, report in sampling.items():
         if step > COARSER * report.step:
             notes.append(
-                f"'{clock}' has a row every {1e3 * report.step:.4g} ms; nothing is filtered, so what is faster than "
-                f"{0.5 / step:.4g} Hz is folded down"
+                f"'{clock}' has a row every {1e3 * report.step:.4g} ms; nothing is filtered, so frequencies above "
+                f"{0.5 / step:.4g} Hz are aliased"
             )
     for one in even:
         notes += said(one.natures)
         if one.bridged:
             names = ", ".join(one.sessions[0].trajectory.names)
-            notes.append(f"{names}: {sum(g.missing for g in one.bridged)} missing rows are bridged by the method")
+            notes.append(f"{names}: {sum(g.missing for g in one.bridged)} missing rows are interpolated")
     return list(dict.fromkeys(notes))
 
 

@@ -1,1 +1,1 @@
-"""What a log holds, before it is used: columns, units guessed and why, rates, gaps, clocks, ranges."""
+"""Inspection of a log before it is used: columns, guessed units with reasons, rates, gaps, clocks, ranges."""

@@ -1,5 +1,4 @@
-"""What describes a stream: numbers of its columns gathered in one pass, its clocks, and in which unit a column
-probably is."""
+"""Description of a stream: statistics of its columns from a single pass, its clocks, and the probable units."""
 
 from __future__ import annotations
 
@@ -16,13 +15,13 @@ from ...results.trajectory_checks import Array
 from ..sampling import SamplingReport, sampling_of
 from ..streams.heads import is_unit, spelled
 
-ENOUGH = 100_000  # rows by which two clocks are compared
-SLOWEST, FASTEST = 0.9, 1.1  # of one clock against another: beyond these they are no clocks of one thing
+ENOUGH = 100_000  # largest number of rows for the comparison of two clocks
+SLOWEST, FASTEST = 0.9, 1.1  # ratio of the rates of two clocks; beyond it they do not measure the same time
 
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """A column of time: its unit, "" if it is not known, its values in s or as they stand, and how they follow."""
+    """A time column: its unit ("" if unknown), its values in s (as stored if the unit is unknown), its sampling."""
 
     name: str
     unit: str
@@ -31,14 +30,14 @@ class Clock:
 
     @property
     def resets(self) -> int:
-        """How often the time goes back."""
+        """Number of rows at which the time goes back."""
         return self.sampling.late and int(np.sum(np.diff(self.time) < 0))
 
 
 @dataclass(frozen=True)
 class ClockPair:
-    """Two clocks of one table: `other` - `first` is `offset` [s] at the first row and grows by `drift`, roughly; what a
-    straight line leaves has the standard deviation `residual` [s]."""
+    """Two clocks of one table: `other` - `first` is about `offset` [s] at the first row and grows with the rate
+    `drift`; the deviation from this line has the robust standard deviation `residual` [s]."""
 
     first: str
     other: str
@@ -48,31 +47,27 @@ class ClockPair:
 
 
 def clock_of(name: str, unit: str, values: Array) -> Clock:
-    """A clock from a column as it stands; rows without a number are left out of how they follow."""
+    """Return the clock of a column as stored; its sampling ignores rows without a number."""
     known = is_unit(unit) and parse_unit(unit).dimension == parse_unit("s").dimension
     time = np.asarray(convert(values, unit, "s"), dtype=float) if known else values
-    whole = np.isfinite(time)
-    return Clock(name, unit if known else "", time, sampling_of(time if whole.all() else time[whole]))
+    finite = np.isfinite(time)
+    return Clock(name, unit if known else "", time, sampling_of(time if finite.all() else time[finite]))
 
 
 def pairs(clocks: list[Clock]) -> list[ClockPair]:
-    """The clocks of a stream that go with the first one of known unit."""
+    """Compare the clocks of a stream with the first one, as far as their units are known."""
     timed = [clock for clock in clocks if clock.unit]
-    made: list[ClockPair] = []
-    for other in timed[1:]:
-        pair = _pair(timed[0], other)
-        made += [pair] if pair is not None else []
-    return made
+    return [pair for other in timed[1:] if (pair := _pair(timed[0], other)) is not None]
 
 
 def _pair(first: Clock, other: Clock) -> ClockPair | None:
     thin = slice(None, None, max(1, len(first.time) // ENOUGH))
     t, d = first.time[thin], other.time[thin] - first.time[thin]
-    good = np.isfinite(t) & np.isfinite(d)
-    if good.sum() < 3:
+    finite = np.isfinite(t) & np.isfinite(d)
+    if finite.sum() < 3:
         return None
-    # Theil and Sen in the large: a reset or a bad stamp does not move it
-    t, d = t[good], d[good]
+    # median of slopes over long spans (after Theil and Sen): robust against a reset or a bad stamp
+    t, d = t[finite], d[finite]
     if np.ptp(t) == 0.0:
         return None
     quarter = max(1, len(t) // 4)
@@ -87,24 +82,23 @@ def _pair(first: Clock, other: Clock) -> ClockPair | None:
     return ClockPair(first.name, other.name, offset, drift, float(1.4826 * np.median(np.abs(rest))))
 
 
-HEAD = 20_000  # first rows that are kept, for what needs neighbours
-GROWTH = 1.25  # of what is kept
-BINS = 2_048  # of the envelope that is drawn
-CLIPPED = 4  # rows at one extreme: noise comes there once
-ABRUPT = 2.0  # times the mean step: what rests at its extreme comes there slowly
-CUT, HELD = 0.3, 0.5  # of the mean step, where so much of all repetition is at the extremes
-LEVELS = 16  # with fewer a column is a state, not a signal
-_STEPS = 64  # a quantisation step is one that all differences are multiples of, up to this
+HEAD = 20_000  # number of first rows kept in memory
+GROWTH = 1.25  # growth factor of the buffers
+BINS = 2_048  # stretches of the envelope
+CLIPPED = 4  # least rows at an extreme of a clipped signal: noise reaches its extreme once
+ABRUPT = 2.0  # least step into an extreme over the mean step: a signal that comes to rest there does so slowly
+CUT, HELD = 0.3, 0.5  # least step over the mean step, if more than this share of all repetitions is at the extremes
+LEVELS = 16  # columns with fewer distinct values are states, not signals
+_STEPS = 64  # differences are expected to be less than this many quantisation steps
 
 
 @dataclass
 class ColumnFacts:
-    """One column: what it holds.
+    """Statistics of one column.
 
-    rows: those that hold a number; empty: those that do not. least, most, mean: of the numbers. step: smallest change,
-    where all changes are multiples of it, 0 if they are not. clipped: rows at the largest or smallest number, where it
-    is reached again and again by steps larger than usual. longest: rows in a row that repeat one number. backward,
-    still: steps back, and steps of zero.
+    rows: rows with a number; empty: rows without. least, most, mean: of the numbers. step: quantisation step or 0.
+    clipped: rows at the largest or smallest number, if the signal reaches it repeatedly in large steps.
+    longest: longest run of rows with one number. backward, still: number of negative and of zero steps.
     """
 
     name: str
@@ -123,12 +117,12 @@ class ColumnFacts:
 
     @property
     def constant(self) -> bool:
-        """Whether all numbers are one."""
+        """Whether all numbers are equal."""
         return self.rows > 0 and self.least == self.most
 
 
 class ColumnScan:
-    """Facts of the columns of a stream, from blocks of rows; `kept`: names of columns whose numbers are all kept."""
+    """Gathers the statistics of the columns of a stream from blocks of rows; the columns named in `kept` are stored."""
 
     def __init__(self, names: list[str], kept: list[str]) -> None:
         k = len(names)
@@ -147,13 +141,13 @@ class ColumnScan:
         self.envelope = Envelope(k)
 
     def add(self, values: Array) -> None:
-        """Further rows (m, k), NaN where there is no number."""
+        """Add rows (m, k), NaN where there is no number."""
         if not len(values):
             return
-        good = np.isfinite(values)
-        self._count += good.sum(axis=0)
-        self._sum += np.where(good, values, 0.0).sum(axis=0)
-        low, high = np.where(good, values, np.inf).min(axis=0), np.where(good, values, -np.inf).max(axis=0)
+        finite = np.isfinite(values)
+        self._count += finite.sum(axis=0)
+        self._sum += np.where(finite, values, 0.0).sum(axis=0)
+        low, high = np.where(finite, values, np.inf).min(axis=0), np.where(finite, values, -np.inf).max(axis=0)
         self._least, self._most = np.minimum(self._least, low), np.maximum(self._most, high)
         before = values[:1] if self._before is None else self._before[None]
         steps = np.diff(np.vstack([before, values]), axis=0)
@@ -178,16 +172,16 @@ class ColumnScan:
         self.lines = end
 
     def numbers(self, name: str) -> Array:
-        """All numbers of a column that is kept."""
+        """Return all numbers of a stored column."""
         return self._kept[name][: self.lines]
 
     def forget(self) -> None:
-        """Let go of the numbers that were kept."""
+        """Release the stored columns."""
         self._kept = {}
 
     def facts(self) -> list[ColumnFacts]:
-        """What was gathered, column by column."""
-        made = []
+        """Return the statistics of each column."""
+        facts = []
         for j, name in enumerate(self.names):
             count = int(self._count[j])
             step = float(self._path[j] / self._moves[j]) if self._moves[j] else np.inf
@@ -198,7 +192,7 @@ class ColumnScan:
                 if end.rows[j] >= CLIPPED and end.entries[j] > 1 and end.entry(j) > (CUT if held else ABRUPT) * step
             ]
             clipped = sum(at_ends) if len(np.unique(self.head[:, j])) > LEVELS else 0
-            made.append(
+            facts.append(
                 ColumnFacts(
                     name, count, self.lines - count,
                     *((float(self._least[j]), float(self._most[j]), float(self._sum[j] / count)) if count else _NONE),
@@ -208,16 +202,16 @@ class ColumnScan:
                     float(self._before[j]) if self._before is not None else np.nan,
                 )
             )  # fmt: skip
-        return made
+        return facts
 
     def _runs(self, same: np.ndarray) -> None:
-        """Carry on the number of equal rows up to here, and its largest."""
+        """Update the length of the current run of equal rows, and the longest one."""
         if not len(same):
             self._longest = np.maximum(self._longest, self._run)
             return
         m = len(same)
-        at = np.where(same, 0, np.arange(1, m + 1)[:, None])
-        last = np.maximum.accumulate(at, axis=0)  # the row behind which the present run began, 0: before this block
+        changes = np.where(same, 0, np.arange(1, m + 1)[:, None])
+        last = np.maximum.accumulate(changes, axis=0)  # row of the last change, 0: before this block
         run = np.arange(1, m + 1)[:, None] - last + np.where(last == 0, self._run, 1)
         self._longest = np.maximum(self._longest, run.max(axis=0))
         self._run = run[-1]
@@ -227,7 +221,7 @@ _NONE = (np.nan, np.nan, np.nan)
 
 
 class _Extreme:
-    """Rows at the largest number so far, or at the smallest where the sign is -1, and the steps that led there."""
+    """Rows at the largest number so far (the smallest for sign -1), and the steps that lead there."""
 
     def __init__(self, k: int, sign: float) -> None:
         self._sign, self._most = sign, np.full(k, -np.inf)
@@ -235,7 +229,7 @@ class _Extreme:
         self._steps = np.zeros(k)
 
     def add(self, values: Array, steps: Array) -> None:
-        """Further rows, and how far each is from the row before."""
+        """Add rows, and the step from the previous row to each."""
         if not len(values):
             return
         signed = self._sign * values
@@ -245,28 +239,28 @@ class _Extreme:
         self._steps[above] = 0.0
         self._most = np.maximum(self._most, high)
         for j in np.flatnonzero((high == self._most) & np.isfinite(high)):
-            at = signed[:, j] == self._most[j]
-            into = np.abs(steps[at, j])
+            extreme = signed[:, j] == self._most[j]
+            into = np.abs(steps[extreme, j])
             into = into[into > 0]
-            self.rows[j] += int(at.sum())
-            self.held[j] += int((steps[at, j] == 0).sum())
+            self.rows[j] += int(extreme.sum())
+            self.held[j] += int((steps[extreme, j] == 0).sum())
             self.entries[j] += len(into)
             self._steps[j] += float(into.sum())
 
     def entry(self, j: int) -> float:
-        """How far the row before an extreme was from it, in the mean."""
+        """Return the mean step into the extreme."""
         return float(self._steps[j] / self.entries[j]) if self.entries[j] else 0.0
 
 
 class Envelope:
-    """Least and largest number of each column in stretches of equal length, at most `BINS` of them."""
+    """Smallest and largest number of each column in stretches of equal length, at most 2 `BINS` of them."""
 
     def __init__(self, k: int) -> None:
         self.width = 1
         self.low, self.high, self._rows = np.empty((0, k)), np.empty((0, k)), 0
 
     def add(self, values: Array) -> None:
-        """Further rows; of a stretch with a NaN the numbers count."""
+        """Add rows; NaN are ignored."""
         bins = (self._rows + np.arange(len(values))) // self.width
         self._rows += len(values)
         begins = np.flatnonzero(np.diff(bins, prepend=-1))
@@ -283,12 +277,12 @@ class Envelope:
 
     @property
     def rows(self) -> np.ndarray:
-        """The row in the middle of each stretch."""
+        """Middle row of each stretch."""
         return np.minimum((np.arange(len(self.low)) + 0.5) * self.width - 0.5, max(self._rows - 1, 0))
 
 
 def quantum(values: Array) -> float:
-    """The step in which a column is quantised: all changes are multiples of the smallest; 0 where they are not.
+    """Return the quantisation step of a column, of which all changes are multiples; 0 if there is none.
 
     >>> from gtmodel.measurements.inspection.columns import quantum
     >>> quantum(np.array([0.0, 0.25, 0.25, 1.0, 0.5])), quantum(np.array([0.0, 0.1, 0.25, 1.01]))
@@ -306,14 +300,14 @@ def quantum(values: Array) -> float:
     step = float(np.min(steps))
     multiples = steps / step
     near = np.abs(multiples - np.round(multiples))
-    # written digits make each number a little wrong
+    # tolerance for numbers rounded to few digits
     if np.any(near > 0.02 * np.maximum(1.0, np.round(multiples))) or np.mean(multiples < _STEPS) < 0.5:
         return 0.0
     return float(steps.sum() / np.round(multiples).sum())
 
 
 G = 9.81  # m/s2
-TURN_RAD, TURN_DEG = 3.2, 7.0  # an angle below the first is probably in rad, above the second in deg
+TURN_RAD, TURN_DEG = 3.2, 7.0  # angles below the first are probably in rad, above the second in deg
 _FORCES = r"force|torque|effort|tau|moment|drehm|load"
 _ANGLES = r"angle|joint|axis|motor|enc|rot|phi|theta|psi|roll|pitch|yaw|winkel|achse|^q\d*$|^q\[|^j\d+$"
 _RATES = r"gyr|omega|angular_vel|rate"
@@ -324,7 +318,7 @@ _NOTHING = r"count|index|token|_id$|number|flag|state|status|mode|seq"
 
 
 class UnitGuess(NamedTuple):
-    """A unit, "" where none can be guessed; why; and whether the file says so itself, so that it is no guess."""
+    """A unit ("" if none can be guessed), the reason, and whether the file states it."""
 
     unit: str
     why: str
@@ -332,18 +326,18 @@ class UnitGuess(NamedTuple):
 
 
 def is_time(name: str) -> bool:
-    """Whether a column is called like a time."""
+    """Return whether the name of a column is that of a time."""
     return re.search(_TIMES, name.lower()) is not None
 
 
 def unit_guess(facts: ColumnFacts, stated: str, head: Array, group: Array | None) -> UnitGuess:
-    """The unit of a column, from the header, its name, or its numbers.
+    """Return the unit of a column from the header, its name, or its numbers.
 
-    stated: in the header, "" if it is not there. head: its first rows. group: those of the vector that it belongs to,
-    (n, k), None for none.
+    stated: unit in the header, "" if there is none. head: first rows of the column. group: first rows (n, k) of the
+    vector that it belongs to, or None.
     """
     if stated:
-        return UnitGuess(stated, "stands in the header", stated=True)
+        return UnitGuess(stated, "stated in the header", stated=True)
     name = re.sub(r"\[\d+\]$", "", facts.name)
     if unit := unit_of_name(name):
         return UnitGuess(unit, f"the name ends in it: {name}")
@@ -358,38 +352,38 @@ def unit_guess(facts: ColumnFacts, stated: str, head: Array, group: Array | None
         return known
     if re.search(_RATES, lower):
         if size > 35.0:
-            return UnitGuess("deg/s", f"called like an angular velocity, up to {size:.3g}: too fast for rad/s")
-        return UnitGuess("rad/s", f"called like an angular velocity, within {size:.3g}")
+            return UnitGuess("deg/s", f"named like an angular velocity, up to {size:.3g}: too fast for rad/s")
+        return UnitGuess("rad/s", f"named like an angular velocity, within {size:.3g}")
     if re.search(_ACCELERATIONS, lower) or re.search(_FORCES, lower):
         return UnitGuess("", "")
     if re.search(_ANGLES, lower) and not re.search(r"vel|speed|_d\d", lower):
         if size <= TURN_RAD:
-            return UnitGuess("rad", f"called like an angle, within ±{size:.3g}: less than half a turn in rad")
+            return UnitGuess("rad", f"named like an angle, within ±{size:.3g}: at most half a turn in rad")
         if TURN_DEG < size <= 3600.0:
-            return UnitGuess("deg", f"called like an angle, up to {size:.4g}")
+            return UnitGuess("deg", f"named like an angle, up to {size:.4g}")
     if re.search(_PLACES, lower) and not re.search(r"vel|speed", lower):
         if size > 20.0:
-            return UnitGuess("mm", f"called like a position, up to {size:.4g}: too far for m")
+            return UnitGuess("mm", f"named like a position, up to {size:.4g}: too large for m")
         if 0.0 < size <= 10.0 and "leg" not in lower:
-            return UnitGuess("m", f"called like a position, within {size:.3g}")
+            return UnitGuess("m", f"named like a position, within {size:.3g}")
     return UnitGuess("", "")
 
 
 def unit_of_name(name: str) -> str:
-    """The unit in which a name ends: force_N, act_vel_deg_per_s, torque_nm."""
+    """Return the unit at the end of a name: force_N, act_vel_deg_per_s, torque_nm."""
     plain = re.sub(r"_per_", "_", name)
     last = re.split(r"[_.\s/]", plain)[-1]
     if last.lower() == "nm":
         return "N.m"
     if "_" in plain and (unit := unit_of(plain.rpartition(".")[2])):
-        # one capital letter is more often a name, as in q_A, but N and V
+        # a single capital letter is more often a name, as in q_A, except N and V
         return "" if len(unit) == 1 and unit not in "NVms" else unit
     text = spelled(last)
     return text if len(text) > 1 and text != name and is_unit(text) else ""
 
 
 def _of_time(facts: ColumnFacts, head: Array) -> UnitGuess:
-    """Epochs are known by their size; of what counts from zero the step may say it."""
+    """Guess the unit of a time: of an epoch from its size, otherwise from its step."""
     for unit, low in (("ns", 1e18), ("us", 1e15), ("ms", 1e12), ("s", 1e9)):
         if low < facts.least and facts.most < 4 * low:
             return UnitGuess(unit, f"about {facts.least:.4g}: {unit} since 1970")
@@ -398,24 +392,24 @@ def _of_time(facts: ColumnFacts, head: Array) -> UnitGuess:
         return UnitGuess("1", "counts rows")
     for unit, low, high in (("s", 1e-5, 0.5), ("ms", 0.5, 500.0), ("us", 500.0, 5e5), ("ns", 5e5, 5e8)):
         if low <= step < high:
-            return UnitGuess(unit, f"called like a time, {step:.4g} from row to row")
+            return UnitGuess(unit, f"named like a time, {step:.4g} from row to row")
     return UnitGuess("", "")
 
 
 def _of_vector(lower: str, group: Array) -> UnitGuess | None:
-    """Of quaternions, and of accelerations at rest, the length is known."""
-    whole = group[np.isfinite(group).all(axis=1)]
-    if not len(whole):
+    """Recognise quaternions, and accelerations at rest, by their length."""
+    rows = group[np.isfinite(group).all(axis=1)]
+    if not len(rows):
         return None
-    length = np.linalg.norm(whole, axis=1)
-    middle = float(np.median(length))
+    length = np.linalg.norm(rows, axis=1)
+    median = float(np.median(length))
     off = np.abs(length - 1.0) > NEAR
-    if nature_of(whole, "1", near=NEAR) == "quaternion":
+    if nature_of(rows, "1", near=NEAR) == "quaternion":
         but = f", but {off.sum()} rows are off, the worst of length {length[np.argmax(np.abs(length - 1))]:.2g}"
         return UnitGuess("1", f"four columns of length 1: a quaternion{but if off.any() else ''}")
     if group.shape[1] == 3 and re.search(_ACCELERATIONS, lower):
-        for unit, one, said in (("m/s2", G, "9.81 m/s2"), ("", 1.0, "1, so the unit is probably g = 9.81 m/s2"),
-                                ("", 1000.0, "1000, so the unit is probably a thousandth of g")):  # fmt: skip
-            if abs(middle - one) < 3 * NEAR * one:
-                return UnitGuess(unit, f"rests at {middle:.4g}, near {said}")
+        for unit, size, text in (("m/s2", G, "9.81 m/s2"), ("", 1.0, "1, so the unit is probably g = 9.81 m/s2"),
+                                 ("", 1000.0, "1000, so the unit is probably a thousandth of g")):  # fmt: skip
+            if abs(median - size) < 3 * NEAR * size:
+                return UnitGuess(unit, f"rests at {median:.4g}, near {text}")
     return None

@@ -1,8 +1,7 @@
-"""Tests that look at the data of every run: what was measured, what a fit leaves of it, and measurements that were
-counted twice.
+"""Tests of the data of every run, such as for measurements that were copied.
 
-Poses, readings of a force sensor, runs, logs, corners, filters and tables all go through `tested`. A new test is
-a function of `Data` marked by `every_run`; its name in `EveryAlarm` lets each of them accept it.
+All studies of measured data pass them through `tested`. A new test is a function of `Data` with the decorator
+`every_run`; its name in `EveryAlarm` lets `accept` take it.
 """
 
 from __future__ import annotations
@@ -18,10 +17,10 @@ from ...results.suspicion import Suspicion
 
 Array = np.ndarray
 
-# of a column's spread: numbers that agree to this are one number, also after a mean was taken of a copied stretch
+# share of a column's spread within which numbers count as equal; covers means of a copied stretch
 SAME = 1e-9
-STRETCH = 32  # samples in a row that repeat in every digit while they change: quantised readings agree in a few
-CHANGING = 0.5  # of a stretch: at standstill a quantised reading repeats itself and is no copy
+STRETCH = 32  # least consecutive samples of a copy; shorter stretches of quantised readings agree by chance
+CHANGING = 0.5  # least share of changing samples in a stretch: a quantised reading repeats itself at standstill
 
 
 class Stretch(NamedTuple):
@@ -35,13 +34,13 @@ class Stretch(NamedTuple):
 
 
 def copies(rows: Array, same: float = 0.0) -> Array:
-    """Rows that equal an earlier one, as pairs (k, 2): the row, and the earlier one.
+    """Return the rows that equal an earlier row, as pairs (k, 2): the row, and the earlier row.
 
-    No sensor gives the same noise twice, so that equal rows are one measurement that was counted twice.
+    Sensor noise does not repeat, so equal rows are one measurement counted twice.
 
     Args:
         rows: (n, k).
-        same: how far numbers may differ, as a share of their column's spread; 0: in no digit.
+        same: largest difference of equal numbers, as a share of their column's spread; 0: equal in every digit.
 
     >>> gt.measurements.copies(np.array([[1.0, 2.0], [3.0, 4.0], [1.0, 2.0]])).tolist()
     [[2, 0]]
@@ -57,11 +56,11 @@ def copies(rows: Array, same: float = 0.0) -> Array:
 
 
 def copied_stretch(recordings: Sequence[Array], stretch: int = STRETCH, distinct: float = 0.0) -> Stretch | None:
-    """The first stretch of evenly sampled recordings (n, k) that repeats an earlier one in every digit; None for none.
+    """Return the first stretch of evenly sampled recordings (n, k) that repeats an earlier one in every digit, or None.
 
-    Within a recording or between two. A stretch is at least `stretch` samples long, or as long as the shortest
-    recording, and most of its samples differ from the one before: a reading at rest may stand still. At least a share
-    `distinct` of them differ from each other: a coarse reading may go to and fro between a few numbers.
+    The copy may lie in the same or in another recording. A stretch has at least `stretch` samples, or the length of the
+    shortest recording. Most of its samples differ from the previous one, because a reading at rest may be constant. At
+    least a share `distinct` of its samples are different values, because a coarse reading may alternate between a few.
 
     >>> noise = np.random.default_rng(1).standard_normal((200, 2))  # synthetic: seed 1
     >>> pasted = np.vstack([noise, noise[50:100]])
@@ -78,25 +77,25 @@ def copied_stretch(recordings: Sequence[Array], stretch: int = STRETCH, distinct
     _, first, which = np.unique(windows, return_index=True, return_inverse=True)
     original = first[which]
     for k in np.flatnonzero(original != np.arange(len(windows))).tolist():
-        at, of = int(places[k]), int(places[original[k]])
-        # two windows of one number need not be the same
-        if not np.array_equal(everything[at : at + length], everything[of : of + length]):
+        copy, source = int(places[k]), int(places[original[k]])
+        # windows with equal hashes may differ
+        if not np.array_equal(everything[copy : copy + length], everything[source : source + length]):
             continue
-        if len(np.unique(everything[at : at + length], axis=0)) < distinct * length:
+        if len(np.unique(everything[copy : copy + length], axis=0)) < distinct * length:
             continue
-        again, one = (int(np.searchsorted(starts, x, side="right")) - 1 for x in (at, of))
-        most = min(starts[again + 1] - at, starts[one + 1] - of)
-        differ = np.flatnonzero(np.any(everything[at : at + most] != everything[of : of + most], axis=1))
+        again, first_run = (int(np.searchsorted(starts, x, side="right")) - 1 for x in (copy, source))
+        most = min(starts[again + 1] - copy, starts[first_run + 1] - source)
+        differ = np.flatnonzero(np.any(everything[copy : copy + most] != everything[source : source + most], axis=1))
         count = int(differ[0]) if differ.size else int(most)
-        return Stretch(again, at - int(starts[again]), one, of - int(starts[one]), count)
+        return Stretch(again, copy - int(starts[again]), first_run, source - int(starts[first_run]), count)
     return None
 
 
 def _windows(everything: Array, starts: Array, length: int) -> tuple[Array, Array]:
-    """One number for each window of so many samples that lies within a recording and changes, and where it begins."""
-    # a fixed seed: the same rows have the same number in every run
+    """Return a hash of each window of `length` samples that lies in one recording and changes, and its first row."""
+    # a fixed seed: equal rows have equal hashes in every run
     weights = np.random.default_rng(0).integers(1, 2**63, (length + everything.shape[1]), dtype=np.uint64) * 2 + 1
-    # -0.0 is 0.0
+    # turns -0.0 into 0.0
     bits = np.ascontiguousarray(everything + 0.0).view(np.uint64)
     bits = bits ^ (bits >> np.uint64(29))
     each = (bits * weights[: bits.shape[1]]).sum(axis=1, dtype=np.uint64)
@@ -112,20 +111,20 @@ def _windows(everything: Array, starts: Array, length: int) -> tuple[Array, Arra
     return numbers[places], places
 
 
-DISTINCT = 0.5  # of a stretch of one signal that is taken for a copy: a coarse reading repeats itself
-DIGITS, FEW = 6, 1e-12  # of a number that was written down, not a mean; how far the rounding of that is off
-COUNTED_TWICE = "noise does not repeat itself, and a copy counts twice and narrows the intervals: take copies out"
+DISTINCT = 0.5  # least share of distinct samples in a copied stretch of one signal: a coarse reading repeats itself
+DIGITS, FEW = 6, 1e-12  # numbers that agree with their rounding to DIGITS, to a share FEW, were written with few digits
+COUNTED_TWICE = "noise does not repeat itself, and copies make the intervals too narrow: remove the copies"
 
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """What a run knows of its data; what is left out is not looked at.
+    """The data of a run; fields that are left out are not tested.
 
-    columns: name -> readings (n,) or (n, k). noise: names of those of which each row has noise of its own, written in
-        all its digits; the others may have been moved by a constant. row: what a row is called; place, numbers: how it
-        is pointed to, "line" 7, by default row and its number from 1.
-    recordings: name and times [s] of each recording, where the rows follow each other in time.
-    residuals: (n, k), what a fit leaves, in units of their noise where that differs.
+    columns: name -> readings (n,) or (n, k). noise: names of the columns with independent noise in every row, written
+        with all digits; the other columns may differ between copies by a constant. row: term for a row; place, numbers:
+        how messages point to a row, such as "line" 7; default: term and number from 1.
+    recordings: name and times [s] of each recording, for rows that follow each other in time.
+    residuals: (n, k), residuals of a fit, in units of their noise if that differs.
     """
 
     columns: Mapping[str, ArrayLike] = field(default_factory=dict)
@@ -137,9 +136,9 @@ class Data:
     residuals: np.ndarray | None = None
 
     def rows(self, names: Iterable[str]) -> np.ndarray:
-        """Some columns side by side (n, k)."""
-        given = [np.asarray(self.columns[name], float) for name in names]
-        return np.hstack([one.reshape(len(one), -1) for one in given])
+        """Return columns side by side (n, k)."""
+        columns = [np.asarray(self.columns[name], float) for name in names]
+        return np.hstack([column.reshape(len(column), -1) for column in columns])
 
 
 Test = Callable[[Data], Iterable[Suspicion]]
@@ -147,18 +146,18 @@ EVERY_RUN: list[Test] = []
 
 
 def every_run(test: Test) -> Test:
-    """A test that every run makes."""
+    """Register a test that every run makes."""
     EVERY_RUN.append(test)
     return test
 
 
 def tested(*data: Data) -> list[Suspicion]:
-    """What the tests find in the data of one run; those that clean data cannot fail are there only where they did.
+    """Return the suspicions of all tests of the data of one run.
 
     >>> rng = np.random.default_rng(1)  # synthetic: seed 1
     >>> q = rng.normal(size=(20, 3))
     >>> q[7] = q[4]
-    >>> [found.evidence for found in tested(Data({"q": q}, noise=["q"], row="pose"))]
+    >>> [suspicion.evidence for suspicion in tested(Data({"q": q}, noise=["q"], row="pose"))]
     ['1 of 20 poses are copies of others in every digit, the first pose 8 of pose 5']
     """
     return [suspicion for test in EVERY_RUN for one in data for suspicion in test(one)]
@@ -166,26 +165,26 @@ def tested(*data: Data) -> list[Suspicion]:
 
 @every_run
 def copied(data: Data) -> Iterator[Suspicion]:
-    """Rows, or stretches of a recording, that repeat earlier ones: no sensor gives the same noise again."""
+    """Find rows, or stretches of a recording, that repeat earlier ones: sensor noise does not repeat."""
     if not data.noise:
         return
-    every, own = data.rows(data.columns), data.rows(data.noise)
+    every, noisy = data.rows(data.columns), data.rows(data.noise)
     if data.recordings:
         ends = np.cumsum([len(time) for _, time in data.recordings])[:-1]
-        stretch = copied_stretch(np.split(every, ends)) or copied_stretch(np.split(own, ends), distinct=DISTINCT)
+        stretch = copied_stretch(np.split(every, ends)) or copied_stretch(np.split(noisy, ends), distinct=DISTINCT)
         if stretch is not None:
-            (again, at), (first, of) = data.recordings[stretch.again], data.recordings[stretch.first]
+            (again, times), (first, first_times) = data.recordings[stretch.again], data.recordings[stretch.first]
             yield Suspicion(
                 "copied_rows",
-                f"'{again}' repeats from {at[stretch.at]:g} s on, in {stretch.rows} samples and every digit, what "
-                f"'{first}' holds from {of[stretch.of]:g} s on",
+                f"from {times[stretch.at]:g} s, {stretch.rows} samples of '{again}' repeat in every digit those of "
+                f"'{first}' from {first_times[stretch.of]:g} s",
                 remedy=COUNTED_TWICE,
             )
         return
     pairs = copies(every, SAME)
-    if not len(pairs) and own.shape[1] < every.shape[1]:  # where numbers are given in few digits, two may well agree
-        fine = np.flatnonzero(np.any(np.abs(own - _rounded(own)) > FEW * np.abs(own), axis=1))
-        pairs = fine[copies(own[fine], SAME)] if len(fine) else pairs
+    if not len(pairs) and noisy.shape[1] < every.shape[1]:  # numbers written with few digits may agree by chance
+        fine = np.flatnonzero(np.any(np.abs(noisy - _rounded(noisy)) > FEW * np.abs(noisy), axis=1))
+        pairs = fine[copies(noisy[fine], SAME)] if len(fine) else pairs
     if len(pairs):
         numbers = np.arange(1, len(every) + 1) if data.numbers is None else np.asarray(data.numbers)
         (again, first), place = numbers[pairs[0]], data.place or data.row

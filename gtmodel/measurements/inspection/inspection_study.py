@@ -1,4 +1,4 @@
-"""The study of a log before it is used."""
+"""The inspection of a log before it is used."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ from .columns import (
     unit_of_name,
 )
 
-SHORTEST = 16  # rows of a stream, where another one is longer: what is shorter are parameters
+SHORTEST = 16  # rows of a stream; shorter ones beside longer ones are parameters
 MOST_CLOCKS = 4
-MOST_GAPS = 20  # that are listed
+MOST_GAPS = 20  # gaps listed
 MOST_NAMES = 12
-MOST_WORDS = 4  # columns with words among their numbers that are shown
+MOST_WORDS = 4  # columns with words among their numbers listed
 _COMPONENT = re.compile(r"(?P<base>.+?)(?:\[\d+\]|[_.](?:[xyzw]|\d+)|(?<=[^\d\W])\d+)")
 
 
 @dataclass(frozen=True, eq=False)
 class InspectedStream:
-    """One table of a log: its columns, the units that they probably have, its clocks; `envelope` is drawn."""
+    """One table of a log: its columns, their probable units, its clocks, and the `envelope` for the picture."""
 
     name: str
     rows: int
@@ -59,24 +59,24 @@ class InspectedStream:
 
     @property
     def clock(self) -> Clock | None:
-        """The one that orders the rows: the first in a known unit, else the first."""
+        """The first clock with a known unit, else the first clock."""
         return next((c for c in self.clocks if c.unit), next(iter(self.clocks), None))
 
 
 @to_inherit
 @dataclass(frozen=True, kw_only=True)
 class InspectionStudy(Study):
-    """What a log holds: `streams` by name in plain data, `inspected` as objects; notes say what to look at."""
+    """Contents of a log: `streams` by name as plain data, `inspected` as objects; the notes list peculiarities."""
 
     streams: Annotated[
         dict[str, Any],
-        Quantity(description="by stream: rows, columns with range, unit and why it is thought to be, clocks"),
+        Quantity(description="per stream: rows, clocks, and columns with range, unit and the reason for the unit"),
     ] = field(default_factory=dict)
     inspected: Sequence[InspectedStream] = ()
 
     @property
     def rows(self) -> list[Row]:
-        """A row for each vector or column, behind those of the clocks of its stream."""
+        """The rows of each stream: first its clocks, then one row for each vector or column."""
         return [row for stream in self.inspected for row in _rows(stream, len(self.inspected) > 1)]
 
 
@@ -86,15 +86,15 @@ def inspect(
     form: LogForm = LogForm(),  # noqa: B008
     **work_options: Unpack[WorkOptions],
 ) -> InspectionStudy:
-    r"""What a log holds, before it is used: streams, columns, units guessed and why, rates, jitter, gaps, clocks.
+    r"""Inspect a log before it is used: streams, columns, guessed units with reasons, rates, jitter, gaps, clocks.
 
     Args:
-        path: a file as `open_log` takes it; it is read once, in blocks, so it may be larger than the memory.
-        form: how it is written, where it does not say so itself.
-        title: of the table and the picture.
-        progress, max_seconds, stop: see `Work`. Stopped, it tells of what was read.
+        path: a file that `open_log` reads. It is read once, in blocks, so it may be larger than the memory.
+        form: format of the file, as far as the file does not state it.
+        title: title of the table and the picture.
+        progress, max_seconds, stop: see `Work`. A stopped study describes the rows read so far.
 
-    Units that do not stand in the header are guesses and called so. Raises LogError for a file that cannot be read.
+    Units that the header does not state are marked as guesses. Raises LogError for a file that cannot be read.
 
     >>> from pathlib import Path
     >>> lines = [f"{4 * k},{0.5 * k % 2},{300 + k}" for k in range(40) if k != 20]
@@ -104,7 +104,7 @@ def inspect(
     >>> [guess.unit for guess in stream.guesses]
     ['ms', 'N', 'mm']
     >>> stream.guesses[2].why
-    'called like a position, up to 339: too far for m'
+    'named like a position, up to 339: too large for m'
     >>> round(stream.clock.sampling.rate, 6), stream.clock.sampling.gaps[0].missing
     (250.0, 1)
     """
@@ -117,50 +117,50 @@ def inspect(
         names = _listed([s.name for s in all_streams if s.name])
         if not all_streams:
             raise LogError(f"{shown(path)} holds no table of numbers")
-        has = f"it has {names}" if names else "it is one table, so name none"
-        raise LogError(f"{shown(path)}: there is no stream '{form.stream[:40]}'; {has}")
-    made, ended = list[InspectedStream](), False
+        advice = f"it has {names}" if names else "it is a single table, so name no stream"
+        raise LogError(f"{shown(path)}: there is no stream '{form.stream[:40]}'; {advice}")
+    tables, ended = list[InspectedStream](), False
     title = work.title or shown(Path(path).name)
-    work.keep(partial(_answer, title, made, notes, True))
+    work.keep(partial(_answer, title, tables, notes, True))
     for stream in streams:
         notes += [_on(stream, remark) for remark in stream.remarks]
         inspected, ended = _inspected(stream, work, others=len(streams) > 1)
-        made += [] if inspected is None else [inspected]
+        tables += [] if inspected is None else [inspected]
         notes += [_on(stream, sentence) for sentence in _left_out(stream)]
         if ended:
-            notes.append(f"stopped after row {made[-1].rows if made else 0}; what follows it is not in these numbers")
+            notes.append(f"stopped after row {tables[-1].rows if tables else 0}; later rows are not included")
             break
-    if not made and not ended:
-        raise LogError(f"{streams[0].heads.where} has a header but no rows; expected a row of numbers for each time")
-    notes += [sentence for stream in made for sentence in _remarkable(stream, len(made) > 1)]
+    if not tables and not ended:
+        raise LogError(f"{streams[0].heads.where} has a header but no rows; expected at least one row of numbers")
+    notes += [sentence for stream in tables for sentence in _remarkable(stream, len(tables) > 1)]
     if isinstance(content, MatFile):
         notes += _parameters(content)
-    return _answer(title, made, notes, ended)
+    return _answer(title, tables, notes, ended)
 
 
-def _answer(title: str, made: list[InspectedStream], notes: list[str], ended: bool) -> InspectionStudy:
-    figures = {"log": partial(_picture, title, made)} if made else {}
+def _answer(title: str, tables: list[InspectedStream], notes: list[str], ended: bool) -> InspectionStudy:
+    figures = {"log": partial(_picture, title, tables)} if tables else {}
     return InspectionStudy(
         status=SolveStatus.INTERRUPTED if ended else SolveStatus.SOLVED,
-        message="" if ended else f"{len(made)} stream{'s' if len(made) != 1 else ''}; units with ? are guesses",
+        message="" if ended else f"{len(tables)} stream{'s' if len(tables) != 1 else ''}; units with ? are guesses",
         title=title,
         notes=notes,
         figures=figures,
-        streams={stream.name or "table": _data(stream) for stream in made},
-        inspected=made,
+        streams={stream.name or "table": _data(stream) for stream in tables},
+        inspected=tables,
     )
 
 
 def _inspected(stream: Stream, work: Work, others: bool) -> tuple[InspectedStream | None, bool]:
-    """A stream, None for one that is too short beside others; and whether it was stopped."""
+    """Return the inspected stream, None if it is too short beside others; and whether the study was stopped."""
     names = [name for name in stream.heads.names if name and _once(stream, name)]
     units = dict(zip(stream.heads.names, stream.heads.units, strict=True))
-    numeric, scan, kept, ended = names, None, list[str](), False
+    scan, time_names, ended = None, list[str](), False
     blocks = stream.blocks(names, gaps=True) if names else iter(())
     for block in blocks:
         if scan is None:
-            kept = _clock_names(stream, numeric, block.values)
-            scan = ColumnScan(numeric, kept)
+            time_names = _clock_names(stream, names, block.values)
+            scan = ColumnScan(names, time_names)
         scan.add(block.values)
         work.progress(f"reading {stream.source}", block.fraction)
         if work.interrupted() and block.fraction < 1.0:
@@ -175,7 +175,7 @@ def _inspected(stream: Stream, work: Work, others: bool) -> tuple[InspectedStrea
         for j in group:
             guesses[j] = unit_guess(facts[j], units[names[j]], scan.head[:, j], rows)
         _as_one(group, guesses, facts)
-    clocks = [clock_of(name, guesses[names.index(name)].unit, scan.numbers(name)) for name in kept]
+    clocks = [clock_of(name, guesses[names.index(name)].unit, scan.numbers(name)) for name in time_names]
     scan.forget()
     clocks.sort(key=lambda clock: clock.name != stream.clock)
     inspected = InspectedStream(
@@ -189,16 +189,16 @@ def _once(stream: Stream, name: str) -> bool:
 
 
 def _left_out(stream: Stream) -> list[str]:
-    """Columns that are not in the table, and words among numbers, which count as empty."""
+    """Return notes on ignored columns, and on words among numbers, which count as empty."""
     names = stream.heads.names
-    said = [f"{stream.cell}s {_places(names, n)} are all called '{n}' and not looked at; give each a name of its own"
-            for n in dict.fromkeys(names) if n and not _once(stream, n)]  # fmt: skip
+    notes = [f"{stream.cell}s {_places(names, n)} are all called '{n}' and are ignored; give each a different name"
+             for n in dict.fromkeys(names) if n and not _once(stream, n)]  # fmt: skip
     if "" in names:
-        said.append(f"{stream.cell} {_places(names, '')} has no name and is not looked at")
+        notes.append(f"{stream.cell} {_places(names, '')} has no name and is ignored")
     for name, (line, word, advice) in list(stream.words.items())[:MOST_WORDS]:
-        said.append(f"{stream.row} {line}, {stream.cell} '{name}': '{word[:MOST_SHOWN]}' is no number and counts as "
-                    f"empty{advice}")  # fmt: skip
-    return said
+        notes.append(f"{stream.row} {line}, {stream.cell} '{name}': '{word[:MOST_SHOWN]}' is not a number and counts "
+                     f"as empty{advice}")  # fmt: skip
+    return notes
 
 
 def _places(names: Sequence[str], name: str) -> str:
@@ -206,7 +206,7 @@ def _places(names: Sequence[str], name: str) -> str:
 
 
 def _clock_names(stream: Stream, names: list[str], values: Array) -> list[str]:
-    """Columns of time by their names; without any, those that increase with each row."""
+    """Return the time columns by name; if there are none, the columns that increase with every row."""
     named = [name for name in names if name == stream.clock or is_time(name)]
     if not named and len(values) > 2:
         named = [name for j, name in enumerate(names) if np.all(np.diff(values[:, j]) > 0)]
@@ -214,7 +214,7 @@ def _clock_names(stream: Stream, names: list[str], values: Array) -> list[str]:
 
 
 def _groups(names: list[str]) -> list[list[int]]:
-    """Columns side by side that are components of one vector by their names: q[0], q[1]; x_1, x_2; p.x, p.y, p.z."""
+    """Group adjacent columns whose names are components of one vector: q[0], q[1]; x_1, x_2; p.x, p.y, p.z."""
     groups: list[list[int]] = []
     before = ""
     for j, name in enumerate(names):
@@ -229,7 +229,7 @@ def _groups(names: list[str]) -> list[list[int]]:
 
 
 def _as_one(group: list[int], guesses: list[UnitGuess], facts: list[ColumnFacts]) -> None:
-    """Components of a vector have one unit: the one of the component that says most."""
+    """Give all components of a vector the unit guessed for the component with the widest range."""
     units = [guesses[j].unit for j in group if not facts[j].constant]
     if len(group) < 2 or any(guesses[j].stated for j in group) or len(set(units)) < 2:
         return
@@ -243,54 +243,51 @@ def _on(stream: Stream, sentence: str) -> str:
 
 
 def _remarkable(stream: InspectedStream, several: bool) -> list[str]:
-    """Sentences on what a person should look at before the log is used."""
+    """Return notes on peculiarities to check before the log is used."""
     lead = f"{stream.name}: " if several else ""
-    said: list[str] = []
+    notes: list[str] = []
     for group in stream.groups:
         guess, name = stream.guesses[group[0]], _group_name([stream.columns[j] for j in group])
-        if guess.stated and (other := unit_of_name(name)) not in ("", guess.unit):
-            said.append(
-                f"{lead}the header says {guess.unit} of '{name}', whose name ends in {other}; {guess.unit} counts"
+        if guess.stated and (suffix := unit_of_name(name)) not in ("", guess.unit):
+            notes.append(
+                f"{lead}the header says {guess.unit} of '{name}', whose name ends in {suffix}; {guess.unit} counts"
             )
-        if guess.why and not guess.stated and not guess.why.startswith("the name") and len(said) < MOST_NAMES:
-            said.append(f"{lead}{name}: {f'{guess.unit}? ' if guess.unit else ''}{guess.why}")
+        if guess.why and not guess.stated and not guess.why.startswith("the name") and len(notes) < MOST_NAMES:
+            notes.append(f"{lead}{name}: {f'{guess.unit}? ' if guess.unit else ''}{guess.why}")
     for clock in stream.clocks:
         s, unit = clock.sampling, "s" if clock.unit else "of its unit"
         if clock.resets:
             times = "once" if clock.resets == 1 else f"{clock.resets} times"
-            said.append(f"{lead}the time '{clock.name}' goes back {times}: a reset, or rows that came late")
+            notes.append(f"{lead}the time '{clock.name}' goes back {times}: a reset, or late rows")
         if s.repeated:
-            said.append(f"{lead}the time '{clock.name}' repeats itself in {s.repeated} rows")
+            notes.append(f"{lead}the time '{clock.name}' repeats itself in {s.repeated} rows")
         if s.gaps:
             first = s.gaps[0]
-            said.append(
-                f"{lead}'{clock.name}' has {_gaps(s)}, {100 * s.missing:.2g} % of the samples; the first of "
-                f"{first.duration:.4g} {unit} at {first.time:.6g} {unit}"
+            notes.append(
+                f"{lead}'{clock.name}' has {_gaps(s)}, {100 * s.missing:.2g} % of the samples; the first lasts "
+                f"{first.duration:.4g} {unit} from {first.time:.6g} {unit}"
             )
         if not clock.unit:
-            said.append(f"{lead}the unit of the time '{clock.name}' is not known")
+            notes.append(f"{lead}the unit of the time '{clock.name}' is unknown")
     if not stream.clocks:
-        said.append(f"{lead}there is no column of time: if it is a recording, the sample time has to be given")
+        notes.append(f"{lead}there is no time column: reading a recording needs the sample time")
     for pair in stream.pairs:
-        said.append(
+        notes.append(
             f"{lead}'{pair.other}' is {1e3 * pair.offset:.4g} ms ahead of '{pair.first}' at the first row and gains "
-            f"{1e6 * pair.drift:.3g} ppm, roughly; {1e3 * pair.residual:.3g} ms scatter"
+            f"{1e6 * pair.drift:.3g} ppm, roughly; scatter {1e3 * pair.residual:.3g} ms"
         )
-    # a component of a quaternion ends at 1
+    # components of a quaternion are bounded by 1
     turned = {c.name for c, guess in zip(stream.columns, stream.guesses, strict=True) if "quaternion" in guess.why}
-    for many, sentence in (
+    for applies, sentence in (
         (lambda c: c.rows == 0, "no numbers in {}"),
         (lambda c: c.rows and c.constant, "constant: {}"),
         (lambda c: c.rows and c.empty, "rows without a number in {}"),
-        (
-            lambda c: c.clipped and c.name not in turned,
-            "looks clipped, for it stands at its extremes again and again: {}",
-        ),
+        (lambda c: c.clipped and c.name not in turned, "looks clipped, with many rows at an extreme: {}"),
     ):
-        chosen = [c for c in stream.columns if many(c)]
-        if chosen:
-            said.append(lead + sentence.format(_listed([_counted(c) for c in chosen])))
-    return said
+        columns = [c for c in stream.columns if applies(c)]
+        if columns:
+            notes.append(lead + sentence.format(_listed([_counted(c) for c in columns])))
+    return notes
 
 
 def _gaps(sampling: SamplingReport) -> str:
@@ -310,7 +307,7 @@ def _listed(names: list[str]) -> str:
 
 
 def _parameters(file: MatFile) -> list[str]:
-    """Single numbers and short vectors of a MATLAB file."""
+    """Return notes on the single numbers and short vectors of a MATLAB file."""
     single = [n for n, v in file.variables.items() if int(np.prod(v.shape)) == 1]
     short = [n for n, v in file.variables.items() if 1 < int(np.prod(v.shape)) < SHORTEST]
     notes = []
@@ -332,7 +329,7 @@ def _rows(stream: InspectedStream, several: bool) -> list[Row]:
             low, high = float(np.nanmin(clock.time)), float(np.nanmax(clock.time))
             span = f"from {low:.6g} to {high:.6g}"
             if high - low < 1e-4 * abs(high):  # seconds since 1970
-                span = f"{high - low:.6g} from {low:.10g} on"
+                span = f"{high - low:.6g} after {low:.10g}"
             text = f"{s.rate:.6g} Hz, jitter {100 * s.jitter:.2g} %, {_gaps(s)}, {span}"
             rows.append(Row(f"time {clock.name}", text, "s"))
     times = {clock.name for clock in stream.clocks if clock.unit}
@@ -367,7 +364,7 @@ def _unit_shown(guess: UnitGuess) -> str:
 
 
 def _data(stream: InspectedStream) -> dict[str, Any]:
-    """A stream as plain data, for result.json."""
+    """Return a stream as plain data for result.json."""
     return {
         "rows": stream.rows,
         "columns": [
@@ -388,11 +385,11 @@ def _data(stream: InspectedStream) -> dict[str, Any]:
 
 def _clock_data(clock: Clock) -> dict[str, Any]:
     s = clock.sampling
-    good = clock.time[np.isfinite(clock.time)]
+    time = clock.time[np.isfinite(clock.time)]
     return {
         "name": clock.name, "unit": clock.unit, "monotonic": not (s.late or s.repeated), "resets": clock.resets,
-        "repeated": s.repeated, "start": float(good[0]) if len(good) else None,
-        "end": float(good[-1]) if len(good) else None, "rate_Hz": s.rate, "step_s": s.step, "jitter": s.jitter,
+        "repeated": s.repeated, "start": float(time[0]) if len(time) else None,
+        "end": float(time[-1]) if len(time) else None, "rate_Hz": s.rate, "step_s": s.step, "jitter": s.jitter,
         "largest_jitter": s.most, "gaps": len(s.gaps), "missing": s.missing,
         "first_gaps": [asdict(gap) for gap in s.gaps[:MOST_GAPS]],
     }  # fmt: skip
@@ -405,12 +402,12 @@ def _picture(title: str, streams: Sequence[InspectedStream]) -> Any:
 
 
 def _drawn(stream: InspectedStream) -> dict[str, Any]:
-    """What the picture takes: times of the envelope, and each group of columns."""
-    clock, at = stream.clock, stream.envelope.rows
+    """Return the data of the picture: times of the envelope, and each group of columns."""
+    clock, rows = stream.clock, stream.envelope.rows
     if clock is not None and len(clock.time):
-        time, label = clock.time[np.round(at).astype(int)], f"{clock.name} [{'s' if clock.unit else '?'}]"
+        time, label = clock.time[np.round(rows).astype(int)], f"{clock.name} [{'s' if clock.unit else '?'}]"
     else:
-        time, label = at, "row"
+        time, label = rows, "row"
     return {
         "name": stream.name, "time": time, "label": label, "low": stream.envelope.low, "high": stream.envelope.high,
         "groups": [

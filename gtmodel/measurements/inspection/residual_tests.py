@@ -1,5 +1,5 @@
-"""Tests of what a fit leaves: colour, drift, other columns, and outliers, each against its own deviation and a
-threshold for how many there are."""
+"""Tests of the residuals of a fit: colour, drift, further regressor columns, outliers; p-values allow for the number of
+tests."""
 
 from __future__ import annotations
 
@@ -13,48 +13,49 @@ from ...inference.chance import f_chance, f_test
 from ...inference.residuals import autocorrelation, shown_p
 from ...results.suspicion import FIRST, Suspicion
 
-LOOKED_AT = 0.5  # share of a group's degrees of freedom that outliers may take; more are no outliers
-HIDDEN = 3  # so many deletions in a row that change nothing end the search
-CHANCE = 0.5  # probability from which on a deletion changes nothing
-MANY = 10  # groups; of fewer the noise does not say how alike it is
-SURELY = 1e6  # degrees of freedom: noise as good as known
-EXACT = 1e-9  # of a residual's deviation: a smaller one is fixed by the fit and says nothing
+LOOKED_AT = 0.5  # largest share of a group's degrees of freedom that outliers may take
+HIDDEN = 3  # this number of successive insignificant deletions ends the search
+CHANCE = 0.5  # probability from which a deletion counts as insignificant
+MANY = 10  # least number of groups from which the distribution of their noise levels is estimated
+SURELY = 1e6  # degrees of freedom of a noise level that is practically known
+EXACT = 1e-9  # least variance of a residual over that of the noise; a smaller one is fixed by the fit
 
 
 @dataclass(frozen=True, eq=False)
 class Outliers:
-    """p (n,): probability that any of n clean residuals lies as far off as this one, 1 for those not suspected;
-    times (n,): its length in its own deviations, as the others of its group say it."""
+    """p (n,): probability that any of n clean residuals is as large as this one, 1 for residuals not suspected;
+    times (n,): length of the residual over its standard deviation, estimated from the others of its group."""
 
     p: np.ndarray
     times: np.ndarray
 
     def beyond(self, level: float = FIRST) -> np.ndarray:
-        """Indices of the outliers at this level, the most unlikely first, those of one p by their lengths."""
+        """Return the indices of the outliers at this level, by increasing p, then by decreasing length."""
         far = np.flatnonzero(self.p <= level)
         return far[np.lexsort((far, -self.times[far], self.p[far]))]
 
     def suspicion(self, name: str, evidence: str, remedy: str) -> Suspicion:
-        """Of the most unlikely of them."""
+        """Return the suspicion of the most significant outlier."""
         return Suspicion(name, evidence, float(np.min(self.p, initial=1.0)), remedy)
 
 
 def outliers(residuals: np.ndarray, basis: np.ndarray | None = None, groups: np.ndarray | None = None) -> Outliers:
-    """Which residuals of a least-squares fit are no noise, by deleted residuals: each is judged by a fit without it.
+    """Find outliers of a least-squares fit from deleted residuals: each residual is compared with a fit without it.
 
     Args:
-        residuals: (n,) or (n, k), k numbers each, such as u and v; divided by their deviations where these differ and
-            are known but for a factor. Those that are not finite are left out.
-        basis: orthonormal columns of the fit's Jacobian, (n, p) or (n, k, p), in the same units: they say how much of
-            its own error each residual shows, and what deleting it does to the others. Without them a residual shows
-            its whole error.
-        groups: (n,) numbers of groups, each with a noise of its own, such as views or links; one if left out. Where
-            there are MANY, the noise of each is also judged by how alike they are.
+        residuals: (n,) or (n, k), k numbers each, such as u and v; divided by their standard deviations, known up to a
+            common factor, if these differ. Residuals that are not finite are ignored.
+        basis: orthonormal basis of the columns of the fit's Jacobian, (n, p) or (n, k, p), in the same units. It gives
+            the share of its own error that a residual shows, and the effect of a deletion on the others. Without it a
+            residual shows its whole error.
+        groups: (n,) numbers of groups with different noise levels, such as views or links; default: one group. From
+            MANY groups on, the estimated level of each is shrunk towards the common one.
 
-    A deleted residual has the F distribution with k and the rest of its group's degrees of freedom, for normal errors;
-    the probability is that of any of the n (Bonferroni). The largest are deleted one by one and judged last to first,
-    so that one does not hide another. Sources: Cook and Weisberg 1982, "Residuals and influence in regression",
-    section 2.2; Rosner 1983, Technometrics 25; Smyth 2004, Stat. Appl. Genet. Mol. Biol. 3 (1), section 6.2.
+    For normal errors, a squared deleted residual has an F distribution with k degrees of freedom and those of the rest
+    of its group; the p-value is that of any of n residuals (Bonferroni). The largest residuals are deleted one by one
+    and judged from last to first, so that one outlier does not mask another. Sources: Cook and Weisberg 1982,
+    "Residuals and influence in regression", section 2.2; Rosner 1983, Technometrics 25; Smyth 2004, Stat. Appl. Genet.
+    Mol. Biol. 3 (1), section 6.2.
 
     >>> from gtmodel.measurements.inspection.residual_tests import outliers
     >>> x, e = np.linspace(0.0, 1.0, 30), np.random.default_rng(1).normal(size=30)  # synthetic: seed 1
@@ -69,57 +70,57 @@ def outliers(residuals: np.ndarray, basis: np.ndarray | None = None, groups: np.
     U = np.zeros((n, k, 0)) if basis is None else np.asarray(basis, float).reshape(n, k, -1)
     group = np.zeros(n, int) if groups is None else np.unique(np.asarray(groups), return_inverse=True)[1].reshape(-1)
     every = int(group.max(initial=-1)) + 1
-    M, left = np.eye(U.shape[2]), np.all(np.isfinite(e), axis=1)
-    tests = max(int(left.sum()), 1)
+    M, remaining = np.eye(U.shape[2]), np.all(np.isfinite(e), axis=1)
+    tests = max(int(remaining.sum()), 1)
     p, times = np.ones(n), np.zeros(n)
-    own = np.eye(k) - np.einsum("nia,nja->nij", U, U)  # covariance of a residual, of noise of size 1
-    spare = np.bincount(group[left], np.einsum("nii->n", own)[left], every)
-    budget, taken = LOOKED_AT * spare, np.zeros(every)
+    covariance = np.eye(k) - np.einsum("nia,nja->nij", U, U)  # of each residual, for noise of variance 1
+    spare = np.bincount(group[remaining], np.einsum("nii->n", covariance)[remaining], every)
+    budget, deleted = LOOKED_AT * spare, np.zeros(every)
     deletions: list[tuple[int, float]] = []
-    first, square, shown = True, np.zeros(n), np.zeros(n, bool)
-    while left.any():
+    first, square, regular = True, np.zeros(n), np.zeros(n, bool)
+    while remaining.any():
         if first or U.shape[2]:  # without a basis a deletion moves no other residual
-            shown, square = np.linalg.eigvalsh(own)[:, 0] > EXACT, np.zeros(n)
-            at = left & shown
-            square[at] = np.einsum("ni,ni->n", e[at], np.linalg.solve(own[at], e[at][:, :, None])[:, :, 0])
-        known = left & shown
-        total = np.bincount(group[left], np.sum(e[left] ** 2, axis=1), every)
+            regular, square = np.linalg.eigvalsh(covariance)[:, 0] > EXACT, np.zeros(n)
+            rows = remaining & regular
+            scaled = np.linalg.solve(covariance[rows], e[rows][:, :, None])[:, :, 0]
+            square[rows] = np.einsum("ni,ni->n", e[rows], scaled)
+        total = np.bincount(group[remaining], np.sum(e[remaining] ** 2, axis=1), every)
         rest = spare[group] - k
-        judged = known & (rest > 0) & (taken[group] + k <= budget[group])
+        judged = remaining & regular & (rest > 0) & (deleted[group] + k <= budget[group])
         usual, weight = _alike(total, spare)
-        worth, size = rest + weight, np.zeros(n)
-        own_sum = np.maximum(total[group[judged]] - square[judged], 0.0)
-        size[judged] = (own_sum + weight * usual) / worth[judged]
+        degrees, size = rest + weight, np.zeros(n)
+        others = np.maximum(total[group[judged]] - square[judged], 0.0)
+        size[judged] = (others + weight * usual) / degrees[judged]
         with np.errstate(divide="ignore", invalid="ignore"):
             F = np.where(judged, np.nan_to_num(square / size / k, nan=0.0, posinf=np.inf), 0.0)
         if first:
             times, first = np.sqrt(F * k), False
-        chance = np.minimum(tests * f_chance(F, k, np.maximum(worth, 1.0)), 1.0)
+        chance = np.minimum(tests * f_chance(F, k, np.maximum(degrees, 1.0)), 1.0)
         worst = int(np.argmin(np.where(judged, chance, 2.0)))
         if not judged[worst]:
             break
         deletions.append((worst, float(chance[worst])))
         times[worst] = np.sqrt(F[worst] * k)
         if U.shape[2]:
-            u, by = U[worst], np.linalg.inv(own[worst])
+            u, inverse = U[worst], np.linalg.inv(covariance[worst])
             moved = U @ M @ u.T  # (n, k, k)
-            e = e + (moved @ by @ e[worst][:, None])[:, :, 0]
-            own = own - moved @ by @ moved.transpose(0, 2, 1)
-            M = M + M @ u.T @ by @ u @ M
-        left[worst] = False
+            e = e + (moved @ inverse @ e[worst][:, None])[:, :, 0]
+            covariance = covariance - moved @ inverse @ moved.transpose(0, 2, 1)
+            M = M + M @ u.T @ inverse @ u @ M
+        remaining[worst] = False
         spare[group[worst]] -= k
-        taken[group[worst]] += k
+        deleted[group[worst]] += k
         if len(deletions) > HIDDEN and min(chance for _, chance in deletions[-HIDDEN:]) > CHANCE:
             break
     least = np.ones(every)
-    for worst, chance in reversed(deletions):  # what had to be deleted before another one showed is an outlier like it
+    for worst, chance in reversed(deletions):  # a residual deleted before an outlier showed is an outlier, too
         least[group[worst]] = p[worst] = min(least[group[worst]], chance)
     return Outliers(p, times)
 
 
 def _alike(total: np.ndarray, spare: np.ndarray) -> tuple[float, float]:
-    """The usual variance of groups with these sums of squares, and as how many degrees of freedom it counts in each:
-    those of the scaled inverse chi-squared distribution that the variances come from, by the moments of their logs."""
+    """Return the common variance of groups with these sums of squares, and its weight in degrees of freedom: parameters
+    of a scaled inverse chi-squared prior, from the moments of the logarithms of the variances (Smyth 2004)."""
     d, z = spare / 2, np.log(np.maximum(total, np.finfo(float).tiny) / np.maximum(spare, 1.0))
     used = (spare > 2) & (total > 0)
     if used.sum() < MANY:
@@ -127,20 +128,20 @@ def _alike(total: np.ndarray, spare: np.ndarray) -> tuple[float, float]:
     d, z = d[used], z[used]
     centred = z - scipy.special.digamma(d) + np.log(d)
     spread = float(np.var(centred, ddof=1) - np.mean(scipy.special.polygamma(1, d)))
-    weight = min(SURELY, 1 + 2 / spread) if spread > 0 else SURELY  # trigamma(x) is 1 / (x - 1/2) nearly
+    weight = min(SURELY, 1 + 2 / spread) if spread > 0 else SURELY  # trigamma(x) is about 1 / (x - 1/2)
     return float(np.exp(centred.mean() + scipy.special.digamma(weight / 2) - np.log(weight / 2))), weight
 
 
-WIDER = 1.2  # slow residuals so many times as large as white ones: below, intervals are too narrow by less than matters
-OCTAVES = 6  # of slow waves, 1, 2 to 3, 4 to 7, ... half periods over all rows
-MOST_ROWS = 1024  # longer series are averaged over neighbours first, which slow waves survive
-IN_SPAN = 1e-10  # of a column's square: what is left of it is rounding, it lies in the span of the others
-TOO_FEW = "too few rows are left to test"
+WIDER = 1.2  # least ratio of slow residuals to white noise; below it the effect on the intervals is negligible
+OCTAVES = 6  # octaves of slow waves: 1, 2 to 3, 4 to 7, ... half periods over all rows
+MOST_ROWS = 1024  # longer series are averaged over neighbours first, which preserves slow waves
+IN_SPAN = 1e-10  # share of a column's square; a smaller remainder is rounding, so the column lies in the span of others
+TOO_FEW = "too few rows to test"
 
 
 class Explained(NamedTuple):
-    """F test of further columns: `F` for `more` and `rest` degrees of freedom, `p`, and what is moved by them (rows,
-    channels); p is NaN where nothing can be tested."""
+    """F test of further columns: `F` with `more` and `rest` degrees of freedom, `p`, and the part of the data that the
+    columns explain, `moved` (rows, channels). p is NaN if nothing can be tested."""
 
     F: float
     p: float
@@ -150,9 +151,9 @@ class Explained(NamedTuple):
 
 
 def explained_by(J: np.ndarray, r: np.ndarray, columns: np.ndarray, *, least: float = 0.0) -> Explained:
-    """Whether further columns (rows, channels, k) beside those of J explain of r more than chance does.
+    """Test whether further columns (rows, channels, k), in addition to those of J, explain r better than chance.
 
-    r may be the measured values too. `least` is the rms of r that is rounding: below it nothing is tested.
+    r may be residuals or measured values. `least` is the RMS of r below which it is rounding; then nothing is tested.
 
     >>> from gtmodel.measurements.inspection.residual_tests import explained_by
     >>> time = np.linspace(0.0, 1.0, 30)
@@ -170,14 +171,14 @@ def explained_by(J: np.ndarray, r: np.ndarray, columns: np.ndarray, *, least: fl
     further = further[:, size > 0] / np.sqrt(size[size > 0])
     further = further - known @ (known.T @ further)
     further = further - known @ (known.T @ further)
-    own = _orthonormal(further, of=1.0)
-    left = values - known @ (known.T @ values)
-    parts = own.T @ left
-    more, rest = own.shape[1], values.size - known.shape[1] - own.shape[1]
-    moved = (own @ parts).reshape(shape)
-    if more < 1 or rest < 1 or not float(left @ left) > values.size * least**2:
+    basis = _orthonormal(further, unit=1.0)
+    residuals = values - known @ (known.T @ values)
+    parts = basis.T @ residuals
+    more, rest = basis.shape[1], values.size - known.shape[1] - basis.shape[1]
+    moved = (basis @ parts).reshape(shape)
+    if more < 1 or rest < 1 or not float(residuals @ residuals) > values.size * least**2:
         return Explained(np.nan, np.nan, more, rest, moved)
-    after = left - own @ parts
+    after = residuals - basis @ parts
     explained, unexplained = float(parts @ parts), float(after @ after)
     return Explained(*f_test(explained + unexplained, unexplained, more, rest), more, rest, moved)
 
@@ -192,7 +193,7 @@ def drifts(
     unit: str = "",
     least: float = 0.0,
 ) -> Suspicion:
-    """Whether what is measured moves with `time` (rows,) in a straight line, each channel by its own slope."""
+    """Test for a linear drift of the readings with `time` (rows,), with a slope for each channel."""
     rows = _rows(r)
     t = np.asarray(time, float)
     span = float(np.ptp(t))
@@ -200,21 +201,21 @@ def drifts(
     test = explained_by(J, rows, line[:, None, None] * np.eye(rows.shape[1]), least=least)
     if np.isnan(test.p):
         return Suspicion(name, f"drift: {TOO_FEW}", np.nan, remedy)
-    # the slope beside the other unknowns
-    slopes = _beside(J, rows, line)
-    size = float(np.linalg.norm(slopes))
+    size = float(np.linalg.norm(_drifts(J, rows, line)))
     return Suspicion(
-        name, f"the readings move by {size:.3g}{unit and f' {unit}'} over the recording ({shown_p(test.p)})", test.p,
+        name, f"the readings drift by {size:.3g}{unit and f' {unit}'} over the recording ({shown_p(test.p)})", test.p,
         remedy,
     )  # fmt: skip
 
 
 def coloured(J: np.ndarray, r: np.ndarray, remedy: str, *, name: str = "coloured", least: float = 0.0) -> Suspicion:
-    """Whether slow residuals, in the order of the rows, are larger than white noise has them: intervals for white noise
-    are then too narrow by up to the ratio. Cosines over all rows are tested by octaves, the strongest counts.
+    """Test whether slow components of the residuals, in the order of the rows, are larger than those of white noise:
+    intervals for white noise are then too narrow by up to this ratio. Cosines are tested by octaves; the largest F
+    counts.
 
-    `whiteness` of gtmodel.inference tests correlations at all lags of a long series; its p of 0.1 % comes by chance two
-    to six times as often for 24 to 200 rows. This test keeps its level for any number, and beside many unknowns.
+    `whiteness` of gtmodel.inference tests correlations at all lags of a long series; for 24 to 200 rows its p-value
+    falls below 0.1 % by chance two to six times too often. This test keeps its level for any number of rows and
+    unknowns.
 
     >>> from gtmodel.measurements.inspection.residual_tests import coloured
     >>> noise = np.random.default_rng(1).normal(size=200)
@@ -225,12 +226,12 @@ def coloured(J: np.ndarray, r: np.ndarray, remedy: str, *, name: str = "coloured
     rows = _rows(r)
     J, short = _averaged(np.asarray(J, float).reshape(*rows.shape, -1)), _averaged(rows)
     T, channels = short.shape
-    at = np.pi * (np.arange(T) + 0.5) / T
+    angle = np.pi * (np.arange(T) + 0.5) / T
     tests = []
     for octave in range(OCTAVES):
         if 2 ** (octave + 1) > T // 2:
             break
-        waves = np.cos(at[:, None] * np.arange(2**octave, 2 ** (octave + 1)))
+        waves = np.cos(angle[:, None] * np.arange(2**octave, 2 ** (octave + 1)))
         columns = np.einsum("tk,cd->tckd", waves, np.eye(channels)).reshape(T, channels, -1)
         tests.append(explained_by(J, short, columns, least=least / np.sqrt(len(rows) / T)))
     tests = [t for t in tests if not np.isnan(t.p)]
@@ -241,8 +242,8 @@ def coloured(J: np.ndarray, r: np.ndarray, remedy: str, *, name: str = "coloured
     neighbours = max((float(autocorrelation(x, 1)[1]) for x in rows.T), key=abs)
     return Suspicion(
         name,
-        f"residuals are coloured: slow ones are {times:.3g} times as large as white noise has them, neighbours have a "
-        f"correlation of {neighbours:.2g} ({shown_p(p)})",
+        f"residuals are coloured: their slow components are {times:.3g} times as large as in white noise, the "
+        f"correlation of neighbours is {neighbours:.2g} ({shown_p(p)})",
         p if times > WIDER else 1.0,
         remedy,
     )
@@ -251,22 +252,22 @@ def coloured(J: np.ndarray, r: np.ndarray, remedy: str, *, name: str = "coloured
 def one_far_off(
     J: np.ndarray, r: np.ndarray, remedy: str, *, name: str = "largest_residual", least: float = 0.0, base: int = 0
 ) -> Suspicion:
-    """Whether one residual is larger than the others let it be, each in units of its own deviation (Student's, by a fit
-    without it) and all counted. `base`: the number of the first row, for the sentence."""
+    """Test whether the largest residual is an outlier: Student's t of the deleted residual, with the Bonferroni
+    correction. `base`: number of the first row, for the message."""
     rows = _rows(r)
     Q = _orthonormal(np.asarray(J, float).reshape(rows.size, -1))
     values = rows.reshape(-1)
-    rest, own = values.size - Q.shape[1], 1 - np.sum(Q**2, axis=1)
+    rest, variance = values.size - Q.shape[1], 1 - np.sum(Q**2, axis=1)
     total = float(values @ values)
     if rest < 2 or not total > values.size * least**2:
         return Suspicion(name, f"largest residual: {TOO_FEW}", np.nan, remedy)
-    # a row that determines an unknown alone leaves nothing
-    share = np.where(own > IN_SPAN, values**2 / np.maximum(own, IN_SPAN), 0.0)
+    # the residual of a row that alone determines an unknown is zero
+    share = np.where(variance > IN_SPAN, values**2 / np.maximum(variance, IN_SPAN), 0.0)
     others = np.maximum(total - share, np.finfo(float).tiny * total) / (rest - 1)
     k = int(np.argmax(share / others))
     t = float(np.sqrt(share[k] / others[k]))
     p = min(1.0, values.size * float(f_chance(t**2, 1, rest - 1)))
-    evidence = f"row {base + k // rows.shape[1]} is off by {t:.3g} deviations of the others ({shown_p(p)})"
+    evidence = f"row {base + k // rows.shape[1]} is off by {t:.3g} standard deviations ({shown_p(p)})"
     return Suspicion(name, evidence, p, remedy)
 
 
@@ -275,9 +276,9 @@ def _rows(r: np.ndarray) -> np.ndarray:
     return r[:, None] if r.ndim == 1 else r
 
 
-def _orthonormal(A: np.ndarray, of: float | None = None) -> np.ndarray:
-    """Orthonormal columns with the span of A, whose columns count in units of `of`, of their own size if left out."""
-    size = np.linalg.norm(A, axis=0) if of is None else np.full(A.shape[1], of)
+def _orthonormal(A: np.ndarray, unit: float | None = None) -> np.ndarray:
+    """Return an orthonormal basis of the span of A; columns are scaled by `unit`, by default by their norms."""
+    size = np.linalg.norm(A, axis=0) if unit is None else np.full(A.shape[1], unit)
     A = A[:, size > 0] / size[size > 0]
     if not A.size:
         return np.zeros((len(A), 0))
@@ -285,8 +286,8 @@ def _orthonormal(A: np.ndarray, of: float | None = None) -> np.ndarray:
     return U[:, s**2 > IN_SPAN]
 
 
-def _beside(J: np.ndarray, rows: np.ndarray, line: np.ndarray) -> np.ndarray:
-    """Slope of each channel along a line (rows,), fitted together with the columns of J."""
+def _drifts(J: np.ndarray, rows: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """Return the slope of each channel along a line (rows,), fitted together with the columns of J."""
     T, channels = rows.shape
     lines = (line[:, None, None] * np.eye(channels)).reshape(T * channels, channels)
     both = np.hstack([lines, _orthonormal(np.asarray(J, float).reshape(T * channels, -1))])
@@ -294,7 +295,7 @@ def _beside(J: np.ndarray, rows: np.ndarray, line: np.ndarray) -> np.ndarray:
 
 
 def _averaged(rows: np.ndarray) -> np.ndarray:
-    """Sums of equally many neighbours over the root of their number, at most MOST_ROWS: white noise stays so."""
+    """Sum groups of neighbours over the root of their number, to at most MOST_ROWS rows; keeps white noise white."""
     each = -(-len(rows) // MOST_ROWS)
     if each == 1:
         return rows

@@ -1,1 +1,1 @@
-"""Files of all kinds as streams: tables with named columns, read in blocks."""
+"""Files of all supported formats as streams: tables with named columns, read in blocks."""

@@ -1,5 +1,5 @@
-"""ROS bags by rosbags: each topic is a stream, the fields of its messages are columns; compressed parts are unpacked
-piece by piece before."""
+"""Read ROS bags with rosbags: a topic is a stream, the fields of its messages are columns. The size of compressed parts
+is checked first."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from .form import LogError, LogForm, needed, refuse_swollen, shown
 from .heads import Heads
 from .stream import RowBlock, Stream
 
-PIECE = 1 << 20  # bytes that are unpacked at once
+PIECE = 1 << 20  # bytes decompressed at once
 ROS1, MCAP, ZSTD = b"#ROSBAG V2.0\n", b"\x89MCAP0\r\n", b"\x28\xb5\x2f\xfd"
-_CHUNK_1, _CHUNK_MCAP = b"\x05", 6  # what marks a chunk
-_IN_CHUNK = 28  # bytes of an MCAP chunk before the name of its compression: two times, size, checksum
+_CHUNK_1, _CHUNK_MCAP = b"\x05", 6  # opcodes of a chunk
+_IN_CHUNK = 28  # bytes of an MCAP chunk before the name of the compression: two times, size, checksum
 
 
 def refuse_bomb(path: Path, form: LogForm) -> None:
-    """Raises LogError where what a bag has compressed, chunks or whole files, is far larger than the bag. What does not
-    unpack is left to rosbags, which says so.
+    """Raise LogError if the compressed chunks or files of a bag decompress to far more than its size. Damaged data are
+    left to rosbags, which reports them.
 
     path: a file of a bag, or its folder.
     """
@@ -34,7 +34,7 @@ def refuse_bomb(path: Path, form: LogForm) -> None:
 
 
 def refuse_message_bombs(readers: Iterable[Any], path: Path, form: LogForm) -> None:
-    """As `refuse_bomb`, of bags whose messages are compressed one by one: the readers of rosbags, open."""
+    """Like `refuse_bomb`, for bags with individually compressed messages; `readers`: open readers of rosbags."""
     packed = [r for r in readers if getattr(r, "compression_mode", None) == "message"]  # of ROS 2
     for storage in (s for reader in packed for s in getattr(reader, "storage", reader).storages):
         messages = storage.messages(storage.connections)
@@ -42,31 +42,31 @@ def refuse_message_bombs(readers: Iterable[Any], path: Path, form: LogForm) -> N
 
 
 def _refuse_parts(parts: Iterator[tuple[str, bytes]], file: Path, form: LogForm) -> None:
-    """Raises LogError for parts, each the name of its compression and its bytes, that hold together far more than their
-    file, of a folder the largest one."""
-    own, total = file if file.is_file() else max(file.iterdir(), key=lambda p: p.stat().st_size), 0
+    """Raise LogError if parts (compression, bytes) decompress to far more than their file, or the largest file of a
+    folder."""
+    largest, total = file if file.is_file() else max(file.iterdir(), key=lambda p: p.stat().st_size), 0
     for compression, data in parts:
-        for size in _unpacked(compression, data, f"{own.name} is a ROS bag"):
+        for size in _unpacked(compression, data, f"{largest.name} is a ROS bag"):
             total += size
-            refuse_swollen(own, total, form, "what is compressed in it")
+            refuse_swollen(largest, total, form, "its compressed content")
 
 
 def _parts(file: Path) -> Iterator[tuple[str, bytes]]:
     with open(file, "rb") as content:
         head = content.read(len(ROS1))
-        left = file.stat().st_size
+        size = file.stat().st_size
         if head == ROS1:
-            yield from _of_ros1(content, left)
+            yield from _of_ros1(content, size)
         elif head.startswith(MCAP):
             content.seek(len(MCAP))
-            yield from _of_mcap(content, left)
+            yield from _of_mcap(content, size)
         elif head.startswith(ZSTD):
             content.seek(0)
             yield "zstd", content.read()
 
 
 def _of_ros1(file: BinaryIO, end: int) -> Iterator[tuple[str, bytes]]:
-    """The chunks of a bag of ROS 1: records of a header and data, each behind its length."""
+    """Yield the chunks of a ROS 1 bag. A record is a header and data, each preceded by its length."""
     while (head := _sized(file, "<I", end)) is not None:
         fields = {name: value for name, _, value in (field.partition(b"=") for field in _fields(head))}
         if fields.get(b"op") == _CHUNK_1:
@@ -79,15 +79,15 @@ def _of_ros1(file: BinaryIO, end: int) -> Iterator[tuple[str, bytes]]:
 
 
 def _fields(head: bytes) -> Iterator[bytes]:
-    at = 0
-    while at + 4 <= len(head):
-        (length,) = struct.unpack_from("<I", head, at)
-        yield head[at + 4 : at + 4 + length]
-        at += 4 + length
+    start = 0
+    while start + 4 <= len(head):
+        (length,) = struct.unpack_from("<I", head, start)
+        yield head[start + 4 : start + 4 + length]
+        start += 4 + length
 
 
 def _of_mcap(file: BinaryIO, end: int) -> Iterator[tuple[str, bytes]]:
-    """The chunks of an MCAP file: records of a kind and data behind its length."""
+    """Yield the chunks of an MCAP file. A record is an opcode, a length, and data."""
     while kind := file.read(1):
         if kind[0] != _CHUNK_MCAP:
             if len(length := file.read(8)) < 8:
@@ -103,7 +103,7 @@ def _of_mcap(file: BinaryIO, end: int) -> Iterator[tuple[str, bytes]]:
 
 
 def _sized(file: BinaryIO, form: str, end: int) -> bytes | None:
-    """Bytes behind their length; None where the file does not hold them."""
+    """Read bytes preceded by their length; None if the file ends before."""
     size = struct.calcsize(form)
     if len(length := file.read(size)) < size or (count := struct.unpack(form, length)[0]) > end - file.tell():
         return None
@@ -111,7 +111,7 @@ def _sized(file: BinaryIO, form: str, end: int) -> bytes | None:
 
 
 def _unpacked(compression: str, data: bytes, what: str) -> Iterator[int]:
-    """The sizes of the pieces that are unpacked from compressed data."""
+    """Yield the sizes of the decompressed pieces of the data."""
     inflate: Any
     if compression == "bz2":
         inflate = bz2.BZ2Decompressor()
@@ -120,7 +120,7 @@ def _unpacked(compression: str, data: bytes, what: str) -> Iterator[int]:
     elif compression == "zstd":
         inflate = _zstd(what).ZstdDecompressor()
     else:
-        return  # none, or one that rosbags does not take
+        return  # not compressed, or a compression that rosbags does not support
     try:
         while not inflate.eof:
             piece = inflate.decompress(data, PIECE)
@@ -128,12 +128,12 @@ def _unpacked(compression: str, data: bytes, what: str) -> Iterator[int]:
                 return
             data = b""
             yield len(piece)
-    except Exception:  # of the three; rosbags says what is damaged
+    except Exception:  # of any of the three libraries; rosbags reports the damage
         return
 
 
 def _zstd(what: str) -> Any:
-    """Python's own from 3.14 on; before it the package that rosbags needs."""
+    """Return the module of Python, from 3.14 on, else the package that rosbags needs."""
     try:
         return import_module("compression.zstd")
     except ImportError:
@@ -141,14 +141,14 @@ def _zstd(what: str) -> Any:
 
 
 RECEIVED, STAMP = "receive_time", "header.stamp"
-MOST_COMPONENTS = 64  # of an array in a message: longer ones are pictures, clouds and maps
+MOST_COMPONENTS = 64  # of an array in a message; longer ones are pictures, point clouds and maps
 PER_BLOCK = 4096  # messages
 _NS = 10**9
-_NAMES = ("name", "joint_names")  # fields that name the components of the arrays beside them
+_NAMES = ("name", "joint_names")  # fields with names for the components of the arrays in a message
 
 
 class Bag:
-    """A ROS 1 bag, or a ROS 2 bag: its folder, the metadata.yaml in it, or a file of it (.mcap, .db3)."""
+    """A ROS 1 bag, or a ROS 2 bag: its folder, its metadata.yaml, or one of its files (.mcap, .db3)."""
 
     def __init__(self, path: Path, form: LogForm) -> None:
         self.source = shown(path)
@@ -167,28 +167,30 @@ class Bag:
                 raise LogError(f"{self.source} holds no messages")
 
     def opened(self) -> Any:
-        """The bag, open for reading. Raises LogError where it is none."""
+        """Open the bag for reading. Raises LogError if it is not a bag."""
         return _Opened(self)
 
     def streams(self) -> list[Stream]:
-        """A stream for each topic whose messages hold numbers."""
-        made = (
-            TopicStream(self, topic, of, several) for topic in sorted(self.topics) for of, several in self._of(topic)
+        """Return the streams of all topics whose messages contain numbers."""
+        streams = (
+            TopicStream(self, topic, source, several)
+            for topic in sorted(self.topics)
+            for source, several in self._sources(topic)
         )
-        return [stream for stream in made if len(stream.heads.names) > 1]
+        return [stream for stream in streams if len(stream.heads.names) > 1]
 
     def messages(self, topic: str) -> Iterator[tuple[int, MessageSource, Any]]:
-        """Of each message of a topic: when it was received [ns], of what it is, and its content."""
+        """Yield for each message of a topic the time of reception [ns], the source, and the content."""
         with self.opened() as reader:
-            of_topic = [c for c in reader.connections if c.topic == topic]
-            callers = {c.id: str(getattr(c.ext, "callerid", None) or "") for c in of_topic}
-            for connection, received, raw in reader.messages(connections=of_topic):
+            connections = [c for c in reader.connections if c.topic == topic]
+            callers = {c.id: str(getattr(c.ext, "callerid", None) or "") for c in connections}
+            for connection, received, raw in reader.messages(connections=connections):
                 message = reader.deserialize(raw, connection.msgtype)
                 names = _names(message, f"{self.source} topic {topic}")
                 yield int(received), MessageSource(callers[connection.id], tuple(sorted(names))), message
 
-    def _of(self, topic: str) -> Iterator[tuple[MessageSource, bool]]:
-        """What the messages of a topic are of, and whether that is several: publishers, or sets of joints."""
+    def _sources(self, topic: str) -> Iterator[tuple[MessageSource, bool]]:
+        """Yield the sources of a topic (publishers, sets of names), each with whether there are several."""
         with self.opened() as reader:
             several = len({getattr(c.ext, "callerid", None) for c in reader.connections if c.topic == topic}) > 1
         sources = dict[MessageSource, None]()
@@ -200,7 +202,7 @@ class Bag:
 
 
 class MessageSource(NamedTuple):
-    """What a message is of: the node that sent it, where the bag says so (ROS 1), and the names in it, sorted."""
+    """The source of a message: the node that sent it, if known (ROS 1), and the sorted names in the message."""
 
     publisher: str
     names: tuple[str, ...]
@@ -217,7 +219,7 @@ class _Opened:
             return self._open.__enter__()
         except FileNotFoundError:
             raise
-        except Exception as error:  # of rosbags, of its database and of its compression
+        except Exception as error:  # of rosbags, its database or its decompression
             raise self._refused(error) from error
 
     def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
@@ -231,19 +233,20 @@ class _Opened:
 
 
 class TopicStream(Stream):
-    """The messages of a topic. Columns are dotted fields, `linear_acceleration.x`, and two times [s] after the bag's
-    first message: when it was received, and the stamp of its header, which is the clock where it is set.
+    """The messages of a topic. Columns are fields with dotted names, `linear_acceleration.x`, and two times [s] after
+    the first message of the bag: the time of reception and the stamp of the header. The stamp is the clock if it is
+    set.
 
-    Arrays beside a list of names, as those of a JointState, are columns by name, `position[elbow]`, whatever order a
-    message has them in. Where several nodes publish on a topic, or messages with other names stand between, each is a
-    stream of its own: "/joint_states [elbow, wrist]", "/joint_states from /arm".
+    If a message has a list of names, as a JointState, the components of its arrays are columns by name,
+    `position[elbow]`, in any order. If several nodes publish on a topic, or if the names differ between messages, each
+    source is a separate stream: "/joint_states [elbow, wrist]", "/joint_states from /arm".
     """
 
     row: ClassVar[str] = "message"
     cell: ClassVar[str] = "field"
 
-    def __init__(self, bag: Bag, topic: str, of: MessageSource, several: bool) -> None:
-        self._bag, self._topic, self._source = bag, topic, of
+    def __init__(self, bag: Bag, topic: str, sender: MessageSource, several: bool) -> None:
+        self._bag, self._topic, self._source = bag, topic, sender
         names: list[str] = [RECEIVED]
         clock = RECEIVED
         for _, message in self._messages():
@@ -255,27 +258,27 @@ class TopicStream(Stream):
         units = ["s" if name in (STAMP, RECEIVED) else "" for name in names]
         label = topic
         if several:
-            label += f" from {of.publisher}" if of.publisher else ""
-            label += f" [{', '.join(of.names)}]" if of.names else ""
+            label += f" from {sender.publisher}" if sender.publisher else ""
+            label += f" [{', '.join(sender.names)}]" if sender.names else ""
         source, stamps = f"{bag.source} topic {label}", {STAMP: bag.start, RECEIVED: bag.start}
         super().__init__(source, label, Heads(names, source, units), clock, stamps=stamps)
-        from_ = "the stamp of the header" if clock == STAMP else "when the message was received"
-        self.remarks.append(f"{bag.types[topic]}; its time is {from_}, counted from the first message of the bag")
+        meaning = "the stamp of the header" if clock == STAMP else "the time of reception"
+        self.remarks.append(f"{bag.types[topic]}; its time is {meaning}, counted from the first message of the bag")
 
     def blocks(self, columns: Sequence[str], *, gaps: bool = False) -> Iterator[RowBlock]:
         """See `Stream.blocks`."""
-        asked = [self.heads.names[self.heads.place(name)] for name in columns]
+        names = [self.heads.names[self.heads.place(name)] for name in columns]
         total, begin, rows = self._bag.topics[self._topic].msgcount, 0, list[list[float]]()
         for received, message in self._messages():
             numbers = dict(_numbers(message))
             numbers[RECEIVED] = (received - self._bag.start) / _NS
-            if STAMP in asked:
+            if STAMP in names:
                 stamp = _stamp(message)
                 numbers[STAMP] = (stamp - self._bag.start) / _NS if stamp else np.nan
-            row = [numbers.get(name, np.nan) for name in asked]
+            row = [numbers.get(name, np.nan) for name in names]
             if not gaps and not np.all(np.isfinite(row)):
                 j = int(np.argmin(np.isfinite(row)))
-                raise self.no_number(begin + len(rows) + 1, columns[j], numbers.get(asked[j], "nothing"))
+                raise self.no_number(begin + len(rows) + 1, columns[j], numbers.get(names[j], "nothing"))
             rows.append(row)
             if len(rows) == PER_BLOCK:
                 begin += len(rows)
@@ -291,23 +294,23 @@ class TopicStream(Stream):
 
 
 def _stamp(message: Any) -> int:
-    """The stamp of a message's header [ns], 0 where there is none."""
+    """Return the stamp of the header of a message [ns], 0 if there is none."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     return 0 if stamp is None else int(stamp.sec) * _NS + int(stamp.nanosec)
 
 
 def _names(message: Any, where: str) -> list[str]:
-    """The names that a message gives to the numbers of its arrays. Raises LogError where one is there twice."""
+    """Return the names of the components of the arrays in a message. Raises LogError if a name occurs twice."""
     names = next((list(v) for f in _NAMES if isinstance(v := getattr(message, f, None), (list, np.ndarray))), [])
     if not all(isinstance(name, str) for name in names):
         return []
     if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise LogError(f"{where}: a message names '{twice[0]}' twice; which of the two is meant is not clear")
+        raise LogError(f"{where}: a message names '{twice[0]}' twice, so its numbers are ambiguous")
     return names
 
 
 def _numbers(message: Any, prefix: str = "") -> Iterator[tuple[str, float]]:
-    """The numbers of a message by their dotted names."""
+    """Yield the dotted names and numbers of a message."""
     names = _names(message, prefix or "message")
     for field in fields(message):
         value, name = getattr(message, field.name), prefix + field.name
@@ -318,9 +321,9 @@ def _numbers(message: Any, prefix: str = "") -> Iterator[tuple[str, float]]:
         elif isinstance(value, (bool, int, float, np.number, np.bool_)):
             yield name, float(value)
         elif isinstance(value, (list, np.ndarray)) and 0 < len(value) <= MOST_COMPONENTS:
-            of: Sequence[object] = names if len(names) == len(value) else range(len(value))
+            keys: Sequence[object] = names if len(names) == len(value) else range(len(value))
             if is_dataclass(value[0]):
-                for k, part in zip(of, value, strict=True):
+                for k, part in zip(keys, value, strict=True):
                     yield from _numbers(part, f"{name}[{k}].")
             elif not isinstance(value[0], str):
-                yield from ((f"{name}[{k}]", float(part)) for k, part in zip(of, value, strict=True))
+                yield from ((f"{name}[{k}]", float(part)) for k, part in zip(keys, value, strict=True))

@@ -1,5 +1,4 @@
-"""How a log file is written, where it does not say so itself, and the libraries of the extra "logs" that some files
-need."""
+"""Format options of log files, and the optional libraries (extra "logs") that some formats need."""
 
 from __future__ import annotations
 
@@ -16,11 +15,11 @@ from ...results.trajectory_files import PathLike
 
 Delimiter = Literal["comma", "semicolon", "tab", "blank", "bar"]
 SIGNS: dict[Delimiter, str] = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": " ", "bar": "|"}
-LONGEST_PATH = 80  # letters of a path in a message
+LONGEST_PATH = 80  # characters of a path in a message
 
 
 class LogError(TrajectoryError):
-    """A log that is not as declared. The message is one sentence with the file and its line.
+    """An error in a log. The message is one sentence with the file and the line.
 
     >>> from pathlib import Path
     >>> written = Path("run.csv").write_text("time,pos\\n0.0,1.0\\n0.1,off\\n")
@@ -32,15 +31,15 @@ class LogError(TrajectoryError):
 
 
 class NoNumberError(LogError):
-    """A cell in which nothing was measured: it is empty, or holds nan."""
+    """A cell without a measurement: empty or nan."""
 
 
 @dataclass(frozen=True)
 class LogForm(Options):
-    """How a log file is written, where that is not to be recognised from the file.
+    """Format of a log file, as far as it cannot be recognised from the file.
 
-    The kind of file is recognised from its first bytes, the delimiter and the header of a text file from its first
-    lines. A decimal comma is never guessed.
+    The file type is recognised from the first bytes; the delimiter and the header of a text file from its first lines.
+    A decimal comma must be declared.
 
     >>> from pathlib import Path
     >>> written = Path("run.csv").write_text("t;pos\\n0,0;1,5\\n0,1;1,7\\n0,2;1,6\\n")
@@ -51,52 +50,50 @@ class LogForm(Options):
     [1.5, 1.7, 1.6]
     """
 
-    delimiter: Annotated[Delimiter | None, "what stands between the columns of a text file; recognised if left out"] = (
-        None
-    )
-    decimal: Annotated[Literal["point", "comma"], "what stands before the decimals of a text file"] = "point"
+    delimiter: Annotated[Delimiter | None, "column delimiter of a text file; default: recognised"] = None
+    decimal: Annotated[Literal["point", "comma"], "decimal separator of a text file"] = "point"
     header: Annotated[
         int | None,
         Within(least=0),
-        "line of a text file with the names of its columns, from 1; 0 where there is none and columns are called 1, 2 "
-        "and so on; recognised if left out",
+        "line of a text file with the column names, from 1; 0: no header, the columns are called 1, 2 and so on; "
+        "default: recognised",
     ] = None
-    encoding: Annotated[str | None, "of a text file, such as cp1252; UTF-8 or by its byte-order mark if left out"] = (
-        None
-    )
-    stream: Annotated[str, "which table of a file that holds several, such as the topic of a bag"] = ""
+    encoding: Annotated[
+        str | None, "encoding of a text file, such as cp1252; default: from the byte-order mark, else UTF-8"
+    ] = None
+    stream: Annotated[str, "table of a file with several tables, such as a topic of a bag"] = ""
     samples: Annotated[
         Literal["rows", "columns"] | None,
-        "along what the samples of a MATLAB matrix run; by the length of the time if left out",
+        "direction of the samples in a MATLAB matrix; default: the dimension that matches the time",
     ] = None
     most_growth: Annotated[
         float,
         Within(above=0),
-        "how many times larger than its file what is read of it may be, where that is more than 268 MB: a damaged file "
-        "may declare any size",
+        "largest ratio of the data in memory to the file size, if the data exceed 268 MB; protects against damaged "
+        "files",
     ] = GROWTH
 
 
 def refuse_swollen(path: PathLike, size: float, form: LogForm, what: str) -> None:
-    """Raises LogError for numbers that take so many bytes that the file cannot really hold them.
+    """Raise LogError if the data take many more bytes than the file.
 
-    what: whose numbers, for the message.
+    what: name of the data, for the message.
     """
-    if said := swollen(path, size, form.most_growth):
+    if reason := swollen(path, size, form.most_growth):
         times = 2 * size / max(Path(path).stat().st_size, 1)
-        raise LogError(f"{shown(path)}: {what} {said}; if it is right, say most_growth = {times:.2g}")
+        raise LogError(f"{shown(path)}: {what} {reason}; if this is correct, set most_growth = {times:.2g}")
 
 
 def shown(path: PathLike) -> str:
-    """A path as a message names it: as given where that is short, else the file's name."""
+    """Return a path for a message: unchanged if it is short and relative, else the name of the file."""
     text = str(path)
     return text if len(text) <= LONGEST_PATH and not Path(path).is_absolute() else Path(path).name[-LONGEST_PATH:]
 
 
 def needed(module: str, what: str) -> ModuleType:
-    """A module of the extra. Raises LogError where it is not installed.
+    """Import an optional module. Raises LogError if it is not installed.
 
-    what: the file that needs it, as "x.parquet is a Parquet file".
+    what: the reason, such as "x.parquet is a Parquet file".
     """
     try:
         return import_module(module)

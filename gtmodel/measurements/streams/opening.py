@@ -1,4 +1,4 @@
-"""Any supported file as streams: the kind is recognised from the first bytes."""
+"""Open any supported file as streams; the file type is recognised from the first bytes."""
 
 from __future__ import annotations
 
@@ -23,28 +23,27 @@ _PACKED = {
     b"\x1f\x8b": "compressed (gzip); unpack it",
 }
 _POINTER = b"version https://git-lfs"
-_PROGRAMS = {  # by the first line that is no comment
+_PROGRAMS = {  # recognised from the first line that is not a comment
     "RAPID": re.compile(
         rb"\A\xef?\xbb?\xbf?(\s|![^\n]*\n|%%%.*?%%%)*(MODULE\s+\w+\s*(\(|\n|\r|!|$)|((LOCAL|GLOBAL)\s+)?PROC\s+\w+\s*\()",
         re.S | re.I,
     ),
     "KRL": re.compile(rb"\A\s*(&\w+[^\n]*\n\s*|;[^\n]*\n\s*)*(DEF\s+\w+\s*\(|DEFDAT\s+\w+|DEFFCT\s+\w+)", re.I),
 }
-_TREES = {  # texts that hold no table, by how they begin
+_TREES = {  # text formats without a table, recognised from their beginning
     "XML": re.compile(rb"\A\xef?\xbb?\xbf?\s*<[?!A-Za-z]"),
     "JSON": re.compile(rb"\A\xef?\xbb?\xbf?\s*(\{\s*[\"}]|\[\s*[\[{])"),
 }
-_PROGRAM_WITHIN = 4096  # bytes of a file in which its first line stands
+_PROGRAM_WITHIN = 4096  # bytes of a file that are examined
 _BAGS = (b"#ROSBAG", b"\x89MCAP", b"SQLite format 3")
-MOST_STREAMS = 6  # of a message that lists them
+MOST_STREAMS = 6  # streams listed in a message
 
 
 def open_log(path: PathLike, form: LogForm = LogForm()) -> list[Stream]:  # noqa: B008
-    r"""The tables of a log file, nothing read yet but what they are called.
+    r"""Return the tables of a log file as streams; only the names and units of the columns are read.
 
-    A text file or a Parquet file is one stream; a MATLAB file has one for each number of samples in it; a ROS bag (ROS
-    1, ROS 2, MCAP) one for each topic. Raises LogError in one sentence for a file that is none of these;
-    FileNotFoundError passes through.
+    A text file or a Parquet file is one stream. A MATLAB file has one stream for each number of samples, a ROS bag (ROS
+    1, ROS 2, MCAP) one for each topic. Raises LogError for any other file; FileNotFoundError passes through.
 
     Parquet, MATLAB 7.3 and bags need `pip install 'gtmodel[logs]'`.
 
@@ -63,11 +62,11 @@ def open_log(path: PathLike, form: LogForm = LogForm()) -> list[Stream]:  # noqa
 
 
 def stream_of(path: PathLike, form: LogForm, name: str = "", time: str = "", holding: str = "") -> Stream:
-    """The table of a file that is meant: by its name, or the one with this column of time, or the only one.
+    """Return the table with this name, or with this time column, or the only table of a file.
 
-    holding: a column or vector of a table without time, in place of it.
+    holding: a column or vector that identifies a table without time.
 
-    Raises LogError where several could be meant, or none.
+    Raises LogError if no table or several tables match.
     """
     content = content_of(path, form)
     name = name or form.stream
@@ -86,21 +85,21 @@ def stream_of(path: PathLike, form: LogForm, name: str = "", time: str = "", hol
     more = f" and {len(streams) - MOST_STREAMS} more" if len(streams) > MOST_STREAMS else ""
     if name:
         raise LogError(f"{shown(path)}: there is no stream '{name[:40]}'; it has {names}{more}")
-    raise LogError(f"{shown(path)} holds several streams, {names}{more}; say which one is meant")
+    raise LogError(f"{shown(path)} holds several streams, {names}{more}; name one of them")
 
 
 def content_of(path: PathLike, form: LogForm) -> Stream | MatFile | Bag:
-    """The file, opened by what reads it."""
+    """Open a file with the reader for its type."""
     path = path_of(path)
     if path.is_dir() or path.name == "metadata.yaml":
         if not path.is_dir() or (path / "metadata.yaml").is_file():
             return _bag(path, form)
-        raise LogError(f"{shown(path)} is a folder without a metadata.yaml, so it is no ROS 2 bag; name a file")
+        raise LogError(f"{shown(path)} is a folder without metadata.yaml, so it is not a ROS 2 bag; name a file")
     if path.exists() and not path.is_file():
         raise LogError(f"{shown(path)} is a pipe or a device, which can be read only once; write it to a file first")
     with open(path, "rb") as file:
-        begun = file.read(_PROGRAM_WITHIN)
-    head = begun[: len(_POINTER)]
+        start = file.read(_PROGRAM_WITHIN)
+    head = start[: len(_POINTER)]
     suffix = path.suffix.lower()
     if head.startswith(_BAGS):
         return _bag(path, form)
@@ -111,21 +110,21 @@ def content_of(path: PathLike, form: LogForm) -> Stream | MatFile | Bag:
     if head.startswith((b"MATLAB", b"\x89HDF")) or suffix == ".mat":
         return MatFile(path, form)
     if head == _POINTER:
-        raise LogError(f"{shown(path)} is a pointer of Git LFS in place of the file; fetch the file by git lfs pull")
+        raise LogError(f"{shown(path)} is a Git LFS pointer instead of the file; fetch the file with git lfs pull")
     packed = next((what for mark, what in _PACKED.items() if head.startswith(mark)), "")
     if packed:
         raise LogError(f"{shown(path)} is {packed}")
     if head.startswith(b"MDF ") or suffix in _TABLES:
-        raise LogError(f"{shown(path)} is no text, MATLAB, Parquet or bag file; save the table as CSV")
+        raise LogError(f"{shown(path)} is not a text, MATLAB, Parquet or bag file; save the table as CSV")
     if suffix in (".parquet", ".bag", ".mcap", ".db3"):
-        raise LogError(f"{shown(path)} does not begin as a {suffix} file does; it is damaged or something else")
-    program = next((what for what, sign in _PROGRAMS.items() if sign.search(begun)), "")
+        raise LogError(f"{shown(path)} does not begin like a {suffix} file; it is damaged or of another type")
+    program = next((what for what, sign in _PROGRAMS.items() if sign.search(start)), "")
     if program:
         raise LogError(
             f"{shown(path)} is a program of a robot controller ({program}), a text without a table; name the log that "
-            "was recorded while it ran"
+            "was recorded during its run"
         )
-    tree = next((what for what, sign in _TREES.items() if sign.search(begun)), "")
+    tree = next((what for what, sign in _TREES.items() if sign.search(start)), "")
     if tree:
         raise LogError(f"{shown(path)} is {tree}, a text without a table; save its numbers as CSV")
     return TextStream(path, form)

@@ -1,4 +1,4 @@
-"""A stream: one table of a file, read in blocks, so that a file larger than the memory can be read."""
+"""A stream: one table of a file, read in blocks, so that the file may be larger than the memory."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from ...results.work import Progress, silent
 from .form import LogError, NoNumberError
 from .heads import Heads
 
-MOST_SHOWN = 40  # letters of a cell in a message
+MOST_SHOWN = 40  # characters of a cell in a message
 _GROWTH = 1.25
 
 
 class RowBlock(NamedTuple):
-    """Some rows: values (m, k), the number of each in the file, and the part of the file read so far, 0 to 1."""
+    """A block of rows: values (m, k), line numbers, and the fraction of the file read so far, 0 to 1."""
 
     values: Array
     lines: np.ndarray
@@ -27,7 +27,7 @@ class RowBlock(NamedTuple):
 
 
 class Lines:
-    """The number of each row in its file, from 1: runs of consecutive numbers take no memory.
+    """Line numbers of the rows of a file, from 1, stored as runs of consecutive numbers.
 
     >>> from gtmodel.measurements.streams.stream import Lines
     >>> lines = Lines()
@@ -40,7 +40,7 @@ class Lines:
         self._rows, self._offsets, self._count = [0], [1], 0
 
     def extend(self, lines: np.ndarray) -> None:
-        """Further rows behind those that are there."""
+        """Append line numbers."""
         offsets = lines - np.arange(self._count, self._count + len(lines))
         stops = np.flatnonzero(np.diff(offsets, prepend=self._offsets[-1]))
         self._rows += (stops + self._count).tolist()
@@ -54,14 +54,14 @@ class Lines:
         return int(row) + self._offsets[int(np.searchsorted(self._rows, row, side="right")) - 1]
 
     def array(self) -> np.ndarray:
-        """All of them."""
+        """Return all line numbers."""
         runs = np.diff([*self._rows, self._count])
         return np.arange(self._count) + np.repeat(self._offsets, runs)
 
 
 @dataclass(frozen=True, eq=False)
 class TableRows:
-    """What was read: values by name, (n, k) or (n,), all with one row for each of `lines`."""
+    """Values by name, (n, k) or (n,), with one row for each of `lines`."""
 
     values: dict[str, Array]
     lines: Lines
@@ -71,10 +71,10 @@ class TableRows:
 class Stream(ABC):
     """One table of a file: a CSV file, the variables of equal length of a MATLAB file, a topic of a bag.
 
-    name: "" where the file has only one. heads: its columns. clock: the column that the file itself has for time [s],
-    "" for none. stamps: columns that count from an instant, and that instant [ns since 1970]. remarks: what was
-    recognised, in sentences. comments: of a text file, what its lines "# title:", "# synthetic:" say. words: of columns
-    that were read with `gaps`, where a word stands among numbers: the line of the first, the word, and what to do.
+    name: "" if the file has a single table. heads: the columns. clock: time column [s] defined by the file format, or
+    "". stamps: columns of absolute times -> their origin [ns since 1970]. remarks: sentences on what was
+    recognised. comments: comments of a text file such as "# title:" and "# synthetic:". words: for columns read with
+    `gaps` that contain words: line of the first word, the word, and advice.
     """
 
     source: str
@@ -87,19 +87,19 @@ class Stream(ABC):
     words: dict[str, tuple[int, str, str]] = field(default_factory=dict)
 
     row: ClassVar[str] = "sample"
-    """what a row is called"""
+    """term for a row"""
     cell: ClassVar[str] = "variable"
-    """what a column is called where a cell is wrong"""
+    """term for a column in messages"""
 
     @abstractmethod
     def blocks(self, columns: Sequence[str], *, gaps: bool = False) -> Iterator[RowBlock]:
-        """The rows of these columns, in order.
+        """Yield the rows of these columns, in order.
 
-        gaps: what is no finite number is NaN; otherwise it raises LogError with its line.
+        gaps: read cells without a finite number as NaN; otherwise they raise LogError with the line.
         """
 
     def texts(self, column: str) -> list[str]:
-        """The cells of a column; numbers as short as they can be written."""
+        """Return the cells of a column as text."""
         return [f"{x:.17g}" for block in self.blocks([column]) for x in block.values[:, 0]]
 
     def read(
@@ -110,37 +110,37 @@ class Stream(ABC):
         gaps: bool = False,
         progress: Progress = silent,
     ) -> TableRows:
-        """Columns by group, (n, k).
+        """Read columns by group, (n, k).
 
-        change: makes (group, (m, k) as written) the numbers that are kept, such as SI.
+        change: converts (group, values (m, k) as stored) to the returned values, for example to SI units.
 
-        Raises LogError for a file without rows and as `blocks` does.
+        Raises LogError if the file has no rows, and as `blocks` does.
         """
         flat = [column for members in groups.values() for column in members]
         ends = np.cumsum([len(members) for members in groups.values()]).tolist()
         places = dict(zip(groups, map(slice, [0, *ends[:-1]], ends), strict=True))
-        kept = {name: np.empty((0, len(members))) for name, members in groups.items()}
+        buffers = {name: np.empty((0, len(members))) for name, members in groups.items()}
         lines, capacity = Lines(), 0
         for block in self.blocks(flat, gaps=gaps):
             begin, end = len(lines), len(lines) + len(block.values)
             if end > capacity:
-                # what is left grows with it, so that a small file takes no more than it needs
+                # extrapolate from the fraction read, so that small files take little memory
                 capacity = max(end, int(_GROWTH * begin), int(1.02 * end / max(block.fraction, 0.02)))
-                for values in kept.values():
+                for values in buffers.values():
                     values.resize((capacity, values.shape[1]), refcheck=False)
-            for name, values in kept.items():
+            for name, values in buffers.items():
                 part = block.values[:, places[name]]
                 values[begin:end] = part if change is None else change(name, part)
             lines.extend(block.lines)
             progress(f"reading {self.source}", block.fraction)
         if not lines:
-            raise LogError(f"{self.heads.where} has a header but no rows; expected a row of numbers for each time")
-        for values in kept.values():
+            raise LogError(f"{self.heads.where} has a header but no rows; expected at least one row of numbers")
+        for values in buffers.values():
             values.resize((len(lines), values.shape[1]), refcheck=False)
-        return TableRows(kept, lines)
+        return TableRows(buffers, lines)
 
     def no_number(self, line: int, column: str, cell: object, advice: str = "") -> LogError:
-        """What is said of a cell that is no finite number."""
+        """Return the error for a cell without a finite number."""
         text = str(cell).strip()
         kind = NoNumberError if text.lower() in ("", "nan", "nothing") else LogError
         text = repr(text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}...") if text else "nothing"
@@ -151,7 +151,7 @@ class Stream(ABC):
 
 
 class ArrayStream(Stream):
-    """Columns that are in memory, or read one by one.
+    """Columns in memory, or loaded one by one.
 
     load: column -> (n,) numbers.
     """
@@ -161,7 +161,7 @@ class ArrayStream(Stream):
         self._load = load
 
     def blocks(self, columns: Sequence[str], *, gaps: bool = False) -> Iterator[RowBlock]:
-        """All rows at once, see `Stream.blocks`."""
+        """Yield all rows in one block, see `Stream.blocks`."""
         values = np.column_stack([self._numbers(column, gaps) for column in columns])
         yield RowBlock(values, np.arange(1, len(values) + 1), 1.0)
 
@@ -170,7 +170,7 @@ class ArrayStream(Stream):
         if raw.dtype.kind in "iu" and raw.size and max(abs(int(raw.max())), abs(int(raw.min()))) > 2**53:
             raise LogError(
                 f"{self.source}, {self.cell} '{column}': {int(raw.max())} has more digits than a double; "
-                "subtract the first one before it is written"
+                "subtract the first value before you write the file"
             )
         values = raw.astype(float)
         if not gaps and (bad := np.flatnonzero(~np.isfinite(values))).size:

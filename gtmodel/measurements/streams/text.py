@@ -1,4 +1,4 @@
-"""Text files of columns: the delimiter and the header are recognised, the numbers are read block by block."""
+"""Text files with columns: recognises delimiter and header, and reads the numbers in blocks."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from .heads import MOST_NAMES, Heads, is_unit, spelled
 from .stream import RowBlock, Stream
 from .text_lines import Chunk, chunks, encoding_of, is_row
 
-LOOKED_AT = 50  # rows from which the delimiter and the header are recognised
-LIKE = 3  # rows of equal length below another line: that line is no header of theirs
-MINUS = "\N{MINUS SIGN}"  # as programs that set type write it
-# what stands where nothing was measured; any other word in a column of numbers is shown
+LOOKED_AT = 50  # first rows, from which the delimiter and the header are recognised
+LIKE = 3  # rows below a line with as many cells that make it the header
+MINUS = "\N{MINUS SIGN}"  # typographic minus
+# cells without a measurement; any other word in a column of numbers is reported
 _ABSENT = {"", "nan", "na", "n/a", "#n/a", "null", "none", "nil", "-", "--", "?", "inf", "-inf", "+inf", "infinity"}
 _NOTES = ("title", "synthetic", "provenance", "scalar")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
@@ -31,7 +31,7 @@ _DATE = re.compile(r"\d{4}-\d\d-\d\d.*|\d{1,2}[./]\d{1,2}[./]\d{2,4}.*|\d{1,2}:\
 
 
 class TextStream(Stream):
-    """A text file of columns: CSV and its relatives. Raises LogError with the line for what is no table."""
+    """A text file with columns, such as CSV. Raises LogError with the line if the file is not a table."""
 
     row: ClassVar[str] = "line"
     cell: ClassVar[str] = "column"
@@ -60,25 +60,25 @@ class TextStream(Stream):
         return [row[place] for _, row in self.cells()]
 
     def cells(self) -> Iterator[tuple[int, list[str]]]:
-        """Line and cells of each row."""
+        """Yield line number and cells of each row."""
         for chunk in chunks(self.path, self.layout.encoding):
             lines, numbers = self._rows(chunk)
             for n, line in zip(numbers.tolist(), lines, strict=True):
                 yield n, self._split(line, n)
 
     def _rows(self, chunk: Chunk) -> tuple[list[str], np.ndarray]:
-        """TableRows below the header, and their lines."""
+        """Return the rows below the header, and their line numbers."""
         layout, first, lines = self.layout, chunk.first, chunk.lines
         if first < layout.first_row:
             lines = lines[layout.first_row - first :]
             first = layout.first_row
         if any(mark in chunk.text for mark in ("#", "%", "//", "\n\n", "\n \n")) or not all(map(str.strip, lines)):
-            both = [(first + k, line) for k, line in enumerate(lines) if is_row(line)]
-            return [line for _, line in both], np.array([n for n, _ in both], dtype=np.int64)
+            rows = [(first + k, line) for k, line in enumerate(lines) if is_row(line)]
+            return [line for _, line in rows], np.array([n for n, _ in rows], dtype=np.int64)
         return lines, np.arange(first, first + len(lines))
 
     def _fast(self, lines: list[str], places: list[int], gaps: bool) -> np.ndarray | None:
-        """The numbers of rows that are written plainly; None where a row has to be looked at."""
+        """Return the numbers of plain rows; None if rows must be parsed one by one."""
         layout, sign = self.layout, self.layout.sign
         if sign == " ":
             if any(len(line.split()) != layout.width for line in lines):
@@ -98,7 +98,7 @@ class TextStream(Stream):
         if layout.decimal_comma or (gaps and sign != " "):
             text = "\n".join(["", *lines, ""])
             if layout.decimal_comma:
-                if "." in text:  # of thousands, or of another file
+                if "." in text:  # a thousands separator or a mistake
                     return None
                 text = text.replace(",", ".")
             if gaps and sign != " ":
@@ -119,7 +119,7 @@ class TextStream(Stream):
         return values
 
     def _seconds(self, lines: list[str], place: int) -> np.ndarray:
-        """A column of dates [s] after its first one. Raises ValueError for a cell that is none."""
+        """Return a column of dates in seconds after the first date. Raises ValueError for a cell that is not a date."""
         sign = self.layout.sign
         cells = (line.split(None if sign == " " else sign, place + 1)[place] for line in lines)
         stamps = np.array([cell.strip().removesuffix("Z") for cell in cells], dtype="datetime64[ns]")
@@ -128,7 +128,7 @@ class TextStream(Stream):
     def _slow(
         self, lines: list[str], numbers: np.ndarray, places: list[int], columns: Sequence[str], gaps: bool, cut: bool
     ) -> np.ndarray:
-        """Row by row. Raises LogError for the first cell that is no number."""
+        """Parse rows one by one. Raises LogError for the first cell that is not a number."""
         values = np.empty((len(lines), len(places)))
         for k, (line, n) in enumerate(zip(lines, numbers.tolist(), strict=True)):
             cells = self._split(line, n, cut and k == len(lines) - 1)
@@ -150,7 +150,7 @@ class TextStream(Stream):
         return values
 
     def _split(self, line: str, n: int, cut: bool = False) -> list[str]:
-        """The cells of a row. Raises LogError for another number of them."""
+        """Return the cells of a row. Raises LogError for a wrong number of cells."""
         width, where = self.layout.width, f"{self.source} line {n}"
         cells = split(line, self.layout.sign, where)
         if len(cells) == width + 1 and not cells[-1]:
@@ -168,41 +168,39 @@ class TextStream(Stream):
 
     def _advice(self, cell: str) -> str:
         if not self.layout.decimal_comma and _DECIMAL_COMMA.fullmatch(cell.strip()):
-            return '; of a file with decimal commas say decimal = "comma"'
+            return '; if the file has decimal commas, set decimal = "comma"'
         if self.layout.decimal_comma and re.fullmatch(r"[+-]?\d+\.\d+.*", cell.strip()):
-            return '; decimal = "comma" was given, and this has a point'
+            return '; decimal = "comma" is set, but this number has a point'
         if _DATE.fullmatch(cell.strip()):
-            return (
-                "; a date or a time of day is no number, write seconds or give the sample time in place of the column"
-            )
+            return "; it is a date or a time of day: write seconds, or set the sample time instead of the column"
         return ""
 
 
 @dataclass
 class _Layout:
-    """What was recognised of a text file."""
+    """Recognised layout of a text file."""
 
     encoding: str
     sign: str = ","
     decimal_comma: bool = False
     heads: Heads = field(default_factory=lambda: Heads([], ""))
     width: int = 0
-    first_row: int = 1  # the line where rows begin
-    stamps: dict[int, int] = field(default_factory=dict)  # columns of dates: the first one [ns since 1970]
-    words: set[int] = field(default_factory=set)  # columns without a number
+    first_row: int = 1  # line of the first row
+    stamps: dict[int, int] = field(default_factory=dict)  # columns of dates -> first date [ns since 1970]
+    words: set[int] = field(default_factory=set)  # columns without numbers
     remarks: list[str] = field(default_factory=list)
     comments: dict[str, list[str]] = field(default_factory=lambda: {key: [] for key in _NOTES})
 
 
 def number(cell: str, decimal_comma: bool = False) -> float:
-    """A cell as a number, nan and inf among them. Raises ValueError for anything else, 1_000 of Python's too."""
+    """Parse a number, nan or inf. Raises ValueError for anything else, also for Python's 1_000."""
     if "_" in cell or (decimal_comma and "." in cell):
-        raise ValueError(f"'{cell}' is no number")
+        raise ValueError(f"'{cell}' is not a number")
     return float((cell.replace(",", ".") if decimal_comma else cell).replace(MINUS, "-"))
 
 
 def split(line: str, sign: str, where: str) -> list[str]:
-    """The cells of a line, without blanks around them. Raises LogError for a quote that nothing closes."""
+    """Return the stripped cells of a line. Raises LogError for a quote that is not closed."""
     if '"' not in line:
         return line.split() if sign == " " else [cell.strip() for cell in line.split(sign)]
     try:
@@ -210,8 +208,7 @@ def split(line: str, sign: str, where: str) -> list[str]:
         return [cell.strip() for cell in next(reader)]
     except csv.Error as error:
         raise LogError(
-            f'{where}: a quote (") is not closed before the next delimiter or the end of the line; close it or take it '
-            "out"
+            f'{where}: a quote (") is not closed before the next delimiter or the end of the line; close or remove it'
         ) from error
 
 
@@ -219,35 +216,35 @@ def _layout(path: Path, form: LogForm) -> _Layout:
     layout = _Layout(encoding_of(path, form), decimal_comma=form.decimal == "comma")
     rows, comments = _head(path, layout, form)
     if not rows and form.header:
-        raise LogError(f"{shown(path)} has no line {form.header} with names of columns and rows below it")
+        raise LogError(f"{shown(path)} has no line {form.header} with column names and rows below it")
     if not rows:
         raise LogError(f"{shown(path)} is empty; expected a header such as 'time [s],q[0] [m]' and rows")
     layout.sign = _sign([line for _, line in rows], form, layout)
     _refuse_blanks_and_commas([line for _, line in rows], layout, path, form)
     if layout.sign == "," and layout.decimal_comma:
-        raise LogError(f"{shown(path)}: commas cannot stand before decimals and between columns; name the delimiter")
+        raise LogError(f"{shown(path)}: a comma cannot be both decimal separator and delimiter; name the delimiter")
     tables = [(n, _header_cells(line, layout.sign, f"{shown(path)} line {n}")) for n, line in rows]
     n, cells = tables[0]
     where = f"{shown(path)} line {n}"
-    headed = not _numeric(cells, layout.decimal_comma) if form.header is None else form.header > 0
-    if headed and form.header is None:
+    has_header = not _numeric(cells, layout.decimal_comma) if form.header is None else form.header > 0
+    if has_header and form.header is None:
         _refuse_row_of_words(tables, layout, path)
-    if headed:
+    if has_header:
         _refuse_preamble(tables, layout, path, form)
         units, layout.first_row = [], n + 1
         if len(tables) > 1 and (units := _units(tables[1][1], len(cells))):
             layout.first_row = tables[1][0] + 1
-            layout.remarks.append(f"the units stand in line {tables[1][0]}")
+            layout.remarks.append(f"the units are in line {tables[1][0]}")
         layout.heads = Heads(cells, where, units)
     else:
         while len(cells) > 1 and not cells[-1]:
             cells.pop()
         layout.first_row, where = n, f"{shown(path)} line {n}"
         names = [str(k + 1) for k in range(len(cells))]
-        named = _header_cells(comments[1], layout.sign, where) if comments else []
-        if comments and len(named) == len(cells) and not _numeric(named, layout.decimal_comma):
-            names, where = named, f"{shown(path)} line {comments[0]}"
-            layout.remarks.append(f"the names of the columns stand in the comment in line {comments[0]}")
+        labels = _header_cells(comments[1], layout.sign, where) if comments else []
+        if comments and len(labels) == len(cells) and not _numeric(labels, layout.decimal_comma):
+            names, where = labels, f"{shown(path)} line {comments[0]}"
+            layout.remarks.append(f"the column names are in the comment in line {comments[0]}")
         else:
             layout.remarks.append(f"there is no header: the columns are called 1 to {len(cells)}")
         layout.heads = Heads(names, where)
@@ -257,7 +254,7 @@ def _layout(path: Path, form: LogForm) -> _Layout:
 
 
 def _recognise_cells(rows: Sequence[list[str]], layout: _Layout) -> None:
-    """Columns that hold dates, which count as seconds after the first, and those that hold words."""
+    """Recognise columns of dates, which are read as seconds after the first date, and columns of words."""
     commas = list[str]()
     for place, name in enumerate(layout.heads.names):
         cells = [row[place] for row in rows if len(row) > place and row[place]]
@@ -265,28 +262,26 @@ def _recognise_cells(rows: Sequence[list[str]], layout: _Layout) -> None:
         if cells and dated[0] and 2 * sum(dated) > len(dated):
             layout.stamps[place] = _nanoseconds(cells[0])
             layout.heads.units[place] = layout.heads.units[place] or "s"
-            layout.remarks.append(f"the dates in '{name}' are taken in seconds after the first one")
+            layout.remarks.append(f"the dates in '{name}' are read as seconds after the first date")
         elif cells and not any(_numeric([cell], layout.decimal_comma) for cell in cells):
             layout.words.add(place)
             if not layout.decimal_comma and all(_DECIMAL_COMMA.fullmatch(cell) for cell in cells):
                 commas.append(name)
     if commas:
         names = ", ".join(f"'{name}'" for name in commas[:MOST_NAMES]) + (", ..." if len(commas) > MOST_NAMES else "")
-        layout.remarks.append(
-            f'numbers with decimal commas seem to stand in {names}; if they do, say decimal = "comma"'
-        )
+        layout.remarks.append(f'{names} seem to contain decimal commas; if they do, set decimal = "comma"')
 
 
 def _nanoseconds(cell: str, zero: int = 0) -> int:
-    """A date in ns after an instant. Raises ValueError for what is none."""
+    """Return a date in ns after `zero`. Raises ValueError if the cell is not a date."""
     stamp = np.datetime64(cell.strip().removesuffix("Z"), "ns")
     if np.isnat(stamp):
-        raise ValueError(f"'{cell}' is no date")
+        raise ValueError(f"'{cell}' is not a date")
     return int(stamp.astype(np.int64)) - zero
 
 
 def _head(path: Path, layout: _Layout, form: LogForm) -> tuple[list[tuple[int, str]], tuple[int, str] | None]:
-    """The first rows, the header among them, and the last comment above them; notes of comments are kept."""
+    """Return the first rows, including the header, and the last comment above them; comments with a key are stored."""
     rows: list[tuple[int, str]] = []
     above: tuple[int, str] | None = None
     for chunk in chunks(path, layout.encoding):
@@ -307,8 +302,8 @@ def _head(path: Path, layout: _Layout, form: LogForm) -> tuple[list[tuple[int, s
 
 
 def _sign(lines: list[str], form: LogForm, layout: _Layout) -> str:
-    """The delimiter: as given, else the first of tab, semicolon, comma, bar that stands as often in most lines, else
-    blanks."""
+    """Return the declared delimiter, else the first of tab, semicolon, comma and bar that occurs in most lines, else
+    the blank."""
     if form.delimiter is not None:
         return SIGNS[form.delimiter]
     plain = [re.sub(r'"[^"]*"', "", line) for line in lines]
@@ -321,7 +316,7 @@ def _sign(lines: list[str], form: LogForm, layout: _Layout) -> str:
             if name != "comma":
                 layout.remarks.append(f"the columns are separated by a {name}")
             return SIGNS[name]
-    for name in candidates:  # below a line of another kind
+    for name in candidates:  # the first line may be of another kind
         if 2 * sum(SIGNS[name] in line for line in plain) > len(plain):
             return SIGNS[name]
     below = plain[1:] or plain
@@ -333,13 +328,13 @@ def _sign(lines: list[str], form: LogForm, layout: _Layout) -> str:
 
 def _header_cells(line: str, sign: str, where: str) -> list[str]:
     if sign == " ":
-        # the blank before a unit parts no columns
+        # a blank before a unit does not separate columns
         return [cell.replace("\0", " ") for cell in re.sub(r"\s+(?=\[)", "\0", line.strip()).split()]
     return split(line, sign, where)
 
 
 def _numeric(cells: Sequence[str], decimal_comma: bool) -> bool:
-    """Whether a line is a row of numbers and no header: dates and what stands for no number are not names either."""
+    """Return whether a line is a row of numbers instead of a header; dates and missing values are not names."""
     kinds = {_kind(cell, decimal_comma) for cell in filter(None, cells)}
     return "number" in kinds and "word" not in kinds
 
@@ -354,49 +349,49 @@ def _kind(cell: str, decimal_comma: bool) -> Literal["number", "absent", "word"]
 
 
 def _refuse_blanks_and_commas(lines: list[str], layout: _Layout, path: Path, form: LogForm) -> None:
-    """Raises LogError where numbers with commas stand between blanks: the commas part no columns."""
+    """Raise LogError if blanks separate numbers with commas: then the comma is not the delimiter."""
     if layout.sign != "," or form.delimiter is not None or layout.decimal_comma:
         return
     parts = [line.split() for line in lines]
-    alike = [len(row) > 1 and all(_WITH_COMMA.fullmatch(cell) for cell in row) for row in parts]
-    if 2 * sum(alike) > len(lines):
+    matches = [len(row) > 1 and all(_WITH_COMMA.fullmatch(cell) for cell in row) for row in parts]
+    if 2 * sum(matches) > len(lines):
         raise LogError(
-            f"{shown(path)}: numbers with decimal commas seem to stand between blanks, as in "
-            f'\'{lines[alike.index(True)].strip()[:40]}\'; if they do, say decimal = "comma", else delimiter = "comma"'
+            f"{shown(path)}: blanks seem to separate numbers with decimal commas, as in "
+            f'\'{lines[matches.index(True)].strip()[:40]}\'; if so, set decimal = "comma", else delimiter = "comma"'
         )
 
 
 def _refuse_row_of_words(tables: Sequence[tuple[int, list[str]]], layout: _Layout, path: Path) -> None:
-    """Raises LogError where the first line has words and numbers in the places where the rows below have them."""
+    """Raise LogError if the first line has words and numbers in the same columns as the rows below."""
     (n, cells), rest = tables[0], [row for _, row in tables[1:]]
     kinds = [_kind(cell, layout.decimal_comma) for cell in cells]
-    alike = [row for row in rest if [_kind(cell, layout.decimal_comma) for cell in row] == kinds]
-    if "number" in kinds and rest and len(alike) == len(rest):
+    matches = [row for row in rest if [_kind(cell, layout.decimal_comma) for cell in row] == kinds]
+    if "number" in kinds and rest and len(matches) == len(rest):
         raise LogError(
-            f"{shown(path)} line {n}: {kinds.count('word')} words and {kinds.count('number')} numbers stand in it as "
-            f"in the rows below; if it is a row, say header = 0, and if it holds the names of the columns, header = {n}"
+            f"{shown(path)} line {n}: {kinds.count('word')} words and {kinds.count('number')} numbers are arranged as "
+            f"in the rows below; if it is a row, set header = 0; if it holds the column names, set header = {n}"
         )
 
 
 def _units(cells: Sequence[str], width: int) -> list[str]:
-    """A line below the header that holds nothing but units."""
-    given = [spelled(cell) if cell else "" for cell in cells]
+    """Return the units of a line that contains only units, else an empty list."""
+    units = [spelled(cell) if cell else "" for cell in cells]
     bracketed = [cell.startswith(("[", "(")) for cell in cells if cell]
-    if len(given) != width or not any(given) or not all(is_unit(unit) for unit in given if unit):
+    if len(units) != width or not any(units) or not all(is_unit(unit) for unit in units if unit):
         return []
-    # a row of ones is a row
-    return given if all(bracketed) or not any(cell.isdigit() for cell in cells) else []
+    # digits without brackets are numbers, not units
+    return units if all(bracketed) or not any(cell.isdigit() for cell in cells) else []
 
 
 def _refuse_preamble(tables: Sequence[tuple[int, list[str]]], layout: _Layout, path: Path, form: LogForm) -> None:
-    """Raises LogError where lines of another kind stand above the header."""
+    """Raise LogError if lines of another kind precede the header."""
     (n, cells), rest = tables[0], tables[1:]
     if form.header is not None or 2 * sum(len(row) == len(cells) for _, row in rest) >= len(rest):
         return
-    for (at, names), *below in (islice(rest, k, k + 1 + LIKE) for k in range(len(rest))):
-        alike = len(below) == LIKE and len(names) > 1 and all(len(row) == len(names) for _, row in below)
-        if alike and not _numeric(names, layout.decimal_comma) and _numeric(below[-1][1], layout.decimal_comma):
+    for (line, names), *below in (islice(rest, k, k + 1 + LIKE) for k in range(len(rest))):
+        matches = len(below) == LIKE and len(names) > 1 and all(len(row) == len(names) for _, row in below)
+        if matches and not _numeric(names, layout.decimal_comma) and _numeric(below[-1][1], layout.decimal_comma):
             raise LogError(
-                f"{shown(path)} line {n}: {len(cells)} cells stand above a table of {len(names)} columns; if line {at} "
-                f"is its header, say header = {at}"
+                f"{shown(path)} line {n}: found {len(cells)} cells above a table of {len(names)} columns; if line "
+                f"{line} is its header, set header = {line}"
             )
