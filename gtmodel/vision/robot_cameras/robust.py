@@ -117,15 +117,15 @@ def suspicions(joint: JointFit) -> list[Suspicion]:
     pose to pose."""
     p, e = joint.pictures, joint.residuals
     corners = scaled(p, e)
-    kinds = {"over_noise": (corners, "sigma_pixel", f", {noise_of(corners):.2g} times that,"),
+    kinds = {"over_noise": (corners, "sigma_pixel", f" (residuals show {noise_of(corners):.2g} times its value)"),
              "actuators_over_noise": (joint.fit.residuals["links"], "actuator_noise", "")}  # fmt: skip
     if "device" in joint.fit.residuals and p.device is not None:
         far = joint.fit.residuals["device"] / p.device.noise
         worst = p.poses[int(p.device.pose[np.argmax(np.linalg.norm(far, axis=1))])]
-        kinds["device_over_noise"] = far, "second_device_noise", f", largest at pose {worst},"
+        kinds["device_over_noise"] = far, "second_device_noise", f" (largest residual at pose {worst})"
     tests, free = list[Suspicion](), joint.estimate.degrees_of_freedom / sum(r.size for r, _, _ in kinds.values())
     for name, (r, key, more) in kinds.items():
-        remedy = f"correct {key}{more} or look for effects that the models of robot and cameras do not include"
+        remedy = f"correct {key}{more}, or look for effects that the models of robot and cameras do not include"
         judged = chi_squared_over_noise(float(np.sum(r**2)), free * r.size).suspicion(name, remedy)
         tests.append(replace(judged, evidence=f"{name.replace('_', ' ')}: {judged.evidence}"))
     means, which, camera = picture_means(p, e)
