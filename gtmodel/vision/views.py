@@ -189,14 +189,14 @@ def intersect(
             f"(cameras, {len(LENS)}) and (cameras, 7)"
         )
     noise = np.broadcast_to(np.asarray(sigma, float), (many,))
-    seen = np.asarray(np.all(np.isfinite(uv), axis=2), bool)
-    p, status = _rays(uv, lenses, cameras, seen)
+    mask = np.asarray(np.all(np.isfinite(uv), axis=2), bool)
+    p, status = _rays(uv, lenses, cameras, mask)
     size = np.full(n, np.inf)
     J, r, margin = np.zeros((n, many, 2, 3)), np.zeros((n, many, 2)), np.zeros((n, many))
     by_camera = np.zeros((n, many, 2, MOVES))
     with np.errstate(all="ignore"):
         for _ in range(ROUNDS):
-            J, r, margin, by_camera = _linearised(p, uv, lenses, cameras, seen)
+            J, r, margin, by_camera = _linearised(p, uv, lenses, cameras, mask)
             white, rows = J / noise[:, None, None], r / noise[:, None]
             H = np.einsum("ncij,ncik->njk", white, white)
             g = np.einsum("ncij,nci->nj", white, rows)
@@ -205,7 +205,7 @@ def intersect(
             size = np.abs(step).max(axis=1) / np.maximum(np.abs(p).max(axis=1), 1e-300)
             if np.nanmax(np.where(status == Status.OK, size, 0.0), initial=0.0) <= ARRIVED:
                 break
-        J, r, margin, by_camera = _linearised(p, uv, lenses, cameras, seen)
+        J, r, margin, by_camera = _linearised(p, uv, lenses, cameras, mask)
         white = J / noise[:, None, None]
         H = np.einsum("ncij,ncik->njk", white, white)
         C = np.linalg.inv(_safe(H))
@@ -214,23 +214,23 @@ def intersect(
         D = np.einsum("njk,ncik->ncji", C, white) / noise[:, None, None]
         G = np.einsum("ncji,ncim->njcm", D, by_camera).reshape(n, 3, many * MOVES)
         C = C + G @ np.asarray(camera_covariance, float) @ G.transpose(0, 2, 1)
-    front = np.where(seen, margin, 1.0).min(axis=1, initial=1.0) > 0
+    front = np.where(mask, margin, 1.0).min(axis=1, initial=1.0) > 0
     status = np.where((status == Status.OK) & ~arrived, int(Status.NOT_CONVERGED), status)
     status = np.where((status == Status.OK) & ~front, int(Status.OUT_OF_RANGE), status)
     bad = status != Status.OK
-    errors = np.where(seen[:, :, None], r, np.nan)
+    errors = np.where(mask[:, :, None], r, np.nan)
     p[bad], C[bad], errors[bad] = np.nan, np.nan, np.nan
     return IntersectedPoints(p, C, errors, status)
 
 
-def _rays(uv: np.ndarray, lenses: np.ndarray, cameras: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _rays(uv: np.ndarray, lenses: np.ndarray, cameras: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the points nearest to all rays, and a first status."""
-    n, many = seen.shape
+    n, many = mask.shape
     A, b = np.zeros((n, 3, 3)), np.zeros((n, 3))
     R = matrices_of(cameras)
-    good = seen.copy()
+    good = mask.copy()
     for c in range(many):
-        xy, code = undistort(np.where(seen[:, c, None], uv[:, c], lenses[c, 2:4]), lenses[c])
+        xy, code = undistort(np.where(mask[:, c, None], uv[:, c], lenses[c, 2:4]), lenses[c])
         good[:, c] &= code == Status.OK
         ray = np.column_stack([np.nan_to_num(xy), np.ones(n)]) @ R[c]
         ray = ray / np.linalg.norm(ray, axis=1, keepdims=True)
@@ -239,7 +239,7 @@ def _rays(uv: np.ndarray, lenses: np.ndarray, cameras: np.ndarray, seen: np.ndar
         b += across @ (-R[c].T @ cameras[c, 4:])
     apart = np.linalg.eigvalsh(A)[:, 0] > PARALLEL
     status = np.where((good.sum(axis=1) >= 2) & apart, int(Status.OK), int(Status.SINGULAR))
-    status = np.where((seen & ~good).any(axis=1), int(Status.NOT_CONVERGED), status)
+    status = np.where((mask & ~good).any(axis=1), int(Status.NOT_CONVERGED), status)
     return np.linalg.solve(_safe(np.where(apart[:, None, None], A, np.eye(3))), b[:, :, None])[:, :, 0], status
 
 
@@ -251,15 +251,15 @@ def _safe(H: np.ndarray) -> np.ndarray:
 
 
 def _linearised(p: np.ndarray, uv: np.ndarray, lenses: np.ndarray, cameras: np.ndarray,
-                seen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+                mask: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
     """Return the Jacobian of the errors with respect to the point (n, cameras, 2, 3), the errors, the smallest margins
     (n, cameras), and the Jacobian with respect to the camera (n, cameras, 2, 15); zero if a camera does not see it."""
-    n, many = seen.shape
+    n, many = mask.shape
     f = _derivatives()
     J, r, margin = np.zeros((n, many, 2, 3)), np.zeros((n, many, 2)), np.ones((n, many))
     by_camera = np.zeros((n, many, 2, MOVES))
     for c in range(many):
-        k = np.flatnonzero(seen[:, c])
+        k = np.flatnonzero(mask[:, c])
         if not len(k):
             continue
         columns = [

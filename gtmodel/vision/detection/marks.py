@@ -187,13 +187,13 @@ def detected_corners(
     >>> len(rows), rows[0].mark, seen["left", "2"].status.name
     (20, '0.0', 'TOO_DARK')
     """
-    rows, seen = list[CornerRow](), dict[tuple[str, str], Detection]()
+    rows, detections = list[CornerRow](), dict[tuple[str, str], Detection]()
     for (camera, pose), picture in pictures.items():
         d = detect(picture, target, None if backgrounds is None else backgrounds.get(camera))
-        seen[camera, pose] = d
+        detections[camera, pose] = d
         rows += [CornerRow(camera, pose, mark, float(u), float(v), float(s))
                  for mark, (u, v), s in zip(d.marks, d.corners, d.sigma, strict=True)]  # fmt: skip
-    return rows, seen
+    return rows, detections
 
 
 def corners_csv(rows: list[CornerRow], synthetic: str = "") -> str:

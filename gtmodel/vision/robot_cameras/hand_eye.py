@@ -144,8 +144,8 @@ def _started(p: RobotPictures, poses: np.ndarray, lens: np.ndarray, on_tool: boo
     X, Y = v[:9].reshape(3, 3), v[9:].reshape(3, 3)
     sign = np.sign(np.linalg.det(X))
     turns = matrices_of(poses_of(np.stack([sign * X, sign * Y]), np.zeros((2, 3))))
-    left = np.concatenate([np.hstack([a, -eye]) for a in RA])
-    right = (np.einsum("ij,nj->ni", turns[1], B[:, 4:]) - A[:, 4:]).reshape(-1)
-    t = np.linalg.lstsq(left, right, rcond=None)[0]
+    J = np.concatenate([np.hstack([a, -eye]) for a in RA])
+    rhs = (np.einsum("ij,nj->ni", turns[1], B[:, 4:]) - A[:, 4:]).reshape(-1)
+    t = np.linalg.lstsq(J, rhs, rcond=None)[0]
     out = poses_of(turns, t.reshape(2, 3))
     return out[0], out[1]

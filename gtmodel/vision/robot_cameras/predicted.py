@@ -42,9 +42,9 @@ def predicted_positions(joint: JointFit, actuators: ArrayLike) -> PredictedPosit
     q = np.asarray(actuators, float).reshape(-1, joint.pictures.actuators.shape[1])
     side, x = joint.side, joint.fit.values["robot"][0]
     poses = side.forward(x, q, side.start(q))
-    lost = np.flatnonzero(~np.all(np.isfinite(poses), axis=1))
-    if len(lost):
-        raise ArgumentError(f"the closure equations have no solution at row {lost[0] + 1}", "actuators")
+    unsolved = np.flatnonzero(~np.all(np.isfinite(poses), axis=1))
+    if len(unsolved):
+        raise ArgumentError(f"the closure equations have no solution at row {unsolved[0] + 1}", "actuators")
     _, by_x, by_z, _ = side.at(x, poses, q)
     if side.turns:
         e = poses[:, 3:]
@@ -105,11 +105,11 @@ def _placed(
     still = replace(scene, baseline=baseline, distance=distance, robot_error=0.0, pixel_noise=0.0, actuator_noise=0.0,
                     turned_pictures=[], wrong_corners=0.0)  # fmt: skip
     try:
-        made = made_pictures(still, robot)
+        synthetic = made_pictures(still, robot)
     except ArgumentError as error:
         return PlacedCameras(baseline, distance, None, why=error.message)
-    pictures = replace(made.pictures, sigma=np.full(len(made.pictures), scene.pixel_noise))
-    joint = joint_fit(made.robot, pictures, made.cameras, replace(setting, removal=0.0))
+    pictures = replace(synthetic.pictures, sigma=np.full(len(synthetic.pictures), scene.pixel_noise))
+    joint = joint_fit(synthetic.robot, pictures, synthetic.cameras, replace(setting, removal=0.0))
     if not joint.fit.status.ok:
         return PlacedCameras(baseline, distance, None, why=joint.fit.message)
     names = list(joint.estimate.names)

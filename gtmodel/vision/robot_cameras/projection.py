@@ -147,10 +147,10 @@ class RobotLinks:
         """Return the poses (n, pose) of the uncalibrated robot at q. Raises ArgumentError if a row has no pose."""
         forward = compile_causal(self.robot, known=[self.actuators], targets=list(self.pose))
         *parts, status = forward(q)
-        lost = np.flatnonzero(np.asarray(status) != 0)
-        if len(lost):
+        unsolved = np.flatnonzero(np.asarray(status) != 0)
+        if len(unsolved):
             raise ArgumentError(
-                f"the uncalibrated robot has no pose for row {lost[0] + 1} of the actuators; check units and columns",
+                f"the uncalibrated robot has no pose for actuator row {unsolved[0] + 1}; check units and columns",
                 self.actuators,
             )
         return np.concatenate([np.asarray(p).reshape(len(q), -1) for p in parts], axis=1)

@@ -144,8 +144,8 @@ def study(
     setting = setting or RobotCameras()
     if isinstance(pictures, SyntheticRobotCameras):
         work.progress("making synthetic pictures", 0.1)
-        made = made_pictures(pictures, robot)
-        pictures, cameras = made.pictures, list(cameras) or made.cameras
+        synthetic = made_pictures(pictures, robot)
+        pictures, cameras = synthetic.pictures, list(cameras) or synthetic.cameras
     title = work.title or "robot and cameras"
     if pictures.synthetic and "synthetic" not in title.lower():
         title += " (synthetic)"
