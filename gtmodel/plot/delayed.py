@@ -24,7 +24,7 @@ def radius_figure(curves: Mapping[str, tuple[np.ndarray, np.ndarray, float]], *,
         if np.isfinite(limit):
             panel.axvline(limit, color=ORANGE, linewidth=1.2, label=f"limit {limit:.3g}")
             key_beside(panel)
-        panel.set(ylabel="largest |pole|", title=f"along {name}")
+        panel.set(ylabel="largest |pole| [1]", title=f"along {name}")
         panel.margins(x=0.0)
     panels[-1].set_xlabel("gain P [1]")
     return figure

@@ -50,7 +50,7 @@ def stability_figure(
         for k, (name, values) in enumerate(curves.items()):
             panels[1].semilogx(hand_stiffness, values, label=name, **curve(k))
         panels[1].axhline(0.0, color=BLACK, linewidth=0.8, linestyle="--", label="stability limit")
-        panels[1].set(xlabel="stiffness of the hand [N/m]", ylabel="smallest damping ratio")
+        panels[1].set(xlabel="stiffness of the hand [N/m]", ylabel="smallest damping ratio [1]")
         plain_logarithm(panels[1].xaxis)
         panels[1].margins(x=0.0)
         key_beside(panels[1])
