@@ -1,1 +1,1 @@
-"""Pictures: one module per kind of picture. Every function takes results and returns a matplotlib Figure."""
+"""Pictures: one module per subject. Every function takes results and returns a matplotlib Figure."""

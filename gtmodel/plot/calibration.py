@@ -1,5 +1,5 @@
-"""Pictures of a calibration, errors per pose, per link and over the workspace, and of a calibration plan, points in
-the room and numbers of poses."""
+"""Pictures of a calibration (errors per pose, per link and over the workspace) and of a calibration plan (points in the
+room, accuracy over the number of poses)."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ from .style import (
 
 BINS = 30
 TICKS = 4  # along the longer side of a view
-FEW_DECADES = 3  # of which 2 and 5 have room for their numbers too
-MANY = 40  # names that still can be read on an axis
+FEW_DECADES = 3  # up to which an axis has room for ticks at 2 and 5
+MANY = 40  # labels that can be read on an axis at normal size
 
 
 @styled
@@ -71,7 +71,7 @@ def pose_errors_figure(
 
 @styled
 def length_errors_figure(residuals: np.ndarray, labels: Sequence[str], title: str = "") -> Figure:
-    """Histogram of length errors (N, m) [m], one panel per link; what is not finite is left out and counted."""
+    """Draw histograms of length errors (N, m) [m], one panel per link; values that are not finite are only counted."""
     m = len(labels)
     columns = min(3, m)
     rows = -(-m // columns)
@@ -85,8 +85,8 @@ def length_errors_figure(residuals: np.ndarray, labels: Sequence[str], title: st
         known = residuals[np.isfinite(residuals[:, k]), k]
         axes.hist(1e3 * known, bins, color=COLOURS[0])
         mean = f"mean size {1e3 * float(np.mean(np.abs(known))):.3g} mm" if known.size else "no errors"
-        left = f", {len(residuals) - known.size} left out" if known.size < len(residuals) else ""
-        axes.set_title(f"{labels[k]}: {mean}{left}", fontsize="small")
+        missing = f", {len(residuals) - known.size} left out" if known.size < len(residuals) else ""
+        axes.set_title(f"{labels[k]}: {mean}{missing}", fontsize="small")
         axes.set_xlabel("length error [mm]")
         if k % columns == 0:
             axes.set_ylabel("number of poses")
@@ -95,7 +95,7 @@ def length_errors_figure(residuals: np.ndarray, labels: Sequence[str], title: st
 
 @styled
 def workspace_errors_figure(positions: np.ndarray, sizes: np.ndarray, title: str = "") -> Figure:
-    """Errors (N,) [m] at positions (N, 3) [m], seen along each axis, or (N, 2); the greatest lie on top."""
+    """Draw errors (N,) [m] at positions (N, 3) [m], projected along each axis, or (N, 2); the largest are on top."""
     order = np.argsort(np.nan_to_num(sizes, nan=-1.0), kind="stable")
     pairs = list(combinations(range(positions.shape[1]), 2))
     figure, panels = with_panels(11.0 if len(pairs) > 1 else 5.5, 4.2, columns=len(pairs), title=title)
@@ -108,7 +108,7 @@ def workspace_errors_figure(positions: np.ndarray, sizes: np.ndarray, title: str
                   markeredgewidth=1.5, clip_on=False, label=f"largest: {top:.3g} mm")  # fmt: skip
         sides = np.ptp(positions[:, [a, b]], axis=0)
         for axis, part in zip((axes.xaxis, axes.yaxis), sides / max(float(sides.max()), 1e-12), strict=True):
-            axis.set_major_locator(MaxNLocator(max(1, round(TICKS * float(part)))))  # a narrow panel has room for few
+            axis.set_major_locator(MaxNLocator(max(1, round(TICKS * float(part)))))  # few ticks on a short side
         axes.set(xlabel=f"{'xyz'[a]} [m]", ylabel=f"{'xyz'[b]} [m]")
         axes.set_aspect("equal")
     assert drawn is not None
@@ -119,9 +119,9 @@ def workspace_errors_figure(positions: np.ndarray, sizes: np.ndarray, title: str
 
 @styled
 def deviations_figure(names: Sequence[str], std: np.ndarray, units: Sequence[str], title: str = "") -> Figure:
-    """Standard deviations (n,) of unknowns in SI, a bar each, a panel for each unit.
+    """Draw standard deviations (n,) of unknowns in SI units as bars, a panel per unit.
 
-    What the poses leave undetermined is hatched instead.
+    Unknowns that the poses do not determine have hatched bars.
     """
     groups = {u: [k for k, other in enumerate(units) if other == u] for u in dict.fromkeys(units)}
     sizes = [len(rows) for rows in groups.values()]
@@ -133,20 +133,20 @@ def deviations_figure(names: Sequence[str], std: np.ndarray, units: Sequence[str
 
 
 def _deviations(axes: Any, names: Sequence[str], std: np.ndarray, unit: str) -> None:
-    """Bars of the deviations of one unit."""
+    """Draw the bars of one unit."""
     known = np.isfinite(std)
     top = (float(np.max(std[known])) if known.any() else 0.0) or 1.0
-    at = np.arange(len(names))
-    axes.barh(at[known], std[known], color=COLOURS[0])
-    axes.barh(at[~known], np.full(int((~known).sum()), 30 * top), color="0.9", hatch="//", edgecolor="0.6")
+    places = np.arange(len(names))
+    axes.barh(places[known], std[known], color=COLOURS[0])
+    axes.barh(places[~known], np.full(int((~known).sum()), 30 * top), color="0.9", hatch="//", edgecolor="0.6")
     positive = std[known & (std > 0)]
     least = float(np.min(positive)) if positive.size else 0.1 * top
-    # below the least one, which would have no bar else
+    # so that the smallest one has a bar too
     low, high = np.ceil(np.log10(least)) - 1, np.ceil(np.log10(max(top, least)))
     axes.set_xlim(10**low, 10**high)
     axes.set_xscale("log")
     plain_logarithm(axes.xaxis, subs=(1.0, 2.0, 5.0) if high - low <= FEW_DECADES else (1.0,))
-    axes.set_yticks(at, names, fontsize=7)
+    axes.set_yticks(places, names, fontsize=7)
     axes.set_ylim(len(names) - 0.4, -0.6)
     hatched = "" if known.all() else "; hatched: not determined by these poses"
     axes.set(xlabel=f"standard deviation [{unit}]{hatched}", ylabel="parameter")
@@ -155,22 +155,22 @@ def _deviations(axes: Any, names: Sequence[str], std: np.ndarray, unit: str) -> 
 
 @styled
 def correlation_figure(names: Sequence[str], correlation: np.ndarray, title: str = "") -> Figure:
-    """Correlation coefficients (n, n) of unknowns."""
+    """Draw the correlation coefficients (n, n) of unknowns."""
     n = len(names)
-    beside = 0.06 * max(map(len, names), default=0)  # inches that the names need
-    figure = Figure(figsize=(3.2 + beside + 0.14 * n, 2.8 + beside + 0.14 * n), layout="constrained")
+    margin = 0.06 * max(map(len, names), default=0)  # inches for the names
+    figure = Figure(figsize=(3.2 + margin + 0.14 * n, 2.8 + margin + 0.14 * n), layout="constrained")
     axes = figure.add_subplot()
     drawn = axes.imshow(correlation, cmap=AWAY_FROM_ZERO, vmin=-1, vmax=1)
     size = 7 if n <= MANY else 5
     axes.set_xticks(range(n), names, rotation=90, fontsize=size)
     axes.set_yticks(range(n), names, fontsize=size)
     axes.set(xlabel="parameter", ylabel="parameter")
-    figure.colorbar(drawn, ax=axes, label="coefficient of correlation [1]", shrink=0.8)
+    figure.colorbar(drawn, ax=axes, label="correlation coefficient [1]", shrink=0.8)
     axes.set_title(textwrap.fill(title, 60))
     return figure
 
 
-# colour, size, opacity; other layers are what the picture is about
+# colour, size, opacity; all other layers are drawn as MAIN
 LAYERS: Mapping[str, tuple[str, float, float]] = {
     "candidates": ("0.8", 2.0, 0.3), "calibrate": (ORANGE, 34.0, 1.0), "held out": (BLUE, 22.0, 1.0),
     "reachable, but not safe": ("0.7", 4.0, 0.4), "not seen": (PINK, 6.0, 0.6),
@@ -194,22 +194,22 @@ def room_figure(
     again: str = "chosen more than once",
     title: str = "",
 ) -> Figure:
-    """Layers of points (n, 3) [m] with their numbers in the legend, the robot at home, the room as a wire box.
+    """Draw layers of points (n, 3) [m], counted in the legend, the robot at its home pose, and the room as a wire box.
 
     Args:
         robot: ends of its links at carts and plate (l, 3), tool centre point (3,), guideway directions (l, 3).
-        boxes: obstacles, corners low and high (3,) [m]. device: where it stands (3,) [m]. again: what points are that
-            a layer holds several times.
+        boxes: obstacles, low and high corners (3,) [m]. device: position of the measuring device (3,) [m]. again: words
+            for the points that a layer contains several times.
     """
     figure, axes = in_space(8.5, 6.4, title=title)
-    axes.computed_zorder = False  # what the picture is about over the other points, the robot over both
+    axes.computed_zorder = False  # main layer over the other points, robot over both
     draw_links(axes, *robot)
     for name, T in layers.items():
         colour, size, strength = LAYERS.get(name, MAIN)
-        at, times = np.unique(np.asarray(T).reshape(-1, 3), axis=0, return_counts=True)
-        twice = f", {np.count_nonzero(times > 1)} {again}" if np.any(times > 1) else ""
-        axes.scatter(*at.T, s=size * times, color=colour, alpha=strength, depthshade=False,
-                     zorder=1.5 if name not in LAYERS else 1.0, label=f"{name}: {len(T)}{twice}")  # fmt: skip
+        points, times = np.unique(np.asarray(T).reshape(-1, 3), axis=0, return_counts=True)
+        repeated = f", {np.count_nonzero(times > 1)} {again}" if np.any(times > 1) else ""
+        axes.scatter(*points.T, s=size * times, color=colour, alpha=strength, depthshade=False,
+                     zorder=1.5 if name not in LAYERS else 1.0, label=f"{name}: {len(T)}{repeated}")  # fmt: skip
     wire = _corners(room)
     for n, (i, j) in enumerate(EDGES):
         label = "room" if n == 0 else None
@@ -230,14 +230,14 @@ def room_figure(
 
 @styled
 def curve_figure(selected: Sequence[Any], grids: Sequence[Any], accuracy: float, *, title: str = "") -> Figure:
-    """Predicted errors [m] against the number of poses; points are (poses, rms, greatest)."""
+    """Draw predicted errors [m] over the number of poses; points are (poses, rms error, largest error)."""
     figure, (axes,) = with_panels(7.5, 5.2, grid=False)
     for points, name, colour in ((selected, "selected", ORANGE), (grids, "regular grid", BLUE)):
         if points:
             n, rms, worst = np.array(points, float).T
             axes.plot(n, 1e6 * rms, "o-", color=colour, label=f"{name}: rms over the workspace")
-            axes.plot(n, 1e6 * worst, "s--", color=colour, alpha=0.6, markersize=4, label=f"{name}: worst place")
-    axes.axhline(1e6 * accuracy, color="black", linewidth=1, label=f"wanted accuracy: {1e6 * accuracy:g} µm")
+            axes.plot(n, 1e6 * worst, "s--", color=colour, alpha=0.6, markersize=4, label=f"{name}: largest error")
+    axes.axhline(1e6 * accuracy, color="black", linewidth=1, label=f"required accuracy: {1e6 * accuracy:g} µm")
     axes.set_xscale("log")
     axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):
@@ -253,28 +253,28 @@ def parameters_figure(
     names: Sequence[str], predicted: np.ndarray, simulated: np.ndarray | None, *, units: Sequence[str] | None = None,
     runs: int = 0, title: str = "",
 ) -> Figure:  # fmt: skip
-    """Standard deviation of each parameter, predicted and of simulated (synthetic) calibrations, a panel for each unit.
+    """Draw the standard deviation of each parameter, predicted and from simulated (synthetic) calibrations, by unit.
 
-    Those that are undetermined, infinite or NaN, have grey names and nothing else. units: of each parameter, "m" or
-    none; all are lengths if left out.
+    Undetermined parameters (infinite or NaN) have a grey name and no bar. units: of each parameter, "m" or ""; all are
+    lengths if left out.
     """
-    of = ["m"] * len(names) if units is None else list(units)
-    groups = {u: [k for k, other in enumerate(of) if other == u] for u in dict.fromkeys(of)}
+    unit_of = ["m"] * len(names) if units is None else list(units)
+    groups = {u: [k for k, other in enumerate(unit_of) if other == u] for u in dict.fromkeys(unit_of)}
     most = max(len(rows) for rows in groups.values())
     figure, panels = with_panels(min(max(7.0, 0.3 * most + 2), 14.0), 0.8 + 3.0 * len(groups), len(groups),
                                  title=title, grid=False)  # fmt: skip
     for axes, (unit, rows) in zip(panels, groups.items(), strict=True):
         known = np.flatnonzero(np.isfinite(predicted[rows]))
-        at = np.asarray(rows)[known]
-        axes.bar(known, 1e6 * predicted[at], color=SHADES[2], label="predicted")
+        chosen = np.asarray(rows)[known]
+        axes.bar(known, 1e6 * predicted[chosen], color=SHADES[2], label="predicted")
         if simulated is not None:
-            axes.plot(known, 1e6 * simulated[at], "D", color=ORANGE, markersize=5, linestyle="none",
-                      label=f"of {runs} simulated calibrations, synthetic")  # fmt: skip
+            axes.plot(known, 1e6 * simulated[chosen], "D", color=ORANGE, markersize=5, linestyle="none",
+                      label=f"from {runs} simulated calibrations (synthetic)")  # fmt: skip
         axes.set_xticks(np.arange(len(rows)), [names[k] for k in rows], rotation=90, fontsize="small")
         for k, label in enumerate(axes.get_xticklabels()):
             label.set_color("black" if k in known else "0.65")
         if len(known) < len(rows):
-            axes.plot([], [], " ", label="grey name: not determined by itself")
+            axes.plot([], [], " ", label="grey name: not identifiable on its own")
         axes.set_xlim(-0.8, len(rows) - 0.2)
         axes.set(ylabel=f"standard deviation [{millionths(unit)}]")
         axes.grid(axis="y", alpha=0.3)
@@ -287,9 +287,9 @@ def parameters_figure(
 def predicted_figure(
     T: np.ndarray, predicted: np.ndarray, simulated: np.ndarray | None, *, runs: int = 0, title: str = ""
 ) -> Figure:
-    """Predicted rms error [m] at each place (n, 3) [m], the worst marked, and beside it that of simulations.
+    """Draw the predicted rms error [m] at each position (n, 3) [m], with the largest marked, and that of simulations.
 
-    Places without a prediction, NaN, are left out.
+    Positions without a prediction (NaN) are left out.
     """
     known = np.isfinite(predicted)
     T, predicted = T[known], predicted[known]
@@ -298,13 +298,13 @@ def predicted_figure(
     figure = Figure(figsize=(12.5 if both else 7.0, 5.2), layout="constrained")
     cast(ConstrainedLayoutEngine, figure.get_layout_engine()).set(wspace=0.12)
     space: Any = figure.add_subplot(1, 2 if both else 1, 1, projection="3d")
-    shown = space.scatter(*T.T, c=1e6 * predicted, s=14, depthshade=False)
+    points = space.scatter(*T.T, c=1e6 * predicted, s=14, depthshade=False)
     worst = int(np.argmax(predicted))
     space.scatter(*T[worst], marker="o", s=120, facecolor="none", edgecolor=ORANGE, linewidth=2, depthshade=False,
                   zorder=10)  # fmt: skip
-    where = ", ".join(f"{x:.2g}" for x in T[worst])
-    space.set_title(f"worst: {1e6 * predicted[worst]:.0f} µm at ({where}) m (circle)")
-    figure.colorbar(shown, ax=space, label="predicted rms error [µm]", shrink=0.7, pad=0.16)
+    position = ", ".join(f"{x:.2g}" for x in T[worst])
+    space.set_title(f"worst: {1e6 * predicted[worst]:.0f} µm at ({position}) m (circle)")
+    figure.colorbar(points, ax=space, label="predicted rms error [µm]", shrink=0.7, pad=0.16)
     finish(space)
     if simulated is not None:
         axes = figure.add_subplot(1, 2, 2)
@@ -312,7 +312,7 @@ def predicted_figure(
         axes.plot([0, top], [0, top], color="black", linewidth=1)
         axes.plot(1e6 * predicted, 1e6 * simulated, ".", color=ORANGE, markersize=4)
         axes.set(xlabel="predicted rms error [µm]", ylabel="simulated rms error [µm]")
-        axes.set_title(f"against {runs} simulated calibrations, synthetic")
+        axes.set_title(f"{runs} simulated calibrations (synthetic)")
         axes.set_aspect("equal")
         axes.grid(alpha=0.3)
     figure.suptitle(title)

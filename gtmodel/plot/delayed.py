@@ -1,4 +1,4 @@
-"""Pictures of feedback with delay: the largest pole over the gain, limits over a box, runs beside the limit."""
+"""Pictures of feedback with delay: largest pole over the gain, spread of the gain limit, runs near the limit."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BINS = 40
 
 @styled
 def radius_figure(curves: Mapping[str, tuple[np.ndarray, np.ndarray, float]], *, title: str = "") -> Figure:
-    """The largest modulus of the poles over the gain, a panel for each axis; curves: gains, moduli, and the limit."""
+    """Draw the largest modulus of the poles over the gain, a panel per axis; curves: gains, moduli, gain limit."""
     figure, panels = with_panels(WIDTH, 1.0 + 2.4 * len(curves), len(curves), title=title)
     for panel, (name, (gains, radii, limit)) in zip(panels, curves.items(), strict=True):
         panel.plot(gains, radii, color=BLUE)
@@ -24,7 +24,7 @@ def radius_figure(curves: Mapping[str, tuple[np.ndarray, np.ndarray, float]], *,
         if np.isfinite(limit):
             panel.axvline(limit, color=ORANGE, linewidth=1.2, label=f"limit {limit:.3g}")
             key_beside(panel)
-        panel.set(ylabel="largest |pole|", title=f"along {name}")
+        panel.set(ylabel="largest |pole| [1]", title=f"along {name}")
         panel.margins(x=0.0)
     panels[-1].set_xlabel("gain P [1]")
     return figure
@@ -32,15 +32,17 @@ def radius_figure(curves: Mapping[str, tuple[np.ndarray, np.ndarray, float]], *,
 
 @styled
 def box_figure(drawn: Mapping[str, tuple[np.ndarray, float, float, float]], *, title: str = "") -> Figure:
-    """How limits spread over the box, a panel for each axis; drawn: limits, the nominal one, the worst, and the
-    recommended gain."""
+    """Draw histograms of the gain limit over random points of the parameter box, a panel per axis.
+
+    drawn: limits (n,), the nominal limit, the lowest limit, and the recommended gain.
+    """
     figure, panels = with_panels(WIDTH, 1.2 + 2.4 * len(drawn), len(drawn), title=title)
     for panel, (name, (limits, nominal, worst, recommended)) in zip(panels, drawn.items(), strict=True):
         panel.hist(limits, BINS, color=SKY)
-        panel.axvline(nominal, color=BLACK, linewidth=1.0, label=f"as declared {nominal:.3g}")
-        panel.axvline(worst, color=ORANGE, linewidth=1.2, label=f"worst seen {worst:.3g}")
+        panel.axvline(nominal, color=BLACK, linewidth=1.0, label=f"nominal {nominal:.3g}")
+        panel.axvline(worst, color=ORANGE, linewidth=1.2, label=f"worst {worst:.3g}")
         panel.axvline(recommended, color=GREEN, linewidth=1.2, linestyle="--", label=f"recommended {recommended:g}")
-        panel.set(ylabel="random points", title=f"along {name}")
+        panel.set(ylabel="number of points", title=f"along {name}")
         key_beside(panel)
     panels[-1].set_xlabel("gain limit [1]")
     return figure
@@ -48,7 +50,7 @@ def box_figure(drawn: Mapping[str, tuple[np.ndarray, float, float, float]], *, t
 
 @styled
 def runs_figure(runs: Mapping[str, tuple[Sequence[Any], float]], beside: float, *, title: str = "") -> Figure:
-    """Deviations just below and just above the limit, synthetic, a row of two panels for each axis."""
+    """Draw synthetic deviations at gains just below and just above the limit, two panels per axis."""
     count = 2 * len(runs)
     figure, panels = with_panels(WIDTH, 1.0 + 1.9 * count, count, title=title)
     for k, (name, (pair, limit)) in enumerate(runs.items()):
@@ -68,17 +70,20 @@ def runs_figure(runs: Mapping[str, tuple[Sequence[Any], float]], beside: float, 
 def directions_figure(
     angles: np.ndarray, limits: np.ndarray, seen: Sequence[tuple[float, float | None, float | None]], *, title: str = ""
 ) -> Figure:
-    """The limit over the direction; seen: angle, greatest gain seen stable, least seen unstable."""
+    """Draw the gain limit over the direction.
+
+    seen: angle, largest gain with a stable run, smallest gain with an unstable run; None without runs.
+    """
     figure, (panel,) = with_panels(WIDTH, 4.5, 1, title=title)
     panel.semilogy(np.rad2deg(angles), limits, color=BLUE, label="limit")
     bars = [(a, low, high) for a, low, high in seen if low is not None and high is not None]
     for k, (angle, stable, unstable) in enumerate(bars):
-        label = None if k else "stable to unstable, seen"
+        label = None if k else "runs: stable to unstable"
         panel.plot(
             [np.rad2deg(angle)] * 2, [stable, unstable], "_-", color=BLACK, markersize=12, linewidth=2, label=label
         )
     for k, angle in enumerate(a for a, low, _ in seen if low is None):
-        panel.axvline(np.rad2deg(angle), color=GREEN, linestyle="--", label=None if k else "predicted alone")
+        panel.axvline(np.rad2deg(angle), color=GREEN, linestyle="--", label=None if k else "predicted only")
     panel.set(xlabel="direction from y towards x [deg]", ylabel="gain limit [1]")
     panel.margins(x=0.0)
     plain_logarithm(panel.yaxis)
@@ -88,10 +93,10 @@ def directions_figure(
 
 @styled
 def depth_figure(depths: Mapping[str, float], finer: Mapping[str, float], *, title: str = "") -> Figure:
-    """The depth at which a cut chatters over the gain, and the same with twice the steps."""
+    """Draw the depth at which a cut chatters over the gain, also computed with twice the number of steps."""
     figure, (panel,) = with_panels(WIDTH, 4.0, 1, title=title)
-    for given, label, style in ((depths, "steps as asked for", "o-"), (finer, "twice the steps", "x--")):
-        panel.plot([float(g) for g in given], [1e3 * d for d in given.values()], style, label=label)
+    for by_gain, label, style in ((depths, "nominal steps", "o-"), (finer, "twice the steps", "x--")):
+        panel.plot([float(g) for g in by_gain], [1e3 * d for d in by_gain.values()], style, label=label)
     panel.set(xlabel="gain P [1]", ylabel="depth of chatter [mm]")
     panel.set_ylim(0.0, 1.1e3 * max([*depths.values(), *finer.values()]) or 1.0)  # no point on the frame
     key_beside(panel)
@@ -103,15 +108,16 @@ def map_figure(
     joint_2: np.ndarray, joint_3: np.ndarray, limits: Mapping[str, np.ndarray], measured: np.ndarray, asked: np.ndarray,
     *, title: str = "",
 ) -> Figure:  # fmt: skip
-    """5 % quantiles of the limit over two joints, a panel for each direction.
+    """Draw the 5 % quantile of the gain limit over two joint angles, a panel per direction.
 
-    joint_2 (n,), joint_3 (m,) [rad]; limits (m, n) by direction; measured and asked (k, 2): poses.
+    joint_2 (n,), joint_3 (m,) [rad]; limits (m, n) by direction; measured, asked (k, 2): measured poses, poses of the
+    table [rad].
     """
     figure, panels = with_panels(WIDTH, 1.0 + 3.8 * len(limits), len(limits), title=title, sharex=True)
     for panel, (name, values) in zip(panels, limits.items(), strict=True):
         filled = panel.contourf(np.rad2deg(joint_2), np.rad2deg(joint_3), values, 12, cmap="viridis")
         figure.colorbar(filled, ax=panel, label="5 % quantile of the limit [1]")
-        for poses, style, label in ((measured, "ko", "measured"), (asked, "r^", "table")):
+        for poses, style, label in ((measured, "ko", "measured poses"), (asked, "r^", "poses of the table")):
             panel.plot(*np.rad2deg(poses).T, style, markersize=4, label=label)
         panel.set(ylabel="joint 3 [deg]", title=f"along {name}")
     panels[0].legend(loc="upper left")

@@ -1,5 +1,5 @@
-"""Pictures of filters: estimates beside the truth, innovations beside what is expected of them, errors of the attitude
-between references."""
+"""Pictures of filters: estimates and errors, innovations with their expected bands, attitude errors between
+references."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from .style import (
     with_panels,
 )
 
-BINS = 7  # of the time since the left reference: a reference in each of them
+BINS = 7  # of the time since the previous reference
 
 
 @styled
 def gap_figure(
     panels: Sequence[tuple[float, np.ndarray, Mapping[str, np.ndarray]]], labels: Mapping[str, str], *, title: str = ""
 ) -> Figure:
-    """One panel per length of gap: mean error over the time since the left end, one curve per method.
+    """Draw the mean error over the time since the previous reference, a panel per gap length and a curve per method.
 
-    panels: length of the gap [s], time since its left end (n,) [s], errors (n,) by method [rad]. labels: of methods.
+    panels: length of the gap [s], time since its start (n,) [s], errors (n,) by method [rad]. labels: of the methods.
     """
     figure, axes = with_panels(4.2 * len(panels), 4.2, 1, len(panels), title=title, sharey=True)
     axes = np.atleast_1d(axes).ravel()
@@ -48,7 +48,7 @@ def gap_figure(
         for n, (name, label) in enumerate(labels.items()):
             means = [float(np.degrees(np.mean(errors[name][place == k]))) for k in full]
             panel.semilogy(middle, np.maximum(means, 1e-3), label=label, **curve(n))
-        panel.set(title=f"references {gap:g} s apart", xlabel="time since the left one [s]")
+        panel.set(title=f"references {gap:g} s apart", xlabel="time since the previous one [s]")
     axes[0].set_ylabel("mean error [deg]")
     key_below(figure, *axes, columns=2)
     return figure
@@ -56,23 +56,23 @@ def gap_figure(
 
 @styled
 def turn_residual_figure(parts: Sequence[tuple[np.ndarray, np.ndarray]], *, title: str = "") -> Figure:
-    """Turns between neighbouring references less those of the gyro, calibrated on each part by itself.
+    """Draw the rotations between successive references minus those of the gyro, calibrated on each part separately.
 
-    parts: time (n,) [s] and rotation vectors (n, 3) [rad] of each.
+    parts: time (n,) [s] and rotation vectors (n, 3) [rad] of each part.
     """
     figure, panels = with_panels(7.0, 5.4, 3, 1, title=title, sharex=True)
     for k, panel in enumerate(panels):
-        for n, (time, left) in enumerate(parts):
-            panel.plot(time, np.degrees(left[:, k]), color=colour(n), linestyle="none", marker=".", markersize=3)
+        for n, (time, residual) in enumerate(parts):
+            panel.plot(time, np.degrees(residual[:, k]), color=colour(n), linestyle="none", marker=".", markersize=3)
         panel.axhline(0.0, **LIMIT)
         panel.set_ylabel(f"about {'xyz'[k]} [deg]")
-    panels[-1].set_xlabel("time of the reference [s]; the parts differ in colour")
+    panels[-1].set_xlabel("time of the reference [s]; one colour per part")
     return figure
 
 
 WIDTH = 9.0  # inches
-SHORT = 25  # instants of one point of the comparison
-COARSE = 50  # instants whose mean normalised innovation is one point
+SHORT = 25  # samples averaged per point of the comparison
+COARSE = 50  # samples averaged per point of the normalised innovations
 BAND = 0.999
 LINES = {"slope of four": SKY, "tracker alone": ORANGE, "fused": BLUE, "smoothed": GREEN}
 
@@ -87,15 +87,15 @@ def error_figure(
     pick: Sequence[int],
     title: str = "",
 ) -> Figure:
-    """Errors of the velocity (n, 3) [m/s] by estimate, a panel for each axis, with two deviations of the fused."""
+    """Draw the velocity errors (n, 3) [m/s] of each estimate, a panel per axis, with ±2 standard deviations (fused)."""
     figure, panels = with_panels(WIDTH, 1.2 + 2.6 * len(axes), len(axes), title=title, sharex=True)
     for panel, name, k in zip(panels, axes, pick, strict=True):
         for label, error in errors.items():
             panel.plot(time, 1e3 * error[:, k], color=LINES.get(label, PINK), linewidth=0.9, label=label)
         for sign in (-1, 1):
-            label = "two deviations of the fused" if sign > 0 else None
+            label = "±2 standard deviations, fused" if sign > 0 else None
             panel.plot(time, sign * 2e3 * deviation[:, k], "--", color=BLACK, linewidth=0.9, label=label)
-        panel.set_ylabel(f"error of {name} velocity [mm/s]")
+        panel.set_ylabel(f"error of velocity {name} [mm/s]")
         panel.margins(x=0.0)
     panels[-1].set_xlabel("time [s]")
     key_below(figure)
@@ -106,18 +106,18 @@ def error_figure(
 def baselines_figure(
     time: np.ndarray, errors: Mapping[str, np.ndarray], bend: np.ndarray, *, pick: Sequence[int], title: str = ""
 ) -> Figure:
-    """Mean |error| of the velocity [m/s] in short stretches by method, and where the path bends (n,)."""
+    """Draw the mean |error| of the velocity [m/s] over short stretches by method; bend: mask (n,) of marked times."""
     figure, (panel,) = with_panels(WIDTH, 4.4, title=title)
     rows = len(time) // SHORT
-    at = time[: rows * SHORT].reshape(rows, SHORT).mean(axis=1)
+    middle = time[: rows * SHORT].reshape(rows, SHORT).mean(axis=1)
     for label, error in errors.items():
         size = np.abs(error[: rows * SHORT, pick]).mean(axis=1).reshape(rows, SHORT)
-        panel.plot(at, 1e3 * size.mean(axis=1), color=LINES.get(label, PINK), linewidth=1.4, label=label)
+        panel.plot(middle, 1e3 * size.mean(axis=1), color=LINES.get(label, PINK), linewidth=1.4, label=label)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(bend, int), [0]])))
     for n, (first, last) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
-        label = "at a bend" if n == 0 else None
+        label = "bend of the path" if n == 0 else None
         panel.axvspan(time[first], time[min(last, len(time) - 1)], color=HIGHLIGHT, zorder=0, label=label)
-    panel.set(yscale="log", xlabel="time [s]", ylabel=f"mean |error| of {SHORT} instants [mm/s]")
+    panel.set(yscale="log", xlabel="time [s]", ylabel=f"mean |error| over {SHORT} samples [mm/s]")
     panel.margins(x=0.0)
     plain_logarithm(panel.yaxis)
     key_below(figure, columns=5)
@@ -135,23 +135,25 @@ def estimates_figure(
     errors: bool = False,
     title: str = "",
 ) -> Figure:
-    """Estimates (n, k) of each state, a panel for each, with bands of two deviations (n, d) where d = k; or their
-    `errors`, with bands about zero."""
+    """Draw the estimates (n, k) of each state in a panel, with bands of ±2 standard deviations (n, d) if d = k.
+
+    errors: the values are errors, with bands about zero.
+    """
     figure, panels = with_panels(WIDTH, 1.2 + 2.1 * len(estimates), len(estimates), title=title, sharex=True)
     for panel, (name, values) in zip(panels, estimates.items(), strict=True):
-        off = 2 * deviations[name]
+        band = 2 * deviations[name]
         for k in range(values.shape[1]):
             label = name if values.shape[1] == 1 else f"{name}[{k}]"
-            if off.shape == values.shape:
+            if band.shape == values.shape:
                 middle = 0.0 if errors else values[:, k]
-                panel.fill_between(time, middle - off[:, k], middle + off[:, k], color=colour(k), alpha=0.2)
+                panel.fill_between(time, middle - band[:, k], middle + band[:, k], color=colour(k), alpha=0.2)
             panel.plot(time, values[:, k], color=colour(k), linewidth=0.9, label=label)
             if name in smoothed:
-                panel.plot(time, smoothed[name][:, k], "--", color=BLACK, linewidth=0.9, label=f"{label} smoothed")
-        shown = f"error of {name}" if errors else name
-        panel.set_ylabel(shown if units[name] in ("1", "?") else f"{shown} [{units[name]}]")
+                panel.plot(time, smoothed[name][:, k], "--", color=BLACK, linewidth=0.9, label=f"{label}, smoothed")
+        quantity = f"error of {name}" if errors else name
+        panel.set_ylabel(quantity if units[name] in ("1", "?") else f"{quantity} [{units[name]}]")
         panel.margins(x=0.0)
-    panels[-1].set_xlabel("time [s]; bands of two deviations")
+    panels[-1].set_xlabel("time [s]; bands: ±2 standard deviations")
     key_below(figure, columns=4)
     return figure
 
@@ -166,8 +168,8 @@ def innovations_figure(
     *,
     title: str = "",
 ) -> Figure:
-    """Normalised innovations of each sensor (n, k) with two deviations, and the mean of the squares in short stretches
-    with the band in which 99.9 % of a right filter's lie."""
+    """Draw the normalised innovations (n, k) of each sensor with limits at ±2, and below the mean of their squares over
+    short stretches with the 99.9 % band of a consistent filter."""
     names = [name for name, values in white.items() if np.isfinite(values).any()]
     figure, panels = with_panels(WIDTH, 1.2 + 2.1 * (len(names) + 1), len(names) + 1, title=title, sharex=True)
     for panel, name in zip(panels, names, strict=False):
@@ -176,7 +178,7 @@ def innovations_figure(
             panel.plot(time, white[name][:, k], ".", markersize=1.2, color=colours[k % 3], label="xyz"[k % 3])
         for limit in (-2, 2):
             panel.axhline(limit, **LIMIT)
-        panel.set(ylabel="[deviations]", title=f"innovations of the {name}")
+        panel.set(ylabel="normalised [1]", title=f"innovations of the {name}")
     last = panels[-1]
     rows = len(nis) // COARSE
     if rows:
@@ -184,11 +186,11 @@ def innovations_figure(
         numbers = count[:cut].reshape(rows, COARSE).sum(axis=1)
         mean = nis[:cut].reshape(rows, COARSE).sum(axis=1) / np.maximum(numbers, 1)
         ends = np.array(chi_squared_ends(BAND, np.maximum(numbers, 1))) / np.maximum(numbers, 1)
-        at = time[:cut].reshape(rows, COARSE).mean(axis=1)
-        last.fill_between(at, ends[0], ends[1], color=SHADES[1], label="99.9 % of a right filter's")
-        last.plot(at, mean, ".-", color=BLUE, linewidth=0.8, label=f"mean of {COARSE} instants")
+        middle = time[:cut].reshape(rows, COARSE).mean(axis=1)
+        last.fill_between(middle, ends[0], ends[1], color=SHADES[1], label="99.9 % band of a consistent filter")
+        last.plot(middle, mean, ".-", color=BLUE, linewidth=0.8, label=f"mean over {COARSE} samples")
         last.set_yscale("log")
-    last.set(ylabel="ratio [1]", xlabel="time [s]", title="squares of all innovations over what the filter expects")
+    last.set(ylabel="ratio [1]", xlabel="time [s]", title="squared innovations / value that the filter expects")
     last.margins(x=0.0)
     plain_logarithm(last.yaxis)
     key_below(figure, columns=5)
@@ -202,15 +204,15 @@ def innovations_figure(
 def state_figure(
     time: np.ndarray, truth: np.ndarray, estimate: np.ndarray, deviation: np.ndarray, label: str, *, title: str = ""
 ) -> Figure:
-    """One state over time: truth, estimate, and the error with two deviations."""
+    """Draw one state over time: truth, estimate, and the error with ±2 standard deviations."""
     figure, (above, below) = with_panels(WIDTH, 5.6, 2, title=title, sharex=True)
-    above.plot(time, truth, color=BLACK, linewidth=2.0, label="truth")
-    above.plot(time, estimate, color=BLUE, linewidth=0.9, label="fused")
+    above.plot(time, estimate, color=BLUE, linewidth=2.0, label="fused")
+    above.plot(time, truth, "--", color=BLACK, linewidth=0.9, label="truth")
     above.set(ylabel=label, title="estimate")
     below.plot(time, estimate - truth, color=BLUE, linewidth=0.9)
     for sign in (-1, 1):
-        label_ = "two deviations about zero" if sign > 0 else None
-        below.plot(time, sign * 2 * deviation, "--", color=BLACK, linewidth=0.9, label=label_)
+        label_ = "±2 standard deviations" if sign > 0 else None
+        below.plot(time, sign * 2 * deviation, color="0.4", linewidth=0.9, label=label_)
     below.set(ylabel=label, title="error", xlabel="time [s]")
     below.margins(x=0.0)
     key_below(figure)
@@ -227,16 +229,16 @@ def sweep_figure(
     *,
     title: str = "",
 ) -> Figure:
-    """Velocity error of each method over one number of the sensors; open dots where the filter is not consistent."""
+    """Draw the velocity error of each method over one sensor parameter; open dots if the filter is not consistent."""
     figure, (panel,) = with_panels(7.0, 4.6, title=title)
     for name, error in errors.items():
         colour = LINES.get(name, PINK)
         panel.plot(values, 1e3 * np.asarray(error), "-", color=colour, label=name)
         if name == "fused":
-            right = np.asarray(consistent, bool)
+            ok = np.asarray(consistent, bool)
             x, y = np.asarray(values), 1e3 * np.asarray(error)
-            panel.plot(x[right], y[right], "o", color=colour, label="innovations in their band")
-            panel.plot(x[~right], y[~right], "o", color=colour, markerfacecolor="white", label="innovations outside it")
+            panel.plot(x[ok], y[ok], "o", color=colour, label="innovations in their band")
+            panel.plot(x[~ok], y[~ok], "o", color=colour, markerfacecolor="white", label="innovations outside it")
     if printed is not None:
         panel.axvline(printed, **LIMIT, label="limit of Table 10")
     if min(values) > 0:

@@ -1,5 +1,5 @@
-"""Pictures of an identification: measured beside modelled efforts, friction against velocity, how well a motion
-determines each parameter."""
+"""Pictures of an identification: measured and modelled efforts, friction over velocity, how well a motion determines
+each parameter."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ def efforts_figure(
     title: str = "",
     most_s: float = 20.0,
 ) -> Figure:
-    """Measured and modelled efforts (n, m) over time, and their difference, one panel per target.
+    """Draw measured and modelled efforts (n, m) over time and their difference, one row per target.
 
-    As Figs. 6.5 and 6.6 of Dressler 2012. Of longer records the first `most_s` seconds are drawn.
+    As in Dressler 2012, Figs. 6.5 and 6.6. Only the first `most_s` seconds are drawn.
     """
     rows = time <= time[0] + most_s
     figure, panels = with_panels(11.0, 1.4 + PANEL_HEIGHT * len(names), len(names), 2, title=title, sharex=True,
@@ -51,7 +51,7 @@ def efforts_figure(
         error.plot(time[rows], (measured - modelled)[rows, k], color="0.4", linewidth=0.8)
         error.set_ylabel(f"difference [{unit}]")
     panels[0, 0].set_title("measured and modelled")
-    panels[0, 1].set_title("measured - modelled, scale of its own")
+    panels[0, 1].set_title("measured - modelled, enlarged")
     key_below(figure, panels[0, 0])
     for axes in panels[-1]:
         axes.set_xlabel("time [s]")
@@ -67,22 +67,22 @@ def friction_figure(
     units: tuple[str, str],
     title: str = "",
 ) -> Figure:
-    """What is left of the efforts (n, m) when the rest of the model is taken away, over velocity, and the fitted law.
+    """Draw the friction over velocity: efforts (n, m) less all other terms of the model, and the fitted law.
 
-    As Fig. 6.4 of Dressler 2012, from one motion. units: of velocity and of the efforts.
+    As in Dressler 2012, Fig. 6.4, from one motion. units: of velocity and of the efforts.
     """
     figure, panels = with_panels(3.6 * len(names) + 0.2, 3.8, columns=len(names), title=title)
     for k, (axes, name) in enumerate(zip(panels, names, strict=True)):
-        # of filtered records the law is no curve, for the filter acts on it too
+        # dots: if the records are filtered, so is the law, and it is no longer a curve over velocity
         axes.plot(velocity[:, k], law[:, k], "o", color=ORANGE, markersize=5, label="fitted law at the same samples")
-        axes.plot(velocity[:, k], friction[:, k], label="measured, less all other terms of the model", **MEASURED)
+        axes.plot(velocity[:, k], friction[:, k], label="measured, minus all other terms of the model", **MEASURED)
         axes.set(title=name, xlabel=f"velocity [{units[0]}]", ylabel=f"friction [{units[1]}]")
     key_below(figure, panels[0])
     return figure
 
 
 MARKERS = ("*", "s", "o", "D", "+", "x", "^", "v")
-FASTEST = 1.0  # m/s, where there are no points
+FASTEST = 1.0  # m/s, if there are no points
 
 
 @styled
@@ -93,13 +93,13 @@ def levels_figure(
     *,
     title: str = "",
 ) -> Figure:
-    """One panel per actuator.
+    """Draw the force at constant velocity of each actuator: measured points, the fitted law, and their difference.
 
     Args:
-        points: name of a pose, velocities (runs, carts) [m/s] and forces (runs, carts) [N], gravity moved to that of
-            the lines' pose.
+        points: name of a pose, velocities (runs, carts) [m/s] and forces (runs, carts) [N], with the gravity forces
+            converted to the pose of the lines.
         lines: by actuator, velocity -> modelled force [N]; not called at zero.
-        gravity: (carts,) dotted level [N].
+        gravity: (carts,) gravity force, drawn dotted [N].
     """
     rows = 2 if points else 1
     figure, panels = with_panels(3.6 * len(lines), 1.4 + 2.4 * rows, rows, len(lines), title=title, fontsize="medium",
@@ -118,7 +118,7 @@ def levels_figure(
             look = dict(linestyle="none", color=colour(k), marker=MARKERS[k % len(MARKERS)], markersize=5,
                         markerfacecolor="none")  # fmt: skip
             axes.plot(v[:, i], tau[:, i], label=f"measured, {name}", **look)
-            panels[1, i].plot(v[:, i], tau[:, i] - _of_moving(lines[i], v[:, i]), **look)
+            panels[1, i].plot(v[:, i], tau[:, i] - _law_in_motion(lines[i], v[:, i]), **look)
     for axes in panels[1:].ravel():
         axes.axhline(0.0, color="black", linewidth=1.0)
         axes.set_ylabel("measured - law [N]")
@@ -128,17 +128,17 @@ def levels_figure(
     return figure
 
 
-def _of_moving(line: Callable[[np.ndarray], np.ndarray], v: np.ndarray) -> np.ndarray:
-    """The law where something moves, NaN elsewhere."""
+def _law_in_motion(line: Callable[[np.ndarray], np.ndarray], v: np.ndarray) -> np.ndarray:
+    """Return the law, NaN where the velocity is zero or unknown."""
     moves = np.isfinite(v) & (v != 0)
     force = np.full(len(v), np.nan)
     force[moves] = line(v[moves])
     return force
 
 
-WIDTH = 0.76  # of a group of bars, of their distance
+WIDTH = 0.76  # of a group of bars, relative to the distance of groups
 AXES = "xyz"
-PATHS = ("black", COLOURS[3], COLOURS[4])  # beside the links, which take the first colours
+PATHS = ("black", COLOURS[3], COLOURS[4])  # the links take the first colours
 
 
 @styled
@@ -151,11 +151,11 @@ def information_figure(
     frequency: float = 1.0,
     title: str = "",
 ) -> Figure:
-    """Singular values of the scaled regressor, relative standard deviations by parameter, amplitudes by harmonic.
+    """Draw the singular values of the scaled regressor, relative standard deviations by parameter, harmonic amplitudes.
 
     Args:
         singular_values: name of a motion -> (p,), largest first.
-        deviations: name of a motion -> (p,) predicted standard deviations over nominal values, in the order of `names`.
+        deviations: name of a motion -> (p,) predicted standard deviation / nominal value, in the order of `names`.
         amplitudes: (harmonics, coordinates) [m] of the first motion; None for splines.
         frequency: of the first harmonic [Hz].
     """
@@ -164,34 +164,34 @@ def information_figure(
     for k, (name, s) in enumerate(singular_values.items()):
         panels[0].semilogy(np.arange(1, len(s) + 1), s, "o-", color=colour(k), label=f"{name}: {s[0] / s[-1]:.4g}")
     panels[0].set(xlabel="number of the singular value", ylabel="singular value [N]",
-                  title="singular values of the scaled regressor, with its condition number")  # fmt: skip
+                  title="singular values of the scaled regressor; legend: condition number")  # fmt: skip
     key_beside(panels[0])
-    at = np.arange(len(names))
+    places = np.arange(len(names))
     for k, (name, row) in enumerate(deviations.items()):
-        beside, width = _beside(k, len(deviations), WIDTH)
-        panels[1].bar(at + beside, 100 * np.asarray(row), width, color=colour(k), label=name)
+        offset, width = _bar(k, len(deviations), WIDTH)
+        panels[1].bar(places + offset, 100 * np.asarray(row), width, color=colour(k), label=name)
     panels[1].set_yscale("log")
     deviations_percent = 100 * np.concatenate([np.asarray(row, float) for row in deviations.values()] or [np.zeros(0)])
     deviations_percent = deviations_percent[np.isfinite(deviations_percent) & (deviations_percent > 0)]
     if deviations_percent.size:
-        panels[1].set_ylim(bottom=deviations_percent.min() / 3)  # below the least one, which would have no bar else
-    panels[1].set_xticks(at, names, rotation=30, ha="right")
-    panels[1].set(ylabel="deviation [%]", xlabel="parameter", title="predicted standard deviation over nominal value")
+        panels[1].set_ylim(bottom=deviations_percent.min() / 3)  # so that the smallest one has a bar too
+    panels[1].set_xticks(places, names, rotation=30, ha="right")
+    panels[1].set(ylabel="deviation [%]", xlabel="parameter", title="predicted standard deviation / nominal value")
     key_beside(panels[1])
     if amplitudes is not None:
         harmonics = frequency * np.arange(1, len(amplitudes) + 1)
         for k in range(amplitudes.shape[1]):
-            beside, width = _beside(k, amplitudes.shape[1], 0.8 * frequency)
-            label = AXES[k] if amplitudes.shape[1] == len(AXES) else f"coordinate {k}"
-            panels[2].bar(harmonics + beside, 1e3 * amplitudes[:, k], width, color=colour(k), label=label)
+            offset, width = _bar(k, amplitudes.shape[1], 0.8 * frequency)
+            label = AXES[k] if amplitudes.shape[1] == len(AXES) else f"coordinate {k + 1}"
+            panels[2].bar(harmonics + offset, 1e3 * amplitudes[:, k], width, color=colour(k), label=label)
         panels[2].set_xticks(harmonics)
         panels[2].set(xlabel="frequency [Hz]", ylabel="amplitude [mm]", title="harmonics of the optimised motion")
         key_beside(panels[2])
     return figure
 
 
-def _beside(k: int, count: int, room: float) -> tuple[float, float]:
-    """Where bar k of count stands about the middle of its group, and its width; room: that of the group."""
+def _bar(k: int, count: int, room: float) -> tuple[float, float]:
+    """Return the offset of bar k of count from the middle of its group, and its width; room: width of the group."""
     width = room / count
     return (k - (count - 1) / 2) * width, width
 
@@ -206,15 +206,15 @@ def path_figure(
     directions: np.ndarray | None = None,
     title: str = "",
 ) -> Figure:
-    """Paths (n, 3) [m] of the tool centre point by name, the robot where the first begins, and the box (2, 3) [m].
+    """Draw paths (n, 3) [m] of the tool centre point by name, the robot at the start of the first, the box (2, 3) [m].
 
-    carts, joints: (l, 3) ends of its links [m]; directions (l, 3) of its guideways, not drawn if left out.
+    carts, joints: (l, 3) ends of the links [m]; directions (l, 3) of the guideways, which are not drawn if left out.
     """
     figure, axes = in_space(8.0, 6.5, title=title)
-    alone = [[k] for k in range(len(carts))]
+    single = [[k] for k in range(len(carts))]
     reach = float(np.mean(np.linalg.norm(joints - carts, axis=1))) / 2
-    guideways = np.zeros((0, 2, 3)) if directions is None else pieces(carts, alone, directions, reach)
-    draw_robot(axes, carts, joints, alone, guideways, width=1.0)
+    guideways = np.zeros((0, 2, 3)) if directions is None else pieces(carts, single, directions, reach)
+    draw_robot(axes, carts, joints, single, guideways, width=1.0)
     for k, (name, path) in enumerate(paths.items()):
         axes.plot(*path.T, color=PATHS[k % len(PATHS)], linewidth=1.8 - 0.9 * min(k, 1), label=name)
     if box is not None:

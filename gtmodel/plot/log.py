@@ -1,4 +1,4 @@
-"""A log as it is, each vector over time, the steps of its clock, and the even grid that it was put on."""
+"""Pictures of logs: each vector over time, the time steps of each clock, resampled signals, delays."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from .style import BLUE, LIMIT, MEASURED, colour, curve, key_beside, styled, wit
 
 MOST_PANELS = 12
 HEIGHT = 1.25  # inches of a panel
-MOST_POINTS = 4_000  # of the steps
-FINEST = 0.01  # of the median step, either way of it: what the axis shows at least
+MOST_POINTS = 4_000  # time steps drawn
+FINEST = 0.01  # smallest range of the axis about the median step, relative to it
 
 
 @styled
 def log_figure(title: str, streams: Sequence[Mapping[str, Any]]) -> Figure:
-    """One panel for each vector or column, as many as there is room for, and one for the steps of each time.
+    """Draw each vector or column in a panel, as many as fit, and the time steps of each clock.
 
-    streams: each with name, time (n,), its label, low and high (n, k), groups (name, unit, columns) and clock (m,),
-    None for none.
+    streams: each with name, time (n,), its label, low and high (n, k), groups (name, unit, columns) and clock (m,) or
+    None.
     """
     panels = [(stream, group) for stream in streams for group in stream["groups"]]
-    left = len(panels) - MOST_PANELS
+    missing = len(panels) - MOST_PANELS
     panels = panels[:MOST_PANELS]
     timed = [stream for stream in streams if stream["clock"] is not None and len(stream["clock"]) > 2]
     count = max(1, len(panels) + len(timed))
-    more = f"; {left} more are not drawn" if left > 0 else ""
-    figure, stack = with_panels(8.5, 0.8 + HEIGHT * count, count, title=f"{title}{more}")
+    note = f"; {missing} more are not drawn" if missing > 0 else ""
+    figure, stack = with_panels(8.5, 0.8 + HEIGHT * count, count, title=f"{title}{note}")
     for axes, (stream, (name, unit, columns)) in zip(stack, panels, strict=False):
         for k, j in enumerate(columns):
             low, high = stream["low"][:, j], stream["high"][:, j]
@@ -44,7 +44,7 @@ def log_figure(title: str, streams: Sequence[Mapping[str, Any]]) -> Figure:
     for axes, stream in zip(stack[len(panels) :], timed, strict=False):
         time = stream["clock"][np.isfinite(stream["clock"])]
         draw_steps(axes, time, np.diff(time))
-        axes.set_title(f"steps of {stream['label']}", fontsize="small", loc="left")
+        axes.set_title(f"time steps of {stream['label']}", fontsize="small", loc="left")
         axes.set_ylabel(f"step [{stream['label'].rpartition('[')[2]}")
         axes.set_xlabel(stream["label"], fontsize="small")
         axes.margins(x=0.0)
@@ -52,9 +52,11 @@ def log_figure(title: str, streams: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def draw_steps(axes: Axes, time: np.ndarray, steps: np.ndarray) -> None:
-    """Steps (n - 1,) from row to row at their times (n,), the widest of each stretch where there are too many to draw:
-    a gap is not to be missed. The dotted line is the median. Less than a hundredth of it is not stretched to the axis:
-    there is round-off."""
+    """Draw the steps (n - 1,) between rows over their times (n,), and their median as a dotted line.
+
+    If there are too many steps, the largest of each stretch is drawn, so that no gap is missed. The axis covers at
+    least 1 % of the median either way, so that round-off is not enlarged.
+    """
     begins = np.unique(np.linspace(0, len(steps) - 1, min(len(steps), MOST_POINTS)).astype(int))
     axes.plot(time[begins], np.maximum.reduceat(steps, begins), ".", color=BLUE, markersize=2)
     middle = float(np.median(steps))
@@ -65,22 +67,22 @@ def draw_steps(axes: Axes, time: np.ndarray, steps: np.ndarray) -> None:
 
 MOST_SIGNALS = 8
 SIGNAL_HEIGHT = 1.9  # inches of a panel
-SHOWN = 40  # rows of the detail
+DETAIL = 40  # rows of the enlarged detail
 
 
 @styled
 def resampled_figure(
     raw: Mapping[str, Trajectory], even: Trajectory, stretch: np.ndarray, *, title: str = ""
 ) -> Figure:
-    """One row of panels for each signal: all of it, and a detail about its longest gap, where rows are to be seen.
+    """Draw each signal in a row of panels: the whole of it, and a detail around its longest gap with single rows.
 
-    raw: by signal its rows on the clock of the grid. stretch (n,): number of the stretch between gaps of each row of
-    the grid; curves end at gaps.
+    raw: by signal its rows on the clock of the grid. stretch (n,): for each row of the grid the number of its stretch
+    between gaps; curves end at gaps.
     """
     names = list(raw)[:MOST_SIGNALS]
-    more = f"; {len(raw) - len(names)} more are not drawn" if len(raw) > len(names) else ""
+    note = f"; {len(raw) - len(names)} more are not drawn" if len(raw) > len(names) else ""
     figure, stack = with_panels(
-        10.0, 0.9 + SIGNAL_HEIGHT * len(names), len(names), 2, title=f"{title}{more}", width_ratios=(1.4, 1)
+        10.0, 0.9 + SIGNAL_HEIGHT * len(names), len(names), 2, title=f"{title}{note}", width_ratios=(1.4, 1)
     )
     breaks = np.flatnonzero(np.diff(stretch)) + 1
     for row, name in enumerate(names):
@@ -88,7 +90,7 @@ def resampled_figure(
         low, high = _detail(rows.time, even.time)
         for axes in whole:
             values = np.asarray(rows[name]).reshape(len(rows), -1)
-            axes.plot(rows.time, values[:, :1], **MEASURED, label="rows as read")
+            axes.plot(rows.time, values[:, :1], **MEASURED, label="recorded")
             axes.plot(rows.time, values[:, 1:], **MEASURED)
             smooth = np.insert(np.asarray(even[name]).reshape(len(even), -1), breaks, np.nan, axis=0)
             for k in range(smooth.shape[1]):
@@ -99,55 +101,52 @@ def resampled_figure(
             axes.set_ylabel(f"{name} [{even.unit(name)}]")
         whole[0].margins(x=0.0)
         inside = (rows.time >= low) & (rows.time <= high)
-        shown = np.asarray(rows[name])[inside]
-        margin = 0.1 * max(float(np.ptp(shown)), 1e-12 * float(np.abs(shown).max()))
-        whole[1].set(xlim=(low, high), ylim=(float(shown.min()) - margin, float(shown.max()) + margin))
-        whole[1].set_title("about the longest gap")
+        values = np.asarray(rows[name])[inside]
+        margin = 0.1 * max(float(np.ptp(values)), 1e-12 * float(np.abs(values).max()))
+        whole[1].set(xlim=(low, high), ylim=(float(values.min()) - margin, float(values.max()) + margin))
+        whole[1].set_title("detail at the longest gap")
         on_grid = np.asarray(even[name]).reshape(len(even), -1)
         whole[1].plot(even.time, on_grid, "o", color=BLUE, markersize=3.5, markerfacecolor="none")
-        whole[1].lines[-1].set_label("on the grid")
+        whole[1].lines[-1].set_label("resampled")
         key_beside(whole[1])
     for axes in stack[-2:]:
-        axes.set_xlabel("time of the reference [s]")
+        axes.set_xlabel("time of the reference clock [s]")
     return figure
 
 
 @styled
 def steps_figure(times: Mapping[str, np.ndarray], *, title: str = "") -> Figure:
-    """One panel for each clock: the steps from row to row over time, the widest where there are too many to draw.
-
-    times: by clock (n,) [s]; the dotted line is the median.
-    """
+    """Draw the time steps of each clock in a panel, as `draw_steps` does; times: by clock (n,) [s]."""
     figure, stack = with_panels(8.5, 1.0 + SIGNAL_HEIGHT * len(times), len(times), title=title)
     for axes, (clock, time) in zip(stack, times.items(), strict=True):
         draw_steps(axes, time, 1e3 * np.diff(time))
-        axes.set_title(f"steps of {clock}")
+        axes.set_title(f"time steps of {clock}")
         axes.set(ylabel="step [ms]", xlabel="time [s]")
         axes.margins(x=0.0)
     return figure
 
 
 def _detail(time: np.ndarray, grid: np.ndarray) -> tuple[float, float]:
-    """From where to where rows are shown one by one: about the longest step that lies on the grid."""
+    """Return the start and end time of the detail: around the longest time step within the grid."""
     inside = np.flatnonzero((time >= grid[0]) & (time <= grid[-1]))
     if len(inside) < 3:
         return float(grid[0]), float(grid[-1])
     k = inside[int(np.argmax(np.diff(time[inside])))]
-    low, high = max(int(k) - SHOWN // 2, 0), min(int(k) + SHOWN // 2, len(time) - 1)
+    low, high = max(int(k) - DETAIL // 2, 0), min(int(k) + DETAIL // 2, len(time) - 1)
     return float(time[low]), float(time[high])
 
 
 @styled
 def delay_figure(pairs: Sequence[tuple[str, np.ndarray, np.ndarray, str, float]], *, title: str = "") -> Figure:
-    """One panel per pair: residuals over time.
+    """Draw the residuals of each pair over time, a panel per pair.
 
-    pairs: name, times (n,) [s], residuals (n,) in the unit that follows, and the delay [s] that was taken off.
+    pairs: name, times (n,) [s], residuals (n,), their unit, and the delay [s] that was removed.
     """
     figure, panels = with_panels(7.0, 1.2 + 1.9 * len(pairs), len(pairs), 1, title=title, sharex=True)
     panels = np.atleast_1d(panels).ravel()
-    for k, (axes, (name, time, left, unit, delay)) in enumerate(zip(panels, pairs, strict=True)):
-        axes.plot(time, left, color=colour(k), linestyle="none", marker=".", markersize=2)
+    for k, (axes, (name, time, residuals, unit, delay)) in enumerate(zip(panels, pairs, strict=True)):
+        axes.plot(time, residuals, color=colour(k), linestyle="none", marker=".", markersize=2)
         axes.axhline(0.0, **LIMIT)
-        axes.set(title=f"{name}: {1e3 * delay:.4g} ms taken off", ylabel=f"residual [{unit}]")
-    panels[-1].set_xlabel("time of the reference [s]")
+        axes.set(title=f"{name}: delay of {1e3 * delay:.4g} ms removed", ylabel=f"residual [{unit}]")
+    panels[-1].set_xlabel("time of the reference clock [s]")
     return figure

@@ -1,4 +1,4 @@
-"""Where to mill: indices and mode frequencies over the angle, printed tests, stability lobes, compensation."""
+"""Pictures of milling: indices and natural frequencies over the redundant angle, tests, lobes, compensation."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from .style import (
 
 STATIC, DYNAMIC, AXES = ORANGE, BLUE, (BLUE, GREEN, PINK)
 ORDER: tuple[dict[str, Any], ...] = tuple(dict(color=c) for c in (SKY, STATIC, BLACK))  # light below dark
-SLICES = 100  # of a time, of each of which the largest error is drawn
-DEEP = 5.0  # how far above the cut and the least stable depth a picture of lobes goes
+SLICES = 100  # time slices, of which the largest error is drawn
+DEEP = 5.0  # upper end of the lobes, relative to the cut and the smallest stable depth
 
 
 @styled
@@ -35,16 +35,16 @@ def angle_figure(
     angles: np.ndarray, static: np.ndarray, dynamic: np.ndarray, frequency: np.ndarray, tooth: Sequence[float], *,
     reachable: np.ndarray, choices: Mapping[str, float] | None = None, title: str = "",
 ) -> Figure:  # fmt: skip
-    """Static index, dynamic index and natural frequencies over the redundant angle, a panel each.
+    """Draw static index, dynamic index and natural frequencies over the redundant angle, a panel each.
 
-    angles (n,) [rad]; static, dynamic (n,) [m], frequency (n, 3) [Hz], NaN where there is none; tooth: frequencies
-    [Hz] to mark, the tooth frequency first, then its harmonics; reachable (n,); choices: name -> angle [rad].
+    angles (n,) [rad]; static, dynamic (n,) [m], frequency (n, 3) [Hz], NaN if undefined; tooth: frequencies [Hz] to
+    mark, the tooth frequency first, then its harmonics; reachable (n,); choices: name -> angle [rad].
     """
     a = np.rad2deg(angles)
     figure, (top, middle, bottom) = with_panels(9.5, 7.6, 3, title=title, sharex=True)
     for axes, index, colour, name in (
-        (top, static, STATIC, "static index, eq. (18), under the peak force"),
-        (middle, dynamic, DYNAMIC, "dynamic index, eq. (19), largest over time"),
+        (top, static, STATIC, "static index, eq. (18), at the peak force"),
+        (middle, dynamic, DYNAMIC, "dynamic index, eq. (19), maximum over time"),
     ):
         axes.semilogy(a, 1e3 * index, color=colour)
         axes.set(ylabel="deflection [mm]", title=name)
@@ -52,10 +52,10 @@ def angle_figure(
         if np.isfinite(index).any():
             least = int(np.nanargmin(index))
             axes.plot(a[least], 1e3 * index[least], "v", color=colour, markersize=8, linestyle="none",
-                      label=f"least, at {a[least]:.0f}°")  # fmt: skip
+                      label=f"minimum, {a[least]:.0f}°")  # fmt: skip
         for (choice, angle), style in zip((choices or {}).items(), ("--", ":", "-."), strict=False):
-            at = float(np.rad2deg(angle))
-            axes.axvline(at, color="0.3", linestyle=style, linewidth=1.2, label=f"{choice}, {at:.0f}°")
+            deg = float(np.rad2deg(angle))
+            axes.axvline(deg, color="0.3", linestyle=style, linewidth=1.2, label=f"{choice}, {deg:.0f}°")
     for j in range(3):
         if np.isfinite(frequency[:, j]).any():
             bottom.plot(a, frequency[:, j], color=AXES[j], label=f"mode along {'xyz'[j]}")
@@ -75,12 +75,12 @@ def angle_figure(
         if axes.get_legend_handles_labels()[0]:
             key_beside(axes)
     if not np.isfinite(dynamic).any():
-        middle.text(0.5, 0.5, "no dynamics known", transform=middle.transAxes, ha="center", va="center")
+        middle.text(0.5, 0.5, "no dynamic model", transform=middle.transAxes, ha="center", va="center")
     return figure
 
 
 def _few_numbers(axes: Any, values: np.ndarray) -> None:
-    """Range and numbers of a logarithmic axis about positive values, which may lie within one decade."""
+    """Set range and ticks of a logarithmic axis for positive values, which may lie within one decade."""
     if not np.isfinite(values).any():
         return
     low, high = 0.8 * np.nanmin(values), 1.25 * np.nanmax(values)
@@ -91,7 +91,7 @@ def _few_numbers(axes: Any, values: np.ndarray) -> None:
 
 
 def n_fits(f: float, highest: float) -> bool:
-    """Whether a tooth harmonic lies within the picture's frequencies."""
+    """Return whether a tooth harmonic lies within the frequencies of the picture."""
     return f <= 1.25 * highest
 
 
@@ -100,7 +100,7 @@ def tests_figure(
     tooth: np.ndarray, predicted: Mapping[str, np.ndarray], measured: np.ndarray, chosen_by: Sequence[str], *,
     title: str = "",
 ) -> Figure:  # fmt: skip
-    """Mean deflection of each test [mm]: predicted bars by feed direction, measured ones beside them (NaN: none)."""
+    """Draw the mean deflection of each test [mm]: predicted by feed direction (bars) and measured (NaN if unknown)."""
     figure, (axes,) = with_panels(8.5, 4.0, grid=False)
     place, colours = np.arange(1, len(tooth) + 1), (SKY, BLUE)
     width = 0.7 / len(predicted)
@@ -114,14 +114,14 @@ def tests_figure(
         )
     none = ", ".join(str(k) for k in place[~np.isfinite(measured)])
     axes.plot(place, measured, "D", color="black", markersize=6, markeredgecolor="white", linestyle="none",
-              label="measured, as printed" + (f"; none printed of tests {none}" if none else ""))  # fmt: skip
+              label="measured, as published" + (f"; not published for tests {none}" if none else ""))  # fmt: skip
     axes.set_xticks(
         place, [f"{i}\n{f:g} Hz\n{c}" for i, f, c in zip(place, tooth, chosen_by, strict=True)], fontsize="small"
     )
     axes.set(
         ylabel="mean deflection [mm]",
         title=title,
-        xlabel="test, with its tooth frequency and what its pose was chosen by",
+        xlabel="test: number, tooth frequency, criterion for the choice of the pose",
     )
     axes.grid(axis="y", alpha=0.3)
     key_below(figure, axes)
@@ -130,20 +130,20 @@ def tests_figure(
 
 @styled
 def lobes_figure(speed: np.ndarray, depth: np.ndarray, cut: tuple[float, float], *, title: str = "") -> Figure:
-    """Greatest stable axial depth (n,) [m] over spindle speed (n,) [1/s]; cut: speed and depth of the declared one.
+    """Draw the largest stable axial depth (n,) [m] over the spindle speed (n,) [1/s]; cut: declared speed and depth.
 
-    Where the depth is infinite nothing is shaded, where it is NaN, not known, everything.
+    If the depth is infinite nothing is shaded; if it is unknown (NaN) everything is.
     """
     figure, (axes,) = with_panels(8.0, 4.0)
-    shown = np.where(np.isfinite(depth), 1e3 * depth, np.nan)
-    some = np.isfinite(shown).any()
-    top = 1.3 * max(1e3 * cut[1], float(np.nanpercentile(shown, 90)) if some else 0.0)
-    if some:  # what is far deeper than the cut says nothing about it
-        top = min(top, DEEP * max(1e3 * cut[1], float(np.nanmin(shown))))
-    proven = np.where(np.isnan(depth), 0.0, np.where(np.isfinite(shown), shown, top))
+    finite = np.where(np.isfinite(depth), 1e3 * depth, np.nan)
+    some = np.isfinite(finite).any()
+    top = 1.3 * max(1e3 * cut[1], float(np.nanpercentile(finite, 90)) if some else 0.0)
+    if some:  # depths far above the cut are of no interest
+        top = min(top, DEEP * max(1e3 * cut[1], float(np.nanmin(finite))))
+    proven = np.where(np.isnan(depth), 0.0, np.where(np.isfinite(finite), finite, top))
     axes.fill_between(60 * speed, proven, top, color=ORANGE, alpha=0.18, linewidth=0,
                       label="not proven stable")  # fmt: skip
-    axes.plot(60 * speed, shown, color=ORANGE, linewidth=1.2, label="greatest depth that is proven stable")
+    axes.plot(60 * speed, finite, color=ORANGE, linewidth=1.2, label="largest depth proven stable")
     beyond = "" if speed[0] <= cut[0] <= speed[-1] else f" at {60 * cut[0]:g} rpm, not shown"
     axes.plot(60 * cut[0], 1e3 * cut[1], "o", color=BLUE, linestyle="none", label=f"declared cut{beyond}")
     axes.set(xlabel="spindle speed [rpm]", ylabel="axial depth [mm]", ylim=(0, top), title=title)
@@ -156,9 +156,9 @@ def lobes_figure(speed: np.ndarray, depth: np.ndarray, cut: tuple[float, float],
 def compensation_figure(
     time: np.ndarray, before: np.ndarray, after: Mapping[str, np.ndarray], *, title: str = ""
 ) -> Figure:
-    """Norm of the tool's error (t,) [m] over time [s], without and with offsets, by name.
+    """Draw the norm of the tool's error (t,) [m] over time [s], uncompensated and compensated, by name.
 
-    The largest of each short slice of the time is drawn: the error swings with each tooth.
+    The error oscillates with each tooth, so the maximum of each short time slice is drawn.
     """
     figure, (axes,) = with_panels(8.0, 4.4, title=title)
     slices = np.array_split(np.arange(len(time)), min(len(time), SLICES))
@@ -168,13 +168,13 @@ def compensation_figure(
         return np.array([1e3 * float(np.max(error[rows])) for rows in slices])
 
     axes.semilogy(middle, largest(before), color="0.6", label="not compensated")
-    # largest first, so that none hides another
+    # largest error first, so that no curve hides another
     order = sorted(after, key=lambda name: -float(np.square(after[name]).mean()))
     for n, name in enumerate(order):
         look = ORDER[n] if n < len(ORDER) else curve(n + len(COLOURS))
         axes.semilogy(middle, largest(after[name]), label=name, **look)
     part = 1e3 * (time[-1] - time[0]) / len(slices)
-    axes.set(xlabel="time [s]", ylabel="error of the tool [mm]", title=f"largest error within each {part:.3g} ms")
+    axes.set(xlabel="time [s]", ylabel="error of the tool [mm]", title=f"largest error in steps of {part:.3g} ms")
     axes.set_xlim(time[0], time[-1])
     key_below(figure, axes)
     return figure

@@ -1,4 +1,4 @@
-"""Pictures of motions: path, velocities, forces and controls of an optimal one, on axes and with an elastic tool."""
+"""Pictures of optimal motions: path, velocities, forces, controls, axis motions, and the swing of an elastic tool."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from .style import COLOURS, LIMIT, colour, curve, in_space, key_below, key_besid
 
 
 def draw_path(axes: Any, T: np.ndarray, plane: str, path: np.ndarray | None = None) -> None:
-    """Draw a motion's path, its start and its goal, in equal scales.
+    """Draw the path of a motion with its start and goal, at equal scales.
 
     Args:
         T: (n, 3) [m]. plane: two of x, y, z, such as "xz".
-        path: (k, 3) [m] to follow; the straight line if left out.
+        path: (k, 3) [m], the prescribed path; the straight line if left out.
     """
     a, b = map("xyz".index, plane)
-    line, what = (T[[0, -1]], "straight line") if path is None else (path, "path")
-    axes.plot(line[:, a], line[:, b], color="0.7", linestyle="--", label=what)
+    line, name = (T[[0, -1]], "straight line") if path is None else (path, "prescribed path")
     axes.plot(T[:, a], T[:, b], color="black", label="optimal path")
+    axes.plot(line[:, a], line[:, b], color="0.6", linestyle="--", linewidth=0.9, zorder=3, label=name)
     axes.plot(T[0, a], T[0, b], "o", color="black", markerfacecolor="white", label="start")
     axes.plot(T[-1, a], T[-1, b], "o", color="black", label="goal")
     axes.set(xlabel=f"{plane[0]} [m]", ylabel=f"{plane[1]} [m]")
@@ -33,7 +33,7 @@ def draw_path(axes: Any, T: np.ndarray, plane: str, path: np.ndarray | None = No
 
 
 def head(figure: Figure, trajectory: Trajectory) -> None:
-    """Title and duration of a motion above its figure."""
+    """Set the title of a figure: the title and the duration of the motion."""
     if trajectory.title:
         figure.suptitle(f"{trajectory.title}: {trajectory.duration:.4f} s")
 
@@ -48,16 +48,16 @@ def motion_figure(
     path: np.ndarray | None = None,
     constant: bool = True,
 ) -> Figure:
-    """Four panels: the path from the side and from the front, TCP velocity, and motor forces with their limit.
+    """Draw the path from the side and from the front, the TCP velocity, and the motor forces with their limit.
 
     Args:
-        trajectory: with T [m], der(T) [m/s], tau [N]; the motion that is exported.
-        polynomial: times (n,) and forces (n, motors) of the collocation optimum, drawn faintly: they may overshoot
-            between its points.
+        trajectory: the exported motion, with T [m], der(T) [m/s], tau [N].
+        polynomial: times (n,) and forces (n, motors) of the collocation polynomials, drawn faintly; they may overshoot
+            between the collocation points.
         force_limit: [N].
         obstacles: boxes as (center, size) [m].
-        path: (n, 3) [m], the path to follow, drawn in place of the straight line.
-        constant: forces are constant per element, and drawn as steps.
+        path: (n, 3) [m], the prescribed path, drawn instead of the straight line.
+        constant: forces are constant per element and drawn as steps.
     """
     figure, (side, front, speed, force) = with_panels(10.0, 7.8, 2, 2)
     T = trajectory["T"]
@@ -67,8 +67,8 @@ def motion_figure(
             low = center - size / 2
             axes.add_patch(Rectangle((low[a], low[b]), size[a], size[b], color="0.85", zorder=0))
         draw_path(axes, T, plane, path)
-    side.set_title("path of the tool centre point, x and z")
-    front.set_title("the same path, y and z")
+    side.set_title("path of the tool centre point, x-z plane")
+    front.set_title("path of the tool centre point, y-z plane")
     for axes in (side, front):
         key_under(axes)
     time = trajectory.time
@@ -87,7 +87,7 @@ def motion_figure(
     reach = 1.1 * max(1.4 * force_limit, float(np.max(np.abs(trajectory["tau"]))), highest)
     force.set_ylim(-reach, reach)
     title_text = "motor forces, constant per element" if constant else "motor forces"
-    force.set_title(title_text + ("; faint: polynomial" if polynomial is not None else ""))
+    force.set_title(title_text + ("; faint: collocation" if polynomial is not None else ""))
     force.set_ylabel("force [N]")
     for axes in (speed, force):
         axes.set_xlabel("time [s]")
@@ -98,7 +98,7 @@ def motion_figure(
 
 @styled
 def force_figure(runs: Sequence[tuple[str, Trajectory]], *, force_limit: float) -> Figure:
-    """Motor forces over time, one panel per motor and one curve per motion; as Dressler 2012, Fig. 3.10.
+    """Draw motor forces over time, one panel per motor and one curve per motion, as in Dressler 2012, Fig. 3.10.
 
     Args:
         runs: (label, motion) with tau [N].
@@ -118,7 +118,7 @@ def force_figure(runs: Sequence[tuple[str, Trajectory]], *, force_limit: float) 
 
 @styled
 def space_figure(runs: Sequence[tuple[str, Trajectory]]) -> Figure:
-    """Paths of the tool centre point in space, one per motion; as Dressler 2012, Fig. 3.9.
+    """Draw the path of the tool centre point of each motion in space, as in Dressler 2012, Fig. 3.9.
 
     Args:
         runs: (label, motion) with T [m].
@@ -139,31 +139,31 @@ def space_figure(runs: Sequence[tuple[str, Trajectory]]) -> Figure:
 def axis_motion_figure(
     trajectory: Trajectory, *, force_limit: float, torque_limit: float, path: np.ndarray | None = None
 ) -> Figure:
-    """Six panels: the path of the tool centre point from two sides, carts and their forces, angles and their torques.
+    """Draw the path of the tool centre point from two sides, cart positions and forces, axis angles and torques.
 
     Args:
         trajectory: with q (6) [m, rad], T (3) [m] and tau (6) [N, N.m].
         force_limit: of the carts [N]; torque_limit: of the rotary axes [N.m].
-        path: (n, 3) [m], the path to follow, drawn in place of the straight line.
+        path: (n, 3) [m], the prescribed path, drawn instead of the straight line.
     """
     figure, panels = with_panels(12.0, 7.8, 2, 3)
     panels = panels.reshape(2, 3)
     draw_path(panels[0, 0], trajectory["T"], "xz", path)
     draw_path(panels[1, 0], trajectory["T"], "yz", path)
-    panels[0, 0].set_title("path of the tool centre point, x and z")
-    panels[1, 0].set_title("the same path, y and z")
+    panels[0, 0].set_title("path of the tool centre point, x-z plane")
+    panels[1, 0].set_title("path of the tool centre point, y-z plane")
     for axes in panels[:, 0]:
         key_under(axes, columns=2)
     carts, angles = trajectory["q"][:, :3], np.degrees(trajectory["q"][:, 3:])
     forces, torques = trajectory["tau"][:, :3], trajectory["tau"][:, 3:]
-    for axes, curves, what, first, title, unit, limit in (
+    for axes, curves, symbol, first, title, unit, limit in (
         (panels[0, 1], carts, "q", 1, "positions of the carts", "position [m]", None),
         (panels[1, 1], forces, "motor ", 1, "forces of the carts", "force [N]", force_limit),
         (panels[0, 2], angles, "q", 4, "angles of the rotary axes", "angle [deg]", None),
         (panels[1, 2], torques, "motor ", 4, "torques of the rotary axes", "torque [N m]", torque_limit),
     ):
         for k in range(3):
-            axes.plot(trajectory.time, curves[:, k], color=COLOURS[k], label=f"{what}{first + k}")
+            axes.plot(trajectory.time, curves[:, k], color=COLOURS[k], label=f"{symbol}{first + k}")
         for bound in (-limit, limit) if limit is not None else ():
             axes.axhline(bound, label="limit" if bound == limit else None, **LIMIT)
         axes.set_title(title)
@@ -182,12 +182,12 @@ def swing_figure(
     *,
     title: str = "",
 ) -> Figure:
-    """Two panels.
+    """Draw the swing of the tool over time, and the residual swing over the error of the planned frequency.
 
     Args:
-        swings: motion -> times (n,) [s], offsets of the tool from where it hangs (n, 3) [m]; its largest direction is
-            drawn.
-        ratios: (r,) true to planned frequency. residuals: motion -> amplitudes (r,) [m] after the motion.
+        swings: motion -> times (n,) [s], offsets of the tool from its rest position (n, 3) [m]; the direction of the
+            largest swing is drawn.
+        ratios: (r,) true frequency over planned frequency. residuals: motion -> amplitudes (r,) [m] after the motion.
     """
     figure, (upper, lower) = with_panels(8.0, 7.0, 2, title=title)
     largest = max(swings.values(), key=lambda s: np.abs(s[1]).max())[1]
@@ -195,10 +195,10 @@ def swing_figure(
     for n, (name, (t, x)) in enumerate(swings.items()):
         upper.plot(t, 1e3 * x[:, k], label=name, linewidth=1.2, **curve(n))
         lower.plot(ratios, 1e3 * residuals[name], label=name, **curve(n))
-    upper.set(xlabel="time [s]", ylabel=f"tool against plate, {'xyz'[k]} [mm]",
+    upper.set(xlabel="time [s]", ylabel=f"tool relative to plate, {'xyz'[k]} [mm]",
               title=f"{'xyz'[k]}, the direction of the largest swing")  # fmt: skip
     lower.set(
-        title="what is left where the frequency is not as planned",
+        title="residual swing if the frequency differs from the planned one",
         xlabel="true frequency / planned frequency [1]",
         ylabel="swing after the motion [mm]",
         ylim=(0, None),
@@ -215,32 +215,32 @@ def optimum_figure(
     trajectory: Trajectory, controls: Sequence[str], bounds: Mapping[str, tuple[float, float]], *, steps: bool = False,
     title: str = "",
 ) -> Figure:  # fmt: skip
-    """Controls and other quantities over time, a panel for each unit, of many the largest.
+    """Draw controls and other quantities over time, a panel per unit; of many curves only the largest.
 
     Args:
-        controls: names of the inputs that were optimised, as in the trajectory; derivatives are not drawn.
-        steps: controls are constant on each element, and drawn so.
-        bounds: scalar name, such as "u" or "tau[0]" -> lower and upper bound, infinite where there is none.
+        controls: names of the optimised inputs in the trajectory; derivatives are not drawn.
+        steps: controls are constant on each element and drawn as steps.
+        bounds: scalar name, such as "u" or "tau[0]" -> lower and upper bound, infinite if there is none.
     """
     panels: dict[tuple[str, str], dict[str, np.ndarray]] = {}
     for name in trajectory.names:
         if not name.startswith("der("):
-            of = "controls" if name in controls else "states and other quantities"
-            panels.setdefault((of, trajectory.unit(name)), {}).update(_scalars(name, trajectory[name]))
-    order = sorted(panels, key=lambda key: key[0] == "controls")  # what moves first, below it what moves it
+            role = "controls" if name in controls else "states and other quantities"
+            panels.setdefault((role, trajectory.unit(name)), {}).update(_scalars(name, trajectory[name]))
+    order = sorted(panels, key=lambda key: key[0] == "controls")  # states above, controls below
     drawn = [key for key in order if key[0] == "controls"][:2]
     rest = [key for key in order if key not in drawn]
     drawn = rest[: MOST_PANELS - len(drawn)] + drawn
-    left = len(order) - len(drawn)
-    said = title + (f"\n{left} units more are not drawn" if left else "")
+    missing = len(order) - len(drawn)
+    heading = title + (f"\nquantities in {missing} other units are not drawn" if missing else "")
     figure, stack = with_panels(
-        8.5, 1.2 + PANEL_HEIGHT * max(1, len(drawn)), max(1, len(drawn)), title=said, sharex=True
+        8.5, 1.2 + PANEL_HEIGHT * max(1, len(drawn)), max(1, len(drawn)), title=heading, sharex=True
     )
-    for axes, (of, unit) in zip(stack, drawn, strict=False):
-        _curves(axes, trajectory.time, panels[of, unit], bounds, steps=steps and of == "controls")
-        count = len(panels[of, unit])
-        axes.set_title(of + (f": the {MOST_CURVES} largest of {count} in {unit or '1'}" if count > MOST_CURVES else ""))
-        axes.set_ylabel(called(list(dict.fromkeys(n.partition("[")[0] for n in panels[of, unit])), unit))
+    for axes, (role, unit) in zip(stack, drawn, strict=False):
+        _curves(axes, trajectory.time, panels[role, unit], bounds, steps=steps and role == "controls")
+        count = len(panels[role, unit])
+        axes.set_title(role + (f": {MOST_CURVES} largest of {count} in {unit or '1'}" if count > MOST_CURVES else ""))
+        axes.set_ylabel(called(list(dict.fromkeys(n.partition("[")[0] for n in panels[role, unit])), unit))
         axes.margins(x=0.0)
         key_beside(axes)
     stack[-1].set_xlabel("time [s]")
@@ -248,22 +248,22 @@ def optimum_figure(
 
 
 def _scalars(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
-    """Components of a quantity by name, such as "tau[0]"."""
+    """Return the components of a quantity by name, such as "tau[0]"."""
     if values.ndim == 1:
         return {name: values}
-    places = np.ndindex(*values.shape[1:])
-    return {f"{name}[{','.join(map(str, at))}]": values[(slice(None), *at)] for at in places}
+    indices = np.ndindex(*values.shape[1:])
+    return {f"{name}[{','.join(map(str, index))}]": values[(slice(None), *index)] for index in indices}
 
 
 def _curves(
     axes: Any, time: np.ndarray, curves: Mapping[str, np.ndarray], bounds: Mapping[str, tuple[float, float]], *,
     steps: bool,
 ) -> None:  # fmt: skip
-    """The largest curves in the order given, and the bounds of what is drawn, equal ones once."""
+    """Draw the largest curves in their order, and their bounds, equal bounds once."""
     largest = sorted(curves, key=lambda name: -float(np.nanmax(np.abs(curves[name]), initial=0.0)))[:MOST_CURVES]
-    shown = [name for name in curves if name in largest]
-    for k, name in enumerate(shown):
+    drawn = [name for name in curves if name in largest]
+    for k, name in enumerate(drawn):
         axes.plot(time, curves[name], label=name, drawstyle="steps-pre" if steps else "default", **curve(k))
-    ends = {end for name in shown for end in bounds.get(name, ()) if np.isfinite(end)}
-    for k, end in enumerate(sorted(ends)):
-        axes.axhline(end, label="bound" if k == 0 else None, **LIMIT)
+    finite = {bound for name in drawn for bound in bounds.get(name, ()) if np.isfinite(bound)}
+    for k, bound in enumerate(sorted(finite)):
+        axes.axhline(bound, label="bound" if k == 0 else None, **LIMIT)

@@ -1,4 +1,4 @@
-"""A parallel robot in space, guideways, carts, links and plate, and its assembly modes side by side."""
+"""Pictures of a parallel robot in space (guideways, carts, links, plate) and of its assembly modes."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from mpl_toolkits.mplot3d.proj3d import proj_transform
 from .style import COLOURS, HIGHLIGHT, ORANGE, in_space, key_below, styled, with_panels
 
 TICKS = 5
-MARGIN = 0.12  # inches about a picture in space
-ZOOMS = 2  # each gets nearer: what is near grows more, and the names move outward
-STROKE = 0.6  # of a guideway drawn to each side of its cart where no ends are given, in mean link lengths
-FLAT = 1e-9  # least extent of the plate joints, relative, in a direction that counts
+MARGIN = 0.12  # inches around a picture in space
+ZOOMS = 2  # iterations: perspective and the axis labels change with the zoom
+STROKE = 0.6  # length of guideway drawn to each side of a cart if its ends are unknown, in mean link lengths
+FLAT = 1e-9  # smaller relative extents of the plate joints count as zero
 
 
 def draw_robot(
@@ -34,25 +34,25 @@ def draw_robot(
     T: np.ndarray | None = None,
     width: float = 2.0,
 ) -> None:
-    """Draw one pose into three-dimensional axes: guideways, carts, links, each cart's in one colour, and the plate.
+    """Draw one pose into three-dimensional axes: guideways, carts, links with one colour per cart, and the plate.
 
     Args:
-        A, joints: (l, 3) the ends of each link at its cart and at the plate [m].
+        A, joints: (l, 3), ends of each link at its cart and at the plate [m].
         carts: links of each cart.
-        guideways: (g, 2, 3) their ends [m].
-        T: (3,) tool centre point [m], drawn with rays to the plate joints.
-        width: of the links [points]; other sizes follow it.
+        guideways: (g, 2, 3), their ends [m].
+        T: (3,), tool centre point [m], drawn with lines to the plate joints.
+        width: of the links [points]; other sizes are proportional to it.
     """
     for k, line in enumerate(guideways):
         axes.plot(*line.T, color="0.7", linewidth=1.8 * width, solid_capstyle="butt", zorder=0,
                   label="guideway" if k == 0 else None)  # fmt: skip
     for n, legs in enumerate(map(list, carts)):
         colour = COLOURS[n % len(COLOURS)]
-        if len(legs) > 1:  # the cart or joint plate that carries them
+        if len(legs) > 1:  # outline of the cart
             axes.plot(*A[[*legs, legs[0]]].T, color="0.35", linewidth=width)
         for k in legs:
             axes.plot(*np.stack([A[k], joints[k]]).T, color=colour, linewidth=width, label=f"link {k + 1}")
-        label = "end at the cart" if n == 0 else None
+        label = "joint at the cart" if n == 0 else None
         axes.plot(*A[legs].T, "s", color="black", markersize=2.2 * width, label=label)
         axes.plot(*joints[legs].T, "o", color=colour, markersize=1.6 * width)
     for face in plate_faces(joints):
@@ -75,13 +75,13 @@ def robot_figure(
     curves: Sequence[np.ndarray] = (),
     title: str = "",
 ) -> Figure:
-    """One pose of a robot, and closed curves (k, 3) [m] such as the boundary of its workspace.
+    """Draw a robot at its home pose, and closed curves (k, 3) [m] such as the boundary of its workspace.
 
     Args:
-        carts, joints: (l, 3) the ends of each link at its cart and at the plate [m].
-        T: (3,) tool centre point [m].
-        directions: (l, 3) of each link's guideway.
-        ends: (l, 2, 3) of the guideways [m]; a piece about each cart if left out.
+        carts, joints: (l, 3), ends of each link at its cart and at the plate [m].
+        T: (3,), tool centre point [m].
+        directions: (l, 3), direction of each link's guideway.
+        ends: (l, 2, 3), ends of the guideways [m]; if left out, a piece around each cart is drawn.
     """
     figure, axes = in_space(8.0, 5.8, title=f"{title or 'robot'}: home pose")
     draw_links(axes, carts, joints, T, directions, ends=ends)
@@ -103,7 +103,7 @@ def draw_links(
     *,
     ends: np.ndarray | None = None,
 ) -> None:
-    """Draw one pose, a cart for each link; the arguments are those of `robot_figure`."""
+    """Draw one pose with one cart per link; arguments as in `robot_figure`."""
     carts, joints = np.asarray(carts, float), np.asarray(joints, float)
     each = [(k,) for k in range(len(carts))]
     reach = STROKE * float(np.mean(np.linalg.norm(joints - carts, axis=1)))
@@ -111,21 +111,21 @@ def draw_links(
 
 
 def finish(axes: Any) -> None:
-    """Equal scales, names of the axes, few ticks, and a view from the side."""
+    """Set equal scales, axis labels, few ticks, and a view from the side."""
     for axis, name in ((axes.xaxis, "x"), (axes.yaxis, "y"), (axes.zaxis, "z")):
         axis.set_label_text(f"{name} [m]")
         axis.labelpad = 10
     sides = np.ptp([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()], axis=1)
     for axis, part in zip((axes.xaxis, axes.yaxis, axes.zaxis), sides / sides.max(), strict=True):
-        axis.set_major_locator(MaxNLocator(max(2, round(TICKS * float(part)))))  # a short side has room for few
+        axis.set_major_locator(MaxNLocator(max(2, round(TICKS * float(part)))))  # few on a short side
     axes.set_aspect("equal")
     from_the_side(axes)
 
 
 def fill(figure: Figure, axes: Any) -> None:
-    """Zoom to the room that title and legend leave, with the names of the axes; the last step of a figure.
+    """Zoom the axes, with their labels, to the space between title and legend; the last step of a figure.
 
-    Axes in three dimensions are a square, of which a flat or a high box fills little, and which cuts what stands out.
+    Three-dimensional axes are square by default: a flat or tall box fills them poorly, and artists outside are clipped.
     """
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
@@ -136,8 +136,8 @@ def fill(figure: Figure, axes: Any) -> None:
     sides = np.ptp([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()], axis=1)
     zoom = 1.0
     for _ in range(ZOOMS):
-        shown, box = _extent(axes)
-        zoom *= float(np.min((high - low - np.ptp(shown, axis=0) + np.ptp(box, axis=0)) / np.ptp(box, axis=0)))
+        labelled, box = _extent(axes)
+        zoom *= float(np.min((high - low - np.ptp(labelled, axis=0) + np.ptp(box, axis=0)) / np.ptp(box, axis=0)))
         axes.set_box_aspect(sides, zoom=zoom)
         figure.draw_without_rendering()
         shift = (low + high - _extent(axes)[0].sum(axis=0)) / 2 / [figure.bbox.width, figure.bbox.height]
@@ -147,36 +147,36 @@ def fill(figure: Figure, axes: Any) -> None:
 
 
 def _extent(axes: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Lower left and upper right corner (2, 2) [pixels], as last drawn: with names and numbers; of the box alone."""
+    """Return lower left and upper right corner (2, 2) [pixels] as last drawn: with labels and ticks, and of the box."""
     x, y, z = np.array(list(product(axes.get_xlim(), axes.get_ylim(), axes.get_zlim()))).T
     u, v, _ = proj_transform(x, y, z, axes.get_proj())
-    at = axes.transData.transform(np.column_stack([u, v]))
-    box = np.array([at.min(axis=0), at.max(axis=0)])
-    named = [axis.get_tightbbox(None) for axis in (axes.xaxis, axes.yaxis, axes.zaxis)]
-    return Bbox.union([Bbox(box), *named]).get_points(), box
+    corners = axes.transData.transform(np.column_stack([u, v]))
+    box = np.array([corners.min(axis=0), corners.max(axis=0)])
+    labels = [axis.get_tightbbox(None) for axis in (axes.xaxis, axes.yaxis, axes.zaxis)]
+    return Bbox.union([Bbox(box), *labels]).get_points(), box
 
 
 def from_the_side(axes: Any) -> None:
-    """A view from the side of positive x and negative y."""
+    """Set a view from positive x and negative y."""
     axes.view_init(elev=20.0, azim=-55.0)
 
 
 def pieces(A: np.ndarray, carts: Sequence[Sequence[int]], directions: np.ndarray, reach: float) -> np.ndarray:
-    """Ends (g, 2, 3) of guideways through the middle of each cart's joints, reach [m] to each side.
+    """Return the ends (g, 2, 3) of guideways through the centre of each cart's joints, `reach` [m] to each side.
 
-    A: (l, 3) joints at the carts [m]. directions: (l, 3) ways of the cart joints; their length does not matter.
+    A: (l, 3), joints at the carts [m]. directions: (l, 3), of the guideways, of any length.
     """
     lines = []
     for legs in map(list, carts):
-        way = np.asarray(directions, float)[legs].mean(axis=0)
-        way = reach * way / np.linalg.norm(way)
+        direction = np.asarray(directions, float)[legs].mean(axis=0)
+        half = reach * direction / np.linalg.norm(direction)
         middle = A[legs].mean(axis=0)
-        lines.append([middle - way, middle + way])
+        lines.append([middle - half, middle + half])
     return np.array(lines)
 
 
 def plate_faces(joints: np.ndarray) -> np.ndarray:
-    """Triangles (t, 3) of the convex hull of the plate joints; of their plane where they are in one; else none."""
+    """Return triangles (t, 3) of the convex hull of the plate joints, in their plane if coplanar, none if collinear."""
     centred = joints - joints.mean(axis=0)
     _, extent, axes = np.linalg.svd(centred, full_matrices=False)
     extent = np.pad(extent, (0, 3 - len(extent)))  # fewer than three joints span no plane
@@ -189,7 +189,7 @@ def plate_faces(joints: np.ndarray) -> np.ndarray:
 
 
 MARKED = ORANGE
-SHORT_STROKE = 0.25  # of a guideway drawn to each side of its carts, in mean link lengths
+SHORT_STROKE = 0.25  # length of guideway drawn to each side of a cart, in mean link lengths
 PANEL_GAP = 0.12  # between rows of panels, in panel heights
 
 
@@ -205,21 +205,21 @@ def modes_figure(
     directions: np.ndarray | None = None,
     title: str = "",
 ) -> Figure:
-    """One small three-dimensional panel per real mode, all in one scale and view.
+    """Draw each real assembly mode in a small three-dimensional panel, all at the same scale and view.
 
     Args:
-        A: (6, 3) joints at the carts [m]. B: (6, 3) plate joints in plate coordinates [m].
-        R, T: (m, 3, 3), (m, 3) the modes.
-        commanded: index of the mode that is marked.
-        carts: legs of each cart, which share a colour.
-        directions: (6, 3) ways of the cart joints; their guideways are drawn.
+        A: (6, 3), joints at the carts [m]. B: (6, 3), plate joints in plate coordinates [m].
+        R, T: (m, 3, 3), (m, 3), plate poses of the modes.
+        commanded: index of the commanded mode, which is marked.
+        carts: links of each cart, drawn in one colour.
+        directions: (6, 3), of the guideways, which are drawn only if this is set.
     """
     m = len(T)
     columns = max(1, int(np.ceil(np.sqrt(1.5 * m)))) if m > 4 else max(1, m)
     rows = max(1, -(-m // columns))
     side = 2.7 if m <= 12 else 1.9
     figure = Figure(figsize=(max(side * columns, 4.0), side * rows + 0.6), layout="constrained")
-    if m <= 12 and rows > 1:  # the names of the first panel's axes stand below it, above the next one's title
+    if m <= 12 and rows > 1:  # room for the axis labels of the first panel above the title of the next
         cast(ConstrainedLayoutEngine, figure.get_layout_engine()).set(hspace=PANEL_GAP)
     figure.suptitle(f"{title}\n{_counted(m, commanded)}".strip(), fontsize="medium")
     joints = T[:, None] + B @ np.swapaxes(R, 1, 2)
@@ -232,8 +232,8 @@ def modes_figure(
         draw_robot(axes, A, joints[k], carts, guideways, width=0.9 if m > 12 else 1.6)
         _frame(axes, low, high, named=k == 0 and m <= 12)
         name = f"{k + 1}, commanded" if k == commanded else f"{k + 1}"
-        shown = dict(color=MARKED, fontweight="bold") if k == commanded else dict(color="black")
-        axes.set_title(name, fontsize="small", pad=0, **shown)
+        look = dict(color=MARKED, fontweight="bold") if k == commanded else dict(color="black")
+        axes.set_title(name, fontsize="small", pad=0, **look)
         if k == commanded:
             axes.patch.set(facecolor=HIGHLIGHT, alpha=1.0)
     return figure
@@ -241,10 +241,10 @@ def modes_figure(
 
 @styled
 def real_counts_figure(counts: Sequence[int], nearest: np.ndarray, *, title: str = "") -> Figure:
-    """How many poses have how many real modes, and how near the commanded mode another one is.
+    """Draw a histogram of the number of real modes, and how close the nearest other mode is to the commanded one.
 
-    counts: real modes of each pose. nearest: (n, 2) distance [mm] and angle [deg]; rows that are not finite are left
-    out.
+    counts: number of real modes of each pose. nearest: (n, 2), distance [mm] and angle [deg]; rows that are not finite
+    are left out.
     """
     figure, (left, right) = with_panels(9.0, 3.8, columns=2, title=title)
     poses_by_count = Counter(counts)
@@ -255,7 +255,7 @@ def real_counts_figure(counts: Sequence[int], nearest: np.ndarray, *, title: str
     near = np.asarray(nearest, dtype=float).reshape(-1, 2)
     near = near[np.isfinite(near).all(axis=1)]
     right.plot(*near.T, "o", color=COLOURS[1], markersize=4, alpha=0.7)
-    right.set(xlabel="distance [mm]", ylabel="angle [deg]", title="nearest other mode to the commanded one")
+    right.set(xlabel="distance [mm]", ylabel="angle [deg]", title="distance of the nearest other mode")
     right.set_xlim(left=0.0)
     right.set_ylim(bottom=0.0)
     return figure
@@ -263,11 +263,11 @@ def real_counts_figure(counts: Sequence[int], nearest: np.ndarray, *, title: str
 
 def _counted(m: int, commanded: int | None) -> str:
     text = f"{m} real assembly modes" if m else "no real assembly mode"
-    return text if commanded is None else f"{text}; the commanded one is number {commanded + 1}"
+    return text if commanded is None else f"{text}; number {commanded + 1} is commanded"
 
 
 def _frame(axes: Any, low: np.ndarray, high: np.ndarray, *, named: bool) -> None:
-    """One scale for all panels; numbers would not be readable, so the first names the axes and the rest keep still."""
+    """Set the same limits in all panels; tick labels are small, so only the first panel has axis labels."""
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set_box_aspect(np.maximum(high - low, 1e-3 * np.max(high - low)), zoom=1.05)
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):

@@ -1,5 +1,5 @@
-"""Signals of any trajectory over time, one panel for each unit: its energy balance, a simulated motion beside the
-measured one, how well a reference was followed."""
+"""Pictures of trajectories over time: signals by unit, energy balance, simulated against measured motion, tracking of
+a reference."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from .style import COLOURS, MEASURED, STYLES, colour, curve, key_below, key_besi
 
 ENERGIES = ("energy.stored", "energy.supplied", "energy.dissipated")
 PANEL_HEIGHT = 2.1  # inches
-LETTERS = 18  # of names along a panel
+LETTERS = 18  # characters of the axis label of a panel
 
 
 @styled
 def signals_figure(
     trajectory: Trajectory, names: Iterable[str] | None = None, *, marks: Sequence[float] = ()
 ) -> Figure:
-    """Stacked panels with a common time axis, one for each unit; the components of a vector share a line style.
+    """Draw signals over time, one panel per unit; the components of a vector share a line style.
 
     Args:
-        names: what to draw; by default everything but the energies, which `energy_figure` draws.
-        marks: times [s] that a thin line marks in every panel, such as changes of states.
+        names: signals to draw; by default all except the energies, which `energy_figure` draws.
+        marks: times [s] marked by a thin line in every panel, such as state changes.
     """
     chosen = [n for n in trajectory.names if n not in ENERGIES] if names is None else list(names)
     panels: dict[str, list[str]] = {}
@@ -46,49 +46,49 @@ def signals_figure(
 
 @styled
 def energy_figure(trajectory: Trajectory) -> Figure:
-    """Change of the stored energy against what was supplied and dissipated; below, by how much they disagree.
+    """Draw the change of the stored energy with the supplied and dissipated energy, and below the balance error.
 
-    The trajectory holds energy.stored, energy.supplied and energy.dissipated [J].
+    trajectory: with energy.stored, energy.supplied and energy.dissipated [J].
     """
     stored, supplied, dissipated = (trajectory[name] for name in ENERGIES)
     figure, (terms, error) = with_panels(8.5, 5.4, 2, title=trajectory.title, sharex=True, height_ratios=(2, 1))
-    rows = {"stored, since the start": stored - stored[0], "supplied": supplied, "dissipated": dissipated}
-    for (label, row), own in zip(rows.items(), COLOURS, strict=False):
-        terms.plot(trajectory.time, row, color=own, label=label)
+    rows = {"change of stored": stored - stored[0], "supplied": supplied, "dissipated": dissipated}
+    for (label, row), color in zip(rows.items(), COLOURS, strict=False):
+        terms.plot(trajectory.time, row, color=color, label=label)
     _finish(terms, "energy [J]")
-    terms.set_title("where the energy goes")
+    terms.set_title("energy balance")
     error.plot(trajectory.time, stored - stored[0] - supplied + dissipated, color="black")
-    error.set_title("error of the balance: stored - supplied + dissipated")
+    error.set_title("balance error: change of stored - supplied + dissipated")
     error.set_ylabel("error [J]")
     error.set_xlabel("time [s]")
     return figure
 
 
 def _draw(axes: Axes, trajectory: Trajectory, name: str, n: int) -> None:
-    """The n-th signal of a panel, from 0: one style, a colour for each component; the next free pair where it is
-    taken already."""
+    """Draw signal n of a panel, counted from 0, with one line style and a colour per component; if that pair is in use,
+    take the next free one."""
     values = trajectory[name]
     columns = values.reshape(len(values), -1)
     for k in range(columns.shape[1]):
         # scalars of one unit are distinguished by colour
         colour = len(axes.get_lines()) if values.ndim == 1 else k
-        shown = {(line.get_color(), line.get_linestyle()) for line in axes.get_lines()}
+        used = {(line.get_color(), line.get_linestyle()) for line in axes.get_lines()}
         pairs = [(COLOURS[(colour + i) % len(COLOURS)], STYLES[(n + j) % len(STYLES)])
                  for j in range(len(STYLES)) for i in range(len(COLOURS))]  # fmt: skip
-        color, style = next((p for p in pairs if p not in shown), pairs[0])
+        color, style = next((p for p in pairs if p not in used), pairs[0])
         label = name if values.ndim == 1 else f"{name}[{k}]"
         axes.plot(trajectory.time, columns[:, k], style, color=color, label=label)
 
 
 def called(names: Sequence[str], unit: str) -> str:
-    """Names of the signals in a panel, as many as there is room for, with their unit."""
-    shown = []
+    """Return an axis label: the names of the signals, as many as fit, with their unit."""
+    fitting = []
     for name in names:
-        if shown and len(", ".join([*shown, name])) > LETTERS:
-            shown.append("...")
+        if fitting and len(", ".join([*fitting, name])) > LETTERS:
+            fitting.append("...")
             break
-        shown.append(name)
-    return f"{', '.join(shown)} [{unit or '1'}]"
+        fitting.append(name)
+    return f"{', '.join(fitting)} [{unit or '1'}]"
 
 
 def _finish(axes: Axes, label: str) -> None:
@@ -99,9 +99,9 @@ def _finish(axes: Axes, label: str) -> None:
 
 @styled
 def closed_loop_figure(runs: Sequence[tuple[str, Trajectory]], *, title: str = "") -> Figure:
-    """Per recording its motion, and below its error in thousandths of a thousandth of the unit (µm, µrad).
+    """Draw the motion of each recording, and below it the error in millionths of the unit (µm, µrad).
 
-    runs: name and trajectory with "measured" and "simulated", (n,) or (n, axes) each.
+    runs: name and trajectory of each recording, with "measured" and "simulated", (n,) or (n, axes) each.
     """
     n = len(runs)
     figure, panels = with_panels(8.5, 1.0 + 3.8 * n, 2 * n, title=title, height_ratios=[2, 1] * n)
@@ -111,9 +111,9 @@ def closed_loop_figure(runs: Sequence[tuple[str, Trajectory]], *, title: str = "
         unit, time = trajectory.unit("measured"), trajectory.time
         measured, simulated = (trajectory[n].reshape(len(time), -1) for n in ("measured", "simulated"))
         for i in range(measured.shape[1]):
-            of = "" if measured.shape[1] == 1 else f"[{i}]"
-            motion.plot(time, simulated[:, i], color=COLOURS[i % len(COLOURS)], linewidth=2.2, label=f"simulated{of}")
-            motion.plot(time, measured[:, i], markevery=max(1, len(time) // 400), label=f"measured{of}", **MEASURED)
+            axis = "" if measured.shape[1] == 1 else f", axis {i + 1}"
+            motion.plot(time, simulated[:, i], color=COLOURS[i % len(COLOURS)], linewidth=2.2, label=f"simulated{axis}")
+            motion.plot(time, measured[:, i], markevery=max(1, len(time) // 400), label=f"measured{axis}", **MEASURED)
             error.plot(time, 1e6 * (simulated - measured)[:, i], color=COLOURS[i % len(COLOURS)], linewidth=0.8)
         motion.set_ylabel(f"position [{unit}]")
         motion.tick_params(labelbottom=False)
@@ -131,67 +131,67 @@ def closed_loop_figure(runs: Sequence[tuple[str, Trajectory]], *, title: str = "
 
 @styled
 def sampled_loop_figure(motion: Trajectory, samples: Trajectory, *, title: str = "") -> Figure:
-    """Change of each position and its reference, the error in µm, and the forces.
+    """Draw the displacement of each axis with its reference, the error in µm, and the motor forces.
 
     Args:
-        motion: "reference", "position" and "forces", (n, k) each, at rows.
-        samples: of the law, "forces" as it computed them.
+        motion: "reference", "position" and "forces", (n, axes) each.
+        samples: of the control law, with the "forces" that it computed.
     """
-    figure, (where, error, force) = with_panels(8.5, 8.0, 3, title=title, sharex=True)
+    figure, (position, error, force) = with_panels(8.5, 8.0, 3, title=title, sharex=True)
     time = motion.time
     for k in range(motion["position"].shape[1]):
         begin = motion["reference"][0, k]
-        where.plot(time, motion["reference"][:, k] - begin, color="black", linewidth=0.8, linestyle="--")
-        where.plot(time, motion["position"][:, k] - begin, color=colour(k), label=f"[{k}]")
+        position.plot(time, motion["position"][:, k] - begin, color=colour(k), label=f"axis {k + 1}")
+        position.plot(time, motion["reference"][:, k] - begin, color="black", linewidth=0.8, linestyle="--", zorder=3)
         error.plot(time, 1e6 * (motion["reference"] - motion["position"])[:, k], color=colour(k), linewidth=0.9)
         force.step(time, motion["forces"][:, k], where="pre", color=colour(k), linewidth=0.9)
-    where.set_ylabel("change of position [m]")
-    where.set_title("position and, dashed, reference")
+    position.set_ylabel("displacement [m]")
+    position.set_title("displacement from the start; dashed: reference")
     error.set_ylabel("error [µm]")
-    force.set_ylabel("force held [N]")
+    force.set_ylabel("motor force [N]")
     spacing = float(np.median(np.diff(samples.time))) if len(samples) > 1 else 0.0
-    force.set_title(f"{len(samples)} samples, one every {1e3 * spacing:g} ms")
+    force.set_title(f"held between {len(samples)} samples, one every {1e3 * spacing:g} ms")
     force.set_xlabel("time [s]")
-    for axes in (where, error, force):
+    for axes in (position, error, force):
         axes.margins(x=0.0)
-    key_beside(where)
+    key_beside(position)
     return figure
 
 
 _AXES = "xyz"
-SMALLEST_MM = 1e-3  # what no measurement would show; zero has no logarithm
+SMALLEST_MM = 1e-3  # below any measurement; zero has no logarithm
 
 
 @styled
 def tracking_figure(wanted: Trajectory, runs: Mapping[str, Trajectory], title: str = "") -> Figure:
-    """The tool centre point of each run beside its reference, and below, its distance from it.
+    """Draw the tool centre point of each run with the reference, and below the errors of tool centre point and carts.
 
     Args:
-        wanted: T (n, 3) [m] and q (n, k) [m], a row per cycle.
-        runs: by label; T and q of the cycles that a run lasted.
+        wanted: the reference, T (n, 3) [m] and q (n, k) [m], a row per cycle.
+        runs: by label, T and q of the cycles of each run.
     """
     figure, panels = with_panels(8.5, 9.0, 5, title=title, sharex=True)
     for k, axes in enumerate(panels[:3]):
         axes.plot(wanted.time, wanted["T"][:, k], color="black", linewidth=1.0, label="reference")
         for n, (label, run) in enumerate(runs.items(), 1):
             axes.plot(run.time, run["T"][:, k], linewidth=1.2, label=label, **_dashed(n))
-        axes.set_ylabel(f"T_{_AXES[k]} [m]")
+        axes.set_ylabel(f"TCP {_AXES[k]} [m]")
     for name, axes in zip(("T", "q"), panels[3:], strict=True):
         for n, (label, run) in enumerate(runs.items(), 1):
-            off = 1e3 * (run[name] - wanted[name][: len(run)])
-            size = np.linalg.norm(off, axis=1) if name == "T" else np.abs(off).max(axis=1)
+            error = 1e3 * (run[name] - wanted[name][: len(run)])
+            size = np.linalg.norm(error, axis=1) if name == "T" else np.abs(error).max(axis=1)
             axes.plot(run.time, np.maximum(size, SMALLEST_MM), label=label, **curve(n))
         axes.set_yscale("log")
         axes.set_ylim(bottom=SMALLEST_MM / 2)
-        axes.set_ylabel("error of T [mm]" if name == "T" else "worst cart [mm]")
+        axes.set_ylabel("TCP error [mm]" if name == "T" else "worst cart [mm]")
     panels[0].set_xlim(wanted.time[0], wanted.time[-1])
     figure.align_ylabels(panels)
-    panels[3].set_title(f"errors; below {1e3 * SMALLEST_MM:g} µm they are drawn as {1e3 * SMALLEST_MM:g} µm")
+    panels[3].set_title(f"errors; values below {1e3 * SMALLEST_MM:g} µm are drawn as {1e3 * SMALLEST_MM:g} µm")
     panels[-1].set_xlabel("time [s]")
     key_below(figure, panels[0])
     return figure
 
 
 def _dashed(n: int) -> dict[str, Any]:
-    """The n-th curve beside one that is drawn in full."""
+    """Return the look of curve n: never a solid line, so that a solid reference stays visible."""
     return dict(color=colour(n), linestyle=STYLES[1:][n // len(COLOURS) % 3])

@@ -1,4 +1,4 @@
-"""The block-triangular form of a causality: which equation uses which unknown, in the order of computation."""
+"""Picture of the block-triangular form of a causality: which equation uses which unknown, in order of computation."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from ..compiler.causal import CausalFunction
 from .style import BLUE, GREEN, ORANGE, styled
 
 COLOURS = {"explicit": "0.6", "linear": BLUE, "quadratic": GREEN, "sphere pencil": GREEN, "Newton": ORANGE}
-MAX_LABELS = 60  # more names than this cannot be read
+MAX_LABELS = 60  # more labels are not readable
 
 
 @styled
 def structure_figure(function: CausalFunction) -> Figure:
-    """Incidence of the blocks: rows are equations, columns the unknowns they are solved for, blocks framed.
+    """Draw the incidence matrix: rows are equations, columns are unknowns, and blocks are framed.
 
-    Everything left of a block is computed before it; nothing stands right of it.
+    The unknowns left of a block are computed before it. There are no entries to the right of a block.
     """
-    blocks = [b for b in function.plan.blocks if b.unknowns]  # a condition on known values computes nothing
+    blocks = [b for b in function.plan.blocks if b.unknowns]  # a condition on known values has no unknowns
     names = [n for b in blocks for n in b.unknowns]
     column = {n: k for k, n in enumerate(names)}
     size = max(1, len(names))

@@ -1,7 +1,7 @@
-"""The one style of all pictures: colours, sizes of letters, legends, scales, and a figure with its panels.
+"""The style of all pictures: colours, font sizes, legends, scales, and figures with panels.
 
-Colours are those of Okabe and Ito, which colour-blind eyes can distinguish; curves of one panel differ in grey too, by
-their style, where there are many. What was measured is dots, black, on top of what a model says, a broad coloured line.
+The Okabe-Ito colours can be told apart by colour-blind readers. If a panel has many curves, line styles distinguish
+them too. Measurements are black dots, drawn on top of the model's prediction, a broad coloured line.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ BLUE, ORANGE, GREEN, PINK, AMBER, SKY, BLACK, YELLOW = COLOURS
 STYLES = ("-", "--", ":", "-.")
 # tints of the blue, light to dark: nested regions, bars behind dots
 SHADES = ("#e3e9f0", "#bcd0e5", "#8db3d9", "#5a8fc4", "#2d6aa8", "#124a83")
-HIGHLIGHT = "#fff3c4"  # behind a panel that is marked
-HEIGHT, AWAY_FROM_ZERO = "viridis", "RdBu_r"  # colour maps: of a size, of what has two signs
+HIGHLIGHT = "#fff3c4"  # background of marked panels and intervals
+HEIGHT, AWAY_FROM_ZERO = "viridis", "RdBu_r"  # colour maps: for magnitudes, for signed values
 MEASURED: dict[str, Any] = dict(color=BLACK, marker=".", markersize=2.5, linestyle="none", zorder=3)
 MODELLED: dict[str, Any] = dict(color=ORANGE, linewidth=2.2, zorder=2)
 LIMIT: dict[str, Any] = dict(color="0.4", linestyle=":", linewidth=1.2)
@@ -34,13 +34,13 @@ SETTINGS: dict[str, Any] = {
     "figure.titlesize": "large", "grid.alpha": 0.3, "image.cmap": HEIGHT, "legend.fontsize": "small",
     "legend.framealpha": 0.9, "axes.formatter.use_mathtext": True,
 }  # fmt: skip
-LETTERS = 9.5  # of a large title, in an inch
+LETTERS = 9.5  # characters of a large title per inch
 _Draw = TypeVar("_Draw", bound=Callable[..., Figure])
 
 
 @contextmanager
 def settings() -> Iterator[None]:
-    """The settings of this module in place of a person's own, also while a picture is written: sizes count then."""
+    """Replace the user's matplotlib settings by those of this module, also needed while a figure is written."""
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(cast("Any", SETTINGS))
@@ -48,7 +48,7 @@ def settings() -> Iterator[None]:
 
 
 def styled(draw: _Draw) -> _Draw:
-    """A function that draws a figure, under the settings of this module whatever a person's own are."""
+    """Make a drawing function use the settings of this module instead of the user's."""
 
     @wraps(draw)
     def drawn(*args: Any, **more: Any) -> Figure:
@@ -59,12 +59,12 @@ def styled(draw: _Draw) -> _Draw:
 
 
 def colour(k: int) -> str:
-    """The colour of curve k, from 0; more curves than colours begin again."""
+    """Return the colour of curve k, counted from 0; the colours repeat."""
     return COLOURS[k % len(COLOURS)]
 
 
 def curve(k: int) -> dict[str, Any]:
-    """Colour and style of curve k, from 0, of many: 32 that are all different."""
+    """Return colour and line style of curve k, counted from 0; 32 combinations differ."""
     return dict(color=colour(k), linestyle=STYLES[k // len(COLOURS) % len(STYLES)])
 
 
@@ -72,9 +72,9 @@ def with_panels(
     width: float, height: float, rows: int = 1, columns: int = 1, *, title: str = "", grid: bool = True,
     fontsize: str = "large", **more: Any,
 ) -> tuple[Figure, np.ndarray]:  # fmt: skip
-    """A figure [inches] and its panels in one row of an array, row by row, with a light grid each; no title if empty.
+    """Return a figure of this size [inches] and a flat array of its panels, row by row; an empty title is not drawn.
 
-    fontsize: of the title. more: as `Figure.subplots` takes it, such as sharex.
+    grid: draw a light grid in each panel. fontsize: of the title. more: passed to `Figure.subplots`, such as sharex.
     """
     figure = Figure(figsize=(width, height), layout="constrained")
     stack = figure.subplots(rows, columns, squeeze=False, **more).ravel()
@@ -86,12 +86,12 @@ def with_panels(
 
 
 def _wrapped(title: str, width: float) -> str:
-    """A title in lines that a figure of this width [inches] has room for."""
+    """Wrap a title to the width of the figure [inches]."""
     return "\n".join(textwrap.fill(line, int(LETTERS * width)) for line in title.splitlines())
 
 
 def in_space(width: float, height: float, *, title: str = "") -> tuple[Figure, Any]:
-    """A figure [inches] with one panel in three dimensions."""
+    """Return a figure of this size [inches] with one three-dimensional panel."""
     figure = Figure(figsize=(width, height), layout="constrained")
     if title:
         figure.suptitle(_wrapped(title, width))
@@ -99,7 +99,7 @@ def in_space(width: float, height: float, *, title: str = "") -> tuple[Figure, A
 
 
 def key_below(figure: Figure, *panels: Any, columns: int = 4) -> None:
-    """One legend below all panels, of what the panels name, each name once; none where nothing is named."""
+    """Draw one legend below all panels with each label once; no legend if there are no labels."""
     entries: dict[str, Any] = {}
     for axes in panels or figure.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
@@ -110,23 +110,23 @@ def key_below(figure: Figure, *panels: Any, columns: int = 4) -> None:
 
 
 def key_beside(axes: Any) -> None:
-    """A legend right of a panel, where it covers nothing."""
+    """Draw a legend to the right of a panel, where it covers nothing."""
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 
 
 def key_under(axes: Any, columns: int = 4) -> None:
-    """A legend under a panel and the name of its axis, where it covers nothing."""
+    """Draw a legend under a panel and its axis label, where it covers nothing."""
     count = len(axes.get_legend_handles_labels()[0])
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=min(columns, count), frameon=False)
 
 
 def millionths(unit: str) -> str:
-    """The unit of a millionth: µm, µrad; 1e-6 of what has none."""
+    """Return the unit scaled by 1e-6: µm, µrad, or 1e-6 if dimensionless."""
     return {"m": "µm", "rad": "µrad"}.get(unit, "1e-6" if unit in ("", "1") else f"1e-6 {unit}")
 
 
 def plain_logarithm(axis: Any, *, subs: tuple[float, ...] = (1.0, 2.0, 5.0)) -> None:
-    """Numbers such as 0.5, 1, 2 and 5 along a logarithmic axis."""
+    """Label a logarithmic axis with plain numbers such as 0.5, 1, 2 and 5."""
     axis.set_major_locator(LogLocator(subs=subs))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axis.set_minor_formatter(NullFormatter())

@@ -1,4 +1,4 @@
-"""Pictures of vibration models: order, held-out prediction, frequency response, decay, step, poles."""
+"""Pictures of vibration models: order, held-out prediction, frequency response, decay, step response, poles."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from .style import BLUE, GREEN, MEASURED, MODELLED, ORANGE, colour, curve, key_b
 
 GREY = "#777777"
 POINTS = 1200  # of a frequency response
-PEAK = np.linspace(-8, 8, 65)  # half widths of a peak, by which more are drawn about it
+PEAK = np.linspace(-8, 8, 65)  # additional points around a peak, in half widths
 MARKERS = "xo+s^dv*"
-MOST_RIGHT_ANGLES = 5  # numbered along an axis; of more every second
+MOST_RIGHT_ANGLES = 5  # ticks every 90 degrees on the phase axis; beyond, every 180 degrees
 MOST_NAMED = 6  # modes in a title
-WINDOW = 3.0  # s of a long recording that are shown
+WINDOW = 3.0  # s of a long recording that are drawn
 Sampled = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -25,11 +25,11 @@ Sampled = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 def order_figure(
     singular_values: np.ndarray, trials: Sequence[tuple[int, float | None]], chosen: int, *, title: str = ""
 ) -> Figure:
-    """Singular values, and the rms error [m] on held-out samples by order; an unstable order (None) is a cross."""
+    """Draw singular values, and the rms error [m] on held-out samples by order; None: unstable, drawn as a cross."""
     figure, (left, right) = with_panels(8.0, 3.8, columns=2, title=title)
     count = min(len(singular_values), 2 * max(n for n, _ in trials))
-    shown = np.maximum(singular_values[:count] / singular_values[0], 1e-16)
-    left.semilogy(np.arange(1, count + 1), shown, "o", color=BLUE, markersize=4)
+    relative = np.maximum(singular_values[:count] / singular_values[0], 1e-16)
+    left.semilogy(np.arange(1, count + 1), relative, "o", color=BLUE, markersize=4)
     left.axvline(chosen + 0.5, color=ORANGE, linestyle="--", linewidth=1)
     left.set(
         xlabel="number of the singular value",
@@ -53,7 +53,7 @@ def order_figure(
 def prediction_figure(
     time: np.ndarray, y: np.ndarray, predicted: np.ndarray, first: int, fit: np.ndarray, *, title: str = ""
 ) -> Figure:
-    """Measured and predicted outputs (N, p) [m] at the beginning of the held-out samples; `fit` (p,) in percent."""
+    """Draw measured and predicted outputs (N, p) [m] at the start of the held-out samples; fit: (p,) in percent."""
     rows = slice(first, min(len(time), first + max(int(WINDOW / (time[1] - time[0])), 2)))
     figure, panels = with_panels(8.0, 1.2 + 2.0 * y.shape[1], y.shape[1], title=title, sharex=True)
     for k, axes in enumerate(panels):
@@ -69,7 +69,7 @@ def prediction_figure(
 def response_figure(
     system: Sampled, sample_time: float, modes_Hz: Sequence[float] | np.ndarray, *, title: str = "", unit: str = "m/N"
 ) -> Figure:
-    """Magnitude and phase from each input to each output up to the Nyquist frequency, modes as lines."""
+    """Draw magnitude and phase from each input to each output up to the Nyquist frequency, with the modes as lines."""
     nyquist = 0.5 / sample_time
     low = min(0.2 * min(modes_Hz), 0.1 * nyquist) if len(modes_Hz) else 1e-3 * nyquist
     A, B, C, D = system
@@ -86,8 +86,8 @@ def response_figure(
     for n, mode in enumerate(modes_Hz):
         for axes in (size, phase):
             axes.axvline(mode, color=GREY, linestyle=":", linewidth=1, label="mode" if n == 0 else None)
-    at = ", ".join(f"{mode:.4g}" for mode in modes_Hz[:MOST_NAMED]) + ", ..." * (len(modes_Hz) > MOST_NAMED)
-    size.set_title(f"modes at {at} Hz" if len(modes_Hz) else "no modes")
+    frequencies = ", ".join(f"{mode:.4g}" for mode in modes_Hz[:MOST_NAMED]) + ", ..." * (len(modes_Hz) > MOST_NAMED)
+    size.set_title(f"modes at {frequencies} Hz" if len(modes_Hz) else "no modes")
     size.set(ylabel=f"magnitude [{unit}]")
     phase.set(xlabel="frequency [Hz]", ylabel="phase [deg]")
     phase.yaxis.set_major_locator(MultipleLocator(90 if np.ptp(phase.get_ylim()) < MOST_RIGHT_ANGLES * 90 else 180))
@@ -98,7 +98,7 @@ def response_figure(
 
 
 def _lines(poles: np.ndarray, sample_time: float, f: np.ndarray) -> np.ndarray:
-    """Frequencies f (k,) [Hz] and those about the peaks of poles z (n,): a sharp one lies between even the finest."""
+    """Return f (k,) [Hz] with points added around the peaks of the poles z (n,), which even a fine grid may miss."""
     with np.errstate(divide="ignore"):
         s = continuous_poles(poles, sample_time) / (2 * np.pi)
     s = s[np.isfinite(s) & (s.imag > 0)]
@@ -114,12 +114,12 @@ def step_figure(
     *,
     title: str = "",
 ) -> Figure:
-    """Recordings (time, reference, measured, model; (N,) [s, m]) and the rms error [m] by delay tried."""
+    """Draw recordings (time, reference, measured, model; (N,) [s, m]) and the rms error [m] over the delay."""
     figure, (left, right) = with_panels(8.0, 4.0, columns=2, title=title, width_ratios=[2, 1])
     for n, (time, u, y, model) in enumerate(runs):
-        left.plot(time, 1e3 * u, color=GREY, linewidth=0.8, label="reference" if n == 0 else None)
         left.plot(time, 1e3 * model, label="model" if n == 0 else None, **MODELLED)
         left.plot(time, 1e3 * y, label="measured" if n == 0 else None, **MEASURED)
+        left.plot(time, 1e3 * u, "--", color=GREY, linewidth=0.8, zorder=4, label="reference" if n == 0 else None)
     left.set(xlabel="time [s]", ylabel="position [mm]", title="step responses")
     right.plot(list(by_delay), [1e6 * e for e in by_delay.values()], "o-", color=BLUE, markersize=3)
     right.axvline(delay, color=ORANGE, linestyle="--", linewidth=1, label=f"chosen delay: {delay}")
@@ -132,7 +132,7 @@ def step_figure(
 def decay_figure(
     time: np.ndarray, y: np.ndarray, fitted: np.ndarray, rest: np.ndarray, peaks_Hz: Sequence[float], *, title: str = ""
 ) -> Figure:
-    """Decays (N, p) [m] with the fit, and their spectra with the peaks found."""
+    """Draw decays (N, p) [m] with the fit, and their spectra with the detected peaks."""
     p = y.shape[1]
     figure, panels = with_panels(9.0, 1.4 + 1.9 * p, p, 2, title=title, sharex="col")
     panels = panels.reshape(p, 2)
@@ -158,7 +158,7 @@ def decay_figure(
 
 @styled
 def poles_figure(poles: Mapping[str, np.ndarray], circles_Hz: np.ndarray, *, title: str = "") -> Figure:
-    """Poles [1/s] by name in the complex plane, scaled by 2 pi; circles at undamped frequencies."""
+    """Draw poles [1/s] by name in the complex plane, divided by 2 pi, with circles at undamped frequencies."""
     figure, (axes,) = with_panels(6.6, 6.4)
     angle = np.linspace(0, 2 * np.pi, 361)
     for radius in circles_Hz:

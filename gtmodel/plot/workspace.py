@@ -1,5 +1,5 @@
-"""Pictures over a workspace: cross-sections, level plots of positioning errors and of the orientation of a plate,
-quantities over the points of a table."""
+"""Pictures over a workspace: cross-sections, contour plots of positioning errors and plate orientation, quantities over
+the rows of a table."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .style import AWAY_FROM_ZERO, COLOURS, HEIGHT, SHADES, key_below, key_besid
 
 
 class Outlined(Protocol):
-    """A region of a plane, such as `gt.kinematics.region` gives."""
+    """A region of a plane, such as `gt.kinematics.region` returns."""
 
     @property
     def area(self) -> float:
@@ -27,7 +27,7 @@ class Outlined(Protocol):
 
     @property
     def loops(self) -> Sequence[np.ndarray]:
-        """Closed boundaries (k, 2) [m], holes the other way round."""
+        """Closed boundaries (k, 2) [m]; holes have the opposite orientation."""
         ...
 
 
@@ -35,11 +35,11 @@ class Outlined(Protocol):
 def section_figure(
     layers: Mapping[str, Outlined], guideways: np.ndarray, *, title: str = "", names: tuple[str, str] = ("u", "v")
 ) -> Figure:
-    """Regions of a section, drawn in the order given, their boundaries, and the guideways as numbered squares.
+    """Draw regions of a section one over the other with their boundaries, and the guideways as numbered squares.
 
     Args:
         layers: label -> region, the largest first; the area is added to the label.
-        guideways: (m, 2) where they pierce the section [m].
+        guideways: (m, 2), intersections of the guideways with the section [m].
         names: of the two coordinates.
     """
     figure, (axes,) = with_panels(7.5, 6.5)
@@ -60,16 +60,16 @@ def section_figure(
 
 
 def mark_guideways(axes: Any, guideways: np.ndarray) -> None:
-    """Squares with the numbers of the guideways at (m, 2) [m]."""
+    """Draw the guideways as numbered squares at (m, 2) [m]."""
     for k, (u, v) in enumerate(np.asarray(guideways)):
         axes.plot(u, v, "s", color="black", markersize=8, linestyle="none",
-                  label="guideway, with its number" if k == 0 else None)  # fmt: skip
+                  label="guideway with number" if k == 0 else None)  # fmt: skip
         axes.annotate(str(k + 1), (u, v), xytext=(7, 7), textcoords="offset points", fontweight="bold",
                       bbox=dict(boxstyle="round,pad=0.1", facecolor="white", edgecolor="none", alpha=0.7))  # fmt: skip
 
 
 def _path(loops: Sequence[np.ndarray]) -> Path:
-    """All loops as one path; holes run the other way round and stay empty."""
+    """Return all loops as one path; holes have the opposite orientation and are not filled."""
     vertices, codes = [], []
     for loop in loops:
         vertices += [loop, loop[:1]]
@@ -79,7 +79,7 @@ def _path(loops: Sequence[np.ndarray]) -> Path:
 
 STYLES = ("-", "-.", "--")
 LEVELS = 12
-NEAR = 0.07  # of the picture's width: a level's number so near to a guideway would cover that one's
+NEAR = 0.07  # of the picture's width: level labels closer to a guideway would cover its number
 
 
 @styled
@@ -93,12 +93,12 @@ def error_figure(
     title: str = "",
     names: tuple[str, str] = ("u", "v"),
 ) -> Figure:
-    """Levels of the greatest error.
+    """Draw a contour plot of the largest positioning error over a section.
 
     Args:
-        u, v: coordinates of the grid [m]. error: (len(u), len(v)) [m]; NaN where there is none.
-        guideways: (m, 2) where they pierce the section [m].
-        window: lower left and upper right corner of the rectangle that the numbers are about [m].
+        u, v: coordinates of the grid [m]. error: (len(u), len(v)) [m], NaN if undefined.
+        guideways: (m, 2), intersections of the guideways with the section [m].
+        window: lower left and upper right corner of the window that the reported numbers refer to [m].
         names: of the two coordinates.
     """
     figure, (axes,) = with_panels(7.5, 6.5, grid=False)
@@ -108,11 +108,11 @@ def error_figure(
         lines = axes.contour(u, v, micrometres, filled.levels, colors="white", linewidths=0.6)
         axes.clabel(lines, fontsize="small", fmt="%g")
         _make_room(lines.labelTexts, guideways, NEAR * max(np.ptp(u), np.ptp(v)))
-        figure.colorbar(filled, ax=axes, label="greatest positioning error [µm]")
+        figure.colorbar(filled, ax=axes, label="largest positioning error [µm]")
     if window is not None:
         low, high = window
         axes.add_patch(Rectangle(tuple(low), *(high - low), fill=False, edgecolor="black", linestyle="--",
-                                 label="window that the numbers are about"))  # fmt: skip
+                                 label="window of the reported numbers"))  # fmt: skip
     mark_guideways(axes, guideways)
     axes.set(xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]", title=title)
     axes.set_aspect("equal")
@@ -121,7 +121,7 @@ def error_figure(
 
 
 def _make_room(labels: Sequence[Text], guideways: np.ndarray, near: float) -> None:
-    """Take away the numbers of levels that would cover the number of a guideway."""
+    """Hide level labels that would cover the number of a guideway."""
     for label in labels:
         distance = np.linalg.norm(np.asarray(guideways) - label.get_position(), axis=1)
         if distance.size and distance.min() < near:
@@ -130,10 +130,10 @@ def _make_room(labels: Sequence[Text], guideways: np.ndarray, near: float) -> No
 
 @styled
 def faces_figure(distance: np.ndarray, faces: Mapping[str, np.ndarray], *, title: str = "") -> Figure:
-    """Areas of the parallelepiped's faces along a line.
+    """Draw the areas of the faces of the error parallelepiped along a line.
 
     Args:
-        distance: (n,) along the line [m]. faces: case -> (n, 3) areas orthogonal to links 1 to 3 [m2].
+        distance: (n,), along the line [m]. faces: case -> (n, 3), areas orthogonal to links 1 to 3 [m2].
     """
     figure, panels = with_panels(8.0, 1.0 + 2.6 * len(faces), len(faces), title=title, sharex=True)
     for axes, (name, areas) in zip(panels, faces.items(), strict=True):
@@ -148,7 +148,7 @@ def faces_figure(distance: np.ndarray, faces: Mapping[str, np.ndarray], *, title
 
 
 ANGLES = ("alpha", "beta", "gamma")
-MOST_LAYERS = 4  # more cannot be seen beside each other
+MOST_LAYERS = 4  # more do not fit side by side
 ANGLE_LEVELS = 15
 NO_SOLUTION = "0.85"
 
@@ -157,14 +157,14 @@ NO_SOLUTION = "0.85"
 def layers_figure(
     zyz: np.ndarray, half_width: Sequence[float], directions: Sequence[Sequence[float]], title: str = ""
 ) -> Figure:
-    """One row of level plots per angle, one column per layer; colours are the same along a row.
+    """Draw contour plots of the ZYZ angles, a row per angle with one colour scale and a column per layer.
 
-    Each angle is shown minus its mean over all points, in degrees; where there is no solution the
-    panel is grey. Of more than four layers four are shown.
+    Each angle is drawn minus its mean over all points, in degrees; points without a solution are grey. Of more than
+    four layers, four are drawn.
 
     Args:
-        zyz: angles (layers, n, m, 3) [rad] on a grid, NaN where there is no solution.
-        half_width, directions: of the grid; its first direction goes from layer to layer.
+        zyz: angles (layers, n, m, 3) [rad] on a grid, NaN without a solution.
+        half_width, directions: of the grid; its first direction is across the layers.
     """
     degrees = np.degrees(zyz)
     layers = np.unique(np.linspace(0, len(degrees) - 1, min(len(degrees), MOST_LAYERS)).round().astype(int))
@@ -175,13 +175,13 @@ def layers_figure(
     panels = panels.reshape(3, -1)
     names = [_direction(d) for d in directions]
     for angle in range(3):
-        shown = degrees[..., angle] - np.nanmean(degrees[..., angle])
-        top = max(float(np.nanmax(np.abs(shown))), 1e-12)
+        deviation = degrees[..., angle] - np.nanmean(degrees[..., angle])
+        top = max(float(np.nanmax(np.abs(deviation))), 1e-12)
         levels = np.linspace(-top, top, ANGLE_LEVELS)
         drawn = None
         for column, layer in enumerate(layers):
             axes = panels[angle, column]
-            values = np.ma.masked_invalid(shown[layer].T)
+            values = np.ma.masked_invalid(deviation[layer].T)
             drawn = axes.contourf(offsets[1], offsets[2], values, levels, cmap=AWAY_FROM_ZERO)
             axes.contour(offsets[1], offsets[2], values, levels, colors="black", linewidths=0.3)
             axes.set_aspect("equal")
@@ -195,50 +195,50 @@ def layers_figure(
         panels[angle, 0].set_ylabel(f"{names[2]} [m]")
     for axes in panels[-1]:
         axes.set_xlabel(f"{names[1]} [m]")
-    what = f"ZYZ angles by layer; {names[1]} and {names[2]} from the middle of the grid"
-    what += "" if np.all(np.isfinite(zyz)) else "; grey: no solution"
-    figure.suptitle(f"{title}: {what}" if title else what, fontsize="medium")
+    subject = f"ZYZ angles by layer; {names[1]} and {names[2]} from the centre of the grid"
+    subject += "" if np.all(np.isfinite(zyz)) else "; grey: no solution"
+    figure.suptitle(f"{title}: {subject}" if title else subject, fontsize="medium")
     return figure
 
 
 @styled
 def sequence_figure(zyz: np.ndarray, title: str = "") -> Figure:
-    """The three ZYZ angles (..., 3) [rad] minus their means [deg] over the points (Dressler 2012, Fig. 4.7).
+    """Draw the three ZYZ angles (..., 3) [rad] minus their means [deg] over the points (Dressler 2012, Fig. 4.7).
 
-    A grid is traversed as it is measured: within a layer row by row, back and forth, and every second layer
-    backwards along the same path, so that a pattern that repeats by layer shows as mirrored copies. Layers are parted
-    by lines.
+    A grid is traversed as it is measured: back and forth row by row within a layer, and every second layer backwards
+    along the same path. A pattern that repeats by layer therefore appears as mirrored copies. Dashed lines separate the
+    layers.
     """
     degrees = np.degrees(zyz)
     order = _serpentine(degrees.shape[:-1])
     degrees = degrees.reshape(-1, 3)[order]
-    said = f"{title}: ZYZ angles along the points" if title else "ZYZ angles along the points"
-    figure, stack = with_panels(9.0, 6.0, 3, title=said, sharex=True)
+    heading = f"{title}: ZYZ angles along the points" if title else "ZYZ angles along the points"
+    figure, stack = with_panels(9.0, 6.0, 3, title=heading, sharex=True)
     size = len(order) // zyz.shape[0]
     for angle, axes in enumerate(stack):
         mean = float(np.nanmean(degrees[:, angle]))
         axes.plot(degrees[:, angle] - mean, color=COLOURS[angle], linewidth=0.8, marker=".", markersize=2)
         axes.set_ylabel(_from_mean(angle, mean))
-        _part(axes, size, len(order))
-    stack[-1].set_xlabel("point, in the order of measuring")
+        _separate(axes, size, len(order))
+    stack[-1].set_xlabel("point, in the order of measurement")
     key_below(figure, stack[0])
     return figure
 
 
 def _from_mean(angle: int, mean: float) -> str:
-    """Name of an axis: an angle less its mean [deg]."""
+    """Return an axis label: an angle minus its mean [deg]."""
     return f"{ANGLES[angle]} {'-' if mean >= 0 else '+'} {abs(mean):.2f}° [deg]"
 
 
-def _part(axes: Axes, size: int, count: int) -> None:
+def _separate(axes: Axes, size: int, count: int) -> None:
     for k in range(size, count, size):
-        label = "a new layer begins" if k == size else None
+        label = "start of a layer" if k == size else None
         axes.axvline(k - 0.5, color="0.5", linewidth=0.8, linestyle="--", label=label)
     axes.margins(x=0.01)
 
 
 def _serpentine(shape: tuple[int, ...]) -> np.ndarray:
-    """Indices of the points in the order of the path: rows back and forth, every second layer backwards."""
+    """Return the indices of the points along the path: rows back and forth, every second layer backwards."""
     index = np.arange(int(np.prod(shape))).reshape(shape)
     if len(shape) == 3:
         index[:, 1::2] = index[:, 1::2, ::-1]
@@ -248,7 +248,7 @@ def _serpentine(shape: tuple[int, ...]) -> np.ndarray:
 
 
 def _direction(direction: Sequence[float]) -> str:
-    """x, y or z for an axis, v for any other direction."""
+    """Return x, y or z for the direction of an axis, v for any other."""
     unit = np.asarray(direction, dtype=float)
     unit = unit / np.linalg.norm(unit)
     return next((name for name, axis in zip("xyz", np.eye(3), strict=True) if np.allclose(unit, axis)), "v")
@@ -256,8 +256,7 @@ def _direction(direction: Sequence[float]) -> str:
 
 @styled
 def points_figure(signals: Sequence[tuple[str, str, np.ndarray]], ok: np.ndarray, title: str = "") -> Figure:
-    """Stacked panels over the row number, one for each (name, unit, values (rows, ...)); rows without a solution are
-    marked below by a grey line."""
+    """Draw signals (name, unit, values (rows, ...)) over the row number; grey ticks mark rows without a solution."""
     figure, stack = with_panels(8.5, 1.2 + PANEL_HEIGHT * len(signals), len(signals), title=title, sharex=True)
     missing = np.flatnonzero(~ok)
     for axes, (name, unit, values) in zip(stack, signals, strict=True):

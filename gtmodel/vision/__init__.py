@@ -1,25 +1,25 @@
-"""Cameras as components, what they see, and where that is.
+"""Camera models, starting values, pixel residuals, intersection of points, and calibration of cameras.
 
 Cameras
     PinholeCamera               a component with a port for its frame, Brown's distortion, a status per mark
-    project, undistort          points to pixels and back, with status codes; LENS names the nine numbers of a lens
+    project, undistort          points to pixels and back, with status codes; LENS names the nine parameters of a lens
     Board                       a chessboard of known size
 Starts
-    homography, focal_length, board_pose    of flat boards (Zhang), of points in space
+    homography, focal_length, board_pose    from planar boards (Zhang), from points in space
 Bundles, for gt.inference.bundle
-    board_view, point_view, mark_view       pixels as residuals of lens, camera and what it sees
-    similarity_motions          the seven motions that pixels do not notice, by name
+    board_view, point_view, mark_view       pixel residuals as functions of lens, camera, and board, point or mark
+    similarity_motions          the seven motions that pixels do not determine, by name
     BundleFile, read_bal, write_bal, bal_view   the files of "Bundle adjustment in the large"
 Measurements
     CornerTable, read_corners   marks in pictures, from any detector
     intersect, IntersectedPoints    points from the pixels of several cameras, with covariance
-    picture_test, PictureTest   do residuals depend on the place in the picture
+    picture_test, PictureTest   tests whether residuals depend on the place in the picture
 Calibration of cameras, in `stereo`
     stereo_study, StereoStudy   with BoardPictures, CameraFit, StereoStart
 Packages
-    detection      marks of boards and of a tool's squares in pictures, as a table of corners; needs OpenCV
+    detection      detects the marks of boards and of a tool's squares in pictures; needs OpenCV
     rendering      synthetic pictures with exact area coverage
-    robot_cameras  a robot and cameras calibrated together; where two cameras should stand
+    robot_cameras  joint calibration of a robot and cameras; placement of two cameras
 """
 
 from typing import TYPE_CHECKING

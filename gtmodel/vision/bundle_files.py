@@ -1,4 +1,4 @@
-"""BAL files: cameras, points and observations as text, read and written.
+"""Read and write BAL files: cameras, points and observations as text.
 
 Source: Agarwal, Snavely, Seitz and Szeliski 2010, "Bundle adjustment in the large", ECCV. A camera has nine numbers:
 rotation vector, translation, f, k1, k2; it looks along -z, p = -P / P_z, and (u, v) = f (1 + k1 p^2 + k2 p^4) p from
@@ -24,8 +24,11 @@ LABELS = ("qw", "qx", "qy", "qz", "x", "y", "z", "f", "k1", "k2")
 
 @dataclass(frozen=True, eq=False)
 class BundleFile:
-    """cameras (c, 10): quaternion, scalar first, translation, f [pixel], k1, k2; points (p, 3); of each observation the
-    camera (n,), the point (n,) and uv (n, 2) [pixel]."""
+    """Cameras, points and observations of a bundle adjustment.
+
+    cameras (c, 10): quaternion, scalar first, translation, f [pixel], k1, k2; points (p, 3); for each observation the
+    indices camera (n,) and point (n,), and uv (n, 2) [pixel].
+    """
 
     cameras: np.ndarray
     points: np.ndarray
@@ -34,20 +37,20 @@ class BundleFile:
     uv: np.ndarray
 
     def groups(self) -> list[UnknownGroup]:
-        """Unknowns "camera" and, local, "point" for gt.inference.bundle.bundle_fit()."""
+        """Return the unknowns "camera" and "point" (local) for gt.inference.bundle.bundle_fit()."""
         return [
             UnknownGroup("camera", self.cameras, LABELS, turn=0),
             UnknownGroup("point", self.points, ["x", "y", "z"], local=True),
         ]
 
     def blocks(self, sigma: float | None = None, loss: str = "linear", width: float = 2.0) -> list[ResidualBlock]:
-        """The observations as residuals, predicted less measured [pixel]."""
+        """Return the observations as residuals, predicted minus measured [pixel]."""
         sees = [("camera", self.camera), ("point", self.point)]
         return [ResidualBlock("pixels", bal_view(), sees, self.uv, sigma=sigma, loss=loss, width=width)]
 
 
 def bal_view() -> ca.Function:
-    """(camera (10,), point (3,), data (2,): u, v) -> (error (2,) [pixel], distance in front of the camera).
+    """Return the function (camera (10,), point (3,), data (2,): u, v) -> (error (2,) [pixel], depth).
 
     >>> gt.vision.bal_view()([1.0, 0, 0, 0, 0, 0, 0, 100.0, 0, 0], [0.1, 0.2, -1.0], [9.0, 19.0])[0].full().ravel()
     array([1., 1.])
@@ -61,7 +64,7 @@ def bal_view() -> ca.Function:
 
 
 def read_bal(path: str | Path) -> BundleFile:
-    """Cameras, points and observations of a BAL file. Raises ArgumentError for a file that is none.
+    """Read a BAL file. Raises ArgumentError if it is not a valid BAL file.
 
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
@@ -80,20 +83,20 @@ def read_bal(path: str | Path) -> BundleFile:
             raise ValueError(f"{len(words)} numbers for {cameras} cameras, {points} points and {n} observations")
         numbers = np.array(words[3:], float)
     except (OSError, ValueError) as error:
-        raise ArgumentError(f"{path.name} is no BAL file: {error}", "path") from None
-    seen = numbers[: 4 * n].reshape(n, 4)
+        raise ArgumentError(f"{path.name} is not a BAL file: {error}", "path") from None
+    observations = numbers[: 4 * n].reshape(n, 4)
     lens = numbers[4 * n : 4 * n + 9 * cameras].reshape(cameras, 9)
     P = numbers[4 * n + 9 * cameras :].reshape(points, 3)
-    camera, point = seen[:, 0].astype(int), seen[:, 1].astype(int)
+    camera, point = observations[:, 0].astype(int), observations[:, 1].astype(int)
     if n and not (0 <= camera.min() <= camera.max() < cameras and 0 <= point.min() <= point.max() < points):
-        raise ArgumentError(f"{path.name} has observations of cameras or points that it does not have", "path")
-    return BundleFile(np.hstack([exponential(lens[:, :3]), lens[:, 3:]]), P, camera, point, seen[:, 2:].copy())
+        raise ArgumentError(f"{path.name} has observations of cameras or points that it does not contain", "path")
+    return BundleFile(np.hstack([exponential(lens[:, :3]), lens[:, 3:]]), P, camera, point, observations[:, 2:].copy())
 
 
 def write_bal(path: str | Path, bundle: BundleFile, *, overwrite: bool = False) -> None:
-    """Write a BAL file; numbers in full, so that reading gives the same.
+    """Write a BAL file with all digits, so that reading it gives the same numbers.
 
-    Raises FileExistsError where the file is there, unless `overwrite`.
+    Raises FileExistsError if the file exists, unless `overwrite`.
 
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory

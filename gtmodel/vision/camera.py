@@ -1,4 +1,4 @@
-"""A camera as a component: its frame and the point it sees are ports, the pixel is two variables."""
+"""A camera as a component: its frame and the observed point are ports, the pixel coordinates are variables."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ from ..mechanics.frames import Frame, PointFrame
 
 
 class PinholeCamera(gt.Model):
-    """A pinhole camera with Brown's distortion that sees one point.
+    """A pinhole camera with Brown's distortion that observes one point.
 
-    Port `frame` is the camera: origin in the centre of projection, z forward, x right and y down in the picture. Port
-    `point` is the mark. Fixed cameras that look at a tool and a camera on the tool that looks at a fixed board are the
-    same equations, connected otherwise. Pixels are OpenCV's: the middle of the first one is (0, 0).
+    Port `frame` is the camera frame: origin at the centre of projection, z forward, x right and y down in the picture.
+    Port `point` is the mark. The same equations describe a fixed camera that observes a tool and a camera on the tool
+    that observes a fixed board; only the connections differ. Pixel coordinates are those of OpenCV: the centre of the
+    first pixel is (0, 0).
 
-    `front` and `straight` are roots of what must be positive: the cosine of the angle from the axis to the mark, and
-    the straightness of the lens up to it (see project()). A mark behind the camera, or beyond the radius where the lens
-    folds the picture over, so has Status.OUT_OF_RANGE.
+    `front` and `straight` are square roots of quantities that must be positive: the cosine of the angle from the axis
+    to the mark, and the straightness of the lens up to it (see project()). Therefore a mark behind the camera, or
+    beyond the radius at which the lens folds the picture over, has Status.OUT_OF_RANGE.
 
     >>> bench = gt.Builder("bench")
     >>> ground = bench.part("ground", gt.mechanics.Ground())
@@ -32,21 +33,21 @@ class PinholeCamera(gt.Model):
     False
     """
 
-    fx = gt.parameter(unit="1", positive=True, description="focal length across [pixel]")
-    fy = gt.parameter(unit="1", positive=True, description="focal length down [pixel]")
-    cx = gt.parameter(unit="1", description="principal point across [pixel]")
-    cy = gt.parameter(unit="1", description="principal point down [pixel]")
-    k1 = gt.parameter(0.0, unit="1", description="radial distortion, of r^2")
-    k2 = gt.parameter(0.0, unit="1", description="radial distortion, of r^4")
-    p1 = gt.parameter(0.0, unit="1", description="tangential distortion, of r^2 + 2 y^2 down")
-    p2 = gt.parameter(0.0, unit="1", description="tangential distortion, of r^2 + 2 x^2 across")
-    k3 = gt.parameter(0.0, unit="1", description="radial distortion, of r^6")
+    fx = gt.parameter(unit="1", positive=True, description="horizontal focal length [pixel]")
+    fy = gt.parameter(unit="1", positive=True, description="vertical focal length [pixel]")
+    cx = gt.parameter(unit="1", description="principal point, horizontal [pixel]")
+    cy = gt.parameter(unit="1", description="principal point, vertical [pixel]")
+    k1 = gt.parameter(0.0, unit="1", description="radial distortion, coefficient of r^2")
+    k2 = gt.parameter(0.0, unit="1", description="radial distortion, coefficient of r^4")
+    p1 = gt.parameter(0.0, unit="1", description="tangential distortion, coefficient of r^2 + 2 y^2 in v")
+    p2 = gt.parameter(0.0, unit="1", description="tangential distortion, coefficient of r^2 + 2 x^2 in u")
+    k3 = gt.parameter(0.0, unit="1", description="radial distortion, coefficient of r^6")
     frame = gt.port(Frame)
     point = gt.port(PointFrame)
-    u = gt.variable(unit="1", nominal=1000.0, description="place in the picture, to the right [pixel]")
-    v = gt.variable(unit="1", nominal=1000.0, description="place in the picture, downwards [pixel]")
-    front = gt.variable(unit="1", start=1.0, description="root of the cosine of the angle to the axis")
-    straight = gt.variable(unit="1", start=1.0, description="root of the straightness of the lens up to the mark")
+    u = gt.variable(unit="1", nominal=1000.0, description="pixel coordinate, to the right [pixel]")
+    v = gt.variable(unit="1", nominal=1000.0, description="pixel coordinate, downwards [pixel]")
+    front = gt.variable(unit="1", start=1.0, description="square root of the cosine of the angle to the axis")
+    straight = gt.variable(unit="1", start=1.0, description="square root of the lens straightness up to the mark")
 
     def equations(self):
         d = self.point.r - self.frame.r
@@ -58,7 +59,7 @@ class PinholeCamera(gt.Model):
         xd, yd = distorted(x, y, k)
         least = straightness(x * x + y * y, k, gt.minimum, gt.maximum, gt.sqrt)
         yield self.straight**2 == least
-        one = self.straight**2 / least  # so that a pixel beyond the fold has no value
+        one = self.straight**2 / least  # undefined beyond the fold, so that the pixel is too
         yield self.u == self.fx * xd * one + self.cx
         yield self.v == self.fy * yd * one + self.cy
         yield self.frame.f == 0

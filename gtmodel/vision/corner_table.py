@@ -1,4 +1,4 @@
-"""Tables of marks in pictures, whatever detector made them, and boards of known marks."""
+"""Tables of marks in pictures, from any detector, and boards of known marks."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from ..results.refusal import ArgumentError
 class Board:
     """A chessboard with columns x rows inner corners, counted row by row from one end.
 
-    square: side of a square [m]; None where it is not known, and then lengths are in squares. identified: whether each
-    corner was recognised by itself, as on a ChArUco board.
+    square: side of a square [m]; if None, it is unknown and lengths are in squares. identified: whether each corner
+    is recognised individually, as on a ChArUco board.
 
     A board whose columns and rows are both even or both odd looks the same when turned by 180 degrees, and one with as
-    many columns as rows when turned by 90 degrees or 180: a detector counts its corners from either end. Unless they
-    are identified it is refused. Raises ArgumentError.
+    many columns as rows also when turned by 90 degrees: a detector may count its corners from either end. Raises
+    ArgumentError for such a board unless its corners are identified.
 
     >>> gt.vision.Board(9, 6, square=0.025).points[[0, 1, 9]]
     array([[0.   , 0.   , 0.   ],
@@ -43,17 +43,17 @@ class Board:
         if self.columns < 2 or self.rows < 2:
             raise ArgumentError(f"found {self.columns} x {self.rows} corners; expected at least 2 x 2", "board")
         if self.square is not None and not (np.isfinite(self.square) and self.square > 0):
-            raise ArgumentError(f"a square has a positive side; found {self.square:g}", "board.square")
+            raise ArgumentError(f"found a side of {self.square:g}; expected a positive length", "board.square")
         if not self.identified and (self.columns + self.rows) % 2 == 0:
             raise ArgumentError(
-                f"{self.columns} x {self.rows} corners look the same when the board is turned by 180 degrees; take one "
-                "with an even and an odd number of corners, or marks that carry an identity",
+                f"{self.columns} x {self.rows} corners look the same when the board is turned by 180 degrees; use a "
+                "board with one even and one odd number of corners, or one with coded marks",
                 "board",
             )
 
     @property
     def points(self) -> np.ndarray:
-        """Corners (columns * rows, 3), z = 0 [m], or in squares."""
+        """Corners (columns * rows, 3) with z = 0, in metres, or in squares if `square` is None."""
         y, x = np.divmod(np.arange(self.columns * self.rows), self.columns)
         return np.column_stack([x, y, np.zeros(len(x))]) * (self.square or 1.0)
 
@@ -63,13 +63,13 @@ PICTURE, MARK = ("picture", "pair", "pose"), ("mark", "corner")
 
 @dataclass(frozen=True, eq=False)
 class CornerTable:
-    """Marks that cameras saw, one observation a row.
+    """Marks observed by cameras, one observation per row.
 
-    cameras, pictures: their names; camera, picture (n,): which of them; pictures of one name were taken at the same
-    moment. X (n, 3): the mark on its board, in lengths of the board; uv (n, 2) [pixel]: where it was seen. sigma (n,)
-    [pixel]: the detector's own standard deviation, None where it gives none. marks (n,): their names.
+    cameras, pictures: names; camera, picture (n,): their indices. Pictures of the same name were taken at the same
+    time. X (n, 3): position of the mark on its board, in the board's unit of length; uv (n, 2) [pixel]: the detected
+    position. sigma (n,) [pixel]: standard deviation stated by the detector, None if it states none. marks (n,): names.
 
-    Raises ArgumentError for lengths that do not fit, values that are not finite and a sigma that is not positive.
+    Raises ArgumentError if lengths do not match, values are not finite, or a sigma is not positive.
     """
 
     cameras: tuple[str, ...]
@@ -86,11 +86,9 @@ class CornerTable:
         n = len(self.camera)
         shapes = [np.shape(self.picture), np.shape(self.X), np.shape(self.uv), (len(self.marks),)]
         if shapes != [(n,), (n, 3), (n, 2), (n,)] or (self.sigma is not None and np.shape(self.sigma) != (n,)):
-            raise ArgumentError(
-                f"the columns of the corners have the shapes {shapes}; expected {n} rows of each", "corners"
-            )
+            raise ArgumentError(f"found columns of the shapes {shapes}; expected {n} rows in each", "corners")
         if not (np.all(np.isfinite(self.X)) and np.all(np.isfinite(self.uv))):
-            raise ArgumentError("a corner has a value that is not finite; leave its row out", "corners")
+            raise ArgumentError("found a corner with a value that is not finite; remove its row", "corners")
         if self.sigma is not None and not np.all(np.isfinite(self.sigma) & (self.sigma > 0)):
             k = int(np.argmin(np.isfinite(self.sigma) & (self.sigma > 0)))
             raise ArgumentError(
@@ -100,11 +98,11 @@ class CornerTable:
 
     @property
     def n(self) -> int:
-        """Observations."""
+        """Number of observations."""
         return len(self.camera)
 
     def rows(self, keep: np.ndarray) -> CornerTable:
-        """The observations of a mask or of indices; names of cameras and pictures stay."""
+        """Return the observations of a mask or of indices; the names of cameras and pictures stay."""
         k = np.arange(self.n)[keep]
         return CornerTable(
             self.cameras, self.pictures, self.camera[k], self.picture[k], self.X[k], self.uv[k],
@@ -112,27 +110,27 @@ class CornerTable:
         )  # fmt: skip
 
     def without(self, pictures: Sequence[str]) -> CornerTable:
-        """The table without pictures of these names."""
-        left = [p for p, name in enumerate(self.pictures) if name not in pictures]
-        number = np.cumsum(np.isin(np.arange(len(self.pictures)), left)) - 1
-        some = self.rows(np.isin(self.picture, left))
-        return replace(some, pictures=tuple(self.pictures[p] for p in left), picture=number[some.picture])
+        """Return the table without the pictures of these names."""
+        keep = [p for p, name in enumerate(self.pictures) if name not in pictures]
+        number = np.cumsum(np.isin(np.arange(len(self.pictures)), keep)) - 1
+        part = self.rows(np.isin(self.picture, keep))
+        return replace(part, pictures=tuple(self.pictures[p] for p in keep), picture=number[part.picture])
 
     def label(self, row: int) -> str:
-        """An observation in words: "corner 7 of picture 03 in left"."""
+        """Return an observation in words, such as "corner 7 of picture 03 in left"."""
         picture, camera = self.pictures[self.picture[row]], self.cameras[self.camera[row]]
         return f"corner {self.marks[row]} of picture {picture} in {camera}"
 
 
 def read_corners(path: str | Path) -> CornerTable:
-    """A corner table of a CSV file with a header, in one of two forms; Z may be left out, and is then 0.
+    """Read a corner table from a CSV file with a header, in a wide or a long form; Z is 0 if left out.
 
-    Wide: picture (or pair, pose), corner (or mark), X, Y, Z, and for each camera u_NAME, v_NAME; an empty cell is a
-    mark that the camera does not see. Long: camera, picture, corner, X, Y, Z, u, v, sigma; sigma may be left out. X,
-    Y, Z in lengths of the board, u, v and sigma in pixels.
+    Wide: picture (or pair, pose), corner (or mark), X, Y, Z, and for each camera u_NAME, v_NAME; empty cells mean that
+    the camera does not see the mark. Long: camera, picture, corner, X, Y, Z, u, v, sigma; sigma may be left out. X,
+    Y, Z are in the board's unit of length, u, v and sigma in pixels.
 
-    Raises ArgumentError for a file that is none of both, with the line; also where a column stands twice, a row has
-    more cells than the header, or only one of u and v is there.
+    Raises ArgumentError with the line if the file has neither form, a column occurs twice, a row has more cells than
+    the header, or only one of u and v is present.
 
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
@@ -167,50 +165,48 @@ def read_corners(path: str | Path) -> CornerTable:
         for name in ("u", "v"):
             _one_of(columns, (name,), path)
         cameras = tuple(dict.fromkeys(str(row["camera"]) for row, _ in rows))
-        seen = [(row, line, cameras.index(row["camera"]), "u", "v") for row, line in rows]
+        cells = [(row, line, cameras.index(row["camera"]), "u", "v") for row, line in rows]
     else:
         cameras = tuple(c[2:] for c in columns if c.startswith("u_"))
-        others = tuple(c[2:] for c in columns if c.startswith("v_"))
-        lost = set(cameras) ^ set(others)
-        if not cameras or lost:
+        if not cameras or set(cameras) != {c[2:] for c in columns if c.startswith("v_")}:
             raise ArgumentError(
-                f"{path.name} has the columns {', '.join(columns)}; expected camera, u and v, or u_NAME and v_NAME of "
+                f"{path.name} has the columns {', '.join(columns)}; expected camera, u and v, or u_NAME and v_NAME for "
                 "each camera",
                 "corners",
             )
-        seen = [(row, line, c, f"u_{name}", f"v_{name}") for c, name in enumerate(cameras) for row, line in rows]
-    for row, line, _, u, v in seen:
+        cells = [(row, line, c, f"u_{name}", f"v_{name}") for c, name in enumerate(cameras) for row, line in rows]
+    for row, line, _, u, v in cells:
         if _empty(row, u) != _empty(row, v):
-            gone, there = (u, v) if _empty(row, u) else (v, u)
+            missing, present = (u, v) if _empty(row, u) else (v, u)
             raise ArgumentError(
-                f"line {line} of {path.name} has a {there} and no {gone}; expected both, or none for a mark that is "
-                "not seen",
+                f"line {line} of {path.name} has {present} but not {missing}; fill in both, or leave both empty if the "
+                "mark is not visible",
                 "corners",
             )
-    seen = [s for s in seen if not _empty(s[0], s[3])]
+    cells = [c for c in cells if not _empty(c[0], c[3])]
     pictures = tuple(dict.fromkeys(str(row[picture]) for row, _ in rows))
     places = {name: k for k, name in enumerate(pictures)}
 
     def numbers(name: str) -> list[float]:
-        return [_number(row, name, line, path) for row, line, *_ in seen]
+        return [_number(row, name, line, path) for row, line, *_ in cells]
 
-    X = np.array([numbers(c) if c in columns else [0.0] * len(seen) for c in ("X", "Y", "Z")]).T.reshape(-1, 3)
-    uv = np.array([[_number(row, u, line, path), _number(row, v, line, path)] for row, line, _, u, v in seen])
+    X = np.array([numbers(c) if c in columns else [0.0] * len(cells) for c in ("X", "Y", "Z")]).T.reshape(-1, 3)
+    uv = np.array([[_number(row, u, line, path), _number(row, v, line, path)] for row, line, _, u, v in cells])
     sigma = np.array(numbers("sigma")) if "camera" in columns and "sigma" in columns else None
     return CornerTable(
-        cameras, pictures, np.array([c for _, _, c, _, _ in seen]),
-        np.array([places[row[picture]] for row, *_ in seen]), X, uv.reshape(-1, 2),
-        tuple(str(row[mark]) for row, *_ in seen), sigma, path.name,
+        cameras, pictures, np.array([c for _, _, c, _, _ in cells]),
+        np.array([places[row[picture]] for row, *_ in cells]), X, uv.reshape(-1, 2),
+        tuple(str(row[mark]) for row, *_ in cells), sigma, path.name,
     )  # fmt: skip
 
 
 def _one_of(columns: Sequence[str], names: Sequence[str], path: Path) -> str:
-    there = [n for n in names if n in columns]
-    if not there:
+    present = [n for n in names if n in columns]
+    if not present:
         raise ArgumentError(
             f"{path.name} has the columns {', '.join(columns)}; expected {' or '.join(names)}", "corners"
         )
-    return there[0]
+    return present[0]
 
 
 def _empty(row: Mapping[str, str | None], name: str) -> bool:

@@ -1,5 +1,5 @@
-"""What residuals of corners tell: wrong corners and wrong pictures, told from noise, and whether they depend on the
-place in the picture."""
+"""Tests of corner residuals: wrong corners and wrong pictures against noise, and dependence on the place in the
+picture."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from ..inference.chance import f_test
 from ..measurements.inspection.residual_tests import Outliers, outliers
 from ..results.refusal import ArgumentError
 
-LEAST = 30  # observations: fewer say nothing
-ROUNDING = 1e-9  # pixel: residuals of a smaller rms are where the fit ended
+LEAST = 30  # observations that a test needs
+ROUNDING = 1e-9  # pixel: residuals of a smaller rms are round-off
 
 
 @dataclass(frozen=True, eq=False)
 class PictureTest:
-    """Residuals of one camera over its picture.
+    """Result of a test whether the residuals of one camera depend on the place in its picture.
 
-    radius, quadratic: probabilities that residuals without a pattern look so much like one by chance: the part along
-    the radius as a cubic of it, and both parts as quadratic polynomials of u and v. A wrong principal point shows in
-    the second and need not in the first. size: rms of the quadratic map [pixel]; coefficients (6, 2) of 1, u, v, u^2,
-    u v, v^2 for the two parts [pixel], u and v from -1 to 1 over the picture.
+    radius, quadratic: p-values for residuals without a pattern; `radius` tests the radial component for a cubic in the
+    radius, `quadratic` both components for quadratic polynomials in u and v. A wrong principal point shows in the
+    second, but not always in the first. size: rms of the quadratic map [pixel]; coefficients (6, 2): of 1, u, v, u^2,
+    u v, v^2 for both components [pixel], with u and v from -1 to 1 over the picture.
     """
 
     radius: float
@@ -32,11 +32,11 @@ class PictureTest:
     coefficients: np.ndarray
 
     def fires(self, level: float = 1e-3) -> bool:
-        """Whether the quadratic map is more than chance makes at this level."""
+        """Return whether the quadratic map is significant at this level."""
         return self.quadratic < level
 
     def at(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """The map (n, 2) [pixel] at u, v (n,) from -1 to 1."""
+        """Return the quadratic map (n, 2) [pixel] at u, v (n,) from -1 to 1."""
         return _quadratic(u, v) @ self.coefficients
 
 
@@ -48,12 +48,13 @@ def picture_test(
     *,
     least: float = ROUNDING,
 ) -> PictureTest:
-    """Tests residuals (n, 2) [pixel] of marks at uv (n, 2) in a picture of `size` (width, height) by F tests; the
-    radius is counted from `centre` (2,) [pixel], by default the middle of the picture. Residuals whose rms is below
-    `least` are rounding: they have no pattern.
+    """Test with F tests whether residuals (n, 2) [pixel] depend on the place uv (n, 2) [pixel] of their marks.
 
-    The fit itself has taken a part of such patterns away, which makes the tests a little mild. Raises ArgumentError for
-    fewer than 30 marks.
+    `size` is the width and height of the picture. The radius is measured from `centre` (2,) [pixel], by default the
+    middle of the picture. Residuals whose rms is below `least` are round-off and count as having no pattern.
+
+    The fit has already absorbed a part of such patterns, so the tests fire a little less often than stated. Raises
+    ArgumentError for fewer than 30 marks.
 
     >>> rng = np.random.default_rng(1)
     >>> uv, noise = rng.uniform(0, 480, (400, 2)), rng.normal(0, 0.1, (400, 2))
@@ -64,7 +65,9 @@ def picture_test(
     """
     uv, e = np.asarray(uv, float), np.asarray(residuals, float)
     if len(uv) < LEAST or e.shape != uv.shape:
-        raise ArgumentError(f"{len(uv)} marks with residuals of the shape {e.shape}; expected at least {LEAST}, (n, 2)")
+        raise ArgumentError(
+            f"found {len(uv)} marks and residuals of the shape {e.shape}; expected at least {LEAST} rows, (n, 2)"
+        )
     half = np.array([size[0] - 1.0, size[1] - 1.0]) / 2
     u, v = ((uv - half) / half).T
     d = uv - (half if centre is None else np.asarray(centre, float))
@@ -84,22 +87,22 @@ def _quadratic(u: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def _chance(B: np.ndarray, e: np.ndarray) -> tuple[float, np.ndarray]:
-    """Probability of as much of e (n, c) in the columns of B by chance, and the coefficients."""
+    """Return the p-value of e (n, c) having no part in the columns of B, and the coefficients."""
     c = np.linalg.lstsq(B, e, rcond=None)[0]
-    left = float(np.sum((e - B @ c) ** 2))
-    return f_test(float(np.sum(e**2)), left, c.size, e.size - c.size)[1] if left > 0 else 1.0, c
+    remaining = float(np.sum((e - B @ c) ** 2))
+    return f_test(float(np.sum(e**2)), remaining, c.size, e.size - c.size)[1] if remaining > 0 else 1.0, c
 
 
 SETTLED = 0.01  # relative change of the noise between two robust fits
-# median of the length of a pair of normal errors, in standard deviations: sqrt(2 ln 2)
+# median length of a pair of normal errors, in standard deviations: sqrt(2 ln 2)
 MEDIAN = float(np.sqrt(2 * np.log(2)))
-WRONG = 0.5  # a picture of which more corners than this are off by SPREAD times a gross error is wrong as a whole
-SPREAD = 3.0  # pictures of a board that is far, tilted or out of focus have up to so many times the noise of the others
-FEW = 10  # corners of a view: with fewer the noise of its camera is theirs
+WRONG = 0.5  # a picture is wrong as a whole if more than this share of its corners is off by SPREAD times a gross error
+SPREAD = 3.0  # noise of a picture of a distant, tilted or defocused board, relative to the others, at most
+FEW = 10  # corners of a view; with fewer, the noise of its camera is used
 
 
 class Corners(Protocol):
-    """n corners: camera and picture (n,) by number; sigma (n,) [pixel], None where the detector gives none."""
+    """n corners: indices camera and picture (n,); sigma (n,) [pixel], None if the detector states none."""
 
     @property
     def camera(self) -> np.ndarray: ...
@@ -111,9 +114,12 @@ class Corners(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class GrossErrors:
-    """corners (n,): a mask of gross errors; pictures: numbers of those that are wrong as a whole, whose corners are all
-    in the mask; noise: standard deviation of the others' coordinates [pixel], or in units of their sigma; p: how often
-    clean corners have one as far off as the worst of those that belong to no wrong picture."""
+    """Gross errors of corners.
+
+    corners (n,): mask of gross errors. pictures: indices of pictures that are wrong as a whole; the mask covers all
+    their corners. noise: standard deviation of the coordinates of the other corners [pixel], or in units of their
+    sigma. p: probability that clean corners include one as far off as the worst single corner.
+    """
 
     corners: np.ndarray
     pictures: tuple[int, ...]
@@ -122,9 +128,12 @@ class GrossErrors:
 
 
 def gross_errors(table: Corners, residuals: np.ndarray, gross: float) -> GrossErrors:
-    """Of residuals (n, 2) [pixel]. Pictures first, by the median of all lengths, which up to half of the corners may
-    not spoil; then corners that are too far off for any view, and others by the noise of their own view, which tilt
-    and distance make larger: those that clean corners hardly ever show in any, and that lie `gross` deviations off.
+    """Find gross errors in residuals (n, 2) [pixel].
+
+    Wrong pictures are found first, with the noise from the median of all lengths, which tolerates up to half of the
+    corners being wrong. Then come corners that are too far off for any view. Other corners are judged by the noise of
+    their own view, which grows with tilt and distance: an outlier is improbable among clean corners and at least
+    `gross` standard deviations off.
 
     >>> board = gt.vision.BoardPictures(width_pixel=640, height_pixel=480, columns=9, rows=6)
     >>> table, lenses, cameras = gt.vision.stereo.made_corners(gt.vision.stereo.SyntheticBoards(), board)
@@ -137,34 +146,34 @@ def gross_errors(table: Corners, residuals: np.ndarray, gross: float) -> GrossEr
     e = scaled(table, residuals)
     length, noise = np.linalg.norm(e, axis=1), noise_of(e)
     far = length > SPREAD * gross * max(noise, 1e-12)
-    own = np.bincount(table.picture)
-    wrong = np.flatnonzero(np.bincount(table.picture, far) > WRONG * own)
-    of_wrong = np.isin(table.picture, wrong)
-    corners = of_wrong | far  # several far off in one view hide each other from what follows
-    left = np.flatnonzero(~corners)
-    view = table.camera * len(own) + table.picture
-    seen = np.bincount(view[left], minlength=view.max(initial=0) + 1)[view[left]]
-    single = outliers(e[left], groups=np.where(seen < FEW, -1 - table.camera[left], view[left]))
+    count = np.bincount(table.picture)
+    wrong = np.flatnonzero(np.bincount(table.picture, far) > WRONG * count)
+    in_wrong = np.isin(table.picture, wrong)
+    corners = in_wrong | far  # several large errors in one view would mask each other in the test below
+    rest = np.flatnonzero(~corners)
+    view = table.camera * len(count) + table.picture
+    size = np.bincount(view[rest], minlength=view.max(initial=0) + 1)[view[rest]]
+    single = outliers(e[rest], groups=np.where(size < FEW, -1 - table.camera[rest], view[rest]))
     odd = single.beyond()
     odd = odd[single.times[odd] > gross]
-    corners[left[odd]] = True
-    p = 0.0 if np.any(far & ~of_wrong) else float(np.min(single.p[odd], initial=1.0))
+    corners[rest[odd]] = True
+    p = 0.0 if np.any(far & ~in_wrong) else float(np.min(single.p[odd], initial=1.0))
     return GrossErrors(corners, tuple(wrong.tolist()), noise, p)
 
 
 def scaled(table: Corners, residuals: np.ndarray) -> np.ndarray:
-    """Residuals (n, 2) in units of their sigma; in pixels where there is none."""
+    """Return residuals (n, 2) in units of their sigma, or in pixels without sigma."""
     return residuals if table.sigma is None else residuals / table.sigma[:, None]
 
 
 def noise_of(scaled_residuals: np.ndarray) -> float:
-    """Standard deviation of the coordinates of most residuals (n, 2), by the median of their lengths."""
+    """Return the standard deviation of the coordinates of residuals (n, 2), estimated from their median length."""
     return float(np.median(np.linalg.norm(scaled_residuals, axis=1))) / MEDIAN
 
 
 def picture_means(table: Corners, residuals: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The mean residual of each picture (k, 2) times the root of its corners, so that noise makes all alike; the number
-    of the picture (k,) and of its camera."""
+    """Return the mean residual of each picture (k, 2) times the square root of its number of corners, so that all have
+    the same noise, and the indices of the picture (k,) and of its camera (k,)."""
     e = scaled(table, residuals)
     which, first, back = np.unique(table.picture, return_index=True, return_inverse=True)
     sums = np.stack([np.bincount(back.reshape(-1), e[:, j]) for j in (0, 1)], axis=1)
@@ -172,8 +181,8 @@ def picture_means(table: Corners, residuals: np.ndarray) -> tuple[np.ndarray, np
 
 
 def shifted_pictures(table: Corners, residuals: np.ndarray) -> tuple[Outliers, np.ndarray]:
-    """Which pictures of one camera lie beside the others as a whole, by however little their corners: shifted, of
-    another pose, or of another moment. With the outliers come the numbers of the pictures they count.
+    """Test whether single pictures of a camera are offset as a whole (shifted, or of another pose or time), even if
+    each of their corners is only a little off. Return the outliers and the indices of the pictures they refer to.
 
     >>> V = gt.vision.robot_cameras
     >>> p = V.made_pictures(V.SyntheticRobotCameras(counts=[3, 3, 3])).pictures

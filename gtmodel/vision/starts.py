@@ -1,4 +1,4 @@
-"""Starting values: homographies of flat boards, focal lengths of them (Zhang), poses of known points.
+"""Starting values: homographies of planar boards, focal lengths from them (Zhang), poses of known points.
 
 Source: Zhang 2000, "A flexible new technique for camera calibration", appendices A and B; Hartley and Zisserman 2004,
 "Multiple view geometry", algorithm 4.2 (normalised direct linear transformation).
@@ -14,14 +14,14 @@ from ..geometry.pinhole import undistort
 from ..geometry.rotations import nearest_rotation, poses_of
 from ..results.refusal import ArgumentError
 
-FLAT = 1e-6  # of the spread of points: thinner than this they lie in a plane
-TILT = 1e-4  # of Zhang's equations: a smallest singular value below this part determines no focal length
+FLAT = 1e-6  # thickness of planar points, relative to their spread
+TILT = 1e-4  # norm of Zhang's equations below which they do not determine the focal length
 
 
 def homography(X: np.ndarray, uv: np.ndarray) -> np.ndarray:
-    """H (3, 3) with (u, v, 1) ~ H (X, Y, 1), of at least four points X (n, 2) and uv (n, 2), by least squares.
+    """Fit H (3, 3) with (u, v, 1) ~ H (X, Y, 1) to at least four points X (n, 2) and uv (n, 2) by least squares.
 
-    Raises ArgumentError for fewer, or for points on one line.
+    Raises ArgumentError for fewer points, or for points on one line.
 
     >>> X = np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])
     >>> H = gt.vision.homography(X, 100 * X + 7)
@@ -32,17 +32,17 @@ def homography(X: np.ndarray, uv: np.ndarray) -> np.ndarray:
     """
     X, uv = np.asarray(X, float), np.asarray(uv, float)
     if len(X) < 4:
-        raise ArgumentError(f"{len(X)} points do not determine a homography; expected at least 4")
+        raise ArgumentError(f"found {len(X)} points; a homography needs at least 4")
     H, sizes = linear_projection(X, uv)
     if sizes[7] < 1e-9 * sizes[0]:
-        raise ArgumentError("the points lie on one line, which does not determine a homography")
+        raise ArgumentError("the points are collinear and do not determine a homography")
     return H
 
 
 def focal_length(H: Sequence[np.ndarray], principal: Sequence[float]) -> float:
-    """Focal length [pixel] from homographies (3, 3) of flat boards, the principal point (2,) known; square pixels.
+    """Compute the focal length [pixel] from homographies (3, 3) of planar boards and the known principal point (2,).
 
-    Raises ArgumentError where no board is tilted against the picture plane.
+    Pixels are assumed square. Raises ArgumentError if no board is tilted against the picture plane.
 
     >>> K = np.diag([800.0, 800.0, 1.0])
     >>> H = K @ np.array([[0.8, 0.0, 0.1], [0.0, 1.0, 0.2], [0.6, 0.0, 5.0]])
@@ -62,17 +62,18 @@ def focal_length(H: Sequence[np.ndarray], principal: Sequence[float]) -> float:
     inverse = float(A @ y) / max(float(A @ A), 1e-300)  # 1 / f^2
     if not np.linalg.norm(A) > TILT or not inverse > 0:
         raise ArgumentError(
-            "no board is tilted against the picture plane: the focal length and the distances cannot be told apart; "
+            "no board is tilted against the picture plane, so focal length and distance cannot be separated; "
             "tilt it by 20 degrees or more in some pictures, or give a starting value"
         )
     return 1 / float(np.sqrt(inverse))
 
 
 def board_pose(X: np.ndarray, uv: np.ndarray, lens: np.ndarray) -> np.ndarray:
-    """Pose (7,) of known points X (n, 3) in camera coordinates, from their pixels uv (n, 2): of points in a plane z = 0
-    by their homography, of others, at least six, by direct linear transformation. All lie in front of the camera.
+    """Compute the pose (7,) of known points X (n, 3) in camera coordinates from their pixels uv (n, 2).
 
-    A start, not an estimate. Raises ArgumentError for too few points, and where the pixels have no directions.
+    Points of constant z use a homography, others (at least six) the direct linear transformation. All must be in front
+    of the camera. The pose is a starting value, not an estimate. Raises ArgumentError if too few points have a pixel
+    that can be undistorted.
 
     >>> lens = np.array([500.0, 500.0, 320.0, 240.0, 0, 0, 0, 0, 0])
     >>> X = gt.vision.Board(3, 2, square=0.1).points
@@ -85,7 +86,7 @@ def board_pose(X: np.ndarray, uv: np.ndarray, lens: np.ndarray) -> np.ndarray:
     good = status == 0
     X, xy = X[good], xy[good]
     if len(X) < 4:
-        raise ArgumentError(f"{len(X)} points with a direction do not determine a pose; expected at least 4")
+        raise ArgumentError(f"found {len(X)} points whose pixels can be undistorted; a pose needs at least 4")
     if np.ptp(X[:, 2]) <= FLAT * np.ptp(X[:, :2]):
         H = homography(X[:, :2], xy)
         H = H / np.sqrt(np.linalg.norm(H[:, 0]) * np.linalg.norm(H[:, 1]))
@@ -94,7 +95,7 @@ def board_pose(X: np.ndarray, uv: np.ndarray, lens: np.ndarray) -> np.ndarray:
         R = np.column_stack([H[:, 0], H[:, 1], np.cross(H[:, 0], H[:, 1])])
         return poses_of(R[None], H[:, 2][None] - X[0, 2] * R[:, 2][None])[0]
     if len(X) < 6:
-        raise ArgumentError(f"{len(X)} points that do not lie in a plane do not determine a pose; expected at least 6")
+        raise ArgumentError(f"found {len(X)} points that do not lie in a plane z = const; a pose needs at least 6")
     P, _ = linear_projection(X, xy)
     P = P / np.cbrt(np.linalg.det(P[:, :3]))
     R, middle = nearest_rotation(P[:, :3]), X.mean(axis=0)
@@ -102,8 +103,8 @@ def board_pose(X: np.ndarray, uv: np.ndarray, lens: np.ndarray) -> np.ndarray:
 
 
 def linear_projection(X: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """P (3, k + 1) with (u, v, 1) ~ P (X, 1) of points X (n, k) and uv (n, 2) by least squares of normalised linear
-    equations, and the singular values of these."""
+    """Fit P (3, k + 1) with (u, v, 1) ~ P (X, 1) to points X (n, k) and uv (n, 2) by normalised linear least squares;
+    also return the singular values of the equations."""
     A, a = _normalised(X)
     B, b = _normalised(uv)
     one = np.hstack([a, np.ones((len(a), 1))])
@@ -114,7 +115,7 @@ def linear_projection(X: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def _normalised(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A (k + 1, k + 1) that takes points (n, k) to middle zero and size sqrt 2, and these."""
+    """Return A (k + 1, k + 1) that maps points (n, k) to mean zero and mean size sqrt 2, and the mapped points."""
     middle, A = p.mean(axis=0), np.eye(p.shape[1] + 1)
     spread = float(np.mean(np.linalg.norm(p - middle, axis=1)))
     A[:-1] *= np.sqrt(2) / (spread if spread > 0 else 1.0)

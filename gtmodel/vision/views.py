@@ -1,5 +1,4 @@
-"""Pixels as residual blocks, points from the pixels of several cameras with their covariance, and motions of
-everything that pixels do not notice."""
+"""Pixel residuals for bundles, intersection of points from several cameras with covariance, and gauge motions."""
 
 from __future__ import annotations
 
@@ -20,11 +19,11 @@ from ..results.status import Status
 
 
 def board_view() -> ca.Function:
-    """(lens (9,), camera pose (7,), board pose (7,), data (5,): X, Y, Z on the board, u, v) -> (error (2,) [pixel],
-    margins (2,)).
+    """Return the function (lens (9,), camera pose (7,), board pose (7,), data (5,): X, Y, Z on the board, u, v) ->
+    (error (2,) [pixel], margins (2,)).
 
-    The camera's pose takes outer coordinates to its own, the board's takes its own to outer ones. The error is the
-    predicted less the measured pixel.
+    The camera pose maps outer coordinates to camera coordinates, the board pose maps board coordinates to outer ones.
+    The error is the predicted minus the measured pixel.
 
     >>> f = gt.vision.board_view()
     >>> lens, still = [500.0, 500.0, 320.0, 240.0, 0, 0, 0, 0, 0], [1.0, 0, 0, 0, 0, 0, 0]
@@ -38,8 +37,8 @@ def board_view() -> ca.Function:
 
 
 def point_view() -> ca.Function:
-    """(lens (9,), camera pose (7,), point (3,), data (2,): u, v) -> (error (2,) [pixel], margins (2,)); the point in
-    outer coordinates, otherwise as board_view().
+    """Return the function (lens (9,), camera pose (7,), point (3,), data (2,): u, v) -> (error (2,) [pixel], margins
+    (2,)), with the point in outer coordinates; otherwise as board_view().
 
     >>> f = gt.vision.point_view()
     >>> lens, still = [500.0, 500.0, 320.0, 240.0, 0, 0, 0, 0, 0], [1.0, 0, 0, 0, 0, 0, 0]
@@ -52,8 +51,8 @@ def point_view() -> ca.Function:
 
 
 def mark_view() -> ca.Function:
-    """(lens (9,), camera pose (7,), frame pose (7,), mark (3,), data (2,): u, v) -> (error (2,) [pixel], margins (2,)):
-    a mark at unknown coordinates in a frame that moves, otherwise as board_view().
+    """Return the function (lens (9,), camera pose (7,), frame pose (7,), mark (3,), data (2,): u, v) -> (error (2,)
+    [pixel], margins (2,)) of a mark with unknown coordinates in a moving frame; otherwise as board_view().
 
     >>> gt.vision.mark_view().n_in()
     5
@@ -75,12 +74,13 @@ LENGTH = "give one known length: between two marks, of a board, or between two c
 
 def similarity_motions(cameras: Sequence[str] = ("camera",), frames: Sequence[str] = (),
                        points: Sequence[str] = (), marks: Sequence[str] = ()) -> list[GaugeMotion]:  # fmt: skip
-    """Seven motions of a whole scene, each with its remedy: along and about x, y and z, and growth by one factor.
+    """Return the seven motions of a whole scene that leave all pixels unchanged, each with its remedy: translations,
+    rotations, and growth by one factor.
 
-    Names of groups of unknowns of `gt.inference.bundle`: cameras, whose poses take outer coordinates to their own;
-    frames, boards or platforms, whose poses take their own coordinates to outer ones; points in outer coordinates;
-    marks, points in coordinates of the frames. Of cameras and frames the first seven numbers are a pose: quaternion,
-    scalar first, and translation.
+    The arguments are names of groups of unknowns of `gt.inference.bundle`: cameras, whose poses map outer coordinates
+    to camera coordinates; frames (boards or platforms), whose poses map their coordinates to outer ones; points in
+    outer coordinates; marks, points in coordinates of the frames. The first seven numbers of cameras and frames are
+    the pose: quaternion, scalar first, and translation.
 
     >>> for motion in gt.vision.similarity_motions(["camera"], points=["point"])[::3]:
     ...     print(f"{motion.words}: {motion.remedy}")
@@ -88,7 +88,7 @@ def similarity_motions(cameras: Sequence[str] = ("camera",), frames: Sequence[st
     all cameras and points turn together about x: fix a camera, or measure where a mark is
     everything grows by one factor: give one known length: between two marks, of a board, or between two cameras
     """
-    seen = "points" if points else "boards"
+    observed = "points" if points else "boards"
 
     def shift(axis: int, values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         step = {}
@@ -125,11 +125,11 @@ def similarity_motions(cameras: Sequence[str] = ("camera",), frames: Sequence[st
         return step
 
     def along(axis: int) -> GaugeMotion:
-        words = f"all cameras and {seen} move together along {AXES[axis]}"
+        words = f"all cameras and {observed} move together along {AXES[axis]}"
         return GaugeMotion(words, FIX, lambda values: shift(axis, values))
 
     def about(axis: int) -> GaugeMotion:
-        words = f"all cameras and {seen} turn together about {AXES[axis]}"
+        words = f"all cameras and {observed} turn together about {AXES[axis]}"
         return GaugeMotion(words, FIX, lambda values: turn(axis, values))
 
     scale = GaugeMotion("everything grows by one factor", LENGTH, growth)
@@ -141,14 +141,14 @@ def _still(values: np.ndarray) -> np.ndarray:
 
 
 ROUNDS, ARRIVED = 20, 1e-12
-PARALLEL = 1e-10  # of the rays' normal equations: a point at no finite distance
-MOVES = len(LENS) + 6  # of a camera: its lens, its turn and its place
+PARALLEL = 1e-10  # smallest eigenvalue of the rays' normal equations for a point at a finite distance
+MOVES = len(LENS) + 6  # increments of a camera: lens, rotation and translation
 
 
 @dataclass(frozen=True, eq=False)
 class IntersectedPoints:
-    """Points p (n, 3) [m] with their `covariance` (n, 3, 3) [m2], the `errors` (n, cameras, 2) [pixel] that are left,
-    predicted less measured, and status codes (n,); NaN where a point has none."""
+    """Points p (n, 3) [m], their `covariance` (n, 3, 3) [m2], the residuals `errors` (n, cameras, 2) [pixel], predicted
+    minus measured, and status codes (n,); NaN for points without a solution."""
 
     p: np.ndarray
     covariance: np.ndarray
@@ -163,16 +163,17 @@ def intersect(
     sigma: float | Sequence[float],
     camera_covariance: np.ndarray | None = None,
 ) -> IntersectedPoints:
-    """Points in outer coordinates from pixels uv (n, cameras, 2), NaN where a camera does not see one, by least squares
-    on the pixels.
+    """Intersect points in outer coordinates from pixels uv (n, cameras, 2) by least squares on the pixels; pixels are
+    NaN if a camera does not see the point.
 
-    lenses (cameras, 9) as project() takes them, cameras (cameras, 7) poses, outer to camera coordinates; sigma [pixel]:
-    noise of u and v, one for all or one for each camera. camera_covariance (cameras * 15, cameras * 15): of each camera
-    its lens, turn about its own axes [rad] and translation, in the increments of a bundle. With it the covariance holds
-    what the cameras' own errors do to each point; errors of several points are then correlated, which it does not say.
+    lenses (cameras, 9) as for project(); cameras (cameras, 7): poses, outer to camera coordinates. sigma [pixel]: noise
+    of u and v, one for all or one per camera. camera_covariance (cameras * 15, cameras * 15): for each camera lens,
+    rotation about its own axes [rad] and translation, as the increments of a bundle. With it, the covariance of each
+    point includes the errors of the cameras. These also correlate the errors of different points; the result does not
+    contain this correlation.
 
-    Status.SINGULAR: fewer than two cameras see a point, or their rays are parallel; NOT_CONVERGED or OUT_OF_RANGE: no
-    point in front of all of them. Raises ArgumentError for shapes that do not fit.
+    Status.SINGULAR: fewer than two cameras see the point, or their rays are parallel. NOT_CONVERGED or OUT_OF_RANGE:
+    there is no such point in front of all cameras. Raises ArgumentError for shapes that do not match.
 
     >>> lens = np.array([500.0, 500.0, 320.0, 240.0, 0, 0, 0, 0, 0])
     >>> pair = np.array([[1.0, 0, 0, 0, 0, 0, 0], [1.0, 0, 0, 0, -0.5, 0, 0]])
@@ -188,14 +189,14 @@ def intersect(
             f"(cameras, {len(LENS)}) and (cameras, 7)"
         )
     noise = np.broadcast_to(np.asarray(sigma, float), (many,))
-    seen = np.asarray(np.all(np.isfinite(uv), axis=2), bool)
-    p, status = _rays(uv, lenses, cameras, seen)
+    mask = np.asarray(np.all(np.isfinite(uv), axis=2), bool)
+    p, status = _rays(uv, lenses, cameras, mask)
     size = np.full(n, np.inf)
     J, r, margin = np.zeros((n, many, 2, 3)), np.zeros((n, many, 2)), np.zeros((n, many))
     by_camera = np.zeros((n, many, 2, MOVES))
     with np.errstate(all="ignore"):
         for _ in range(ROUNDS):
-            J, r, margin, by_camera = _linearised(p, uv, lenses, cameras, seen)
+            J, r, margin, by_camera = _linearised(p, uv, lenses, cameras, mask)
             white, rows = J / noise[:, None, None], r / noise[:, None]
             H = np.einsum("ncij,ncik->njk", white, white)
             g = np.einsum("ncij,nci->nj", white, rows)
@@ -204,7 +205,7 @@ def intersect(
             size = np.abs(step).max(axis=1) / np.maximum(np.abs(p).max(axis=1), 1e-300)
             if np.nanmax(np.where(status == Status.OK, size, 0.0), initial=0.0) <= ARRIVED:
                 break
-        J, r, margin, by_camera = _linearised(p, uv, lenses, cameras, seen)
+        J, r, margin, by_camera = _linearised(p, uv, lenses, cameras, mask)
         white = J / noise[:, None, None]
         H = np.einsum("ncij,ncik->njk", white, white)
         C = np.linalg.inv(_safe(H))
@@ -213,23 +214,23 @@ def intersect(
         D = np.einsum("njk,ncik->ncji", C, white) / noise[:, None, None]
         G = np.einsum("ncji,ncim->njcm", D, by_camera).reshape(n, 3, many * MOVES)
         C = C + G @ np.asarray(camera_covariance, float) @ G.transpose(0, 2, 1)
-    front = np.where(seen, margin, 1.0).min(axis=1, initial=1.0) > 0
+    front = np.where(mask, margin, 1.0).min(axis=1, initial=1.0) > 0
     status = np.where((status == Status.OK) & ~arrived, int(Status.NOT_CONVERGED), status)
     status = np.where((status == Status.OK) & ~front, int(Status.OUT_OF_RANGE), status)
     bad = status != Status.OK
-    errors = np.where(seen[:, :, None], r, np.nan)
+    errors = np.where(mask[:, :, None], r, np.nan)
     p[bad], C[bad], errors[bad] = np.nan, np.nan, np.nan
     return IntersectedPoints(p, C, errors, status)
 
 
-def _rays(uv: np.ndarray, lenses: np.ndarray, cameras: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The points nearest to all rays, and a first status."""
-    n, many = seen.shape
+def _rays(uv: np.ndarray, lenses: np.ndarray, cameras: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points nearest to all rays, and a first status."""
+    n, many = mask.shape
     A, b = np.zeros((n, 3, 3)), np.zeros((n, 3))
     R = matrices_of(cameras)
-    good = seen.copy()
+    good = mask.copy()
     for c in range(many):
-        xy, code = undistort(np.where(seen[:, c, None], uv[:, c], lenses[c, 2:4]), lenses[c])
+        xy, code = undistort(np.where(mask[:, c, None], uv[:, c], lenses[c, 2:4]), lenses[c])
         good[:, c] &= code == Status.OK
         ray = np.column_stack([np.nan_to_num(xy), np.ones(n)]) @ R[c]
         ray = ray / np.linalg.norm(ray, axis=1, keepdims=True)
@@ -238,7 +239,7 @@ def _rays(uv: np.ndarray, lenses: np.ndarray, cameras: np.ndarray, seen: np.ndar
         b += across @ (-R[c].T @ cameras[c, 4:])
     apart = np.linalg.eigvalsh(A)[:, 0] > PARALLEL
     status = np.where((good.sum(axis=1) >= 2) & apart, int(Status.OK), int(Status.SINGULAR))
-    status = np.where((seen & ~good).any(axis=1), int(Status.NOT_CONVERGED), status)
+    status = np.where((mask & ~good).any(axis=1), int(Status.NOT_CONVERGED), status)
     return np.linalg.solve(_safe(np.where(apart[:, None, None], A, np.eye(3))), b[:, :, None])[:, :, 0], status
 
 
@@ -250,15 +251,15 @@ def _safe(H: np.ndarray) -> np.ndarray:
 
 
 def _linearised(p: np.ndarray, uv: np.ndarray, lenses: np.ndarray, cameras: np.ndarray,
-                seen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
-    """Derivatives of the errors by the point (n, cameras, 2, 3), errors, least margins (n, cameras), and derivatives by
-    the camera (n, cameras, 2, 15); zero where a camera does not see the point."""
-    n, many = seen.shape
+                mask: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """Return the Jacobian of the errors with respect to the point (n, cameras, 2, 3), the errors, the smallest margins
+    (n, cameras), and the Jacobian with respect to the camera (n, cameras, 2, 15); zero if a camera does not see it."""
+    n, many = mask.shape
     f = _derivatives()
     J, r, margin = np.zeros((n, many, 2, 3)), np.zeros((n, many, 2)), np.ones((n, many))
     by_camera = np.zeros((n, many, 2, MOVES))
     for c in range(many):
-        k = np.flatnonzero(seen[:, c])
+        k = np.flatnonzero(mask[:, c])
         if not len(k):
             continue
         columns = [
@@ -267,15 +268,15 @@ def _linearised(p: np.ndarray, uv: np.ndarray, lenses: np.ndarray, cameras: np.n
             p[k].T,
             uv[k, c].T,
         ]
-        error, least, own, its = (a.T.reshape(len(k), -1) for a in map_columns(f, columns))
-        r[k, c], margin[k, c] = error, least.min(axis=1)
-        J[k, c], by_camera[k, c] = own.reshape(-1, 2, 3), its.reshape(-1, 2, MOVES)
+        error, margins, dpoint, dcamera = (a.T.reshape(len(k), -1) for a in map_columns(f, columns))
+        r[k, c], margin[k, c] = error, margins.min(axis=1)
+        J[k, c], by_camera[k, c] = dpoint.reshape(-1, 2, 3), dcamera.reshape(-1, 2, MOVES)
     return J, r, margin, by_camera
 
 
 @cache
 def _derivatives() -> ca.Function:
-    from ..inference.bundle.residual_block import UnknownGroup  # here: a picture of pixels needs no fit
+    from ..inference.bundle.residual_block import UnknownGroup  # imported late: only intersect() needs it
 
     lens, camera, point, data = (ca.SX.sym("x", k) for k in (len(LENS), 7, 3, 2))
     move = ca.SX.sym("move", MOVES)

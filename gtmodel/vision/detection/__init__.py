@@ -1,10 +1,10 @@
-"""Where marks of a flat target are in a picture, to a fraction of a pixel. Needs OpenCV: pip install "gtmodel[vision]".
+"""Detect the marks of planar targets in pictures with subpixel accuracy. Needs OpenCV: pip install "gtmodel[vision]".
 
 FiveSquares, Chessboard, Charuco   the targets: black squares of a tool, a board, a board with coded marks
-detect                     the marks of a target in one picture: a Detection with a status, never a guess
-Detection, DetectionStatus what was seen, and why not
-background                 the median of pictures, against which the tool moves
-detected_corners, corners_csv   many pictures of cameras and poses as one table of corners
+detect                     detect the marks of a target in one picture; all marks that the target needs, or none
+Detection, DetectionStatus the detected marks, or the reason why there are none
+background                 the median of pictures in which the tool moves
+detected_corners, corners_csv   pictures of several cameras and poses to one table of corners
 """
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,5 @@
-"""The five black squares of a tool: edges to a fraction of a pixel, corners where two of them meet, and one hypothesis
-of the pattern, validated by the others."""
+"""Detection of the five black squares of a tool: subpixel edges, corners as their intersections, and hypotheses of the
+pattern from one square, validated by the others."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from ..starts import linear_projection
 from .targets import Detection, DetectionStatus, FiveSquares, opencv
 
 STEP = 0.5  # pixel, along the profile across an edge
-NEAR_CORNER = 2.5  # pixel: there the blur of the next side reaches
+NEAR_CORNER = 2.5  # pixel from a corner within which the next side blurs the profile
 LEAST_CONTRAST = 15.0  # of 255
-LONG = 30.0  # pixel: the distortion of a lens bends longer sides by more than their noise
-CORRELATED = 2.0  # points a pixel apart share pixels: their variance counts as of this many fewer points
+LONG = 30.0  # pixel: longer sides are bent visibly by the lens distortion
+CORRELATED = 2.0  # factor on the variance, as neighbouring points share pixels
 
 
 @dataclass(frozen=True, eq=False)
 class Sides:
-    """Edges of S polygons with 4 sides, as offsets from their chords: `good` (S, 4), corners (S, 4, 2) where neighbours
-    meet [pixel], `sigma` (S, 4) of a corner's coordinate."""
+    """Edges of S quadrilaterals: `good` (S, 4), corners (S, 4, 2) at their intersections [pixel], `sigma` (S, 4) of a
+    corner's coordinate [pixel]."""
 
     good: np.ndarray
     corners: np.ndarray
@@ -29,7 +29,7 @@ class Sides:
 
 
 def refined(picture: np.ndarray, quads: np.ndarray, reach: float = 4.0) -> Sides:
-    """Edges near those of quads (S, 4, 2), dark inside; each iteration looks along the last ones."""
+    """Refine the edges of dark quads (S, 4, 2); each iteration searches along the last edges."""
     corners = np.array(quads, float)
     good, sigma = np.zeros(corners.shape[:2], bool), np.full(corners.shape[:2], np.inf)
     bend = np.zeros(corners.shape[:2])
@@ -52,42 +52,42 @@ def _once(
     used = np.abs(s)[None, None] * length[..., None] / 2 <= length[..., None] / 2 - NEAR_CORNER
     places = (a + b)[..., None, :] / 2 + (s[:, None] * (length / 2)[..., None, None]) * along[..., None, :]
     places = places + (bend[..., None] * (s**2 - 1))[..., None] * normal[..., None, :]
-    offset, seen = _crossings(picture, places, normal, reach)
-    used &= seen
+    offset, valid = _crossings(picture, places, normal, reach)
+    used &= valid
     offset = offset + bend[..., None] * (s**2 - 1)
     enough = used.sum(axis=2) >= np.maximum(3, 0.7 * (length - 2 * NEAR_CORNER) / safe * count)
     straight = length < LONG
     fit, variance, rms = _fitted(s, offset, used, straight)
     good = enough & (rms < 0.5) & (length > 2 * NEAR_CORNER + 2)
-    corners, var = _met(quads, fit, variance, length, along, normal)
+    corners, var = _intersections(quads, fit, variance, length, along, normal)
     return good, corners, np.sqrt(var), fit[..., 2]
 
 
 def _crossings(
     picture: np.ndarray, places: np.ndarray, normal: np.ndarray, reach: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Offsets (S, 4, P) [pixel] outwards of the edge, by the area under the profile, and where there is one."""
+    """Return the outward offsets (S, 4, P) [pixel] of the edge, from the area under the profile, and their validity."""
     from scipy.ndimage import map_coordinates
 
     d = np.arange(-reach, reach + STEP / 2, STEP)
-    at = places[..., None, :] + d[:, None] * normal[..., None, None, :]
+    points = places[..., None, :] + d[:, None] * normal[..., None, None, :]
     height, width = picture.shape
-    inside = np.all((at >= 0) & (at <= [width - 1, height - 1]), axis=(-1, -2))
-    I = map_coordinates(picture, [at[..., 1], at[..., 0]], order=1, mode="nearest", output=float)
+    inside = np.all((points >= 0) & (points <= [width - 1, height - 1]), axis=(-1, -2))
+    I = map_coordinates(picture, [points[..., 1], points[..., 0]], order=1, mode="nearest", output=float)
     dark, light = I[..., :3].mean(axis=-1), I[..., -3:].mean(axis=-1)
     contrast = light - dark
-    seen = inside & (contrast > LEAST_CONTRAST)
-    share = (I - dark[..., None]) / np.where(seen, contrast, 1.0)[..., None]
+    valid = inside & (contrast > LEAST_CONTRAST)
+    share = (I - dark[..., None]) / np.where(valid, contrast, 1.0)[..., None]
     area = STEP * (share.sum(axis=-1) - (share[..., 0] + share[..., -1]) / 2)
     offset = reach - area
-    seen &= np.abs(offset) < 0.75 * reach
-    return np.where(seen, offset, 0.0), seen
+    valid &= np.abs(offset) < 0.75 * reach
+    return np.where(valid, offset, 0.0), valid
 
 
 def _fitted(
     s: np.ndarray, offset: np.ndarray, used: np.ndarray, straight: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Offset = c0 + c1 s + c2 s^2 by least squares, c2 = 0 for straight sides; covariance of it, rms of the rest."""
+    """Fit offset = c0 + c1 s + c2 s^2, with c2 = 0 for straight sides; return c, its covariance, the rms residual."""
     V = np.stack([np.ones_like(s), s, s**2], axis=1)
     w = used.astype(float)
     N = np.einsum("...p,pi,pj->...ij", w, V, V)
@@ -97,32 +97,31 @@ def _fitted(
     rhs = np.einsum("...p,pi,...p->...i", w, V, offset)
     rhs[straight, 2] = 0.0
     fit = np.linalg.solve(N, rhs[..., None])[..., 0]
-    rest = w * (offset - fit @ V.T)
-    free = np.maximum(w.sum(axis=-1) - np.where(straight, 2, 3), 1)
-    rms = np.sqrt((rest**2).sum(axis=-1) / free)
+    residual = w * (offset - fit @ V.T)
+    dof = np.maximum(w.sum(axis=-1) - np.where(straight, 2, 3), 1)
+    rms = np.sqrt((residual**2).sum(axis=-1) / dof)
     C = CORRELATED * rms[..., None, None] ** 2 * np.linalg.inv(N)
     C[straight, 2, :] = C[straight, :, 2] = 0.0
     return fit, C, rms
 
 
-def _met(
+def _intersections(
     quads: np.ndarray, fit: np.ndarray, C: np.ndarray, length: np.ndarray, along: np.ndarray, normal: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Corner k, where side k begins and side k - 1 ends, and the mean variance of its coordinates."""
+    """Return corner k, the intersection of sides k - 1 and k, and the mean variance of its coordinates."""
     half = np.maximum(length / 2, 1e-9)
     middle = (quads + np.roll(quads, -1, axis=1)) / 2
     before = lambda x: np.roll(x, 1, axis=1)  # noqa: E731
     corner = quads.copy()
     rows = np.stack([normal, before(normal)], axis=2)  # (S, 4, 2, 2)
     for _ in range(3):
-        here, last = corner - middle, corner - before(middle)
-        own = _tangent(here, fit, half, along, normal)
-        other = _tangent(last, before(fit), before(half), before(along), before(normal))
-        rows = np.stack([own[0], other[0]], axis=2)
-        rest = np.stack([own[1], other[1]], axis=2)
+        this = _tangent(corner - middle, fit, half, along, normal)
+        last = _tangent(corner - before(middle), before(fit), before(half), before(along), before(normal))
+        rows = np.stack([this[0], last[0]], axis=2)
+        values = np.stack([this[1], last[1]], axis=2)
         flat = np.abs(np.linalg.det(rows)) < 0.1
         rows = np.where(flat[..., None, None], np.eye(2), rows)
-        corner = corner - np.where(flat[..., None], 0.0, np.linalg.solve(rows, rest[..., None])[..., 0])
+        corner = corner - np.where(flat[..., None], 0.0, np.linalg.solve(rows, values[..., None])[..., 0])
     e0, e1 = np.array([1.0, -1.0, 1.0]), np.array([1.0, 1.0, 1.0])
     v = np.stack([np.einsum("i,...ij,j->...", e0, C, e0), np.einsum("i,...ij,j->...", e1, before(C), e1)], axis=2)
     G = np.linalg.inv(rows)
@@ -132,21 +131,21 @@ def _met(
 def _tangent(
     d: np.ndarray, fit: np.ndarray, half: np.ndarray, along: np.ndarray, normal: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Gradient and value of n.d - offset(s) at a point d from the middle of a side."""
+    """Return gradient and value of n.d - offset(s) at a point d relative to the middle of a side."""
     s = np.einsum("...i,...i->...", d, along) / half
     value = np.einsum("...i,...i->...", d, normal) - (fit[..., 0] + fit[..., 1] * s + fit[..., 2] * s**2)
     slope = (fit[..., 1] + 2 * fit[..., 2] * s) / half
     return normal - slope[..., None] * along, value
 
 
-CHANGED = 12.0  # of 255 from the background: foreground
+CHANGED = 12.0  # of 255: difference from the background that makes a pixel foreground
 SMALLEST = 7.0  # pixel, of a side
-NEAR = 0.35  # of a square's side in the picture: so near lies a candidate to where the pattern has one
-TRIED = 2000  # hypotheses at most, the largest candidates first
+NEAR = 0.35  # largest distance of a candidate from its place in the pattern, in sides of the square
+TRIED = 2000  # hypotheses at most, starting with the largest candidates
 
 
 def detect_squares(picture: np.ndarray, target: FiveSquares, background: np.ndarray | None) -> Detection:
-    """Marks of a tool of squares; partly visible where a pattern is validated by what is left of it."""
+    """Detect the marks of a tool with squares; PARTLY_VISIBLE if only a part of the pattern can be validated."""
     image = np.asarray(picture, float)
     quads = _candidates(picture, background)
     if not len(quads):
@@ -161,7 +160,7 @@ def detect_squares(picture: np.ndarray, target: FiveSquares, background: np.ndar
     H, many = best
     expected = _mapped(H, target.squares)
     if many < len(expected):
-        # candidates that the threshold joined with something: their sides may be there all the same
+        # the threshold may have merged squares with other objects although their sides are visible
         sides = refined(image, expected)
         if not sides.good.all():
             part = many >= 2 or _leaves(expected, image.shape)
@@ -177,7 +176,7 @@ def detect_squares(picture: np.ndarray, target: FiveSquares, background: np.ndar
 
 
 def _candidates(picture: np.ndarray, background: np.ndarray | None) -> np.ndarray:
-    """Four-sided dark shapes (n, 4, 2), clockwise as seen, by several thresholds."""
+    """Return dark quadrilaterals (n, 4, 2), clockwise in the picture, from several thresholds."""
     cv2 = opencv()
     image = np.asarray(picture, np.uint8)
     smooth = cv2.GaussianBlur(image, (3, 3), 0)
@@ -208,27 +207,27 @@ def _clockwise(q: np.ndarray) -> np.ndarray:
 
 
 def _distinct(corners: np.ndarray) -> np.ndarray:
-    """One of each square that several thresholds gave; largest first."""
-    kept = list[np.ndarray]()
+    """Return each square once, although several thresholds may have detected it; largest first."""
+    unique = list[np.ndarray]()
     sizes = np.linalg.norm(corners[:, 0] - corners[:, 2], axis=1) if len(corners) else np.zeros(0)
     for k in np.argsort(-sizes, kind="stable"):
         middle = corners[k].mean(axis=0)
-        if all(np.linalg.norm(middle - other.mean(axis=0)) > 2.0 for other in kept):
-            kept.append(corners[k])
-    return np.array(kept).reshape(-1, 4, 2)
+        if all(np.linalg.norm(middle - other.mean(axis=0)) > 2.0 for other in unique):
+            unique.append(corners[k])
+    return np.array(unique).reshape(-1, 4, 2)
 
 
 def _hypothesis(corners: np.ndarray, target: FiveSquares) -> tuple[np.ndarray, int] | None:
-    """The homography under which most squares of the pattern meet a candidate, refitted to all of these."""
+    """Return the homography under which most squares of the pattern match a candidate, fitted to all of them."""
     squares = target.squares[..., :2]
     middles = corners.mean(axis=1)
     best: tuple[int, float, np.ndarray] | None = None
     hypotheses = ((c, k, turn) for c in corners for k in range(len(squares)) for turn in range(4))
     for candidate, k, turn in islice(hypotheses, TRIED):
         H, _ = linear_projection(squares[k], np.roll(candidate, turn, axis=0))
-        H, many, rest = _grown(H, squares, corners, middles, k)
-        if best is None or (many, -rest) > (best[0], -best[1]):
-            best = many, rest, H
+        H, many, error = _grown(H, squares, corners, middles, k)
+        if best is None or (many, -error) > (best[0], -best[1]):
+            best = many, error, H
         if many == len(squares):
             break
     if best is None or best[0] < 2:
@@ -239,11 +238,11 @@ def _hypothesis(corners: np.ndarray, target: FiveSquares) -> tuple[np.ndarray, i
 def _grown(
     H: np.ndarray, squares: np.ndarray, corners: np.ndarray, middles: np.ndarray, first: int
 ) -> tuple[np.ndarray, int, float]:
-    """Adds the squares that meet a candidate, the nearest to the first one first, refitting after each."""
+    """Add the squares that match a candidate, starting with the nearest to the first, and refit after each."""
     centre = squares.mean(axis=1)
     order = np.argsort(np.linalg.norm(centre - centre[first], axis=1), kind="stable")
-    met_from, met_to = list[np.ndarray](), list[np.ndarray]()
-    rest = 0.0
+    matched, matches = list[np.ndarray](), list[np.ndarray]()
+    error = 0.0
     for k in order:
         expected = _mapped(H, squares[k])
         size = np.linalg.norm(np.roll(expected, -1, axis=0) - expected, axis=1).min()
@@ -255,13 +254,13 @@ def _grown(
         off = [float(np.abs(c - expected).max()) for c in turned]
         if min(off) > 0.5 * size:
             continue
-        met_from.append(squares[k])
-        met_to.append(turned[int(np.argmin(off))])
-        H, _ = linear_projection(np.concatenate(met_from), np.concatenate(met_to))
-        rest = float(np.abs(_mapped(H, np.array(met_from)) - np.array(met_to)).max())
-        if rest > 0.15 * size + 0.5:
-            return H, 0, rest
-    return H, len(met_from), rest
+        matched.append(squares[k])
+        matches.append(turned[int(np.argmin(off))])
+        H, _ = linear_projection(np.concatenate(matched), np.concatenate(matches))
+        error = float(np.abs(_mapped(H, np.array(matched)) - np.array(matches)).max())
+        if error > 0.15 * size + 0.5:
+            return H, 0, error
+    return H, len(matched), error
 
 
 def _mapped(H: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -271,5 +270,5 @@ def _mapped(H: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def _leaves(corners: np.ndarray, shape: tuple[int, ...]) -> bool:
-    """Whether a part of the pattern is outside the picture."""
+    """Return whether a part of the pattern is outside the picture."""
     return bool(np.any((corners < 1) | (corners > np.array(shape)[::-1] - 2)))

@@ -1,4 +1,4 @@
-"""Flat targets, where their marks are and what they are painted with, and what a detector saw of one in a picture."""
+"""Planar targets with their marks and their pattern, and the result of detecting one in a picture."""
 
 from __future__ import annotations
 
@@ -14,28 +14,30 @@ from ..rendering import Layer
 
 
 def opencv() -> Any:
-    """The module cv2. Raises ArgumentError with what to install."""
+    """Return the module cv2. Raises ArgumentError if OpenCV is not installed."""
     try:
         import cv2
     except ImportError:
         raise ArgumentError(
-            "detection needs OpenCV, which is not installed: pip install 'gtmodel[vision]', or give a table of corners"
+            "detection needs OpenCV, which is not installed: pip install 'gtmodel[vision]', or use a corner table"
         ) from None
     return cv2
 
 
 def charuco_board(target: Charuco) -> Any:
-    """OpenCV's board of a target. Raises ArgumentError for an unknown dictionary."""
+    """Return OpenCV's board for a target. Raises ArgumentError for an unknown dictionary."""
     cv2 = opencv()
     number = getattr(cv2.aruco, target.dictionary, None)
     if number is None or not target.dictionary.startswith("DICT_"):
-        raise ArgumentError(f"OpenCV has no dictionary '{target.dictionary}'; take DICT_4X4_250", "dictionary")
-    words = cv2.aruco.getPredefinedDictionary(number)
-    return cv2.aruco.CharucoBoard((target.columns, target.rows), target.side, target.marker, words)
+        raise ArgumentError(
+            f"OpenCV has no dictionary '{target.dictionary}'; use DICT_4X4_250, for example", "dictionary"
+        )
+    dictionary = cv2.aruco.getPredefinedDictionary(number)
+    return cv2.aruco.CharucoBoard((target.columns, target.rows), target.side, target.marker, dictionary)
 
 
 class DetectionStatus(IntEnum):
-    """Why a picture has marks or not."""
+    """Outcome of a detection."""
 
     OK = 0
     TOO_DARK = 1
@@ -52,9 +54,9 @@ class DetectionStatus(IntEnum):
 SENTENCES = {
     DetectionStatus.OK: "the target was detected",
     DetectionStatus.TOO_DARK: "the picture is too dark: light the target, or expose longer",
-    DetectionStatus.TOO_BRIGHT: "the picture is too bright: its light parts saturate; expose shorter",
+    DetectionStatus.TOO_BRIGHT: "the picture is too bright and saturates: use a shorter exposure",
     DetectionStatus.PARTLY_VISIBLE: "the target is only partly in the picture, or partly covered",
-    DetectionStatus.NOT_SEEN: "no whole pattern of this target is in the picture",
+    DetectionStatus.NOT_SEEN: "the target was not detected in the picture",
 }
 
 
@@ -62,7 +64,7 @@ SENTENCES = {
 class Detection:
     """Marks of one picture: names `marks` (n), `corners` (n, 2) u, v [pixel], `sigma` (n,) [pixel] of each coordinate.
 
-    The centre of the first pixel is (0, 0). Without success there are none, and `message` says why.
+    The centre of the first pixel is (0, 0). If the detection failed there are no marks, and `message` gives the reason.
     """
 
     status: DetectionStatus
@@ -77,12 +79,12 @@ class Detection:
 
     @property
     def message(self) -> str:
-        """One sentence."""
+        """The status as a sentence."""
         return SENTENCES[self.status]
 
 
-# Our example, in sides: no dimensions of the thesis's tool are printed. The fifth stands out of the cross, so that no
-# turn and no mirror maps the five on themselves.
+# An example, in sides: the thesis does not state the dimensions of its tool. The fifth square is off the cross, so that
+# no rotation or reflection maps the pattern onto itself.
 CENTRES = [[-2.0, -1.8], [2.0, -1.8], [0.3, 0.0], [-2.0, 1.8], [1.1, 1.8]]
 DARK, LIGHT, MARGIN = 30.0, 210.0, 1.0  # of 255; of a side
 OUTLINE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])  # clockwise as seen: y is down
@@ -90,10 +92,10 @@ OUTLINE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])  # cloc
 
 @dataclass(frozen=True)
 class FiveSquares(Options):
-    """Black squares on a light plate, as the tool of Dressler 2012, section 5.5; 20 corners.
+    """Black squares on a light plate, like the tool of Dressler 2012, section 5.5; 20 corners.
 
-    Seen from the front x is to the right, y down and z away. Marks are called "0.0" to "4.3": square and corner,
-    clockwise from its upper left one. The layout is an example of ours.
+    Seen from the front, x is to the right, y down and z away. Marks are named "0.0" to "4.3": square and corner,
+    clockwise from the upper left. The default layout is an example, not that of the thesis.
 
     >>> tool = gt.vision.detection.FiveSquares(side=0.04)
     >>> tool.points.shape, tool.marks[:5]
@@ -101,7 +103,7 @@ class FiveSquares(Options):
     """
 
     side: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "of each square"] = 0.04
-    centres: Annotated[list[list[float]] | None, "of each square, in sides; ours if left out"] = None
+    centres: Annotated[list[list[float]] | None, "of each square, in sides; the example layout if left out"] = None
 
     def __post_init__(self) -> None:
         if self.centres is None:
@@ -109,7 +111,7 @@ class FiveSquares(Options):
         Options.__post_init__(self)
         c = np.asarray(self.centres, float)
         if c.ndim != 2 or c.shape[1] != 2 or len(c) < 2:
-            raise ArgumentError(f"expected two or more centres [x, y]; found {len(c)}", "centres")
+            raise ArgumentError(f"found {len(c)} centres; expected at least two, each [x, y]", "centres")
         _not_symmetric(c)
 
     @property
@@ -130,7 +132,7 @@ class FiveSquares(Options):
 
     @property
     def layers(self) -> list[Layer]:
-        """The plate and its squares, to be rendered."""
+        """The plate and its squares, for rendering."""
         return [Layer([_plate(self.points, MARGIN * self.side)], LIGHT), Layer(list(self.squares), DARK)]
 
 
@@ -138,9 +140,9 @@ class FiveSquares(Options):
 class Chessboard(Options):
     """A board of black and white squares; its marks are the inner corners.
 
-    `columns` and `rows` of marks. Seen from the front x is to the right, y down; mark "0" touches with its lower right
-    a black square, and marks follow row by row. One of the numbers must be odd and the other even: else the board
-    turned by 180 degrees looks the same.
+    `columns` and `rows` count the marks. Seen from the front, x is to the right and y down. The square at the lower
+    right of mark "0" is black, and the marks are counted row by row. One of the numbers must be odd and the other even;
+    otherwise the board looks the same when turned by 180 degrees.
 
     >>> board = gt.vision.detection.Chessboard(columns=9, rows=6, side=0.03)
     >>> board.points[10]
@@ -176,7 +178,7 @@ class Chessboard(Options):
 
     @property
     def layers(self) -> list[Layer]:
-        """The board and its squares, to be rendered."""
+        """The board and its squares, for rendering."""
         squares = [
             self.side * _cell(i, j)
             for j in range(-1, self.rows) for i in range(-1, self.columns) if (i + j) % 2 == 0
@@ -187,9 +189,9 @@ class Chessboard(Options):
 
 @dataclass(frozen=True)
 class Charuco(Options):
-    """A chessboard whose white squares carry coded marks (ArUco): a part of it is enough, and says which part.
+    """A chessboard whose white squares carry coded marks (ArUco), which identify the corners of a partly visible board.
 
-    `columns` and `rows` of squares, as OpenCV counts them; marks are the inner corners, named by OpenCV's numbers.
+    `columns` and `rows` count the squares, as in OpenCV; marks are the inner corners, named by OpenCV's numbers.
 
     >>> board = gt.vision.detection.Charuco(columns=7, rows=5, side=0.04, marker=0.03)
     >>> board.points.shape, board.marks[-1]
@@ -205,7 +207,7 @@ class Charuco(Options):
     def __post_init__(self) -> None:
         Options.__post_init__(self)
         if self.marker >= self.side:
-            raise ArgumentError(f"must be less than the side {self.side:g} m; found {self.marker:g} m", "marker")
+            raise ArgumentError(f"found {self.marker:g} m; expected less than the side of {self.side:g} m", "marker")
 
     @property
     def points(self) -> np.ndarray:
@@ -220,15 +222,15 @@ class Charuco(Options):
 
     @property
     def layers(self) -> list[Layer]:
-        """The board with its coded marks, to be rendered. Needs OpenCV."""
+        """The board with its coded marks, for rendering. Needs OpenCV."""
 
         board = charuco_board(self)
         cells = [self.side * _cell(i, j)
                  for j in range(self.rows) for i in range(self.columns) if (i + j) % 2 == 0]  # fmt: skip
-        words, size = board.getDictionary(), board.getDictionary().markerSize + 2
+        dictionary, size = board.getDictionary(), board.getDictionary().markerSize + 2
         bits = list[np.ndarray]()
         for place, number in zip(board.getObjPoints(), np.ravel(board.getIds()), strict=True):
-            image = words.generateImageMarker(int(number), size, borderBits=1)
+            image = dictionary.generateImageMarker(int(number), size, borderBits=1)
             corner, bit = np.asarray(place, float)[0], self.marker / size
             for row, column in np.argwhere(image < 128):
                 bits.append(np.array([*corner[:2], 0.0]) + bit * _cell(column, row))
@@ -250,14 +252,13 @@ def _plate(points: np.ndarray, margin: float) -> np.ndarray:
 
 
 def _not_symmetric(c: np.ndarray) -> None:
-    """Raises ArgumentError where a quarter or half turn maps the squares on themselves."""
+    """Raise ArgumentError if a quarter or half turn maps the squares onto themselves."""
     d = c - c.mean(axis=0)
     for turns in (1, 2, 3):
         k = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), turns)
         gap = np.linalg.norm(d[:, None] @ k.T - d[None], axis=2).min(axis=1).max()
         if gap < 0.5:
             raise ArgumentError(
-                f"the squares look the same when they are turned by {90 * turns} degrees; move one by more than half "
-                "a side",
+                f"the squares look the same when turned by {90 * turns} degrees; move one by more than half a side",
                 "centres",
             )

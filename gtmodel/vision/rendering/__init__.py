@@ -1,8 +1,8 @@
-"""Synthetic pictures of flat targets: exact area coverage of every pixel, distortion, blur and noise with a seed.
+"""Synthetic pictures of planar targets with exact area coverage of every pixel, distortion, blur and seeded noise.
 
-coverage          how much of each pixel polygons cover
+coverage          share of each pixel that polygons cover
 Exposure          blur, noise, brightness, seed
-rendered          a picture of targets at poses, through any projection
+rendered          a picture of targets, through any projection
 """
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,4 @@
-"""Synthetic pictures: flat shapes at poses, seen through a projection, with the exact share of each pixel that they
-cover, blurred and with noise."""
+"""Synthetic pictures of planar shapes through a projection, with exact pixel coverage, blur and noise."""
 
 from __future__ import annotations
 
@@ -13,14 +12,14 @@ from numpy.typing import ArrayLike
 from ...results.options import Options, Within
 from ...results.refusal import ArgumentError
 
-SHORT = 0.5  # pixel: pieces of an edge, so that each crosses at most one line of the grid either way
+SHORT = 0.5  # pixel: length of the pieces of an edge; each crosses at most one grid line per direction
 
 
 def coverage(outlines: list[np.ndarray], size: tuple[int, int]) -> np.ndarray:
-    """Share (rows, columns) of each pixel's area inside closed outlines, each (n, 2) of u, v [pixel].
+    """Return the share (rows, columns) of each pixel's area inside closed outlines, each (n, 2) of u, v [pixel].
 
-    The centre of the first pixel is (0, 0). `size`: width and height. Outlines turn the same way round and do not
-    overlap. Raises ArgumentError for an outline that is not finite.
+    The centre of the first pixel is (0, 0). `size`: width and height. Outlines must have the same orientation and must
+    not overlap. Raises ArgumentError for an outline that is not finite.
 
     >>> square = np.array([[0.5, 0.5], [2.0, 0.5], [2.0, 1.5], [0.5, 1.5]])
     >>> gt.vision.rendering.coverage([square], (4, 3))
@@ -39,12 +38,12 @@ def coverage(outlines: list[np.ndarray], size: tuple[int, int]) -> np.ndarray:
 def _outline(outline: ArrayLike) -> np.ndarray:
     a = np.asarray(outline, float)
     if a.ndim != 2 or a.shape[1] != 2 or len(a) < 3 or not np.all(np.isfinite(a)):
-        raise ArgumentError(f"an outline is three or more finite points (n, 2); its shape is {a.shape}", "outlines")
+        raise ArgumentError(f"found an outline of shape {a.shape}; expected at least three finite points", "outlines")
     return a
 
 
 def _cut(start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Edges in pieces that lie in one pixel each."""
+    """Cut edges into pieces that lie in one pixel each."""
     counts = np.maximum(1, np.ceil(np.linalg.norm(end - start, axis=1) / SHORT)).astype(int)
     edge = np.repeat(np.arange(len(start)), counts)
     first = np.concatenate([[0], np.cumsum(counts)[:-1]])
@@ -57,8 +56,8 @@ def _cut(start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     with np.errstate(divide="ignore", invalid="ignore"):
         t = np.where(crosses, (line - a) / (b - a), 1.0)
     t = np.sort(t, axis=1)
-    at = [np.zeros(len(a)), t[:, 0], t[:, 1], np.ones(len(a))]
-    points = [a + s[:, None] * (b - a) for s in at]
+    cuts = [np.zeros(len(a)), t[:, 0], t[:, 1], np.ones(len(a))]
+    points = [a + s[:, None] * (b - a) for s in cuts]
     return np.concatenate(points[:-1]), np.concatenate(points[1:])
 
 
@@ -68,7 +67,7 @@ def _add(sums: np.ndarray, a: np.ndarray, b: np.ndarray) -> None:
     row, column = np.floor(middle[:, 1]).astype(int), np.floor(middle[:, 0]).astype(int)
     inside = (row >= 0) & (row < height) & (column < columns - 1) & (rise != 0)
     row, column, rise, x = row[inside], column[inside], rise[inside], middle[inside, 0]
-    right = np.where(column < 0, 0.0, x - column)  # left of the picture: all of it is to the right
+    right = np.where(column < 0, 0.0, x - column)  # an edge left of the picture covers whole pixels
     column = np.maximum(column, 0)
     np.add.at(sums, (row, column), rise * (1 - right))
     np.add.at(sums, (row, column + 1), rise * right)
@@ -79,22 +78,22 @@ Project = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Exposure(Options):
-    """What the sensor makes of the light. Synthetic.
+    """Blur, noise and brightness of a synthetic picture.
 
     >>> gt.vision.rendering.Exposure(gain=0.2).blur
     0.7
     """
 
-    blur: Annotated[float, Within(least=0.0), "standard deviation of a normal blur, pixel"] = 0.7
-    noise: Annotated[float, Within(least=0.0), "standard deviation of a pixel, of 255"] = 2.0
-    background: Annotated[float, "level before the shapes, of 255"] = 120.0
-    gain: Annotated[float, Within(least=0.0), "factor on all levels: below 1 darker; above 255 a pixel saturates"] = 1.0
+    blur: Annotated[float, Within(least=0.0), "standard deviation of the Gaussian blur, pixel"] = 0.7
+    noise: Annotated[float, Within(least=0.0), "standard deviation of the grey level, of 255"] = 2.0
+    background: Annotated[float, "grey level behind the shapes, of 255"] = 120.0
+    gain: Annotated[float, Within(least=0.0), "factor on all grey levels; levels above 255 saturate"] = 1.0
     seed: Annotated[int, Within(least=0), "of the noise"] = 1
 
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """Flat shapes of one grey level, of 255: corners (k, 3) [m] of each, in the frame that the projection takes."""
+    """Planar shapes of one grey level, of 255: corners (k, 3) [m] of each, in the frame of the projection."""
 
     shapes: Sequence[np.ndarray]
     level: float
@@ -103,11 +102,11 @@ class Layer:
 def rendered(
     layers: Sequence[Layer], project: Project, size: tuple[int, int], exposure: Exposure | None = None
 ) -> np.ndarray:
-    """A picture (rows, columns) of 8 bits: layers, each over those before. Synthetic.
+    """Render a synthetic 8-bit picture (rows, columns) of layers, each drawn over the ones before.
 
-    `project`: points (n, 3) [m] to (n, 2) [pixel], distortion included; edges are bent as it says. `size`: width and
-    height [pixel]. The same seed gives the same bytes. Raises ArgumentError for a shape that the projection does not
-    take, as behind the camera.
+    `project` maps points (n, 3) [m] to (n, 2) [pixel] with distortion; straight edges may become curved. `size`: width
+    and height [pixel]. The same seed gives the same bytes. Raises ArgumentError for a shape that cannot be projected,
+    for example behind the camera.
 
     >>> square = np.array([[-1.0, -1.0, 4.0], [1.0, -1.0, 4.0], [1.0, 1.0, 4.0], [-1.0, 1.0, 4.0]])
     >>> pinhole = lambda p: 20 * p[:, :2] / p[:, 2:] + [9.5, 7.0]
@@ -131,10 +130,10 @@ def rendered(
 
 
 def _bent(shape: np.ndarray, project: Project) -> np.ndarray:
-    """The outline in the picture, with a point every few pixels so that bent edges stay bent."""
+    """Return the projected outline, with a point every few pixels so that curved edges stay curved."""
     corners = np.asarray(shape, float)
-    there = _projected(corners, project)
-    lengths = np.linalg.norm(np.roll(there, -1, axis=0) - there, axis=1)
+    uv = _projected(corners, project)
+    lengths = np.linalg.norm(np.roll(uv, -1, axis=0) - uv, axis=1)
     counts = np.clip(np.ceil(lengths / 2.0), 1, 1000).astype(int)
     points = [a + np.linspace(0, 1, n, endpoint=False)[:, None] * (b - a)
               for a, b, n in zip(corners, np.roll(corners, -1, axis=0), counts, strict=True)]  # fmt: skip
@@ -144,5 +143,5 @@ def _bent(shape: np.ndarray, project: Project) -> np.ndarray:
 def _projected(points: np.ndarray, project: Project) -> np.ndarray:
     uv = np.asarray(project(points), float)
     if not np.all(np.isfinite(uv)):
-        raise ArgumentError("a shape lies behind the camera or beyond what its lens model covers", "layers")
+        raise ArgumentError("a shape lies behind the camera, or outside the range of its lens model", "layers")
     return uv

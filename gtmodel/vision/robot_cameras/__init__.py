@@ -1,17 +1,17 @@
-"""A robot and cameras calibrated together: pixels, closure equations and carts in one least-squares problem.
+"""Joint calibration of a robot and cameras: pixels, closure equations and carts in one least-squares problem.
 
 study, RobotCamerasStudy   robot parameters, cameras and errors on held-out poses, jointly and in two steps
-RobotPictures, SecondDevice   corners that were seen at poses, what the actuators read there
-read_pictures, write_pictures   these in two CSV files
-CameraStart, RobotCameras     cameras as they are known before, and what is estimated
-joint_fit, JointFit        all corners and closure equations at once, each pose eliminated
-two_step_fit, TwoStepFit   positions by intersection first, then the robot on these
-picture_map, PictureMap    do residuals depend on the place in the picture: along the radius, and as a quadratic map
+RobotPictures, SecondDevice   corners and actuator readings at poses
+read_pictures, write_pictures   read and write them as two CSV files
+CameraStart, RobotCameras     cameras as known beforehand, and what is estimated
+joint_fit, JointFit        fit of all corners and closure equations, with the poses eliminated
+two_step_fit, TwoStepFit   intersect positions first, then calibrate the robot with them
+picture_map, PictureMap    tests whether residuals depend on the place in the picture: radial part, quadratic map
 SyntheticRobotCameras, made_pictures   synthetic pictures of a robot with known errors
-predicted_positions        the error over the workspace that noise leaves, before anything is measured or after
-places_study, camera_places, CameraPlaces   where to put two cameras
-hand_eye, HandEye          where a camera sits on an arm, or beside it
-aligned_errors             errors against positions in another frame
+predicted_positions        error over the workspace due to noise, predicted before or after the measurement
+places_study, camera_places, CameraPlaces   placement of two cameras
+hand_eye, HandEye          pose of a camera on the plate of an arm, or of a fixed camera
+aligned_errors             errors relative to positions in another frame
 """
 
 from typing import TYPE_CHECKING

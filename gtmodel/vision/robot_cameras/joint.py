@@ -1,5 +1,5 @@
-"""Robot and cameras in one bundle: pixels and closure equations, every pose eliminated, and motions that no picture
-notices, with what takes them away."""
+"""Robot and cameras in one bundle: pixels and closure equations with all poses eliminated, and the gauge motions that
+pictures do not determine, with their remedies."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ AXES = "xyz"
 
 
 def redundancies(side: RobotLinks, q: np.ndarray, on_tool: bool) -> list[GaugeMotion]:
-    """Base frame against cameras (6), tool centre point against target (3), and the scale (1)."""
+    """Return the gauge motions: base frame and cameras (6), tool centre point and target (3), and scale (1)."""
 
     def with_robot(values: Values, moved: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """The parameters of the robot that follow the poses."""
+        """Add the change of the robot parameters that belongs to the motion of the poses."""
         _, by_x, by_z, _ = side.at(values["robot"][0], values["pose"], q)
         dz = moved["pose"]
         if side.turns:  # increments of a quaternion in its own frame
@@ -111,7 +111,7 @@ def redundancies(side: RobotLinks, q: np.ndarray, on_tool: bool) -> list[GaugeMo
 
 def _device(values: Values, out: dict[str, np.ndarray], shift: np.ndarray | None = None,
             turn: np.ndarray | None = None) -> dict[str, np.ndarray]:  # fmt: skip
-    """The second device's frame follows the base."""
+    """Add the motion of the second device's frame with the base."""
     if "device" in values:
         step = np.zeros((1, 6))
         if shift is not None:
@@ -125,7 +125,7 @@ def _device(values: Values, out: dict[str, np.ndarray], shift: np.ndarray | None
 
 INTRINSICS = {"focal": ("fx", "fy"), "principal_point": ("cx", "cy"), "distortion": ("k1", "k2", "p1", "p2")}
 HUBER = 2.0  # standard deviations
-FAR = 0.2  # of the spread of positions: a second device that is farther off measured others
+FAR = 0.2  # largest deviation of the second device's positions, relative to their spread
 CAMERA_UNITS = ("pixel",) * 4 + ("1",) * 5 + ("rad",) * 3 + ("m",) * 3
 
 
@@ -133,9 +133,9 @@ CAMERA_UNITS = ("pixel",) * 4 + ("1",) * 5 + ("rad",) * 3 + ("m",) * 3
 class JointFit:
     """The calibrated robot and cameras.
 
-    `pictures`: what was left; `wrong_pictures`, `wrong_corners`, `wrong_poses`: words for what was not, the last for
-    poses none of whose pictures belongs to their row of the actuators. `first`: how many corners there were. `fit`:
-    the bundle's end.
+    `pictures`: those used in the final fit. `wrong_pictures`, `wrong_corners`, `wrong_poses`: descriptions of what was
+    removed; a pose is wrong if none of its pictures matches its actuator readings. `first`: number of corners before
+    the removal. `fit`: result of the bundle.
     """
 
     fit: BundleFit
@@ -149,9 +149,9 @@ class JointFit:
 
     @property
     def estimate(self) -> Estimate:
-        """Of all shared unknowns. Raises ArgumentError unless solved."""
+        """Estimate of all shared unknowns. Raises ArgumentError if the fit failed."""
         if self.fit.estimate is None:
-            raise ArgumentError(f"a fit that is not solved has no estimate: {self.fit.message}")
+            raise ArgumentError(f"the fit failed and has no estimate: {self.fit.message}")
         return self.fit.estimate
 
     @property
@@ -161,31 +161,31 @@ class JointFit:
 
     @cached_property
     def residuals(self) -> np.ndarray:
-        """(n, 2) [pixel] of the corners that were left, in their order."""
+        """Residuals (n, 2) [pixel] of the corners in `pictures`."""
         return self.fit.residuals["corners"]
 
     @property
     def delay(self) -> float:
-        """Of the pictures behind the actuators' readings [s]; 0 where it was not estimated."""
+        """Delay [s] of the pictures relative to the actuator readings; 0 if it was not estimated."""
         return float(self.fit.values["clock"][0, 0]) if "clock" in self.fit.values else 0.0
 
     def positions(self, q: np.ndarray) -> np.ndarray:
-        """Tool centre points (n, 3) [m] of actuators by the calibrated robot; NaN where it does not close."""
+        """Return tool centre points (n, 3) [m] of the calibrated robot at actuator readings q; NaN without solution."""
         near = self.side.start(q)
         return self.side.forward(self.fit.values["robot"][0], q, near)[:, :3]
 
     def camera_of(self, name: str) -> dict[str, float]:
-        """A camera's parameters by name."""
+        """Return the parameters of a camera by name."""
         return dict(
             zip(CAMERA, self.fit.values["camera"][list(self.pictures.cameras).index(name)].tolist(), strict=True)
         )
 
 
 def held_by_default(robot: Model, setting: RobotCameras) -> tuple[list[str], bool]:
-    """Parameters that define the base frame, and whether the first camera's place does instead.
+    """Return the parameters that define the base frame, and whether the pose of the first camera defines it instead.
 
-    The frame of Dressler 2012, Table 5.7: the last guideway is the x-axis through the origin, and the z-axis meets the
-    first; the unit of that guideway is held where actuators give the scale.
+    In the frame of Dressler 2012, Table 5.7, the last guideway is the x-axis, and the z-axis intersects the first
+    guideway. If the actuators give the scale, the length of the last guideway's direction vector is held too.
     """
     if setting.hold is not None:
         return list(setting.hold), not setting.hold and setting.scale == "target"
@@ -203,13 +203,13 @@ def joint_fit(
     *,
     stop: Callable[[], bool] | None = None,
 ) -> JointFit:
-    """Robot parameters, cameras and the target's place from all corners at once.
+    """Fit robot parameters, cameras and the pose of the target to all corners together.
 
-    Unknown are what `setting` frees, the target's place on its carrier, and the pose at each row of the actuators,
-    which is eliminated. Corners count by their sigma, actuators by their noise through the closure equations. Pictures
-    that are wrong as a whole, single corners far off, and poses none of whose pictures belongs to their row of the
-    actuators are removed and named. Raises ArgumentError for what the pictures leave open, in words with the remedy,
-    for pictures that no start fits, and for a second device that measured quite other positions.
+    The unknowns are the parameters that `setting` frees, the pose of the target on its carrier, and the pose at each
+    row of the actuators, which is eliminated. Corners are weighted with their sigma, the closure equations with the
+    noise of the actuators. Wrong pictures, single corners far off, and poses whose pictures all contradict the actuator
+    readings are removed and named. Raises ArgumentError with a remedy if the pictures do not determine all unknowns,
+    if no starting values fit, and if the positions of the second device do not match those of the robot.
 
     >>> V = gt.vision.robot_cameras
     >>> made = V.made_pictures(V.SyntheticRobotCameras(counts=[3, 3, 3], seed=1))
@@ -224,16 +224,16 @@ def joint_fit(
         return ready.joint(RobustFit(pictures, ready.fit(pictures, stop=stop)))
     robust = robust_fit(ready, pictures, stop)
     if not robust.fit.status.ok:
-        said = f"{robust.fit.message}; most corners lie {robust.noise:.2g} times their stated sigma off"
-        remedy = "state it as it is, or look whether target, pictures and rows of the actuators belong together"
-        fit = robust.fit if robust.noise < MATTERS else replace(robust.fit, message=f"{said}: {remedy}")
+        message = f"{robust.fit.message}; residuals of most corners are {robust.noise:.2g} times their stated sigma"
+        remedy = "correct sigma, or check that target, pictures and actuator readings belong together"
+        fit = robust.fit if robust.noise < MATTERS else replace(robust.fit, message=f"{message}: {remedy}")
         return ready.joint(replace(robust, fit=fit))
     return ready.joint(replace(robust, fit=ready.fit(robust.pictures, values=robust.fit.values, stop=stop)))
 
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """The problem made ready: starts, and what is fixed."""
+    """The prepared problem: starting values, and fixed unknowns."""
 
     side: RobotLinks
     setting: RobotCameras
@@ -248,39 +248,39 @@ class Prepared:
         by_name = {c.name: c for c in cameras}
         twice = [c.name for k, c in enumerate(cameras) if c.name in [other.name for other in cameras[:k]]]
         if twice:
-            raise ArgumentError(f"'{twice[0]}' has two entries; leave one out", "cameras")
+            raise ArgumentError(f"'{twice[0]}' has two entries; remove one", "cameras")
         missing = [n for n in p.cameras if n not in by_name]
         if missing:
-            raise ArgumentError(f"'{missing[0]}' has corners but no entry; give its width and height", "cameras")
+            raise ArgumentError(f"'{missing[0]}' has corners but no entry; add one with width and height", "cameras")
         for name in p.cameras:
-            given = {"focal": by_name[name].focal_pixel, "principal_point": by_name[name].principal_point_pixel}
-            lacking = [what for what, value in given.items() if value is None and what not in setting.estimate]
+            values = {"focal": by_name[name].focal_pixel, "principal_point": by_name[name].principal_point_pixel}
+            lacking = [key for key, value in values.items() if value is None and key not in setting.estimate]
             if lacking:
                 words = lacking[0].replace("_", " ")
-                raise ArgumentError(f"the {words} of {name} is held but not given; give or estimate it", "cameras")
+                raise ArgumentError(f"the {words} of {name} is held but has no value; set or estimate it", "cameras")
         if setting.scale == "second_device" and (p.device is None or len(p.device.pose) < 3):
-            raise ArgumentError("a second device gives the scale by three or more positions of fitted poses", "device")
+            raise ArgumentError("the scale of a second device needs its positions at three or more poses", "device")
         if setting.late and (p.rates is None or not np.ptp(p.rates) > 0):
             raise ArgumentError(
-                "a delay shows while the robot moves: give the actuators' rates, of several speeds", "rates"
+                "the delay can only be estimated while the robot moves; provide actuator rates of several speeds",
+                "rates",
             )
         hold, camera_held = held_by_default(robot, setting)
         side = robot_side(robot, Choice(fixed=[*hold, *setting.fixed]))
         on_tool = setting.mounted == "fixed"
         if side.turns and not on_tool:
             raise ArgumentError(
-                "cameras on a plate that turns have no start yet that can be computed from the actuators alone; "
-                "mount them fixed",
+                "starting values for cameras on a plate that rotates are not implemented; use fixed cameras",
                 "mounted",
             )
         poses = side.start(p.actuators)
         if p.device is not None and len(p.device.pose):
             _require_near(p.device, poses[p.device.pose, :3])
-        given = np.array([by_name[n].start for n in p.cameras])
+        lenses = np.array([by_name[n].start for n in p.cameras])
         known = np.array([by_name[n].focal_pixel is not None for n in p.cameras])
-        start = camera_starts(p, poses[:, :3] if on_tool else -poses[:, :3], given, known)
+        start = camera_starts(p, poses[:, :3] if on_tool else -poses[:, :3], lenses, known)
         target = target_start(p, start, poses, on_tool, setting.scale == "target")
-        if on_tool and not side.turns:  # the target's origin is the tool centre point, and all else moves with it
+        if on_tool and not side.turns:  # the tool centre point is the target's origin
             start[:, 13:], target[4:7] = start[:, 13:] - target[4:7], 0.0
         values = {"camera": start, "target": target[None], "robot": side.unknowns.start[None], "pose": poses}
         held = {name for group, entries in INTRINSICS.items() if group not in setting.estimate for name in entries}
@@ -296,7 +296,7 @@ class Prepared:
         return cls(side, setting, values, fixed, target_fixed, tuple(p.cameras), len(p))
 
     def corner_residuals(self, p: RobotPictures) -> np.ndarray:
-        """Residuals (n, 2) [pixel] at the start; what a camera cannot see is infinitely far."""
+        """Return residuals (n, 2) [pixel] at the starting values, infinite for corners that cannot be projected."""
         e = corner_residuals(p, self.start, self.start["pose"], self.side, self.setting.mounted == "fixed")
         return np.where(np.isfinite(e), e, np.inf)
 
@@ -304,7 +304,7 @@ class Prepared:
         self, p: RobotPictures, *, values: dict[str, np.ndarray] | None = None, noise: float | None = None,
         limit: int = 100, covariance: bool = True, stop: Callable[[], bool] | None = None,
     ) -> BundleFit:  # fmt: skip
-        """The bundle on some of the corners; with `noise`, in units of their sigma, by Huber's loss of that noise."""
+        """Fit the bundle to these corners; with `noise`, in units of sigma, by Huber's loss for this noise."""
         v, side, on_tool = values or self.start, self.side, self.setting.mounted == "fixed"
         n, q = len(p.poses), p.actuators
         pose_labels = ["x", "y", "z", "qw", "qx", "qy", "qz"][: side.pose_size]
@@ -345,7 +345,7 @@ class Prepared:
                           stop=stop)  # fmt: skip
 
     def joint(self, robust: RobustFit) -> JointFit:
-        """The result."""
+        """Return the result."""
         return JointFit(
             robust.fit, self.side, self.setting, robust.pictures, robust.wrong_pictures, robust.wrong_corners,
             robust.wrong_poses, self.first,
@@ -353,25 +353,25 @@ class Prepared:
 
 
 def _require_near(device: SecondDevice, here: np.ndarray) -> None:
-    """Raises ArgumentError where no rotation and shift brings a second device's positions near `here` (k, 3) [m], those
-    of the robot as it was known before."""
+    """Raise ArgumentError if no rotation and translation maps the second device's positions close to `here` (k, 3) [m],
+    the positions of the uncalibrated robot."""
     off, spread = aligned(device.T, here)[2], float(np.sqrt(np.mean(np.sum((here - here.mean(axis=0)) ** 2, axis=1))))
     if off > FAR * spread:
         beyond = degrees_of_freedom(len(here), free_frame=True)
         best = compared(off, [mirrored("device", 3)], lambda r: aligned(r(device.T), here)[2], beyond, nearer=NEARER)
         turned = best.suspicion(
-            f"no turn brings it nearer than {length(off)} rms, and it is as near as", length(best.left)
+            f"no rotation brings it closer than {length(off)} rms, but it is within", length(best.left)
         )
-        hint = "check its unit, and which poses they belong to" if best.passed else turned.evidence
+        hint = "check their unit and the poses that they belong to" if best.passed else turned.evidence
         raise ArgumentError(
-            f"positions of the second device lie {off:.3g} m beside those of the robot, which spread over {spread:.3g} "
-            f"m, wherever its frame is; {hint}",
+            f"positions of the second device deviate by {off:.3g} m from those of the robot in the best frame; their "
+            f"spread is {spread:.3g} m; {hint}",
             "device",
         )
 
 
 def held_out_pixels(joint: JointFit, pictures: RobotPictures) -> np.ndarray:
-    """Residuals (n, 2) [pixel] of pictures that the fit did not see, at the poses that the robot predicts."""
+    """Return residuals (n, 2) [pixel] of held-out pictures, at the poses predicted by the calibrated robot."""
     values = joint.fit.values
     q = pictures.actuators if pictures.rates is None else pictures.actuators + joint.delay * pictures.rates
     poses = joint.side.forward(values["robot"][0], q, joint.side.start(q))
@@ -381,7 +381,7 @@ def held_out_pixels(joint: JointFit, pictures: RobotPictures) -> np.ndarray:
 def corner_residuals(
     p: RobotPictures, values: Mapping[str, np.ndarray], poses: np.ndarray, side: RobotLinks, on_tool: bool
 ) -> np.ndarray:
-    """Where corners are seen, less where they were measured (n, 2) [pixel], of a target at these poses."""
+    """Return predicted minus measured corners (n, 2) [pixel] of a target at these poses."""
     f, n = corner_function(side.pose_size, on_tool), len(p)
     columns = [values["camera"][p.camera].T, np.repeat(values["target"].T, n, axis=1), poses[p.pose].T,
                np.column_stack([p.target[p.mark], p.uv]).T]  # fmt: skip

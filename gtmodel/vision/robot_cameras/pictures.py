@@ -1,4 +1,4 @@
-"""Corners that cameras saw at poses of a robot, with what its actuators read there."""
+"""Corners observed by cameras at poses of a robot, with the readings of its actuators."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ class SecondDevice:
 
 @dataclass(frozen=True, eq=False)
 class RobotPictures:
-    """n corners: `camera`, `pose` and `mark` (n,) are indices of the names below; `uv` (n, 2), `sigma` (n,) [pixel].
+    """n corners: `camera`, `pose` and `mark` (n,) are indices of the names; `uv` (n, 2), `sigma` (n,) [pixel].
 
-    `actuators` (N, k): what the robot read at each pose, and `rates` (N, k) how fast they moved there, where it did not
-    stand. `target` (M, 3) [m]: marks in the target's own frame.
-    `truth` (N, 3): true positions of synthetic pictures. `synthetic`: seed and noise in words; "" for measured ones.
+    `actuators` (N, k): readings at each pose; `rates` (N, k): their rates of change, if the robot moved. `target`
+    (M, 3) [m]: marks in the frame of the target. `truth` (N, 3): true positions of synthetic pictures. `synthetic`:
+    seed and noise as text; "" for measured ones.
 
-    Raises ArgumentError for shapes that do not fit, numbers that are not finite, a name or a corner that is there
-    twice, and an index that is none of the names.
+    Raises ArgumentError for shapes that do not match, numbers that are not finite, a repeated name or corner, and an
+    index out of range.
     """
 
     cameras: Sequence[str]
@@ -54,45 +54,46 @@ class RobotPictures:
         shapes = [np.shape(a) for a in (self.camera, self.pose, self.mark, self.uv, self.sigma)]
         if shapes != [(n,), (n,), (n,), (n, 2), (n,)] or not n:
             raise ArgumentError(
-                f"the corners have the shapes {shapes}; expected n rows each, u and v in two", "corners"
+                f"found corner columns of the shapes {shapes}; expected n rows in each, (n, 2) for u and v", "corners"
             )
         if len(self.actuators) != len(self.poses) or np.shape(self.target) != (len(self.marks), 3):
             raise ArgumentError(
-                f"{len(self.poses)} poses have {len(self.actuators)} rows of actuators, and {len(self.marks)} marks "
-                f"places of the shape {np.shape(self.target)}",
+                f"found {len(self.actuators)} rows of actuators for {len(self.poses)} poses, and a target of shape "
+                f"{np.shape(self.target)} for {len(self.marks)} marks",
                 "actuators",
             )
         if self.rates is not None and np.shape(self.rates) != np.shape(self.actuators):
-            raise ArgumentError(f"rates have the shape {np.shape(self.rates)}; expected that of the actuators", "rates")
-        given = {"corners": self.uv, "actuators": self.actuators, "target": self.target, "truth": self.truth,
+            raise ArgumentError(f"found rates of shape {np.shape(self.rates)}; expected that of the actuators", "rates")
+        values = {"corners": self.uv, "actuators": self.actuators, "target": self.target, "truth": self.truth,
                  "rates": self.rates, "device": None if self.device is None else self.device.T}  # fmt: skip
-        wrong = [name for name, x in given.items() if x is not None and not np.all(np.isfinite(x))]
+        wrong = [name for name, x in values.items() if x is not None and not np.all(np.isfinite(x))]
         if wrong:
-            raise ArgumentError("expected finite numbers; found one that is not", wrong[0])
+            raise ArgumentError("found a number that is not finite", wrong[0])
         if not np.all(np.isfinite(self.sigma) & (self.sigma > 0)):
-            raise ArgumentError("expected a finite sigma above zero of each corner", "corners")
+            raise ArgumentError("found a sigma that is not finite and positive", "corners")
         self._require_names()
         key = (self.camera * len(self.poses) + self.pose) * len(self.marks) + self.mark
-        values, count = np.unique(key, return_counts=True)
+        keys, count = np.unique(key, return_counts=True)
         if np.any(count > 1):
-            k = int(np.flatnonzero(key == values[np.argmax(count)])[0])
-            raise ArgumentError(f"{self.where(k)} is given twice; keep one", "corners")
+            k = int(np.flatnonzero(key == keys[np.argmax(count)])[0])
+            raise ArgumentError(f"{self.where(k)} occurs more than once; keep one", "corners")
 
     def _require_names(self) -> None:
-        """Raises ArgumentError for a name that stands twice, and for an index that is none of the names."""
+        """Raise ArgumentError for a repeated name, and for an index out of range."""
         columns = (
             ("camera", self.camera, self.cameras),
             ("pose", self.pose, self.poses),
             ("mark", self.mark, self.marks),
         )
-        for what, index, names in columns:
+        for kind, index, names in columns:
             if len(set(names)) < len(names):
                 twice = next(n for k, n in enumerate(names) if n in names[:k])
-                raise ArgumentError(f"there are two {what}s named '{twice}'; give each its own name", "corners")
+                raise ArgumentError(f"two {kind}s are named '{twice}'; use unique names", "corners")
             low, high = np.min(index), np.max(index)
             if not np.issubdtype(np.asarray(index).dtype, np.integer) or low < 0 or high >= len(names):
                 raise ArgumentError(
-                    f"expected whole numbers of the {len(names)} {what}s, from 0; found {low} to {high}", "corners"
+                    f"found {kind} indices {low} to {high}; expected whole numbers from 0, of {len(names)} {kind}s",
+                    "corners",
                 )
 
     def __len__(self) -> int:
@@ -100,25 +101,24 @@ class RobotPictures:
 
     @property
     def picture(self) -> np.ndarray:
-        """(n,) number of the picture of each corner: camera * poses + pose."""
+        """Index (n,) of the picture of each corner: camera * poses + pose."""
         return self.camera * len(self.poses) + self.pose
 
     def where(self, k: int) -> str:
-        """Words for a corner."""
+        """Return a description of a corner."""
         return f"mark {self.marks[self.mark[k]]} of pose {self.poses[self.pose[k]]} in {self.cameras[self.camera[k]]}"
 
     def picture_name(self, number: int) -> str:
-        """Words for a picture."""
+        """Return a description of a picture."""
         camera, pose = divmod(int(number), len(self.poses))
         return f"pose {self.poses[pose]} in {self.cameras[camera]}"
 
     def corners(self, keep: np.ndarray) -> RobotPictures:
-        """Some of the corners, by index or mask; poses stay."""
-        own = {n: getattr(self, n)[keep] for n in ("camera", "pose", "mark", "uv", "sigma")}
-        return replace(self, **own)
+        """Return some of the corners, by index or mask; poses stay."""
+        return replace(self, **{n: getattr(self, n)[keep] for n in ("camera", "pose", "mark", "uv", "sigma")})
 
     def part(self, rows: np.ndarray) -> RobotPictures:
-        """Some of the poses (k,), by index, with their corners."""
+        """Return some of the poses (k,), by index, with their corners."""
         place = np.full(len(self.poses), -1)
         place[rows] = np.arange(len(rows))
         keep = place[self.pose] >= 0
@@ -126,9 +126,9 @@ class RobotPictures:
         if device is not None:
             inside = place[device.pose] >= 0
             device = SecondDevice(place[device.pose][inside], device.T[inside], device.noise)
-        own = {n: getattr(self, n)[keep] for n in ("camera", "mark", "uv", "sigma")}
+        columns = {n: getattr(self, n)[keep] for n in ("camera", "mark", "uv", "sigma")}
         return replace(
-            self, **own, pose=place[self.pose[keep]], poses=[self.poses[int(k)] for k in rows],
+            self, **columns, pose=place[self.pose[keep]], poses=[self.poses[int(k)] for k in rows],
             actuators=self.actuators[rows], device=device, truth=None if self.truth is None else self.truth[rows],
             rates=None if self.rates is None else self.rates[rows],
         )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The error over the workspace that noise will leave, before anything is measured or after, and where to put two
+"""Prediction of the error over the workspace due to noise, before or after the measurement, and placement of two
 cameras."""
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from .synthetic import made_pictures
 
 @dataclass(frozen=True, eq=False)
 class PredictedPositions(PredictedErrors):
-    """Of positions (n, 3) [m]: covariance (n, 3, 3) [m2] of the error that the calibration leaves, once the frame in
-    which the robot is judged is laid through all of them."""
+    """Predicted errors of a calibrated robot at positions (n, 3) [m]: covariance (n, 3, 3) [m2], after the best fit of
+    the reference frame to all positions."""
 
     positions: np.ndarray
 
 
 def predicted_positions(joint: JointFit, actuators: ArrayLike) -> PredictedPositions:
-    """What the covariance of the robot's parameters means for the tool centre point at rows of the actuators.
+    """Propagate the covariance of the robot parameters to the tool centre point at rows of the actuators.
 
-    Rotation and shift of all positions together are no error: another device sees them from a frame of its own. Raises
-    ArgumentError for rows at which the robot does not close.
+    A common rotation and translation of all positions is not counted as an error, because the frame of a reference
+    device is arbitrary. Raises ArgumentError for rows at which the closure equations have no solution.
 
     >>> V = gt.vision.robot_cameras
     >>> made = V.made_pictures(V.SyntheticRobotCameras(counts=[3, 3, 3]))
@@ -42,13 +42,13 @@ def predicted_positions(joint: JointFit, actuators: ArrayLike) -> PredictedPosit
     q = np.asarray(actuators, float).reshape(-1, joint.pictures.actuators.shape[1])
     side, x = joint.side, joint.fit.values["robot"][0]
     poses = side.forward(x, q, side.start(q))
-    lost = np.flatnonzero(~np.all(np.isfinite(poses), axis=1))
-    if len(lost):
-        raise ArgumentError(f"the robot does not close at row {lost[0] + 1}", "actuators")
+    unsolved = np.flatnonzero(~np.all(np.isfinite(poses), axis=1))
+    if len(unsolved):
+        raise ArgumentError(f"the closure equations have no solution at row {unsolved[0] + 1}", "actuators")
     _, by_x, by_z, _ = side.at(x, poses, q)
     if side.turns:
         e = poses[:, 3:]
-        # increments of the quaternion in its own frame
+        # rotation increments in the frame of the plate
         G = np.zeros((len(e), 7, 6))
         G[:, :3, :3] = np.eye(3)
         G[:, 3:, 3:] = turn_matrix(e)
@@ -61,15 +61,15 @@ def predicted_positions(joint: JointFit, actuators: ArrayLike) -> PredictedPosit
     flat = P.reshape(len(T) * 3, -1)
     flat = flat - Q @ (Q.T @ flat)
     names = list(joint.estimate.names)
-    at = [names.index(f"robot.{n}") for n in side.unknowns.names]
-    C = joint.estimate.covariance[np.ix_(at, at)]
+    columns = [names.index(f"robot.{n}") for n in side.unknowns.names]
+    C = joint.estimate.covariance[np.ix_(columns, columns)]
     P = flat.reshape(len(T), 3, -1)
     return PredictedPositions(P @ C @ P.transpose(0, 2, 1), poses[:, :3])
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedCameras:
-    """One place: what the calibration there will be worth; `why` says why it is none where `predicted` is None."""
+    """One placement with the predicted errors of its calibration; if `predicted` is None, `why` states the reason."""
 
     baseline: float
     distance: float
@@ -81,10 +81,11 @@ class PlacedCameras:
 def camera_places(
     robot: Model, scene: SyntheticRobotCameras, places: CameraPlaces, setting: RobotCameras | None = None
 ) -> list[PlacedCameras]:
-    """Predicted errors for each baseline and distance, the least first; places where the target leaves a picture last.
+    """Predict the errors for each baseline and distance, smallest first; placements that lose the target come last.
 
-    The robot is the one known before, pictures have no error but their noise counts: the covariance is that of the
-    calibration to come, to first order. Raises ArgumentError where no place sees the target everywhere.
+    The pictures are simulated without errors, for the uncalibrated robot, but weighted with their noise. To first order
+    the covariance is that of the future calibration. Raises ArgumentError if no placement sees the target at every
+    pose.
 
     >>> V = gt.vision.robot_cameras
     >>> robot, scene = gt.robots.gantry_tau("l1_tape"), V.SyntheticRobotCameras(counts=[3, 3, 3])
@@ -94,7 +95,7 @@ def camera_places(
     """
     rows = [_placed(robot, scene, b, d, setting or RobotCameras()) for d in places.distances for b in places.baselines]
     if all(r.predicted is None for r in rows):
-        raise ArgumentError(f"no place sees the target at every pose: {rows[0].why}", "distances")
+        raise ArgumentError(f"no placement sees the target at every pose: {rows[0].why}", "distances")
     return sorted(rows, key=lambda r: np.inf if r.predicted is None else r.predicted.rms)
 
 
@@ -104,11 +105,11 @@ def _placed(
     still = replace(scene, baseline=baseline, distance=distance, robot_error=0.0, pixel_noise=0.0, actuator_noise=0.0,
                     turned_pictures=[], wrong_corners=0.0)  # fmt: skip
     try:
-        made = made_pictures(still, robot)
+        synthetic = made_pictures(still, robot)
     except ArgumentError as error:
         return PlacedCameras(baseline, distance, None, why=error.message)
-    pictures = replace(made.pictures, sigma=np.full(len(made.pictures), scene.pixel_noise))
-    joint = joint_fit(made.robot, pictures, made.cameras, replace(setting, removal=0.0))
+    pictures = replace(synthetic.pictures, sigma=np.full(len(synthetic.pictures), scene.pixel_noise))
+    joint = joint_fit(synthetic.robot, pictures, synthetic.cameras, replace(setting, removal=0.0))
     if not joint.fit.status.ok:
         return PlacedCameras(baseline, distance, None, why=joint.fit.message)
     names = list(joint.estimate.names)

@@ -1,5 +1,5 @@
-"""The functions of the bundle: a corner, a second device, and the robot's side, its closure equations in the
-parameters that move."""
+"""Residual functions of the bundle: corners, second device, and the closure equations of the robot as functions of its
+free parameters."""
 
 from __future__ import annotations
 
@@ -22,43 +22,43 @@ from ...results.refusal import ArgumentError
 
 CAMERA = (*LENS, "qw", "qx", "qy", "qz", "x", "y", "z")
 TARGET = ("qw", "qx", "qy", "qz", "x", "y", "z", "scale")
-TURN = 9  # where a camera's quaternion begins
+TURN = 9  # index of the first entry of a camera's quaternion
 
 
 def seen(camera: ca.SX, X: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """u, v [pixel] of a point, and margins that are positive where the camera's model holds: in front of it, and within
-    the radius at which the lens folds the picture over."""
+    """Return u, v [pixel] of a point, and margins that are positive if the camera model is valid: in front of the
+    camera, and within the radius at which the lens folds the picture over."""
     return pixel(quaternion_matrix(camera[TURN : TURN + 4]).T @ (X - camera[13:16]), camera[:TURN])
 
 
 def mark(target: ca.SX, pose: ca.SX, p: ca.SX, on_tool: bool) -> ca.SX:
-    """A mark where cameras are: of a target on the tool, in the base; of one that stands, in the tool's frame."""
-    own = target[4:7] + target[7] * (quaternion_matrix(target[:4]) @ p)
+    """Return a mark in the frame that carries the cameras: the base if the target is on the tool, else the tool."""
+    m = target[4:7] + target[7] * (quaternion_matrix(target[:4]) @ p)
     T = pose[:3]
     if pose.numel() == 3:
-        return T + own if on_tool else own - T
+        return T + m if on_tool else m - T
     R = quaternion_matrix(pose[3:])
-    return T + R @ own if on_tool else R.T @ (own - T)
+    return T + R @ m if on_tool else R.T @ (m - T)
 
 
 def corner_function(pose_size: int, on_tool: bool) -> ca.Function:
-    """(camera, target, pose, data) -> seen less measured [pixel], with margins; data: the mark (3), u, v."""
+    """Return (camera, target, pose, data) -> predicted minus measured [pixel], and margins; data: mark (3), u, v."""
     c, t, z, d = (ca.SX.sym(n, k) for n, k in (("c", 16), ("t", 8), ("z", pose_size), ("d", 5)))
     uv, margin = seen(c, mark(t, z, d[:3], on_tool))
     return ca.Function("corners", [c, t, z, d], [uv - d[3:], margin])
 
 
 def device_function(pose_size: int) -> ca.Function:
-    """(device frame, pose, data) -> position less measured, in the device's frame [m]; data: what was measured (3)."""
+    """Return (device frame, pose, data) -> predicted minus measured position in the device's frame [m]; data: (3)."""
     f, z, d = ca.SX.sym("f", 7), ca.SX.sym("z", pose_size), ca.SX.sym("d", 3)
     return ca.Function("device", [f, z, d], [quaternion_matrix(f[:4]).T @ (z[:3] - f[4:]) - d])
 
 
 def links_function(residual: ca.Function, noise: float, late: bool = False) -> ca.Function:
-    """(robot, pose, data) -> length errors made white for noise [m] of the actuators, which are the data; where the
-    cameras are `late` (robot, clock, pose, data) with the delay [s] and the actuators' rates behind them.
+    """Return (robot, pose, data) -> length errors, whitened for the noise [m] of the actuators; data: actuators.
 
-    The whitening moves with the parameters, so that these rows see no common growth of all lengths.
+    If `late`: (robot, clock, pose, data) with the delay [s] and, in the data, the actuator rates. The whitening depends
+    on the parameters, so that these residuals do not change if all lengths grow by one factor.
     """
     x, z, q = (ca.SX.sym(n, residual.size1_in(k)) for k, n in enumerate("xzq"))
     delay, rate = ca.SX.sym("delay"), ca.SX.sym("rate", q.numel())
@@ -73,14 +73,14 @@ def links_function(residual: ca.Function, noise: float, late: bool = False) -> c
 
 
 ROUNDS, ARRIVED = 40, 1e-12  # of Newton's method; m and rad
-SINGULAR = 1e-6  # of rows of length one
+SINGULAR = 1e-6  # smallest singular value of normalised rows
 
 
 @dataclass(frozen=True, eq=False)
 class RobotLinks:
     """Length errors of a robot's links as a function of its free parameters, its pose and its actuators.
 
-    `pose`: variables of the end-effector, the position first, then a quaternion where it turns; `unknowns`: the free
+    `pose`: variables of the end-effector, the position first, then a quaternion if it rotates; `unknowns`: the free
     parameters; `residual`: (parameters, pose, actuators) -> length errors [m].
     """
 
@@ -94,23 +94,23 @@ class RobotLinks:
 
     @property
     def turns(self) -> bool:
-        """Whether the end-effector turns."""
+        """Whether the end-effector rotates."""
         return len(self.pose) > 1
 
     @property
     def pose_size(self) -> int:
-        """Numbers of a pose."""
+        """Number of entries of a pose."""
         return 7 if self.turns else 3
 
     @cached_property
     def slopes(self) -> ca.Function:
-        """Length errors with their derivatives in the parameters, the pose and the actuators."""
+        """Length errors with their Jacobians with respect to parameters, pose and actuators."""
         x, z, q = (ca.SX.sym(f"a{k}", self.residual.size1_in(k)) for k in range(3))
         r = self.residual(x, z, q)
         return ca.Function("slopes", [x, z, q], [r, *(ca.densify(ca.jacobian(r, s)) for s in (x, z, q))], {"cse": True})
 
     def at(self, x: np.ndarray, poses: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Length errors (n, m) and Jacobians (n, m, .) at parameters (k,) or (n, k)."""
+        """Return length errors (n, m) and Jacobians (n, m, .) at parameters (k,) or (n, k)."""
         n = len(q)
         x = np.broadcast_to(x, (n, np.shape(x)[-1]))
         out = map_columns(self.slopes, [x.T, poses.T, q.T], self.made)
@@ -118,9 +118,9 @@ class RobotLinks:
         return tuple([out[0].T, *(o.T.reshape(n, -1, m).transpose(0, 2, 1) for o in out[1:])])
 
     def forward(self, x: np.ndarray, q: np.ndarray, near: np.ndarray) -> np.ndarray:
-        """Poses (n, pose) at which the equations close, by Newton's method from `near`; NaN where there is none.
+        """Solve the closure equations for the poses (n, pose) by Newton's method from `near`; NaN without a solution.
 
-        Of a plate that turns, the steps of a quaternion keep its length to first order and it is made one after each.
+        The steps of a quaternion keep its length to first order, and it is normalised after each step.
         """
         z = np.array(np.broadcast_to(near, (len(q), self.pose_size)), float)
         size = np.full(len(q), np.inf)
@@ -144,39 +144,38 @@ class RobotLinks:
         return z
 
     def start(self, q: np.ndarray) -> np.ndarray:
-        """Poses (n, pose) of actuators by the robot as it was known before. Raises ArgumentError where one has none."""
+        """Return the poses (n, pose) of the uncalibrated robot at q. Raises ArgumentError if a row has no pose."""
         forward = compile_causal(self.robot, known=[self.actuators], targets=list(self.pose))
         *parts, status = forward(q)
-        lost = np.flatnonzero(np.asarray(status) != 0)
-        if len(lost):
+        unsolved = np.flatnonzero(np.asarray(status) != 0)
+        if len(unsolved):
             raise ArgumentError(
-                f"row {lost[0] + 1} of the actuators has no pose of the robot as it was known before; check units and "
-                "columns",
+                f"the uncalibrated robot has no pose for actuator row {unsolved[0] + 1}; check units and columns",
                 self.actuators,
             )
         return np.concatenate([np.asarray(p).reshape(len(q), -1) for p in parts], axis=1)
 
     def require_all_links(self, x: np.ndarray, poses: np.ndarray, q: np.ndarray, noise: float) -> None:
-        """Raises ArgumentError where the noise of the actuators does not reach every closure equation."""
+        """Raise ArgumentError if a combination of closure equations does not depend on the actuators."""
         _, _, _, by_q = self.at(x, poses, q)
         by_q = by_q / np.maximum(np.linalg.norm(by_q, axis=2, keepdims=True), 1e-12)
         least = np.linalg.svd(by_q, compute_uv=False)[:, -1] if by_q.shape[1] <= by_q.shape[2] else np.zeros(1)
         if not noise > 0 or not np.all(least > SINGULAR):
             raise ArgumentError(
-                "at a pose the noise of the actuators does not reach every closure equation: not all of this robot's "
-                "actuators are measured, or it stands in a singular pose",
+                "at some pose a closure equation does not depend on the measured actuators and has no noise: an "
+                "actuator is not measured, or the pose is singular",
                 "actuator_noise",
             )
 
 
 def robot_side(robot: Model, choice: Choice, actuators: str = "q", pose: Sequence[str] = ()) -> RobotLinks:
-    """The closure equations of a robot with all of its pose known. Raises ArgumentError and ModelError."""
+    """Return the closure equations of a robot with a known pose. Raises ArgumentError and ModelError."""
     flat = flat_of(robot)
     pose = tuple(pose) or tuple(n for n in ("T", "e") if n in flat.groups)
     missing = [n for n in (actuators, *pose) if n not in flat.groups]
     if missing or not pose:
         raise ArgumentError(
-            f"the robot has no variable '{missing[0] if missing else 'T'}'; name its actuators and its pose", "robot"
+            f"the robot has no variable '{missing[0] if missing else 'T'}'; expected actuators q and a pose T", "robot"
         )
     closure = closure_equations(flat, known=[actuators, *pose])
     u = unknowns(Parameters.of(flat, closure.touched), choice)

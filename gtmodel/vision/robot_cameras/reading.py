@@ -1,4 +1,4 @@
-"""Corners and actuators from tables."""
+"""Read and write corners and actuator readings as tables."""
 
 from __future__ import annotations
 
@@ -19,16 +19,17 @@ def read_pictures(
     corners: str | Path, actuators: str | Path, target: Target, unit: str = "mm", sigma: float = 0.1,
     device: str | Path | None = None, device_noise: float = 10e-6,
 ) -> RobotPictures:  # fmt: skip
-    """Pictures of a robot from two CSV files.
+    """Read pictures of a robot from two CSV files.
 
-    corners: columns camera, pose, mark, u, v [pixel] and sigma [pixel], as `detection.corners_csv` writes them; `sigma`
-    where there is no such column. actuators: columns pose, one for each actuator in `unit`, and where the robot moved
-    as many rates per second, "rate1" and so on; poses are those of the corners, by name. device: columns pose, x, y, z
-    [unit] of positions that a second device measured at some poses, within `device_noise` [m]. target: whose marks
-    they are. Lines that begin with # are left out; a first one that says "synthetic" is kept as a word.
+    corners: columns camera, pose, mark, u, v [pixel] and sigma [pixel], as `detection.corners_csv` writes them; without
+    a column sigma, `sigma` is used. actuators: columns pose, one per actuator in `unit`, and for a moving robot as many
+    rates [unit/s], "rate1" and so on; the names of the poses are those of the corners. device: columns pose, x, y, z
+    [unit] with positions measured by a second device at some poses, with the standard deviation `device_noise` [m].
+    target: defines the marks. Lines that begin with # are ignored, but a first line that contains "synthetic" is kept
+    in the result.
 
-    Raises ArgumentError with file and line for what is no number, a mark that the target does not have, and a pose
-    without actuators or with two rows of them.
+    Raises ArgumentError with file and line for a cell that is not a number, a mark that the target does not have, and a
+    pose without actuators or with several rows of them.
 
     >>> from pathlib import Path
     >>> from tempfile import mkdtemp
@@ -44,27 +45,30 @@ def read_pictures(
     readings: dict[str, list[float]] = {}
     for name, row, line in _rows(actuators, "actuators"):
         if name in readings:
-            raise ArgumentError(f"{actuators.name}, line {line}: pose {name} is there twice; keep one", "actuators")
+            raise ArgumentError(f"{actuators.name}, line {line}: pose {name} occurs twice; keep one", "actuators")
         readings[name] = row
     head = _table(actuators, "actuators")[0][1:]
     moving = sum(name.startswith("rate") for name in head)
     if moving not in (0, len(head) / 2):
-        raise ArgumentError(f"{actuators.name} has {moving} rates for {len(head) - moving} actuators", "actuators")
+        raise ArgumentError(
+            f"{actuators.name} has {moving} rates for {len(head) - moving} actuators; expected as many, or none",
+            "actuators",
+        )
     factor = _factor(unit)
     rows = list(_corner_rows(corners, sigma))
     if not rows:
-        raise ArgumentError(f"{corners.name} has no corner", "corners")
+        raise ArgumentError(f"{corners.name} has no corners", "corners")
     cameras = tuple(dict.fromkeys(r[0] for r in rows))
     poses = tuple(dict.fromkeys(r[1] for r in rows))
     missing = [p for p in poses if p not in readings]
     if missing:
         raise ArgumentError(f"pose {missing[0]} has corners but no row in {actuators.name}", "actuators")
     marks = {m: k for k, m in enumerate(target.marks)}
-    strange = [r for r in rows if r[2] not in marks]
-    if strange:
+    unknown = next((r for r in rows if r[2] not in marks), None)
+    if unknown:
         raise ArgumentError(
-            f"{corners.name}, line {strange[0][6]}: the target has no mark '{strange[0][2]}'; it has "
-            f"{target.marks[0]} to {target.marks[-1]}",
+            f"{corners.name}, line {unknown[6]}: the target has no mark '{unknown[2]}'; expected {target.marks[0]} to "
+            f"{target.marks[-1]}",
             "corners",
         )
     index = [{n: k for k, n in enumerate(names)} for names in (cameras, poses)]
@@ -88,17 +92,17 @@ def _device(path: str | Path | None, factor: float, noise: float, poses: dict[st
     rows = [(name, row, line) for name, row, line in _rows(path, "device") if name in poses]
     wrong = [line for _, row, line in rows if len(row) != 3]
     if wrong or not rows:
-        where = f"line {wrong[0]}: expected pose, x, y, z" if wrong else "no pose of the pictures is in it"
-        raise ArgumentError(f"{path.name}, {where}", "device")
+        fault = f", line {wrong[0]}: expected pose, x, y, z" if wrong else " contains no pose of the pictures"
+        raise ArgumentError(f"{path.name}{fault}", "device")
     return SecondDevice(np.array([poses[n] for n, *_ in rows]), factor * np.array([r for _, r, _ in rows]), noise)
 
 
 def write_pictures(
     pictures: RobotPictures, corners: str | Path, actuators: str | Path, *, overwrite: bool = False
 ) -> None:
-    """The two files of read_pictures(), actuators in metres.
+    """Write the two files of read_pictures(), with actuators in metres.
 
-    See read_pictures(). Raises FileExistsError where a file is there, unless `overwrite`.
+    Raises FileExistsError if a file exists, unless `overwrite`.
 
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
@@ -120,7 +124,7 @@ def write_pictures(
 
 
 def corner_rows(p: RobotPictures) -> list[CornerRow]:
-    """Corners as rows of the table.
+    """Return corners as rows of the table.
 
     >>> V = gt.vision.robot_cameras
     >>> V.corner_rows(V.made_pictures(V.SyntheticRobotCameras(counts=[3, 3, 3])).pictures)[0].mark
@@ -134,20 +138,20 @@ def corner_rows(p: RobotPictures) -> list[CornerRow]:
 
 
 def _corner_rows(path: Path, sigma: float) -> Iterator[tuple[str, str, str, float, float, float, int]]:
-    """camera, pose, mark, u, v, sigma, line."""
+    """Yield camera, pose, mark, u, v, sigma, line."""
     head, body = _table(path, "corners")
     missing = [n for n in ("camera", "pose", "mark", "u", "v") if n not in head]
     if missing:
-        raise ArgumentError(f"{path.name} has no column '{missing[0]}'; it has {', '.join(head)}", "corners")
-    at = {n: head.index(n) for n in head}
+        raise ArgumentError(f"{path.name} has no column '{missing[0]}'; found {', '.join(head)}", "corners")
+    column = {n: head.index(n) for n in head}
     for line, cells in body:
-        u, v = (_number(cells[at[n]], path, line, "corners") for n in ("u", "v"))
-        own = _number(cells[at["sigma"]], path, line, "corners") if "sigma" in at else sigma
-        yield cells[at["camera"]], cells[at["pose"]], cells[at["mark"]], u, v, own, line
+        u, v = (_number(cells[column[n]], path, line, "corners") for n in ("u", "v"))
+        noise = _number(cells[column["sigma"]], path, line, "corners") if "sigma" in column else sigma
+        yield cells[column["camera"]], cells[column["pose"]], cells[column["mark"]], u, v, noise, line
 
 
 def _rows(path: Path, argument: str) -> Iterator[tuple[str, list[float], int]]:
-    """Name, numbers and line of each row."""
+    """Yield name, numbers and line of each row."""
     head, body = _table(path, argument)
     if head[0] != "pose" or len(head) < 2:
         raise ArgumentError(f"{path.name} begins with {', '.join(head[:4])}; expected pose, q1, ...", argument)
@@ -160,14 +164,14 @@ def _table(path: Path, argument: str) -> tuple[list[str], list[tuple[int, list[s
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise ArgumentError(f"{path.name} cannot be read: {error}", argument) from error
-    kept = [(k, text) for k, text in enumerate(lines, 1) if text.strip() and not text.startswith("#")]
-    rows: Sequence[list[str]] = [[c.strip() for c in row] for row in csv.reader(text for _, text in kept)]
+    numbered = [(k, text) for k, text in enumerate(lines, 1) if text.strip() and not text.startswith("#")]
+    rows: Sequence[list[str]] = [[c.strip() for c in row] for row in csv.reader(text for _, text in numbered)]
     if len(rows) < 2:
-        raise ArgumentError(f"{path.name} holds no rows below its head", argument)
-    for (line, _), row in zip(kept, rows, strict=True):
+        raise ArgumentError(f"{path.name} has no rows below its header", argument)
+    for (line, _), row in zip(numbered, rows, strict=True):
         if len(row) != len(rows[0]):
-            raise ArgumentError(f"{path.name}, line {line}: {len(row)} cells; the head has {len(rows[0])}", argument)
-    return rows[0], [(line, row) for (line, _), row in zip(kept[1:], rows[1:], strict=True)]
+            raise ArgumentError(f"{path.name}, line {line}: {len(row)} cells; the header has {len(rows[0])}", argument)
+    return rows[0], [(line, row) for (line, _), row in zip(numbered[1:], rows[1:], strict=True)]
 
 
 def _number(text: str, path: Path, line: int, argument: str) -> float:
@@ -176,12 +180,12 @@ def _number(text: str, path: Path, line: int, argument: str) -> float:
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise ArgumentError(f"{path.name}, line {line}: '{text}' is no finite number", argument)
+        raise ArgumentError(f"{path.name}, line {line}: '{text}' is not a finite number", argument)
     return value
 
 
 def _factor(unit: str) -> float:
-    """Metres, or radians, per unit."""
+    """Return metres or radians per unit."""
     lengths = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "deg": np.pi / 180}
     if unit not in lengths:
         raise ArgumentError(f"expected one of {', '.join(lengths)}; found '{unit}'", "unit")

@@ -1,4 +1,4 @@
-"""Where the bundle begins: cameras by the direct linear transformation, the target by the rays to its marks."""
+"""Starting values of the bundle: cameras by the direct linear transformation, the target from rays to its marks."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from ..starts import linear_projection
 from .pictures import RobotPictures
 
 LEAST = 8  # pictures of a camera: two more than the direct linear transformation needs
-SIZES = (0.5, 2.0)  # of a target as it is stated, over the one that is seen
-ON_A_LINE = 1e-3  # width of a target over its length
-FLAT = 5e-3  # thickness of the poses over their size: thinner, focal length and distance go together
-LOOSE = 0.15  # of the spread of a picture's middles: farther off, these are not the poses at which they were taken
+SIZES = (0.5, 2.0)  # plausible ratios of the stated to the observed size of a target
+ON_A_LINE = 1e-3  # smallest width of a target over its length
+FLAT = 5e-3  # smallest thickness of the poses over their size that separates focal length and distance
+LOOSE = 0.15  # largest median deviation, relative to the spread of the mean corners, if pictures and poses match
 PLAUSIBLE = (0.2, 20.0)  # focal length in widths of the picture
 
 
 def camera_starts(p: RobotPictures, places: np.ndarray, intrinsics: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Cameras (K, 16) from the mean corner of each picture and `places` (N, 3) of the target there [m].
+    """Compute cameras (K, 16) from the mean corner of each picture and the positions `places` (N, 3) of the target [m].
 
-    `intrinsics` (K, 9) as given, `known` (K,) whether the focal length is. Raises ArgumentError.
+    `intrinsics` (K, 9): initial lenses; `known` (K,): whether their focal length is known. Raises ArgumentError.
     """
     cameras = []
     for k, name in enumerate(p.cameras):
-        own = p.camera == k
-        rows = np.unique(p.pose[own])
+        pose, corners = p.pose[p.camera == k], p.uv[p.camera == k]
+        rows = np.unique(pose)
         if len(rows) < LEAST:
-            raise ArgumentError(f"{name} has {len(rows)} pictures; it needs {LEAST} or more", "corners")
-        count = np.bincount(p.pose[own], minlength=len(p.poses))[rows]
-        uv = np.stack([np.bincount(p.pose[own], p.uv[own, j], minlength=len(p.poses))[rows] / count for j in (0, 1)], 1)
+            raise ArgumentError(f"{name} has {len(rows)} pictures; expected at least {LEAST}", "corners")
+        count = np.bincount(pose, minlength=len(p.poses))[rows]
+        uv = np.stack([np.bincount(pose, corners[:, j], minlength=len(p.poses))[rows] / count for j in (0, 1)], 1)
         K, R, c = _resection(places[rows], uv, name)
         start = intrinsics[k].copy()
         width = 2 * start[2] + 1
         if not known[k] and PLAUSIBLE[0] * width < K[0, 0] < PLAUSIBLE[1] * width:
             start[:2] = (K[0, 0] + K[1, 1]) / 2
-        # place and turn go with the focal length that is kept: from there the middle of the target is seen alike
+        # the pose that reproduces the mean corners with this focal length
         turn, place = _placed(start, places[rows], uv, R, c)
         ray = (places[rows] - place) @ quaternion_matrix(turn)
         with np.errstate(all="ignore"):
@@ -47,9 +47,9 @@ def camera_starts(p: RobotPictures, places: np.ndarray, intrinsics: np.ndarray, 
         spread = float(np.median(np.linalg.norm(uv - np.median(uv, axis=0), axis=1)))
         if not float(np.median(off)) < LOOSE * spread:
             raise ArgumentError(
-                f"no place of {name} shows the target where its pictures have it: half of them are off by "
-                f"{np.median(off):.3g} pixel or more, of a spread of {spread:.3g}; the rows of the actuators do not "
-                "belong to its pictures, or the robot is quite another one",
+                f"no pose of {name} reproduces its pictures: the median deviation is {np.median(off):.3g} pixel, their "
+                f"spread {spread:.3g}; the rows of the actuators do not belong to the pictures, or the robot model is "
+                "wrong",
                 "actuators",
             )
         cameras.append(np.concatenate([start, turn, place]))
@@ -57,10 +57,10 @@ def camera_starts(p: RobotPictures, places: np.ndarray, intrinsics: np.ndarray, 
 
 
 def _resection(X: np.ndarray, uv: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Intrinsics, rotation (camera to base) and place of the camera that sees points X at uv."""
+    """Return intrinsics, rotation (camera to base) and position of the camera that projects points X to uv."""
     middle, size = X.mean(axis=0), np.linalg.norm(X - X.mean(axis=0), axis=1).mean()
     if np.linalg.svd(X - middle, compute_uv=False)[-1] < FLAT * size * np.sqrt(len(X)):
-        raise ArgumentError(f"the poses that {name} sees lie in a plane; measure at other distances too", "corners")
+        raise ArgumentError(f"the poses observed by {name} lie in a plane; add poses at other distances", "corners")
     P, _ = linear_projection(X, uv)
     P *= np.sign(np.linalg.det(P[:, :3]))
     K, R = scipy.linalg.rq(P[:, :3])
@@ -69,7 +69,7 @@ def _resection(X: np.ndarray, uv: np.ndarray, name: str) -> tuple[np.ndarray, np
     c = -np.linalg.solve(P[:, :3], P[:, 3])
     if ((X - c) @ R.T)[:, 2].mean() < 0:
         raise ArgumentError(
-            f"{name} would see the target from behind: its picture is mirrored, or the rows of the actuators do not "
+            f"{name} sees the target from behind: its pictures are mirrored, or the rows of the actuators do not "
             "belong to its pictures",
             "corners",
         )
@@ -77,16 +77,16 @@ def _resection(X: np.ndarray, uv: np.ndarray, name: str) -> tuple[np.ndarray, np
 
 
 def _placed(start: np.ndarray, X: np.ndarray, uv: np.ndarray, R: np.ndarray, c: np.ndarray) -> list[np.ndarray]:
-    """Quaternion and place under intrinsics that may differ from those of the resection."""
+    """Return quaternion and position for intrinsics that may differ from those of the resection."""
 
-    def rest(x: np.ndarray) -> np.ndarray:
+    def residual(x: np.ndarray) -> np.ndarray:
         p = (X - c - x[3:]) @ (R @ rotation_by(x[:3]))
         z = np.where(np.abs(p[:, 2:]) < 1e-6, 1e-6, p[:, 2:])
         return (start[:2] * p[:, :2] / z + start[2:4] - uv).reshape(-1)
 
     scale = [0.1] * 3 + [1.0] * 3
     x = nonlinear_fit(
-        by_differences(rest, uv.size), np.zeros(6), "uvwxyz", scale=scale, sigma=1.0, hold_undetermined=True
+        by_differences(residual, uv.size), np.zeros(6), "uvwxyz", scale=scale, sigma=1.0, hold_undetermined=True
     ).x
     return [quaternion_of(R @ rotation_by(x[:3])), c + x[3:]]
 
@@ -94,10 +94,12 @@ def _placed(start: np.ndarray, X: np.ndarray, uv: np.ndarray, R: np.ndarray, c: 
 def target_start(
     p: RobotPictures, cameras: np.ndarray, poses: np.ndarray, on_tool: bool, known: bool = False
 ) -> np.ndarray:
-    """The target (8,): turn, place and scale 1, from where the rays to each mark meet in the target's carrier.
+    """Compute the target (8,): rotation, position and scale 1, by intersecting the rays to each mark in the frame of
+    the target's carrier.
 
-    Corners far off, as of a picture counted from the other end, are outvoted by the median over poses. Raises
-    ArgumentError for marks on one line, and for a target whose size is `known` and that is seen in quite another one.
+    The intersection is robust against corners far off, such as those of a picture counted from the other end. Raises
+    ArgumentError for marks on one line, and if the size of the target is `known` and differs strongly from that in the
+    pictures.
     """
     c, R = cameras[p.camera, 13:], quaternion_matrix(cameras[p.camera, 9:13])
     f = cameras[p.camera]
@@ -113,28 +115,28 @@ def target_start(
     across = np.eye(3) - ray[:, :, None] * ray[:, None, :]
     marks = np.zeros((len(p.marks), 3))
     for k in np.unique(p.mark):
-        own = np.flatnonzero(p.mark == k)
-        weight = np.ones(len(own))
+        rows = np.flatnonzero(p.mark == k)
+        weight = np.ones(len(rows))
         for _ in range(8):
-            A = np.einsum("n,nij->ij", weight, across[own])
-            b = np.einsum("n,nij,nj->i", weight, across[own], origin[own])
+            A = np.einsum("n,nij->ij", weight, across[rows])
+            b = np.einsum("n,nij,nj->i", weight, across[rows], origin[rows])
             marks[k] = np.linalg.lstsq(A, b, rcond=None)[0]
-            off = np.linalg.norm(np.einsum("nij,nj->ni", across[own], marks[k] - origin[own]), axis=1)
+            off = np.linalg.norm(np.einsum("nij,nj->ni", across[rows], marks[k] - origin[rows]), axis=1)
             weight = 1 / np.maximum(off, 0.1 * np.median(off) + 1e-12)
-    seen = np.isin(np.arange(len(marks)), p.mark)
-    across = np.linalg.svd(p.target[seen] - p.target[seen].mean(axis=0), compute_uv=False)
-    if seen.sum() < 3 or across[1] < ON_A_LINE * across[0]:
+    visible = np.isin(np.arange(len(marks)), p.mark)
+    extent = np.linalg.svd(p.target[visible] - p.target[visible].mean(axis=0), compute_uv=False)
+    if visible.sum() < 3 or extent[1] < ON_A_LINE * extent[0]:
         raise ArgumentError(
-            f"the {int(seen.sum())} marks of the target that are seen lie on one line, about which its turn is open; "
-            "show three or more that do not",
+            f"the {int(visible.sum())} visible marks of the target lie on one line, so that its rotation is "
+            "undetermined; use three or more marks that do not",
             "target",
         )
-    said, shown = (float(np.linalg.norm(x[seen] - x[seen].mean(axis=0))) for x in (p.target, marks))
-    if known and not SIZES[0] < said / max(shown, 1e-12) < SIZES[1]:
+    stated, observed = (float(np.linalg.norm(x[visible] - x[visible].mean(axis=0))) for x in (p.target, marks))
+    if known and not SIZES[0] < stated / max(observed, 1e-12) < SIZES[1]:
         raise ArgumentError(
-            f"the target is stated {said / max(shown, 1e-12):.3g} times as large as the pictures show it at the poses "
-            "of the robot; check its unit and that of the actuators",
+            f"the stated size of the target is {stated / max(observed, 1e-12):.3g} times its size in the pictures; "
+            "check its unit and that of the actuators",
             "target",
         )
-    t, Rt, _ = aligned(p.target[seen], marks[seen])
+    t, Rt, _ = aligned(p.target[visible], marks[visible])
     return np.concatenate([quaternion_of(Rt), t, [1.0]])

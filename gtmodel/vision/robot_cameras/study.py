@@ -1,5 +1,5 @@
-"""The study of a robot with its cameras: jointly, in two steps, on poses that no fit saw, and what residuals and
-errors of positions tell."""
+"""The study of a robot with cameras: joint and two-step calibration, errors on held-out poses, and tests of the
+residuals."""
 
 from __future__ import annotations
 
@@ -32,9 +32,10 @@ from .two_step import TwoStepFit, two_step_fit
 
 
 def aligned_errors(positions: np.ndarray, truth: np.ndarray, scale: bool = False) -> np.ndarray:
-    """|error| (n,) [m] once rotation and shift, and a factor where `scale`, are fitted, as between two devices.
+    """Return |error| (n,) [m] of `positions` (n, 3) [m] from `truth` (n, 3) [m] after the best fit of rotation and
+    translation, and of a scale factor if `scale`.
 
-    Rows of `positions` (n, 3) [m] that are not finite have NaN; `truth` (n, 3) [m].
+    Rows of `positions` that are not finite give NaN.
 
     >>> truth = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     >>> shifted = truth + [0.3, 0.2, 0.1]
@@ -53,11 +54,11 @@ def aligned_errors(positions: np.ndarray, truth: np.ndarray, scale: bool = False
 
 @dataclass(frozen=True, eq=False)
 class PictureMap:
-    """Of each camera (K,): probability by chance of what is left over the picture.
+    """p-values (K,) of the residuals of each camera having no pattern over the picture.
 
-    `radius`: the part of residuals along the radius, as a polynomial 1, r, r^2, r^3 of it. `quadratic`: both
-    components as polynomials 1, u, v, u^2, uv, v^2. `coefficients` (K, 6, 2): of the latter, u and v from -1 to 1
-    over the corners [pixel]. A wrong principal point shows in the second and need not in the first.
+    `radius`: test of the radial component for a polynomial 1, r, r^2, r^3. `quadratic`: test of both components for
+    polynomials 1, u, v, u^2, uv, v^2. `coefficients` (K, 6, 2): of the latter [pixel], with u and v from -1 to 1 over
+    the corners. A wrong principal point shows in the second, but not always in the first.
     """
 
     cameras: tuple[str, ...]
@@ -66,16 +67,16 @@ class PictureMap:
     coefficients: np.ndarray
 
     def fires(self, quiet: float = 1e-3) -> tuple[str, ...]:
-        """Cameras in whose residuals the quadratic map shows, with this probability of a false alarm over all."""
+        """Return the cameras with a significant quadratic map, with this probability of a false alarm over all."""
         return tuple(n for n, p in zip(self.cameras, self.quadratic, strict=True) if p < quiet / len(self.cameras))
 
 
 def picture_map(pictures: RobotPictures, residuals: np.ndarray) -> PictureMap:
-    """Tests residuals (n, 2) [pixel] of corners over each camera's picture by `gt.vision.picture_test`, in units of
-    their sigma, the picture being what the corners cover, and the radius counted from their mean.
+    """Test with `gt.vision.picture_test` whether residuals (n, 2) [pixel] depend on the place in each camera's picture.
 
-    Whitened residuals of a right model are white but for what the fit took, which makes both tests a little mild.
-    Raises ArgumentError for fewer than 30 corners of a camera.
+    Residuals are taken in units of their sigma. The picture is the area covered by the corners, and the radius is
+    measured from their mean. The fit has already absorbed a part of possible patterns, so both tests fire a little less
+    often than stated. Raises ArgumentError for fewer than 30 corners of a camera.
 
     >>> V = gt.vision.robot_cameras
     >>> pictures = V.made_pictures(V.SyntheticRobotCameras(counts=[3, 3, 3])).pictures
@@ -86,14 +87,14 @@ def picture_map(pictures: RobotPictures, residuals: np.ndarray) -> PictureMap:
     """
     tests, sigma = list[PictureTest](), list[float]()
     for k, name in enumerate(pictures.cameras):
-        own = pictures.camera == k
-        if own.sum() < LEAST:
-            raise ArgumentError(f"{name} has {int(own.sum())} corners; a test of the picture needs {LEAST}", "corners")
-        uv = pictures.uv[own] - pictures.uv[own].min(axis=0)
+        rows = pictures.camera == k
+        if rows.sum() < LEAST:
+            raise ArgumentError(f"{name} has {int(rows.sum())} corners; expected at least {LEAST}", "corners")
+        uv = pictures.uv[rows] - pictures.uv[rows].min(axis=0)
         width, height = np.ptp(uv, axis=0) + 1.0
         size = float(width), float(height)
-        sigma.append(float(np.mean(pictures.sigma[own])))
-        e, least = residuals[own] / pictures.sigma[own, None], ROUNDING / sigma[-1]
+        sigma.append(float(np.mean(pictures.sigma[rows])))
+        e, least = residuals[rows] / pictures.sigma[rows, None], ROUNDING / sigma[-1]
         tests.append(picture_test(uv, e, size, uv.mean(axis=0), least=least))
     return PictureMap(
         tuple(pictures.cameras), np.array([t.radius for t in tests]), np.array([t.quadratic for t in tests]),
@@ -101,8 +102,8 @@ def picture_map(pictures: RobotPictures, residuals: np.ndarray) -> PictureMap:
     )  # fmt: skip
 
 
-FRAME_AXIS = "v[2,0]"  # the length of the last guideway, which is the x-axis of the base
-UNIT = 5e-3  # by which a guideway's unit may miss a metre: scales and screws miss a hundredth of that
+FRAME_AXIS = "v[2,0]"  # length of the direction vector of the last guideway, the x-axis of the base
+UNIT = 5e-3  # largest relative scale error of a guideway; scales and screws have a hundredth of that
 
 
 @study_function
@@ -117,22 +118,22 @@ def study(
     accuracy: Annotated[float | None, Within(above=0.0)] = None,
     **work_options: Unpack[WorkOptions],
 ) -> RobotCamerasStudy:
-    """Calibrate a robot together with its cameras, and judge both on poses that the fit did not see.
+    """Calibrate a robot together with its cameras, and evaluate both on held-out poses.
 
     Args:
-        robot: with its parameters as known before.
-        pictures: corners and what the actuators read, or what synthetic ones are made of.
-        cameras: as known before, one for each name in the pictures; of synthetic pictures their size alone is known
-            where this is left out.
-        setting: what is estimated, what gives the scale.
-        held_out: every how many-th pose no fit sees.
-        two_steps: whether positions are intersected first too, for comparison.
-        accuracy: greatest mean error [m] of held-out positions, of synthetic pictures.
+        robot: with its uncalibrated parameters.
+        pictures: corners and actuator readings, or options for synthetic ones.
+        cameras: as known beforehand, one for each name in the pictures; if left out for synthetic pictures, only their
+            size is known.
+        setting: estimated parameters, and source of the scale.
+        held_out: every how many-th pose is held out.
+        two_steps: also calibrate in two steps with intersected positions, for comparison.
+        accuracy: largest acceptable mean error [m] of held-out positions; only for synthetic pictures.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    A quadratic map in the residuals over a camera's picture is a failed check: the camera is another one than its
-    model. So are residuals larger than the stated noise, and pictures of a camera that move slowly from pose to pose.
-    Raises ArgumentError for what the pictures leave open, with the remedy.
+    A check fails if the residuals of a camera contain a quadratic map of its picture: the camera model is then wrong.
+    Further checks fail if residuals are larger than the stated noise, or if the pictures of a camera drift from pose
+    to pose. Raises ArgumentError with a remedy if the pictures do not determine all unknowns.
 
     >>> V = gt.vision.robot_cameras
     >>> s = V.study(gt.robots.gantry_tau("l1_tape"), V.SyntheticRobotCameras(counts=[4, 4, 4]))
@@ -143,23 +144,23 @@ def study(
     setting = setting or RobotCameras()
     if isinstance(pictures, SyntheticRobotCameras):
         work.progress("making synthetic pictures", 0.1)
-        made = made_pictures(pictures, robot)
-        pictures, cameras = made.pictures, list(cameras) or made.cameras
+        synthetic = made_pictures(pictures, robot)
+        pictures, cameras = synthetic.pictures, list(cameras) or synthetic.cameras
     title = work.title or "robot and cameras"
     if pictures.synthetic and "synthetic" not in title.lower():
         title += " (synthetic)"
     rows = np.arange(len(pictures.poses))
     judging = rows % held_out == held_out - 1
     fitted, unseen = pictures.part(rows[~judging]), pictures.part(rows[judging])
-    work.progress("robot and cameras together", 0.3)
+    work.progress("fitting robot and cameras", 0.3)
     joint = joint_fit(robot, fitted, list(cameras), setting, stop=work.interrupted)
     if not joint.fit.status.ok:
         return RobotCamerasStudy(status=joint.fit.status, message=joint.fit.message, title=title,
                                  synthetic=pictures.synthetic or None)  # fmt: skip
     work.progress("judging", 0.7)
     test = picture_map(joint.pictures, joint.residuals)
-    at = unseen.actuators if unseen.rates is None else unseen.actuators + joint.delay * unseen.rates
-    positions = joint.positions(at)
+    q = unseen.actuators if unseen.rates is None else unseen.actuators + joint.delay * unseen.rates
+    positions = joint.positions(q)
     errors = None if unseen.truth is None else aligned_errors(positions, unseen.truth)
     two = two_step_fit(robot, fitted, list(cameras), setting, stop=work.interrupted) if two_steps else None
     return _study(joint, test, fitted, unseen, errors, two, setting, accuracy, title)
@@ -172,19 +173,17 @@ def _study(
     pixels = held_out_pixels(joint, unseen)
     least = min(test.quadratic.tolist())
     checks: dict[str, Check] = {
-        "residuals_over_picture": at_least(least, setting.quiet / len(test.cameras), "estimate what is held of the "
-            f"cameras: residuals of {' and '.join(test.fires(setting.quiet)) or 'no camera'} are a map of the picture"),
+        "residuals_over_picture": at_least(least, setting.quiet / len(test.cameras), "estimate the held parameters of "
+            f"the cameras: residuals of {' and '.join(test.fires(setting.quiet)) or 'no camera'} depend on the place"),
     }  # fmt: skip
-    doubts, said = suspicion_checks(suspicions(joint))
+    doubts, warnings = suspicion_checks(suspicions(joint))
     checks |= doubts
     if accuracy is not None:
         if errors is None:
-            raise ArgumentError(
-                "of measured pictures there is no true position to compare with; leave it out", "accuracy"
-            )
+            raise ArgumentError("measured pictures have no true positions to compare with; leave it out", "accuracy")
         checks["held_out_mean_m"] = at_most(float(np.nanmean(errors)), accuracy, "take more pictures")
     predicted = predicted_positions(joint, unseen.actuators)
-    mean = f"; held-out positions {1e3 * float(np.nanmean(errors)):.3g} mm in the mean" if errors is not None else ""
+    mean = f"; mean error of held-out positions {1e3 * float(np.nanmean(errors)):.3g} mm" if errors is not None else ""
     p = joint.pictures
     return RobotCamerasStudy(
         status=SolveStatus.SOLVED,
@@ -194,7 +193,7 @@ def _study(
         objective=joint.fit.cost,
         iterations=joint.fit.iterations,
         checks=checks,
-        notes=[*_notes(joint, test, two, setting), *said, *_held_out_notes(joint, unseen, pixels)],
+        notes=[*_notes(joint, test, two, setting), *warnings, *_held_out_notes(joint, unseen, pixels)],
         figures=_figures(joint, predicted.positions, predicted.covariance, title),
         machine_files=("parameters.csv",),
         files=MadeFiles({"parameters.csv": partial(_table, joint), "corners.csv": partial(_corners, p)}),
@@ -230,17 +229,17 @@ def places_study(
     accuracy: Annotated[float | None, Within(above=0.0)] = None,
     **work_options: Unpack[WorkOptions],
 ) -> RobotCamerasStudy:
-    """Where to put two cameras: the error over the volume that a calibration from each place will leave.
+    """Compare placements of two cameras by the predicted error over the volume after a calibration.
 
     Args:
-        robot: as it is known.
+        robot: with its uncalibrated parameters.
         scene: volume, target and noise.
         places: baselines and distances to compare.
-        setting: what will be estimated.
-        accuracy: greatest rms error [m] that the best place may leave.
+        setting: parameters to be estimated.
+        accuracy: largest acceptable rms error [m] of the best placement.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Raises ArgumentError where no place sees the target everywhere.
+    Raises ArgumentError if no placement sees the target at every pose.
 
     >>> V = gt.vision.robot_cameras
     >>> scene, places = V.SyntheticRobotCameras(counts=[3, 3, 3]), V.CameraPlaces(baselines=[0.5, 1.5], distances=[3.2])
@@ -248,7 +247,7 @@ def places_study(
     1.5
     """
     work = Work(**work_options)
-    work.progress("comparing places", 0.3)
+    work.progress("comparing placements", 0.3)
     compared = camera_places(robot, scene, places or CameraPlaces(), setting)
     best = compared[0]
     assert best.predicted is not None
@@ -262,61 +261,63 @@ def places_study(
         }
         for r in compared
     ]  # fmt: skip
-    message = f"best: {best.baseline:g} m apart at {best.distance:g} m, {1e3 * best.predicted.rms:.3g} mm rms predicted"
-    title = work.title or "places of two cameras"
+    message = (
+        f"best placement: baseline {best.baseline:g} m, distance {best.distance:g} m; predicted rms error "
+        f"{1e3 * best.predicted.rms:.3g} mm"
+    )
+    title = work.title or "placement of two cameras"
     return RobotCamerasStudy(
         status=SolveStatus.SOLVED, message=message, title=title, checks=checks, places=rows,
         figures={"workspace": partial(_ellipsoids, best.predicted.positions, best.predicted.covariance, title),
                  "places": partial(_places, rows, title)},
-        notes=["predicted from noise alone: what the models leave out, as bent guideways or a lens of another kind, "
-               "comes on top"],
+        notes=["predicted from noise alone; model errors, such as bent guideways or a wrong lens model, add to it"],
     )  # fmt: skip
 
 
 def _notes(joint: JointFit, test: PictureMap, two: TwoStepFit | None, setting: RobotCameras) -> list[str]:
     notes = [f"removed: {name}, wrong as a whole" for name in joint.wrong_pictures]
     notes += [
-        f"removed: pose {name}, none of whose pictures belongs to its row of the actuators: rows or cameras exchanged, "
-        "or a robot that still moved"
+        f"removed: pose {name}, whose pictures all contradict the actuator readings: rows or cameras exchanged, or the "
+        "robot was still moving"
         for name in joint.wrong_poses
     ]
     if joint.wrong_corners:
         some = ", ".join(joint.wrong_corners[:3]) + (" and others" if len(joint.wrong_corners) > 3 else "")
-        notes.append(f"{len(joint.wrong_corners)} corners removed as far off: {some}")
+        notes.append(f"removed: {len(joint.wrong_corners)} corners with gross errors: {some}")
     fired = test.fires(setting.quiet)
     if fired:
         notes.append(
-            f"residuals of {' and '.join(fired)} are a quadratic map of the picture, which a wrong principal point "
-            "makes; a test along the radius alone may miss it"
+            f"residuals of {' and '.join(fired)} contain a quadratic map of the picture, as a wrong principal point "
+            "causes it; a test of the radial component alone may miss it"
         )
     length = joint.parameters.get(FRAME_AXIS, 1.0)
     if setting.scale == "target" and abs(abs(length) - 1) > UNIT:
         notes.append(
-            f"by the target the last guideway moves {abs(length):.4f} m per metre of its actuator: the target is "
-            "smaller or larger than stated, or the actuator's unit is wrong; measure the target again"
+            f"according to the target, the last guideway moves {abs(length):.4f} m per metre of its actuator: the "
+            "stated size of the target or the unit of the actuator is wrong; measure the target again"
         )
     if two is not None:
         notes.append(
-            "in two steps the formal deviations are conditional on the cameras, held fixed in the second, and smaller "
-            "than what repeated experiments show"
+            "in two steps the standard deviations ignore the errors of the cameras, which are held in the second step; "
+            "repeated experiments scatter more"
         )
     return notes
 
 
 def _held_out_notes(joint: JointFit, unseen: RobotPictures, pixels: np.ndarray) -> list[str]:
-    """Pictures of held-out poses that the calibrated robot predicts far worse than the others."""
+    """Return a note on held-out pictures that the calibrated robot predicts far worse than the others."""
     closed = np.flatnonzero(np.all(np.isfinite(pixels), axis=1))
-    seen, pixels = unseen.corners(closed), pixels[closed]
-    if not len(seen):
+    predicted, pixels = unseen.corners(closed), pixels[closed]
+    if not len(predicted):
         return []
-    bad = gross_errors(seen, pixels, joint.setting.removal)  # one corner far off is no wrong picture
-    left = np.flatnonzero(~bad.corners)
-    beside, numbers = shifted_pictures(seen.corners(left), pixels[left])
-    wrong = [*bad.pictures, *(int(numbers[k]) for k in beside.beyond(RUN_LEVEL))]
+    bad = gross_errors(predicted, pixels, joint.setting.removal)  # a single corner does not make a wrong picture
+    rest = np.flatnonzero(~bad.corners)
+    shifted, numbers = shifted_pictures(predicted.corners(rest), pixels[rest])
+    wrong = [*bad.pictures, *(int(numbers[k]) for k in shifted.beyond(RUN_LEVEL))]
     if not wrong:
         return []
-    some = ", ".join(seen.picture_name(k) for k in wrong[:3]) + (" and others" if len(wrong) > 3 else "")
-    return [f"held-out pictures or their rows of the actuators lie beside the others: {some}; errors count them"]
+    some = ", ".join(predicted.picture_name(k) for k in wrong[:3]) + (" and others" if len(wrong) > 3 else "")
+    return [f"held-out pictures, or their actuator readings, are outliers: {some}; the held-out errors include them"]
 
 
 def _delay(joint: JointFit) -> dict[str, float] | None:
@@ -352,10 +353,10 @@ def _unknowns(joint: JointFit) -> list[dict[str, Any]]:
     u, e = joint.side.unknowns, joint.estimate
     rows = []
     for name, unit, start in zip(u.names, u.units, u.start.tolist(), strict=True):
-        own = f"robot.{name}"
-        low, high = e.interval(own)
-        std = float(e.std[e.names.index(own)])
-        rows.append({"name": name, "unit": unit, "start": start, "value": e.value(own), "std": std,
+        key = f"robot.{name}"
+        low, high = e.interval(key)
+        std = float(e.std[e.names.index(key)])
+        rows.append({"name": name, "unit": unit, "start": start, "value": e.value(key), "std": std,
                      "interval_95": [low, high]})  # fmt: skip
     return rows
 
@@ -365,20 +366,20 @@ def _cameras(joint: JointFit) -> list[dict[str, Any]]:
     names = list(e.names)
     for k, camera in enumerate(joint.pictures.cameras):
         values = joint.camera_of(camera)
-        own = joint.pictures.camera == k
-        rest = joint.residuals[own]
+        corners = joint.pictures.camera == k
+        residuals = joint.residuals[corners]
         row: dict[str, Any] = {"name": camera}
         for name in CAMERA:
-            at = f"{camera}.{name}"
-            row[name] = {"value": values[name], "std": float(e.std[names.index(at)]) if at in names else None}
-        row["rms_pixel"] = float(np.sqrt(np.mean(rest**2)))
-        row["noise_ratio"] = float(np.sqrt(np.mean((rest / joint.pictures.sigma[own, None]) ** 2)))
+            key = f"{camera}.{name}"
+            row[name] = {"value": values[name], "std": float(e.std[names.index(key)]) if key in names else None}
+        row["rms_pixel"] = float(np.sqrt(np.mean(residuals**2)))
+        row["noise_ratio"] = float(np.sqrt(np.mean((residuals / joint.pictures.sigma[corners, None]) ** 2)))
         rows.append(row)
     return rows
 
 
 def _table(joint: JointFit) -> str:
-    """All parameters with their deviations, one a row; "held" where it was."""
+    """Return all parameters with their standard deviations as CSV text; "held" for those not estimated."""
     lines = ["# calibrated parameters; metres, pixels, quaternions scalar first, from camera to base", "name,value,std"]
     if joint.pictures.synthetic:
         lines.insert(0, f"# {joint.pictures.synthetic}")

@@ -1,4 +1,4 @@
-"""Synthetic pictures of a robot with known errors, in the manner of Dressler 2012, section 5.5."""
+"""Synthetic pictures of a robot with known errors, as in Dressler 2012, section 5.5."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from .pictures import RobotPictures, SecondDevice
 from .projection import TARGET, mark, robot_side, seen
 
 NAMES = ("left", "right")
-BASE_FRAME = ("A[2]", "v[2]", "A[0,1]")  # of the true robot as of the one known before
+BASE_FRAME = ("A[2]", "v[2]", "A[0,1]")  # the same in the true and in the uncalibrated robot
 
 
 @dataclass(frozen=True, eq=False)
 class MadePictures:
-    """Pictures with the robot as it was known before, its true parameters by name, and the true cameras (K, 16)."""
+    """Pictures, the uncalibrated robot, its true parameters by name, and the true cameras (K, 16)."""
 
     robot: Model
     pictures: RobotPictures
@@ -33,9 +33,9 @@ class MadePictures:
 
 
 def made_pictures(asked: SyntheticRobotCameras, robot: Model | None = None) -> MadePictures:
-    """Synthetic pictures of a robot (l1_tape if left out), which is known before with errors.
+    """Make synthetic pictures of a robot (l1_tape if left out) whose true parameters differ from the known ones.
 
-    Raises ArgumentError for a grid that it does not reach or a camera does not see.
+    Raises ArgumentError for a grid that the robot does not reach or a camera does not see.
 
     >>> V = gt.vision.robot_cameras
     >>> made = V.made_pictures(V.SyntheticRobotCameras(counts=[3, 3, 3], seed=1))
@@ -60,13 +60,13 @@ def made_pictures(asked: SyntheticRobotCameras, robot: Model | None = None) -> M
         )
     T = side.forward(truth, q, grid)
     if not np.all(np.isfinite(T)):
-        raise ArgumentError("the robot with its true parameters does not reach all of the grid", "size")
+        raise ArgumentError("the robot with its true parameters does not reach the whole grid", "size")
     cameras, target = _cameras(asked), _target(asked)
     marks = FiveSquares(side=asked.side)
     uv = _seen(cameras, target, T, marks.points, asked.mounted == "fixed")
     size = np.array([asked.width_pixel, asked.height_pixel])
     if not np.all((uv > 0) & (uv < size - 1)):
-        raise ArgumentError("a camera does not see the target at every pose; move it away", "distance")
+        raise ArgumentError("a camera does not see the target at every pose; increase the distance", "distance")
     noise = rng if asked.noise_seed is None else np.random.default_rng([asked.seed, asked.noise_seed])
     rates = asked.speed * noise.standard_normal(q.shape) if asked.speed else None
     read = q if rates is None else q - asked.delay * rates
@@ -81,44 +81,44 @@ def _grid(asked: SyntheticRobotCameras, rng: np.random.Generator) -> np.ndarray:
     if asked.poses is None:
         return grid
     if asked.poses > len(grid):
-        raise ArgumentError(f"the grid has {len(grid)} points; found {asked.poses}", "poses")
+        raise ArgumentError(f"found {asked.poses}; expected at most the {len(grid)} points of the grid", "poses")
     return grid[np.sort(rng.permutation(len(grid))[: asked.poses])]
 
 
 def _cameras(asked: SyntheticRobotCameras) -> np.ndarray:
-    """(K, 16); on a plate they look along x at a target that stands behind the volume."""
+    """Return the cameras (K, 16); those on a plate look along x at a fixed target behind the volume."""
     middle = np.asarray(asked.centre, float)
-    own = [asked.focal_pixel, asked.focal_pixel, asked.width_pixel / 2, asked.height_pixel / 2, *asked.distortion]
+    lens = [asked.focal_pixel, asked.focal_pixel, asked.width_pixel / 2, asked.height_pixel / 2, *asked.distortion]
     rows = []
     for k in range(asked.cameras):
         across = 0.0 if asked.cameras == 1 else (k - 0.5) * asked.baseline
         if asked.mounted == "fixed":
-            at, to = middle + np.array([asked.distance, across, 0.0]), middle
+            position, to = middle + np.array([asked.distance, across, 0.0]), middle
         else:
-            at, to = np.array([0.0, across, 0.0]), np.array([asked.distance, 0.0, 0.0])
-        rows.append([*own, *_looking(at, to), *at])
+            position, to = np.array([0.0, across, 0.0]), np.array([asked.distance, 0.0, 0.0])
+        rows.append([*lens, *_looking(position, to), *position])
     return np.array(rows)
 
 
-def _looking(at: np.ndarray, to: np.ndarray) -> np.ndarray:
-    forward = (to - at) / np.linalg.norm(to - at)
+def _looking(position: np.ndarray, to: np.ndarray) -> np.ndarray:
+    forward = (to - position) / np.linalg.norm(to - position)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     return quaternion_of(np.column_stack([right, np.cross(forward, right), forward]))
 
 
 def _target(asked: SyntheticRobotCameras) -> np.ndarray:
-    """(8,): facing the cameras, a little askew."""
+    """Return the target (8,), facing the cameras with a small tilt."""
     facing = -1.0 if asked.mounted == "fixed" else 1.0
     R = np.column_stack([[0.0, -facing, 0.0], [0.0, 0.0, -1.0], [facing, 0.0, 0.0]])
     small = np.array([1.0, 0.01, -0.015, 0.005])
     R = R @ quaternion_matrix(small / np.linalg.norm(small))
-    at = np.zeros(3) if asked.mounted == "fixed" else np.array(asked.centre) + np.array([asked.distance, 0.0, 0.0])
-    return np.array([*quaternion_of(R), *at, 1.0])
+    position = np.array(asked.centre) + np.array([asked.distance, 0.0, 0.0])
+    return np.array([*quaternion_of(R), *(np.zeros(3) if asked.mounted == "fixed" else position), 1.0])
 
 
 def _seen(cameras: np.ndarray, target: np.ndarray, T: np.ndarray, marks: np.ndarray, on_tool: bool) -> np.ndarray:
-    """(K, N, M, 2) [pixel]."""
+    """Return the projected marks (K, N, M, 2) [pixel]."""
     c, t, z, p = (ca.SX.sym(n, k) for n, k in (("c", 16), ("t", 8), ("z", T.shape[1]), ("p", 3)))
     f = ca.Function("seen", [c, t, z, p], [seen(c, mark(t, z, p, on_tool))[0]])
     N, M = len(T), len(marks)
@@ -163,10 +163,10 @@ def _unit(q: np.ndarray) -> np.ndarray:
 def made_hand_eye(
     seed: int = 1, poses: int = 12, mounted: str = "plate", pixel_noise: float = 0.1, pose_noise: float = 1e-4
 ) -> MadePictures:
-    """Synthetic pictures of an arm that carries a camera before a standing target, or a target before a camera.
+    """Make synthetic pictures by a camera on an arm of a fixed target, or by a fixed camera of a target on the arm.
 
-    `pose_noise` [m] and [rad] of the poses, as the controller says them. The robot of the result is none that moved:
-    the poses (N, 7) stand in place of actuators; `true_parameters` has the target's place.
+    `pose_noise` [m] and [rad]: of the poses reported by the controller. The pictures have poses (N, 7) instead of
+    actuators, and `true_parameters` is the pose of the target. The robot of the result is a placeholder.
 
     >>> gt.vision.robot_cameras.made_hand_eye(seed=2).pictures.actuators.shape
     (12, 7)
@@ -180,26 +180,26 @@ def made_hand_eye(
     carried = np.array([*_unit(np.array([1.0, 0.05, -0.1, 0.4])), 0.03, -0.05, 0.08])
     standing = np.array([*_unit(np.array([0.3, 0.9, 0.1, -0.2])), 0.8, -0.3, 0.2])
     rows = list[np.ndarray]()
-    while len(rows) < poses:  # the target before the camera, tilted
+    while len(rows) < poses:  # the target in front of the camera, tilted
         tilt = exponential(rng.uniform(-0.5, 0.5, 3))
-        seen = np.array([*tilt, *rng.uniform([-0.15, -0.1, 0.7], [0.15, 0.1, 1.1])])
-        # A carried = standing B, with B the target in the camera or the camera before the target
-        B = seen[None] if on_tool else inverse_poses(seen[None])
+        view = np.array([*tilt, *rng.uniform([-0.15, -0.1, 0.7], [0.15, 0.1, 1.1])])
+        # A carried = standing B, with B the target in the camera frame or the camera in the target frame
+        B = view[None] if on_tool else inverse_poses(view[None])
         rows.append(composed(composed(standing[None], B), inverse_poses(carried[None]))[0])
     A = np.array(rows)
     camera = np.array([[*lens, *(standing if on_tool else carried)]])
     target = np.concatenate([carried if on_tool else standing, [1.0]])
     exact = np.column_stack([A[:, 4:], A[:, :4]])
     uv = _seen(camera, target, exact, tool.points, on_tool)
-    said = exact.copy()
-    said[:, :3] += pose_noise * rng.standard_normal((poses, 3))
-    said[:, 3:] = product(exact[:, 3:], exponential(pose_noise * rng.standard_normal((poses, 3))))
+    reported = exact.copy()
+    reported[:, :3] += pose_noise * rng.standard_normal((poses, 3))
+    reported[:, 3:] = product(exact[:, 3:], exponential(pose_noise * rng.standard_normal((poses, 3))))
     pose, number = (a.ravel() for a in np.meshgrid(np.arange(poses), np.arange(20), indexing="ij"))
     measured = uv.reshape(-1, 2) + pixel_noise * rng.standard_normal((20 * poses, 2))
     words = f"synthetic, seed {seed}, noise {pixel_noise:g} pixel, {1e3 * pose_noise:g} mm and mrad of the arm"
     pictures = RobotPictures(
         ("camera",), [str(k + 1) for k in range(poses)], tool.marks, 0 * pose, pose, number, measured,
-        np.full(len(pose), max(pixel_noise, 1e-6)), said, tool.points, synthetic=words,
+        np.full(len(pose), max(pixel_noise, 1e-6)), reported, tool.points, synthetic=words,
     )  # fmt: skip
     start = CameraStart("camera", 1600.0, 1200.0, 1400.0, [799.5, 599.5], lens[4:])
     place = {name: float(x) for name, x in zip(TARGET, target[:7], strict=False)}

@@ -1,10 +1,10 @@
-"""Calibration of cameras on pictures of a board.
+"""Calibration of cameras from pictures of a board.
 
 Study
-    stereo_study        corners -> lenses, places, gross errors by name, residuals over the picture
+    stereo_study        corners -> lenses, camera poses, named gross errors, residuals over the picture
     BoardPictures, CameraFit, StereoStart, StereoStudy
 Parts
-    camera_starts, calibrated, gross_errors     starting values, the fit, corners and pictures that are wrong
+    camera_starts, calibrated, gross_errors     starting values, the fit, wrong corners and pictures
     SyntheticBoards, made_corners               synthetic corners
 """
 

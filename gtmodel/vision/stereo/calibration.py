@@ -1,5 +1,5 @@
-"""Lenses and places of cameras from pictures of a board: one fit of all corners, and robust ones until it is settled
-which corners and pictures are wrong."""
+"""Lenses and poses of cameras from pictures of a board: a fit of all corners, and robust fits that identify wrong
+corners and pictures."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from ..starts import board_pose, focal_length, homography
 from ..views import board_view
 from .options import BoardPictures, CameraFit, StereoStart
 
-TURNED = np.deg2rad(90.0)  # between two readings of one board: half a turn or nothing, but for a rough start
-LIKE = np.deg2rad(45.0)
-CLEARLY = 0.5  # of the angles that the boards leave as they are counted: then all are counted from the other end
-ROUGH = np.deg2rad(5.0)  # of rotations between cameras by homographies: less says nothing of how boards are counted
-LEAST = 4  # corners that place a board
+TURNED = np.deg2rad(90.0)  # a larger deviation suggests that the board was counted from the other end
+LIKE = np.deg2rad(45.0)  # a smaller deviation is agreement: starting values are rough
+CLEARLY = 0.5  # all boards are reversed if that reduces the median deviation below this factor
+ROUGH = np.deg2rad(5.0)  # accuracy of camera rotations from homographies: smaller deviations prove nothing
+LEAST = 4  # corners that determine the pose of a board
 UNITS = ("pixel",) * 4 + ("1",) * 5
 POSE = ("qw", "qx", "qy", "qz", "x", "y", "z")
 POSE_UNITS = ("rad", "rad", "rad", "m", "m", "m")
@@ -31,7 +31,7 @@ POSE_UNITS = ("rad", "rad", "rad", "m", "m", "m")
 
 def pose_group(name: str, poses: np.ndarray, keys: tuple[str, ...] = (), *, local: bool = False,
                fixed: np.ndarray | None = None) -> UnknownGroup:  # fmt: skip
-    """Poses (n, 7) as unknowns of a bundle."""
+    """Return poses (n, 7) as unknowns of a bundle."""
     return UnknownGroup(name, poses, POSE, keys=keys, turn=0, local=local, fixed=fixed, units=POSE_UNITS)
 
 
@@ -45,10 +45,10 @@ class CameraStarts:
 
 
 def camera_starts(table: CornerTable, pictures: BoardPictures, start: StereoStart) -> CameraStarts:
-    """From homographies of the board; the first camera is where poses begin.
+    """Compute starting values from homographies of the board, in the frame of the first camera.
 
-    Raises ArgumentError for too few corners, a board that was never tilted, pictures that connect no two cameras, and a
-    board that was counted from one end in one camera and from the other in another.
+    Raises ArgumentError for too few corners, a board that was never tilted, a camera that shares no picture with the
+    others, and a board whose corners two cameras count from opposite ends.
 
     >>> board = gt.vision.BoardPictures(width_pixel=640, height_pixel=480, columns=9, rows=6)
     >>> table, lenses, cameras = gt.vision.stereo.made_corners(gt.vision.stereo.SyntheticBoards(), board)
@@ -68,42 +68,40 @@ def camera_starts(table: CornerTable, pictures: BoardPictures, start: StereoStar
     cameras = _camera_poses(table, views)
     if start.translation is not None:
         if n < 2:
-            raise ArgumentError("belongs to the second camera; the corners are of one", "start.translation")
+            raise ArgumentError("needs two cameras; found corners of one", "start.translation")
         cameras[1, 4:] = start.translation
     boards = np.tile(np.eye(1, 7), (len(table.pictures), 1))
     for p in range(len(table.pictures)):
-        seen = [c for c in range(n) if (c, p) in views]
-        if not seen:
-            raise ArgumentError(
-                f"picture {table.pictures[p]} shows fewer than {LEAST} corners; leave it out", "corners"
-            )
-        boards[p] = composed(inverse_poses(cameras[seen[0]][None]), views[seen[0], p][None])[0]
+        c = next((c for c in range(n) if (c, p) in views), None)
+        if c is None:
+            raise ArgumentError(f"picture {table.pictures[p]} shows fewer than {LEAST} corners; remove it", "corners")
+        boards[p] = composed(inverse_poses(cameras[c][None]), views[c, p][None])[0]
     return CameraStarts(lenses, cameras, boards)
 
 
 def _focal(table: CornerTable, camera: int, middle: tuple[float, float]) -> float:
     H = []
     for p in range(len(table.pictures)):
-        own = (table.camera == camera) & (table.picture == p)
-        if own.sum() >= LEAST:
-            H.append(homography(table.X[own, :2], table.uv[own]))
+        rows = (table.camera == camera) & (table.picture == p)
+        if rows.sum() >= LEAST:
+            H.append(homography(table.X[rows, :2], table.uv[rows]))
     with naming("start.focal_pixel", before=f"{table.cameras[camera]}: "):
         return focal_length(H, middle)
 
 
 def _views(table: CornerTable, lenses: np.ndarray) -> dict[tuple[int, int], np.ndarray]:
-    """Pose of the board in camera coordinates, by camera and picture."""
+    """Return the pose of the board in camera coordinates, by camera and picture."""
     views = {}
     for c in range(len(table.cameras)):
         for p in range(len(table.pictures)):
-            own = (table.camera == c) & (table.picture == p)
-            if own.sum() >= LEAST:
-                views[c, p] = board_pose(table.X[own], table.uv[own], lenses[c])
+            rows = (table.camera == c) & (table.picture == p)
+            if rows.sum() >= LEAST:
+                views[c, p] = board_pose(table.X[rows], table.uv[rows], lenses[c])
     return views
 
 
 def _between(views: dict[tuple[int, int], np.ndarray], a: int, b: int, pictures: int) -> tuple[list[int], np.ndarray]:
-    """Pictures that both cameras have, and the pose of b in a's sense: p_b = R p_a + t."""
+    """Return the pictures of both cameras, and for each the relative pose: p_b = R p_a + t."""
     both = [p for p in range(pictures) if (a, p) in views and (b, p) in views]
     if not both:
         return both, np.zeros((0, 7))
@@ -111,7 +109,7 @@ def _between(views: dict[tuple[int, int], np.ndarray], a: int, b: int, pictures:
 
 
 def _angles(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Between the rotations of poses (n, 7) and (m, 7), (n, m) [rad]."""
+    """Return the angles (n, m) [rad] between the rotations of poses (n, 7) and (m, 7)."""
     return angle_between(a[:, None, :4], b[:, :4])
 
 
@@ -120,19 +118,20 @@ def _medoid(poses: np.ndarray) -> int:
 
 
 def _refuse_turned(table: CornerTable, lenses: np.ndarray, views: dict[tuple[int, int], np.ndarray]) -> None:
-    """A board has two readings. In each picture that one counts which agrees with the most usual pose of a camera."""
+    """Raise ArgumentError for boards counted from the other end: their relative camera pose agrees with the usual one
+    only if the corners are reversed."""
     for b in range(1, len(table.cameras)):
-        both, given = _between(views, 0, b, len(table.pictures))
+        both, counted = _between(views, 0, b, len(table.pictures))
         if len(both) < 3:
             continue
-        turned = np.empty_like(given)
+        turned = np.empty_like(counted)
         for k, p in enumerate(both):
-            own = (table.camera == b) & (table.picture == p)
-            X = table.X[own]
-            other = board_pose(X.max(axis=0) + X.min(axis=0) - X, table.uv[own], lenses[b])
+            rows = (table.camera == b) & (table.picture == p)
+            X = table.X[rows]
+            other = board_pose(X.max(axis=0) + X.min(axis=0) - X, table.uv[rows], lenses[b])
             turned[k] = composed(other[None], inverse_poses(views[0, p][None]))[0]
-        candidates = np.vstack([given, turned])
-        off = np.stack([_angles(candidates, given), _angles(candidates, turned)])  # (reading, candidate, picture)
+        candidates = np.vstack([counted, turned])
+        off = np.stack([_angles(candidates, counted), _angles(candidates, turned)])  # (order, candidate, picture)
         median = np.median(off.min(axis=0), axis=1)
         usual = int(np.argmin(median[: len(both)]))
         all_turned = len(both) + int(np.argmin(median[len(both) :]))
@@ -143,8 +142,8 @@ def _refuse_turned(table: CornerTable, lenses: np.ndarray, views: dict[tuple[int
             which = f"picture {', '.join(table.pictures[both[k]] for k in odd)}"
             which = "all pictures" if len(odd) == len(both) else which
             raise ArgumentError(
-                f"{which}: {table.cameras[b]} counts the board's corners from the other end than {table.cameras[0]} "
-                "(it is turned by 180 degrees); reverse them there, or leave the picture out",
+                f"{which}: {table.cameras[b]} counts the corners from the opposite end of the board to "
+                f"{table.cameras[0]} (turned by 180 degrees); reverse their order there, or remove the picture",
                 "corners",
             )
 
@@ -160,12 +159,12 @@ def _camera_poses(table: CornerTable, views: dict[tuple[int, int], np.ndarray]) 
         ]
         a, b, both, between = max(options, key=lambda o: (len(o[2]), -o[0], -o[1]))
         if not both:
-            lost = ", ".join(table.cameras[c] for c in range(len(cameras)) if c not in placed)
-            raise ArgumentError(f"no picture shows the board to {lost} and to another camera at once", "corners")
+            rest = ", ".join(table.cameras[c] for c in range(len(cameras)) if c not in placed)
+            raise ArgumentError(f"{rest} and the other cameras never see the board in the same picture", "corners")
         usual = between[_medoid(between)]
         like = _angles(between, usual[None])[:, 0] < LIKE
-        own = np.median(between[like, 4:], axis=0)
-        relative = poses_of(matrices_of(usual[None]), own[None])
+        translation = np.median(between[like, 4:], axis=0)
+        relative = poses_of(matrices_of(usual[None]), translation[None])
         cameras[b] = composed(relative, cameras[a][None])[0]
         placed.add(b)
     return cameras
@@ -179,8 +178,9 @@ def calibrated(
     loss_sigma: float | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> BundleFit:
-    """The fit; with `loss_sigma` [pixel] by Huber's loss of that noise. Groups "lens" (cameras, 9), "camera" (cameras,
-    7) and, local, "board" (pictures, 7).
+    """Fit all corners by least squares, or with `loss_sigma` [pixel] by Huber's loss for this noise.
+
+    Groups of unknowns: "lens" (cameras, 9), "camera" (cameras, 7) and "board" (pictures, 7, local).
 
     >>> board = gt.vision.BoardPictures(width_pixel=640, height_pixel=480, columns=9, rows=6)
     >>> table, lenses, cameras = gt.vision.stereo.made_corners(gt.vision.stereo.SyntheticBoards(), board)
@@ -213,39 +213,39 @@ def calibrated(
 
 
 def started_at(fit: BundleFit) -> CameraStarts:
-    """The end of one fit as the start of another."""
+    """Return the result of a fit as starting values of the next."""
     return CameraStarts(fit.values["lens"], fit.values["camera"], fit.values["board"])
 
 
 ROUNDS = 8
-# iterations of a first fit of all corners alike, by a noise [pixel] that no error reaches
+# iterations of a first fit, and its noise [pixel], so large that Huber's loss is quadratic for all corners
 ROUGH_STEPS, PLAIN = 6, 1e3
-AWAY = 5.0  # times what starting values leave of most pictures, which is the distortion of the lens
-LEFT = 3  # pictures; fewer determine no lens
+AWAY = 5.0  # factor on the usual error of the starting values, which is due to lens distortion
+LEFT = 3  # pictures that a fit needs
 
 
 def uneven(table: CornerTable, residuals: np.ndarray) -> bool:
-    """Whether a picture has so much larger residuals than most that a robust fit must say which are wrong."""
+    """Return whether a picture has much larger residuals than most, so that a robust fit is needed to judge it."""
     length = np.linalg.norm(residuals, axis=1)
     size = [float(np.median(length[table.picture == p])) for p in np.unique(table.picture)]
     return max(size) > SPREAD * float(np.median(size))
 
 
 def suspects(table: CornerTable, start: CameraStarts) -> list[int]:
-    """Pictures that the starting values predict so much worse than most that no fit may begin with them: those of two
-    cameras that were exchanged, mirrored, or of another moment."""
+    """Return pictures that the starting values predict much worse than most, so that a fit must not start with them:
+    exchanged between cameras, mirrored, or taken at another time."""
     worst = np.array([_off(table, p, start, start.boards[p]) for p in range(len(table.pictures))])
     return np.flatnonzero(worst > AWAY * np.median(worst)).tolist()
 
 
 def _off(table: CornerTable, picture: int, start: CameraStarts, board: np.ndarray) -> float:
-    """Median distance [pixel] of corners from where a board's pose (7,) puts them, of the worst camera."""
+    """Return the median distance [pixel] of corners from their prediction for a board pose (7,); worst camera."""
     worst = 0.0
     for c in np.unique(table.camera[table.picture == picture]):
-        own = (table.camera == c) & (table.picture == picture)
-        seen = composed(start.cameras[c][None], board[None])
-        uv, status = project(table.X[own] @ matrices_of(seen)[0].T + seen[0, 4:], start.lenses[c])
-        off = np.linalg.norm(uv - table.uv[own], axis=1)
+        rows = (table.camera == c) & (table.picture == picture)
+        view = composed(start.cameras[c][None], board[None])
+        uv, status = project(table.X[rows] @ matrices_of(view)[0].T + view[0, 4:], start.lenses[c])
+        off = np.linalg.norm(uv - table.uv[rows], axis=1)
         worst = max(worst, float(np.median(np.where((status == 0) & np.isfinite(off), off, np.inf))))
     return worst
 
@@ -253,8 +253,10 @@ def _off(table: CornerTable, picture: int, start: CameraStarts, board: np.ndarra
 def without_gross_errors(
     table: CornerTable, start: CameraStarts, fit: CameraFit, stop: Callable[[], bool] | None
 ) -> tuple[CameraStarts, GrossErrors]:
-    """Robust fits until the noise settles: where they end, and what is left out after them. Pictures that starting
-    values speak against are judged when the others have placed the cameras."""
+    """Return the result of robust fits, repeated until the noise settles, and the gross errors.
+
+    Suspect pictures are judged only after the cameras have been calibrated with the other pictures.
+    """
     away = suspects(table, start)
     rest = [p for p in range(len(table.pictures)) if p not in away]
     if not away or len(rest) < LEFT:
@@ -267,10 +269,10 @@ def without_gross_errors(
     for p in away:
         placed = []
         for c in np.unique(table.camera[table.picture == p]):
-            own = (table.camera == c) & (table.picture == p)
-            if own.sum() >= LEAST:
-                seen = board_pose(table.X[own], table.uv[own], known.lenses[c])
-                placed.append(composed(inverse_poses(known.cameras[c][None]), seen[None])[0])
+            rows = (table.camera == c) & (table.picture == p)
+            if rows.sum() >= LEAST:
+                view = board_pose(table.X[rows], table.uv[rows], known.lenses[c])
+                placed.append(composed(inverse_poses(known.cameras[c][None]), view[None])[0])
         boards[p] = min(placed, key=lambda board: _off(table, p, known, board), default=boards[p])
         if _off(table, p, known, boards[p]) > SPREAD * fit.gross * bad.noise * sigma:
             wrong.append(p)
@@ -285,8 +287,8 @@ def without_gross_errors(
 
 
 def _pictures(table: CornerTable, which: list[int]) -> CornerTable:
-    gone = [name for p, name in enumerate(table.pictures) if p not in which]
-    return table.rows(np.flatnonzero(np.isin(table.picture, which))).without(gone)
+    others = [name for p, name in enumerate(table.pictures) if p not in which]
+    return table.rows(np.flatnonzero(np.isin(table.picture, which))).without(others)
 
 
 def _settled(

@@ -1,4 +1,4 @@
-"""What a calibration of cameras is asked for, and what it answers."""
+"""Options and result of a calibration of cameras."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ...results.study import Study, to_inherit
 
 @dataclass(frozen=True)
 class BoardPictures(Options):
-    """The board and the pictures of it.
+    """The board and its pictures.
 
     >>> gt.vision.BoardPictures(width_pixel=640, height_pixel=480, columns=9, rows=6).square is None
     True
@@ -24,55 +24,56 @@ class BoardPictures(Options):
     columns: Annotated[int, Within(least=2), "inner corners of the board in a row"]
     rows: Annotated[int, Within(least=2), "rows of inner corners"]
     square: Annotated[
-        float | None, Unit("m", written="mm"), Within(above=0.0), "side of a square; without it lengths are in squares"
+        float | None,
+        Unit("m", written="mm"),
+        Within(above=0.0),
+        "side of a square; if left out, lengths are in squares",
     ] = None
     lengths: Annotated[
         Literal["as_known", "metres", "squares"],
-        "of the result; as_known: metres where the square is known; metres are refused without it",
+        "unit of the result; as_known: metres if the side of a square is known; metres are refused without it",
     ] = "as_known"
-    identified: Annotated[bool, "corners carry an identity of their own, as on a ChArUco board"] = False
+    identified: Annotated[bool, "corners are identified individually, as on a ChArUco board"] = False
 
 
 @dataclass(frozen=True)
 class StereoStart(Options):
-    """Where the fit begins; what is left out comes from the pictures.
+    """Starting values of the fit; those left out are computed from the pictures.
 
     >>> gt.vision.StereoStart(focal_pixel=640.0).translation is None
     True
     """
 
     focal_pixel: Annotated[
-        float | None, Within(above=0.0), "focal length of all cameras; by Zhang's homographies if left out"
+        float | None, Within(above=0.0), "focal length of all cameras; from homographies (Zhang) if left out"
     ] = None
     translation: Annotated[
         tuple[float, ...] | None, Long(3),
-        "of the second camera, as its p = R p_first + t, in metres where the square is known, else in squares; from "
-        "the boards if left out",
+        "t of the second camera in p = R p_first + t, in metres if the side of a square is known, else in squares; "
+        "from the boards if left out",
     ] = None  # fmt: skip
 
 
 @dataclass(frozen=True)
 class CameraFit(Options):
-    """What is fitted, and what becomes of gross errors.
+    """The fitted parameters, and the treatment of gross errors.
 
     >>> gt.vision.CameraFit(distortion=["k1", "k2"]).gross_errors
     'named'
     """
 
     distortion: Annotated[
-        tuple[Literal["k1", "k2", "p1", "p2", "k3"], ...], "coefficients that are fitted; the others stay zero"
+        tuple[Literal["k1", "k2", "p1", "p2", "k3"], ...], "fitted coefficients; the others are zero"
     ] = ("k1", "k2", "p1", "p2", "k3")
-    principal_point: Annotated[bool, "fitted; else it stays in the middle of the picture"] = True
+    principal_point: Annotated[bool, "fit it; otherwise it is the middle of the picture"] = True
     gross_errors: Annotated[
         Literal["named", "removed"],
-        "named: the fit is least squares of all corners, and a check fails on wrong ones; removed: by a robust loss, "
-        "then without them",
+        "named: least squares with all corners, and a check fails if there are wrong ones; removed: a robust fit finds "
+        "them, and the final fit leaves them out",
     ] = "named"
-    width: Annotated[float, Within(above=0.0), "of Huber's loss, in standard deviations of the noise"] = 2.0
-    gross: Annotated[
-        float, Within(above=3.0), "standard deviations, from which on the error of a corner is a gross one"
-    ] = 5.0
-    limit: Annotated[int, Within(least=1), "of iterations"] = 100
+    width: Annotated[float, Within(above=0.0), "width of Huber's loss, in standard deviations of the noise"] = 2.0
+    gross: Annotated[float, Within(above=3.0), "smallest gross error of a corner, in standard deviations"] = 5.0
+    limit: Annotated[int, Within(least=1), "largest number of iterations"] = 100
 
 
 ByCamera = Mapping[str, float]
@@ -82,23 +83,23 @@ Vectors = Mapping[str, Sequence[float]]
 @to_inherit
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class StereoStudy(Study):
-    """Lenses of cameras and where these stand, from pictures of a board. Poses are those of the first camera's frame.
+    """Lenses and poses of cameras from pictures of a board. Poses are in the frame of the first camera.
 
-    `interval("left.fx")` and the like ask the estimate: NAME.fx, fy, cx, cy [pixel], k1, k2, p1, p2, k3, and of further
-    cameras "NAME, place.turn_x" [rad] and "NAME, place.x".
+    `interval("left.fx")` returns the interval of a parameter of the estimate: NAME.fx, fy, cx, cy [pixel], k1, k2, p1,
+    p2, k3, and for further cameras "NAME, place.turn_x" [rad] and "NAME, place.x".
     """
 
     cameras: Annotated[Sequence[str], "names"] = ()
-    pictures: Annotated[int, Quantity("", "moments at which the board was seen", "pictures")] = 0
-    corners: Annotated[int, Quantity("", "corners in all pictures of all cameras that were fitted", "corners")] = 0
+    pictures: Annotated[int, Quantity("", "number of times at which the board was seen", "pictures")] = 0
+    corners: Annotated[int, Quantity("", "fitted corners in all pictures of all cameras", "corners")] = 0
     rms: Annotated[
-        float | None, Quantity("", "of the distance between a corner and its prediction", "", key="rms_pixel")
+        float | None, Quantity("", "rms distance between a corner and its prediction", "", key="rms_pixel")
     ] = None
-    rms_by_camera: Annotated[ByCamera, Quantity("", "the same of each camera", "", key="rms_by_camera_pixel")] = field(
+    rms_by_camera: Annotated[ByCamera, Quantity("", "rms of each camera", "", key="rms_by_camera_pixel")] = field(
         default_factory=dict
     )
-    rms_by_picture: Annotated[ByCamera, Quantity("", "the same of each picture", "", key="rms_by_picture_pixel")] = (
-        field(default_factory=dict)
+    rms_by_picture: Annotated[ByCamera, Quantity("", "rms of each picture", "", key="rms_by_picture_pixel")] = field(
+        default_factory=dict
     )
     noise: Annotated[
         float | None, Quantity("", "standard deviation of a coordinate of a corner", "", key="noise_pixel")
@@ -110,34 +111,33 @@ class StereoStudy(Study):
     rotation: Annotated[Vectors, Quantity("rad", "rotation vector R of each further camera, p = R p_first + t")] = (
         field(default_factory=dict)
     )
-    translation: Annotated[Vectors, Quantity("m", "t of each further camera; empty where no length is known")] = field(
+    translation: Annotated[Vectors, Quantity("m", "t of each further camera; empty if no length is known")] = field(
         default_factory=dict
     )
-    translation_squares: Annotated[Vectors, "t in squares of the board, where no length is known"] = field(
+    translation_squares: Annotated[Vectors, "t in squares of the board, if no length is known"] = field(
         default_factory=dict
     )
-    baseline: Annotated[ByCamera, Quantity("m", "distance of each further camera; empty where no length is known")] = (
+    baseline: Annotated[ByCamera, Quantity("m", "distance of each further camera; empty if no length is known")] = (
         field(default_factory=dict)
     )
-    baseline_squares: Annotated[ByCamera, "distance in squares of the board, where no length is known"] = field(
+    baseline_squares: Annotated[ByCamera, "distance in squares of the board, if no length is known"] = field(
         default_factory=dict
     )
     baseline_interval: Annotated[Vectors, Quantity("m", "95 %")] = field(default_factory=dict)
     baseline_interval_squares: Annotated[Vectors, "95 %"] = field(default_factory=dict)
     point_std: Annotated[
-        Sequence[float], Quantity("m", "of a board's corner by intersection, cameras' own errors included: x, y, z")
+        Sequence[float], Quantity("m", "std of an intersected corner, with the errors of the cameras: x, y, z")
     ] = ()
-    point_std_squares: Annotated[Sequence[float], "the same in squares"] = ()
+    point_std_squares: Annotated[Sequence[float], "point_std in squares"] = ()
     tilt: Annotated[
-        float | None, Quantity("rad", "largest of a board against a picture plane", "largest tilt", "deg", "", "deg")
+        float | None,
+        Quantity("rad", "largest tilt of a board against a picture plane", "largest tilt", "deg", "", "deg"),
     ] = None
-    quadratic_p: Annotated[ByCamera, "chance of residuals like a quadratic map of u and v, by camera"] = field(
+    quadratic_p: Annotated[ByCamera, "p-value of the test for a quadratic map of u and v, by camera"] = field(
         default_factory=dict
     )
-    radius_p: Annotated[ByCamera, "chance of residuals like these along the radius, by camera"] = field(
-        default_factory=dict
-    )
-    map_rms: Annotated[ByCamera, Quantity("", "size of the quadratic map of the residuals", "", key="map_pixel")] = (
+    radius_p: Annotated[ByCamera, "p-value of the test for a radial pattern, by camera"] = field(default_factory=dict)
+    map_rms: Annotated[ByCamera, Quantity("", "rms of the quadratic map of the residuals", "", key="map_pixel")] = (
         field(default_factory=dict)
     )
     gross_corners: Annotated[Sequence[str], "corners with gross errors"] = ()
@@ -146,7 +146,7 @@ class StereoStudy(Study):
 
     @property
     def rows(self) -> list[Row]:
-        """The table for people."""
+        """The rows of the printed table."""
         rows = [r for r in super().rows if r.label != "largest tilt"]
         if self.rms is None:
             return rows

@@ -1,4 +1,4 @@
-"""The calibration of cameras as a study: corners in; lenses, places, their worth and their errors out."""
+"""The study of a camera calibration: from corners to lenses, camera poses, their accuracy, and checks."""
 
 from __future__ import annotations
 
@@ -24,14 +24,15 @@ from .calibration import calibrated, camera_starts, suspects, uneven, without_gr
 from .options import BoardPictures, CameraFit, StereoStart, StereoStudy
 
 FEW = 3  # pictures
-FOCAL = 0.05  # of a focal length, its standard deviation: beyond, it is hardly known
-REMOVED = 0.2  # share of corners; more are no outliers
+FOCAL = 0.05  # largest relative standard deviation of a focal length
+REMOVED = 0.2  # largest share of corners that may count as outliers
 NAMED = 10  # corners that a note lists
-OFF = 0.2  # of a side of the picture, from its middle to the principal point: farther is seen in cropped pictures only
-TILTED = 10.0  # degrees: below, focal lengths and distances are hardly told apart
+OFF = 0.2  # largest distance of the principal point from the middle, in sides of an uncropped picture
+
+TILTED = 10.0  # degrees: with less tilt, focal length and distance can hardly be separated
 TILT = (
-    "tilt the board by 20 degrees or more in some pictures: where it faces the camera, focal length and distance "
-    "cannot be told apart"
+    "tilt the board by 20 degrees or more in some pictures; if it always faces the camera, focal length and distance "
+    "cannot be separated"
 )
 
 
@@ -43,18 +44,20 @@ def stereo_study(
     start: StereoStart | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> StereoStudy:
-    """Lenses of one or more cameras and the places of all but the first, from pictures of a board: one fit of all
-    corners, with standard deviations, gross errors by name and a test of the residuals over the picture.
+    """Calibrate one or more cameras from pictures of a board: lenses, and poses relative to the first camera.
+
+    All corners are fitted together. The result has standard deviations, names gross errors, and tests whether the
+    residuals depend on the place in the picture.
 
     Args:
         corners: of the board in all pictures, X and Y counted in squares from its first corner.
-        board: its size, and that of the pictures.
-        fit: what is fitted, and what becomes of gross errors; start: where from.
+        board: size of the board and of the pictures.
+        fit: fitted parameters, and treatment of gross errors; start: starting values.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Raises ArgumentError for a board that looks the same when it is turned, one that was turned between two cameras,
-    corners beside the board or there twice, a board whose last column or row no picture shows, metres without a length,
-    and where the pictures do not determine what is fitted.
+    Raises ArgumentError if the board looks the same when turned, if two cameras count its corners from opposite ends,
+    if corners are outside the board or repeated, if no picture shows the last column or row of the board, if metres are
+    requested without a known length, and if the pictures do not determine the fitted parameters.
 
     >>> from gtmodel.vision.stereo.synthetic import SyntheticBoards, made_corners
     >>> board = gt.vision.BoardPictures(width_pixel=640, height_pixel=480, columns=9, rows=6, square=0.03)
@@ -71,7 +74,7 @@ def stereo_study(
     work.step("starting values", 0.1)
     begin = camera_starts(table, board, start)
     removed: GrossErrors | None = None
-    kept = np.arange(table.n)
+    rows = np.arange(table.n)
     tilt = np.degrees(_tilt(begin.cameras, begin.boards))
     if fit.gross_errors == "removed" or (tilt >= TILTED and suspects(table, begin)):
         work.step("gross errors", 0.3)
@@ -83,8 +86,8 @@ def stereo_study(
         else:
             begin = again
     if removed is not None:
-        kept = np.flatnonzero(~removed.corners)
-        table, begin = _left(table, kept, begin)
+        rows = np.flatnonzero(~removed.corners)
+        table, begin = _remaining(table, rows, begin)
     work.step("fit", 0.6)
     with naming("corners", after=f"; {TILT}"):
         end = calibrated(table, begin, fit, stop=work.interrupted)
@@ -94,7 +97,7 @@ def stereo_study(
             removed = without_gross_errors(table, begin, fit, work.interrupted)[1]
         return _failed(end, corners, tilt, removed, work.title)
     named = removed or gross_errors(table, end.residuals["corners"], fit.gross)
-    if removed is None and uneven(table, end.residuals["corners"]):  # a wrong picture spoils a fit of all corners
+    if removed is None and uneven(table, end.residuals["corners"]):  # a wrong picture distorts the fit
         named = without_gross_errors(table, begin, fit, work.interrupted)[1]
     tests = _tests(table, end, board)
     checks, notes = _judged(corners, table, end, named, removed is not None, tests)
@@ -109,13 +112,15 @@ def stereo_study(
         quadratic_p={n: t.quadratic for n, t in tests.items()}, radius_p={n: t.radius for n, t in tests.items()},
         map_rms={n: t.size for n, t in tests.items()},
         figures={"residuals": partial(_figure, drawn, (board.width_pixel, board.height_pixel), work.title)},
-        files={"cameras.csv": _cameras_file(values, metres), "residuals.csv": _residuals_file(corners, kept, end)},
+        files={"cameras.csv": _cameras_file(values, metres), "residuals.csv": _residuals_file(corners, rows, end)},
         machine_files=("cameras.csv",),
     )  # fmt: skip
 
 
 def explained_pictures(corners: CornerTable, board: BoardPictures) -> list[str]:
-    """How many corners each camera has, and in what lengths the result will be. Raises ArgumentError as the study.
+    """Return lines with the number of corners of each camera and the unit of lengths of the result.
+
+    Raises ArgumentError like the study.
 
     >>> board = gt.vision.BoardPictures(width_pixel=640, height_pixel=480, columns=9, rows=6)
     >>> table, lenses, cameras = gt.vision.stereo.made_corners(gt.vision.stereo.SyntheticBoards(), board)
@@ -126,9 +131,9 @@ def explained_pictures(corners: CornerTable, board: BoardPictures) -> list[str]:
     _on_the_board(corners, board)
     lines = [f"{len(corners.pictures)} pictures of a board of {board.columns} x {board.rows} corners"]
     for c, name in enumerate(corners.cameras):
-        own = corners.camera == c
-        lines.append(f"  {name}: {own.sum()} corners in {len(np.unique(corners.picture[own]))} pictures")
-    lines.append("lengths in metres" if metres else "lengths in squares of the board: give board.square_mm for metres")
+        rows = corners.camera == c
+        lines.append(f"  {name}: {rows.sum()} corners in {len(np.unique(corners.picture[rows]))} pictures")
+    lines.append("lengths in metres" if metres else "lengths in squares of the board; for metres set board.square_mm")
     return lines
 
 
@@ -136,8 +141,8 @@ def _metres(board: BoardPictures) -> bool:
     Board(board.columns, board.rows, board.square, board.identified)
     if board.lengths == "metres" and board.square is None:
         raise ArgumentError(
-            "pixels know no length: every length would be wrong by one factor, and no residual would show it; give the "
-            "side of a square, or take lengths in squares",
+            "pixels do not determine the scale of lengths, and a wrong scale would not show in the residuals; set the "
+            "side of a square, or use lengths in squares",
             "board.square",
         )
     return board.square is not None and board.lengths != "squares"
@@ -145,11 +150,11 @@ def _metres(board: BoardPictures) -> bool:
 
 def _on_the_board(corners: CornerTable, board: BoardPictures) -> None:
     X = corners.X
-    beside = np.any((X != np.round(X)) | (X < 0) | (X > [board.columns - 1, board.rows - 1, 0]), axis=1)
-    if beside.any():
-        k = int(np.argmax(beside))
+    off_board = np.any((X != np.round(X)) | (X < 0) | (X > [board.columns - 1, board.rows - 1, 0]), axis=1)
+    if off_board.any():
+        k = int(np.argmax(off_board))
         raise ArgumentError(
-            f"{corners.label(k)} lies at X, Y, Z = {X[k, 0]:g}, {X[k, 1]:g}, {X[k, 2]:g}; expected whole squares "
+            f"{corners.label(k)} is at X, Y, Z = {X[k, 0]:g}, {X[k, 1]:g}, {X[k, 2]:g}; expected whole squares "
             f"within {board.columns} x {board.rows} corners",
             "corners",
         )
@@ -159,59 +164,62 @@ def _on_the_board(corners: CornerTable, board: BoardPictures) -> None:
         k = int(np.argmax(outside))
         u, v = corners.uv[k]
         raise ArgumentError(
-            f"{corners.label(k)} lies at {u:g}, {v:g}, outside a picture of {wide[0]} x {wide[1]}", "corners"
+            f"{corners.label(k)} is at {u:g}, {v:g}, outside a picture of {wide[0]} x {wide[1]}", "corners"
         )
     key = np.column_stack([corners.camera, corners.picture, X])
     _, first, back = np.unique(key, axis=0, return_index=True, return_inverse=True)
     again = np.flatnonzero(first[back.reshape(-1)] != np.arange(corners.n))
     if len(again):
         raise ArgumentError(
-            f"{corners.label(int(again[0]))} is there more than once, which would count as more measurements than were "
-            "made; leave the other rows out",
+            f"{corners.label(int(again[0]))} occurs more than once and would count as several measurements; remove the "
+            "other rows",
             "corners",
         )
     if corners.n and not board.identified:
         for axis, (name, many) in enumerate((("columns", board.columns), ("rows", board.rows))):
             if X[:, axis].max() < many - 1:
                 raise ArgumentError(
-                    f"no picture shows more than {int(X[:, axis].max()) + 1} {name} of corners, and the board has "
-                    f"{many}; give the {name} that it has, or say that its corners are identified",
+                    f"no picture shows more than {int(X[:, axis].max()) + 1} {name} of corners, but board.{name} is "
+                    f"{many}; correct board.{name}, or set board.identified if the corners carry codes",
                     "board",
                 )
     if len(corners.pictures) < FEW:
         raise ArgumentError(
-            f"{len(corners.pictures)} pictures of a board determine no lens; expected at least {FEW}", "corners"
+            f"found {len(corners.pictures)} pictures of the board; a calibration needs at least {FEW}", "corners"
         )
 
 
-def _left(table: CornerTable, kept: np.ndarray, begin: Any) -> tuple[CornerTable, Any]:
-    """The corners that are left, and starts without the pictures that are wrong."""
-    left = [p for p in range(len(table.pictures)) if np.any(table.picture[kept] == p)]
-    if len(left) < FEW:
-        raise ArgumentError(f"gross errors leave {len(left)} of {len(table.pictures)} pictures", "corners")
-    gone = [name for p, name in enumerate(table.pictures) if p not in left]
-    return table.rows(kept).without(gone), replace(begin, boards=begin.boards[left])
+def _remaining(table: CornerTable, rows: np.ndarray, begin: Any) -> tuple[CornerTable, Any]:
+    """Return the corners of these rows, and starting values without wrong pictures."""
+    good = [p for p in range(len(table.pictures)) if np.any(table.picture[rows] == p)]
+    if len(good) < FEW:
+        raise ArgumentError(
+            f"only {len(good)} of {len(table.pictures)} pictures are without gross errors; expected at least {FEW}",
+            "corners",
+        )
+    wrong = [name for p, name in enumerate(table.pictures) if p not in good]
+    return table.rows(rows).without(wrong), replace(begin, boards=begin.boards[good])
 
 
 def _failed(end: BundleFit, corners: CornerTable, tilt: float, bad: GrossErrors | None, title: str) -> StereoStudy:
-    """A fit that did not end, with the pictures and corners that a robust one finds wrong; of boards that never tilt it
-    would name any, as nothing is determined."""
+    """Return the study of a failed fit, with the wrong pictures and corners of a robust fit. They are not named if the
+    board never tilts: the fit is then undetermined, and they would be arbitrary."""
     if tilt < TILTED:
-        message = f"{end.message}; the board is tilted by {tilt:.2g} degrees at most: {TILT}"
+        message = f"{end.message}; the board is never tilted by more than {tilt:.2g} degrees: {TILT}"
         return StereoStudy(status=end.status, message=message, title=title, iterations=end.iterations)
     if bad is not None and bad.pictures:
         return replace(_wrong(corners, bad, title), iterations=end.iterations)
     named = {} if bad is None else _named(corners, bad)
-    message = f"{end.message}; give a focal length to start from, look for wrong pictures, or {TILT}"
+    message = f"{end.message}; set start.focal_pixel, look for wrong pictures, or {TILT}"
     return StereoStudy(status=end.status, message=message, title=title, iterations=end.iterations, **named)
 
 
 def _wrong(corners: CornerTable, bad: GrossErrors, title: str) -> StereoStudy:
-    """No fit of all corners ends where a picture belongs to none of the others."""
+    """Return the study of a fit that fails because of wrong pictures."""
     named = _named(corners, bad)
     message = (
-        f"wrong as a whole: picture {', '.join(named['wrong_pictures'])}, exchanged with another, mirrored, shifted or "
-        'counted otherwise; look at it, leave it out, or take gross_errors = "removed"'
+        f"wrong as a whole: picture {', '.join(named['wrong_pictures'])} (exchanged, mirrored, shifted, or counted in "
+        'another order); inspect it, remove it, or set gross_errors = "removed"'
     )
     return StereoStudy(status=SolveStatus.FAILED, message=message, title=title, **named)
 
@@ -226,10 +234,10 @@ def _named(corners: CornerTable, bad: GrossErrors) -> dict[str, Any]:
 def _tests(table: CornerTable, end: BundleFit, board: BoardPictures) -> dict[str, PictureTest]:
     tests = {}
     for c, name in enumerate(table.cameras):
-        own = table.camera == c
-        if own.sum() >= LEAST:
+        rows = table.camera == c
+        if rows.sum() >= LEAST:
             size = (board.width_pixel, board.height_pixel)
-            tests[name] = picture_test(table.uv[own], end.residuals["corners"][own], size)
+            tests[name] = picture_test(table.uv[rows], end.residuals["corners"][rows], size)
     return tests
 
 
@@ -244,18 +252,18 @@ def _judged(corners: CornerTable, table: CornerTable, end: BundleFit, bad: Gross
     wrong = ", ".join(corners.pictures[p] for p in bad.pictures)
     single = [corners.label(int(k)) for k in np.flatnonzero(bad.corners) if corners.picture[k] not in bad.pictures]
     more = f" and {len(single) - NAMED} more" if len(single) > NAMED else ""
-    notes = ["poses and their standard deviations are in the frame of the first camera, which stands still"]
+    notes = ["poses and their standard deviations are relative to the first camera, which is held fixed"]
     if len(table.cameras) == 1:
         notes = []
-    said = "left out" if removed else "in the fit"
+    treatment = "left out" if removed else "in the fit"
     if wrong:
-        notes.append(f"wrong as a whole, {said}: picture {wrong}")
+        notes.append(f"wrong as a whole, {treatment}: picture {wrong}")
     if single:
-        notes.append(f"gross errors, {said}: {', '.join(single[:NAMED])}{more}")
+        notes.append(f"gross errors, {treatment}: {', '.join(single[:NAMED])}{more}")
     if removed:
-        checks["corners_left_share"] = at_least(float(1 - bad.corners.mean()), 1 - REMOVED, "look at the detection")
+        checks["corners_left_share"] = at_least(float(1 - bad.corners.mean()), 1 - REMOVED, "check the corner detector")
     else:
-        advice = 'look at them, leave them out, or take gross_errors = "removed"'
+        advice = 'inspect them, remove them, or set gross_errors = "removed"'
         checks["wrong_pictures"] = at_most(len(bad.pictures), 0, advice)
         checks["gross_errors"] = at_most(len(single), 0, advice)
     data = Data({"uv": table.uv}, row="corner", residuals=end.residuals["corners"])
@@ -264,31 +272,31 @@ def _judged(corners: CornerTable, table: CornerTable, end: BundleFit, bad: Gross
     for name, test in tests.items():
         if test.fires(FIRST / len(tests)):
             notes.append(
-                f"residuals of {name} depend on the place in the picture: a quadratic map of {test.size:.2g} pixel rms "
-                f"(chance {test.quadratic:.1g}; along the radius alone {test.radius:.1g}): the lens has more than is "
-                "fitted, the board is not flat, or errors of one picture go together; standard deviations leave that "
-                "out"
+                f"residuals of {name} depend on the place in the picture: quadratic map of {test.size:.2g} pixel rms "
+                f"(p = {test.quadratic:.1g}; along the radius p = {test.radius:.1g}). The lens model is too simple, "
+                "the board is not flat, or errors within a picture are correlated; standard deviations do not include "
+                "this"
             )
     return checks, notes
 
 
 def _doubts(table: CornerTable, end: BundleFit, board: BoardPictures) -> list[str]:
-    """What fits without a residual, and may be a mistake in the input all the same."""
+    """Return notes on possible mistakes in the input that do not show in the residuals."""
     notes = []
     size = np.array([board.width_pixel, board.height_pixel])
     for name, lens in zip(table.cameras, end.values["lens"], strict=True):
         if np.any(np.abs(lens[2:4] - (size - 1) / 2) > OFF * size):
             notes.append(
                 f"the principal point of {name}, {lens[2]:.0f}, {lens[3]:.0f}, is far from the middle of a picture of "
-                f"{size[0]} x {size[1]}: are its width and height right, or is it a part of a larger one?"
+                f"{size[0]} x {size[1]}; check width_pixel and height_pixel, and whether the picture is cropped"
             )
     poses = end.values["board"]  # in the frame of the first camera
     behind = np.einsum("ni,ni->n", matrices_of(poses)[:, :, 2], poses[:, 4:]) < 0
     if behind.any():
         which = "all pictures" if behind.all() else f"picture {', '.join(np.array(table.pictures)[behind][:NAMED])}"
         notes.append(
-            f"the X- and Y-axis of the board are seen from behind in {which}: corners counted the other way round do "
-            "no harm, but mirrored pictures (u and v exchanged, v upwards) give mirrored lenses and places"
+            f"the board appears from behind in {which}. A reversed order of corners is harmless, but mirrored pictures "
+            "(u and v exchanged, or v upwards) give mirrored lenses and poses"
         )
     return notes
 
@@ -300,8 +308,8 @@ def _values(table: CornerTable, end: BundleFit, metres: bool) -> dict[str, Any]:
     r = end.residuals["corners"]
     square = np.sum(r**2, axis=1)
 
-    def rms(own: np.ndarray) -> float:
-        return float(np.sqrt(np.mean(square[own])))
+    def rms(rows: np.ndarray) -> float:
+        return float(np.sqrt(np.mean(square[rows])))
 
     def spread(name: str) -> float:
         return float(std[place[name]]) if name in place else 0.0
@@ -331,13 +339,13 @@ def _values(table: CornerTable, end: BundleFit, metres: bool) -> dict[str, Any]:
 
 
 def _tilt(cameras: np.ndarray, boards: np.ndarray) -> float:
-    """Largest angle between a board and a picture plane [rad]."""
+    """Return the largest angle between a board and a picture plane [rad]."""
     cosines = [np.abs(matrices_of(composed(np.tile(c, (len(boards), 1)), boards))[:, 2, 2]) for c in cameras]
     return float(np.arccos(np.clip(np.min(cosines), 0.0, 1.0)))
 
 
 def _point_std(table: CornerTable, end: BundleFit) -> list[float]:
-    """Median standard deviations of corners by intersection, in the first camera's axes."""
+    """Return the median standard deviations of intersected corners, along the axes of the first camera."""
     many = len(table.cameras)
     key = [(int(p), *x) for p, x in zip(table.picture, table.X.tolist(), strict=True)]
     place = {k: n for n, k in enumerate(dict.fromkeys(key))}
@@ -351,8 +359,8 @@ def _point_std(table: CornerTable, end: BundleFit) -> list[float]:
     C = end.shared_covariance[np.ix_(order, order)]
     assert C.shape == (MOVES * many, MOVES * many)
     sigma = float(np.sqrt(np.mean(end.residuals["corners"] ** 2)))
-    seen = intersect(uv, lenses, end.values["camera"], sigma, C)
-    return np.sqrt(np.nanmedian(np.einsum("nii->ni", seen.covariance), axis=0)).tolist()
+    points = intersect(uv, lenses, end.values["camera"], sigma, C)
+    return np.sqrt(np.nanmedian(np.einsum("nii->ni", points.covariance), axis=0)).tolist()
 
 
 def _cameras_file(values: dict[str, Any], metres: bool) -> str:
@@ -365,27 +373,27 @@ def _cameras_file(values: dict[str, Any], metres: bool) -> str:
             units.append("pixel" if k < 4 else "1")
     for camera, vector in values["rotation"].items():
         t = values["translation" if metres else "translation_squares"][camera]
-        names += [f"{camera}.{what}_{a}" for what in ("rotation", "translation") for a in "xyz"]
+        names += [f"{camera}.{part}_{a}" for part in ("rotation", "translation") for a in "xyz"]
         numbers += [*vector, *t]
         spreads += [float("nan")] * 6
         units += ["rad"] * 3 + ["m" if metres else "square"] * 3
     columns = {"name": names, "value": numbers, "std": spreads, "unit": units}
     note = (
-        "p_camera = R p_first + t, R of the rotation vector; lens in OpenCV's order; the first pixel's middle is (0, 0)"
+        "p_camera = R p_first + t, R from the rotation vector; lens in OpenCV's order; centre of the first pixel (0, 0)"
     )
     return csv_text(columns, {"value": 15, "std": 4}, [note])
 
 
-def _residuals_file(corners: CornerTable, kept: np.ndarray, end: BundleFit) -> str:
+def _residuals_file(corners: CornerTable, rows: np.ndarray, end: BundleFit) -> str:
     error = np.full((corners.n, 2), np.nan)
-    error[kept] = end.residuals["corners"]
+    error[rows] = end.residuals["corners"]
     columns = {
         "camera": [corners.cameras[c] for c in corners.camera],
         "picture": [corners.pictures[p] for p in corners.picture],
         "corner": list(corners.marks), "u_pixel": corners.uv[:, 0], "v_pixel": corners.uv[:, 1],
         "error_u_pixel": error[:, 0], "error_v_pixel": error[:, 1],
     }  # fmt: skip
-    return csv_text(columns, 7, ["error: predicted less measured; empty for corners that were left out"])
+    return csv_text(columns, 7, ["error: predicted minus measured; empty for corners left out of the fit"])
 
 
 def _figure(drawn: list[Any], size: tuple[int, int], title: str) -> Any:

@@ -1,4 +1,4 @@
-"""Synthetic corners of a board before two cameras."""
+"""Synthetic corners of a board in front of two cameras."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ RIGHT = (536.0, 535.0, 318.0, 243.0, -0.29, 0.1, -5e-4, 2e-4, 0.0)
 
 @dataclass(frozen=True)
 class SyntheticBoards(Options):
-    """Boards at random before two cameras as those of OpenCV's samples.
+    """Random board poses in front of two cameras like those of OpenCV's samples.
 
     >>> gt.vision.stereo.SyntheticBoards(pictures=20, seed=3).noise_pixel
     0.15
@@ -27,13 +27,14 @@ class SyntheticBoards(Options):
 
     pictures: Annotated[int, Within(least=1), "of the board"] = 13
     noise_pixel: Annotated[float, Within(least=0.0), "standard deviation of a coordinate of a corner"] = 0.15
-    tilt_deg: Annotated[float, Within(least=0.0), "largest turn of the board about each axis"] = 35.0
+    tilt_deg: Annotated[float, Within(least=0.0), "largest rotation of the board about each axis"] = 35.0
     seed: Annotated[int, Within(least=0), "of poses and noise"] = 0
 
 
 def made_corners(wanted: SyntheticBoards, board: BoardPictures) -> tuple[CornerTable, np.ndarray, np.ndarray]:
-    """Corners of synthetic pictures in which both cameras see the whole board, and the true lenses (2, 9) and poses of
-    the cameras (2, 7), in squares or metres as `board` has lengths.
+    """Make corners of synthetic pictures in which both cameras see the whole board.
+
+    Also return the true lenses (2, 9) and camera poses (2, 7), in metres if `board.square` is set, else in squares.
 
     >>> board = gt.vision.BoardPictures(width_pixel=640, height_pixel=480, columns=9, rows=6)
     >>> table, lenses, cameras = gt.vision.stereo.made_corners(gt.vision.stereo.SyntheticBoards(pictures=3), board)
@@ -56,17 +57,17 @@ def made_corners(wanted: SyntheticBoards, board: BoardPictures) -> tuple[CornerT
         pose = poses_of(R, (place - R[0] @ middle)[None])
         both = []
         for c in range(2):
-            seen = composed(cameras[c][None], pose)
-            pixel, status = project(size * X @ matrices_of(seen)[0].T + seen[0, 4:], lenses[c])
+            view = composed(cameras[c][None], pose)
+            pixel, status = project(size * X @ matrices_of(view)[0].T + view[0, 4:], lenses[c])
             inside = np.all((pixel > 2) & (pixel < [board.width_pixel - 3, board.height_pixel - 3]))
             both.append(pixel if inside and not status.any() else None)
         if both[0] is not None and both[1] is not None:
             uv.append(np.stack([both[0], both[1]]))
     exact = np.stack(uv)  # (pictures, cameras, corners, 2)
     k, c, m = (a.reshape(-1) for a in np.meshgrid(*(np.arange(n) for n in exact.shape[:3]), indexing="ij"))
-    seen = exact.reshape(-1, 2) + wanted.noise_pixel * rng.standard_normal((len(k), 2))
+    uv_noisy = exact.reshape(-1, 2) + wanted.noise_pixel * rng.standard_normal((len(k), 2))
     table = CornerTable(
-        ("left", "right"), tuple(f"{n + 1:02d}" for n in range(len(exact))), c, k, X[m], seen,
+        ("left", "right"), tuple(f"{n + 1:02d}" for n in range(len(exact))), c, k, X[m], uv_noisy,
         tuple(str(x) for x in m), source=f"synthetic, seed {wanted.seed}, noise {wanted.noise_pixel:g} pixel",
     )  # fmt: skip
     return table, lenses, cameras
