@@ -115,7 +115,7 @@ def test_a_unit_without_an_answer_ends_the_run_and_keeps_it(run: Any, tmp_path: 
     drawn = s.figure("tracking")
     assert "stopped at" in drawn.get_suptitle()
     assert any(len(line.get_xdata()) == rows for axes in drawn.axes for line in axes.get_lines())  # pyright: ignore[reportArgumentType]
-    assert any(row.label == "the plant had an answer until" for row in s.rows)
+    assert any(row.label == "the plant failed at" for row in s.rows)
     if lockstep:
         twin = run("egm", _twin(servo))
         assert twin.plant_stopped == pytest.approx(s.plant_stopped, abs=1e-9)
