@@ -1,4 +1,4 @@
-"""Runs of the C loop in which a hand leads the tool over a synthetic plate: with good sensors, then with a faulty one."""
+"""Runs of the C loop in which a hand leads the tool over a synthetic plate, with good and with faulty sensors."""
 
 from __future__ import annotations
 
