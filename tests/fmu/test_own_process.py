@@ -171,7 +171,7 @@ HOSTILE = {
     "large description": (lambda d: {"modelDescription.xml": d + bytes(70_000_000)}, "a description of 70"),
     "entities": (lambda d: {"modelDescription.xml": d.replace(b"?>", b"?>" + ENTITY, 1)}, "declares an entity"),
     "deep": (lambda d: {"modelDescription.xml": b"<a>" * 100_000}, "deep"),
-    "none": (lambda d: {"other": d}, "holds no modelDescription.xml"),
+    "none": (lambda d: {"other": d}, "no modelDescription.xml"),
     "no XML": (lambda d: {"modelDescription.xml": b"<"}, "is no XML"),
 }
 

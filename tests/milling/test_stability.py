@@ -135,7 +135,7 @@ def test_words_of_mode_coupling() -> None:
     assert (
         not far.warn and far.message.startswith("no sign of mode coupling") and "at no depth below 1 m" in far.message
     )
-    assert near.warn and "mode-coupling chatter is to be expected" in near.message
+    assert near.warn and "mode-coupling chatter is expected" in near.message
     assert mode_coupling(OSCILLATORS[0], CUTTER, CUT, Y).angle != pytest.approx(far.angle)
     with pytest.raises(ValueError, match="expected a stable depth and an unstable one"):
         stable_depth(OSCILLATORS[0], CUTTER, CUT, 30.0, X, low=1e-6, high=2e-6)
