@@ -69,7 +69,7 @@ class Cutter(Options):
         float, Unit("rad", written="deg"), Within(least=0.0, below=np.pi / 2), "helix angle; 0 for straight teeth"
     ] = 0.0  # fmt: skip
     tooth_angles: Annotated[
-        list[float] | None, Unit("rad", written="deg"), "rising angles of the teeth at the tip; even by default"
+        list[float] | None, Unit("rad", written="deg"), "rising angles of the teeth at the tip; default: even pitch"
     ] = None  # fmt: skip
     runout: Annotated[list[float] | None, Unit("m"), "radial runout of each tooth, positive outwards"] = None
 

@@ -179,7 +179,7 @@ def test_peak_and_directions() -> None:
         (lambda: forces(CUTTER, CUT, 0.0, discs=0), "0 discs"),
         (lambda: force_spectrum(CUTTER, CUT, -1), "-1 harmonics"),
         (lambda: smooth_force_function(CUTTER, "down"), "expected one of"),
-        (lambda: smooth_force_function(replace(CUTTER, runout=np.array([1e-5, 0])), "up"), "know no runout"),
+        (lambda: smooth_force_function(replace(CUTTER, runout=np.array([1e-5, 0])), "up"), "runout"),
     ],
 )  # fmt: skip
 def test_wrong_inputs(make, sentence) -> None:

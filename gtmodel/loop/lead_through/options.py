@@ -83,7 +83,7 @@ class SyntheticScene(Options):
     servo: Annotated[ServoChain, "how every cart follows its command"] = field(default_factory=ServoChain)
     hand: Annotated[SyntheticHand, "on the handle"] = field(default_factory=SyntheticHand)
     noise: Annotated[float, Unit("N"), Within(least=0.0), "standard deviation of white noise on the forces"] = 0.0
-    noise_moment: Annotated[float, Unit("N.m"), Within(least=0.0), "deviation of white noise on the moments"] = 0.0
+    noise_moment: Annotated[float, Unit("N.m"), Within(least=0.0), "standard deviation of noise on the moments"] = 0.0
     seed: Annotated[int, Within(least=0), "of the noise"] = 0
     fault: Annotated[
         Literal["stale", "saturated", "missing", "reported"],
