@@ -25,7 +25,19 @@ from .laws import ReferenceTable
 from .lead_through.options import Guiding
 from .lead_through.study import GuidedBench, guided
 from .loop_result import LoopStudy
-from .one_run import ELASTIC_HZ, FOLLOWING_M, LAWS, LONGEST_S, SLOWER, Bench, OneRun, Reference, Stop, begun, run_of
+from .one_run import (
+    ELASTIC_HZ,
+    FOLLOWING_M,
+    LAWS,
+    LONGEST_S,
+    SLOWER,
+    Bench,
+    OneRun,
+    Reference,
+    Stop,
+    plant_at_start,
+    run_of,
+)
 from .plant import PlantSource, Servo
 from .process import FULL, STATES, LoopError, trajectory_of
 
@@ -77,14 +89,14 @@ def there_and_back(robot: Model, motion: Trajectory, cycles: int, slower: float 
     step = 1e-3 * CYCLE_MS
     if len(motion) < 2 or not np.allclose(np.diff(motion.time), step, rtol=0, atol=1e-9):
         raise ArgumentError(f"must have a row every {step:g} s; {_WRITES_ONE}", "reference")
-    there = np.hstack([motion["T"], motion["der(T)"], motion["der(T,2)"]])
+    outward = np.hstack([motion["T"], motion["der(T)"], motion["der(T,2)"]])
     if slower != 1.0:
-        there = _back(motion, slower)[::-1] * np.repeat([1.0, -1.0, 1.0], 3)
-    there[-1, 3:] = 0.0
+        outward = _back(motion, slower)[::-1] * np.repeat([1.0, -1.0, 1.0], 3)
+    outward[-1, 3:] = 0.0
     back = _back(motion, BACK * slower)
-    begin, end = _resting(there[0]), _resting(there[-1])
+    begin, end = _resting(outward[0]), _resting(outward[-1])
     rest = (REST_CYCLES, 1)
-    period = np.vstack([np.tile(begin, rest), there, np.tile(end, rest), back])
+    period = np.vstack([np.tile(begin, rest), outward, np.tile(end, rest), back])
     rows = np.vstack([np.tile(period, (-(-cycles // len(period)), 1)), np.tile(begin, rest)])
     q, dq, ddq, status = compile_causal(robot, known="T", targets=["q", "der(q)", "der(q,2)"])(
         rows[:, :3], rows[:, 3:6], rows[:, 6:]
@@ -236,7 +248,7 @@ def study(
         return outcome.with_(files=files | {path.name: path.read_bytes() for path in sorted(place.iterdir())})
 
 
-class Begun(NamedTuple):
+class PlantStart(NamedTuple):
     """Title, position and servo of a plant at its start."""
 
     title: str
@@ -244,13 +256,13 @@ class Begun(NamedTuple):
     servo: Servo | None
 
 
-def _known(plant: PlantSource, law: str) -> Begun:
+def _known(plant: PlantSource, law: str) -> PlantStart:
     """Start a plant, read these and release it, as not every unit can run twice at a time. Raises ArgumentError."""
     if law == "lead_through":
         raise ArgumentError("the law lead_through has a plant in its scene; leave this out", "plant")
-    first = begun(plant)
+    first = plant_at_start(plant)
     title = str(getattr(first, "title", type(first).__name__))
-    known = Begun(title, np.array(first.position_m), getattr(first, "servo", None))
+    known = PlantStart(title, np.array(first.position_m), getattr(first, "servo", None))
     if len(known.position_m) != AXES_HERE:
         raise ArgumentError(f"expected {AXES_HERE} carts; found {len(known.position_m)}", "plant.position")
     if law == "dynamics" and known.servo is None:
@@ -261,7 +273,7 @@ def _known(plant: PlantSource, law: str) -> Begun:
     return known
 
 
-def _check_start(known: Begun, bench: Bench) -> None:
+def _check_start(known: PlantStart, bench: Bench) -> None:
     """Raise ArgumentError if the plant does not start where the reference does: the first command would jump."""
     reference = bench.carts_m[0]
     distance = np.abs(known.position_m - reference)
@@ -274,7 +286,7 @@ def _check_start(known: Begun, bench: Bench) -> None:
         )
 
 
-def _title_of(known: Begun | None, law: str) -> str:
+def _title_of(known: PlantStart | None, law: str) -> str:
     """Return the name of the plant."""
     if known is None:
         return "rigid body under a servo" if law == "dynamics" else "drives of eq. (6.11)"

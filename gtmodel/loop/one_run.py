@@ -218,7 +218,7 @@ def _until(done: LoopRun, tcp: np.ndarray, status: np.ndarray) -> tuple[np.ndarr
     return done.measured_m[:n], tcp[:n], why, when
 
 
-def begun(plant: PlantSource) -> Plant:
+def plant_at_start(plant: PlantSource) -> Plant:
     """Return a plant at its start, with the cycle of the loop. Raises ArgumentError about `plant`."""
     with naming("plant."):
         return plant(CYCLE_MS / 1000.0)
@@ -226,7 +226,7 @@ def begun(plant: PlantSource) -> Plant:
 
 def _plant(bench: Bench) -> Plant:
     if bench.plant is not None:
-        return begun(bench.plant)
+        return plant_at_start(bench.plant)
     start = bench.carts_m[0]
     if bench.law == "dynamics":
         forward = compile_causal(bench.robot, known="tau", targets="der(T,2)", prefer="T")

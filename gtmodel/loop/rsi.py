@@ -261,9 +261,9 @@ class _Scanner:
         self._past(_SPACES)
 
     def _skip(self, byte: bytes) -> bool:
-        found = self.data[self.offset : self.offset + 1] == byte
-        self.offset += found
-        return found
+        matches = self.data[self.offset : self.offset + 1] == byte
+        self.offset += matches
+        return matches
 
     def _need(self, byte: bytes) -> None:
         if not self._skip(byte):

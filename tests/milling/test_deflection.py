@@ -193,10 +193,10 @@ def test_refinement_is_at_least_as_good_as_a_fine_grid() -> None:
     ("make", "sentence"),
     [
         (lambda: deflections(OSCILLATORS[0], CUTTER, CUT, 0.0, X), "the spindle speed is 0 rpm; expected more than 0"),
-        (lambda: deflections(OSCILLATORS[0], CUTTER, CUT, 30.0, X, settle=3.0), "3 s of 2 s are left out"),
+        (lambda: deflections(OSCILLATORS[0], CUTTER, CUT, 30.0, X, settle=3.0), "settle is 3 s"),
         (lambda: next(iter(responses(OSCILLATORS[0], np.zeros((9, 3)), 1e-3, hold="cubic"))), "the hold is 'cubic'"),
         (lambda: next(iter(responses(OSCILLATORS[0], np.zeros((9, 2)), 1e-3))), r"the force has the shape \(9, 2\)"),
-        (lambda: steady_state(OSCILLATORS[0], np.zeros((9, 3)), 30.0, 16), "16 samples cannot show 8 harmonics"),
+        (lambda: steady_state(OSCILLATORS[0], np.zeros((9, 3)), 30.0, 16), "16 samples .* 8 harmonics"),
         (lambda: Oscillators(np.ones(3), np.ones(3), np.array([1.0, -1.0, 1.0])), "k: is -1 N/m along y in pose 0"),
         (lambda: Oscillators(np.ones(2), np.ones(2), np.ones(2)), r"m: has the shape \(1, 2\)"),
         (lambda: OSCILLATORS.shifted(-7.0), "no positive natural frequency; the lowest is 5.98 Hz"),
