@@ -26,7 +26,10 @@ ENDS = {
     How.EXITS: ("ended its process in fmi{}{}", "exit code", "last message: no licence"),
     How.CRASHES: ("ended by SIGSEGV in fmi{}{}", "a fault of its own code"),
     How.HANGS: ("did not return from fmi{}{} within 1.5 s", "timeout"),
-    How.SCRIBBLES: ("wrote to or closed files", "in one of its calls",),
+    How.SCRIBBLES: (
+        "wrote to or closed files",
+        "in one of its calls",
+    ),
 }
 
 

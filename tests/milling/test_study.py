@@ -122,7 +122,7 @@ def test_nothing_is_answered_where_a_field_knows_little_more_than_the_mean_of_it
     away = [1.8, 1.0, 0.5]
     assert argument_of_refusal(lambda: milled(kr500, dynamics=field, place=away, search=COARSE)) == "dynamics"
     beside = milled(kr500, dynamics=field, search=replace(COARSE, places=[away])).combinations
-    assert "too far from the poses" in beside[1]["reason"] and "index_mm" in beside[0]
+    assert "measured poses are too far" in beside[1]["reason"] and "index_mm" in beside[0]
 
 
 def test_places_that_cannot_be_reached_say_why(kr500) -> None:
