@@ -194,7 +194,7 @@ def test_what_the_report_leaves_open_is_said(kr500) -> None:
     slack = Oscillators(MEASURED.m, MEASURED.c / 100, MEASURED.k)
     assert "of the transient along" in rows(dynamics=AngleTable(ANGLES, slack))["not steady"]
     out = replace(CUTTER, runout=np.array([0.0, 2e-5]))
-    assert "without the runout" in rows(cutter=out)["regenerative chatter"]
+    assert "runout is not included" in rows(cutter=out)["regenerative chatter"]
     uneven = rows(cutter=replace(CUTTER, tooth_angles=np.radians([0.0, 150.0])))["regenerative chatter"]
     assert uneven != usual["regenerative chatter"] and "without" not in uneven
     assert rows(speed=6 * RPM)["regenerative chatter"].startswith("unknown")
