@@ -1,13 +1,13 @@
-"""Functional mock-up units (FMI 3.0 and 2.0): the models inside other simulators and test benches.
+"""Functional mock-up units (FMI 3.0 and 2.0): models for other simulators and test benches.
 
-export        a causal function, a step function or a model as an archive -> Fmu
-check         compared with Python, read and run by what is installed -> UnitReport
-study         several functions into a folder, checked before they are written -> FmuStudy
+export        write a causal function, a step function or a model as an archive -> Fmu
+check         compare a unit with Python, and read and run it with the installed tools -> UnitReport
+study         export several functions into a folder; units are checked before they are written -> FmuStudy
 
-The other way, by FMPy (extra `fmi`): a unit of anybody as a plant.
-RunningUnit   one instance in co-simulation, variables by name; UnitStopped where it has no answer
-FmuPlant      behind a simulated controller of gt.loop; PlantUnit declares one for gt.loop.study and files
-FmuExperiment what gt.control.learning.study learns on
+The other direction, with FMPy (extra `fmi`): any unit as a plant.
+RunningUnit   one instance in co-simulation, variables by name; raises UnitStopped if it fails
+FmuPlant      the plant of a simulated controller in gt.loop; PlantUnit declares one for gt.loop.study and files
+FmuExperiment the plant that gt.control.learning.study learns on
 """
 
 from typing import TYPE_CHECKING

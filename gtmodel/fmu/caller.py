@@ -1,5 +1,5 @@
-"""A unit called by ctypes, in co-simulation, FMI 2.0 and 3.0: in this process where it is ours, and as a program, whose
-process a unit of anybody may end (`process.py`). It imports the standard library only, so that the program starts soon.
+"""Call a unit with ctypes, in co-simulation, FMI 2.0 and 3.0: our own units in this process, foreign ones in a separate
+program that may crash (`process.py`). This file imports only the standard library, so that the program starts fast.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
 
-TIMEOUT_S, LONGEST_S = 60.0, 86_400.0  # of a call; the slowest instantiations take seconds
-WARNING = 1  # the worst status of a call that did what it was to do
-SHOWN = 40  # bytes for the name of the call that runs
-LONGEST = 2000  # characters of a sentence of its log
+TIMEOUT_S, LONGEST_S = 60.0, 86_400.0  # default and largest timeout of a call; slow instantiations take seconds
+WARNING = 1  # the worst status of a successful call
+SHOWN = 40  # bytes for the name of the running call
+LONGEST = 2000  # characters of a log message
 LOADING = "the loading of its library"
 LOOK_S = 1e-4
-SIZE = struct.Struct("<I")  # of a message, before it
+SIZE = struct.Struct("<I")  # header of a message: its size
 _FALSE, _TRUE = c.c_bool(False), c.c_bool(True)
 _TERMINATED, _LAST_TIME = 3, 2  # kinds of status of FMI 2.0
 _SAME = ("Reset", "EnterInitializationMode", "ExitInitializationMode", "DoStep", "FreeInstance")
@@ -35,7 +35,7 @@ _NEEDED = {
 _LOG2 = c.CFUNCTYPE(None, c.c_void_p, c.c_char_p, c.c_int, c.c_char_p, c.c_char_p)
 _LOG3 = c.CFUNCTYPE(None, c.c_void_p, c.c_int, c.c_char_p, c.c_char_p)
 
-Said = Callable[[int, bytes], None]
+Log = Callable[[int, bytes], None]
 
 
 class _Callbacks(c.Structure):
@@ -46,58 +46,58 @@ class _Callbacks(c.Structure):
 
 
 class UnitCaller:
-    """One instance for co-simulation of a shared library.
+    """One co-simulation instance of a shared library.
 
-    library: its path. version: 2 or 3. resources: where its resources are, as its version asks. said: takes status and
-    text of its log, which is off if left out. proxy: path of FMPy's library that puts the numbers into the texts of a
-    log of FMI 2.0. running: takes the name of each call before it is made, at its first bytes.
+    library: path. version: 2 or 3. resources: place of the resources, in the form that the version requires. log:
+    receives status and text of log messages; None: logging is off. proxy: path of FMPy's library that formats the log
+    messages of FMI 2.0. running: buffer that receives the name of each call before it starts.
 
-    Statuses are those of the standard: 0 OK, 1 warning, 2 Discard, 3 Error; `last` is the function that gave the last
-    one. References and values: sequences of numbers, or bytes of unsigned integers and doubles of this machine. Raises
-    OSError for what is no library, AttributeError for one without a function, RuntimeError where it gives no instance.
+    Statuses follow the standard: 0 OK, 1 warning, 2 Discard, 3 Error; `last` is the function that returned the last
+    one. References and values: sequences of numbers, or bytes of native unsigned integers and doubles. Raises OSError
+    if the file is not a library, AttributeError if it lacks a function, RuntimeError if it returns no instance.
     """
 
     def __init__(
-        self, library: str, version: int, name: str, token: str, resources: str = "", *, said: Said | None = None,
+        self, library: str, version: int, name: str, token: str, resources: str = "", *, log: Log | None = None,
         proxy: str = "", running: Any = None,
     ) -> None:  # fmt: skip
         self._running: Any = bytearray(SHOWN) if running is None else running
         self._three, self._prefix, self.last = version == 3, f"fmi{version}", LOADING
         self._running[:SHOWN] = LOADING.encode().ljust(SHOWN)
-        here = os.getcwd()
-        os.chdir(os.path.dirname(library))  # where libraries look for those that they need
+        folder = os.getcwd()
+        os.chdir(os.path.dirname(library))  # so that the loader finds the libraries it depends on
         try:
             self._library = c.CDLL(library)
         finally:
-            os.chdir(here)
+            os.chdir(folder)
         self._functions = {n: self._function(n) for n in _NEEDED[version]}
-        log = said is not None
+        logs = log is not None
         if self._three:
-            self._log: Any = _LOG3(lambda _, status, category, text: said(status, text or b"")) if said else _LOG3()
+            self._log: Any = _LOG3(lambda _, status, category, text: log(status, text or b"")) if log else _LOG3()
             # visible, logging, events, early return; required intermediate variables; environment
-            given = [_FALSE, c.c_bool(log), _FALSE, _FALSE, None, c.c_size_t(0), None, self._log, None]
-            self._instance = self._made("InstantiateCoSimulation", name, token, resources, given)
+            options = [_FALSE, c.c_bool(logs), _FALSE, _FALSE, None, c.c_size_t(0), None, self._log, None]
+            self._instance = self._new("InstantiateCoSimulation", name, token, resources, options)
         else:
-            own = c.CDLL(None)
-            logger = _LOG2(lambda _, name, status, category, text: said(status, text or b"")) if said else _LOG2()
-            memory = [c.cast(f, c.c_void_p) for f in (own.calloc, own.free)]
+            libc = c.CDLL(None)
+            logger = _LOG2(lambda _, name, status, category, text: log(status, text or b"")) if log else _LOG2()
+            memory = [c.cast(f, c.c_void_p) for f in (libc.calloc, libc.free)]
             self._log = _Callbacks(logger, *memory, None, None), logger
-            if proxy and said:
+            if proxy and log:
                 self._proxy = c.CDLL(proxy)
                 self._proxy.addLoggerProxy(c.byref(self._log[0]))
-            self._instance = self._made("Instantiate", name, token, resources, [c.byref(self._log[0]), 0, int(log)])
+            self._instance = self._new("Instantiate", name, token, resources, [c.byref(self._log[0]), 0, int(logs)])
 
     def _function(self, name: str, result: Any = c.c_int) -> Any:
         function = self._library[f"{self._prefix}{name}"]
         function.restype = c.c_void_p if name.startswith("Instantiate") else result
         return function
 
-    def _made(self, call: str, name: str, token: str, place: str, more: list[Any]) -> c.c_void_p:
+    def _new(self, call: str, name: str, token: str, place: str, more: list[Any]) -> c.c_void_p:
         self._begins(call)
         kind = [] if self._three else [1]  # co-simulation
         instance = self._functions[call](name.encode(), *kind, token.encode(), place.encode(), *more)
         if not instance:
-            raise RuntimeError(f"{self.last} gave no instance")
+            raise RuntimeError(f"{self.last} returned no instance")
         return c.c_void_p(instance)
 
     def _begins(self, name: str) -> None:
@@ -111,11 +111,11 @@ class UnitCaller:
         return int(self._functions[name](self._instance, *arguments))
 
     def reset(self) -> int:
-        """As it was made."""
+        """Return to the state after instantiation."""
         return self._do("Reset")
 
     def begin(self, references: Sequence[int] | bytes, values: Sequence[float] | bytes, time: float = 0.0) -> int:
-        """From these start values and this time to the first step. The first status that is none of success."""
+        """Initialise with these start values at this time. Return the first status of failure, otherwise 0."""
         start, none = c.c_double(time), c.c_double()
         steps: list[Callable[[], int]] = [lambda: self.set(references, values)] if len(references) else []
         if self._three:
@@ -127,67 +127,66 @@ class UnitCaller:
         return next((bad for step in steps if (bad := step()) > WARNING), 0)
 
     def set(self, references: Sequence[int] | bytes, values: Sequence[float] | bytes) -> int:
-        """Sets numbers."""
+        """Set real variables."""
         return self._values("SetFloat64" if self._three else "SetReal", references, array("d", values))
 
     def set_integers(self, references: Sequence[int], values: Sequence[int]) -> int:
-        """Sets integers."""
+        """Set integers."""
         return self._values("SetInt32" if self._three else "SetInteger", references, array("i", values))
 
     def get(self, references: Sequence[int] | bytes) -> tuple[int, array[float]]:
-        """Status, and numbers; NaN where none were written."""
-        where = array("I", references)
-        values = array("d", [float("nan")]) * len(where)
-        return self._values("GetFloat64" if self._three else "GetReal", where, values), values
+        """Return status and real variables; NaN if the unit wrote none."""
+        indices = array("I", references)
+        values = array("d", [float("nan")]) * len(indices)
+        return self._values("GetFloat64" if self._three else "GetReal", indices, values), values
 
     def get_integers(self, references: Sequence[int]) -> tuple[int, array[int]]:
-        """Status, and integers."""
+        """Return status and integers."""
         values = array("i", [-1]) * len(references)
         return self._values("GetInt32" if self._three else "GetInteger", references, values), values
 
     def _values(self, name: str, references: Sequence[int] | bytes, values: array[Any]) -> int:
-        where = array("I", references)
+        indices = array("I", references)
         more = [c.c_size_t(len(values))] if self._three else []
-        pointers = [c.c_void_p(a.buffer_info()[0]) for a in (where, values)]
-        return self._do(name, pointers[0], c.c_size_t(len(where)), pointers[1], *more)
+        pointers = [c.c_void_p(a.buffer_info()[0]) for a in (indices, values)]
+        return self._do(name, pointers[0], c.c_size_t(len(indices)), pointers[1], *more)
 
     def step(self, time: float, length: float) -> tuple[int, tuple[bool, bool, bool, float]]:
-        """Goes on from `time` by `length` [s]: status; whether it wants an event, to end, returned early; and the time
-        that it reached, NaN where it does not say."""
+        """Step from `time` by `length` [s]. Return the status; whether the unit requests an event, requests the end,
+        returned early; and the time that it reached, NaN if it does not report one."""
         if self._three:
             flags, last = [c.c_bool() for _ in range(3)], c.c_double(float("nan"))
-            given = [c.c_double(time), c.c_double(length), _TRUE, *map(c.byref, flags), c.byref(last)]
-            status = self._do("DoStep", *given)
+            arguments = [c.c_double(time), c.c_double(length), _TRUE, *map(c.byref, flags), c.byref(last)]
+            status = self._do("DoStep", *arguments)
             return status, (*[bool(f.value) for f in flags], last.value)  # type: ignore[return-value]
         status = self._do("DoStep", c.c_double(time), c.c_double(length), 1)
         ends, reached = False, float("nan")
         if status > WARNING:
-            called, flag, last = self.last, c.c_int(), c.c_double()
+            call, flag, last = self.last, c.c_int(), c.c_double()
             with suppress(AttributeError):  # a unit may lack the call
                 ends = self._do("GetBooleanStatus", _TERMINATED, c.byref(flag)) <= WARNING and bool(flag.value)
             with suppress(AttributeError):
                 if self._do("GetRealStatus", _LAST_TIME, c.byref(last)) <= WARNING:
                     reached = last.value
-            self.last = called
+            self.last = call
         return status, (False, ends, False, reached)
 
     def close(self) -> None:
-        """Frees the instance."""
+        """Free the instance."""
         self._begins("FreeInstance")
         free = self._function("FreeInstance", None)
         free(self._instance)
 
 
 def look(waiting: select.poll) -> None:
-    """Looks for a message for a moment before the process sleeps: another processor takes longer to wake it than a step
-    of a unit takes."""
+    """Poll for a message briefly before the process sleeps: waking it takes longer than a typical step of a unit."""
     until = time.perf_counter() + LOOK_S
     while not waiting.poll(0) and time.perf_counter() < until:
         os.sched_yield()
 
 
 def received(read: Callable[[int], bytes], rest: bytearray) -> Any:
-    """The next message, None at the end. rest: bytes that came with the one before."""
+    """Return the next message, None at the end. rest: buffer of bytes that arrived with the previous message."""
     size = SIZE.size
     while len(rest) < size or len(rest) < (whole := size + SIZE.unpack_from(rest)[0]):
         if not (more := read(1 << 16)):
@@ -199,14 +198,14 @@ def received(read: Callable[[int], bytes], rest: bytearray) -> Any:
 
 
 def message(content: Any) -> bytes:
-    """What `received` reads."""
+    """Return the bytes of a message for `received`."""
     data = marshal.dumps(content)
     return SIZE.pack(len(data)) + data
 
 
 class _Host:
-    """The program: requests are tuples of calls, an answer is (results, function and status of a call that went wrong,
-    or None); between them come sentences of the log, (status, text)."""
+    """The program. A request is a tuple of calls. An answer is (results, function and status of a failed call or None,
+    None); log messages (status, text) may come in between."""
 
     def __init__(self, channel: int, shown: str) -> None:
         self._channel, self._lock = channel, _thread.allocate_lock()
@@ -220,15 +219,15 @@ class _Host:
             while data:
                 data = data[os.write(self._channel, data) :]
 
-    def _said(self, status: int, text: bytes) -> None:
+    def _send_log(self, status: int, text: bytes) -> None:
         self._send((status, text[: 4 * LONGEST].decode("utf-8", "replace")[:LONGEST]))
 
-    def _call(self, name: str, *given: Any) -> tuple[int, Any]:
-        """Status and result."""
+    def _call(self, name: str, *arguments: Any) -> tuple[int, Any]:
+        """Return status and result."""
         if name == "make":
-            library, version, unit, token, resources, proxy = given
+            library, version, unit, token, resources, proxy = arguments
             self._caller = UnitCaller(
-                library, version, unit, token, resources, said=self._said, proxy=proxy, running=self._running
+                library, version, unit, token, resources, log=self._send_log, proxy=proxy, running=self._running
             )
             return 0, None
         if name == "close":
@@ -237,13 +236,13 @@ class _Host:
             c.CDLL(None).fflush(None)
             return 0, None
         assert self._caller is not None
-        done = getattr(self._caller, name)(*given)
+        result = getattr(self._caller, name)(*arguments)
         if name == "get":
-            return done[0], done[1].tobytes()
-        return done if isinstance(done, tuple) else (done, None)
+            return result[0], result[1].tobytes()
+        return result if isinstance(result, tuple) else (result, None)
 
     def serve(self) -> None:
-        """Answers until the channel is closed."""
+        """Answer requests until the channel is closed."""
         rest, waiting = bytearray(), select.poll()
         waiting.register(self._channel, select.POLLIN)
 
@@ -253,22 +252,22 @@ class _Host:
 
         while (calls := received(read, rest)) is not None:
             results: list[Any] = []
-            wrong: tuple[str, int] | tuple[str] | None = None
+            fault: tuple[str, int] | tuple[str] | None = None
             try:
                 for call in calls:
                     status, result = self._call(*call)
                     results.append(result)
                     if status > WARNING:
                         assert self._caller is not None
-                        wrong = (self._caller.last, status)
+                        fault = (self._caller.last, status)
                         break
             except (OSError, AttributeError, RuntimeError) as error:
-                wrong = (str(error),)
-            self._send((results, wrong, None))
+                fault = (str(error),)
+            self._send((results, fault, None))
 
 
 def _follow(channel: int) -> None:
-    """Ends the process when the other side is gone, in whatever call the unit is."""
+    """End the process when the other side is gone, even during a call of the unit."""
     waiting = select.poll()
     waiting.register(channel, 0)
     waiting.poll()
@@ -276,12 +275,12 @@ def _follow(channel: int) -> None:
 
 
 def main() -> None:
-    """The program: `caller.py CHANNEL FILE`, a socket that it inherits and a file for the name of the call."""
+    """Run the program `caller.py CHANNEL FILE`: an inherited socket, and a file for the name of the running call."""
     channel, shown = int(sys.argv[1]), sys.argv[2]
     os.set_inheritable(channel, False)
-    with suppress(AttributeError, ValueError):  # what it prints is there when it crashes
-        own = c.CDLL(None)
-        own.setvbuf(c.c_void_p.in_dll(own, "stdout"), None, 1, c.c_size_t(0))
+    with suppress(AttributeError, ValueError):  # line buffering: nothing printed is lost in a crash
+        libc = c.CDLL(None)
+        libc.setvbuf(c.c_void_p.in_dll(libc, "stdout"), None, 1, c.c_size_t(0))
     _thread.start_new_thread(_follow, (channel,))
     _Host(channel, shown).serve()
 

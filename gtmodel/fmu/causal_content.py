@@ -1,5 +1,5 @@
-"""A causal function as the content of a unit, its table and C, with states that have rates, and the step of the
-integrator inside of co-simulation."""
+"""A causal function as the content of a unit: its states and their rates, its table and C, and the step of the
+integrator for co-simulation."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from .table import FmuTable, FmuVariable, base_and_order, fmi_name, texts_of, un
 from .tangents import depends, tangents, with_parameters
 
 Pair = tuple[int, int]
-MOST_TURNS = 6  # in which the states of a target, of its states' rates and so on are complete
+MOST_TURNS = 6  # of adding rates of states, whose computation may need further states
 SMALLEST = 1e-9
-EXACT, ROUGH = 15, 6  # digits of a start that stands in the description
+EXACT, ROUGH = 15, 6  # digits of a start value in the description
 
 
 @dataclass(frozen=True)
 class WithStates:
-    """A function that computes the rates of its states too.
+    """A function that also computes the rates of its states.
 
-    function: its outputs are the targets of the given one, then what lacked. asked: how many targets were asked for.
-    states: its inputs that are states; known: the others, but parameters. parameters: of the model, its last inputs.
+    function: its outputs are the original targets, then the missing rates. asked: number of original targets. states:
+    inputs that are states; known: the other inputs except parameters. parameters: of the model, the last inputs.
     """
 
     function: CausalFunction
@@ -45,14 +45,14 @@ class WithStates:
 
 
 def with_states(f: CausalFunction) -> WithStates:
-    """The function with the rates of all its states among its outputs.
+    """Extend the function by outputs for the rates of all its states.
 
-    Raises ArgumentError for a model with events, whose instants a unit does not look for.
+    Raises ArgumentError if the model has events, which a unit does not detect.
     """
     if f.flat.events is not None:
         raise ArgumentError(
-            f"{f.flat.title} has events or sampled blocks, which are not exported; export a sampled block as "
-            "gt.cgen.BlockFunction, and smooth what switches",
+            f"{f.flat.title} has events or sampled blocks, which cannot be exported; export a sampled block as "
+            "gt.cgen.BlockFunction, and smooth switching equations",
             "function",
         )
     known = {i for _, _, indices in f.groups for i in indices}
@@ -60,56 +60,56 @@ def with_states(f: CausalFunction) -> WithStates:
     asked, full = len(f.outputs), f
     for _ in range(MOST_TURNS):
         states = [s for s in full.inputs if s.pairs[0][0] not in known]
-        there = {p for s in (*states, *full.outputs) for p in s.pairs}
-        wanted = [s.name for s in full.outputs]
+        computed = {p for s in (*states, *full.outputs) for p in s.pairs}
+        targets = [s.name for s in full.outputs]
         for s in states:
-            if not all((i, k + 1) in there for i, k in s.pairs):
+            if not all((i, k + 1) in computed for i, k in s.pairs):
                 base, order = base_and_order(s.name)
-                wanted.append(derivative_name(base, order + 1))
-        if len(wanted) == len(full.outputs):
+                targets.append(derivative_name(base, order + 1))
+        if len(targets) == len(full.outputs):
             return WithStates(full, asked, states, [s for s in full.inputs if s not in states])
-        # a rate may need further states, which the targets alone do not
-        full = compile_causal(f.flat, [name for name, _, _ in f.groups], wanted, names, f.branches, f.name)
-    raise ArgumentError("the rates of its states need ever further states; prefer other ones", "function")
+        # a rate may need states that the targets do not
+        full = compile_causal(f.flat, [name for name, _, _ in f.groups], targets, names, f.branches, f.name)
+    raise ArgumentError("the rates of its states keep needing further states; prefer other states", "function")
 
 
-def starts(made: WithStates, given: Mapping[str, Sequence[float] | float]) -> dict[Pair, float]:
-    """A start value of each input: what is given by name, else the home pose at rest, and of known variables what keeps
-    it there, such as the forces that hold a robot.
+def starts(extended: WithStates, options: Mapping[str, Sequence[float] | float]) -> dict[Pair, float]:
+    """Return a start value of each input: from `options` by name, otherwise the home pose at rest, with known variables
+    that keep it there, such as the forces that hold a robot.
 
-    Raises ArgumentError for a name that is no input, another number of values, and a start without an answer.
+    Raises ArgumentError for an unknown input, a wrong number of values, and a start at which the function fails.
     """
-    f = made.function
-    posed = home_of(f.flat)
+    f = extended.function
+    pose = home_of(f.flat)
     near = {p: x for s in f.inputs for p, x in zip(s.pairs, map(float, samples_of(f, s.pairs)[0]), strict=True)}
     declared = {p: start for p in near if (start := f.flat.variables[p[0]].start) is not None}
-    home = {p: posed.get(p[0], declared.get(p, x)) for p, x in near.items()}
-    own = {s.name: s for s in f.inputs}
-    wanted: dict[Pair, float] = {}
-    for name, value in given.items():
-        if name not in own:
-            raise ArgumentError(f"there is no input '{name}'; there are {', '.join(own)}", "start")
+    home = {p: pose.get(p[0], declared.get(p, x)) for p, x in near.items()}
+    inputs = {s.name: s for s in f.inputs}
+    fixed: dict[Pair, float] = {}
+    for name, value in options.items():
+        if name not in inputs:
+            raise ArgumentError(f"there is no input '{name}'; inputs are {', '.join(inputs)}", "start")
         try:
             numbers = np.ravel(np.asarray(value, float))
         except (TypeError, ValueError):
             numbers = np.array([])
-        if len(numbers) != own[name].size or not np.all(np.isfinite(numbers)):
-            raise ArgumentError(f"'{name}' takes {own[name].size} finite numbers; found {value}", "start")
-        wanted |= dict(zip(own[name].pairs, map(float, numbers), strict=True))
+        if len(numbers) != inputs[name].size or not np.all(np.isfinite(numbers)):
+            raise ArgumentError(f"'{name}' takes {inputs[name].size} finite numbers; found {value}", "start")
+        fixed |= dict(zip(inputs[name].pairs, map(float, numbers), strict=True))
     status = Status.OK
-    # six digits may be too few, as for a quaternion; and what is declared may be no start of this causality
+    # six digits may be too few, for example for a quaternion; and a declared start may not fit this causality
     for base, digits in ((home, ROUGH), (home, EXACT), (near, EXACT)):
-        values = {p: _short(x, digits) if p[1] == 0 else 0.0 for p, x in base.items()} | wanted
-        if made.states:
-            values |= _holding(made, values, set(wanted))
+        values = {p: _short(x, digits) if p[1] == 0 else 0.0 for p, x in base.items()} | fixed
+        if extended.states:
+            values |= _holding(extended, values, set(fixed))
         status = _status(f, values)
         if status is Status.OK:
             return values
-    raise ArgumentError(f"there is no answer at the start: {status.message}; give another start", "start")
+    raise ArgumentError(f"the function fails at the start: {status.message}; change the start", "start")
 
 
 def _short(x: float, digits: int = ROUGH) -> float:
-    """In few digits: the noise of another linear algebra library must not reach the description."""
+    """Round to few digits: rounding noise of different linear algebra libraries must not reach the description."""
     return 0.0 if abs(x) < SMALLEST else float(f"{x:.{digits}g}")
 
 
@@ -120,16 +120,16 @@ def _status(f: CausalFunction, values: Mapping[Pair, float]) -> Status:
     return Status(int(status))
 
 
-def _holding(made: WithStates, values: Mapping[Pair, float], given: set[Pair]) -> dict[Pair, float]:
-    """Values of known variables with which the states of the start stay there; none where that has no answer."""
-    f = made.function
-    wanted = [s for s in made.known if s.pairs[0][1] == 0 and not set(s.pairs) & given]
-    if not wanted:
+def _holding(extended: WithStates, values: Mapping[Pair, float], fixed: set[Pair]) -> dict[Pair, float]:
+    """Return known variables that hold the states at the start; empty if there is no solution."""
+    f = extended.function
+    free = [s for s in extended.known if s.pairs[0][1] == 0 and not set(s.pairs) & fixed]
+    if not free:
         return {}
-    positions = [s for s in made.states if s.pairs[0][1] == 0]
-    others = [s.name for s in made.known if s.pairs[0][1] == 0 and s not in wanted]
+    positions = [s for s in extended.states if s.pairs[0][1] == 0]
+    others = [s.name for s in extended.known if s.pairs[0][1] == 0 and s not in free]
     try:
-        back = compile_causal(f.flat, [*[s.name for s in positions], *others], [s.name for s in wanted])
+        back = compile_causal(f.flat, [*[s.name for s in positions], *others], [s.name for s in free])
     except ModelError:
         return {}
     if any(p[1] == 0 and p not in values for s in back.inputs for p in s.pairs):
@@ -140,13 +140,13 @@ def _holding(made: WithStates, values: Mapping[Pair, float], given: set[Pair]) -
     if Status(int(status)) is not Status.OK:
         return {}
     numbers = {}
-    for s, result in zip(wanted, results, strict=True):
+    for s, result in zip(free, results, strict=True):
         numbers |= dict(zip(s.pairs, map(_short, np.ravel(result)), strict=True))
     return numbers
 
 
 KEY = "model"  # of the function in C: gt_<name>_model
-# of what `contents` makes: what tests it
+# test files from `contents` that a unit does not need
 LEFT_OUT = ("gt_{}_selftest.c", "gt_{}_main.c", "gt_compare.h", "Makefile", "README.md")
 
 
@@ -164,30 +164,30 @@ def causal_content(
     stop: float = 1.0,
     provenance: Mapping[str, str] | None = None,
 ) -> tuple[FmuContent, WithStates]:
-    """What the unit `name` holds, and the function that it computes.
+    """Return the content of the unit `name` and the function that it computes.
 
-    Raises ArgumentError for a model with events, names that are no inputs, a start without an answer.
+    Raises ArgumentError for a model with events, unknown inputs, and a start at which the function fails.
     """
-    made = with_states(f)
-    if hold and made.states:
-        raise ArgumentError("outputs can be held only where there are no states; leave it out", "on_fault")
-    unknown = [n for n in tunable if n not in {s.name for s in made.known}]
+    extended = with_states(f)
+    if hold and extended.states:
+        raise ArgumentError("only units without states can hold outputs; leave it out", "on_fault")
+    unknown = [n for n in tunable if n not in {s.name for s in extended.known}]
     if unknown:
-        known = ", ".join(s.name for s in made.known)
-        raise ArgumentError(f"'{unknown[0]}' is no known variable of it; there are {known}", "tunable")
-    begin = starts(made, start or {})
+        known = ", ".join(s.name for s in extended.known)
+        raise ArgumentError(f"'{unknown[0]}' is not a known variable; known variables are {known}", "tunable")
+    begin = starts(extended, start or {})
     if parameters:
-        function, kept = with_parameters(made.function, parameters)
-        made = replace(made, function=function, parameters=kept)
-    (face,) = interfaces({KEY: made.function}, name)
-    builder = _Table(made, face, begin, tunable, hold)
+        function, signals = with_parameters(extended.function, parameters)
+        extended = replace(extended, function=function, parameters=signals)
+    (face,) = interfaces({KEY: extended.function}, name)
+    builder = _Table(extended, face, begin, tunable, hold)
     table = FmuTable(
         name, title or f.flat.title, builder.variables, builder.dependencies(),
         [builder.place[p] for p in builder.states],
         [builder.rate(p) for p in builder.states], step=step, stop=stop, remembers=bool(face.newton), hold=hold,
-        parameters=[builder.place[p] for s in made.parameters for p in s.pairs], part_error=part_error,
+        parameters=[builder.place[p] for s in extended.parameters for p in s.pairs], part_error=part_error,
     )  # fmt: skip
-    exact = tangents(made.function, face, name)
+    exact = tangents(extended.function, face, name)
     texts = contents([face], name, dict(provenance or {}))
     files = needed(texts, name)
     functions = "".join(
@@ -202,15 +202,15 @@ def causal_content(
     )
     memory = f"    {face.symbol}_state newton;\n" if face.newton else "    char none;\n"
     content = FmuContent(
-        table, {**files, **exact.files}, f"gt_{name}.h", memory, functions, made.function.plan.uses_time
+        table, {**files, **exact.files}, f"gt_{name}.h", memory, functions, extended.function.plan.uses_time
     )
-    return content, made
+    return content, extended
 
 
 def needed(texts: Mapping[str, str], name: str) -> dict[str, str]:
-    """The files that a library is made of."""
-    out = {file.format(name) for file in LEFT_OUT}
-    return {file: text for file, text in texts.items() if file not in out}
+    """Return the files that a library is built from."""
+    omitted = {file.format(name) for file in LEFT_OUT}
+    return {file: text for file, text in texts.items() if file not in omitted}
 
 
 _NO_SAMPLE = """\
@@ -230,24 +230,24 @@ class _Table:
 
     def __init__(
         self,
-        made: WithStates,
+        extended: WithStates,
         face: Interface,
         start: Mapping[Pair, float],
         tunable: Collection[str],
         hold: bool,
     ) -> None:
-        self.made, self.face, self.f = made, face, made.function
-        self.states = [p for s in made.states for p in s.pairs]
+        self.extended, self.face, self.f = extended, face, extended.function
+        self.states = [p for s in extended.states for p in s.pairs]
         self.place: dict[Pair, int] = {}  # of inputs and states, then of derivatives
-        self.outputs: list[list[int]] = []  # value references of each number of the outputs of the function
+        self.outputs: list[list[int]] = []  # value references of each output number of the function
         self.variables: list[FmuVariable] = []
-        self.own = {self._name(p) for s in (*self.f.inputs, *self.f.outputs) for p in s.pairs}  # names of the model
+        self.names = {self._name(p) for s in (*self.f.inputs, *self.f.outputs) for p in s.pairs}
         self._add("time", "s", "", "time")
-        for s in sorted(made.known, key=lambda s: s.name in tunable):
+        for s in sorted(extended.known, key=lambda s: s.name in tunable):
             role = "tunable" if s.name in tunable else "input"
             for p in s.pairs:
                 self.place[p] = self._signal(p, role, start=start[p])
-        for i, k in (p for s in made.parameters for p in s.pairs):
+        for i, k in (p for s in extended.parameters for p in s.pairs):
             v = self.f.flat.variables[i]
             self.place[i, k] = self._signal((i, k), "tunable", start=v.start, least=v.min, most=v.max)
         self.guess = len(self.variables)
@@ -264,12 +264,12 @@ class _Table:
             self._signal((i, k), "state", start=start[i, k], nominal=True, of_state=rate_of)
         numbers = [p for s in self.f.outputs for p in s.pairs]
         rates = [(i, k + 1) for i, k in self.states]
-        asked = sum(s.size for s in self.f.outputs[: made.asked])
+        asked = sum(s.size for s in self.f.outputs[: extended.asked])
         for p in numbers:
-            own = p in rates and p not in self.place
-            if own:
+            is_rate = p in rates and p not in self.place
+            if is_rate:
                 self.place[p] = self._signal(p, "derivative", of_state=self.place[p[0], p[1] - 1])
-            self.outputs.append([self.place[p]] if own else [])
+            self.outputs.append([self.place[p]] if is_rate else [])
         for n, p in enumerate(numbers[:asked]):
             self.outputs[n].append(self._output(p))
         if hold:
@@ -277,7 +277,7 @@ class _Table:
                       integer=True)  # fmt: skip
 
     def rate(self, p: Pair) -> int:
-        """Value reference of the derivative of a state."""
+        """Return the value reference of the derivative of a state."""
         return self.place[p[0], p[1] + 1]
 
     def _add(self, name: str, unit: str, description: str, role: Any, **more: Any) -> int:
@@ -299,7 +299,7 @@ class _Table:
         return fmi_name(name, texts_of(self.f.flat))
 
     def _output(self, p: Pair) -> int:
-        """A variable of its own where the number is a state, a derivative or an input too."""
+        """Add an output; one that is also a state, derivative or input gets a name of its own."""
         if p not in self.place:
             return self._signal(p, "output")
         v = self.f.flat.variables[p[0]]
@@ -310,11 +310,11 @@ class _Table:
         return self._add(self._new(name), self.f.flat.unit_of(*p), f"{self._name(p)} as an output", "output")
 
     def _new(self, name: str) -> str:
-        """A name that the model does not have."""
-        return unused(name, self.own | {v.name for v in self.variables})
+        """Return a name that the model does not use."""
+        return unused(name, self.names | {v.name for v in self.variables})
 
     def dependencies(self) -> dict[int, list[int]]:
-        """By value reference of what is computed."""
+        """Return the dependencies of each computed variable, as value references."""
         inputs = self.references()
         result = {}
         for places, on in zip(self.outputs, depends(self.f), strict=True):
@@ -323,24 +323,24 @@ class _Table:
         return result | {v.reference: sorted(inputs) for v in self.variables if v.integer}
 
     def references(self) -> list[int]:
-        """Of the numbers that the function takes, in their order."""
+        """Return the value references of the function's inputs, in order."""
         return [*[self.place[p] for s in self.f.inputs for p in s.pairs], *([0] if self.f.plan.uses_time else [])]
 
     def begin(self) -> str:
-        """C: Newton's start from the parameters."""
+        """Return the C that starts Newton's method from the parameters."""
         lines = ["gt_status gt_fmu_begin(gt_fmu_memory *memory, double *v)\n{\n"]
         if self.face.newton:
             lines.append(f"    {self.face.symbol}_start(&memory->newton);\n")
-            at = self.guess
+            offset = self.guess
             for m in self.face.state:
-                lines.append(f"    gt_copy({m.address('memory->newton.')}, &v[{at}], {m.size});\n")
-                at += m.size
+                lines.append(f"    gt_copy({m.address('memory->newton.')}, &v[{offset}], {m.size});\n")
+                offset += m.size
         else:
             lines.append("    memory->none = (char)0;\n    (void)v;\n")
         return "".join([*lines, "    return GT_OK;\n}\n\n"])
 
     def compute(self) -> str:
-        """C: the struct of inputs filled, the function called, its outputs copied."""
+        """Return the C that fills the struct of inputs, calls the function and copies its outputs."""
         symbol, refs = self.face.symbol, self.references()
         state = "&memory->newton, " if self.face.newton else ""
         lines = [
@@ -350,23 +350,23 @@ class _Table:
             "" if self.face.newton else "    (void)memory;\n",
             "" if self.face.inputs else "    in.unused = 0.0;\n",
         ]
-        at = 0
+        offset = 0
         for m in self.face.inputs:
-            lines += _copies(m.address("in."), refs[at : at + m.size], into=True)
-            at += m.size
+            lines += _copies(m.address("in."), refs[offset : offset + m.size], into=True)
+            offset += m.size
         lines.append(
             f"    status = {symbol}({state}&in, &out);\n    if (status != GT_OK) {{\n        return status;\n    }}\n"
         )
-        at = 0
+        offset = 0
         for m in self.face.outputs:
-            places = self.outputs[at : at + m.size]
+            places = self.outputs[offset : offset + m.size]
             for which in range(max(map(len, places), default=0)):
                 lines += _copies(m.address("out."), [p[which] for p in places], into=False)
-            at += m.size
+            offset += m.size
         return "".join([*lines, "    return GT_OK;\n}\n\n"])
 
     def along(self) -> str:
-        """C: derivatives along a seed and against one."""
+        """Return the C of directional and adjoint derivatives."""
         refs, n = self.references(), len(self.references())
         total = n + self.face.state_size
         m = len(self.outputs)
@@ -381,10 +381,10 @@ class _Table:
             "" if refs else "    (void)v;\n    a[0] = 0.0;\n",
             *[f"    a[{k}] = v[{r}];\n" for k, r in enumerate(refs)],
         ]
-        at = n
+        offset = n
         for member in self.face.state:
-            lines.append(f"    gt_copy(&a[{at}], {member.address('memory->newton.')}, {member.size});\n")
-            at += member.size
+            lines.append(f"    gt_copy(&a[{offset}], {member.address('memory->newton.')}, {member.size});\n")
+            offset += member.size
         lines += [
             "    if (adjoint == 0) {\n",
             *[f"        da[{k}] = seed[{r}];\n" for k, r in enumerate(refs)],
@@ -399,7 +399,7 @@ class _Table:
         return "".join(lines)
 
     def _against(self, refs: Sequence[int]) -> list[str]:
-        """C: the adjoint, one input after the other; a function of its own would double the code."""
+        """Return the C of the adjoint, one input after the other; a separate function would double the code."""
         if not refs:
             return []
         n = len(refs)
@@ -415,48 +415,52 @@ class _Table:
 
 
 def _copies(address: str, references: Sequence[int], into: bool) -> list[str]:
-    """One copy where the references are in line, else one for each number."""
+    """Return one copy if the references are consecutive, otherwise one for each number."""
     first, n = references[0], len(references)
     if list(references) == list(range(first, first + n)):
-        there = f"&v[{first}]"
-        return [f"    gt_copy({address}, {there}, {n});\n" if into else f"    gt_copy({there}, {address}, {n});\n"]
+        value = f"&v[{first}]"
+        return [f"    gt_copy({address}, {value}, {n});\n" if into else f"    gt_copy({value}, {address}, {n});\n"]
     base = address if address.startswith("&") else f"&{address}"
     lines = []
     for k, r in enumerate(references):
-        there, here = f"&v[{r}]", f"{base}[{k}]" if not address.startswith("&") else base
-        lines.append(f"    gt_copy({here}, {there}, 1);\n" if into else f"    gt_copy({there}, {here}, 1);\n")
+        value, member = f"&v[{r}]", f"{base}[{k}]" if not address.startswith("&") else base
+        lines.append(f"    gt_copy({member}, {value}, 1);\n" if into else f"    gt_copy({value}, {member}, 1);\n")
     return lines
 
 
-LONGEST = 1e-3  # tried first [s]
+LONGEST = 1e-3  # first step tried [s]
 HALVINGS = 6
-AIM = 1e-8  # error of a step that is chosen
-ORDER = 16.0  # what a halving divides the error by, of order 4
+AIM = 1e-8  # error of a chosen step
+ORDER = 16.0  # halving the step divides the error by this: order 4
 MOST_STEPS = 200_000
 AWAY = 0.1
 
 
 def step_and_error(
-    made: WithStates, start: dict[Pair, float], step: float | None, tolerance: float, stop: float, guarded: bool = False
-) -> tuple[float, float]:
-    """The step [s] and its error: the largest difference of a state from a run in half the steps, over the size of the
-    state or one, from the start to `stop`, or as far as there are answers, with inputs held a tenth of their size off
-    the start, so that it moves.
+    extended: WithStates, start: dict[Pair, float], step: float | None, tolerance: float, stop: float,
+    guarded: bool = False,
+) -> tuple[float, float]:  # fmt: skip
+    """Return the step [s] and its error: the largest difference of a state from a run with half the step, relative to
+    max(1, |state|).
 
-    step: refused where its error is above `tolerance`; None: the longest of 1 ms, 0.5 ms, ... whose error is at most
-    1e-8; where friction is too sharp for that, the longest whose error is at most `tolerance`. guarded: no part of it
-    may be rougher than `tolerance`, see `_ends`, since the unit then judges each of its parts.
-    Raises ArgumentError also for a start from which there is no way to `stop`.
+    The runs go from the start to `stop`, or until the function fails. Inputs are held off their start by a tenth of
+    their size, so that the states move.
+
+    step: refused if its error is above `tolerance`; None: the longest of 1 ms, 0.5 ms, ... with an error of at most
+    1e-8; if friction is too sharp for that, the longest with an error of at most `tolerance`. guarded: the error
+    estimate of each substep must also stay below `tolerance`, see `_ends`, as the unit checks each of its substeps.
+    Raises ArgumentError also if the function fails soon after the start.
     """
     if step is not None and stop / step > MOST_STEPS:
         raise ArgumentError(f"{stop:g} s in steps of {step:g} s are more than {MOST_STEPS} steps", "step")
-    start = {**start, **{p: start[p] + AWAY * max(1.0, abs(start[p])) for s in made.known for p in s.pairs if not p[1]}}
-    tried = [step] if step is not None else [LONGEST / 2**k for k in range(HALVINGS)]
-    coarse, rough = _ends(made, start, tried[0], stop)
+    moved = {p: start[p] + AWAY * max(1.0, abs(start[p])) for s in extended.known for p in s.pairs if not p[1]}
+    start = {**start, **moved}
+    candidates = [step] if step is not None else [LONGEST / 2**k for k in range(HALVINGS)]
+    coarse, rough = _ends(extended, start, candidates[0], stop)
     error, last, good = math.inf, math.inf, None
     aim = tolerance if step is not None else min(AIM, tolerance)
-    for n, h in enumerate(tried):
-        fine, rough_half = _ends(made, start, h / 2, stop)
+    for n, h in enumerate(candidates):
+        fine, rough_half = _ends(extended, start, h / 2, stop)
         shared = fine[::2][: len(coarse)]
         error = float(np.max(np.abs(shared - coarse[: len(shared)]) / np.maximum(1.0, np.abs(shared)), initial=0.0))
         smooth = not guarded or rough <= tolerance
@@ -464,28 +468,31 @@ def step_and_error(
             return h, error
         if error <= tolerance and smooth and good is None:
             good = h, error
-        if good is not None and error / ORDER ** (len(tried) - n - 1) > aim:
+        if good is not None and error / ORDER ** (len(candidates) - n - 1) > aim:
             break
         coarse, last, rough = fine, rough, rough_half
     if good is not None:
         return good
     if error <= tolerance:
         raise ArgumentError(
-            f"one part of an inner step of {tried[-1]:g} s is off by {last:.1e}, more than {tolerance:g}; take a "
+            f"the error of one inner step of {candidates[-1]:g} s is {last:.1e}, more than {tolerance:g}; choose a "
             "smaller step, a larger tolerance, or smoother friction",
             "step",
         )
     raise ArgumentError(
-        f"an inner step of {tried[-1]:g} s is off by {error:.1e} within {stop:g} s, more than {tolerance:g}; "
-        "take a smaller step, a larger tolerance, or smoother friction",
+        f"inner steps of {candidates[-1]:g} s have an error of {error:.1e} within {stop:g} s, more than {tolerance:g}; "
+        "choose a smaller step, a larger tolerance, or smoother friction",
         "step",
     )
 
 
-def _ends(made: WithStates, start: dict[Pair, float], h: float, stop: float) -> tuple[np.ndarray, float]:
-    """States (steps + 1, n) at the ends of equal steps, as far as there is an answer, and the largest difference of a
-    state, over its size or one, from one step of order 3, which takes the rates at its end in place of the fourth."""
-    f, order = made.function, [p for s in made.states for p in s.pairs]
+def _ends(extended: WithStates, start: dict[Pair, float], h: float, stop: float) -> tuple[np.ndarray, float]:
+    """Return states (steps + 1, n) at the ends of equal steps until the function fails, and the largest error estimate.
+
+    The estimate compares each step with a step of order 3, which uses the rates at its end as fourth stage; it is
+    relative to max(1, |state|).
+    """
+    f, order = extended.function, [p for s in extended.states for p in s.pairs]
     place = {p: n for n, p in enumerate(order)}
     targets = {p: (n, k) for n, s in enumerate(f.outputs) for k, p in enumerate(s.pairs)}
     rates = [(place[i, m + 1], None) if (i, m + 1) in place else (0, targets[i, m + 1]) for i, m in order]
@@ -495,7 +502,7 @@ def _ends(made: WithStates, start: dict[Pair, float], h: float, stop: float) -> 
         results = _results(f, values, t)
         if results is None:
             return None
-        return np.array([x[n] if at is None else results[at[0]][at[1]] for n, at in rates])
+        return np.array([x[n] if output is None else results[output[0]][output[1]] for n, output in rates])
 
     x = np.array([start[p] for p in order])
     rows = [x]
@@ -515,7 +522,7 @@ def _ends(made: WithStates, start: dict[Pair, float], h: float, stop: float) -> 
         x = x + h / 6 * (k1 + k4 + 2 * (k2 + k3))
         rows.append(x)
     if len(rows) < min(n, 4):
-        raise ArgumentError("from the start there is no answer after the first steps; give another start", "start")
+        raise ArgumentError("the function fails within the first steps; change the start", "start")
     return np.array(rows), rough
 
 

@@ -1,4 +1,4 @@
-"""A unit checked by what is installed: Python, FMPy's schema, validator and simulation, CasADi's import."""
+"""Check a unit with the installed tools: Python, FMPy's schema, validator and simulation, CasADi's import."""
 
 from __future__ import annotations
 
@@ -29,32 +29,32 @@ from .table import FmuVariable, fmi_name, texts_of
 
 POINTS = 1000
 LONGEST_RUN = 50  # communication steps that FMPy simulates
-SPREAD, NEAREST = 0.5, 1e-4  # of parameters at random points, over their start values, and which part of it at least
-NUDGE = 0.01  # the same in a run and in CasADi
-IMPORT_NEAR = 1e-12  # of CasADi's import, over the largest number or one
+SPREAD, NEAREST = 0.5, 1e-4  # relative spread of parameters at random points, and the smallest share of it
+NUDGE = 0.01  # relative change of parameters in a run and in CasADi
+IMPORT_NEAR = 1e-12  # tolerance of CasADi's import, relative to max(1, largest number)
 WITHOUT_FMPY = (
-    "there is no FMPy on this machine: schema, validator and simulation were left out; install it by "
+    "FMPy is not installed: schema, validator and simulation were not checked; install it with "
     "pip install 'gtmodel[fmi]'"
 )
-WITHOUT_IMPORT = "CasADi imports no integers and no samples: {} was not imported"
+WITHOUT_IMPORT = "CasADi cannot import integers or sampled units: {} was not imported"
 
 
 @dataclass(frozen=True)
 class UnitReport:
-    """Checks by name, and what could not be checked, in sentences."""
+    """Checks by name, and notes on checks that could not run."""
 
     checks: Mapping[str, Check]
     notes: Sequence[str]
 
 
 def check(unit: Fmu, *, points: int = POINTS, seed: int = 0) -> UnitReport:
-    """Compare a unit with the function that it was made from, and have it read and run by what is installed.
+    """Compare a unit with its original function, and read and run it with the installed tools.
 
     Args:
-        unit: as `export` made it. points, seed: random inputs, or steps of a step function.
+        unit: from `export`. points, seed: random inputs, or steps of a step function.
 
-    Values must be those of Python to the last bit, statuses too; the validator must find nothing; runs of both
-    interfaces must end; what CasADi computes with it must be that of the function to 1e-12.
+    Values and statuses must agree with Python bit for bit; the validator must report nothing; runs with both interfaces
+    must reach their end; CasADi's import must agree with the function to 1e-12.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> unit = gt.fmu.export(robot, None, known="q", targets="T", name="l1_fk")
@@ -95,7 +95,7 @@ def _name(f: CausalFunction, p: tuple[int, int]) -> str:
 
 
 def _values(unit: Fmu, f: CausalFunction, caller: UnitCaller, points: int, seed: int) -> dict[str, Check]:
-    """At random inputs: values bit for bit, and whether there is an answer."""
+    """Compare values bit for bit, and statuses, at random inputs."""
     (face,) = interfaces({"model": f}, unit.table.name)
     rows = draw(face, points, seed)
     settings_of = [p for s in f.inputs for p in s.pairs]
@@ -103,7 +103,7 @@ def _values(unit: Fmu, f: CausalFunction, caller: UnitCaller, points: int, seed:
         if v.reference in unit.table.parameters:
             column = [_name(f, p) for p in settings_of].index(v.name)
             rows[:, column] = other_values(v, points, seed)
-    expected, wanted = evaluate(face, rows)
+    expected, expected_statuses = evaluate(face, rows)
     names = _names(unit)
     settings = [names[_name(f, p)] for p in settings_of]
     columns = list(range(len(settings)))
@@ -113,14 +113,14 @@ def _values(unit: Fmu, f: CausalFunction, caller: UnitCaller, points: int, seed:
     outputs = [(n, names.get(_name(f, p))) for n, p in enumerate(pairs)]
     known = [(n, r) for n, r in outputs if r is not None and r not in settings]
     different = statuses = good = 0
-    for row, value, status in zip(rows, expected, wanted, strict=True):
+    for row, value, status in zip(rows, expected, expected_statuses, strict=True):
         time = float(row[face.input_size - 1]) if f.plan.uses_time else 0.0
         answer = caller.begin([*settings, *guesses], row[columns].tolist(), time) if caller.reset() == 0 else 3
         got = b""
         if answer == 0:
             answer, numbers = caller.get([r for _, r in known])
             got = numbers.tobytes()
-        if unit.table.hold and answer == 0:  # outputs are held, and an integer says so
+        if unit.table.hold and answer == 0:  # an integer output reports held outputs
             answer = int(caller.get_integers([unit.table.integers[0].reference])[1][0])
         ok = status == Status.OK
         statuses += (answer == 0) != ok
@@ -134,45 +134,44 @@ def _values(unit: Fmu, f: CausalFunction, caller: UnitCaller, points: int, seed:
 
 
 def other_values(v: FmuVariable, n: int, seed: int) -> np.ndarray:
-    """Values (n,) of a parameter about its start, within its limits. In each row all are drawn with one spread:
-    Newton's method goes to other lengths of a robot only where these are near."""
+    """Draw values (n,) of a parameter around its start, within its limits. All parameters of a row share one spread, as
+    Newton's method reaches other lengths of a robot only if these are near."""
     start = float(v.start or 0.0)
     spread = SPREAD * NEAREST ** np.random.default_rng(seed).random(n)
-    drawn = start + spread * (abs(start) or 1.0) * np.random.default_rng([seed, v.reference]).uniform(-1.0, 1.0, n)
-    return np.clip(drawn, v.least, v.most)
+    values = start + spread * (abs(start) or 1.0) * np.random.default_rng([seed, v.reference]).uniform(-1.0, 1.0, n)
+    return np.clip(values, v.least, v.most)
 
 
 def _steps(unit: Fmu, f: StepFunction, caller: UnitCaller, points: int, seed: int) -> dict[str, Check]:
-    """A run: outputs byte for byte after every step, and whether it went well."""
+    """Compare outputs bit for bit, and statuses, after every step of a run."""
     twin = f.twin(DOUBLE)
     state, out = record(f.state, DOUBLE), np.zeros((), dtype_of(f.outputs, DOUBLE))
-    begun = twin.init(state, record(f.start, DOUBLE, f.defaults)) == Status.OK
-    different = int(begun != (caller.reset() == 0 and caller.begin([], []) == 0))
+    started = twin.init(state, record(f.start, DOUBLE, f.defaults)) == Status.OK
+    different = int(started != (caller.reset() == 0 and caller.begin([], []) == 0))
     statuses = 0
 
     def places(members: Sequence[Any], integer: bool) -> list[tuple[str, int]]:
-        own = [m for m in members if m.integer is integer]
-        return [(m.identifier, m.count) for m in own]
+        return [(m.identifier, m.count) for m in members if m.integer is integer]
 
     integers = [v.reference for v in unit.table.variables if v.integer and v.role == "input"]
     numbers = [v.reference for v in unit.table.of("input") if not v.integer]
     results = [v.reference for v in unit.table.of("output") if not v.integer]
     time = 0.0
-    for given in f.examples(points, seed, DOUBLE).reshape(-1, 1):
-        row = given.reshape(())
+    for example in f.examples(points, seed, DOUBLE).reshape(-1, 1):
+        row = example.reshape(())
         values = np.concatenate([np.zeros(0), *[np.ravel(row[m]) for m, _ in places(f.inputs, False)]])
         flags = np.concatenate([np.zeros(0), *[np.ravel(row[m]) for m, _ in places(f.inputs, True)]]).astype(int)
-        if not np.all(np.isfinite(values)):  # a unit takes no such number at all
+        if not np.all(np.isfinite(values)):  # a unit refuses these
             continue
-        wanted = twin.step(state, row, out)
+        expected = twin.step(state, row, out)
         worst = max(caller.set(numbers, values.tolist()), caller.set_integers(integers, flags.tolist()))
         worst = max(worst, caller.step(time, f.period)[0])
-        statuses += (worst == 0) != (wanted == Status.OK)
+        statuses += (worst == 0) != (expected == Status.OK)
         if worst == 0:
             time += f.period
-        there = np.concatenate([np.zeros(0), *[np.ravel(out[m]) for m, _ in places(f.outputs, False)]])
-        if wanted == Status.OK:
-            different += caller.get(results)[1].tobytes() != there.tobytes()
+        outputs = np.concatenate([np.zeros(0), *[np.ravel(out[m]) for m, _ in places(f.outputs, False)]])
+        if expected == Status.OK:
+            different += caller.get(results)[1].tobytes() != outputs.tobytes()
     return {
         "steps_different": at_most(int(different), 0, f"of {points} steps, bit for bit"),
         "statuses_different": at_most(int(statuses), 0, f"of {points} steps"),
@@ -180,7 +179,7 @@ def _steps(unit: Fmu, f: StepFunction, caller: UnitCaller, points: int, seed: in
 
 
 def _by_fmpy(unit: Fmu, path: Path) -> dict[str, Check]:
-    """Schema and validator, and a run of each interface from the start."""
+    """Validate the archive, and run each interface from the start."""
     fmpy: Any = import_module("fmpy")
     validation: Any = import_module("fmpy.validation")
     problems = list(validation.validate_fmu(str(path)))
@@ -205,38 +204,39 @@ def _by_fmpy(unit: Fmu, path: Path) -> dict[str, Check]:
 
 
 def _settings(unit: Fmu) -> list[dict[str, float]]:
-    """Values of parameters that are set: none, and, where the model has some, others than those of the start."""
-    kept = [unit.table.variables[r] for r in unit.table.parameters]
-    others = {v.name: float(np.clip(float(v.start or 0.0) * (1.0 + NUDGE), v.least, v.most)) for v in kept}
+    """Return sets of parameter values to test: none, and, if the unit has parameters, changed ones."""
+    parameters = [unit.table.variables[r] for r in unit.table.parameters]
+    others = {v.name: float(np.clip(float(v.start or 0.0) * (1.0 + NUDGE), v.least, v.most)) for v in parameters}
     return [{}, others] if others else [{}]
 
 
 def _by_casadi(unit: Fmu, f: CausalFunction, folder: Path) -> dict[str, Check]:
-    """Rates and outputs at the start by CasADi's importer, with other parameters too."""
-    far = 0.0
+    """Compare rates and outputs of CasADi's importer at the start, also with other parameters."""
+    difference = 0.0
     for values in _settings(unit):
         try:
-            far = max(far, _imported(unit, f, folder, values))
+            difference = max(difference, _imported(unit, f, folder, values))
         except RuntimeError as error:
             return {"import_failed": at_most(1, 0, str(error).splitlines()[0])}
-    return {"import_difference": at_most(far, IMPORT_NEAR, "of numbers by CasADi's import, over the largest or one")}
+    about = "of numbers from CasADi's import, relative to the largest or one"
+    return {"import_difference": at_most(difference, IMPORT_NEAR, about)}
 
 
 def _imported(unit: Fmu, f: CausalFunction, folder: Path, values: Mapping[str, float]) -> float:
-    """How far CasADi's numbers are from the function's where these parameters are set."""
+    """Return the relative difference between CasADi's numbers and the function's, with these parameter values."""
     variables = {v.name: v for v in unit.table.variables}
     builder: Any = ca.DaeBuilder(unit.table.name, str(folder))
-    if values:  # once and for all: CasADi would set them as inputs in the mode of the solver, which takes none
+    if values:  # set here, not as inputs: CasADi would set those in a mode in which the unit refuses parameters
         builder.set(list(values), list(values.values()))
     imported = builder.create("imported", ["x", "u"], ["ode", "y"])
     starts = [[float(variables[n].start or 0.0) for n in group] for group in (builder.x(), builder.u())]
     got = np.concatenate([np.array(part).ravel() for part in imported(*starts)])
 
-    def given(p: tuple[int, int]) -> float:
+    def value_of(p: tuple[int, int]) -> float:
         name = _name(f, p)
         return float(values.get(name, variables[name].start or 0.0))
 
-    arguments = [np.array([given(p) for p in s.pairs]).reshape(s.shape) for s in f.inputs]
+    arguments = [np.array([value_of(p) for p in s.pairs]).reshape(s.shape) for s in f.inputs]
     *results, _ = f(*arguments, *([0.0] if f.plan.uses_time else []))
     numbers = {
         _name(f, p): float(x)
@@ -244,10 +244,10 @@ def _imported(unit: Fmu, f: CausalFunction, folder: Path, values: Mapping[str, f
         for p, x in zip(s.pairs, np.ravel(r), strict=True)
     }
     table = unit.table
-    wanted = [numbers.get(table.variables[r].name, float(table.variables[r].start or 0.0)) for r in table.rates]
+    rates = [numbers.get(table.variables[r].name, float(table.variables[r].start or 0.0)) for r in table.rates]
     order = [list(table.states).index(variables[n].reference) for n in builder.x()]
-    flat = [float(x) for r in results for x in np.ravel(r)]  # what was asked for comes first, in the order of outputs
-    behind = {v.name: flat[k] for k, v in enumerate(table.of("output"))}
-    wanted = [wanted[k] for k in order] + [behind[n] for n in builder.y()]
-    scale = max(1.0, float(np.max(np.abs(wanted), initial=0.0)))
-    return float(np.max(np.abs(got - np.array(wanted)), initial=0.0)) / scale
+    flat = [float(x) for r in results for x in np.ravel(r)]  # the targets come first, in the order of outputs
+    outputs = {v.name: flat[k] for k, v in enumerate(table.of("output"))}
+    expected = [rates[k] for k in order] + [outputs[n] for n in builder.y()]
+    scale = max(1.0, float(np.max(np.abs(expected), initial=0.0)))
+    return float(np.max(np.abs(got - np.array(expected)), initial=0.0)) / scale

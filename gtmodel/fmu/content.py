@@ -1,5 +1,5 @@
-"""What goes into a unit: C of the model and values of the table, and the archive, a zip with the same bytes for the
-same content."""
+"""The content of a unit: C of the model, values of the table, and the archive, a zip whose bytes depend on its content
+only."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LICENSE = "MIT AND BSD-2-Clause"
 
 
 def element(name: str, attributes: Attributes, inside: Sequence[str] = ()) -> str:
-    """An element with its children, indented by two; attributes that are None are left out.
+    """Return an XML element with its children, indented by two; attributes that are None are left out.
 
     >>> from gtmodel.fmu.content import element
     >>> element("Unit", {"name": "m", "offset": None}, [element("BaseUnit", {"m": 1})])
@@ -48,24 +48,24 @@ def _value(value: str | int | float | bool) -> str:
 
 
 def escaped(text: str) -> str:
-    """A text inside of an attribute or of a page."""
+    """Escape a text for an attribute or a page."""
     for sign, word in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ('"', "&quot;")):
         text = text.replace(sign, word)
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
 def listed(numbers: Sequence[int]) -> str:
-    """Value references or indices, separated by blanks."""
+    """Return value references or indices, separated by blanks."""
     return " ".join(map(str, numbers))
 
 
 def limits(v: FmuVariable) -> dict[str, float | None]:
-    """Attributes of the least and the greatest value."""
+    """Return the attributes of the least and the greatest value."""
     return {name: x if math.isfinite(x) else None for name, x in (("min", v.least), ("max", v.most))}
 
 
 def unit_elements(table: FmuTable) -> list[str]:
-    """One Unit for each in use, with its exponents where these are whole; all numbers are in SI."""
+    """Return one Unit element per unit in use, with exponents if these are integers; all numbers are in SI."""
     return [
         element("Unit", {"name": unit}, [element("BaseUnit", base)] if (base := base_unit(unit)) is not None else [])
         for unit in sorted({v.unit for v in table.numbers})
@@ -73,7 +73,7 @@ def unit_elements(table: FmuTable) -> list[str]:
 
 
 def base_unit(unit: str) -> dict[str, int] | None:
-    """Exponents of the base units of FMI that are not zero; None for a unit that has no such.
+    """Return the nonzero exponents of FMI's base units; None if the unit cannot be written with them.
 
     >>> from gtmodel.fmu.content import base_unit
     >>> base_unit("N.m/rad"), base_unit("m.rad-1")
@@ -92,7 +92,7 @@ def base_unit(unit: str) -> dict[str, int] | None:
 
 
 def log_categories() -> str:
-    """What the unit says, and when."""
+    """Return the element of the unit's log categories."""
     inside = [element("Category", {"name": name, "description": about}) for name, about in LOGS.items()]
     return element("LogCategories", {}, inside)
 
@@ -102,42 +102,42 @@ FIRST = (1980, 1, 1, 0, 0, 0)  # the earliest time that a zip can hold
 PLAIN, PROGRAM = 0o100644, 0o100755
 LEVEL = 9
 MOST_DESCRIPTION = 1 << 26  # bytes: of 200,000 variables
-# what reading a zip raises: damaged, encrypted, compressed by a method that Python lacks
+# raised for a zip that is damaged, encrypted, or compressed with a method that Python lacks
 _DAMAGED = (OSError, zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, zlib.error)
 
 
 def archive(files: Mapping[str, bytes]) -> bytes:
-    """The zip of these files by their paths: sorted, with one time, fixed rights and one compression.
+    """Zip these files by path: sorted, with one time, fixed permissions and one compression.
 
     >>> from gtmodel.fmu.content import archive
     >>> archive({"b": b"2", "a": b"1"}) == archive({"a": b"1", "b": b"2"})
     True
     """
-    made = io.BytesIO()
-    with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED, compresslevel=LEVEL) as z:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=LEVEL) as z:
         for name in sorted(files):
             entry = zipfile.ZipInfo(name, FIRST)
             entry.create_system = 3  # Unix, on every machine
             entry.external_attr = (PROGRAM if name.startswith("binaries/") else PLAIN) << 16
             entry.compress_type = zipfile.ZIP_DEFLATED
             z.writestr(entry, files[name], compresslevel=LEVEL)
-    return made.getvalue()
+    return buffer.getvalue()
 
 
 class ArchiveFault(ValueError):
-    """Why an archive is not unpacked, as a sentence that goes on after its name."""
+    """Reason why an archive is not unpacked; the sentence continues after the name of the archive."""
 
 
 def unpack(path: Path, folder: Path) -> None:
-    """Unpacks the archive of a unit into a folder.
+    """Unpack the archive of a unit into a folder.
 
-    Raises ArchiveFault, before anything is written, for what is no archive, for one that holds far more than its own
-    size, and for a description that is too large, too deep or declares entities.
+    Raises ArchiveFault, before anything is written, if the file is not an archive or unpacks to far more than its own
+    size, or if the description is too large, too deep or declares entities.
     """
     try:
         with zipfile.ZipFile(path) as packed:
-            if said := swollen(path, sum(entry.file_size for entry in packed.infolist())):
-                raise ArchiveFault(f"{said}; pack it without what it does not need")
+            if message := swollen(path, sum(entry.file_size for entry in packed.infolist())):
+                raise ArchiveFault(f"{message}; pack it without unneeded files")
             if (size := packed.getinfo(DESCRIPTION).file_size) > MOST_DESCRIPTION:
                 most = f"expected at most {MOST_DESCRIPTION / 1e6:.3g} MB"
                 raise ArchiveFault(f"has a description of {size / 1e6:.4g} MB; {most}")
@@ -146,15 +146,15 @@ def unpack(path: Path, folder: Path) -> None:
     except XmlFault as fault:
         raise ArchiveFault(f"has a description, {DESCRIPTION}, that {fault.sentence} (line {fault.line})") from fault
     except KeyError:
-        raise ArchiveFault(f"holds no {DESCRIPTION}: it is no unit") from None
+        raise ArchiveFault(f"contains no {DESCRIPTION}: it is not a unit") from None
     except _DAMAGED as error:
-        what = "unpacked" if path.is_file() else "read"
-        why = getattr(error, "strerror", None) or next(iter(str(error).splitlines()), type(error).__name__)
-        raise ArchiveFault(f"cannot be {what}: {why}") from error
+        action = "unpacked" if path.is_file() else "read"
+        reason = getattr(error, "strerror", None) or next(iter(str(error).splitlines()), type(error).__name__)
+        raise ArchiveFault(f"cannot be {action}: {reason}") from error
 
 
 def is_ours(path: Path) -> bool:
-    """Whether gtmodel made this archive."""
+    """Return whether gtmodel wrote this archive."""
     try:
         with zipfile.ZipFile(path) as packed, packed.open(DESCRIPTION) as description:
             return b'generationTool="gtmodel ' in description.read(MOST_DESCRIPTION)
@@ -173,10 +173,10 @@ _OF_PARAMETERS = re.compile(r"^#ifdef GT_FMU_PARAMETERS\n.*?^#endif /\* GT_FMU_P
 
 @dataclass(frozen=True)
 class FmuContent:
-    """The table, files of C by name, and the functions that join them.
+    """The table, C files by name, and the functions that join them.
 
-    memory: C declaration of the members of what is remembered. functions: C text of gt_fmu_begin, gt_fmu_compute,
-    gt_fmu_sample and gt_fmu_along. header: the generated one to include. timed: the time enters the equations.
+    memory: C declarations of the members of the memory. functions: C text of gt_fmu_begin, gt_fmu_compute,
+    gt_fmu_sample and gt_fmu_along. header: generated header to include. timed: the equations depend on time.
     """
 
     table: FmuTable
@@ -188,7 +188,7 @@ class FmuContent:
 
 
 def model_files(content: FmuContent, token: str) -> dict[str, str]:
-    """gt_fmu_model.h and .c."""
+    """Return gt_fmu_model.h and gt_fmu_model.c."""
     return {"gt_fmu_model.h": _header(content, token), "gt_fmu_model.c": _source(content)}
 
 
@@ -277,12 +277,12 @@ def _about_parameters(t: FmuTable) -> list[str]:
 
 
 def without_parameters(text: str) -> str:
-    """C of the runtime for a unit whose model has no parameters that can be set."""
+    """Return C of the runtime for a unit without settable model parameters."""
     return _OF_PARAMETERS.sub("", text)
 
 
 def _limits(t: FmuTable) -> list[str]:
-    """Least and greatest values; what has none takes every double."""
+    """Return the array of least and greatest values; parameters without limits take every double."""
     if not t.parameters:
         return []
     largest = sys.float_info.max
@@ -293,7 +293,7 @@ def _limits(t: FmuTable) -> list[str]:
 
 
 def _array(declarator: str, values: Sequence[str]) -> str:
-    """A constant array, of at least one value."""
+    """Return a constant array of at least one value."""
     values = list(values) or ["0"]
     rows = [", ".join(values[k : k + 6]) for k in range(0, len(values), 6)]
     return f"{declarator}[{len(values)}] = {{\n    " + ",\n    ".join(rows) + "\n};\n"

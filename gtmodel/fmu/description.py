@@ -1,4 +1,4 @@
-"""modelDescription.xml of FMI 2.0 and 3.0, and buildDescription.xml, of one table of variables."""
+"""Write modelDescription.xml of FMI 2.0 and 3.0, and buildDescription.xml, from one table of variables."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CAUSALITY = {
 
 
 def description3(table: FmuTable, token: str) -> str:
-    """The model description, one archive for model exchange and co-simulation."""
+    """Return the model description of FMI 3.0, for model exchange and co-simulation."""
     able = {
         "modelIdentifier": table.name, "canGetAndSetFMUState": True, "canSerializeFMUState": True,
         "providesDirectionalDerivatives": table.derivatives, "providesAdjointDerivatives": table.derivatives,
@@ -40,7 +40,7 @@ def description3(table: FmuTable, token: str) -> str:
 
 
 def build_description3(table: FmuTable, files: Sequence[str]) -> str:
-    """Which files make the library."""
+    """Return the build description: the source files of the library."""
     sources = [element("SourceFile", {"name": f}) for f in files]
     inside = [element("SourceFileSet", {"language": "C99"}, sources)]
     configuration = element("BuildConfiguration", {"modelIdentifier": table.name}, inside)
@@ -85,7 +85,7 @@ def _structure(table: FmuTable) -> list[str]:
 
 
 def description2(table: FmuTable, token: str, files: Sequence[str]) -> str:
-    """The model description; `files`: the sources."""
+    """Return the model description of FMI 2.0; `files`: the sources."""
     sources = element("SourceFiles", {}, [element("File", {"name": f}) for f in files])
     able = {
         "modelIdentifier": table.name, "canGetAndSetFMUstate": True, "canSerializeFMUstate": True,
@@ -139,7 +139,7 @@ def _model_structure(table: FmuTable) -> list[str]:
     constant = {v.reference for v in table.of("fixed", "tunable")}
 
     def one(reference: int, initial: bool) -> str:
-        # in 2.0 parameters are knowns of what is initial only
+        # in 2.0 only initial unknowns may depend on parameters
         known = table.dependencies.get(reference, [reference])
         on = [r + 1 for r in known if initial or r not in constant]
         return element("Unknown", {"index": reference + 1, "dependencies": listed(on)})

@@ -1,5 +1,5 @@
-"""From a function to the archive of a functional mock-up unit, with the shared library made by the C compiler of
-this machine."""
+"""Export a function as the archive of a functional mock-up unit, with a shared library built by the C compiler of this
+machine."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from .page import page
 from .step_content import step_content
 from .table import FmuTable
 
-# one folder, relative names, no time, no build number: the same bytes wherever it is made. Only what the standard
-# names is seen from outside, so that two units in one program share nothing. Nothing runs at loading: no start files.
+# one folder, relative names, no time, no build number: the same bytes on every machine. Only the functions of the
+# standard are visible, so that two units in one program share nothing. No start files: nothing runs at loading.
 FLAGS = (
     *STANDARD, "-Os", "-fPIC", "-fvisibility=hidden", "-ffunction-sections", "-fdata-sections", "-fno-ident",
     "-fno-asynchronous-unwind-tables", "-g0",
@@ -43,17 +43,17 @@ WINDOWS = "x86_64-w64-mingw32-gcc"
 
 
 def binary_places() -> tuple[str, str]:
-    """Folder of the library for this machine in archives of FMI 3.0 and 2.0. Raises GenerationError for a machine for
-    which no name is known."""
+    """Return the folders of the library for this machine in archives of FMI 3.0 and 2.0. Raises GenerationError if the
+    machine is not supported."""
     machine, system = platform.machine().lower(), platform.system()
     names = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
     if system != "Linux" or machine not in names:
-        raise GenerationError(f"libraries are made on Linux for x86_64 and aarch64 only; this is {system} on {machine}")
+        raise GenerationError(f"units can be built on Linux for x86_64 and aarch64 only; this is {system} on {machine}")
     return f"{names[machine]}-linux", "linux64" if names[machine] == "x86_64" else "aarch64-linux"
 
 
 def library(files: Mapping[str, str]) -> bytes:
-    """The library of these sources, by name. Raises GenerationError without a compiler, and where one fails."""
+    """Compile the library of these sources, by name. Raises GenerationError without a compiler, or if it fails."""
     tools = find()
     if isinstance(tools, str):
         raise GenerationError(tools)
@@ -61,7 +61,7 @@ def library(files: Mapping[str, str]) -> bytes:
 
 
 def windows_library(compiler: str, files: Mapping[str, str]) -> bytes:
-    """The same for Windows by a cross compiler such as x86_64-w64-mingw32-gcc. Raises GenerationError as `library`."""
+    """Compile the library for Windows with a cross compiler such as x86_64-w64-mingw32-gcc. Raises GenerationError."""
     return _compiled(compiler, files, ("-shared", "-s", "-Wl,--no-insert-timestamp", "-static-libgcc", "-lm"))
 
 
@@ -79,13 +79,13 @@ def _compiled(compiler: str, files: Mapping[str, str], link: tuple[str, ...]) ->
             raise GenerationError(f"the compiler cannot be run: {error}") from error
         if done.returncode != 0:
             lines = done.stderr.splitlines()
-            said = next((line for line in lines if "error" in line or "undefined" in line), done.stderr.strip())
-            raise GenerationError(f"the compiler refuses the unit: {said}")
+            first = next((line for line in lines if "error" in line or "undefined" in line), done.stderr.strip())
+            raise GenerationError(f"the compiler refuses the unit: {first}")
         return (folder / "library.bin").read_bytes()
 
 
 Version = Literal[2, 3]
-TOLERANCE = 1e-6  # of the integrator inside, over the size of a state or one
+TOLERANCE = 1e-6  # of the inner integrator, relative to max(1, |state|)
 _CORE = ("gt_fmu.h", "gt_fmu.c", "gt_fmu_step.c")
 RESERVED = ("fmu", "fmu_model", "fmu_step", "fmu2", "fmu3", "fmu3_none")  # gt_NAME.c are files of every unit
 _OF_VERSION = {2: ("gt_fmu2.c",), 3: ("gt_fmu3.h", "gt_fmu3.c", "gt_fmu3_none.c")}
@@ -93,10 +93,11 @@ _OF_VERSION = {2: ("gt_fmu2.c",), 3: ("gt_fmu3.h", "gt_fmu3.c", "gt_fmu3_none.c"
 
 @dataclass(frozen=True)
 class Fmu:
-    """A unit that was exported.
+    """An exported unit.
 
-    path: where, None where it was not written. version: of the standard. table: its variables. token: instantiation
-    token (guid). data: the archive. sources: its C by name. function: what it computes, with the rates of its states.
+    path: of the archive, None if it was not written. version: of the standard. table: its variables. token:
+    instantiation token (guid). data: the archive. sources: C files by name. function: the function that it computes,
+    with the rates of its states.
     """
 
     path: Path | None
@@ -128,31 +129,31 @@ def export(
     box: Mapping[str, Sequence[Sequence[float]]] | None = None,
     provenance: Mapping[str, str] | None = None,
 ) -> Fmu:
-    """A functional mock-up unit: one archive for model exchange and co-simulation, from the C that `gt.cgen` makes.
+    """Export a functional mock-up unit: one archive for model exchange and co-simulation, with C from `gt.cgen`.
 
     Args:
         what: a causal function, a step function (a filter, a sampled block), or a model with `known`, `targets` and
             `prefer` as for `Model.causal`. States of the function become continuous states.
-        path: of the archive, NAME.fmu; a file that is no unit of gtmodel stays. None: it is made, not written.
+        path: of the archive, NAME.fmu; only a unit of gtmodel is overwritten. None: nothing is written.
         version: 3 for FMI 3.0, 2 for FMI 2.0.
-        name: model identifier; that of the path if empty. title: description; that of the model if empty.
-        start: values of inputs and states at the start by name, in SI; else the home pose or declared starts,
-            at rest, held by its inputs; states that have neither, such as those of filters, want one.
+        name: model identifier; from the path if empty. title: description; from the model if empty.
+        start: start values of inputs and states by name, in SI. Default: the home pose or declared starts, at rest,
+            with inputs that hold it. States without either, such as those of filters, need a value.
         tunable: names of known variables that become tunable parameters.
-        parameters: names of parameters of the model that stay tunable parameters, as "m_p" or "coulomb[0]", with the
-            model's values as start, its units and limits; the others are folded into the code. States stay as they are
-            when one is set. With states each part of a step inside is checked, since a step that is short enough for
-            the start may be too long for other values: `DoStep` then ends with Discard.
-        on_fault: "discard" where there is no answer, as the standard has it; "hold" keeps the outputs and says so in an
-            integer output `status`, for functions without states only.
-        step: longest step of the integrator inside [s], where there are states; None: the longest of 1 ms, 0.5 ms,
-            ... with an error of at most 1e-8, else of at most `tolerance`. The error is the largest of a state over its
-            size or one, against half the step up to `stop` [s] with inputs held.
-        box: intervals by input inside which it answers everywhere, for its page.
-        provenance: what its C says about the origin.
+        parameters: names of model parameters that stay tunable, such as "m_p" or "coulomb[0]", with the model's values
+            as start, its units and limits; the others are folded into the code. Setting one does not change the states.
+            If the unit has states, it checks each inner step, as a step short enough at the start may be too long for
+            other values: `DoStep` then returns Discard.
+        on_fault: "discard" if the function fails, as in the standard; "hold" keeps the outputs and reports it in an
+            integer output `status`, only for functions without states.
+        step: longest step of the inner integrator [s] for units with states; None: the longest of 1 ms, 0.5 ms, ...
+            with an error of at most 1e-8, otherwise of at most `tolerance`. The error is the largest difference from a
+            run with half the step up to `stop` [s], inputs held, relative to max(1, |state|).
+        box: intervals per input inside which the function never fails, for the documentation page.
+        provenance: origin, for the comments of the C files.
 
-    The same input gives the same bytes. Raises ArgumentError for what cannot be exported, GenerationError, an
-    ArgumentError, where there is no C compiler. Source: FMI 3.0.2 and 2.0.5.
+    The same input gives the same bytes. Raises ArgumentError if the function cannot be exported, and its subclass
+    GenerationError if there is no C compiler. Source: FMI 3.0.2 and 2.0.5.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> unit = gt.fmu.export(robot, None, known="q", targets="T", name="l1_fk")
@@ -171,13 +172,13 @@ def export(
     if isinstance(what, Model):
         what = compile_causal(what, known, targets, prefer)
     elif known or targets or prefer:
-        raise ArgumentError("known, targets and prefer belong to a model; this is a function already", "known")
+        raise ArgumentError("known, targets and prefer are for models; leave them out for a function", "known")
     place = None if path is None else Path(path)
-    own = name or (c_name(place.stem) if place is not None else c_name(getattr(what, "name", "") or "unit"))
-    check_identifier(own, "a unit", "name")
-    if own.lower() in RESERVED:
+    identifier = name or (c_name(place.stem) if place is not None else c_name(getattr(what, "name", "") or "unit"))
+    check_identifier(identifier, "a unit", "name")
+    if identifier.lower() in RESERVED:
         raise ArgumentError(
-            f"'{own}' cannot name a unit: gt_{own}.c is a file of every unit; take another name", "name"
+            f"'{identifier}' cannot name a unit: every unit has a file gt_{identifier}.c; choose another name", "name"
         )
     if place is not None and place.is_file() and place.stat().st_size and not is_ours(place):
         raise ArgumentError(f"'{place}' was not written by gtmodel; choose another name", "path")
@@ -189,11 +190,13 @@ def export(
     if box and isinstance(what, StepFunction):
         raise ArgumentError("a step function has no box; leave it out", "box")
     if box and isinstance(what, CausalFunction):
-        check_names({own: what}, box)
+        check_names({identifier: what}, box)
         box_of(what, box)
     tunable = [tunable] if isinstance(tunable, str) else tunable
-    kept = [parameters] if isinstance(parameters, str) else list(parameters)
-    content, function = _content(what, own, title, start, tunable, kept, on_fault, step, tolerance, stop, provenance)
+    parameters = [parameters] if isinstance(parameters, str) else list(parameters)
+    content, function = _content(
+        what, identifier, title, start, tunable, parameters, on_fault, step, tolerance, stop, provenance
+    )
     unit = _unit(content, function, version, box or {})
     if place is not None:
         try:
@@ -221,17 +224,19 @@ def _content(
         if parameters:
             raise ArgumentError("the numbers of a step function are part of its code; leave it out", "parameters")
         if start or tunable or on_fault != "discard" or step is not None:
-            raise ArgumentError("a step function has its own start and period; leave start, tunable, step out", "start")
+            raise ArgumentError(
+                "a step function has its own start and period; leave out start, tunable, on_fault and step", "start"
+            )
         return step_content(what, name, title=title, stop=stop, provenance=provenance), what
     h, error = 1e-3, None
-    made = with_states(what)
-    if made.states:
-        h, error = step_and_error(made, starts(made, start or {}), step, tolerance, stop, bool(parameters))
-    content, made = causal_content(
+    extended = with_states(what)
+    if extended.states:
+        h, error = step_and_error(extended, starts(extended, start or {}), step, tolerance, stop, bool(parameters))
+    content, extended = causal_content(
         what, name, title=title, start=start, tunable=tunable, parameters=parameters, hold=on_fault == "hold", step=h,
         part_error=tolerance, stop=stop, provenance=provenance,
     )  # fmt: skip
-    return replace(content, table=replace(content.table, error=error)), made.function
+    return replace(content, table=replace(content.table, error=error)), extended.function
 
 
 def _unit(
@@ -244,9 +249,9 @@ def _unit(
     token = _token(content, version)
     place = codegen_dir() / "fmu"
     headers = {p.name: p.read_text(encoding="utf-8") for p in sorted((place / f"fmi{version}").glob("*.h"))}
-    own = {f: (place / f).read_text(encoding="utf-8") for f in (*_CORE, *_OF_VERSION[version])}
-    own = own if table.parameters else {f: without_parameters(text) for f, text in own.items()}
-    sources = {**content.files, **model_files(content, token), **own, **headers}
+    runtime = {f: (place / f).read_text(encoding="utf-8") for f in (*_CORE, *_OF_VERSION[version])}
+    runtime = runtime if table.parameters else {f: without_parameters(text) for f, text in runtime.items()}
+    sources = {**content.files, **model_files(content, token), **runtime, **headers}
     compiled = sorted(f for f in sources if f.endswith(".c"))
     in_three, in_two = binary_places()
     hashes = {
@@ -268,7 +273,7 @@ def _unit(
 
 
 def _token(content: FmuContent, version: Version) -> str:
-    """A hash of description and equations in the form of a guid: no clock, no random number."""
+    """Return a hash of description and equations in the form of a guid: no clock, no random number."""
     texts = [description3(content.table, ""), *[f"{name}\n{content.files[name]}" for name in sorted(content.files)]]
     digits = hashlib.sha256("\n".join([str(version), content.functions, *texts]).encode()).hexdigest()
     return "{" + re.sub(r"(.{8})(.{4})(.{4})(.{4})(.{12}).*", r"\1-\2-\3-\4-\5", digits) + "}"

@@ -1,4 +1,4 @@
-"""documentation/index.html of a unit: what it takes and gives, its statuses, limits and origin."""
+"""Write documentation/index.html of a unit: its variables, statuses, limits and origin."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .table import FmuTable, FmuVariable
 
 _STATUS = {
     Status.OK: ("OK", "OK"),
-    Status.NOT_FINITE: ("Error for a number that is set; Discard for one that is computed", "the same"),
+    Status.NOT_FINITE: ("Error for a set value; Discard for a computed one", "as in model exchange"),
 }
 _DISCARD = ("Discard: a solver takes a smaller step", "Discard from DoStep, with lastSuccessfulTime")
 
@@ -26,7 +26,7 @@ def page(
     box: Mapping[str, Sequence[Sequence[float]]],
     notes: Sequence[str] = (),
 ) -> str:
-    """The page; `notes`: what the statuses of a step function mean. `box`: where it was checked to answer."""
+    """Return the page; `notes`: meaning of a step function's statuses. `box`: where the function was checked."""
     limited = ("least", "greatest") if table.parameters else ()
     variables = [
         (v.reference, v.name, v.unit, v.role, "" if v.start is None else v.start,
@@ -36,8 +36,8 @@ def page(
     statuses = [(s.c_name, s.message, *_STATUS.get(s, _DISCARD)) for s in Status if s is not Status.STALE_INPUT]
     about = [
         f"Made by gtmodel {__version__}. All numbers are in SI units, angles in radians.",
-        "After anything but OK no value is written; the sentence comes through the log, category logStatusDiscard or "
-        "logStatusError. After Discard from DoStep an FMI 3.0 unit is as before the call, as the standard asks; a "
+        "A call that does not return OK writes no value; the log has the message, in category logStatusDiscard or "
+        "logStatusError. After Discard from DoStep an FMI 3.0 unit is as before the call, as the standard requires; a "
         "2.0 unit is at lastSuccessfulTime.",
         *_inside(table),
         *notes,
@@ -49,14 +49,14 @@ def page(
         f"<h1>{escaped(table.title)}</h1>\n",
         *[f"<p>{escaped(text)}</p>\n" for text in about],
         "<h2>Variables</h2>\n",
-        _rows(("reference", "name", "unit", "what it is", "start", *limited, "description"), variables),
+        _rows(("reference", "name", "unit", "role", "start", *limited, "description"), variables),
         "<h2>Status</h2>\n",
-        _rows(("status", "sentence", "model exchange", "co-simulation"), statuses),
+        _rows(("status", "message", "model exchange", "co-simulation"), statuses),
     ]
     if box:
         rows = [(name, str([list(map(float, interval)) for interval in value])) for name, value in box.items()]
         parts += [
-            "<h2>Box of validity</h2>\n<p>Inside it answers everywhere.</p>\n",
+            "<h2>Box of validity</h2>\n<p>Inside it the function never fails.</p>\n",
             _rows(("input", "intervals"), rows),
         ]
     if function is not None:
@@ -64,7 +64,7 @@ def page(
         folded = [q for q in function.flat.parameters if q.name not in names]
         parameters = [(q.name, repr(q.value), q.unit or "1") for q in folded]
         parts += ["<h2>Parameters, folded into the code</h2>\n", _rows(("name", "value", "unit"), parameters)]
-    parts += ["<h2>Origin</h2>\n", _rows(("what", "value"), [("instantiation token", token), *hashes.items()])]
+    parts += ["<h2>Origin</h2>\n", _rows(("name", "value"), [("instantiation token", token), *hashes.items()])]
     return "".join([*parts, "</body>\n</html>\n"])
 
 
@@ -76,40 +76,38 @@ def _inside(table: FmuTable) -> list[str]:
     lines = []
     if table.states:
         lines.append(
-            f"Co-simulation inside: the method of Runge and Kutta in equal parts no longer than {table.step!r} s, "
-            f"inputs held. Compared with half of that step over {table.stop!r} s from the start the largest error of "
-            f"a state, over its size or one, is {table.error or 0.0:.1e}."
+            f"Co-simulation uses fourth-order Runge-Kutta with equal inner steps of at most {table.step!r} s, inputs "
+            f"held. Compared with half that step over {table.stop!r} s from the start, the largest error of a state, "
+            f"relative to max(1, |state|), is {table.error or 0.0:.1e}."
         )
     if table.parameters:
         names = ", ".join(table.variables[r].name for r in table.parameters)
         lines.append(
-            f"Parameters of the model that can be set: {names}. In model exchange before and in initialization mode "
-            "and in event mode, in co-simulation also between two steps; a number outside of its limits is an Error "
-            "and the old value stays. States stay as they are, and so do start values, such as those of inputs that "
-            "hold it: they belong to the start values of the parameters."
+            f"Settable model parameters: {names}. Model exchange accepts them before and in initialization mode and in "
+            "event mode, co-simulation also between two steps. A value outside its limits is an Error, and the old "
+            "value stays. Setting a parameter changes neither states nor start values, such as inputs that hold a "
+            "pose: these belong to the start values of the parameters."
         )
     if table.parameters and table.states:
         lines.append(
-            "The step of co-simulation inside was chosen at the start values of the parameters. Each part of it is "
-            f"compared with two of half its length; where a state, over its size or one, is off by more than "
-            f"{table.part_error!r}, as where friction is made sharper, DoStep ends with Discard: shorter steps have "
-            "shorter parts."
+            "The inner step of co-simulation was chosen at the start values of the parameters. The unit compares each "
+            "inner step with two of half its length. If a state differs by more than "
+            f"{table.part_error!r} relative to max(1, |state|), for example with sharper friction, DoStep returns "
+            "Discard: try shorter communication steps."
         )
     if table.period:
         lines.append(
-            f"It takes a sample at the start and every {table.period!r} s, with the inputs that are there then."
+            f"The unit takes a sample at the start and every {table.period!r} s, with the inputs of that instant."
         )
     if table.remembers:
         lines.append(
-            "It is solved by Newton from the last solution, which is part of the saved state: move the inputs in small "
-            "steps. The parameters guess.* say where it begins."
+            "Newton's method starts from the last solution, which is part of the saved state: change inputs in small "
+            "steps. The parameters guess.* are its first start."
         )
     if table.derivatives:
-        lines.append(
-            "Derivatives are exact; at a corner of a piecewise function they are those of the branch in force."
-        )
+        lines.append("Derivatives are exact; at a corner of a piecewise function they belong to the active branch.")
     if table.hold:
-        lines.append("Where there is no answer the outputs keep their last values and the output status is not 0.")
+        lines.append("If the function fails, the outputs keep their last values and the output status is not 0.")
     return lines
 
 

@@ -1,4 +1,4 @@
-"""A unit as the plant of the 4 ms loop, declared: the archive, and which of its variables are what."""
+"""Declaration of a unit as the plant of the 4 ms loop: the archive, and the roles of its variables."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ Names = tuple[str, ...] | list[str]
 
 @dataclass(frozen=True)
 class PlantUnit(Options):
-    """A unit as the plant of the 4 ms loop, begun anew for every run.
+    """A unit as the plant of the 4 ms loop, started anew for every run.
 
-    file: the archive, FMI 2.0 or 3.0 with co-simulation: its path, or what `gt.fmu.export` gave.
+    file: path of the archive, FMI 2.0 or 3.0 with co-simulation, or the result of `gt.fmu.export`.
 
-    Raises ArgumentError for names that cannot make a plant; called with a cycle [s] also as `FmuPlant`.
+    Raises ArgumentError if the names cannot make a plant. Calling it with a cycle [s] raises errors as `FmuPlant` does.
 
     >>> carts, motors = [f"q[{k}]" for k in (1, 2, 3)], [f"tau[{k}]" for k in (1, 2, 3)]
     >>> unit = gt.fmu.PlantUnit("robot.fmu", carts, force=motors, speed=[f"der({q})" for q in carts])
@@ -35,16 +35,16 @@ class PlantUnit(Options):
     """
 
     file: Any
-    position: Annotated[Names, "outputs that are the measured positions, one for each cart"]
-    command: Annotated[Names, "inputs that take commanded positions"] = ()
-    command_speed: Annotated[Names, "inputs that take commanded speeds, beside command; RSI sends none: zero"] = ()
-    force: Annotated[Names, "in place of command, inputs that take the motor forces of a position servo"] = ()
-    speed: Annotated[Names, "outputs that are speeds, with force"] = ()
-    arm: Annotated[Names, "outputs that are where the arm's side of the carts stands; position if left out"] = ()
+    position: Annotated[Names, "outputs with the measured positions, one for each cart"]
+    command: Annotated[Names, "inputs for commanded positions"] = ()
+    command_speed: Annotated[Names, "inputs for commanded speeds, in addition to command; zero with RSI"] = ()
+    force: Annotated[Names, "instead of command, inputs for the motor forces of a position servo"] = ()
+    speed: Annotated[Names, "outputs with the speeds, needed with force"] = ()
+    arm: Annotated[Names, "outputs with the positions on the arm's side of the carts; default: position"] = ()
     units: Annotated[
         dict[str, str],
-        "unit by position, command, command_speed, force, speed or arm, such as mm, of variables whose description "
-        "says none",
+        "unit, such as mm, of variables without one in the description, by position, command, command_speed, force, "
+        "speed or arm",
     ] = field(default_factory=dict[str, str])
     start: Annotated[dict[str, float], "start value by name of a variable, in the unit's own units"] = field(
         default_factory=dict[str, float]
@@ -53,21 +53,21 @@ class PlantUnit(Options):
         float | None,
         Unit("N/m"),
         Within(above=0.0),
-        "of the servo: with force 40,000 if left out; with command of that inside of the unit, for the law dynamics",
+        "of the servo: 40,000 by default with force; with command of the servo inside the unit, for the law dynamics",
     ] = None
     damping: Annotated[
-        float | None, Unit("kg/s"), Within(least=0.0), "of the servo, the same as N.s/m: 1,500 if left out"
+        float | None, Unit("kg/s"), Within(least=0.0), "of the servo, equal to N.s/m: 1,500 by default"
     ] = None
     steps: Annotated[
         int | None,
         Within(least=1, most=1000),
-        "communication steps of the unit in a cycle of 4 ms; 1 if left out, 8 with force",
+        "communication steps of the unit in a cycle of 4 ms; 1 by default, 8 with force",
     ] = None
     timeout: Annotated[
         float,
         Unit("s"),
         Within(above=0.0, most=LONGEST_S),
-        "of a call of the unit, which runs in a process of its own: one that takes longer hangs, and is ended",
+        "of a call of the unit; its separate process is ended if a call takes longer",
     ] = TIMEOUT_S
 
     def __post_init__(self) -> None:
@@ -77,22 +77,22 @@ class PlantUnit(Options):
         named({name: getattr(self, name) for name in QUANTITIES})
         if not self.force and (self.stiffness is None) != (self.damping is None):
             missing = "stiffness" if self.stiffness is None else "damping"
-            raise ArgumentError("the servo inside of a unit has a stiffness and a damping; give both or none", missing)
+            raise ArgumentError("the servo inside a unit needs stiffness and damping; add both or neither", missing)
 
     @property
     def servo(self) -> Servo | None:
-        """That makes the forces, or as it is said to be inside of the unit; None: unknown."""
+        """Servo that computes the forces, or the declared servo inside the unit; None: unknown."""
         from ..loop.plant import Servo
 
         if not self.force and self.stiffness is None:
             return None
-        given: Mapping[str, Any] = {
+        options: Mapping[str, Any] = {
             "kp_N_m": self.stiffness, "kd_N_s_m": self.damping, "substeps": self.steps,
         }  # fmt: skip
-        return Servo(**{name: value for name, value in given.items() if value is not None})
+        return Servo(**{name: value for name, value in options.items() if value is not None})
 
     def __call__(self, cycle_s: float) -> FmuPlant:
-        """The unit at its start."""
+        """Return the unit at its start."""
         from .plant import FmuPlant
 
         with naming({"path": "file"}):

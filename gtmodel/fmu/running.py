@@ -1,4 +1,4 @@
-"""One instance of a unit in co-simulation, in a process of its own; FMPy reads its description."""
+"""Run one instance of a unit in co-simulation, in a separate process; FMPy reads its description."""
 
 from __future__ import annotations
 
@@ -22,34 +22,33 @@ from .export import Fmu
 from .process import UnitEnded, UnitProcess, one_line
 from .signals import UnitSignals
 
-NEEDS_FMPY = "running a unit needs FMPy; install it by pip install 'gtmodel[fmi]'"
-WHOLE = 1e-9  # how near a ratio of steps is to a whole number: decimals of the description
-_SAME_TIME = 1e-9  # of a time that a unit says it reached, over it or one second
+NEEDS_FMPY = "running a unit needs FMPy; install it with pip install 'gtmodel[fmi]'"
+WHOLE = 1e-9  # tolerance of whole ratios of steps, for decimals in the description
+_SAME_TIME = 1e-9  # tolerance of a time that a unit reports, relative to max(1 s, time)
 _DISCARD = 2  # statuses: OK, warning, discard, error, fatal, pending
 _STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 ABOVE_ZERO = (Within(above=0.0),)
-_SHORT = 0.01  # of a step: a unit that ends farther from its end, and than its own step, did not make it
+_SHORT = 0.01  # share of a step: a unit that misses its end by more, and by more than its inner step, has failed
 
 Values = Sequence[float] | np.ndarray
 
 
 class UnitStopped(PlantStopped):
-    """A unit that has no answer on the way: one sentence with the time and what the unit says; `time` [s] is where it
-    was last well."""
+    """A unit failed on the way. The sentence has the time and the unit's own message; `time` [s]: last good time."""
 
 
 class RunningUnit:
-    """One instance of a unit in co-simulation, in a process of its own; variables by their names in the description.
+    """One instance of a unit in co-simulation, in a separate process; variables have their names in the description.
 
-    path: of the archive, FMI 2.0 or 3.0, or what `export` gave. start: values by name in the unit's own units, set
-    before it begins. timeout: of a call of the unit [s], beyond which its process is ended.
+    path: of the archive, FMI 2.0 or 3.0, or the result of `export`. start: start values by name, in the unit's own
+    units. timeout: of a call of the unit [s]; its process is ended if a call takes longer.
 
-    Threads may share it: a call waits for that of another. A process that is forked may not: make one in each process.
+    Threads may share the instance: calls wait for each other. Forked processes may not: create one in each process.
 
-    Raises ArgumentError without FMPy, for an archive that it cannot read, that has no co-simulation or nothing for this
-    machine, for names that are no real variables of it, near names said, for values other than a number for each name,
-    for a step of no length, for a start of what has none and one that the unit refuses; UnitStopped where a step ends
-    without an answer, and where the unit crashes, ends its process or does not return.
+    Raises ArgumentError without FMPy; for an archive that cannot be read, or lacks co-simulation or a library for this
+    machine; for unknown real variables, with similar names; unless there is one number for each name; for a step length
+    that is not positive; for a start value that the variable cannot have or the unit refuses. Raises UnitStopped if a
+    step fails, or if the unit crashes, ends its process or does not return.
     """
 
     def __init__(
@@ -62,32 +61,31 @@ class RunningUnit:
         self._start = dict(start or {})
         for name, value in self._start.items():
             agree(value, float, f"start.{name}")
-        given = path if isinstance(path, Fmu) else path_of(path)
+        unit = path if isinstance(path, Fmu) else path_of(path)
         with ExitStack() as files:
             folder = files.enter_context(scratch("gtmodel-fmu-"))
-            self._made(given, folder, timeout, files)
+            self._open(unit, folder, timeout, files)
             self._free = weakref.finalize(self, files.pop_all().close)
 
-    def _made(self, given: Path | Fmu, folder: Path, timeout: float, files: ExitStack) -> None:
-        """Up to the first step. files: takes what is to be freed."""
-        if isinstance(given, Fmu):
-            (path := folder / f"{given.table.name}.fmu").write_bytes(given.data)
+    def _open(self, unit: Path | Fmu, folder: Path, timeout: float, files: ExitStack) -> None:
+        """Start the process and the unit, up to the first step. files: takes callbacks that free both."""
+        if isinstance(unit, Fmu):
+            (path := folder / f"{unit.table.name}.fmu").write_bytes(unit.data)
         else:
-            path = given
+            path = unit
         description = _read(path, folder / "unit")
         stepping = description.coSimulation
         if stepping is None:
             raise ArgumentError(
-                f"'{path}' offers no co-simulation, only model exchange, which needs a solver; export it with "
-                "co-simulation",
+                f"'{path}' offers only model exchange, which needs a solver; export it with co-simulation",
                 "path",
             )
         self.name = str(description.modelName)
         self.version = str(description.fmiVersion)
         self.signals = UnitSignals(self.name, description)
-        inner = stepping.fixedInternalStepSize  # a text, of FMI 3.0 only
-        own = 0.0 if inner is None else float(inner)
-        self.inner_step = own if 0.0 < own < np.inf else None  # NaN and INF are numbers of its schema too
+        text = stepping.fixedInternalStepSize  # FMI 3.0 only
+        inner = 0.0 if text is None else float(text)
+        self.inner_step = inner if 0.0 < inner < np.inf else None  # the schema allows NaN and INF
         self._three = self.version.startswith("3")
         self._references = {name: s.reference for name, s in self.signals.all.items()}
         self.signals.settable(list(self._start), "start")
@@ -96,80 +94,80 @@ class RunningUnit:
         except OSError as error:
             raise ArgumentError(f"no process can be started for '{self.name}': {error.strerror}", "path") from error
         files.callback(self._process.close)
-        self._said, self._astray = self._process.said, ""
-        self._begun([_making(folder / "unit", description, self._three)], "cannot be run here", "path")
+        self._log, self._failure = self._process.log, ""
+        self._prepare([_instantiation(folder / "unit", description, self._three)], "cannot be run here", "path")
         self._begin()
 
-    def _begun(self, calls: Sequence[tuple[Any, ...]], what: str, argument: str) -> None:
-        """Raises ArgumentError where a call before the first step goes wrong."""
-        self._said.clear()
+    def _prepare(self, calls: Sequence[tuple[Any, ...]], what: str, argument: str) -> None:
+        """Make calls before the first step. Raises ArgumentError if one fails."""
+        self._log.clear()
         try:
-            wrong = _sentence(self._process.ask(calls)[1])
+            fault = _sentence(self._process.ask(calls)[1])
         except UnitEnded as ended:
             raise ArgumentError(f"'{self.name}' {what}: {ended}", argument) from ended
-        if wrong:
-            raise ArgumentError(f"'{self.name}' {what}: {self._own(wrong)}", argument)
+        if fault:
+            raise ArgumentError(f"'{self.name}' {what}: {self._message(fault)}", argument)
 
     def _begin(self) -> None:
-        """From instantiated to the first step."""
+        """Initialise the unit for the first step."""
         names, argument = list(self._start), "start" if self._start else "path"
         values = numbers_of(names, list(self._start.values()), "start").tobytes()
-        self._begun([("begin", self._places(names), values)], "does not begin", argument)
+        self._prepare([("begin", self._places(names), values)], "does not start", argument)
         self.time = 0.0
 
     def restart(self) -> None:
-        """Back to the start, with the same start values. Where the unit refuses, it is not run on."""
+        """Return to the start, with the same start values. If the unit refuses, it cannot be used any more."""
         with self._process.held():
             try:
-                self._begun([("reset",)], "does not go back to its start", "path")
+                self._prepare([("reset",)], "cannot be reset", "path")
                 self._begin()
             except ArgumentError as error:
-                self._astray = error.message
+                self._failure = error.message
                 raise
-            self._astray = ""
+            self._failure = ""
 
     def _places(self, names: Sequence[str]) -> bytes:
         return np.array([self._references[name] for name in names], np.uintc).tobytes()
 
     def set(self, names: Sequence[str], values: Values) -> None:
-        """Sets variables by name. Raises UnitStopped where the unit refuses them."""
+        """Set variables by name. Raises UnitStopped if the unit refuses them."""
         self._run([(names, values)], None, None)
 
     def get(self, names: Sequence[str]) -> np.ndarray:
-        """Values of variables by name. Raises UnitStopped where there are none, or no finite ones."""
+        """Return variables by name. Raises UnitStopped if the unit refuses, or if a value is not finite."""
         return self._run([], None, names)
 
     def step(self, length: float) -> None:
-        """Goes on by `length` [s]. Raises UnitStopped where it cannot, or asks to end."""
+        """Step by `length` [s]. Raises UnitStopped if the step fails or the unit requests to end."""
         agree(length, float, "length", ABOVE_ZERO)
         self._run([], length, None)
 
     def advance(
         self, given: Sequence[tuple[Sequence[str], Values]], length: float, outputs: Sequence[str]
     ) -> np.ndarray:
-        """Sets each (names, values), goes on by `length` [s] and gets outputs, in one message to the unit's process.
+        """Set each (names, values), step by `length` [s] and return outputs, in one message to the unit's process.
 
-        The same as `set`, `step` and `get` one after another. Raises UnitStopped as they do.
+        Equivalent to `set`, `step` and `get`. Raises UnitStopped as they do.
         """
         agree(length, float, "length", ABOVE_ZERO)
         return self._run(given, length, outputs)
 
     def _run(
-        self, given: Sequence[tuple[Sequence[str], Values]], length: float | None, outputs: Sequence[str] | None
+        self, inputs: Sequence[tuple[Sequence[str], Values]], length: float | None, outputs: Sequence[str] | None
     ) -> np.ndarray:
-        """What is set, a step if there is a length, outputs if they are asked for."""
+        """Set inputs, step unless the length is None, and return outputs unless None."""
         sets: list[tuple[Any, ...]] = []
-        for names, values in given:
+        for names, values in inputs:
             self.signals.of(names, "inputs")
             sets.append(("set", self._places(names), numbers_of(names, values, "values").tobytes()))
         if outputs is not None:
             self.signals.of(outputs, "outputs")
         with self._process.held():
-            return self._answered(given, sets, length, outputs)
+            return self._exchange(inputs, sets, length, outputs)
 
-    def _answered(
+    def _exchange(
         self,
-        given: Sequence[tuple[Sequence[str], Values]],
+        inputs: Sequence[tuple[Sequence[str], Values]],
         sets: Sequence[tuple[Any, ...]],
         length: float | None,
         outputs: Sequence[str] | None,
@@ -179,9 +177,9 @@ class RunningUnit:
             calls.append(("step", self.time, float(length)))
         if outputs is not None:
             calls.append(("get", self._places(outputs)))
-        if self._astray:
-            raise UnitStopped(self._astray, self.time)
-        self._said.clear()
+        if self._failure:
+            raise UnitStopped(self._failure, self.time)
+        self._log.clear()
         try:
             results, fault = self._process.ask(calls)
         except UnitEnded as ended:
@@ -190,54 +188,53 @@ class RunningUnit:
                 f"between {self.time:.6g} and {self.time + (length or 0.0):.6g}" if stepping else f"at {self.time:.6g}"
             )
             raise UnitStopped(f"'{self.name}' stopped {when} s: {ended}", self.time) from ended
-        wrong, at = _sentence(fault), len(results) - 1 if fault else len(calls)
-        if at < len(given):
-            raise self._stopped(f"takes no {', '.join(given[at][0])} at {self.time:.6g} s", wrong)
+        message, failed = _sentence(fault), len(results) - 1 if fault else len(calls)
+        if failed < len(inputs):
+            raise self._stopped(f"refuses {', '.join(inputs[failed][0])} at {self.time:.6g} s", message)
         if length is not None:
-            self._stepped(length, results[len(given)], wrong if at == len(given) else "")
-        return self._got(outputs, results[-1], wrong) if outputs is not None else np.zeros(0)
+            self._check_step(length, results[len(inputs)], message if failed == len(inputs) else "")
+        return self._numbers(outputs, results[-1], message) if outputs is not None else np.zeros(0)
 
-    def _got(self, names: Sequence[str], values: bytes, wrong: str) -> np.ndarray:
-        if wrong:
-            raise self._stopped(f"has no {', '.join(names)} at {self.time:.6g} s", wrong)
+    def _numbers(self, names: Sequence[str], values: bytes, fault: str) -> np.ndarray:
+        if fault:
+            raise self._stopped(f"has no {', '.join(names)} at {self.time:.6g} s", fault)
         numbers = np.frombuffer(values).copy()
         if not np.all(np.isfinite(numbers)):
             bad = [f"{n} = {x:g}" for n, x in zip(names, numbers, strict=True) if not np.isfinite(x)]
-            raise self._stopped(f"has {', '.join(bad)} at {self.time:.6g} s", "that is no number")
+            raise self._stopped(f"has {', '.join(bad)} at {self.time:.6g} s", "expected a finite number")
         return numbers
 
-    def _stepped(self, length: float, result: tuple[bool, bool, bool, float], wrong: str) -> None:
-        """Goes on where the step went well. wrong: the status of the call in words, where it was none of success."""
+    def _check_step(self, length: float, result: tuple[bool, bool, bool, float], fault: str) -> None:
+        """Advance the time if the step succeeded, otherwise raise. fault: status of the call in words, if it failed."""
         event, ends, early, reached = result
         end = self.time + length
-        if ends and (not wrong or not self._three):
-            wrong = "it asked to end"
-        if not wrong and early:
-            wrong = "it returned early, which was not allowed"
-        if not wrong and event:
-            wrong = "it wants an event to be handled, which co-simulation without events does not"
-        if not wrong and self._three and abs(reached - end) > max(self.inner_step or 0.0, _SHORT * length):
-            wrong = "it says it ended elsewhere"
-        if wrong:
+        if ends and (not fault or not self._three):
+            fault = "it requested to end"
+        if not fault and early:
+            fault = "it returned early, which was not allowed"
+        if not fault and event:
+            fault = "it requested event handling, which is not supported"
+        if not fault and self._three and abs(reached - end) > max(self.inner_step or 0.0, _SHORT * length):
+            fault = "it reported another end time"
+        if fault:
             inside = self.time + _SAME_TIME * max(1.0, end) < reached <= end
-            well = f", well until {reached:.6g} s" if inside else ""
-            where = f"stopped between {self.time:.6g} and {end:.6g} s{well}"
-            raise self._stopped(where, wrong, reached if inside else None)
+            good = f", good until {reached:.6g} s" if inside else ""
+            interval = f"stopped between {self.time:.6g} and {end:.6g} s{good}"
+            raise self._stopped(interval, fault, reached if inside else None)
         self.time = end
 
     def _stopped(self, what: str, fault: str, time: float | None = None) -> UnitStopped:
-        """The exception of a fault; time: until which it was well."""
-        at = self.time if time is None else time
-        return UnitStopped(f"'{self.name}' {what}: {self._own(fault)}", at)
+        """Return the exception of a fault; time: last good time."""
+        return UnitStopped(f"'{self.name}' {what}: {self._message(fault)}", self.time if time is None else time)
 
-    def _own(self, otherwise: str) -> str:
-        """What the unit itself said last of what went wrong."""
-        bad = [said for status, text in self._said if status >= _DISCARD and (said := one_line(text))]
-        return bad[-1] if bad else otherwise
+    def _message(self, otherwise: str) -> str:
+        """Return the unit's own last error message, if it logged one."""
+        errors = [line for status, text in self._log if status >= _DISCARD and (line := one_line(text))]
+        return errors[-1] if errors else otherwise
 
 
 def _read(path: Path, folder: Path) -> Any:
-    """The description of an archive, which is unpacked into the folder."""
+    """Unpack an archive into the folder; return its description."""
     fmpy: Any = import_module("fmpy")
     try:
         unpack(path, folder)
@@ -250,24 +247,24 @@ def _read(path: Path, folder: Path) -> Any:
         raise ArgumentError(f"FMPy cannot read '{path}': {' '.join(lines[:2])}", "path") from error
 
 
-def _making(folder: Path, description: Any, three: bool) -> tuple[Any, ...]:
-    """The call that makes the instance: library, version, name, token, resources, FMPy's library for texts of logs."""
+def _instantiation(folder: Path, description: Any, three: bool) -> tuple[Any, ...]:
+    """Return the call that creates the instance: library, version, name, token, resources, FMPy's library for logs."""
     fmpy: Any = import_module("fmpy")
     name = description.coSimulation.modelIdentifier
     place = folder / "binaries" / (fmpy.platform_tuple if three else fmpy.platform)
     resources = f"{folder / 'resources'}/" if three else (folder / "resources").as_uri()
     try:
         proxy = "" if three else str(import_module("fmpy.logging").logging._name)
-    except (OSError, AttributeError):  # FMPy has it for some machines only
+    except (OSError, AttributeError):  # FMPy has this library for some machines only
         proxy = ""
     library = str(place / f"{name}{fmpy.sharedLibraryExtension}")
     return ("make", library, 3 if three else 2, name, str(description.guid), resources, proxy)
 
 
 def _sentence(fault: Any) -> str:
-    """Of a call that went wrong: its function and status, or a sentence; empty for none."""
+    """Return a sentence about a failed call; empty if there is none."""
     if fault is None or len(fault) == 1:
-        return one_line(fault[0]) or "it said nothing" if fault else ""
+        return one_line(fault[0]) or "without a message" if fault else ""
     function, status = fault
-    word = _STATUS[status] if 0 <= status < len(_STATUS) else f"the status {status}, which there is not"
-    return f"{function} gave {word}, and it said nothing"
+    word = _STATUS[status] if 0 <= status < len(_STATUS) else f"the unknown status {status}"
+    return f"{function} returned {word}, without a message"

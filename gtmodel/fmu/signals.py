@@ -1,4 +1,4 @@
-"""The variables of a unit by name: which can be read, which can be set, and how they become SI."""
+"""The variables of a unit by name: which can be read or set, and their conversion to SI."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from ..lang.units import UnitError, parse_unit
 from ..results.refusal import ArgumentError
 
 SHOWN = 12  # names in a sentence
-NEAR = 0.5  # of difflib: "tau_1" is near "tau[1]"
+NEAR = 0.5  # cutoff of difflib: "tau_1" is near "tau[1]"
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
 
 
 @dataclass(frozen=True)
 class UnitSignal:
-    """A real variable as its description has it.
+    """A real variable of a description.
 
-    unit: its name, empty where it has none. base: exponents of kg, m, s, A, K, mol, cd, with factor and offset:
-    SI = factor * value + offset; None where the description does not define the unit.
+    unit: name, empty if it has none. base: exponents of kg, m, s, A, K, mol, cd, with factor and offset:
+    SI = factor * value + offset; None if the description does not define the unit.
     """
 
     name: str
@@ -35,17 +35,17 @@ class UnitSignal:
 
     @property
     def computed(self) -> bool:
-        """An output, or a variable inside."""
+        """Whether it is an output or a local variable."""
         return self.causality in ("output", "local", "calculatedParameter")
 
     @property
     def taken(self) -> bool:
-        """An input."""
+        """Whether it is an input."""
         return self.causality == "input"
 
 
 class UnitSignals:
-    """The real variables of a description that FMPy read. Its methods raise ArgumentError for names that do not fit."""
+    """The real variables of a description read by FMPy. The methods raise ArgumentError if a name does not fit."""
 
     def __init__(self, name: str, description: Any) -> None:
         self.name = name
@@ -53,7 +53,7 @@ class UnitSignals:
         self.all = {v.name: _signal(v, defined) for v in description.modelVariables if v.type in ("Real", "Float64")}
 
     def of(self, names: Sequence[str], argument: str) -> list[UnitSignal]:
-        """Variables by name; where there is none of that name, those with near names are said."""
+        """Return variables by name; the error for an unknown name lists similar names."""
         for name in names:
             if name not in self.all:
                 others = meant(name, self.all, f"it has {self._some(lambda s: True)}", most=3, cutoff=NEAR)
@@ -63,15 +63,15 @@ class UnitSignals:
         return [self.all[name] for name in names]
 
     def computed(self, names: Sequence[str], argument: str) -> list[UnitSignal]:
-        """Variables that the unit computes."""
+        """Return variables that the unit computes."""
         return self._which(names, argument, lambda s: s.computed, "expected an output")
 
     def taken(self, names: Sequence[str], argument: str) -> list[UnitSignal]:
-        """Inputs."""
+        """Return inputs."""
         return self._which(names, argument, lambda s: s.taken, "expected an input")
 
     def settable(self, names: Sequence[str], argument: str) -> list[UnitSignal]:
-        """Variables that have a start value."""
+        """Return variables with a start value."""
         return self._which(names, argument, lambda s: s.settable, "expected a variable with a start value")
 
     def _which(
@@ -93,41 +93,41 @@ class UnitSignals:
 
 @dataclass(frozen=True)
 class Scaling:
-    """SI = factor * value + offset, for each of some variables; None where all are in SI: not a bit changes."""
+    """Conversion of some variables: SI = factor * value + offset; None if all are in SI, so that no bit changes."""
 
     factor: np.ndarray | None = None
     offset: np.ndarray | None = None
 
     def si(self, values: np.ndarray) -> np.ndarray:
-        """Numbers of the unit in SI."""
+        """Convert the unit's values to SI."""
         return values if self.factor is None else self.factor * values + self.offset
 
     def own(self, values: np.ndarray) -> np.ndarray:
-        """Numbers in SI as the unit has them."""
+        """Convert SI values to the unit's own units."""
         return values if self.factor is None else (values - self.offset) / self.factor
 
 
-def scaling(signals: Sequence[UnitSignal], wanted: str, said: str, argument: str) -> Scaling:
-    """How variables become a quantity in the unit `wanted`, such as "m".
+def scaling(signals: Sequence[UnitSignal], expected: str, declared: str, argument: str) -> Scaling:
+    """Return the conversion of variables to a quantity in the SI unit `expected`, such as "m".
 
-    said: the unit as the caller says it, for variables that have none. Raises ArgumentError for a unit of another
-    dimension, for one that neither side says, and where both say different ones.
+    declared: unit from the caller, for variables without one. Raises ArgumentError for a unit of another dimension, a
+    missing unit, and a conflict between description and caller.
     """
     pairs: list[tuple[float, float]] = []
     for s in signals:
-        if not s.unit and not said:
+        if not s.unit and not declared:
             raise ArgumentError(
-                f"'{s.name}' has no unit in its description, and {wanted} is not to be guessed; say it in units",
+                f"'{s.name}' has no unit in its description, and {expected} is not assumed; add it to units",
                 argument,
             )
-        own = _base(s.unit, s.base, s, argument) if s.unit else None
-        given = _base(said, None, s, "units") if said else None
-        if own is not None and given is not None and own != given:
-            raise ArgumentError(f"'{s.name}' is in {s.unit} by its description, not in {said}", "units")
-        base = own or given
+        described = _base(s.unit, s.base, s, argument) if s.unit else None
+        stated = _base(declared, None, s, "units") if declared else None
+        if described is not None and stated is not None and described != stated:
+            raise ArgumentError(f"'{s.name}' is in {s.unit} according to its description, not in {declared}", "units")
+        base = described or stated
         assert base is not None
-        if base[0] != _base(wanted, None, s, argument)[0]:
-            raise ArgumentError(f"'{s.name}' is in {s.unit or said}; expected a unit such as {wanted}", argument)
+        if base[0] != _base(expected, None, s, argument)[0]:
+            raise ArgumentError(f"'{s.name}' is in {s.unit or declared}; expected a unit such as {expected}", argument)
         if not (np.isfinite(base[1]) and np.isfinite(base[2]) and base[1] != 0.0):
             raise ArgumentError(
                 f"the unit {s.unit} of '{s.name}' has the factor {base[1]:g} and the offset {base[2]:g}; expected "

@@ -39,42 +39,49 @@ gt_status gt_fmu_along(const gt_fmu_memory *memory, const double *v, const doubl
 def step_content(
     f: StepFunction, name: str, *, title: str = "", stop: float = 1.0, provenance: Mapping[str, str] | None = None
 ) -> FmuContent:
-    """What the unit `name` holds: inputs and outputs of the step, and its declared start as parameters.
+    """Return the content of the unit `name`: inputs and outputs of the step, and its declared start as parameters.
 
-    Samples are taken at the start and one period after the other, each with the inputs of that instant; outputs change
-    there only. Before the first they are the parameter `start.` of their name where there is one, else zero.
+    The unit takes samples at the start and after every period, with the inputs of that instant; outputs change only
+    then. Before the first sample an output has the value of the parameter `start.NAME` if there is one, otherwise zero.
     """
     _, (face,) = faces_of({KEY: f}, name, (), DOUBLE, None)
-    made = _StepTable(f)
+    step_table = _StepTable(f)
     symbol = face.symbol
     texts = contents([], name, dict(provenance or {}), [face])
     files = needed(texts, name)
-    begun = {r: [made.parameters[at]] for at, r in made.outputs.items() if at in made.parameters}
-    depends = {v.reference: begun.get(v.reference, []) for v in made.variables if v.role == "output"}
+    parameters = step_table.parameters
+    started = {r: [parameters[key]] for key, r in step_table.outputs.items() if key in parameters}
+    depends = {v.reference: started.get(v.reference, []) for v in step_table.variables if v.role == "output"}
     table = FmuTable(
-        name, title or f.title, made.variables, depends,
+        name, title or f.title, step_table.variables, depends,
         period=f.period, stop=stop, derivatives=False,
     )  # fmt: skip
     begin = [
         f"gt_status gt_fmu_begin(gt_fmu_memory *memory, double *v)\n{{\n    {symbol}_start start;\n"
         "    gt_status status;\n\n",
         f"    {symbol}_defaults(&start);\n",
-        *[f"    {place} = v[{r}];\n" for place, r in made.places(f.start, "start.", made.parameters)],
-        "" if made.parameters else "    (void)v;\n",
+        *[f"    {place} = v[{r}];\n" for place, r in step_table.places(f.start, "start.", parameters)],
+        "" if parameters else "    (void)v;\n",
         f"    status = {symbol}_init(&memory->state, &start);\n",
         "    if (status != GT_OK) {\n        return status;\n    }\n",
-        *[f"    v[{r}] = v[{made.parameters[at]}];\n" for at, r in made.outputs.items() if at in made.parameters],
+        *[f"    v[{r}] = v[{parameters[key]}];\n" for key, r in step_table.outputs.items() if key in parameters],
         "    return GT_OK;\n}\n\n",
     ]
     sample = [
         f"gt_status gt_fmu_sample(gt_fmu_memory *memory, double *v, int *n)\n{{\n    {symbol}_in in;\n"
         f"    {symbol}_out out;\n    gt_status status;\n\n",
         "" if f.inputs else "    in.unused = 0.0;\n",
-        *[f"    {p} = {_value(m, r, table)};\n" for p, r, m in made.members(f.inputs, "in.", made.inputs)],
-        *[f"    {p} = {_value(m, r, table)};\n" for p, r, m in made.members(f.outputs, "out.", made.outputs)],
+        *[f"    {p} = {_value(m, r, table)};\n" for p, r, m in step_table.members(f.inputs, "in.", step_table.inputs)],
+        *[
+            f"    {p} = {_value(m, r, table)};\n"
+            for p, r, m in step_table.members(f.outputs, "out.", step_table.outputs)
+        ],
         f"    status = {symbol}_step(&memory->state, &in, &out);\n",
         "    if (status != GT_OK) {\n        return status;\n    }\n",
-        *[f"    {_value(m, r, table)} = {p};\n" for p, r, m in made.members(f.outputs, "out.", made.outputs)],
+        *[
+            f"    {_value(m, r, table)} = {p};\n"
+            for p, r, m in step_table.members(f.outputs, "out.", step_table.outputs)
+        ],
         "" if table.integers else "    (void)n;\n",
         "    return GT_OK;\n}\n\n",
     ]
@@ -101,8 +108,8 @@ class _StepTable:
             if not integer:
                 declared = {m.identifier: f.defaults[m.name] for m in f.start}
                 self._add(f.start, self.parameters, "fixed", declared, integer, "start.")
-            kept = {m.identifier: f.defaults[m.name] for m in f.outputs if m.name in f.defaults and not integer}
-            self._add(f.outputs, self.outputs, "output", kept, integer)
+            initial = {m.identifier: f.defaults[m.name] for m in f.outputs if m.name in f.defaults and not integer}
+            self._add(f.outputs, self.outputs, "output", initial, integer)
 
     def _add(
         self,
@@ -137,12 +144,12 @@ class _StepTable:
     def members(
         self, members: Sequence[StepMember], struct: str, places: Mapping[tuple[str, int], int]
     ) -> list[tuple[str, int, StepMember]]:
-        """C expression, value reference and member of each number."""
+        """Return C expression, value reference and member of each number."""
         return [(e, places[m.identifier, k], m) for m in members for k, e in enumerate(m.elements(struct))]
 
     def places(
         self, members: Sequence[StepMember], struct: str, places: Mapping[tuple[str, int], int]
     ) -> list[tuple[str, int]]:
-        """C expressions of the numbers of members, and where their values stand."""
+        """Return C expressions of the numbers of members, and their value references."""
         reals = [m for m in members if not m.integer]
         return [(e, places[m.identifier, k]) for m in reals for k, e in enumerate(m.elements(struct))]

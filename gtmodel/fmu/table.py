@@ -1,4 +1,4 @@
-"""The variables of a functional mock-up unit, from which both versions of its description and its C are made."""
+"""The variables of a functional mock-up unit, from which its descriptions (FMI 2.0, 3.0) and its C are written."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _INDEX = re.compile(r"\[(\d+(?:,\s*\d+)*)\]")
 
 @dataclass(frozen=True)
 class FmuVariable:
-    """One scalar variable: its value reference, name, unit, what it is for.
+    """One scalar variable: value reference, name, unit and role.
 
-    least, most: of a parameter of the model; infinite where there is none. start: where it can be set, and of what
-    remembers; None of what is computed. of_state: of a derivative the value
-    reference of the state whose rate it is. integer: a flag or a counter. sampled: it changes at samples only.
+    least, most: limits of a model parameter, infinite if it has none. start: start value of a settable variable or a
+    state; None for a computed variable. of_state: for a derivative, the value reference of its state. integer: flag or
+    counter. sampled: changes at samples only.
     """
 
     reference: int
@@ -48,15 +48,15 @@ class FmuVariable:
 
 @dataclass(frozen=True)
 class FmuTable:
-    """All variables of a unit in the order of their value references, and what depends on what.
+    """All variables of a unit in the order of their value references, and their dependencies.
 
     name: model identifier, also of the library. states, rates: value references of the states and of their derivatives,
-    which may be states themselves. dependencies: of each computed variable on inputs, parameters, states and the time.
-    step: largest step of the integrator inside [s]; stop: end of the default experiment [s]; period: of samples [s], 0
-    where there are none. error: of the integrator inside, where there are states. derivatives: exact ones are offered.
-    remembers: Newton's last solution is part of the state. hold: outputs are held where there is no answer, and an
-    integer output says so. parameters: value references, in line, of the parameters of the model that can be set;
-    part_error: the largest error of one part of a step inside, where there are some.
+    which may be states themselves. dependencies: of each computed variable on inputs, parameters, states and time.
+    step: largest step of the inner integrator [s]; stop: end of the default experiment [s]; period: sampling period
+    [s], 0 without samples. error: of the inner integrator, if there are states. derivatives: the unit offers exact
+    derivatives. remembers: Newton's last solution is part of the state. hold: outputs are held if the function fails,
+    and an integer output reports it. parameters: consecutive value references of settable model parameters;
+    part_error: largest error of an inner step, if there are such parameters.
     """
 
     name: str
@@ -77,33 +77,33 @@ class FmuTable:
 
     @property
     def numbers(self) -> list[FmuVariable]:
-        """The real variables; their value reference is their place."""
+        """The real variables; their value reference is their index."""
         return [v for v in self.variables if not v.integer]
 
     @property
     def integers(self) -> list[FmuVariable]:
-        """The integer ones, whose value references follow."""
+        """The integer variables, whose value references follow."""
         return [v for v in self.variables if v.integer]
 
     @property
     def computed(self) -> list[int]:
-        """Value references of what is computed from the others, in order."""
+        """Value references of the computed variables, in order."""
         return [v.reference for v in self.variables if v.role in ("derivative", "output")]
 
     def of(self, *roles: Role) -> list[FmuVariable]:
-        """The variables of these roles."""
+        """Return the variables with these roles."""
         return [v for v in self.variables if v.role in roles]
 
 
 def texts_of(flat: FlatModel) -> tuple[str, ...]:
-    """Paths of the components of a model that come from Modelica text, whose names count from one."""
+    """Return the paths of a model's components from Modelica text, whose indices count from one."""
     return tuple(c._path for c in flat.tree.components if getattr(type(c), "_counts_from_one", False))
 
 
 def fmi_name(name: str, texts: Collection[str] = ()) -> str:
-    """A name as the structured naming of FMI has it: indices from one, identifiers of other letters in quotes.
+    """Convert a name to FMI's structured naming: indices from one, identifiers with other characters in quotes.
 
-    texts: paths of components, "" for the whole model, inside of which names count from one already.
+    texts: paths of components, "" for the whole model, whose indices already count from one.
 
     >>> from gtmodel.fmu.table import fmi_name
     >>> fmi_name("der(robot.T[0],2)"), fmi_name("arm[0].rod.tension")
@@ -118,13 +118,13 @@ def fmi_name(name: str, texts: Collection[str] = ()) -> str:
         order = f",{derivative['order']}" if derivative["order"] else ""
         return f"der({fmi_name(derivative['inner'], texts)}{order})"
     python = min((len(t) for t in texts if not t or name.startswith(f"{t}.")), default=len(name))
-    parts, at = [], 0
+    parts, offset = [], 0
     for part in name.split("."):
-        counts = at < python
-        at += len(part) + 1
+        counts = offset < python
+        offset += len(part) + 1
         word, bracket, rest = part.partition("[")
         if not _PLAIN.fullmatch(word):
-            plain = word.encode("ascii", "backslashreplace").decode()  # letters beyond ASCII have no place in a name
+            plain = word.encode("ascii", "backslashreplace").decode()  # names must be ASCII
             word = "'" + _ESCAPED.sub(r"\\\g<0>", plain) + "'"
         parts.append(word + (_INDEX.sub(_from_one, bracket + rest) if counts else bracket + rest))
     return ".".join(parts)
@@ -135,7 +135,7 @@ def _from_one(index: re.Match[str]) -> str:
 
 
 def unused(name: str, taken: Collection[str]) -> str:
-    """The name itself, or with underscores before its index where another variable has it.
+    """Return the name, with underscores before its index if another variable has it.
 
     >>> from gtmodel.fmu.table import unused
     >>> unused("T_out[1]", {"T_out[1]", "T"}), unused("T_out[2]", {"T_out[1]"})
@@ -148,12 +148,12 @@ def unused(name: str, taken: Collection[str]) -> str:
 
 
 def longer(word: str, end: str) -> str:
-    """A name with something behind it, inside of the quotes where it has some."""
+    """Append to a name, inside its quotes if it has any."""
     return f"{word[:-1]}{end}'" if word.endswith("'") else f"{word}{end}"
 
 
 def base_and_order(name: str) -> tuple[str, int]:
-    """A name such as der(T,2) as ("T", 2)."""
+    """Split a name such as der(T,2) into ("T", 2)."""
     derivative = _DERIVATIVE.fullmatch(name)
     if not derivative:
         return name, 0

@@ -1,5 +1,5 @@
-"""Parameters of a model that stay parameters of its unit, and derivatives of a causal function in C along a seed,
-through Newton's solutions too."""
+"""Model parameters that stay settable in a unit, and directional derivatives of a causal function in C, also through
+Newton's solutions."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from ..results.refusal import ArgumentError
 
 @dataclass(frozen=True)
 class TangentFiles:
-    """C files by name, the header to include, and text of the static function `along`: (a: inputs and unknowns of
-    Newton, da: their changes, of the unknowns computed) -> dy."""
+    """C files by name, header to include, and text of the static function `along`: (a: inputs and Newton's unknowns,
+    da: their changes, computed for the unknowns) -> dy."""
 
     files: dict[str, str]
     header: str
@@ -34,7 +34,7 @@ class TangentFiles:
 
 
 def given_by(f: CausalFunction) -> tuple[list[ca.SX], list[ca.SX], ca.SX]:
-    """Symbols of the inputs, of the unknowns of Newton, and all outputs as a column."""
+    """Return symbols of the inputs and of Newton's unknowns, and all outputs as a column."""
     args = f.closed.sx_in()
     blocks = len(f.kernels)
     inputs = args[: len(args) - blocks]
@@ -43,14 +43,14 @@ def given_by(f: CausalFunction) -> tuple[list[ca.SX], list[ca.SX], ca.SX]:
 
 
 def depends(f: CausalFunction) -> list[set[int]]:
-    """Of each output number which input numbers it depends on."""
+    """Return for each output number the input numbers it depends on."""
     inputs, zs, outputs = given_by(f)
     x = ca.vertcat(*inputs) if inputs else ca.SX(0, 1)
     n = x.numel()
     of_z: list[set[int]] = []
     for kernel, z in zip(f.kernels, zs, strict=True):
-        a, own = ca.SX.sym("a", len(kernel.a0)), ca.SX.sym("z", z.numel())
-        r = kernel.residual.call([own, a])[0]
+        a, unknowns = ca.SX.sym("a", len(kernel.a0)), ca.SX.sym("z", z.numel())
+        r = kernel.residual.call([unknowns, a])[0]
         columns = set(ca.jacobian_sparsity(r, a).get_triplet()[1])
         inner = {c for c in columns if c < n}
         for c in columns - inner:
@@ -65,28 +65,28 @@ def depends(f: CausalFunction) -> list[set[int]]:
 
 
 def tangents(f: CausalFunction, face: Interface, name: str) -> TangentFiles:
-    """Files and functions for the unit `name`."""
+    """Return files and functions for the unit `name`."""
     inputs, zs, outputs = given_by(f)
     x = ca.vertcat(*inputs) if inputs else ca.SX(0, 1)
     z = ca.vertcat(*zs) if zs else ca.SX(0, 1)
     n = x.numel()
     full = ca.vertcat(x, z)
     seed = ca.SX.sym("s", full.numel())
-    own = f"gt_{name}_slope"
-    kernels = [_function(f"{own}_out", [full, seed], [ca.jtimes(outputs, full, seed)])]
+    prefix = f"gt_{name}_slope"
+    kernels = [_function(f"{prefix}_out", [full, seed], [ca.jtimes(outputs, full, seed)])]
     first = n
     for k, kernel in enumerate(f.kernels):
         size = len(kernel.z0)
         a, u, s = (ca.SX.sym(c, w) for c, w in (("a", first), ("z", size), ("s", first)))
         r, jacobian = kernel.residual.call([u, a])
         kernels += [
-            _function(f"{own}_matrix{k}", [a, u], [ca.vec(ca.densify(jacobian).T)]),
-            _function(f"{own}_out{k}", [a, u, s], [ca.jtimes(r, a, s)]),
+            _function(f"{prefix}_matrix{k}", [a, u], [ca.vec(ca.densify(jacobian).T)]),
+            _function(f"{prefix}_out{k}", [a, u, s], [ca.jtimes(r, a, s)]),
         ]
         first += size
     source, header = body(f"{name}_slope", [], kernels)
     file = f"gt_{name}_slope_body"
-    return TangentFiles({f"{file}.c": source, f"{file}.h": header}, f"{file}.h", _along(face, own, n))
+    return TangentFiles({f"{file}.c": source, f"{file}.h": header}, f"{file}.h", _along(face, prefix, n))
 
 
 def _function(name: str, inputs: Sequence[ca.SX], outputs: Sequence[ca.SX]) -> ca.Function:
@@ -111,41 +111,40 @@ def _declared(face: Interface) -> str:
     if not face.newton:
         return ""
     most = max(s.size for s in face.newton)
-    own = "".join(f"    double matrix{k}[{s.size**2}];\n" for k, s in enumerate(face.newton))
-    return f"{own}    double right[{most}];\n    double smallest;\n    int k;\n\n"
+    matrices = "".join(f"    double matrix{k}[{s.size**2}];\n" for k, s in enumerate(face.newton))
+    return f"{matrices}    double right[{most}];\n    double smallest;\n    int k;\n\n"
 
 
-def _along(face: Interface, own: str, n: int) -> str:
-    """da of the inputs is given, that of Newton's unknowns follows, then dy."""
+def _along(face: Interface, prefix: str, n: int) -> str:
+    """Return C that computes da of Newton's unknowns from da of the inputs, then dy."""
     lines = [
         f"static gt_status along(const double *a, double *da, double *dy)\n{{\n{_declared(face)}",
     ]
-    at = n
+    offset = n
     for k, stage in enumerate(face.newton):
         lines += [
-            _call(f"{own}_matrix{k}", ["a", f"&a[{at}]"], f"matrix{k}"),
-            _call(f"{own}_out{k}", ["a", f"&a[{at}]", "da"], "right"),
+            _call(f"{prefix}_matrix{k}", ["a", f"&a[{offset}]"], f"matrix{k}"),
+            _call(f"{prefix}_out{k}", ["a", f"&a[{offset}]", "da"], "right"),
             _solve(stage.size, k, 1e-300),
-            f"    for (k = 0; k < {stage.size}; k++) {{\n        da[{at} + k] = -right[k];\n    }}\n",
+            f"    for (k = 0; k < {stage.size}; k++) {{\n        da[{offset} + k] = -right[k];\n    }}\n",
         ]
-        at += stage.size
-    return "".join([*lines, _call(f"{own}_out", ["a", "da"], "dy"), "    return GT_OK;\n}\n\n"])
+        offset += stage.size
+    return "".join([*lines, _call(f"{prefix}_out", ["a", "da"], "dy"), "    return GT_OK;\n}\n\n"])
 
 
 Pair = tuple[int, int]
 ARGUMENT = "parameters"
-SMALLEST = sys.float_info.min  # of a parameter that is declared positive: limits of FMI belong to the interval
+SMALLEST = sys.float_info.min  # least value of a positive parameter: FMI's limits are inclusive
 
 
 def with_parameters(f: CausalFunction, names: Sequence[str]) -> tuple[CausalFunction, list[CausalSignal]]:
-    """The function with these parameters of its model as further inputs, the last ones, and these inputs.
+    """Append these model parameters to the function's inputs; return the function and the new inputs.
 
-    names: of parameters with values of their own, whole or one element, as "m" or "m[0]". Limits are `min` and `max` of
-    their variables in the function's model. Roots keep the signs, and arguments the largest sizes, that they have at
-    the model's own values.
+    names: independent parameters, whole or one element, such as "m" or "m[0]". Their limits become `min` and `max` of
+    variables in the function's model. Signs of roots and largest sizes of arguments stay those at the model's values.
 
-    Raises ArgumentError for a name that is none, a parameter whose numbers are bound together, and one that decides how
-    the equations are solved or that the function does not depend on.
+    Raises ArgumentError for an unknown name, a parameter whose numbers are bound together, one that decides how the
+    equations are solved, and one that the function does not depend on.
     """
     flat = f.flat
     chosen: dict[str, tuple[tuple[int, ...], list[int], ParameterRecord]] = {}
@@ -157,7 +156,7 @@ def with_parameters(f: CausalFunction, names: Sequence[str]) -> tuple[CausalFunc
         chosen[name] = shape, places, record
     order = [n for _, places, _ in chosen.values() for n in places]
     if len(set(order)) != len(order):
-        raise ArgumentError(f"{', '.join(names)} name one number twice; name it once", ARGUMENT)
+        raise ArgumentError(f"{', '.join(names)} contain one number twice; name it once", ARGUMENT)
     plan = _planned(f, order, names)
     first, values = len(flat.variables), []
     signals = []
@@ -165,42 +164,43 @@ def with_parameters(f: CausalFunction, names: Sequence[str]) -> tuple[CausalFunc
         pairs = tuple((first + len(values) + k, 0) for k in range(len(places)))
         signals.append(CausalSignal(name, shape, record.item.unit or "?", pairs))
         values += [_variable(flat, n, pair[0], record) for n, pair in zip(places, pairs, strict=True)]
-    scope = copy(flat.scope)  # a chain that is never differentiated: the symbol of the parameter
+    scope = copy(flat.scope)  # the chain of a parameter is its symbol alone, without derivatives
     scope.chains = [*scope.chains, *[[flat.parameters[n].symbol] for n in order]]
     scope.names = [*scope.names, *[flat.parameters[n].name for n in order]]
     groups = {s.name: (s.shape, [i for i, _ in s.pairs]) for s in signals}
-    own = replace(flat, scope=scope, variables=[*flat.variables, *values], groups={**flat.groups, **groups}, cache={})
-    made = CausalFunction(
-        replace(plan, flat=own, numbers=f.plan), [*f.inputs, *signals], f.outputs, f.name, f.groups, f.preferred,
+    model = replace(flat, scope=scope, variables=[*flat.variables, *values], groups={**flat.groups, **groups}, cache={})
+    function = CausalFunction(
+        replace(plan, flat=model, numbers=f.plan), [*f.inputs, *signals], f.outputs, f.name, f.groups, f.preferred,
         f.branches,
     )  # fmt: skip
-    used = set().union(*depends(made))
-    at = sum(s.size for s in f.inputs)
+    used = set().union(*depends(function))
+    offset = sum(s.size for s in f.inputs)
     for s in signals:
-        if not used & set(range(at, at + s.size)):
-            raise ArgumentError(f"'{s.name}' does not enter what {f.name} computes; leave it out", ARGUMENT)
-        at += s.size
-    return made, signals
+        if not used & set(range(offset, offset + s.size)):
+            raise ArgumentError(f"{f.name} does not depend on '{s.name}'; leave it out", ARGUMENT)
+        offset += s.size
+    return function, signals
 
 
 def _record(flat: FlatModel, name: str) -> tuple[tuple[int, ...], list[int], ParameterRecord]:
-    """Shape, places in `flat.p` and declaration of a parameter, or of one element of it."""
-    own = [r for r in flat.tree.parameters if isinstance(r.item, Parameter)]
-    for r in own:
+    """Return shape, indices in `flat.p` and declaration of a parameter, or of one element of it."""
+    parameters = [r for r in flat.tree.parameters if isinstance(r.item, Parameter)]
+    for r in parameters:
         if r.name == name and not r.indices:
             sources = ", ".join(dict.fromkeys(s.name().split("[")[0] for s in ca.symvar(r.expression)))
-            raise ArgumentError(f"'{name}' follows from {sources or 'numbers in the model'}; name that", ARGUMENT)
+            sources = sources or "numbers in the model"
+            raise ArgumentError(f"'{name}' is computed from {sources}; name those instead", ARGUMENT)
         if r.name == name:
             return r.shape, list(r.indices), r
         for n in r.indices:
             if flat.parameters[n].name == name:
                 return (), [n], r
-    there = ", ".join(f"'{r.name}'" for r in own if r.indices) or "none"
-    raise ArgumentError(f"{flat.title} has no parameter '{name}'; it has {there}", ARGUMENT)
+    available = ", ".join(f"'{r.name}'" for r in parameters if r.indices) or "none"
+    raise ArgumentError(f"{flat.title} has no parameter '{name}'; it has {available}", ARGUMENT)
 
 
 def _refuse_bound(flat: FlatModel, record: ParameterRecord, name: str) -> None:
-    """A number alone must say whether it is allowed."""
+    """Raise ArgumentError unless each number of the parameter can be checked on its own."""
     item = record.item
     assert isinstance(item, Parameter)
     if item.kind is not None or item.increasing:
@@ -216,7 +216,7 @@ def _refuse_bound(flat: FlatModel, record: ParameterRecord, name: str) -> None:
     for r in flat.tree.parameters:
         limited = isinstance(r.item, Parameter) and _is_limited(r.item)
         if limited and not r.indices and not _plain(r.expression) and ca.depends_on(r.expression, symbols):
-            raise ArgumentError(f"'{r.name}' follows from '{name}' and has limits of its own; leave it out", ARGUMENT)
+            raise ArgumentError(f"'{r.name}' depends on '{name}' and has limits; leave '{name}' out", ARGUMENT)
 
 
 def _is_limited(item: Parameter) -> bool:
@@ -224,12 +224,12 @@ def _is_limited(item: Parameter) -> bool:
 
 
 def _plain(expression: ca.SX) -> bool:
-    """Whether an expression of parameters is only these, under another name, or numbers."""
+    """Return whether an expression consists of parameters and numbers only, without operations."""
     return all(e.is_symbolic() or e.is_constant() for e in ca.vertsplit(ca.vec(ca.densify(expression))))
 
 
 def _variable(flat: FlatModel, n: int, index: int, record: ParameterRecord) -> FlatVariable:
-    """A parameter as a variable that begins at its value, with the limits of all declarations that are bound to it."""
+    """Return a parameter as a variable that starts at its value, with the limits of all declarations bound to it."""
     q = flat.parameters[n]
     low, high = [q.min], [q.max]
     for r in flat.tree.parameters:
@@ -253,24 +253,24 @@ def _limit(value: object, shape: tuple[int, ...], k: int, default: float) -> flo
     return default if value is None else float(np.broadcast_to(np.asarray(value, float), shape).reshape(-1)[k])
 
 
-def _planned(f: CausalFunction, kept: Sequence[int], names: Sequence[str]) -> CausalPlan:
-    """The plan with symbols for these places, which solves the equations in the way of numbers."""
+def _planned(f: CausalFunction, symbolic: Sequence[int], names: Sequence[str]) -> CausalPlan:
+    """Return the plan with symbols for these parameters; it must solve the equations as the numeric plan does."""
     flat = f.flat
-    numbers = [q.symbol if n in kept else ca.SX(q.value) for n, q in enumerate(flat.parameters)]
+    numbers = [q.symbol if n in symbolic else ca.SX(q.value) for n, q in enumerate(flat.parameters)]
     known = [i for _, _, indices in f.groups for i in indices]
-    wanted = [p for s in f.outputs for p in s.pairs]
-    decides = f"{' or '.join(map(repr, names))} decides how the equations of {f.name} are solved"
+    targets = [p for s in f.outputs for p in s.pairs]
+    decides = f"the value of {' or '.join(map(repr, names))} decides how the equations of {f.name} are solved"
     try:
-        plan = make_plan(flat, known, wanted, f.preferred, f.branches, fold=ca.vertcat(*numbers))
+        plan = make_plan(flat, known, targets, f.preferred, f.branches, fold=ca.vertcat(*numbers))
     except ModelError as error:
-        raise ArgumentError(f"{decides}, and its number is needed for that: {error}", ARGUMENT) from error
-    if _way(plan) != _way(f.plan):
-        raise ArgumentError(f"{decides}, and its number is needed for that; leave it out", ARGUMENT)
+        raise ArgumentError(f"{decides}: {error}", ARGUMENT) from error
+    if _structure(plan) != _structure(f.plan):
+        raise ArgumentError(f"{decides}; leave it out", ARGUMENT)
     return plan
 
 
-def _way(plan: CausalPlan) -> tuple[object, ...]:
-    """What must not depend on numbers: inputs, unknowns of Newton's method, and the choice at each root."""
+def _structure(plan: CausalPlan) -> tuple[object, ...]:
+    """Return the parts that must not depend on numbers: inputs, Newton's unknowns, and the choice at each root."""
     newton = [[u.element_hash() for u in b.unknowns] for b in plan.newton]
     roots = sorted((r.settled_by, r.value) for b in plan.blocks for r in b.roots)
     return plan.inputs, plan.uses_time, newton, roots

@@ -1,4 +1,4 @@
-"""The study of units: functions of a problem as archives in a folder, checked before they are written."""
+"""The study of units: export functions as archives in a folder, checked before they are written."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ COMPARED = Verification()
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class FmuStudy(Study):
-    """What was exported: archives by file name."""
+    """Exported units, by file name of the archive."""
 
-    folder: Annotated[str | None, Quantity("", "where the archives were written")] = None
+    folder: Annotated[str | None, Quantity("", "folder of the archives")] = None
     units: Annotated[
         Mapping[str, Mapping[str, Any]] | None,
         Quantity(
@@ -38,7 +38,7 @@ class FmuStudy(Study):
 
     @property
     def values(self) -> Mapping[str, Any]:
-        """The quantities that there are."""
+        """The quantities that are not None."""
         return {name: value for name, value in super().values.items() if value is not None}
 
     @property
@@ -68,18 +68,18 @@ def study(
     by: str = "write_failed=True",
     **work_options: Unpack[WorkOptions],
 ) -> FmuStudy:
-    """Functions as functional mock-up units NAME_FUNCTION_fmi3.fmu in a folder: exported, checked, then written.
+    """Export functions as functional mock-up units NAME_FUNCTION_fmi3.fmu, check them, and write them to a folder.
 
     Args:
         functions: by name; model identifiers are `<name>_<function>`.
-        folder: files of other origin stay; one under the name of an archive is refused.
+        folder: other files in it stay; an archive does not overwrite a file that gtmodel did not write.
         versions: 3 for FMI 3.0, 2 for FMI 2.0.
-        options: by name of a function what `export` takes besides, such as `start` and `step`.
-        check: how many points `gt.fmu.check` compares; None: nothing is checked.
-        also, write_failed, by, progress, max_seconds, stop: as in `gt.cgen.study`; archives that failed a check are
-            written only where `write_failed`, with `.failed` in their names.
+        options: further arguments of `export` by function name, such as `start` and `step`.
+        check: number of points that `gt.fmu.check` compares; None: no check.
+        also, write_failed, by, progress, max_seconds, stop: as in `gt.cgen.study`; archives that fail a check are
+            written only if `write_failed`, with `.failed` in their names.
 
-    Raises ArgumentError for what cannot be exported, with the name of the function: "options.fk.start".
+    Raises ArgumentError if a function cannot be exported; its argument has the function's name: "options.fk.start".
 
     >>> import tempfile
     >>> fk = gt.robots.gantry_tau("l1_tape").causal(known="q", targets="T")
@@ -90,7 +90,7 @@ def study(
     """
     work = Work(**work_options)
     for key in set(options or {}) - set(functions):
-        raise ArgumentError(f"there is no function '{key}'; there are {', '.join(functions)}", "options")
+        raise ArgumentError(f"there is no function '{key}'; functions are {', '.join(functions)}", "options")
     units: dict[str, Fmu] = {}
     checks: dict[str, Check] = dict(also or {})
     notes: list[str] = []
@@ -98,14 +98,14 @@ def study(
         for version in versions:
             if work.interrupted():
                 return FmuStudy(
-                    status=SolveStatus.INTERRUPTED, message="stopped before all was exported", title=work.title
+                    status=SolveStatus.INTERRUPTED, message="stopped before all units were exported", title=work.title
                 )
             work.progress(f"exporting {key}", n / len(functions))
             more = dict((options or {}).get(key, {}))
             try:
                 unit = export(function, None, version=version, name=f"{name}_{key}", provenance=provenance, **more)
             except ArgumentError as error:
-                if not error.argument:  # nothing that was given, such as a compiler that is not there
+                if not error.argument:  # not about an argument, for example a missing compiler
                     raise
                 raise type(error)(f"{error.message} (function '{key}')", f"options.{key}.{error.argument}") from error
             units[f"{name}_{key}_fmi{version}.fmu"] = unit
@@ -114,16 +114,17 @@ def study(
                 report = checked(unit, points=check.points, seed=check.seed)
                 checks |= report.checks
                 notes += [note for note in report.notes if note not in notes]
-    made = FmuStudy(
+    result = FmuStudy(
         status=SolveStatus.SOLVED, message=f"exported {len(units)} units", title=work.title, folder=str(folder),
         notes=notes,
         units={file: _about(u) for file, u in units.items()}, checks=checks,
     )  # fmt: skip
-    if not made.status.ok and not write_failed:
-        return made.with_(message=f"{made.message}; nothing is written; {by} writes it, with '{FAILED}' in the names")
-    names = {file: file if made.status.ok else file.replace(".fmu", f"{FAILED}.fmu") for file in units}
+    if not result.status.ok and not write_failed:
+        advice = f"nothing was written; {by} writes the units, with '{FAILED}' in their names"
+        return result.with_(message=f"{result.message}; {advice}")
+    names = {file: file if result.status.ok else file.replace(".fmu", f"{FAILED}.fmu") for file in units}
     _write(Path(folder), {names[file]: u.data for file, u in units.items()})
-    return made.with_(written=sorted(names.values()))
+    return result.with_(written=sorted(names.values()))
 
 
 def _about(unit: Fmu) -> dict[str, Any]:

@@ -1,14 +1,14 @@
-"""The 4 ms loop and its peers: EGM and RSI in Python, simulated controllers and plants, and the loop itself.
+"""The 4 ms control loop and its peers: EGM and RSI in Python, simulated controllers and plants, and the loop itself.
 
-study: the loop of a generated folder against a simulated controller, its law off and on -> LoopStudy; with a hand that
-leads the tool over a synthetic plate -> GuidedLoop.
+study: run the loop of a generated folder against a simulated controller, without and with its law -> LoopStudy; with
+the law lead_through a hand leads the tool over a synthetic plate -> GuidedLoop.
 
 Build and run: build -> program, LoopProcess, lockstep, real_time. Peers: RobotSide with a DrivePlant or a
-RigidBodyPlant, either in an ElasticPlant; Channel with Faults. The loop in Python: PythonLoop with one of the laws. All
-of it was tested against simulators only.
+RigidBodyPlant, optionally inside an ElasticPlant; Channel with Faults. The loop in Python: PythonLoop with one of the
+laws. Everything was tested against simulators only.
 
-Lead-through: GuidingLaw with the Wrenches of two sensors; Guiding declares it with its SensorNumbers and a
-SyntheticScene, in which a SyntheticHand leads a ServoPlant over a plate, PlateScene.
+Lead-through: GuidingLaw uses the Wrenches of two sensors; Guiding declares the law, its SensorNumbers and a
+SyntheticScene, in which a SyntheticHand leads a ServoPlant over a plate (PlateScene).
 """
 
 from typing import TYPE_CHECKING

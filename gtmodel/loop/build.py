@@ -1,4 +1,4 @@
-"""The C loop, built with a generated folder: the adapter between the two, and the compiler's call."""
+"""Build the C loop with a generated folder: write the adapter between the two and call the compiler."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from ..results.folder import unfinished
 
 ADAPTER = "gt_loop_model.c"
 PROGRAM = "gt_loop"
-STAMP = "gt_loop.sha256"  # of what the program was built from
-# what a law may call: (signals in, signals out) of a generated function
+STAMP = "gt_loop.sha256"  # hash of the program and of the files it was built from
+# generated functions that a law may call: (input signals, output signals)
 _FORWARD = (("q",), ("T",))
 _CARTS = (("T", "der(T)"), ("q", "der(q)"))
 _INVERSE_DYNAMICS = (("T", "der(T)", "der(T,2)"), ("tau",))
 
 
 def manifest_of(folder: Path) -> dict[str, Any]:
-    """The manifest of a generated folder that is as gtmodel wrote it. Raises GenerationError."""
+    """Return the manifest of a generated folder. Raises GenerationError if the folder is incomplete or was edited."""
     content = read(folder)
     if content is None or unfinished(folder):
         raise GenerationError(
@@ -41,7 +41,7 @@ def manifest_of(folder: Path) -> dict[str, Any]:
 
 
 def adapter(content: Mapping[str, Any], axes: int) -> str:
-    """Text of gt_loop_model.c: the generated functions that laws call, under the loop's own names."""
+    """Return the text of gt_loop_model.c: the generated functions that laws call, under the names the loop uses."""
     forward = _function(content, *_FORWARD)
     dynamics = _function(content, *_INVERSE_DYNAMICS)
     carts = _function(content, *_CARTS)
@@ -63,10 +63,10 @@ def adapter(content: Mapping[str, Any], axes: int) -> str:
 
 
 def sources(content: Mapping[str, Any], axes: int) -> dict[str, str]:
-    """Files of the loop by name: runtime, loop and adapter; together with the generated folder they make a program."""
+    """Return the loop's files by name: runtime, loop and adapter. With the generated folder they make a program."""
     texts: dict[str, str] = {}
-    for place in ("runtime", "loop"):
-        for path in sorted((codegen_dir() / place).glob("*.[ch]")):
+    for part in ("runtime", "loop"):
+        for path in sorted((codegen_dir() / part).glob("*.[ch]")):
             if path.name != "gt_model_main.c" and path.name not in content["files"]:
                 texts[path.name] = path.read_text(encoding="utf-8")
     return {**texts, ADAPTER: adapter(content, axes)}
@@ -76,13 +76,13 @@ def build(folder: Path, place: Path, axes: int) -> Path:
     """Write the loop's files into `place` and compile them with the generated `folder`; returns the program's path.
 
     Args:
-        folder: as `gtmodel.cgen` wrote it, with the functions of a robot.
-        place: a folder of its own.
+        folder: folder written by `gtmodel.cgen`, with the functions of a robot.
+        place: folder for the loop's files and the program.
         axes: number of carts.
 
-    A program that was built there from the same files is used again, unless it was changed since or another user may
-    change it. Every warning is an error. Raises GenerationError for a folder that is not generated or was changed,
-    without a compiler, and for code that does not compile.
+    A program built there from identical files is reused, unless it was changed since or another user can write to it.
+    The compiler treats every warning as an error. Raises GenerationError if the folder was not generated or was edited,
+    if there is no compiler, or if the code does not compile.
 
     >>> from pathlib import Path
     >>> gt.loop.build(Path("no_such_folder"), Path("loop"), axes=3)
@@ -96,31 +96,31 @@ def build(folder: Path, place: Path, axes: int) -> Path:
         raise GenerationError(tools)
     place.mkdir(parents=True, exist_ok=True)
     texts = sources(content, axes)
-    made_of = sha256(json.dumps([texts, content["files"], tools.cc, STANDARD], sort_keys=True))
+    source_hash = sha256(json.dumps([texts, content["files"], tools.cc, STANDARD], sort_keys=True))
     stamp = place / STAMP
     program = place / PROGRAM
     for name, text in texts.items():
         (place / name).write_text(text, encoding="utf-8", newline="\n")
-    if _stamped(program, stamp, made_of):
+    if _stamped(program, stamp, source_hash):
         return program
     stamp.unlink(missing_ok=True)
-    program.unlink(missing_ok=True)  # the compiler keeps the rights of a file that it finds
-    own = [folder / f"gt_{content['name']}{part}.c" for part in ("", "_body")]
-    hand = [place / name for name in texts if name.endswith(".c")]
+    program.unlink(missing_ok=True)  # the compiler would keep the permissions of an existing file
+    generated = [folder / f"gt_{content['name']}{part}.c" for part in ("", "_body")]
+    handwritten = [place / name for name in texts if name.endswith(".c")]
     include = ("-I", folder, "-I", place)
-    command = (tools.cc, *STANDARD, *WARNINGS, *include, *hand, *own)
+    command = (tools.cc, *STANDARD, *WARNINGS, *include, *handwritten, *generated)
     good, text = tools.run(*command, "-o", program, "-lm", "-pthread")
     if not good:
         first = next((line for line in text.splitlines() if "error" in line), text.strip())
         raise GenerationError(f"the loop does not compile: {first}")
-    stamp.write_text(f"{made_of} {_hash(program)}", encoding="utf-8")
+    stamp.write_text(f"{source_hash} {_hash(program)}", encoding="utf-8")
     return program
 
 
 def built_before(earlier: Path, place: Path) -> None:
-    """Take the program of an earlier run, with its stamp, into the folder where it would be built: it may still do.
+    """Copy the program of an earlier run and its stamp into `place`, unless another user could have written it.
 
-    One that another user may have put there is left. What was taken is judged by `build`, where nobody can change it.
+    `build` then decides whether the copy can be reused; nobody else can change it in `place`.
     """
     with suppress(OSError):
         if not exposed(earlier / PROGRAM):
@@ -129,10 +129,10 @@ def built_before(earlier: Path, place: Path) -> None:
             (place / PROGRAM).chmod(0o700)
 
 
-def _stamped(program: Path, stamp: Path, made_of: str) -> bool:
-    """True for a program as it was built from these files, which nobody else can have put there."""
+def _stamped(program: Path, stamp: Path, source_hash: str) -> bool:
+    """Return whether the program is unchanged since it was built from these files, and no other user can write it."""
     try:
-        return stamp.read_text(encoding="utf-8") == f"{made_of} {_hash(program)}" and not exposed(program)
+        return stamp.read_text(encoding="utf-8") == f"{source_hash} {_hash(program)}" and not exposed(program)
     except (OSError, UnicodeDecodeError):
         return False
 
@@ -143,7 +143,7 @@ def _hash(program: Path) -> str:
 
 def _function(content: Mapping[str, Any], known: tuple[str, ...], targets: tuple[str, ...]) -> dict[str, Any] | None:
     for function in content["functions"]:
-        if "state" in function:  # of the caller, whom the laws do not have
+        if "state" in function:  # the caller keeps that state; laws cannot
             continue
         inputs = sorted(m["signal"] for m in function["inputs"])
         if inputs == sorted(known) and [m["signal"] for m in function["outputs"]] == list(targets):
@@ -152,20 +152,20 @@ def _function(content: Mapping[str, Any], known: tuple[str, ...], targets: tuple
 
 
 def _call(name: str, function: Mapping[str, Any], arguments: tuple[str, ...], real: str) -> str:
-    """A function of the loop, which computes in double, round a generated one in double or float."""
+    """Return the C text of a wrapper in double around a generated function in double or float."""
     symbol, count = function["symbol"], len(function["inputs"])
-    given, wanted = arguments[:count], arguments[count:]
-    taken = ", ".join([*(f"const double *{a}" for a in given), *(f"double *{a}" for a in wanted)])
-    lines = [f"static gt_status {name}({taken})\n{{\n"]
+    inputs, outputs = arguments[:count], arguments[count:]
+    parameters = ", ".join([*(f"const double *{a}" for a in inputs), *(f"double *{a}" for a in outputs)])
+    lines = [f"static gt_status {name}({parameters})\n{{\n"]
     lines += [f"    {symbol}_in in;\n    {symbol}_out out;\n    gt_status status;\n    int k;\n\n"]
     narrow, wide = ("(float)", "(double)") if real == "float" else ("", "")
-    for argument, member in zip(given, function["inputs"], strict=True):
-        lines.append(_copied(f"in.{member['member']}[k] = {narrow}{argument}[k];", member["shape"][0], ""))
+    for argument, member in zip(inputs, function["inputs"], strict=True):
+        lines.append(_loop(f"in.{member['member']}[k] = {narrow}{argument}[k];", member["shape"][0], ""))
     lines.append(f"    status = {symbol}(&in, &out);\n    if (status == GT_OK) {{\n")
-    for argument, result in zip(wanted, function["outputs"], strict=True):
-        lines.append(_copied(f"{argument}[k] = {wide}out.{result['member']}[k];", result["shape"][0], "    "))
+    for argument, result in zip(outputs, function["outputs"], strict=True):
+        lines.append(_loop(f"{argument}[k] = {wide}out.{result['member']}[k];", result["shape"][0], "    "))
     return "".join([*lines, "    }\n    return status;\n}\n\n"])
 
 
-def _copied(assignment: str, size: int, indent: str) -> str:
+def _loop(assignment: str, size: int, indent: str) -> str:
     return f"    {indent}for (k = 0; k < {size}; k++) {{\n        {indent}{assignment}\n    {indent}}}\n"

@@ -1,5 +1,5 @@
-"""ABB EGM in Python, both sides of it, from the field numbers of the protocol, on Protobuf's wire format; no vendor
-file is needed."""
+"""ABB EGM in Python, robot and sensor side: Protobuf wire format and the protocol's field numbers, without any vendor
+file."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _ONE_BYTE = [bytes([n]) for n in range(0x80)]
 
 
 class WireError(ValueError):
-    """Bytes that are no message of this protocol."""
+    """The bytes are not a message of this protocol."""
 
 
 def varint(value: int) -> bytes:
-    """Seven bits per byte, lowest first."""
+    """Encode an integer, seven bits per byte, lowest first."""
     if value < 0x80:
         return _ONE_BYTE[value]
     out = bytearray()
@@ -45,59 +45,60 @@ def message_field(number: int, content: bytes) -> bytes:
 
 
 def doubles_field(number: int, values: Iterable[float], *, packed: bool = False) -> bytes:
-    """EgmJoints as a field: a repeated double in its field 1; nothing for no values."""
-    given = list(values)
-    if not given:
+    """Encode EgmJoints as a field: a repeated double in field 1. Empty without values."""
+    numbers = list(values)
+    if not numbers:
         return b""
     if packed:
-        return message_field(number, message_field(1, struct.pack(f"<{len(given)}d", *given)))
-    return message_field(number, b"".join(double_field(1, x) for x in given))
+        return message_field(number, message_field(1, struct.pack(f"<{len(numbers)}d", *numbers)))
+    return message_field(number, b"".join(double_field(1, x) for x in numbers))
 
 
 def uint32(value: int) -> int:
-    """The low 32 bits, as protobuf takes them."""
+    """Return the low 32 bits, as protobuf does."""
     return value & _UINT32
 
 
 def fields(data: bytes) -> Iterator[tuple[int, int, int | float | bytes]]:
-    """(number, wire type, value) of each field: an int for a varint, a float for eight bytes, bytes for the others.
+    """Yield (number, wire type, value) of each field: an int for a varint, a float for eight bytes, otherwise bytes.
 
-    Raises WireError for a message that is cut or malformed; groups are refused.
+    Raises WireError if the message is truncated or malformed, or contains groups.
     """
-    at = 0
-    while at < len(data):
-        key, at = _varint(data, at)
+    offset = 0
+    while offset < len(data):
+        key, offset = _varint(data, offset)
         number, kind = key >> 3, key & 7
         if key > _UINT32 or number == 0:
-            raise WireError("a field has no number")
+            raise WireError("a field has no valid number")
         if kind == VARINT:
-            value, at = _varint(data, at)
+            value, offset = _varint(data, offset)
             yield number, kind, value
             continue
         if kind not in (FIXED64, FIXED32, BYTES):
-            raise WireError("a field is of an unknown wire type")
+            raise WireError("a field has an unknown wire type")
         size = {FIXED64: 8, FIXED32: 4}.get(kind)
         if size is None:
-            size, at = _varint(data, at)
-        if size > len(data) - at:
+            size, offset = _varint(data, offset)
+        if size > len(data) - offset:
             raise WireError("a field is longer than the message")
-        piece = data[at : at + size]
-        at += size
-        yield number, kind, struct.unpack("<d", piece)[0] if kind == FIXED64 else piece
+        content = data[offset : offset + size]
+        offset += size
+        yield number, kind, struct.unpack("<d", content)[0] if kind == FIXED64 else content
 
 
-def _varint(data: bytes, at: int) -> tuple[int, int]:
-    if at < len(data) and data[at] < 0x80:
-        return data[at], at + 1
+def _varint(data: bytes, offset: int) -> tuple[int, int]:
+    """Return the varint at `offset` and the offset behind it."""
+    if offset < len(data) and data[offset] < 0x80:
+        return data[offset], offset + 1
     value = 0
     for n in range(_VARINT_BYTES):
-        if at >= len(data):
+        if offset >= len(data):
             break
-        byte = data[at]
-        at += 1
+        byte = data[offset]
+        offset += 1
         value |= (byte & 0x7F) << 7 * n
         if not byte & 0x80:
-            return value & _UINT64, at
+            return value & _UINT64, offset
     raise WireError("a varint does not end")
 
 
@@ -109,7 +110,7 @@ MOTORS_OFF = 2
 
 @dataclass
 class EgmPose:
-    """Numbers of EgmFeedBack or EgmPlanned; lists are empty where the robot said nothing."""
+    """Numbers of EgmFeedBack or EgmPlanned; a list is empty if the robot did not send it."""
 
     joints_deg: list[float] = field(default_factory=list)
     external_mm: list[float] = field(default_factory=list)
@@ -123,7 +124,7 @@ class EgmPose:
 
 @dataclass
 class EgmRobot:
-    """EgmRobot."""
+    """The message EgmRobot."""
 
     sequence: int = 0
     time_ms: int = 0
@@ -138,7 +139,7 @@ class EgmRobot:
 
 @dataclass
 class EgmSensor:
-    """EgmSensor, or EgmSensorPathCorr where `path_mm` is given."""
+    """The message EgmSensor, or EgmSensorPathCorr if `path_mm` is not None."""
 
     sequence: int = 0
     time_ms: int = 0
@@ -152,21 +153,21 @@ class EgmSensor:
 
 
 def decode_robot(data: bytes) -> EgmRobot:
-    """EgmRobot from a datagram. Raises WireError for one that is cut, malformed, incomplete or not finite."""
+    """Decode EgmRobot. Raises WireError if the datagram is truncated, malformed, incomplete or not finite."""
     if len(data) > DATAGRAM_MAX:
         raise WireError("the datagram is too long")
     robot = EgmRobot()
-    counted: dict[int, dict[int, int]] = {1: {}, 4: {}, 5: {}, 8: {}}
+    varints: dict[int, dict[int, int]] = {1: {}, 4: {}, 5: {}, 8: {}}
     for number, kind, value in fields(data):
         if kind == VARINT and number == 6:
             robot.convergence_met = value != 0
         elif kind == BYTES and isinstance(value, bytes):
             if number in (2, 3):
                 _pose(value, robot.feedback if number == 2 else robot.planned)
-            elif number in counted:
-                counted[number] |= _varints(value)
-    robot.sequence, robot.time_ms, robot.type = _header(counted[1])
-    robot.motor_state, robot.mci_state, robot.rapid_state = (counted[n].get(1, 0) for n in (4, 5, 8))
+            elif number in varints:
+                varints[number] |= _varints(value)
+    robot.sequence, robot.time_ms, robot.type = _header(varints[1])
+    robot.motor_state, robot.mci_state, robot.rapid_state = (varints[n].get(1, 0) for n in (4, 5, 8))
     for pose in (robot.feedback, robot.planned):
         if not all(map(math.isfinite, _numbers_of(pose))):
             raise WireError("a number is not finite")
@@ -174,14 +175,14 @@ def decode_robot(data: bytes) -> EgmRobot:
 
 
 def encode_robot(robot: EgmRobot, *, packed: bool = False) -> bytes:
-    """EgmRobot as a robot sends it: doubles unpacked, as in proto2, unless `packed`."""
+    """Encode EgmRobot as a robot sends it: doubles unpacked, as in proto2, unless `packed`."""
     out = message_field(1, _header_bytes(robot.sequence, robot.time_ms, robot.type or TYPE_DATA))
     for number, pose in ((2, robot.feedback), (3, robot.planned)):
         parts = (
             (pose.has_position, pose.position_mm), (pose.has_quaternion, pose.quaternion),
             (pose.has_euler, pose.euler_deg),
         )  # fmt: skip
-        cartesian = b"".join(message_field(n, _numbered(x)) for n, (given, x) in enumerate(parts, 1) if given)
+        cartesian = b"".join(message_field(n, _numbered(x)) for n, (present, x) in enumerate(parts, 1) if present)
         content = doubles_field(1, pose.joints_deg, packed=packed)
         content += message_field(2, cartesian) if cartesian else b""
         content += doubles_field(3, pose.external_mm, packed=packed)
@@ -193,7 +194,7 @@ def encode_robot(robot: EgmRobot, *, packed: bool = False) -> bytes:
 
 
 def encode_sensor(sensor: EgmSensor) -> bytes:
-    """EgmSensor or EgmSensorPathCorr as the loop sends it, byte for byte like the C codec."""
+    """Encode EgmSensor or EgmSensorPathCorr, byte for byte like the C codec."""
     if sensor.path_mm is not None:
         head = message_field(1, _header_bytes(sensor.sequence, sensor.time_ms, TYPE_PATH_CORRECTION))
         content = message_field(1, _numbered(sensor.path_mm)) + varint_field(2, sensor.age_ms)
@@ -205,7 +206,7 @@ def encode_sensor(sensor: EgmSensor) -> bytes:
 
 
 def decode_sensor(data: bytes) -> EgmSensor:
-    """What a robot reads from the loop's answer. Raises WireError."""
+    """Decode the loop's answer as a robot reads it. Raises WireError."""
     parts = dict(_messages(data))
     sensor = EgmSensor(*_header(_varints(parts.get(1, b""))))
     if sensor.type == TYPE_PATH_CORRECTION:
@@ -228,19 +229,19 @@ def _header_bytes(sequence: int, time_ms: int, kind: int) -> bytes:
 
 
 def _header(fields: Mapping[int, int]) -> tuple[int, int, int]:
-    """Number, time and type."""
+    """Return sequence number, time and type."""
     if not {1, 2} <= fields.keys():
-        raise WireError("the header lacks number or time")
+        raise WireError("the header lacks the sequence number or the time")
     return fields[1], fields[2], fields.get(3, 0)
 
 
 def _messages(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Embedded messages by number."""
+    """Yield the embedded messages with their field numbers."""
     return ((number, value) for number, kind, value in fields(data) if kind == BYTES and isinstance(value, bytes))
 
 
 def _varints(data: bytes) -> dict[int, int]:
-    """The last varint of each number."""
+    """Return the last varint of each field number."""
     return {n: uint32(value) for n, kind, value in fields(data) if kind == VARINT and isinstance(value, int)}
 
 
@@ -255,28 +256,28 @@ def _pose(data: bytes, pose: EgmPose) -> None:
 
 
 def _cartesian(data: bytes, pose: EgmPose) -> None:
-    given = set()
+    present = set()
     parts = {1: pose.position_mm, 2: pose.quaternion, 3: pose.euler_deg}
     for number, value in _messages(data):
         if number in parts:
-            given.add(number)
+            present.add(number)
             _numbered_into(value, parts[number])
-    pose.has_position |= 1 in given
-    pose.has_quaternion |= 2 in given
-    pose.has_euler |= 3 in given
+    pose.has_position |= 1 in present
+    pose.has_quaternion |= 2 in present
+    pose.has_euler |= 3 in present
 
 
-def _joints(data: bytes, kept: list[float]) -> None:
-    """Doubles of field 1, each with its key or packed; the first six are kept."""
+def _joints(data: bytes, values: list[float]) -> None:
+    """Append the doubles of field 1, packed or not, to `values`, up to six."""
     for number, kind, value in fields(data):
         joints: list[float] = []
         if number == 1 and kind == FIXED64 and isinstance(value, float):
             joints = [value]
         elif number == 1 and kind == BYTES and isinstance(value, bytes):
             if len(value) % 8:
-                raise WireError("packed doubles are cut")
+                raise WireError("packed doubles are truncated")
             joints = list(struct.unpack(f"<{len(value) // 8}d", value))
-        kept += joints[: max(0, JOINTS - len(kept))]
+        values += joints[: max(0, JOINTS - len(values))]
 
 
 def _numbered(values: list[float]) -> bytes:

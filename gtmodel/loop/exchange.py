@@ -1,4 +1,4 @@
-"""Between the protocols and the laws: a datagram as feedback, a command as the answer to it. gt_peer in Python."""
+"""Translate between protocols and laws: datagrams to feedback, commands to answers (gt_peer in Python)."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ Protocol = Literal["egm", "rsi"]
 
 @dataclass
 class RobotFeedback:
-    """What a robot reports in a datagram; the thesis calls it the submit state.
+    """The state that a robot reports in a datagram; the thesis calls it the submit state.
 
-    position_m, planned_m: carts [m] as measured and as planned, the latter where `has_planned`. joints_deg: joints
-    [deg]. time_ms: the robot's clock [ms]. sequence: number of the datagram. running: whether it follows commands.
-    wrenches: of the force sensors at handle and tool, where a law reads them and both are there.
+    position_m, planned_m: measured and planned cart positions [m]; planned_m is valid if `has_planned`. joints_deg:
+    joints [deg]. time_ms: the robot's clock [ms]. sequence: number of the datagram. running: whether the robot follows
+    commands. wrenches: of the force sensors at handle and tool, if a law reads them and the robot sent both.
     """
 
     sequence: int
@@ -38,11 +38,10 @@ class RobotFeedback:
 
 @dataclass
 class Command:
-    """What the loop answers; the thesis calls it the obtain state.
+    """The loop's command to the robot; the thesis calls it the obtain state.
 
-    position_m, speed_m_s: carts [m] with their speeds [m/s]. path_m: an offset of the tool centre point's path [m],
-    which counts in their place where `along_path`. braking: the law brings the motion to its end, and says why by its
-    status.
+    position_m, speed_m_s: cart positions [m] and speeds [m/s]. path_m: offset of the tool centre point's path [m], used
+    instead if `along_path`. braking: the law is bringing the motion to a stop; its status says why.
     """
 
     position_m: list[float] = field(default_factory=lambda: [0.0] * AXES)
@@ -58,8 +57,8 @@ class Command:
 class Exchange:
     """Reads and answers datagrams of one protocol, "egm" or "rsi", for `axes` carts.
 
-    cycle_ms: of the robot. reads_wrenches: set by the loop for a law that needs them. `read` gives a `RobotFeedback`,
-    or None for what cannot be read.
+    cycle_ms: cycle of the robot. reads_wrenches: set by the loop if its law needs wrenches. `read` returns a
+    `RobotFeedback`, or None if the datagram cannot be read.
 
     >>> gt.loop.Exchange("egm", axes=3).read(b"no datagram") is None
     True
@@ -71,7 +70,7 @@ class Exchange:
         self.reads_wrenches = False
 
     def read(self, data: bytes) -> RobotFeedback | None:
-        """Feedback, or None for a datagram that is not of this protocol, lacks a cart, or is no robot's data (EGM)."""
+        """Return the feedback, or None if the datagram is of another protocol or type (EGM) or lacks a cart."""
         try:
             feedback = self._read_egm(data) if self.protocol == "egm" else self._read_rsi(data)
         except (WireError, rsi.TelegramError):
@@ -81,11 +80,11 @@ class Exchange:
         return feedback
 
     def begin(self, first: RobotFeedback) -> None:
-        """Corrections count from this feedback on."""
+        """Take this feedback as the zero of corrections."""
         self.start_m = list(first.planned_m if first.has_planned else first.position_m)
 
     def write(self, feedback: RobotFeedback, command: Command) -> bytes:
-        """The answer; empty if it cannot be written."""
+        """Return the answer; empty if it cannot be written."""
         if self.protocol == "egm":
             return self._write_egm(feedback, command)
         try:
@@ -126,8 +125,8 @@ class Exchange:
         )
 
     def _metres(self, values_mm: list[float]) -> list[float]:
-        kept = [x / MM for x in values_mm[: self.axes]]
-        return kept + [0.0] * (AXES - len(kept))
+        carts = [x / MM for x in values_mm[: self.axes]]
+        return carts + [0.0] * (AXES - len(carts))
 
     def _write_egm(self, feedback: RobotFeedback, command: Command) -> bytes:
         sensor = egm.EgmSensor(feedback.sequence & 0xFFFFFFFF, feedback.time_ms & 0xFFFFFFFF)

@@ -1,5 +1,5 @@
-"""The control laws in Python, step for step as in C, and tables of numbers at a constant step: the same numbers in
-the same order."""
+"""The control laws in Python, with the same operations in the same order as in C, and tables sampled at a constant
+step."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _WORD = b"GTTABLE1"
 
 @dataclass(frozen=True)
 class ReferenceTable:
-    """A sampled reference: rows (n, columns) at multiples of `step_ms` [ms], linear in between.
+    """A sampled reference: rows (n, columns) at multiples of `step_ms` [ms], with linear interpolation.
 
     >>> table = gt.loop.ReferenceTable(np.array([[0.0], [0.1]]), step_ms=4)
     >>> table.at(2)
@@ -29,13 +29,13 @@ class ReferenceTable:
     step_ms: int = 4
 
     def to_bytes(self) -> bytes:
-        """The file that the C loop reads."""
+        """Return the content of the file that the C loop reads."""
         n, columns = self.rows.shape
         head = _WORD + struct.pack("<3Q", n, columns, self.step_ms)
         return head + np.ascontiguousarray(self.rows, dtype="<f8").tobytes()
 
     def at(self, time_ms: int) -> tuple[Status, list[float]]:
-        """The row at a time, linear between two rows, the last one behind the end. gt_traj_at in Python."""
+        """Interpolate the row at a time; after the end, return the last row. gt_traj_at in Python."""
         if not len(self.rows):
             return Status.OUT_OF_RANGE, []
         n, rest = divmod(time_ms, self.step_ms)
@@ -58,13 +58,13 @@ InverseDynamics = Callable[[list[float], list[float], list[float]], tuple[Status
 
 
 def reference_columns(axes: int) -> int:
-    """Columns of a reference: q, der(q), der(q,2) of the carts, then T, der(T), der(T,2)."""
+    """Return the number of columns of a reference: q, der(q), der(q,2) of the carts, then T, der(T), der(T,2)."""
     return 3 * axes + 9
 
 
 class LoopLaw(Protocol):
-    """A law: each method returns GT_OK or why it cannot go on; `step` writes the command only with GT_OK, or one that
-    is braking. reads_wrenches: datagrams have to carry those of two force sensors."""
+    """A control law. Each method returns GT_OK or the reason why it cannot go on. `step` writes the command only if it
+    returns GT_OK or the command is braking. reads_wrenches: the law needs the wrenches of two force sensors."""
 
     reads_wrenches: ClassVar[bool]
 
@@ -77,8 +77,8 @@ class LoopLaw(Protocol):
 class TrajectoryLaw:
     """Law that moves the carts along an optimised motion.
 
-    reference: q, der(q), der(q,2) of the carts, then T, der(T), der(T,2) in the columns. With `feedforward` the drives
-    b q^-d / (1 - a q^-1) of Dressler 2012, eq. (6.11), are inverted: a and b for each cart, `delay_ms` their delay d.
+    reference: columns q, der(q), der(q,2) of the carts, then T, der(T), der(T,2). With `feedforward` the law inverts
+    the drives b q^-d / (1 - a q^-1) of Dressler 2012, eq. (6.11): a and b for each cart, delay d as `delay_ms`.
     """
 
     reads_wrenches: ClassVar[bool] = False
@@ -112,18 +112,18 @@ class TrajectoryLaw:
         for n in range(self.axes):
             command.position_m[n] = row[n]
             if self.feedforward:
-                wanted, previous = row[n] - self.start_m[n], before[n] - self.start_m[n]
-                command.position_m[n] = self.start_m[n] + (wanted - self.a[n] * previous) / self.b[n]
+                target, previous = row[n] - self.start_m[n], before[n] - self.start_m[n]
+                command.position_m[n] = self.start_m[n] + (target - self.a[n] * previous) / self.b[n]
             command.speed_m_s[n] = row[self.axes + n]
         return Status.OK
 
 
 @dataclass
 class DynamicsLaw:
-    """Law that feeds the inverse dynamics forward to carts under a servo F = kp (u - q) + kd (du - dq).
+    """Law with inverse-dynamics feedforward for carts under a servo F = kp (u - q) + kd (du - dq).
 
-    reference: as of `TrajectoryLaw`. kp_N_m, kd_N_s_m: the servo's gains for each cart; `sends_speed`: du goes to the
-    servo as well; `lead_ms`: how far ahead the reference is read [ms]. The same in C is gt_law_dynamics.h.
+    reference: as in `TrajectoryLaw`. kp_N_m, kd_N_s_m: the servo's gains for each cart; `sends_speed`: the servo also
+    receives du; `lead_ms`: how far ahead the reference is read [ms]. The C version is gt_law_dynamics.h.
     """
 
     reads_wrenches: ClassVar[bool] = False
@@ -163,7 +163,7 @@ class DynamicsLaw:
 
 @dataclass
 class ReplayLaw:
-    """Law that adds a stored table of corrections, a column for each cart [m], to a reference as of `TrajectoryLaw`."""
+    """Law that adds a stored table of corrections, a column per cart [m], to a reference as in `TrajectoryLaw`."""
 
     reads_wrenches: ClassVar[bool] = False
     reference: ReferenceTable
@@ -171,9 +171,9 @@ class ReplayLaw:
     axes: int
 
     def init(self, first: RobotFeedback) -> Status:
-        wrong = self.corrections.rows.shape[1] != self.axes
-        wrong = wrong or self.reference.rows.shape[1] != reference_columns(self.axes)
-        return Status.OUT_OF_RANGE if wrong else Status.OK
+        misfit = self.corrections.rows.shape[1] != self.axes
+        misfit = misfit or self.reference.rows.shape[1] != reference_columns(self.axes)
+        return Status.OUT_OF_RANGE if misfit else Status.OK
 
     def step(self, feedback: RobotFeedback, elapsed_ms: int, command: Command) -> Status:
         status, row = self.reference.at(elapsed_ms)
@@ -191,10 +191,10 @@ class ReplayLaw:
 
 @dataclass
 class PathLaw:
-    """Law for a robot that runs its own programme: the loop shifts the tool centre point by an integral of its error.
+    """Law for a robot that runs its own programme: the loop shifts the path by the integrated tool error.
 
-    forward: forward kinematics, carts -> tool centre point [m]. gain_per_s: of the integral [1/s]. limit_m: the
-    correction stays within it in each direction [m].
+    forward: forward kinematics, carts -> tool centre point [m]. gain_per_s: integral gain [1/s]. limit_m: bound on each
+    component of the correction [m].
     """
 
     reads_wrenches: ClassVar[bool] = False
@@ -207,13 +207,13 @@ class PathLaw:
 
     def init(self, first: RobotFeedback) -> Status:
         self.last_ms, self.correction_m = 0, [0.0] * 3
-        good = self.forward is not None and first.has_planned and self.limit_m >= 0
-        return Status.OK if good else Status.OUT_OF_RANGE
+        usable = self.forward is not None and first.has_planned and self.limit_m >= 0
+        return Status.OK if usable else Status.OUT_OF_RANGE
 
     def step(self, feedback: RobotFeedback, elapsed_ms: int, command: Command) -> Status:
         assert self.forward is not None
         seconds = (elapsed_ms - self.last_ms) / 1000.0
-        status, wanted = self.forward(feedback.planned_m[: self.axes])
+        status, planned = self.forward(feedback.planned_m[: self.axes])
         position: list[float] = []
         if status is Status.OK:
             status, position = self.forward(feedback.position_m[: self.axes])
@@ -222,7 +222,7 @@ class PathLaw:
         command.along_path = True
         self.last_ms = elapsed_ms
         for k in range(3):
-            step = (self.gain_per_s * seconds) * (wanted[k] - position[k])
+            step = (self.gain_per_s * seconds) * (planned[k] - position[k])
             self.correction_m[k] = float(np.clip(self.correction_m[k] + step, -self.limit_m, self.limit_m))
             command.path_m[k] = self.correction_m[k]
         return Status.OK

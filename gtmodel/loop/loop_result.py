@@ -1,4 +1,4 @@
-"""What a study of the loop returns, and what its runs say as rows of a table."""
+"""Result of a loop study, and the table rows of its runs."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from ..results import Quantity, Row, Study
 from ..results.study import to_inherit
 from .one_run import HOLD_CYCLES
 
-# edges of the histogram that is printed, among the loop's powers of two; loop.json holds all
+# bin edges of the printed histograms; loop.json holds all bins of the loop, in powers of two
 REPLIES_US, PERIODS_US, COMPUTING_US = (64, 512, 4096), (2048, 4096, 8192), (4, 16, 64)
 
 
 def rows_of(runs: Sequence[Mapping[str, Any]], in_lockstep: bool) -> list[Row]:
-    """By run: its errors, late cycles, and in real time how long everything took. runs: as in `LoopStudy.runs`."""
+    """Return per run the errors, the late cycles and, in real time, the timing. runs: as in `LoopStudy.runs`."""
     rows: list[Row] = []
     for one in runs:
         label = one["label"]
@@ -41,7 +41,7 @@ def _worst_ms(report: Mapping[str, Any]) -> str:
 
 
 def _histogram(below_us: dict[str, int], edges_us: Sequence[int]) -> str:
-    """The loop's fine classes added up: how many lie below each edge and not below the one before, and the rest."""
+    """Merge the loop's fine bins: counts between successive edges, and the rest."""
     cells, before = [], 0
     for edge in edges_us:
         up_to = sum(count for us, count in below_us.items() if int(us) <= edge)
@@ -53,33 +53,32 @@ def _histogram(below_us: dict[str, int], edges_us: Sequence[int]) -> str:
 @to_inherit
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class LoopStudy(Study):
-    """Two runs of the loop, its law off and on; without quantities where they were not both made.
+    """Two runs of the loop, without and with its law; has no quantities unless both runs took place.
 
-    in_lockstep: whether they went cycle by cycle, as fast as it goes. notes: what the loop printed
-    for a person.
+    in_lockstep: the runs went cycle by cycle, as fast as the machine allows. notes: text that the loop printed.
     """
 
     in_lockstep: bool = False
     peer: Annotated[str, Quantity("", "protocol of the simulated controller")] = ""
-    law: Annotated[str, Quantity("", "of the second run")] = ""
-    plant: Annotated[str, Quantity("", "what moves the robot")] = ""
+    law: Annotated[str, Quantity("", "control law of the second run")] = ""
+    plant: Annotated[str, Quantity("", "simulated plant")] = ""
     plant_stopped: Annotated[
-        float | None, Quantity("s", "until when the plant of the last run had an answer; null: all the time")
+        float | None, Quantity("s", "time at which the plant of the last run failed; null: it did not fail")
     ] = None
-    elastic: Annotated[float | None, Quantity("Hz", "of an arm on springs; null for a rigid one")] = None
-    cycles: Annotated[int, Quantity("", "of each run")] = 0
-    real_time: Annotated[bool, Quantity("", "whether the system granted both runs its real-time priority")] = False
-    hold_cycles: Annotated[int, Quantity("", "held when the robot is lost, before it brakes")] = HOLD_CYCLES
-    deceleration: Annotated[float, Quantity("m/s2", "then, of the fastest cart")] = 0.0
-    greatest_speed: Annotated[float, Quantity("m/s", "of a cart, in the reference")] = 0.0
-    stopping_distance: Annotated[float, Quantity("m", "way to the stop of a lost robot from that speed")] = 0.0
+    elastic: Annotated[float | None, Quantity("Hz", "natural frequency of an arm on springs; null: rigid arm")] = None
+    cycles: Annotated[int, Quantity("", "number of cycles of each run")] = 0
+    real_time: Annotated[bool, Quantity("", "whether the system granted both runs real-time priority")] = False
+    hold_cycles: Annotated[int, Quantity("", "cycles held after the robot is lost, before braking")] = HOLD_CYCLES
+    deceleration: Annotated[float, Quantity("m/s2", "braking deceleration of the fastest cart")] = 0.0
+    greatest_speed: Annotated[float, Quantity("m/s", "greatest cart speed in the reference")] = 0.0
+    stopping_distance: Annotated[float, Quantity("m", "distance to the stop of a lost robot from that speed")] = 0.0
     runs: Annotated[
-        Sequence[Mapping[str, Any]], Quantity("", "of each run: its errors in mm, and the report of the loop")
+        Sequence[Mapping[str, Any]], Quantity("", "per run: its errors in mm, and the report of the loop")
     ] = ()
 
     @property
     def values(self) -> Mapping[str, Any]:
-        """The quantities, where both runs were made."""
+        """The quantities; empty unless both runs took place."""
         return super().values if self.runs else {}
 
     @property
@@ -90,8 +89,8 @@ class LoopStudy(Study):
         stopped = self.plant_stopped
         return [
             *rows_of(self.runs, self.in_lockstep),
-            *([] if stopped is None else [Row("the plant had an answer until", stopped, "s")]),
+            *([] if stopped is None else [Row("the plant failed at", stopped, "s")]),
             Row("greatest speed of a cart", self.greatest_speed, "m/s"),
-            Row(f"a lost robot: held for {self.hold_cycles} cycles, then braked at", self.deceleration, "m/s2"),
-            Row("a lost robot: way to the stop from that speed", self.stopping_distance, "m"),
+            Row(f"robot lost: held for {self.hold_cycles} cycles, then braked at", self.deceleration, "m/s2"),
+            Row("robot lost: stopping distance from that speed", self.stopping_distance, "m"),
         ]

@@ -1,5 +1,5 @@
-"""The study of the loop: the C loop of a generated folder against a simulated controller, along a motion there and
-back more slowly, and the configuration of an RSI controller."""
+"""The study of the loop: run the C loop of a generated folder against a simulated controller, along a motion there and
+more slowly back; and write the configuration of an RSI controller."""
 
 from __future__ import annotations
 
@@ -25,21 +25,33 @@ from .laws import ReferenceTable
 from .lead_through.options import Guiding
 from .lead_through.study import GuidedBench, guided
 from .loop_result import LoopStudy
-from .one_run import ELASTIC_HZ, FOLLOWING_M, LAWS, LONGEST_S, SLOWER, Bench, OneRun, Reference, Stop, begun, run_of
+from .one_run import (
+    ELASTIC_HZ,
+    FOLLOWING_M,
+    LAWS,
+    LONGEST_S,
+    SLOWER,
+    Bench,
+    OneRun,
+    Reference,
+    Stop,
+    plant_at_start,
+    run_of,
+)
 from .plant import PlantSource, Servo
 from .process import FULL, STATES, LoopError, trajectory_of
 
 _ADDRESS = re.compile(r"\d{1,3}(\.\d{1,3}){3}")
-# what the controller's own tags are called
+# tags of the controller
 _SENT = ("DEF_RIst", "DEF_RSol", "DEF_AIPos", "DEF_ASPos", "DEF_EIPos", "DEF_ESPos", "DEF_Delay")
 
 
 def rsi_configuration(address: str, port: int) -> str:
-    """XML for the KUKA controller: corrections of joints, external axes and pose are taken, all with HOLDON="1".
+    """Return the XML for the KUKA controller: it takes corrections of joints, external axes and pose, with HOLDON="1".
 
-    address, port: of the computer on which the loop runs. With HOLDON="0" one late answer would send the robot back to
-    its start pose at once; with 1 it keeps the last one. Raises ValueError for what is no IPv4 address and port. It was
-    tested against no controller.
+    address, port: of the computer that runs the loop. With HOLDON="0" one late answer would send the robot back to its
+    start pose at once; with "1" the robot keeps the last correction. Raises ValueError unless the arguments are an IPv4
+    address and a port. This file was not tested on a controller.
 
     >>> text = gt.loop.rsi_configuration("192.168.1.10", 49152)
     >>> "<IP_NUMBER>192.168.1.10</IP_NUMBER>" in text
@@ -52,39 +64,39 @@ def rsi_configuration(address: str, port: int) -> str:
     lines.append("    <ELEMENTS>")
     lines += [f'      <ELEMENT TAG="{tag}" TYPE="DOUBLE" INDX="INTERNAL"/>' for tag in _SENT]
     lines += ["    </ELEMENTS>", "  </SEND>", "  <RECEIVE>", "    <ELEMENTS>"]
-    taken = [f"RKorr.{c}" for c in "XYZABC"]
-    taken += [f"AK.A{n}" for n in range(1, AXES + 1)] + [f"EK.E{n}" for n in range(1, AXES + 1)]
-    lines += [f'      <ELEMENT TAG="{tag}" TYPE="DOUBLE" INDX="{n}" HOLDON="1"/>' for n, tag in enumerate(taken, 1)]
+    tags = [f"RKorr.{c}" for c in "XYZABC"]
+    tags += [f"AK.A{n}" for n in range(1, AXES + 1)] + [f"EK.E{n}" for n in range(1, AXES + 1)]
+    lines += [f'      <ELEMENT TAG="{tag}" TYPE="DOUBLE" INDX="{n}" HOLDON="1"/>' for n, tag in enumerate(tags, 1)]
     lines += ["    </ELEMENTS>", "  </RECEIVE>", "</ROOT>"]
     return "\n".join(lines) + "\n"
 
 
-REST_CYCLES = 75  # before, between and after the motions: 0.3 s, in which a slow drive comes to rest
-# friction turns its sign on the way back, where the optimum's forces would be exceeded: forces fall with the square
+REST_CYCLES = 75  # before, between and after the motions: 0.3 s, enough for a slow drive to come to rest
+# friction changes sign on the way back and would push forces over their limits; forces fall with the square of time
 BACK = 1.5
-_WRITES_ONE = "gtmodel solve --out writes one"
+_WRITES_ONE = "gtmodel solve --out writes such a motion"
 
 
 def there_and_back(robot: Model, motion: Trajectory, cycles: int, slower: float = 1.0) -> ReferenceTable:
-    """Rows q, der(q), der(q,2), T, der(T), der(T,2) every 4 ms for `cycles` cycles and a little more.
+    """Return rows q, der(q), der(q,2), T, der(T), der(T,2) every 4 ms for at least `cycles` cycles.
 
-    motion: T, der(T) and der(T,2) every 4 ms, from rest to rest; it is made `slower` times as long.
-    Raises ArgumentError about `reference` where it is none or not reached.
+    motion: T, der(T) and der(T,2) every 4 ms, from rest to rest; stretched to `slower` times its duration. Raises
+    ArgumentError if `reference` is not such a motion, or if the robot cannot reach it.
     """
     for name in ("T", "der(T)", "der(T,2)"):
         if name not in motion.names or motion[name].shape[1:] != (3,):
             raise ArgumentError(f"lacks {name} with three components; {_WRITES_ONE}", "reference")
     step = 1e-3 * CYCLE_MS
     if len(motion) < 2 or not np.allclose(np.diff(motion.time), step, rtol=0, atol=1e-9):
-        raise ArgumentError(f"has to have a row every {step:g} s; {_WRITES_ONE}", "reference")
-    there = np.hstack([motion["T"], motion["der(T)"], motion["der(T,2)"]])
+        raise ArgumentError(f"must have a row every {step:g} s; {_WRITES_ONE}", "reference")
+    outward = np.hstack([motion["T"], motion["der(T)"], motion["der(T,2)"]])
     if slower != 1.0:
-        there = _back(motion, slower)[::-1] * np.repeat([1.0, -1.0, 1.0], 3)
-    there[-1, 3:] = 0.0
+        outward = _back(motion, slower)[::-1] * np.repeat([1.0, -1.0, 1.0], 3)
+    outward[-1, 3:] = 0.0
     back = _back(motion, BACK * slower)
-    begin, end = _resting(there[0]), _resting(there[-1])
+    begin, end = _resting(outward[0]), _resting(outward[-1])
     rest = (REST_CYCLES, 1)
-    period = np.vstack([np.tile(begin, rest), there, np.tile(end, rest), back])
+    period = np.vstack([np.tile(begin, rest), outward, np.tile(end, rest), back])
     rows = np.vstack([np.tile(period, (-(-cycles // len(period)), 1)), np.tile(begin, rest)])
     q, dq, ddq, status = compile_causal(robot, known="T", targets=["q", "der(q)", "der(q,2)"])(
         rows[:, :3], rows[:, 3:6], rows[:, 6:]
@@ -100,7 +112,7 @@ def _resting(row: np.ndarray) -> np.ndarray:
 
 
 def _back(motion: Trajectory, slower: float) -> np.ndarray:
-    """The motion backwards, `slower` times as long, to where it began."""
+    """Return the motion backwards, `slower` times as long, to its start."""
     curve = scipy.interpolate.CubicHermiteSpline(motion.time, motion["T"], motion["der(T)"])
     end = float(motion.time[-1])
     times = np.maximum(0.0, end - 1e-3 * CYCLE_MS / slower * np.arange(int(np.ceil(slower * len(motion))) + 1))
@@ -111,12 +123,12 @@ def _back(motion: Trajectory, slower: float) -> np.ndarray:
     return rows
 
 
-# with its law a run has to track this much better; path correction is slow beside the motion and has only to help
+# largest ratio of the tracking errors with and without the law; path correction is slow and only has to help
 GAINS = {"trajectory": 0.5, "dynamics": 0.5, "replay": 0.5, "path": 1.0}
 AXES_HERE = 3
-# where a plant begins, beside its reference: what two kinematics differ by, and nothing that a motor would feel
+# tolerance between the start of a plant and of its reference: two kinematics may differ by rounding
 START_NEAR_M = 1e-6
-SYNTHETIC = "the plant is the {}: all that is measured is synthetic"
+SYNTHETIC = "the plant is the {}: all measurements are synthetic"
 
 
 @study_function
@@ -137,32 +149,32 @@ def study(
     built: str | Path | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> LoopStudy:
-    """Build the loop with a generated folder and run it on loopback against a simulated controller, its law off and on.
+    """Build the loop with a generated folder; run it on loopback against a simulated controller, without and with law.
 
     Args:
-        robot: what is simulated, three carts and a position T; the folder is made from its functions.
-        folder: of `cgen.study` or gtmodel codegen.
-        reference: T, der(T), der(T,2) every 4 ms from rest to rest, or a function that gives it, called once the
-            program is built. It is followed there, and back more slowly, again and again. Not used by lead_through.
+        robot: the simulated robot, with three carts and a position T; the folder was generated from its functions.
+        folder: written by `cgen.study` or gtmodel codegen.
+        reference: T, der(T), der(T,2) every 4 ms from rest to rest, or a function that returns it, called after the
+            program is built. The robot repeats it there and more slowly back. Not used by lead_through.
         peer: egm or rsi.
-        seconds: of each of the two runs; with `in_lockstep` they go as fast as the machine allows.
-        law: trajectory, dynamics, replay or path; it chooses the plant: drives of eq. (6.11), or for `dynamics` the
-            rigid-body robot. lead_through: no law off and on, but a hand that leads the tool over a synthetic plate,
-            and once more with a sensor that fails; the study is a `GuidedLoop`.
-        lead_through: what that law declares, with the scene.
-        plant: what is moved in place of the plant that the law chooses, such as a functional mock-up unit,
-            `gt.fmu.PlantUnit`. It has to begin where the reference does; the law dynamics must know the stiffness of
-            its servo. Where it has no answer on the way the study has failed; what was measured before is kept.
-        elastic: the arm hangs on the carts by springs of this frequency [Hz], which no law knows; None: it is rigid.
-        deceleration: of the fastest cart when the robot is lost [m/s2], behind the cycles that are held; the largest
-            that the reference asks of a cart if None, the law's limit for lead_through.
-        following: as far a cart may be from its last command [m]; beyond that the loop brakes. The law path commands no
-            carts.
-        built: folder of an earlier run, whose program is used again if it was built from the same files.
+        seconds: duration of each of the two runs; with `in_lockstep` they go as fast as the machine allows.
+        law: trajectory, dynamics, replay or path; the law chooses the plant: drives of eq. (6.11), or the rigid-body
+            robot for `dynamics`. lead_through: a hand leads the tool over a synthetic plate, and in the second run a
+            sensor fails; the study is a `GuidedLoop`.
+        lead_through: settings of that law, with the scene.
+        plant: replaces the plant that the law chooses, for example a functional mock-up unit, `gt.fmu.PlantUnit`. It
+            must start where the reference does; the law dynamics must know the stiffness of its servo. If the plant
+            fails on the way, the study has failed and keeps the measurements until then.
+        elastic: natural frequency [Hz] of springs between carts and arm, unknown to the laws; None: the arm is rigid.
+        deceleration: of the fastest cart when the robot is lost [m/s2], after the held cycles. If None, the largest
+            deceleration of a cart in the reference, or for lead_through the limit of the law.
+        following: largest distance of a cart from its last command [m]; beyond it the loop brakes. Not used with the
+            law path, which commands no carts.
+        built: folder of an earlier run; its program is reused if it was built from identical files.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Its `files` are the loop's sources, the program, logs and the reference. Raises ArgumentError, as GenerationError
-    for a folder that is not generated or does not compile.
+    The study's `files` are the loop's sources, the program, logs and the reference. Raises ArgumentError, and its
+    subclass GenerationError if the folder was not generated or does not compile.
 
     >>> import tempfile
     >>> import numpy as np
@@ -183,11 +195,11 @@ def study(
     with naming("robot", ValueError):
         forward = compile_causal(robot, known="q", targets="T")
     if [s.shape for s in (*forward.inputs, *forward.outputs)] != [(3,), (3,)]:
-        raise ArgumentError("the loop's simulated robots have three carts and a position T; this one has not", "robot")
+        raise ArgumentError("expected a robot with three carts and a position T", "robot")
     if law == "lead_through" and lead_through is None:
-        raise ArgumentError("the law lead_through needs its numbers: give the problem a table [lead_through]", "law")
+        raise ArgumentError("the law lead_through needs its settings: add a table [lead_through] to the problem", "law")
     if law != "lead_through" and reference is None:
-        raise ArgumentError(f"the law {law} needs a motion to follow; give one", "reference")
+        raise ArgumentError(f"the law {law} needs a motion to follow; add one", "reference")
     with scratch("gtmodel-loop-") as place:
         work.progress("building the loop")
         if built is not None:
@@ -197,7 +209,7 @@ def study(
         try:
             if lead_through is not None and law == "lead_through":
                 slowing = deceleration or lead_through.gains.acceleration_limit
-                led = GuidedBench(
+                guided_bench = GuidedBench(
                     peer,
                     lead_through,
                     robot,
@@ -211,7 +223,7 @@ def study(
                     following,
                     work,
                 )
-                outcome = guided(led, work.title)
+                outcome = guided(guided_bench, work.title)
             else:
                 assert reference is not None
                 motion = reference if isinstance(reference, Trajectory) else reference()
@@ -223,7 +235,7 @@ def study(
                     following_m=following,
                 )  # fmt: skip
                 if known is not None:
-                    _begins_there(known, bench)
+                    _check_start(known, bench)
                     bench = replace(bench, servo=known.servo or bench.servo)
                 outcome = _compared(bench, _title_of(known, law), work.title)
         except LoopError as error:
@@ -236,53 +248,53 @@ def study(
         return outcome.with_(files=files | {path.name: path.read_bytes() for path in sorted(place.iterdir())})
 
 
-class Begun(NamedTuple):
-    """What is to be known of a plant at its start."""
+class PlantStart(NamedTuple):
+    """Title, position and servo of a plant at its start."""
 
     title: str
     position_m: np.ndarray
     servo: Servo | None
 
 
-def _known(plant: PlantSource, law: str) -> Begun:
-    """Of a plant that is let go again: not every unit can be there twice. Raises ArgumentError."""
+def _known(plant: PlantSource, law: str) -> PlantStart:
+    """Start a plant, read these and release it, as not every unit can run twice at a time. Raises ArgumentError."""
     if law == "lead_through":
-        raise ArgumentError("the law lead_through has a plant in its scene; leave this one out", "plant")
-    first = begun(plant)
+        raise ArgumentError("the law lead_through has a plant in its scene; leave this out", "plant")
+    first = plant_at_start(plant)
     title = str(getattr(first, "title", type(first).__name__))
-    known = Begun(title, np.array(first.position_m), getattr(first, "servo", None))
+    known = PlantStart(title, np.array(first.position_m), getattr(first, "servo", None))
     if len(known.position_m) != AXES_HERE:
         raise ArgumentError(f"expected {AXES_HERE} carts; found {len(known.position_m)}", "plant.position")
     if law == "dynamics" and known.servo is None:
         raise ArgumentError(
-            "the law dynamics must know the stiffness and damping of the servo inside of the plant; say them",
+            "the law dynamics needs the stiffness and damping of the servo inside the plant; add them",
             "plant.stiffness",
         )
     return known
 
 
-def _begins_there(known: Begun, bench: Bench) -> None:
-    """Raises ArgumentError for a plant that is elsewhere when the reference begins: the first command would jump."""
-    wanted = bench.carts_m[0]
-    off = np.abs(known.position_m - wanted)
-    if np.max(off) > START_NEAR_M:
-        here, there = (", ".join(f"{x:.6g}" for x in q) for q in (known.position_m, wanted))
+def _check_start(known: PlantStart, bench: Bench) -> None:
+    """Raise ArgumentError if the plant does not start where the reference does: the first command would jump."""
+    reference = bench.carts_m[0]
+    distance = np.abs(known.position_m - reference)
+    if np.max(distance) > START_NEAR_M:
+        start, target = (", ".join(f"{x:.6g}" for x in q) for q in (known.position_m, reference))
         raise ArgumentError(
-            f"its carts begin at {here} m, the reference at {there} m, {1e3 * np.max(off):.3g} mm apart: the first "
-            f"command would be a jump; give start values that put it there, or a reference that begins where it is",
+            f"its carts start at {start} m, the reference at {target} m, {1e3 * np.max(distance):.3g} mm apart: the "
+            f"first command would be a jump; change the start values of the plant or the start of the reference",
             "plant.start",
         )
 
 
-def _title_of(known: Begun | None, law: str) -> str:
-    """What moves the robot."""
+def _title_of(known: PlantStart | None, law: str) -> str:
+    """Return the name of the plant."""
     if known is None:
         return "rigid body under a servo" if law == "dynamics" else "drives of eq. (6.11)"
     return known.title
 
 
 def _compared(bench: Bench, plant: str, title: str) -> LoopStudy:
-    """Both runs, and what they say; their logs are in the folder of the work. Raises LoopError."""
+    """Make and compare both runs; their logs are in the working folder. Raises LoopError."""
     runs: list[OneRun] = []
     for n, label in enumerate(LAWS[bench.law]):
         bench.work.progress(f"{bench.peer}: {label}", n / 2)
@@ -306,10 +318,10 @@ def _compared(bench: Bench, plant: str, title: str) -> LoopStudy:
         checks[f"{name}_log_complete"] = at_least(float(bool(one.report["log_complete"])), 1.0, FULL)
     real_time_granted = all(one.report["fifo"] and one.report["memory_locked"] for one in runs)
     timing = "in lock step" if bench.in_lockstep else "in real time" if real_time_granted else "not real-time"
-    stop, good = bench.stop, f"{bench.peer} on loopback, {timing}; tested against simulators only"
+    stop, message = bench.stop, f"{bench.peer} on loopback, {timing}; tested against simulators only"
     return LoopStudy(
         status=SolveStatus.FAILED if last.stopped else SolveStatus.SOLVED,
-        message=f"{last.label}: {last.stopped}" if last.stopped else good,
+        message=f"{last.label}: {last.stopped}" if last.stopped else message,
         title=title,
         checks=checks,
         in_lockstep=bench.in_lockstep,
@@ -343,7 +355,7 @@ def _figure(bench: Bench, runs: list[OneRun], plant: str) -> Any:
     from ..plot.signals import tracking_figure
 
     time_s = 1e-3 * CYCLE_MS * np.arange(bench.cycles)
-    wanted = Trajectory(time_s, {"T": bench.tcp_m, "q": bench.carts_m}, {"T": "m", "q": "m"})
+    reference = Trajectory(time_s, {"T": bench.tcp_m, "q": bench.carts_m}, {"T": "m", "q": "m"})
     measured = {
         one.label: Trajectory(time_s[: len(one.tcp_m)], {"T": one.tcp_m, "q": one.carts_m}, {"T": "m", "q": "m"})
         for one in runs
@@ -351,4 +363,4 @@ def _figure(bench: Bench, runs: list[OneRun], plant: str) -> Any:
     title = f"{bench.peer.upper()} on loopback, {bench.law}: simulated controller"
     if bench.plant is not None:
         title += f"\n{plant} (synthetic)" + (f", stopped at {runs[-1].stopped_s:.3g} s" if runs[-1].stopped else "")
-    return tracking_figure(wanted, measured, title)
+    return tracking_figure(reference, measured, title)

@@ -1,5 +1,4 @@
-"""One run of the C loop against a simulated controller: what it needs from a generated folder, its command line, its
-plant, what it logs."""
+"""One run of the C loop against a simulated controller: its bench, plant, command line and log."""
 
 from __future__ import annotations
 
@@ -26,7 +25,7 @@ from .run import LoopRun, lockstep, real_time
 
 Peer = Literal["egm", "rsi"]
 Reference = Trajectory | Callable[[], Trajectory]
-# what the first and the second run of a law are
+# labels of the first and the second run of a law
 LAWS = {
     "trajectory": ("the reference alone", "with feedforward"),
     "dynamics": ("the reference alone", "with inverse-dynamics feedforward"),
@@ -34,33 +33,33 @@ LAWS = {
     "path": ("the programme alone", "with path correction"),
 }
 LONGEST_S = 3600.0
-# of an arm on springs; no values of the prototype are published
+# frequency range and damping of an arm on springs; no values of the prototype are published
 ELASTIC_HZ, ELASTIC_DAMPING = (0.5, 1000.0), 0.05
-# path correction integrates, which is slow beside a time-optimal motion
+# path correction integrates, which is slow compared with a time-optimal motion
 SLOWER = {"path": 10.0}
-# as long as the C program holds by itself
+# default of the C program
 HOLD_CYCLES = 5
-# of a cart from its last command: a slow drive under its inverse is further behind than the robot itself would allow
+# distance of a cart from its last command: a slow drive under its inverse lags further than a real robot would allow
 FOLLOWING_M = 0.25
 
 
 @dataclass(frozen=True)
 class Stop:
-    """What a cart does when the robot is lost at the reference's greatest speed: it holds, then brakes."""
+    """Stop of a cart when the robot is lost at the reference's greatest speed: hold the speed, then brake."""
 
     speed_m_s: float
     deceleration_m_s2: float
 
     @classmethod
     def of(cls, reference: np.ndarray, deceleration: float | None) -> Self:
-        """From rows of a reference: its greatest speed, and its greatest deceleration where none is given."""
+        """Take the greatest speed from the rows of a reference, and its greatest deceleration if None."""
         speeds, accelerations = np.abs(reference[:, 3:6]), np.abs(reference[:, 6:9])
-        # where the carts rest any deceleration will do
+        # if the carts rest, any deceleration will do
         return cls(float(np.max(speeds)), deceleration or float(np.max(accelerations)) or 1.0)
 
     @property
     def distance_m(self) -> float:
-        """Held cycles at full speed, then a ramp in whole cycles."""
+        """Distance of the held cycles at full speed and a ramp in whole cycles."""
         step = 1e-3 * CYCLE_MS
         ramp = math.ceil(self.speed_m_s / (self.deceleration_m_s2 * step))
         return self.speed_m_s * step * (HOLD_CYCLES + max(0, ramp - 1) / 2)
@@ -68,11 +67,11 @@ class Stop:
 
 @dataclass(frozen=True)
 class Bench:
-    """What both runs share; the reference has a row per cycle, see `there_and_back`.
+    """Data that both runs share; the reference has a row per cycle, see `there_and_back`.
 
-    program: the loop, built in `place`, the folder of the work, this user's alone.
-    elastic_Hz: of an arm on springs; None for a rigid one. plant: gives that of a run; None for the one of the law.
-    servo: what the law dynamics knows of it. following_m: as far a cart may be from its last command [m].
+    program: the loop, built in `place`, the working folder that only this user can write. elastic_Hz: frequency of an
+    arm on springs; None: rigid. plant: source of the plant of a run; None: the law chooses. servo: the servo as the law
+    dynamics knows it. following_m: largest distance of a cart from its last command [m].
     """
 
     peer: Peer
@@ -102,14 +101,14 @@ class Bench:
         return self.reference.rows[: self.cycles, 9:12]
 
 
-# Python and other work share the machine with the simulated controller: where that was silent for longer than the loop
-# may hold, the run says nothing about the loop and is made again
+# the simulated controller shares the machine with other work: if it was silent for longer than the loop may hold, the
+# run tells nothing about the loop and is repeated
 ATTEMPTS = 5
 STEP_LIMIT_M = 0.1
-REACH_LIMIT_M = 1.0  # beyond the reference: the inverse of a slow drive asks for far more than it gets
+REACH_LIMIT_M = 1.0  # beyond the reference: the inverse of a slow drive commands far more than the cart moves
 LEARNING, LEARNING_RUNS = 0.9, 30  # gain of Dressler 2012, section 7.3; simulated repetitions
-PATH_GAIN_PER_S, PATH_LIMIT_M = 2.0, 0.03  # slow beside drives of 1.1 Hz with five samples of delay
-# the end of a real-time run finds the loop waiting for the next datagram
+PATH_GAIN_PER_S, PATH_LIMIT_M = 2.0, 0.03  # slow compared with drives of 1.1 Hz with five samples of delay
+# at the end of a real-time run the loop waits for the next datagram
 GOING = (STATES.index("running"), STATES.index("holding"))
 
 
@@ -117,7 +116,7 @@ R = TypeVar("R")
 
 
 class Running(Protocol):
-    """What a run that may be made again knows of its bench."""
+    """The part of a bench that a repeatable run needs."""
 
     @property
     def peer(self) -> str: ...
@@ -133,9 +132,9 @@ class Running(Protocol):
 
 @dataclass(frozen=True)
 class OneRun:
-    """One run: its log, the loop's report, what it printed; carts and tool centre point measured (cycles, 3) [m].
+    """One run: log, report and printed text of the loop; measured carts and tool centre point (cycles, 3) [m].
 
-    stopped, stopped_s: why and when [s] the plant had no answer on the way; what was before is kept.
+    stopped, stopped_s: why and when [s] the plant failed on the way; the arrays end there.
     """
 
     label: str
@@ -149,31 +148,32 @@ class OneRun:
 
     @property
     def going(self) -> bool:
-        """Whether it was running at the end."""
+        """Whether the loop was running at the end."""
         return self.report["state"] in GOING
 
 
 def run_of(bench: Bench, label: str, *, active: bool) -> OneRun:
-    """One run; made again where the simulated controller was silent for longer than the loop may hold. Raises
-    LoopError."""
+    """Make one run; see `again`."""
     return again(bench, label, partial(_once, bench, label, active=active))
 
 
 def again(bench: Running, label: str, once: Callable[[], tuple[R, bool, float]]) -> R:
-    """The run that `once` makes, with whether it ended as it should and its longest gap [s]; made again where the
-    simulated controller was silent for longer than the loop may hold. Raises LoopError."""
+    """Return the run of `once`; repeat it if the simulated controller was silent for longer than the loop may hold.
+
+    once: returns the run, whether it ended as expected, and its longest gap [s]. Raises LoopError.
+    """
     for attempt in range(ATTEMPTS):
-        one, good, gap_s = once()
-        held = good or gap_s < 1e-3 * CYCLE_MS * HOLD_CYCLES
-        if held or bench.in_lockstep or bench.work.interrupted() or attempt == ATTEMPTS - 1:
+        one, expected, gap_s = once()
+        valid = expected or gap_s < 1e-3 * CYCLE_MS * HOLD_CYCLES
+        if valid or bench.in_lockstep or bench.work.interrupted() or attempt == ATTEMPTS - 1:
             return one
-        bench.work.progress(f"{bench.peer}: {label}: the simulated controller was {1e3 * gap_s:.0f} ms late, again")
+        bench.work.progress(f"{bench.peer}: {label}: simulated controller {1e3 * gap_s:.0f} ms late, repeating the run")
     raise LoopError(label)
 
 
 def driven(bench: Running, robot: RobotSide, options: Sequence[str]) -> tuple[LoopRun, dict[str, Any], str]:
-    """The run of the program with a simulated controller, the loop's report, and what it printed."""
-    # in real time a late cycle is one more, and the loop ends when it is asked to
+    """Run the program with a simulated controller; return the run, the loop's report and its printed text."""
+    # in real time late cycles add to the count, so the loop ends on request instead
     limited = ["--cycles", str(bench.cycles)] if bench.in_lockstep else []
 
     def stopped(share: float) -> bool:
@@ -196,7 +196,7 @@ def _once(bench: Bench, label: str, *, active: bool) -> tuple[OneRun, bool, floa
         programme = _programme(bench)
     robot = RobotSide(bench.peer, plant, cycle_ms=CYCLE_MS, programme=programme)
     log = bench.place / ("loop_on.log" if active else "loop_off.log")
-    log.unlink(missing_ok=True)  # of an attempt that is made again
+    log.unlink(missing_ok=True)  # of an earlier attempt
     options = [*_options(bench, active), "--deceleration", repr(bench.stop.deceleration_m_s2), "--log", str(log)]
     done, report, printed = driven(bench, robot, options)
     carts, tcp, why, when = _until(done, *bench.forward(done.arm_m))
@@ -205,7 +205,9 @@ def _once(bench: Bench, label: str, *, active: bool) -> tuple[OneRun, bool, floa
 
 
 def _until(done: LoopRun, tcp: np.ndarray, status: np.ndarray) -> tuple[np.ndarray, np.ndarray, str, float | None]:
-    """Carts and tool centre point as long as there is one, and why and when that ended. Raises LoopError."""
+    """Return carts and tool centre point until the robot leaves its workspace or stops, and why and when.
+
+    Raises LoopError."""
     outside = np.flatnonzero(status != Status.OK)
     if not len(outside):
         return done.measured_m, tcp, done.stopped, done.stopped_s
@@ -216,15 +218,15 @@ def _until(done: LoopRun, tcp: np.ndarray, status: np.ndarray) -> tuple[np.ndarr
     return done.measured_m[:n], tcp[:n], why, when
 
 
-def begun(plant: PlantSource) -> Plant:
-    """A plant at its start, for the cycle of the loop. Raises ArgumentError about `plant`."""
+def plant_at_start(plant: PlantSource) -> Plant:
+    """Return a plant at its start, with the cycle of the loop. Raises ArgumentError about `plant`."""
     with naming("plant."):
         return plant(CYCLE_MS / 1000.0)
 
 
 def _plant(bench: Bench) -> Plant:
     if bench.plant is not None:
-        return begun(bench.plant)
+        return plant_at_start(bench.plant)
     start = bench.carts_m[0]
     if bench.law == "dynamics":
         forward = compile_causal(bench.robot, known="tau", targets="der(T,2)", prefer="T")
@@ -235,7 +237,7 @@ def _plant(bench: Bench) -> Plant:
 
 
 def _options(bench: Bench, active: bool) -> list[str]:
-    """The loop's command line."""
+    """Return the loop's command-line options."""
     drives, servo = actuator_closed_loop(), bench.servo
     lowest = bench.carts_m.min(axis=0) - REACH_LIMIT_M
     highest = bench.carts_m.max(axis=0) + REACH_LIMIT_M
@@ -259,7 +261,7 @@ def _options(bench: Bench, active: bool) -> list[str]:
         "--b": _text(drives["b"]),
         "--kp": _text([servo.kp_N_m] * 3),
         "--kd": _text([servo.kd_N_s_m] * 3),
-        # a position without a speed is held for a cycle: half a cycle ahead it is right in the middle
+        # a position sent without a speed is held for a cycle: half a cycle of lead centres it
         "--lead-ms": "0" if bench.peer == "egm" else str(CYCLE_MS // 2),
         "--gain": repr(PATH_GAIN_PER_S if active else 0.0),
     }
@@ -276,26 +278,26 @@ def _text(values: Sequence[float] | np.ndarray) -> str:
 
 
 def _learned(bench: Bench) -> ReferenceTable:
-    """Corrections that repeated simulated runs of the drives leave: u + 0.9 e(k + 5) (Dressler 2012, section 7.3)."""
-    wanted, delay = bench.carts_m, actuator_closed_loop()["delay"]
-    # what the law sends beside a position; RSI has no speeds
+    """Learn corrections from repeated simulated runs of the drives: u + 0.9 e(k + 5) (Dressler 2012, section 7.3)."""
+    reference, delay = bench.carts_m, actuator_closed_loop()["delay"]
+    # speeds that the law sends; RSI has none
     speeds = bench.reference.rows[: bench.cycles, 3:6] * float(bench.peer == "egm")
-    correction = np.zeros_like(wanted)
+    correction = np.zeros_like(reference)
     for _ in range(LEARNING_RUNS):
-        plant, measured = _plant(bench), np.zeros_like(wanted)
-        for k, command in enumerate(wanted + correction):
+        plant, measured = _plant(bench), np.zeros_like(reference)
+        for k, command in enumerate(reference + correction):
             measured[k] = plant.position_m
             try:
                 plant.step(command.tolist(), speeds[k].tolist())
             except PlantStopped as error:
-                raise LoopError(f"while repeated runs were learned from: {error}") from error
-        error = wanted - measured
+                raise LoopError(f"while learning from repeated runs: {error}") from error
+        error = reference - measured
         correction += LEARNING * np.vstack([error[delay:], np.repeat(error[-1:], delay, axis=0)])
     return ReferenceTable(correction, CYCLE_MS)
 
 
 def _programme(bench: Bench) -> Callable[[int, Sequence[float]], Sequence[float]]:
-    """The robot's own motion: the reference, its tool centre point moved by the path correction."""
+    """Return the robot's own motion: the reference, with its tool centre point shifted by the path correction."""
     inverse = compile_causal(bench.robot, known="T", targets="q")
 
     def carts(cycle: int, path_m: Sequence[float]) -> Sequence[float]:

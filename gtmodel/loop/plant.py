@@ -1,5 +1,5 @@
-"""What stands behind a simulated controller: the drives of eq. (6.11), or the rigid-body robot under a servo; either
-may carry its arm on springs."""
+"""Plants of a simulated controller: the drives of eq. (6.11), or the rigid-body robot under a servo; either may carry
+its arm on springs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..results.agreement import numbers_of
 
 
 class PlantStopped(RuntimeError):
-    """A plant that has no answer on the way: one sentence, and the time until which it was well [s]."""
+    """The plant failed on the way; holds one sentence and the time until which the plant worked [s]."""
 
     def __init__(self, sentence: str, time: float) -> None:
         super().__init__(sentence)
@@ -26,8 +26,9 @@ class PlantStopped(RuntimeError):
 
 
 class Plant(Protocol):
-    """Carts [m] as the motors measure them; `step` moves them on by one cycle under a commanded position [m] and speed
-    [m/s], one number for each. `arm_m` is where their other side stands, which the motors do not see."""
+    """A plant with carts. `position_m`: carts as the motors measure them [m]; `arm_m`: the arm's side of the carts,
+    which the motors do not measure [m]. `step` advances one cycle under commanded positions [m] and speeds [m/s], one
+    per cart."""
 
     @property
     def position_m(self) -> np.ndarray: ...
@@ -39,10 +40,10 @@ class Plant(Protocol):
 
 
 class PlantSource(Protocol):
-    """What gives a new plant at its start for every run, with a cycle [s], such as `gt.fmu.PlantUnit`.
+    """Factory that returns a new plant at its start for every run, from a cycle [s]; for example `gt.fmu.PlantUnit`.
 
-    The plant raises PlantStopped where it has no answer. It may say by attributes what it is, `title`, and the `servo`
-    that moves it, whose stiffness the law dynamics must know.
+    The plant raises PlantStopped if it fails. It may have attributes `title`, its name, and `servo`, whose stiffness
+    the law dynamics needs.
     """
 
     def __call__(self, cycle_s: float) -> Plant: ...
@@ -51,19 +52,19 @@ class PlantSource(Protocol):
 class DrivePlant:
     """Drives under closed-loop position control, b q^-d / (1 - a q^-1) about the start (Dressler 2012, eq. (6.11)).
 
-    One output per input: the commanded speed is not used.
+    The commanded speed is not used.
     """
 
     def __init__(self, start_m: Sequence[float], a: Sequence[float], b: Sequence[float], delay: int) -> None:
         self.start_m = np.array(start_m, dtype=float)
         self.position_m = self.start_m.copy()
         self.a, self.b = np.array(a, dtype=float), np.array(b, dtype=float)
-        # what is commanded in this cycle is measured `delay` cycles later, the step itself being one of them
+        # a command is measured `delay` cycles later; the step itself is one of them
         self._pipe: deque[np.ndarray] = deque([np.zeros_like(self.start_m)] * (delay - 1))
 
     @property
     def arm_m(self) -> np.ndarray:
-        """Where the carts are: these drives are rigid."""
+        """Position of the carts [m]: these drives are rigid."""
         return self.position_m
 
     def step(self, position_m: Sequence[float], speed_m_s: Sequence[float]) -> None:
@@ -76,7 +77,7 @@ class DrivePlant:
 class Servo:
     """Position servo of every cart: F = kp (u - q) + kd (du - dq) in every substep of a cycle.
 
-    u, du: commanded position and speed; q, dq: the cart's; gains in N/m and N s/m.
+    u, du: commanded position and speed; q, dq: position and speed of the cart; gains in N/m and N s/m.
     """
 
     kp_N_m: float = 40_000.0
@@ -85,15 +86,14 @@ class Servo:
 
 
 class RigidBodyPlant:
-    """The robot as rigid bodies, its motors under a servo; within a cycle the reference goes on at the commanded speed.
+    """The robot as rigid bodies with motors under a servo; within a cycle the command moves at the commanded speed.
 
     Args:
         forward_dynamics: CausalFunction of (T, der(T), tau) -> der(T,2), inputs in any order.
         velocity: CausalFunction of (T, der(T)) -> q, der(q).
-        tcp_m: where the tool centre point is at rest when it begins [m]; the robot sags until its servo makes the
-            holding force.
+        tcp_m: tool centre point at the start, at rest [m]; the robot sags until its servo makes the holding force.
         servo: gains and substeps.
-        cycle_s: [s].
+        cycle_s: cycle [s].
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class RigidBodyPlant:
 
     @property
     def arm_m(self) -> np.ndarray:
-        """Where the carts are: this robot is rigid."""
+        """Position of the carts [m]: this robot is rigid."""
         return self.position_m
 
     @property
@@ -128,51 +128,51 @@ class RigidBodyPlant:
 class ElasticPlant:
     """The arm's side of each cart on a spring and a damper, e'' + 2 zeta w e' + w^2 e = -m'' with w = 2 pi f.
 
-    m is the motor's side, `plant`, which does not feel the arm: its loop is stiff or its gear high. e is the
-    deflection, exact for an m that is linear in each cycle.
+    m is the motor's side, `plant`; the arm does not act back on it (stiff control or a high gear ratio). The deflection
+    e is exact if m is linear within each cycle.
 
     Args:
-        frequency_Hz: f of the arm's side with the motor held, above zero.
+        frequency_Hz: f, natural frequency of the arm's side with the motor fixed, above zero.
         damping: zeta, not negative.
     """
 
     def __init__(self, plant: Plant, frequency_Hz: float, damping: float = 0.05, cycle_s: float = 0.004) -> None:
         if not (0 < frequency_Hz < math.inf and 0 <= damping < math.inf):
-            raise ValueError(f"expected a frequency above zero and a damping; found {frequency_Hz} Hz, {damping}")
+            raise ValueError(f"expected frequency > 0 and damping >= 0; found {frequency_Hz} Hz, {damping}")
         w = 2 * np.pi * frequency_Hz
         self.plant, self.cycle_s = plant, cycle_s
-        self._passes = scipy.linalg.expm(cycle_s * np.array([[0.0, 1.0], [-(w**2), -2 * damping * w]]))
+        self._transition = scipy.linalg.expm(cycle_s * np.array([[0.0, 1.0], [-(w**2), -2 * damping * w]]))
         self._deflection = np.zeros((2, len(plant.position_m)))  # e and e'
         self._slope = np.zeros(len(plant.position_m))
 
     @property
     def position_m(self) -> np.ndarray:
-        """The motor's side, which the controller measures [m]."""
+        """Motor side, measured by the controller [m]."""
         return self.plant.position_m
 
     @property
     def arm_m(self) -> np.ndarray:
-        """The arm's side, which moves the tool [m]."""
+        """Arm side, which moves the tool [m]."""
         return self.plant.arm_m + self._deflection[0]
 
     def step(self, position_m: Sequence[float], speed_m_s: Sequence[float]) -> None:
         before = self.plant.arm_m.copy()
         self.plant.step(position_m, speed_m_s)
         slope = (self.plant.arm_m - before) / self.cycle_s
-        self._deflection[1] -= slope - self._slope  # m'' of a polygon is a step of its rate
-        self._deflection = self._passes @ self._deflection
+        self._deflection[1] -= slope - self._slope  # m'' of a piecewise linear m is a step of its rate
+        self._deflection = self._transition @ self._deflection
         self._slope = slope
 
 
 def _per_cart(values: Sequence[float], carts: int, argument: str) -> np.ndarray:
-    """Commands as an array. Raises ArgumentError unless they are numbers, one for each cart."""
+    """Return commands as an array. Raises ArgumentError unless there is one number for each cart."""
     return numbers_of([f"cart {k + 1}" for k in range(carts)], values, argument)
 
 
 def _cycle(
     forward: CausalFunction, velocity: CausalFunction, servo: Servo, cycle_s: float
 ) -> tuple[ca.Function, ca.Function]:
-    """(state, u, du) -> state after a cycle, by Runge and Kutta's fourth order; state -> carts."""
+    """Return (state, u, du) -> state after a cycle, with fourth-order Runge-Kutta, and state -> carts."""
     x, u, du, t = ca.SX.sym("x", 6), ca.SX.sym("u", 3), ca.SX.sym("du", 3), ca.SX.sym("t")
     q, dq = _call(velocity, {("T", 0): x[:3], ("T", 1): x[3:]})
     tau = servo.kp_N_m * (u + t * du - q) + servo.kd_N_s_m * (du - dq)
@@ -180,16 +180,16 @@ def _cycle(
     rate = ca.Function("rate", [x, u, du, t], [ca.vertcat(x[3:], acceleration)])
     h, state = cycle_s / servo.substeps, x
     for n in range(servo.substeps):
-        at = n * h
-        k1 = rate(state, u, du, at)
-        k2 = rate(state + h / 2 * k1, u, du, at + h / 2)
-        k3 = rate(state + h / 2 * k2, u, du, at + h / 2)
-        k4 = rate(state + h * k3, u, du, at + h)
+        time = n * h
+        k1 = rate(state, u, du, time)
+        k2 = rate(state + h / 2 * k1, u, du, time + h / 2)
+        k3 = rate(state + h / 2 * k2, u, du, time + h / 2)
+        k4 = rate(state + h * k3, u, du, time + h)
         state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     return ca.Function("cycle", [x, u, du], [state]), ca.Function("carts", [x], [q])
 
 
-def _call(function: CausalFunction, given: dict[tuple[str, int], ca.SX]) -> list[ca.SX]:
-    arguments = [given["T" if "T" in s.name else "tau", s.pairs[0][1]] for s in function.inputs]
+def _call(function: CausalFunction, signals: dict[tuple[str, int], ca.SX]) -> list[ca.SX]:
+    arguments = [signals["T" if "T" in s.name else "tau", s.pairs[0][1]] for s in function.inputs]
     results = function.casadi.call(arguments)
     return list(results[: len(function.outputs)])

@@ -1,4 +1,4 @@
-"""The C loop as a child process, a robot's end of its socket, and its log, a record each cycle."""
+"""The C loop as a child process, the robot's end of its socket, and the log with a record per cycle."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ COLUMNS = (
 
 
 def rows_of(log: bytes) -> np.ndarray:
-    """The records (n, columns) of a log. Raises ValueError for one that is cut."""
+    """Return the records (n, columns) of a log. Raises ValueError if the last record is incomplete."""
     size = 8 * len(COLUMNS)
     if len(log) % size:
         raise ValueError(f"the log has {len(log)} bytes; expected whole records of {size}")
@@ -50,27 +50,27 @@ def rows_of(log: bytes) -> np.ndarray:
 
 
 def trajectory_of(log: bytes, axes: int, cycle_s: float, title: str = "") -> Trajectory:
-    """A log over the loop's own cycles: carts measured and commanded, state and counters."""
+    """Return a log over the cycles of the loop: measured and commanded carts, state and counters."""
     rows = rows_of(log)
     column = {name: rows[:, n] for n, name in enumerate(COLUMNS)}
     units = {"measured": "m", "command": "m", "speed": "m/s"}
     values = {name: np.stack([column[f"{name}[{n}]"] for n in range(axes)], axis=1) for name in units}
-    counted = ("state", *COUNTERS, *WATCHES)
-    values |= {name: column[name] for name in counted}
-    return Trajectory(cycle_s * (column["cycle"] - 1), values, units | dict.fromkeys(counted, "1"), title=title)
+    integers = ("state", *COUNTERS, *WATCHES)
+    values |= {name: column[name] for name in integers}
+    return Trajectory(cycle_s * (column["cycle"] - 1), values, units | dict.fromkeys(integers, "1"), title=title)
 
 
 SECONDS = 10.0
-FULL = "the log could not be written whole: make room on the disk"
-LOG_INCOMPLETE = 1  # exit code of a run that is whole but for its log
+FULL = "the log is incomplete: make room on the disk"
+LOG_INCOMPLETE = 1  # exit code of a run with an incomplete log
 
 
 class LoopError(RuntimeError):
-    """The loop did not start, or did not answer; the message is one plain sentence."""
+    """The loop did not start or did not answer; the message is one sentence."""
 
 
 class LoopProcess:
-    """A running gt_loop. Use as a context manager: it is ended when the block is left, whatever happens."""
+    """A running gt_loop. Use it as a context manager, which ends the process in any case."""
 
     def __init__(self, program: Path, options: Sequence[str]) -> None:
         self._process = subprocess.Popen(
@@ -78,7 +78,7 @@ class LoopProcess:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            start_new_session=True,  # Ctrl-C is for this process, which asks the loop to end
+            start_new_session=True,  # Ctrl-C goes to this process, which ends the loop
         )
         self.port = self._port()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -96,7 +96,7 @@ class LoopProcess:
         self._process.communicate()
 
     def send(self, data: bytes) -> None:
-        """One datagram to the loop; lost if that has ended."""
+        """Send one datagram to the loop; it is lost if the loop has ended."""
         with suppress(ConnectionRefusedError):
             self._socket.send(data)
 
@@ -105,7 +105,7 @@ class LoopProcess:
         return self._process.poll() is not None
 
     def received(self) -> list[bytes]:
-        """Answers that are there, without waiting."""
+        """Return the answers that have arrived, without waiting."""
         datagrams: list[bytes] = []
         while select.select([self._socket], [], [], 0.0)[0]:
             try:
@@ -115,7 +115,7 @@ class LoopProcess:
         return datagrams
 
     def exchange(self, datagrams: list[bytes]) -> list[bytes]:
-        """One cycle in lock step: its datagrams and an empty one; the answers up to an empty one.
+        """Run one cycle in lock step: send the datagrams and an empty one; return the answers up to an empty one.
 
         Raises LoopError if the loop does not answer.
         """
@@ -128,21 +128,21 @@ class LoopProcess:
             while data := self._socket.recv(DATAGRAM_MAX):
                 answers.append(data)
         except OSError as error:
-            raise LoopError(f"the loop does not answer ({error}); see what it printed: {self._ending()}") from error
+            raise LoopError(f"the loop does not answer ({error}); it printed: {self._ending()}") from error
         return answers
 
     def end(self) -> None:
-        """Ask the loop to end, as a person does with Ctrl-C: it ramps to a stop; `finish` waits for it."""
+        """Ask the loop to ramp to a stop and end, like Ctrl-C; `finish` waits for it."""
         self._process.terminate()
 
     def finish(self) -> dict[str, Any]:
-        """Wait for the loop's end and return its report. Raises LoopError."""
+        """Wait until the loop ends and return its report. Raises LoopError."""
         try:
             out, self.printed = self._process.communicate(timeout=SECONDS)
         except subprocess.TimeoutExpired:
             raise LoopError(f"the loop did not end within {SECONDS:g} s") from None
         if self._process.returncode not in (0, LOG_INCOMPLETE) or not out.strip():
-            raise LoopError(f"the loop ended with {self._process.returncode}: {self.printed.strip()}")
+            raise LoopError(f"the loop ended with exit code {self._process.returncode}: {self.printed.strip()}")
         return json.loads(out)
 
     def _port(self) -> int:

@@ -1,4 +1,4 @@
-"""The loop in Python, cycle for cycle as gt_loop.c: which datagram is new, how far it lies behind, what the law
+"""The loop in Python, cycle for cycle like gt_loop.c: which datagram is new, how late it is, and what the law
 answers."""
 
 from __future__ import annotations
@@ -14,25 +14,25 @@ from .exchange import AXES, Command, Exchange, RobotFeedback
 from .laws import LoopLaw
 from .process import COLUMNS
 
-SKEW_MOST = 1_000_000  # ms: any more says no more
+SKEW_MOST = 1_000_000  # ms: larger differences are clipped
 
 
 class Arrival(Enum):
     """Whether the law may answer a datagram."""
 
     GOOD = auto()
-    MISS = auto()  # a clock that stands or went back, or a robot that falls behind by more than may be held
-    FALSE = auto()  # clocks that disagree by more than a cycle, or time that the loop never saw
+    MISS = auto()  # the clock stopped or went back, or the robot is further behind than the loop may hold
+    FALSE = auto()  # the clocks disagree by more than a cycle, or report time that has not passed for the loop
 
 
 @dataclass
 class LoopPace:
-    """The robot's numbers and its stamps, from the law's last command on.
+    """Numbers and time stamps of the robot, since the law's last command.
 
-    elapsed_ms: time of the law [ms]; cycles: by which it goes on now. faults: datagrams whose stamp stands, goes back,
-    or disagrees with the numbers by more than a cycle. skew_ms: stamps over numbers [ms], of which a millisecond is
-    forgotten with each datagram. held: cycles since the law's last command that went on without one.
-    lead: cycles that the law is ahead of `number`.
+    elapsed_ms: time of the law [ms]; cycles: by how many it advances now. faults: datagrams whose stamp does not
+    increase or disagrees with the numbers by more than a cycle. skew_ms: stamps minus numbers [ms], reduced by a
+    millisecond with each datagram. held: cycles without a command since the law's last one. lead: cycles by which the
+    law is ahead of `number`.
     """
 
     number: int = 0
@@ -46,13 +46,13 @@ class LoopPace:
     false_stamp: bool = False
 
     def begin(self, first: RobotFeedback) -> None:
-        """The law begins with this datagram."""
+        """Start the law with this datagram."""
         self.number, self.time_ms = first.sequence, first.time_ms
         self.elapsed_ms = self.cycles = self.lead = self.held = self.skew_ms = 0
         self.false_stamp = False
 
     def note(self, before: RobotFeedback, newer: RobotFeedback, cycle_ms: int) -> None:
-        """Look at the stamp of a newer datagram, beside the newest one before it."""
+        """Compare the stamp of a newer datagram with the one before."""
         clock = _difference(newer.time_ms, before.time_ms)
         skew = self.skew_ms + clock - _difference(newer.sequence * cycle_ms, before.sequence * cycle_ms)
         disagrees = abs(skew) > cycle_ms
@@ -61,12 +61,12 @@ class LoopPace:
         self.faults += disagrees or clock <= 0
 
     def verdict(self, now: RobotFeedback, cycle_ms: int, hold_cycles: int, *, answered: bool) -> Arrival:
-        """Whether the law may answer this datagram; then `cycles` says how far it goes on.
+        """Return whether the law may answer this datagram; if so, `cycles` is how far the law advances.
 
-        hold_cycles: as many may go on without a command. answered: a cycle without a datagram got an answer (EGM).
+        hold_cycles: largest number of cycles without a command. answered: cycles without a datagram are answered (EGM).
         """
-        numbers, own = now.sequence - self.number, self.held + 1
-        self.cycles = own if numbers else 0  # 0: the law's first cycle
+        numbers, waited = now.sequence - self.number, self.held + 1
+        self.cycles = waited if numbers else 0  # 0: the law's first cycle
         if numbers == 0:
             return Arrival.GOOD
         if now.time_ms <= self.time_ms:
@@ -75,20 +75,20 @@ class LoopPace:
             return Arrival.FALSE
         if numbers > self.lead + self.held:
             lesser = min(numbers, (now.time_ms - self.time_ms) // cycle_ms)
-            self.cycles = max(lesser, self.lead + own) - self.lead
-            return Arrival.FALSE if self.cycles > own + hold_cycles else Arrival.GOOD
-        if not answered:  # what was not sent is not ahead
+            self.cycles = max(lesser, self.lead + waited) - self.lead
+            return Arrival.FALSE if self.cycles > waited + hold_cycles else Arrival.GOOD
+        if not answered:  # held commands were not sent, so the law is not ahead
             self.cycles = numbers
             return Arrival.GOOD
-        return Arrival.MISS if self.lead + own > numbers + hold_cycles else Arrival.GOOD
+        return Arrival.MISS if self.lead + waited > numbers + hold_cycles else Arrival.GOOD
 
     @property
     def moved(self) -> int:
-        """Cycles that the law's command moves the carts on from where they are, 1 at least."""
+        """Cycles over which the law's command moves the carts from their present position, at least 1."""
         return max(1, self.cycles - self.held)
 
     def take(self, now: RobotFeedback, cycle_ms: int) -> None:
-        """The law's command for this datagram counts."""
+        """Accept the law's command for this datagram."""
         self.elapsed_ms += self.cycles * cycle_ms
         self.lead = max(0, self.lead + self.cycles - (now.sequence - self.number))
         self.number, self.time_ms = now.sequence, now.time_ms
@@ -96,7 +96,7 @@ class LoopPace:
 
 
 def _difference(a: int, b: int) -> int:
-    """a - b of two counters, as far as it says anything."""
+    """Return a - b of two counters, clipped to SKEW_MOST."""
     return max(-SKEW_MOST, min(a - b, SKEW_MOST))
 
 
@@ -106,15 +106,15 @@ _UINT32 = (1 << 32) - 1
 
 
 def near(last: int, low: int) -> int:
-    """The number nearest to `last` whose low 32 bits are `low`; it may lie below zero."""
+    """Return the number nearest to `last` whose low 32 bits are `low`; it may be negative."""
     ahead = (low - last) & _UINT32
     return last + ahead if ahead <= _UINT32 // 2 else last + ahead - (_UINT32 + 1)
 
 
 @dataclass
 class Sequence:
-    """Counters: lost (not come, between the first and the newest), repeated, reordered (came after a newer one),
-    stale (older than the first or by more than 63 numbers)."""
+    """Counters of datagrams: lost (missing between the first and the newest), repeated, reordered (arrived after a
+    newer one), stale (older than the first, or more than 63 numbers behind the newest)."""
 
     first: int | None = None
     newest: int = 0
@@ -125,7 +125,7 @@ class Sequence:
     stale: int = 0
 
     def take_32(self, low: int) -> int | None:
-        """`take` for a counter of 32 bits: the number that it goes on with if that is newer than all before."""
+        """`take` for a 32-bit counter: return the unwrapped number, or None unless it is newer than all before."""
         number = low if self.first is None else near(self.newest, low)
         if number < 0:
             self.stale += 1
@@ -133,7 +133,7 @@ class Sequence:
         return number if self.take(number) else None
 
     def take(self, number: int) -> bool:
-        """Count a datagram of this number; True if it is newer than all before."""
+        """Count a datagram with this number; return whether it is newer than all before."""
         if self.first is None:
             self.first = self.newest = number
             self.seen = 1
@@ -162,9 +162,9 @@ RAMP_MOST = 100_000  # cycles
 
 @dataclass
 class LoopLimits:
-    """What a command must keep: carts [m], their change from cycle to cycle [m], a path correction [m].
+    """Limits of a command: cart positions [m], their change per cycle [m], path correction [m].
 
-    following_m: as far a cart may be from the last command that was answered [m].
+    following_m: largest distance of a cart from the last command sent [m].
     """
 
     lowest_m: list[float] = field(default_factory=lambda: [-10.0] * AXES)
@@ -176,12 +176,12 @@ class LoopLimits:
 
 @dataclass
 class Settings:
-    """How the loop runs, and how it stops.
+    """How the loop runs and stops.
 
-    dry: commands are logged, not sent. Without a command the last speed is held for hold_cycles; then it is ramped to
-    zero, the fastest cart at deceleration_m_s2 [m/s2] or, where that is 0, over ramp_cycles, and the loop stays
-    stopped. A command outside the limits, a robot that runs no more, a clock that disagrees with the numbers, and carts
-    that do not follow start the ramp at once.
+    dry: commands are logged, not sent. Without a command the loop holds the last speed for hold_cycles, then ramps it
+    to zero and stays stopped. The fastest cart brakes at deceleration_m_s2 [m/s2] or, if that is 0, over ramp_cycles.
+    The ramp starts at once if a command exceeds the limits, the robot stops running, the clock disagrees with the
+    numbers, or the carts do not follow.
     """
 
     dry: bool = True
@@ -192,7 +192,7 @@ class Settings:
 
 
 class PythonLoop:
-    """gt_loop in Python. `exchange` takes the datagrams of a cycle and returns the answers, one or none."""
+    """gt_loop in Python. `exchange` takes the datagrams of a cycle and returns at most one answer."""
 
     def __init__(self, settings: Settings, peer: Exchange, law: LoopLaw) -> None:
         self.settings, self.peer, self.law = settings, peer, law
@@ -207,18 +207,19 @@ class PythonLoop:
         self.ramp_from = [0.0] * AXES
         self.coasting_m, self.coasted_m = [0.0] * AXES, 0.0
         self.command = Command()
-        self.sent_m, self.going_m_s = [0.0] * AXES, [0.0] * AXES  # of the last answer; without a law
+        self.sent_m = [0.0] * AXES  # position in the last answer
+        self.going_m_s = [0.0] * AXES  # speed to hold without a command
         self.log = bytearray()
 
     def exchange(self, datagrams: list[bytes]) -> list[bytes]:
-        """One cycle: its datagrams in, its answers out."""
+        """Run one cycle: take its datagrams, return its answers."""
         for data in datagrams:
             self.datagram(data)
         answer = self.cycle()
         return [answer] if answer else []
 
     def datagram(self, data: bytes) -> None:
-        """Take one datagram of this cycle; any bytes are allowed."""
+        """Take one datagram of this cycle; arbitrary bytes are allowed."""
         self.datagrams += 1
         feedback = self.peer.read(data) if len(data) <= DATAGRAM_MAX else None
         if feedback is None:
@@ -229,14 +230,14 @@ class PythonLoop:
             self.feedback = self.fresh = feedback
 
     def stop(self) -> None:
-        """No more commands of the law: the cycles that follow ramp to a stop."""
+        """End the law; the following cycles ramp to a stop."""
         if self.state == WAITING:
             self.state = STOPPED
         if self.state in (RUNNING, HOLDING):
             self._begin_ramp()
 
     def _is_newer(self, feedback: RobotFeedback) -> bool:
-        """True if it is newer than all before; number and time of EGM, of 32 bits, go on where they run over."""
+        """Return whether the datagram is newer than all before; unwrap EGM's 32-bit number and time."""
         if self.peer.protocol != "egm":
             return self.sequence.take(feedback.sequence)
         if self.feedback is not None:
@@ -246,7 +247,7 @@ class PythonLoop:
         return number is not None
 
     def cycle(self) -> bytes:
-        """End the cycle: the answer to the newest datagram, empty for none, and a record in the log."""
+        """End the cycle: log a record and return the answer to the newest datagram, empty if there is none."""
         fresh = self.fresh
         self.cycles += 1
         if self.state == STOPPED:
@@ -255,7 +256,7 @@ class PythonLoop:
             self._wait(fresh)
         if self.state in (RUNNING, HOLDING, BRAKING):
             if self.state != BRAKING:
-                self.status = Status.STALE_INPUT  # else it says already why the motion ends
+                self.status = Status.STALE_INPUT  # BRAKING keeps the reason of the stop
             if fresh is None or not self._law(fresh):
                 self._miss()
         if self.state == RAMPING:
@@ -280,7 +281,7 @@ class PythonLoop:
             self.state = RUNNING if self.status is Status.OK else STOPPED
 
     def _asks(self, feedback: RobotFeedback) -> Status:
-        """OK if the law may be asked; else why not, and whether the ramp begins at once."""
+        """Return OK if the law may run, otherwise the reason; a full count of misses starts the ramp at once."""
         hold = self.settings.hold_cycles
         answered = self.peer.protocol == "egm"
         pace = self.pace.verdict(feedback, self.peer.cycle_ms, hold, answered=answered)
@@ -294,7 +295,7 @@ class PythonLoop:
         return Status.STALE_INPUT if pace is Arrival.MISS else Status.OK
 
     def _law(self, feedback: RobotFeedback) -> bool:
-        """True if the law gave a command that counts."""
+        """Run the law; return whether its command is accepted."""
         self.status = self._asks(feedback)
         if self.status is not Status.OK:
             return False
@@ -302,16 +303,16 @@ class PythonLoop:
         command.braking = False
         elapsed_ms = self.pace.elapsed_ms + self.pace.cycles * self.peer.cycle_ms
         self.status = self.law.step(feedback, elapsed_ms, command)
-        given = self.status is Status.OK or command.braking
-        if given and not self._allowed(command):
+        commanded = self.status is Status.OK or command.braking
+        if commanded and not self._allowed(command):
             self.status, self.misses = Status.OUT_OF_RANGE, self.settings.hold_cycles
             return False
-        if given:
+        if commanded:
             self._take(command, feedback)
-        return given
+        return commanded
 
     def _take(self, command: Command, feedback: RobotFeedback) -> None:
-        """Running, or on the way to the stop that the law makes; without its next command the ramp begins at once."""
+        """Accept the command. If the law is braking, a missing command starts the ramp at once."""
         moves = any(abs(x) > 0.0 for x in command.speed_m_s[: self.peer.axes])
         self._follow(command)
         self.pace.take(feedback, self.peer.cycle_ms)
@@ -320,9 +321,9 @@ class PythonLoop:
             self.misses, self.state = self.settings.hold_cycles, BRAKING if moves else STOPPED
 
     def _follow(self, command: Command) -> None:
-        """The law's command counts; its speeds are the way there over the robot's time for it."""
+        """Adopt the law's command; replace its speeds by distance over the time that the robot has for it."""
         before, seconds = self.command.position_m, float(self.pace.moved) * self._cycle_s
-        # behind cycles without the law that way is a correction too, at which nothing may go on
+        # after cycles without the law the distance includes a correction: do not hold that speed
         plain = self.pace.held == 0 and self.pace.cycles <= 1
         self.command = command
         for n in range(self.peer.axes):
@@ -336,7 +337,7 @@ class PythonLoop:
         return self.peer.cycle_ms / 1000.0
 
     def _is_apart(self, feedback: RobotFeedback) -> bool:
-        """True if a cart is not where it was sent, unless the robot runs its own programme."""
+        """Return whether a cart is too far from its command; never with path corrections."""
         sent = zip(feedback.position_m[: self.peer.axes], self.sent_m, strict=False)
         return not self.command.along_path and not all(abs(x - u) <= self.settings.limits.following_m for x, u in sent)
 
@@ -353,18 +354,18 @@ class PythonLoop:
         )
 
     def _coast(self, speed: list[float], share: float) -> None:
-        """The carts go on, within the limits, and no further than a step from what was answered last.
+        """Move the carts on within the limits, at most one step from the last answer.
 
-        A robot may stand outside of the limits: from there it goes no further out, and never jumps to them.
+        A robot outside the limits moves no further out, and does not jump back to them.
         """
         limits, seconds = self.settings.limits, self._cycle_s
         for n in range(self.peer.axes):
             before, now = self.command.position_m[n], speed[n] * share
-            wanted = before + now * seconds
-            near = _clamped(wanted, self.sent_m[n] - limits.step_m, self.sent_m[n] + limits.step_m)
-            moved = _clamped(near, min(before, limits.lowest_m[n]), max(before, limits.highest_m[n]))
-            self.command.position_m[n] = moved
-            self.command.speed_m_s[n] = (moved - before) / seconds if moved != wanted else now
+            target = before + now * seconds
+            near = _clamped(target, self.sent_m[n] - limits.step_m, self.sent_m[n] + limits.step_m)
+            position = _clamped(near, min(before, limits.lowest_m[n]), max(before, limits.highest_m[n]))
+            self.command.position_m[n] = position
+            self.command.speed_m_s[n] = (position - before) / seconds if position != target else now
             self.coasting_m[n] += abs(self.command.speed_m_s[n] * seconds)
             self.coasted_m = max(self.coasted_m, self.coasting_m[n])
 
@@ -383,11 +384,11 @@ class PythonLoop:
         self.ramp_from = list(self.going_m_s)
 
     def _ramp_length(self) -> int:
-        """Cycles of a ramp to zero: the fastest cart at the declared deceleration, and never fewer than that takes."""
-        lost = self.settings.deceleration_m_s2 * self._cycle_s
-        if not lost > 0.0:
+        """Return the cycles of a ramp to zero, rounded up, with the fastest cart at the declared deceleration."""
+        change = self.settings.deceleration_m_s2 * self._cycle_s
+        if not change > 0.0:
             return self.settings.ramp_cycles
-        cycles = max(abs(x) for x in self.going_m_s[: self.peer.axes]) / lost
+        cycles = max(abs(x) for x in self.going_m_s[: self.peer.axes]) / change
         return math.ceil(cycles) if cycles < RAMP_MOST else RAMP_MOST
 
     def _ramp(self) -> None:
@@ -428,7 +429,7 @@ def _clamped(value: float, lowest: float, highest: float) -> float:
 
 
 def _hash(data: bytes) -> int:
-    """FNV-1a of 32 bits."""
+    """Return the 32-bit FNV-1a hash."""
     value = 2166136261
     for byte in data:
         value = (value ^ byte) * 16777619 & 0xFFFFFFFF

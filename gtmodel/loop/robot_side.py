@@ -1,4 +1,4 @@
-"""A simulated controller on the other end of the protocol: it sends its state each cycle and follows the answers."""
+"""A simulated robot controller: it sends its state each cycle and follows the answers."""
 
 from __future__ import annotations
 
@@ -15,23 +15,25 @@ from .wrenches import Wrench, to_egm, to_rsi
 
 UINT32 = (1 << 32) - 1
 FIRST_IPOC = 4_208_000
-# an arm beside the carts, which stands still; its joints are sent back as they came
+# joints of an arm that stands still next to the carts; the loop sends them back unchanged
 JOINTS_DEG = [0.0, 10.0, -20.0, 0.0, 30.0, 0.0]
 Sensing = Callable[[], tuple[Wrench, Wrench] | None]
 Programme = Callable[[int, Sequence[float]], Sequence[float]]
 
 
 class RobotSide:
-    """Speaks EGM or RSI for a plant. It is the clock: `cycle_ms` pass with each `step`.
+    """A controller that speaks EGM or RSI for a plant. It is the clock: each `step` takes `cycle_ms`.
 
     Args:
-        programme: carts [m] of the robot's own motion in a cycle under a path correction [m]; None: it stands.
-        waits: cycles before the robot says that it is running (EGM).
-        ends: cycle from which on it says that it is not, None for never (EGM).
-        first_number, first_ms: of the first datagram (EGM); both run over at 32 bits.
-        wrenches: what the force sensors at handle and tool say in a cycle, asked once; None, also there: none is sent.
+        programme: function of cycle and path correction [m] that returns the carts [m] of the robot's own motion;
+            None: the robot has no programme.
+        waits: cycles before the robot reports that it is running (EGM).
+        ends: cycle from which on it reports that it is not running; None: never (EGM).
+        first_number, first_ms: number and time of the first datagram (EGM); both wrap at 32 bits.
+        wrenches: function that returns the wrenches of the sensors at handle and tool, called once per cycle. If it is
+            None or returns None, no wrenches are sent.
 
-    Raises ArgumentError for a plant of another cycle.
+    Raises ArgumentError if the plant has another cycle.
     """
 
     def __init__(
@@ -47,9 +49,9 @@ class RobotSide:
         first_ms: int = 1000,
         wrenches: Sensing | None = None,
     ) -> None:
-        own_s = getattr(plant, "cycle_s", None)  # of plants that go on by their own clock
-        if own_s is not None and abs(1000.0 * own_s - cycle_ms) > 1e-9 * cycle_ms:
-            raise ArgumentError(f"goes on by {1000.0 * own_s:g} ms a cycle; the controller's is {cycle_ms} ms", "plant")
+        plant_s = getattr(plant, "cycle_s", None)  # only of plants with a fixed cycle
+        if plant_s is not None and abs(1000.0 * plant_s - cycle_ms) > 1e-9 * cycle_ms:
+            raise ArgumentError(f"its cycle is {1000.0 * plant_s:g} ms, that of the controller {cycle_ms} ms", "plant")
         self.protocol, self.plant, self.cycle_ms = protocol, plant, cycle_ms
         self.programme, self.waits, self.ends = programme, waits, ends
         self.first_number, self.first_ms = first_number, first_ms
@@ -57,7 +59,7 @@ class RobotSide:
         self.cycles = 0
         self.start_m = np.array(plant.position_m)
         self.planned_m = list(map(float, plant.position_m))
-        # what the robot reports as its reference: its own programme, without the correction
+        # reference that the robot reports: its own programme without the correction
         self.reported_m = self.planned_m
         self.speed_m_s = [0.0] * len(self.planned_m)
         self.path_m = [0.0, 0.0, 0.0]
@@ -65,7 +67,7 @@ class RobotSide:
 
     @property
     def number(self) -> int:
-        """Number of the datagram of this cycle, as the loop counts it."""
+        """Number of this cycle's datagram, as the loop counts it."""
         return self.first_number + self.cycles if self.protocol == "egm" else self._ipoc // self.cycle_ms
 
     @property
@@ -73,7 +75,7 @@ class RobotSide:
         return FIRST_IPOC + self.cycle_ms * self.cycles
 
     def datagram(self) -> bytes:
-        """What the robot sends in this cycle."""
+        """Return the datagram that the robot sends in this cycle."""
         measured = [x * MM for x in self.plant.position_m.tolist()]
         planned = [x * MM for x in self.reported_m]
         if self.protocol == "rsi":
@@ -102,22 +104,22 @@ class RobotSide:
         return (to_rsi if self.protocol == "rsi" else to_egm)(data, *both)
 
     def step(self, answers: Sequence[bytes]) -> None:
-        """Follow the last answer that can be read, or hold the last one; then one cycle passes."""
+        """Follow the last readable answer, or keep the previous one; then advance one cycle."""
         answered = [self._take(data) for data in answers]
         self.late += not any(answered)
         if self.programme is not None:
             before = self.planned_m
             self.planned_m = list(map(float, self.programme(self.cycles, self.path_m)))
             self.reported_m = list(map(float, self.programme(self.cycles, [0.0] * 3)))
-            moved = zip(self.planned_m, before, strict=True)
-            self.speed_m_s = [(now - then) * 1000.0 / self.cycle_ms for now, then in moved]
+            pairs = zip(self.planned_m, before, strict=True)
+            self.speed_m_s = [(now - then) * 1000.0 / self.cycle_ms for now, then in pairs]
         else:
             self.reported_m = self.planned_m
         self.plant.step(self.planned_m, self.speed_m_s)
         self.cycles += 1
 
     def _take(self, data: bytes) -> bool:
-        """True if the answer belongs to this cycle; older ones are followed too."""
+        """Follow an answer; return whether it belongs to this cycle."""
         n = len(self.planned_m)
         try:
             if self.protocol == "rsi":
@@ -135,5 +137,5 @@ class RobotSide:
             self.path_m = [x / MM for x in sensor.path_mm]
         elif len(sensor.external_mm) >= n and self.programme is None:
             self.planned_m = [x / MM for x in sensor.external_mm[:n]]
-            self.speed_m_s = [x / MM for x in (sensor.external_speeds_mm_s + [0.0] * n)[:n]]  # of no speed: it stands
+            self.speed_m_s = [x / MM for x in (sensor.external_speeds_mm_s + [0.0] * n)[:n]]  # a missing speed is zero
         return sensor.sequence == self.number & UINT32

@@ -1,5 +1,5 @@
-"""KUKA RSI in Python, both sides of it: decimal numbers as the C runtime reads and writes them, and a scanner that
-decides as the one in C does."""
+"""KUKA RSI in Python, robot and sensor side: decimal numbers as the C runtime reads and writes them, and a scanner that
+accepts the same telegrams as the C scanner."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ _NUMBER = re.compile(rb"[+-]?(?P<whole>[0-9]*)(?:\.(?P<part>[0-9]*))?(?:[eE](?P<
 _DIGITS = re.compile(rb"[0-9]{1,19}")
 
 
-@lru_cache(maxsize=4096)  # most numbers of a telegram stand still
+@lru_cache(maxsize=4096)  # most numbers of a telegram do not change
 def read_decimal(text: bytes) -> float | None:
-    """[+-]digits[.digits][e[+-]digits] as a number, None for anything else; see gt_decimal.h for what is cut."""
+    """Read [+-]digits[.digits][e[+-]digits]; None for anything else. gt_decimal.h says which digits are cut off."""
     match = _NUMBER.fullmatch(text)
     if match is None or not (match["whole"] or match["part"]):
         return None
@@ -39,12 +39,12 @@ def read_decimal(text: bytes) -> float | None:
 
 
 def read_digits(text: bytes) -> int | None:
-    """One to nineteen digits as a number, None for anything else."""
+    """Read one to nineteen digits as an integer; None for anything else."""
     return int(text) if _DIGITS.fullmatch(text) else None
 
 
 def write_decimal(value: float) -> bytes:
-    """Six digits after the point, rounded half up in magnitude. Raises ValueError unless |value| < 1e9."""
+    """Write six digits after the point, magnitude rounded half up. Raises ValueError unless |value| < 1e9."""
     if not abs(value) < WRITE_LIMIT:
         raise ValueError(f"{value} cannot be sent: expected a number below 1e9")
     scaled = math.floor(abs(value) * SCALE + 0.5)
@@ -54,7 +54,7 @@ def write_decimal(value: float) -> bytes:
 
 _SPACES = re.compile(rb"[ \t\r\n]*")
 _WORD = re.compile(rb"[A-Za-z0-9_]*")
-COMMENT = re.compile(rb"--(?:[^-]|-(?!-))*-->")  # behind "<!"; two hyphens end it
+COMMENT = re.compile(rb"--(?:[^-]|-(?!-))*-->")  # after "<!"; two hyphens end it
 _CARTESIAN = (b"X", b"Y", b"Z", b"A", b"B", b"C")
 _JOINTS = tuple(b"A%d" % n for n in range(1, 7))
 _EXTERNAL = tuple(b"E%d" % n for n in range(1, 7))
@@ -70,14 +70,14 @@ ELEMENTS = {
 
 
 class TelegramError(ValueError):
-    """Bytes that are no telegram of a controller."""
+    """The bytes are not a telegram of a controller."""
 
 
 @dataclass
 class RsiRobot:
-    """What a controller sends: six numbers by element name, late answers, time stamp [ms] and its digits.
+    """A controller's telegram: six numbers by element name, count of late answers, time stamp [ms] and its digits.
 
-    `given`: by element, bit n for the number n; a number that was not sent is zero.
+    `given`: by element, bit n is set if number n was sent; the other numbers are zero.
     """
 
     ipoc: int = 0
@@ -89,7 +89,7 @@ class RsiRobot:
 
 @dataclass
 class RsiSensor:
-    """The answer: corrections in mm and degrees, and the stamp that came."""
+    """The answer: corrections in mm and degrees, and the stamp of the telegram."""
 
     stamp: bytes = b""
     ak_deg: list[float] = field(default_factory=lambda: [0.0] * 6)
@@ -98,7 +98,7 @@ class RsiSensor:
 
 
 def encode_robot(robot: RsiRobot) -> bytes:
-    """A telegram as a controller sends it."""
+    """Return a telegram as a controller sends it."""
     out = b'<Rob TYPE="KUKA">'
     for name, values in robot.values.items():
         out += _element(name.encode(), ELEMENTS[name], values)
@@ -107,14 +107,14 @@ def encode_robot(robot: RsiRobot) -> bytes:
 
 
 def encode_sensor(sensor: RsiSensor) -> bytes:
-    """The answer, byte for byte like the C writer. Raises ValueError for a number that cannot be sent."""
+    """Return the answer, byte for byte like the C writer. Raises ValueError if a number cannot be sent."""
     out = b'<Sen Type="ImFree">' + _element(b"AK", _JOINTS, sensor.ak_deg) + _element(b"EK", _EXTERNAL, sensor.ek_mm)
     out += _element(b"RKorr", _CARTESIAN, sensor.rkorr)
     return out + b"<IPOC>" + sensor.stamp + b"</IPOC></Sen>"
 
 
 def decode_sensor(data: bytes) -> RsiSensor:
-    """What a controller reads from the answer, by the standard library's parser. Raises TelegramError."""
+    """Decode the answer as a controller does, with the standard library's parser. Raises TelegramError."""
     from xml.etree import ElementTree
 
     try:
@@ -131,7 +131,7 @@ def decode_sensor(data: bytes) -> RsiSensor:
 
 
 def decode_robot(data: bytes) -> RsiRobot:
-    """A controller's telegram, as gt_rsi.c reads it. Raises TelegramError."""
+    """Decode a controller's telegram as gt_rsi.c does. Raises TelegramError."""
     if len(data) > DATAGRAM_MAX:
         raise TelegramError("the telegram is too long")
     return _Scanner(data).robot()
@@ -140,92 +140,92 @@ def decode_robot(data: bytes) -> RsiRobot:
 class _Scanner:
     def __init__(self, data: bytes) -> None:
         self.data = data
-        self.at = 0
+        self.offset = 0
         self.read: set[str] = set()
 
     def robot(self) -> RsiRobot:
         robot, depth = RsiRobot(), 0  # open elements, <Rob> is the first
-        while self.at < len(self.data):
+        while self.offset < len(self.data):
             self._spaces() if depth == 0 else self._to(b"<")
             self._need(b"<")
-            if self._over(b"/"):
+            if self._skip(b"/"):
                 name = self._end()
                 depth -= 1
                 if depth < 0 or (name == b"Rob") != (depth == 0):
-                    raise TelegramError("an element ends that was not open")
+                    raise TelegramError("an end tag has no matching start tag")
                 if depth == 0:
                     self._blank()
-                    if self.at < len(self.data):
-                        raise TelegramError("there is more behind </Rob>")
+                    if self.offset < len(self.data):
+                        raise TelegramError("the telegram continues after </Rob>")
                     if not robot.stamp:
                         break
                     return robot
-            elif self._over(b"?"):
+            elif self._skip(b"?"):
                 self._to(b">")
                 self._need(b">")
-            elif self._over(b"!"):
+            elif self._skip(b"!"):
                 self._comment()
             else:
                 depth += self._open(robot, depth)
         raise TelegramError("the telegram is not complete")
 
     def _open(self, robot: RsiRobot, depth: int) -> int:
-        """Read one element in `depth` others; 1 unless it ends at once."""
+        """Read one element inside `depth` others; return 1 if it stays open, otherwise 0."""
         name = self._word()
         if not name or (name == b"Rob") != (depth == 0):
             raise TelegramError("an element has no name, or <Rob> is not the first and only one of its name")
         element = name.decode()
         if element in (*ELEMENTS, "Delay", "IPOC"):
             if depth != 1 or element in self.read:
-                raise TelegramError(f"{element} stands twice or within another element")
+                raise TelegramError(f"{element} appears twice or inside another element")
             self.read.add(element)
-        ended = self._attributes(element, robot)
+        empty = self._attributes(element, robot)
         if element != "IPOC":
-            return 0 if ended else 1
-        if ended:
-            raise TelegramError("IPOC is no number")
+            return 0 if empty else 1
+        if empty:
+            raise TelegramError("IPOC is not a number")
         self._ipoc(robot)
         return 0
 
     def _attributes(self, element: str, robot: RsiRobot) -> bool:
-        """True where the element ends at once, by "/>"."""
+        """Read the attributes; return whether the element is empty, closed by "/>"."""
         names = ELEMENTS.get(element)
         values = robot.values.setdefault(element, [0.0] * 6) if names else []
         if names:
             robot.given.setdefault(element, 0)
         while True:
             self._spaces()
-            ended = self._over(b"/")
-            if self._over(b">"):
-                return ended
+            empty = self._skip(b"/")
+            if self._skip(b">"):
+                return empty
             name = self._word()
-            if ended or not name:
+            if empty or not name:
                 raise TelegramError("an attribute has no name")
             text = self._quoted()
             if element == "Delay" and name == b"D":
                 delay = read_digits(text)
                 if delay is None:
-                    raise TelegramError("the delay is no number")
+                    raise TelegramError("the delay is not a number")
                 robot.delay = min(delay, _UINT32)
             elif names and name in names:
                 value, bit = read_decimal(text), 1 << names.index(name)
                 if value is None or robot.given[element] & bit:
-                    raise TelegramError(f"{element} holds what is no number, or one of its numbers twice")
+                    raise TelegramError(f"{element} contains a value that is not a number, or one number twice")
                 values[names.index(name)] = value
                 robot.given[element] |= bit
 
     def _quoted(self) -> bytes:
-        """="value" or ='value', with spaces round the sign."""
+        """Read ="value" or ='value', with optional spaces around the sign."""
         self._spaces()
         self._need(b"=")
         self._spaces()
-        quote = b'"' if self._over(b'"') else b"'"
+        quote = b'"' if self._skip(b'"') else b"'"
         if quote == b"'":
             self._need(quote)
-        begin = self.at
+        begin = self.offset
         self._to(quote)
         self._need(quote)
-        return self.data[begin : self.at - 1]
+        return self.data[begin : self.offset - 1]
 
     def _ipoc(self, robot: RsiRobot) -> None:
         self._blank()
@@ -235,51 +235,51 @@ class _Scanner:
         self._need(b"/")
         ipoc = read_digits(digits)
         if self._end() != b"IPOC" or ipoc is None:
-            raise TelegramError("IPOC is no number")
+            raise TelegramError("IPOC is not a number")
         robot.ipoc, robot.stamp = ipoc, digits
 
     def _end(self) -> bytes:
-        """The name of the element that ends here."""
+        """Read the rest of an end tag; return its name."""
         name = self._word()
         self._spaces()
         self._need(b">")
         return name
 
     def _blank(self) -> None:
-        """Spaces and comments."""
+        """Skip spaces and comments."""
         self._spaces()
-        while self.data.startswith(b"<!", self.at):
-            self.at += 2
+        while self.data.startswith(b"<!", self.offset):
+            self.offset += 2
             self._comment()
             self._spaces()
 
     def _comment(self) -> None:
         if not self._past(COMMENT):
-            raise TelegramError("what begins as a comment does not end as one")
+            raise TelegramError("a comment is not closed")
 
     def _spaces(self) -> None:
         self._past(_SPACES)
 
-    def _over(self, byte: bytes) -> bool:
-        there = self.data[self.at : self.at + 1] == byte
-        self.at += there
-        return there
+    def _skip(self, byte: bytes) -> bool:
+        matches = self.data[self.offset : self.offset + 1] == byte
+        self.offset += matches
+        return matches
 
     def _need(self, byte: bytes) -> None:
-        if not self._over(byte):
+        if not self._skip(byte):
             raise TelegramError(f"'{byte.decode()}' is missing")
 
     def _to(self, byte: bytes) -> None:
-        place = self.data.find(byte, self.at)
-        self.at = len(self.data) if place < 0 else place
+        place = self.data.find(byte, self.offset)
+        self.offset = len(self.data) if place < 0 else place
 
     def _word(self) -> bytes:
         return self._past(_WORD)
 
     def _past(self, pattern: re.Pattern[bytes]) -> bytes:
-        """What of the pattern, which may be nothing, stands here."""
-        match = pattern.match(self.data, self.at)
-        self.at = self.at if match is None else match.end()
+        """Return the part of the pattern that matches here, possibly empty."""
+        match = pattern.match(self.data, self.offset)
+        self.offset = self.offset if match is None else match.end()
         return b"" if match is None else match[0]
 
 

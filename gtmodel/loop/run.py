@@ -1,5 +1,5 @@
-"""Runs of a simulated controller against a loop, in lock step, as fast as it goes or in real time, over a channel
-that loses, delays and spoils datagrams."""
+"""Runs of a simulated controller against a loop, in lock step or in real time, over a channel that loses, delays and
+corrupts datagrams."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from .robot_side import RobotSide
 
 @dataclass(frozen=True)
 class Faults:
-    """What a channel does to datagrams: shares from 0 to 1 that are lost, delayed, repeated or joined by garbage.
+    """Faults of a channel: shares from 0 to 1 of datagrams that are lost, delayed, repeated or joined by garbage.
 
-    Each fault is drawn on its own, with the seed; a delay is 1 to `longest_delay` cycles.
+    The faults are drawn independently, from `seed`; a delay is 1 to `longest_delay` cycles.
     """
 
     lost: float = 0.0
@@ -35,8 +35,8 @@ class Faults:
 class Channel:
     """One direction of a connection with faults.
 
-    `put` takes a datagram in its cycle; `due` gives the datagrams that arrive in a cycle, those sent first before
-    others. `history` keeps their numbers, cycle by cycle, for `expected_counters`.
+    `put` takes a datagram in its cycle; `due` returns the datagrams that arrive in a cycle, in the order they were
+    sent. `history` keeps their numbers, cycle by cycle, for `expected_counters`.
 
     >>> channel = gt.loop.Channel(gt.loop.Faults(lost=1.0))
     >>> channel.put(0, 7, b"datagram")
@@ -49,7 +49,7 @@ class Channel:
 
     def __post_init__(self) -> None:
         self._random = random.Random(self.faults.seed)
-        self._waiting: list[tuple[int, int | None, bytes]] = []  # due in this cycle; number, None for garbage; bytes
+        self._waiting: list[tuple[int, int | None, bytes]] = []  # arrival cycle; number, None for garbage; bytes
 
     def put(self, cycle: int, number: int, data: bytes) -> None:
         """Send a datagram."""
@@ -57,31 +57,31 @@ class Channel:
         lost, delayed, repeated, garbage = (draw() < share for share in (f.lost, f.delayed, f.repeated, f.garbage))
         delay = self._random.randint(1, f.longest_delay) if delayed else 0
         if garbage:
-            self._waiting.append((cycle, None, self._spoilt(data)))
+            self._waiting.append((cycle, None, self._corrupted(data)))
         if not lost:
             self._waiting.append((cycle + delay, number, data))
         if repeated and not lost:
             self._waiting.append((cycle + delay + self._random.randint(0, f.longest_delay), number, data))
 
     def due(self, cycle: int) -> list[bytes]:
-        """Datagrams that arrive in this cycle."""
-        here = [d for d in self._waiting if d[0] <= cycle]
+        """Return the datagrams that arrive in this cycle."""
+        arrived = [d for d in self._waiting if d[0] <= cycle]
         self._waiting = [d for d in self._waiting if d[0] > cycle]
-        self.history.append([number for _, number, _ in here])
-        return [data for _, _, data in here]
+        self.history.append([number for _, number, _ in arrived])
+        return [data for _, _, data in arrived]
 
-    def _spoilt(self, data: bytes) -> bytes:
-        """Random bytes or a datagram that is cut; neither can be read as a whole one."""
+    def _corrupted(self, data: bytes) -> bytes:
+        """Return random bytes or a truncated datagram; neither can be read as a complete one."""
         if self._random.random() < 0.5:
             return b"\xff" + self._random.randbytes(self._random.randint(0, 200))
         return data[: self._random.randint(1, max(1, len(data) // 3))]
 
 
 def expected_counters(history: Iterable[list[int | None]]) -> dict[str, int]:
-    """What a loop has to count, from the numbers of the datagrams that arrived in each cycle; None stands for garbage.
+    """Return the counters that a loop must report, from the numbers that arrived in each cycle; None means garbage.
 
-    An independent count by sets, for comparison with the loop's own, which keeps a window of numbers. A cycle in which
-    no newer datagram arrives counts as late; numbers before the first one as stale; numbers never seen as lost.
+    This independent count uses sets, to compare with the loop, which keeps a window of numbers. A cycle without a newer
+    datagram counts as late, a number below the first as stale, a number that never arrives as lost.
 
     >>> history = [[1], [2, 2], [], [5], [4, None]]
     >>> counted = gt.loop.expected_counters(history)
@@ -113,7 +113,7 @@ def expected_counters(history: Iterable[list[int | None]]) -> dict[str, int]:
 
 
 Answering = Callable[[list[bytes]], list[bytes]]
-Stopped = Callable[[float], bool]  # asked in every cycle with the share done; True ends the run there
+Stopped = Callable[[float], bool]  # called in every cycle with the share done; True ends the run
 
 
 def _never(share: float) -> bool:
@@ -122,13 +122,13 @@ def _never(share: float) -> bool:
 
 @dataclass
 class LoopRun:
-    """What a run gives: the carts (cycles, n) [m] before each cycle's step.
+    """Result of a run: carts (cycles, n) [m] before each cycle's step.
 
-    `measured_m` is what the motors measure, `arm_m` where the carts move the tool, `planned_m` what the robot planned.
+    `measured_m`: as the motors measure them, `arm_m`: on the arm's side, `planned_m`: as the robot planned them.
 
-    `to_loop` and `to_robot` are the channels with what arrived, `longest_gap_s` the longest time between two datagrams
-    of the robot, in real time [s]. `stopped`: what a plant said that had no answer on the way, at `stopped_s` [s] from
-    the start of the run; the run ends there, and what was measured until then is kept. Empty, None: there was none.
+    `to_loop` and `to_robot` are the channels with their history, `longest_gap_s` is the longest time between two
+    datagrams of the robot in real time [s]. `stopped`: message of a plant that failed at `stopped_s` [s] from the start
+    of the run, which ends there; "" and None if no plant failed.
     """
 
     measured_m: np.ndarray
@@ -149,18 +149,18 @@ def lockstep(
     to_robot: Channel | None = None,
     stopped: Stopped = _never,
 ) -> LoopRun:
-    """Run a simulated controller against a loop cycle by cycle, as fast as it goes.
+    """Run a simulated controller against a loop cycle by cycle, as fast as the machine allows.
 
     In each cycle the robot sends, the loop answers and the robot moves.
 
     Args:
         robot: the controller, with its plant.
-        answering: from the datagrams of a cycle to the answers: `exchange` of a `LoopProcess` or of a `PythonLoop`.
-        cycles: their number.
-        to_loop, to_robot: channels with faults; faultless ones if None.
-        stopped: asked in every cycle with the share done; True ends the run there.
+        answering: datagrams of a cycle -> answers, such as `exchange` of a `LoopProcess` or of a `PythonLoop`.
+        cycles: number of cycles.
+        to_loop, to_robot: channels with faults; None: without faults.
+        stopped: called in every cycle with the share done; True ends the run.
 
-    A plant that raises `PlantStopped` ends it too, see `LoopRun.stopped`.
+    A plant that raises `PlantStopped` also ends the run, see `LoopRun.stopped`.
 
     >>> plant = gt.loop.DrivePlant([0.0, 0.1, 0.2], a=[0.9] * 3, b=[0.1] * 3, delay=0)
     >>> robot = gt.loop.RobotSide("egm", plant)
@@ -169,10 +169,10 @@ def lockstep(
     [0.0, 0.1, 0.2]
     """
     out, back = to_loop or Channel(), to_robot or Channel()
-    seen: list[np.ndarray] = []
+    carts: list[np.ndarray] = []
     fault: PlantStopped | None = None
     for cycle in range(cycles):
-        seen.append(_carts(robot))
+        carts.append(_carts(robot))
         out.put(cycle, robot.number, robot.datagram())
         for answer in answering(out.due(cycle)):
             back.put(cycle, robot.number, answer)
@@ -183,15 +183,15 @@ def lockstep(
             break
         if stopped(cycle / cycles):
             break
-    return _run(seen, fault, to_loop=out, to_robot=back)
+    return _run(carts, fault, to_loop=out, to_robot=back)
 
 
 def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped = _never) -> LoopRun:
-    """Run a simulated controller against a loop program by the clock: the robot sends every cycle_ms.
+    """Run a simulated controller against a loop program in real time: the robot sends every cycle_ms.
 
-    Answers count that have come when the next cycle begins. Then the loop is asked to end, and the robot, no longer
-    measured, follows it to its stop. robot, cycles, stopped: as of `lockstep`. loop: a running `LoopProcess`, as in
-    `with LoopProcess(build(...), options) as loop:`. `study` runs it for a whole folder.
+    An answer counts if it has arrived when the next cycle begins. At the end the loop is asked to stop, and the robot
+    follows it without being recorded. robot, cycles, stopped: as in `lockstep`. loop: a running `LoopProcess`, as in
+    `with LoopProcess(build(...), options) as loop:`. `study` does all this for a folder.
 
     >>> plant = gt.loop.DrivePlant([0.0, 0.1, 0.2], a=[0.9] * 3, b=[0.1] * 3, delay=0)
     >>> class Quiet:  # stands for a loop that never answers
@@ -203,12 +203,12 @@ def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped
     >>> run.measured_m.shape
     (5, 3)
     """
-    seen: list[np.ndarray] = []
+    carts: list[np.ndarray] = []
     fault: PlantStopped | None = None
     begin, step = time.monotonic(), robot.cycle_ms / 1000.0
     sent, gap = begin, 0.0
     for cycle in range(cycles):
-        seen.append(_carts(robot))
+        carts.append(_carts(robot))
         loop.send(robot.datagram())
         now = time.monotonic()
         sent, gap = now, max(gap, now - sent)
@@ -217,27 +217,27 @@ def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped
         time.sleep(max(0.0, begin + (cycle + 1) * step - time.monotonic()))
         try:
             robot.step(loop.received())
-        except PlantStopped as error:  # from here on the robot is silent, and the loop brakes without it
+        except PlantStopped as error:  # the robot falls silent, and the loop brakes
             fault = error
             break
     loop.end()
-    over = time.monotonic() + SECONDS
-    ended = _run(seen, fault, longest_gap_s=gap)
-    while fault is None and not loop.ended and time.monotonic() < over:
+    deadline = time.monotonic() + SECONDS
+    run = _run(carts, fault, longest_gap_s=gap)
+    while fault is None and not loop.ended and time.monotonic() < deadline:
         loop.send(robot.datagram())
         time.sleep(step)
         try:
             robot.step(loop.received())
         except PlantStopped:  # the run is over
             break
-    return ended
+    return run
 
 
-def _run(seen: list[np.ndarray], fault: PlantStopped | None, **more: Any) -> LoopRun:
-    why = {} if fault is None else {"stopped": str(fault), "stopped_s": fault.time}
-    return LoopRun(*np.stack(seen, axis=1), **why, **more)
+def _run(carts: list[np.ndarray], fault: PlantStopped | None, **more: Any) -> LoopRun:
+    failure = {} if fault is None else {"stopped": str(fault), "stopped_s": fault.time}
+    return LoopRun(*np.stack(carts, axis=1), **failure, **more)
 
 
 def _carts(robot: RobotSide) -> np.ndarray:
-    """(3, n): measured, on the arm's side, planned."""
+    """Return the carts (3, n): measured, on the arm's side, planned."""
     return np.array([robot.plant.position_m, robot.plant.arm_m, robot.planned_m])

@@ -1,6 +1,6 @@
-"""Two wrenches beside what a robot reports, of force sensors at handle and tool; gt_wrench in Python.
+"""Wrenches of two force sensors, at handle and tool, in the robot's datagrams (gt_wrench in Python).
 
-Neither protocol has them: the fields of EGM and the elements of RSI are gtmodel's own.
+Neither protocol defines them: these EGM fields and RSI elements are extensions by gtmodel.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ _ATTRIBUTE = re.compile(rb"[ \t\r\n]*([A-Za-z0-9_]+)[ \t\r\n]*=[ \t\r\n]*(?:\"([
 
 @dataclass
 class Wrench:
-    """What a force sensor says of itself, about its origin and along its axes: force [N] and moment [N m] from outside
-    on what it carries, its age in cycles of the robot, and its own word: 0 for a wrench that can be used.
+    """Reading of a force sensor, about its origin and along its axes: external force [N] and moment [N m] on the load
+    that it carries, age in cycles of the robot, and status of the sensor: 0 if the wrench is usable.
     """
 
     force_N: list[float] = field(default_factory=lambda: [0.0] * 3)
@@ -34,7 +34,7 @@ class Wrench:
 
 
 def to_egm(data: bytes, handle: Wrench, tool: Wrench) -> bytes:
-    """An EgmRobot with two wrenches behind it."""
+    """Append two wrenches to an EgmRobot."""
     for number, w in ((EGM_HANDLE, handle), (EGM_TOOL, tool)):
         content = b"".join(double_field(n, x) for n, xs in ((1, w.force_N), (2, w.moment_N_m)) for x in xs)
         data += message_field(number, content + varint_field(3, w.age_cycles) + varint_field(4, w.status))
@@ -42,7 +42,7 @@ def to_egm(data: bytes, handle: Wrench, tool: Wrench) -> bytes:
 
 
 def to_rsi(data: bytes, handle: Wrench, tool: Wrench) -> bytes:
-    """A telegram with two wrenches in it. Raises ValueError for a number that cannot be sent as a decimal."""
+    """Insert two wrenches into a telegram. Raises ValueError if a number cannot be sent as a decimal."""
     out = b""
     for name, w in ((RSI_HANDLE, handle), (RSI_TOOL, tool)):
         pairs = zip(_NAMES, [*w.force_N, *w.moment_N_m], strict=True)
@@ -53,21 +53,21 @@ def to_rsi(data: bytes, handle: Wrench, tool: Wrench) -> bytes:
 
 
 def read_egm(data: bytes) -> tuple[Wrench, Wrench] | None:
-    """Wrenches of handle and tool from an EgmRobot that `egm.decode_robot` accepts, None unless each is there once."""
+    """Return the wrenches of handle and tool, or None unless each appears once. `egm.decode_robot` accepts the data."""
     parts: dict[int, list[bytes]] = {EGM_HANDLE: [], EGM_TOOL: []}
     for number, kind, value in fields(data):
         if kind == BYTES and number in parts and isinstance(value, bytes):
             parts[number].append(value)
-    if any(len(given) != 1 for given in parts.values()):
+    if any(len(contents) != 1 for contents in parts.values()):
         return None
     try:
-        handle, tool = (_of_egm(given[0]) for given in parts.values())
+        handle, tool = (_from_egm(contents[0]) for contents in parts.values())
     except WireError:
         return None
     return None if handle is None or tool is None else (handle, tool)
 
 
-def _of_egm(data: bytes) -> Wrench | None:
+def _from_egm(data: bytes) -> Wrench | None:
     numbers: dict[int, list[float]] = {1: [], 2: []}
     ages, wrench = 0, Wrench()
     for number, kind, value in fields(data):
@@ -79,7 +79,7 @@ def _of_egm(data: bytes) -> Wrench | None:
             else:
                 return None
         elif kind == VARINT and number == 3 and isinstance(value, int):
-            wrench.age_cycles = min(value, _UINT32)  # it wraps nowhere
+            wrench.age_cycles = min(value, _UINT32)  # clipped, does not wrap
             ages += 1
         elif kind == VARINT and number == 4 and isinstance(value, int):
             wrench.status = min(value, _UINT32)
@@ -88,46 +88,46 @@ def _of_egm(data: bytes) -> Wrench | None:
 
 
 def read_rsi(data: bytes) -> tuple[Wrench, Wrench] | None:
-    """Wrenches of handle and tool from a telegram that `rsi.decode_robot` accepts, None unless each is there once."""
-    given: dict[bytes, dict[bytes, bytes]] = {}
-    depth, at = 0, data.find(b"<")
-    while at >= 0:
-        at += 1
-        if data[at : at + 1] == b"/":
-            depth, at = depth - 1, data.find(b">", at)
-        elif data[at : at + 1] == b"?":
-            at = data.find(b">", at)
-        elif comment := COMMENT.match(data, at + 1):
-            at = comment.end()
+    """Return the wrenches of handle and tool, or None unless each appears once. `rsi.decode_robot` accepts the data."""
+    wrenches: dict[bytes, dict[bytes, bytes]] = {}
+    depth, offset = 0, data.find(b"<")
+    while offset >= 0:
+        offset += 1
+        if data[offset : offset + 1] == b"/":
+            depth, offset = depth - 1, data.find(b">", offset)
+        elif data[offset : offset + 1] == b"?":
+            offset = data.find(b">", offset)
+        elif comment := COMMENT.match(data, offset + 1):
+            offset = comment.end()
         else:
-            name, pairs, ended, at = _element(data, at)
+            name, pairs, empty, offset = _element(data, offset)
             if depth == 1 and name in (RSI_HANDLE, RSI_TOOL):
-                kept = {key: value for key, value in pairs if key in (*_NAMES, b"Age", b"State")}
-                if given.get(name) or len(kept) < sum(key in kept for key, _ in pairs):
+                attributes = {key: value for key, value in pairs if key in (*_NAMES, b"Age", b"State")}
+                if wrenches.get(name) or len(attributes) < sum(key in attributes for key, _ in pairs):
                     return None  # twice
-                given[name] = kept
-            depth += not ended
-        at = data.find(b"<", at)
-    handle, tool = (_of_rsi(given.get(name, {})) for name in (RSI_HANDLE, RSI_TOOL))
+                wrenches[name] = attributes
+            depth += not empty
+        offset = data.find(b"<", offset)
+    handle, tool = (_from_rsi(wrenches.get(name, {})) for name in (RSI_HANDLE, RSI_TOOL))
     return None if handle is None or tool is None else (handle, tool)
 
 
-def _element(data: bytes, at: int) -> tuple[bytes, list[tuple[bytes, bytes]], bool, int]:
-    """Name and attributes of an element, whether it ends at once, and where the text goes on."""
-    word = _WORD.match(data, at)
+def _element(data: bytes, offset: int) -> tuple[bytes, list[tuple[bytes, bytes]], bool, int]:
+    """Return name and attributes of an element, whether it is empty, and the offset behind its tag."""
+    word = _WORD.match(data, offset)
     assert word is not None
-    at, pairs = word.end(), []
-    while match := _ATTRIBUTE.match(data, at):
+    offset, pairs = word.end(), []
+    while match := _ATTRIBUTE.match(data, offset):
         pairs.append((match[1], match[2] if match[3] is None else match[3]))
-        at = match.end()
-    end = _END.match(data, at)
+        offset = match.end()
+    end = _END.match(data, offset)
     assert end is not None, "the telegram was accepted"
     return word[0], pairs, end[1] == b"/", end.end()
 
 
-def _of_rsi(given: dict[bytes, bytes]) -> Wrench | None:
-    numbers = [read_decimal(given.get(key, b"")) for key in _NAMES]
-    age, status = read_digits(given.get(b"Age", b"")), read_digits(given.get(b"State", b"0"))
+def _from_rsi(attributes: dict[bytes, bytes]) -> Wrench | None:
+    numbers = [read_decimal(attributes.get(key, b"")) for key in _NAMES]
+    age, status = read_digits(attributes.get(b"Age", b"")), read_digits(attributes.get(b"State", b"0"))
     six = [x for x in numbers if x is not None]
     if len(six) < len(numbers) or age is None or status is None:
         return None

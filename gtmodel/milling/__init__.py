@@ -1,21 +1,21 @@
-"""Milling by a compliant robot: forces, deflection, where to put the work. Knows no robot; SI units and rad.
+"""Milling with a compliant robot: forces, deflection, chatter, choice of pose. Independent of the robot; SI units, rad.
 
-study                                         where to mill, by both indices over the angle: `MillingStudy`
-MillingTool, MillingSearch, Modal, PathOffset what it is asked for besides cutter and cut
-Cutter, CuttingCoefficients, Cut              what cuts, and how
-forces, integrated_forces, force_spectrum     mechanistic forces: over discs, closed form, Fourier coefficients
-mean_forces                                   averaged over a sample, closed form
-peak_force, to_world, smooth_force_function   their largest, their directions, a smooth CasADi function
-Oscillators, missing_z, AngleTable            m, c, k of a pose, of poses over the redundant angle
-responses, steady_state, deflections          exact discretisation, exact periodic state, indices over poses (19)
+study                                         where to mill, from both indices over the angle -> MillingStudy
+MillingTool, MillingSearch, Modal, PathOffset options of the study besides cutter and cut
+Cutter, CuttingCoefficients, Cut              tool, material and engagement
+forces, integrated_forces, force_spectrum     mechanistic forces: summed over discs, closed form, Fourier coefficients
+mean_forces                                   forces averaged over a sample, closed form
+peak_force, to_world, smooth_force_function   largest force, world coordinates, a smooth CasADi function
+Oscillators, missing_z, AngleTable            m, c, k of poses, also over the redundant angle
+responses, steady_state, deflections          exact discretisation, exact periodic state, indices of poses (19)
 static_index                                  |K^-1 F_peak| (18)
-angle_sweep, AngleSweep, tool_rotations       where an arm can hold the tool, all branches
+angle_sweep, AngleSweep, tool_rotations       angles at which an arm can hold the tool, all branches
 refine, Start                                 the best angle near a grid point, by nonlinear programming
-guideline, Findings, nearest_mode, frequency_sensitivity   the answer in words
+guideline, Findings, nearest_mode, frequency_sensitivity   recommendations in sentences
 mode_coupling, critical_depth                 chatter without regeneration
 stability_lobes, spectral_radius, stable_depth, proven_depth, certain_depth   regenerative chatter
-CorrectedCut, CorrectedTool, chatter_radius, corrected_depth   while a late loop corrects the tool
-compensate, tool_error                        a path offset against the deflection
+CorrectedCut, CorrectedTool, chatter_radius, corrected_depth   chatter with a delayed tool correction
+compensate, tool_error                        path offset against the deflection
 """
 
 from typing import TYPE_CHECKING

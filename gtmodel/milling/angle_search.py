@@ -1,4 +1,4 @@
-"""The search of a milling study over angles, places, feeds and speeds, and what to do, in words."""
+"""The search of a milling study over angles, places, feeds and speeds, and its recommendations in sentences."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from .deflection import Deflection
 from .oscillators import Oscillators
 from .task import MillingPlace, MillingTask, Refined, deflections_of, place_of, refined
 
-HARMONICS = 5  # of the tooth frequency that are compared with the modes
-MATTERS = 1.2  # from this ratio of deflections on the choice of model is worth a word
+HARMONICS = 5  # of the tooth frequency, compared with the modes
+MATTERS = 1.2  # ratio of deflections above which the choice of model matters
 NEAR_HZ = 5.0  # a mode nearer than this to a tooth harmonic decides the deflection
 
 
 @dataclass(frozen=True)
 class NearMode:
-    """The natural mode nearest to a harmonic of the tooth frequency, by the distance relative to the mode.
+    """The natural mode nearest to a harmonic of the tooth frequency, in relative distance.
 
     axis: 0 to 2 for x to z. mode, tooth_frequency, distance [Hz]; the distance is positive for a harmonic above the
     mode.
@@ -35,7 +35,7 @@ class NearMode:
 
     @property
     def distance(self) -> float:
-        """Frequency of the harmonic minus that of the mode [Hz]."""
+        """Frequency of the harmonic minus frequency of the mode [Hz]."""
         return self.harmonic * self.tooth_frequency - self.mode
 
     @property
@@ -48,7 +48,7 @@ class NearMode:
 
 
 def nearest_mode(oscillators: Oscillators, tooth_frequency: float, harmonics: int = HARMONICS) -> NearMode:
-    """The natural mode of the first pose that is nearest to one of the harmonics 1 to `harmonics` of the tooth
+    """Return the natural mode of the first pose that is nearest to a harmonic, 1 to `harmonics`, of the tooth
     frequency [Hz].
 
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
@@ -65,7 +65,7 @@ def nearest_mode(oscillators: Oscillators, tooth_frequency: float, harmonics: in
 def frequency_sensitivity(
     oscillators: Oscillators, index: Callable[[Oscillators], np.ndarray], hertz: float = 1.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Relative change (n,) of an index of the poses where all natural frequencies are `hertz` lower, and higher.
+    """Return the relative change (n,) of an index of the poses with all natural frequencies `hertz` lower, and higher.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
@@ -83,13 +83,13 @@ def frequency_sensitivity(
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """What a search found at the given speed.
+    """Results of a search at the declared speed.
 
-    angles (n,) [rad]; static, dynamic (n,) [m]: the indices at these angles, NaN where there is none. at_static,
-    at_dynamic: oscillators of the static and of the dynamic choice. speed [1/s] and teeth: as given. change,
-    change_static: relative change of the index of the dynamic and of the static choice with all modes 1 Hz lower and
-    higher. speeds [1/s]: all that were tried, the given one among them; best_by_speed, static_by_speed [m]: at each of
-    them the best index and that of the static choice. static_row: the row that a static model chose elsewhere.
+    angles (n,) [rad]; static, dynamic (n,) [m]: indices at these angles, NaN if unknown. at_static, at_dynamic:
+    oscillators of the static and the dynamic choice. speed [1/s], teeth: of the cut. change, change_static: relative
+    change of the index of the dynamic and the static choice with all modes 1 Hz lower and higher. speeds [1/s]: all
+    speeds tried, including the declared one; best_by_speed, static_by_speed [m]: the best index at each of them, and
+    the index of the static choice. static_row: row chosen by another static model.
     """
 
     angles: np.ndarray
@@ -108,19 +108,21 @@ class Findings:
 
     @property
     def choices(self) -> tuple[int, int]:
-        """Rows of the static choice (`static_row` where it is given) and of the least dynamic index."""
+        """Rows of the static choice (`static_row` unless None) and of the least dynamic index."""
         static, dynamic = choices(self.static, self.dynamic)
         return static if self.static_row is None else self.static_row, dynamic
 
     @property
     def ratio(self) -> float:
-        """Dynamic index of the static choice over that of the dynamic choice."""
+        """Dynamic index of the static choice over the dynamic index of the dynamic choice."""
         s, d = self.choices
         return float(self.dynamic[s] / self.dynamic[d])
 
 
 def choices(static: ArrayLike, dynamic: ArrayLike) -> tuple[int, int]:
-    """Rows of the least static and of the least dynamic index where both are known. Raises ValueError where none is.
+    """Return the rows of the least static and the least dynamic index, among rows where both are known.
+
+    Raises ValueError if there is no such row.
 
     >>> gt.milling.choices(static=[3e-3, 1e-3, 2e-3, np.nan], dynamic=[2e-4, 3e-4, np.nan, 1e-4])
     (1, 0)
@@ -133,8 +135,8 @@ def choices(static: ArrayLike, dynamic: ArrayLike) -> tuple[int, int]:
 
 
 def guideline(f: Findings) -> list[str]:
-    """What to do, a sentence each: which model to use, how far the teeth are from a mode at both choices, how sensitive
-    the deflection is to the natural frequencies, what another speed would gain.
+    """Return recommendations, a sentence each: which model to use, distance of the tooth harmonics from a mode at both
+    choices, sensitivity of the deflection to the natural frequencies, gain from another speed.
 
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
     >>> findings = gt.milling.Findings(
@@ -157,7 +159,7 @@ def guideline(f: Findings) -> list[str]:
         model = (f"the static model will do: at {tooth:.4g} Hz its angle {a_s:.4g} deg deflects {x_s:.3g} mm, the best "
                  f"of the dynamic model, {a_d:.4g} deg, {x_d:.3g} mm")  # fmt: skip
     near_s, near_d = nearest_mode(f.at_static, tooth), nearest_mode(f.at_dynamic, tooth)
-    said = [
+    sentences = [
         model,
         f"at the static choice {near_s.message}",
         f"at the dynamic choice {near_d.message}",
@@ -165,17 +167,19 @@ def guideline(f: Findings) -> list[str]:
         f"choice, by {_signed(f.change)} at the dynamic one",
     ]
     if min(_hertz_apart(f.at_static, tooth), _hertz_apart(f.at_dynamic, tooth)) < NEAR_HZ:
-        said.append(f"a mode less than {NEAR_HZ:g} Hz from the teeth decides everything: measure it in the chosen pose")
-    said.append(_speed(f, x_d))
+        sentences.append(
+            f"a mode less than {NEAR_HZ:g} Hz from a tooth harmonic dominates: measure it in the chosen pose"
+        )
+    sentences.append(_speed(f, x_d))
     if len(f.speeds) > 1:
         best = int(np.argmin(f.static_by_speed))
-        said.append(f"the static choice deflects least, {1e3 * f.static_by_speed[best]:.3g} mm, at "
+        sentences.append(f"the static choice deflects least, {1e3 * f.static_by_speed[best]:.3g} mm, at "
                     f"{60 * f.speeds[best]:.4g} rpm")  # fmt: skip
-    return said
+    return sentences
 
 
 def _hertz_apart(oscillators: Oscillators, tooth_frequency: float) -> float:
-    """Least distance [Hz] of a mode of the first pose from a harmonic: not that of the relatively nearest one."""
+    """Return the least absolute distance [Hz] of a mode of the first pose from a harmonic."""
     order = np.arange(1, HARMONICS + 1)
     return float(np.abs(order[:, None] * tooth_frequency - oscillators.frequency[0]).min())
 
@@ -185,20 +189,20 @@ def _signed(change: tuple[float, float]) -> str:
 
 
 def _speed(f: Findings, now: float) -> str:
-    """What another speed would gain."""
+    """Return the sentence about the gain from another speed."""
     if len(f.speeds) < 2:
         return "no other speed was tried"
     best = int(np.argmin(f.best_by_speed))
-    there = 1e3 * f.best_by_speed[best]
-    if np.isclose(f.speeds[best], f.speed) or there >= now:
-        return f"of {len(f.speeds)} speeds none deflects less than the given {60 * f.speed:.4g} rpm"
+    least = 1e3 * f.best_by_speed[best]
+    if np.isclose(f.speeds[best], f.speed) or least >= now:
+        return f"none of {len(f.speeds)} speeds deflects less than the declared {60 * f.speed:.4g} rpm"
     return (f"at {60 * f.speeds[best]:.4g} rpm ({f.teeth * f.speeds[best]:.4g} Hz) the best angle deflects "
-            f"{there:.3g} mm in place of {now:.3g} mm: the speed gains {100 * (1 - there / now):.0f} %")  # fmt: skip
+            f"{least:.3g} mm instead of {now:.3g} mm: the speed gains {100 * (1 - least / now):.0f} %")  # fmt: skip
 
 
 @dataclass
 class AngleSearch:
-    """Everything that the report needs."""
+    """Results of the search for the report."""
 
     task: MillingTask
     place: MillingPlace
@@ -214,7 +218,7 @@ class AngleSearch:
 
 
 def search(work: Work, f: AngleSearch) -> None:
-    """Dynamic index of all combinations, refinement and guideline."""
+    """Compute the dynamic index of all combinations, the refinement and the guideline."""
     task, place = f.task, f.place
     dynamics = place.dynamics
     assert dynamics is not None
@@ -222,22 +226,22 @@ def search(work: Work, f: AngleSearch) -> None:
     f.peak = place.spread(f.deflection.peak)
     s_row, d_row = choices(place.static, f.peak)
     angles = place.sweep.angles
-    given = task.search.static_choice
-    if given is not None:
-        s_row = int(dynamics.rows[np.argmin(np.abs(angles[dynamics.rows] - given))])
-        if abs(angles[s_row] - given) > angles[1] - angles[0]:
-            said = f"is {np.rad2deg(given):g}; expected an angle that is reachable and has dynamics"
-            raise ArgumentError(said, "search.static_choice")
-    work.progress("refinement", 0.4)
+    choice = task.search.static_choice
+    if choice is not None:
+        s_row = int(dynamics.rows[np.argmin(np.abs(angles[dynamics.rows] - choice))])
+        if abs(angles[s_row] - choice) > angles[1] - angles[0]:
+            message = f"is {np.rad2deg(choice):g}; expected a reachable angle with known dynamics"
+            raise ArgumentError(message, "search.static_choice")
+    work.progress("refining the angle", 0.4)
     try:
         f.refined = refined(task, place, f.peak)
         if task.search.speed_range is not None:
             low, high = task.search.speed_range
             if low >= high:
-                said = f"is {60 * low:g} to {60 * high:g} rpm; expected the lower speed first"
-                raise ArgumentError(said, "search.speed_range")
-            freed = refined(task, place, f.peak, (low, high))
-            f.freed = min(freed, key=lambda better: better.peak, default=None)
+                message = f"is {60 * low:g} to {60 * high:g} rpm; expected the lower speed first"
+                raise ArgumentError(message, "search.speed_range")
+            candidates = refined(task, place, f.peak, (low, high))
+            f.freed = min(candidates, key=lambda better: better.peak, default=None)
     except ArgumentError:
         raise
     except ValueError as error:
@@ -246,7 +250,7 @@ def search(work: Work, f: AngleSearch) -> None:
     for better in f.refined:
         if better.peak < f.index:
             f.angle, f.index = better.angle, better.peak
-    work.progress("speeds", 0.6)
+    work.progress("comparing speeds", 0.6)
     by_speed = _combinations(work, f, int(np.flatnonzero(dynamics.rows == s_row)[0]))
     at_static, at_dynamic = dynamics.at(float(angles[s_row])), dynamics.at(f.angle)
     both = Oscillators.concatenate([at_dynamic, at_static])
@@ -255,13 +259,13 @@ def search(work: Work, f: AngleSearch) -> None:
     f.findings = Findings(
         angles, place.static, f.peak, at_static, at_dynamic, task.speed, task.cutter.teeth,
         (float(lower[0]), float(higher[0])), (float(lower[1]), float(higher[1])), speeds, best, static,
-        None if given is None else s_row,
+        None if choice is None else s_row,
     )  # fmt: skip
     f.guideline = guideline(f.findings)
 
 
 def _combinations(work: Work, f: AngleSearch, static: int) -> list[tuple[float, float, float]]:
-    """Fills `combinations`; gives speed, least index and that of row `static` at the declared place and feed."""
+    """Fill `combinations`; return speed, least index and index of row `static` at the declared place and feed."""
     task = f.task
     s = task.search
     by_speed = []
@@ -282,12 +286,12 @@ def _combinations(work: Work, f: AngleSearch, static: int) -> list[tuple[float, 
                 if work.interrupted():
                     return by_speed
                 first = p == n == v == 0
-                made = f.deflection if first else deflections_of(task, dynamics.oscillators, speed=speed, feed=feed)
-                assert made is not None
-                best = int(np.argmin(made.peak))
+                result = f.deflection if first else deflections_of(task, dynamics.oscillators, speed=speed, feed=feed)
+                assert result is not None
+                best = int(np.argmin(result.peak))
                 angle = float(np.rad2deg(place.sweep.angles[dynamics.rows[best]]))
                 f.combinations.append({"place_m": where, "feed_direction": feed, "speed_rpm": 60 * speed,
-                                       "index_mm": 1e3 * float(made.peak[best]), "angle_deg": angle})  # fmt: skip
+                                       "index_mm": 1e3 * float(result.peak[best]), "angle_deg": angle})  # fmt: skip
                 if p == n == 0:
-                    by_speed.append((speed, float(made.peak[best]), float(made.peak[static])))
+                    by_speed.append((speed, float(result.peak[best]), float(result.peak[static])))
     return by_speed

@@ -1,5 +1,5 @@
-"""Stability lobes of regenerative chatter, zeroth-order and in closed form (Altintas and Budak), and chatter by mode
-coupling."""
+"""Stability lobes of regenerative chatter, zeroth order in closed form (Altintas and Budak), and mode-coupling
+chatter."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from .oscillators import Oscillators
 from .stability import DEEPEST, proven_depth
 
 LOBES = 40
-TURN = 0.05  # relative change of an eigenvalue from one frequency to the next at most
-GAP = 0.02  # relative change of depth, likewise
-SHALLOW = 50.0  # times the least depth: what is deeper need not be drawn well
-ROUNDS = 12  # of halving
+TURN = 0.05  # largest relative change of an eigenvalue between neighbouring frequencies
+GAP = 0.02  # largest relative change of depth
+SHALLOW = 50.0  # times the least depth: deeper parts of the curve need no refinement
+ROUNDS = 12  # of bisection
 
 
 @dataclass(frozen=True, eq=False)
 class Lobes:
-    """Limits of stability, one point each: spindle speed [1/s], axial depth [m], chatter frequency [Hz], number of the
-    lobe and branch.
+    """Points on the stability limit: spindle speed [1/s], axial depth [m], chatter frequency [Hz], numbers of lobe and
+    branch.
 
-    Neighbours of the same lobe and branch are joined. `proven` (speed [1/s], depth [m]) is the depth, that one at most,
-    up to which the spectral radius is found below 1.
+    Neighbours of the same lobe and branch are joined. `proven` maps (speed [1/s], depth [m]) to the depth, at most that
+    one, up to which the spectral radius is below 1.
     """
 
     speed: np.ndarray
@@ -41,8 +41,8 @@ class Lobes:
     proven: Callable[[float, float], float] = field(repr=False)
 
     def depth_at(self, speed: ArrayLike) -> np.ndarray:
-        """Greatest axial depth (n,) [m] at spindle speeds (n,) [1/s] below the lobes and proven stable: up to it the
-        spectral radius stays below 1 at all depths tried (`proven_depth`). Infinite: no limit below 1 m.
+        """Return the greatest axial depth (n,) [m] at spindle speeds (n,) [1/s] that is below the lobes and has a
+        spectral radius below 1 at all shallower depths tried (`proven_depth`). Infinite: no limit below 1 m.
 
         The zeroth order alone, `zeroth_order_at`, can be too deep: narrow cuts, few teeth, period doubling. Raises
         ValueError for a speed that is not positive.
@@ -55,9 +55,9 @@ class Lobes:
         return depth
 
     def zeroth_order_at(self, speed: ArrayLike) -> np.ndarray:
-        """Least axial depth (n,) [m] of all lobes at spindle speeds (n,) [1/s]; infinite where no lobe limits it.
+        """Return the least axial depth (n,) [m] of all lobes at spindle speeds (n,) [1/s]; infinite without a limit.
 
-        Where slow speeds need lobes beyond the last one, the least depth that these may reach counts.
+        Slow speeds that need lobes beyond the last one use the least depth that these lobes can reach.
         """
         speeds = np.asarray(speed, float).ravel()
         best = np.full(len(speeds), np.inf)
@@ -65,11 +65,11 @@ class Lobes:
         n, a = (np.stack([x[:-1][joined], x[1:][joined]]) for x in (self.speed, self.depth))
         n, a = (x[:, (n.min(axis=0) <= speeds.max()) & (n.max(axis=0) >= speeds.min())] for x in (n, a))
         for i, at in enumerate(speeds):
-            here = (n.min(axis=0) <= at) & (at <= n.max(axis=0))
-            if here.any():
-                (n0, n1), (a0, a1) = n[:, here], a[:, here]
+            across = (n.min(axis=0) <= at) & (at <= n.max(axis=0))
+            if across.any():
+                (n0, n1), (a0, a1) = n[:, across], a[:, across]
                 best[i] = (a0 + (at - n0) / (n1 - n0) * (a1 - a0)).min()
-        # a point of the last lobe that is faster than a speed belongs to a further lobe there
+        # at slower speeds, points of the last lobe stand for the lobes beyond it
         last = np.flatnonzero(self.lobe == self.lobe.max(initial=0))
         last = last[np.argsort(-self.speed[last], kind="stable")]
         least = np.minimum.accumulate(np.append(np.inf, self.depth[last]))
@@ -80,13 +80,13 @@ def stability_lobes(
     oscillators: Oscillators, cutter: Cutter, mode: str, radial_depth: float, feed: ArrayLike, *,
     up: ArrayLike = (0.0, 0.0, 1.0), lobes: int = LOBES, frequencies: ArrayLike | None = None,
 ) -> Lobes:  # fmt: skip
-    """Stability lobes 0 to `lobes` of the first pose. Their curves are of zeroth order, so helix and uneven pitch do
-    not enter them; the check at a speed, `Lobes.depth_at`, includes both.
+    """Return the stability lobes 0 to `lobes` of the first pose. The curves are of zeroth order, without helix and
+    uneven pitch; the check at a speed, `Lobes.depth_at`, includes both.
 
     a (1 - exp(-j w T)) must be the inverse of an eigenvalue of the receptance times the mean directional matrix.
-    frequencies [Hz]: of chatter, rising; if left out, halved around the modes until eigenvalues and depths change
-    little from one to the next. Raises ValueError for a radial depth beyond the diameter, or frequencies that do not
-    rise from above 0.
+    frequencies [Hz]: of chatter, rising; by default refined around the modes until eigenvalues and depths change little
+    between neighbours. Raises ValueError for a radial depth beyond the diameter, or frequencies that do not rise from
+    above 0.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
@@ -107,7 +107,7 @@ def stability_lobes(
     else:
         hertz = np.asarray(frequencies, float).ravel()
         if not np.all(np.diff(hertz, prepend=0.0) > 0):
-            raise ValueError("the chatter frequencies must rise, all above 0 Hz")
+            raise ValueError("the chatter frequencies must rise and be above 0 Hz")
         needed = _followed(inverses(hertz))
     rows = []
     for branch in range(2):
@@ -117,7 +117,7 @@ def stability_lobes(
         kappa, w = imaginary[good] / real[good], 2 * np.pi * hertz[good]
         depth = real[good] * (1 + kappa**2) / 2
         phase = 2 * np.arctan2(1, kappa)
-        # pieces of the curve that are apart must not be joined
+        # separate pieces of the curve must not be joined
         piece = np.cumsum(np.diff(np.flatnonzero(good), prepend=-1) > 1)
         for lobe in range(lobes + 1):
             period = (phase + 2 * np.pi * lobe) / w
@@ -132,8 +132,8 @@ def stability_lobes(
 
 
 def _around(o: Oscillators, P: np.ndarray) -> np.ndarray:
-    """Chatter frequencies [Hz] from a fifth of the lowest mode in the plane of the cut to five times the highest,
-    and at each mode by equal turns of its receptance."""
+    """Return chatter frequencies [Hz] from a fifth of the lowest mode in the plane of the cut to five times the
+    highest, and around each mode at equal phase steps of its receptance."""
     moved = (P**2).sum(axis=0) > 1e-9
     f, zeta = o.frequency[0][moved], o.damping_ratio[0][moved]
     wide = np.geomspace(f.min() / 5, 5 * f.max(), 200)
@@ -144,7 +144,7 @@ def _around(o: Oscillators, P: np.ndarray) -> np.ndarray:
 def _resolved(
     hertz: np.ndarray, inverses: Callable[[np.ndarray], np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Frequencies [Hz] halved where something changes, and the inverse eigenvalues (n, 2) there, in two branches."""
+    """Refine frequencies [Hz] where values change; return them and the inverse eigenvalues (n, 2) in two branches."""
     values = inverses(hertz)
     for _ in range(ROUNDS):
         values = _followed(values)
@@ -159,18 +159,18 @@ def _resolved(
 
 
 def _changes(values: np.ndarray) -> np.ndarray:
-    """(n - 1,) whether too much happens from one frequency to the next."""
+    """Return (n - 1,) whether values change too much between neighbouring frequencies."""
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = np.where(np.real(values) > 0, np.abs(values) ** 2 / (2 * np.real(values)), np.inf)
         least = np.minimum(depth[:-1], depth[1:])
         turned = np.abs(np.diff(values, axis=0)) > TURN * np.minimum(np.abs(values[:-1]), np.abs(values[1:]))
-        left = ~(np.abs(np.diff(depth, axis=0)) <= GAP * least)
+        jumps = ~(np.abs(np.diff(depth, axis=0)) <= GAP * least)
     counts = least < SHALLOW * np.min(depth, initial=np.inf)
-    return ((turned | left) & counts).any(axis=1)
+    return ((turned | jumps) & counts).any(axis=1)
 
 
 def _followed(values: np.ndarray) -> np.ndarray:
-    """The pairs (n, 2) in the order that changes least from one to the next."""
+    """Sort each pair (n, 2) so that it changes least from its neighbour."""
     stay = np.abs(np.diff(values, axis=0)).sum(axis=1)
     cross = np.abs(values[1:] - values[:-1, ::-1]).sum(axis=1)
     swapped = np.cumsum(np.append(False, cross < stay)) % 2 == 1
@@ -185,10 +185,10 @@ BETWEEN = (15.0, 75.0)  # angle [deg] of the force from the first mode's axis th
 class ModeCoupling:
     """Mode coupling of one pose and cut.
 
-    pair: axes (0 to 2 for x to z) of the two modes that are judged. apart: their distance relative to the higher one.
-    angle [deg]: of the mean force between their axes, 0 to 90. critical_depth [m]: axial depth at which the linear
-    model turns unstable without regeneration, infinite if there is none below 1 m. warn: whether chatter is possible or
-    to be expected. sentence: the verdict in words.
+    pair: axes (0 to 2 for x to z) of the two modes. apart: their distance relative to the higher one. angle [deg]: of
+    the mean force between their axes, 0 to 90. critical_depth [m]: axial depth at which the linear model becomes
+    unstable without regeneration, infinite if there is none below 1 m. warn: whether chatter is possible or expected.
+    message: the verdict in words.
     """
 
     pair: tuple[int, int]
@@ -202,11 +202,11 @@ class ModeCoupling:
 def mode_coupling(
     oscillators: Oscillators, cutter: Cutter, cut: Cut, feed: ArrayLike, *, up: ArrayLike = (0.0, 0.0, 1.0)
 ) -> ModeCoupling:
-    """Whether the first pose chatters by mode coupling. The two modes that the plane of the force excites are judged
+    """Return whether the first pose chatters by mode coupling of the two modes that the force plane excites most
     (Cvitanic 2021, section 3.3.3).
 
-    m x'' + c x' + (k - a D) x = 0 with the mean directional matrix D turns unstable at the critical depth. Warns where
-    that is less than the depth of the cut, or where the modes are close and the mean force points between them.
+    m x'' + c x' + (k - a D) x = 0 with the mean directional matrix D becomes unstable at the critical depth. Warns if
+    this is less than the depth of the cut, or if the modes are close and the mean force points between them.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
@@ -228,17 +228,17 @@ def mode_coupling(
     names = f"{'xyz'[first]} ({f[first]:.3g} Hz) and {'xyz'[second]} ({f[second]:.3g} Hz)"
     cause = f"modes {names} are {100 * apart:.0f} % apart, the mean force {angle:.0f} deg from {'xyz'[first]}"
     limit = f"beyond {1e3 * depth:.3g} mm" if np.isfinite(depth) else "at no depth below 1 m"
-    verdict = "mode-coupling chatter is to be expected" if unstable else (
+    verdict = "mode-coupling chatter is expected" if unstable else (
         "mode coupling is possible" if near else "no sign of mode coupling")  # fmt: skip
     return ModeCoupling((first, second), apart, angle, depth, unstable or near,
-                        f"{verdict}: {cause}; the linear model turns unstable {limit}")  # fmt: skip
+                        f"{verdict}: {cause}; the linear model becomes unstable {limit}")  # fmt: skip
 
 
 def critical_depth(
     oscillators: Oscillators, cutter: Cutter, cut: Cut, feed: ArrayLike, *, up: ArrayLike = (0.0, 0.0, 1.0)
 ) -> float:
-    """Least axial depth [m] at which the first pose turns unstable by mode coupling alone; infinite if there is none
-    below 1 m.
+    """Return the least axial depth [m] at which mode coupling alone makes the first pose unstable; infinite if there is
+    none below 1 m.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth

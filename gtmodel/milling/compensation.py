@@ -1,5 +1,4 @@
-"""A path that is offset so that the tool goes where it should although the robot is compliant, and what the offsets
-leave."""
+"""Path offsets that compensate the deflection of a compliant robot, and the errors that remain."""
 
 from __future__ import annotations
 
@@ -31,7 +30,7 @@ class Compensation:
     after: np.ndarray
 
     def rms(self, skip: int = 0) -> tuple[float, float]:
-        """Root mean square of the error's norm [m], without and with the offset, from sample `skip` on."""
+        """Return the root mean square of the error's norm [m], without and with the offset, from sample `skip` on."""
         a, b = (float(np.sqrt((x[skip:] ** 2).sum(axis=1).mean())) for x in (self.before, self.after))
         return a, b
 
@@ -39,15 +38,15 @@ class Compensation:
 def path_offset(
     oscillators: Oscillators, F: ArrayLike, step: float, *, model: str = "dynamic", bandwidth: float | None = None
 ) -> np.ndarray:
-    """Offset b (t, 3) [m] of the path for a known force F (t, 3) [N], world coordinates, every `step` [s].
+    """Return the offset b (t, 3) [m] of the path for a known force F (t, 3) [N], world coordinates, every `step` [s].
 
-    "static": b = -F/k. "dynamic": c b' + k b = -F, which keeps the tool still: spring and damper alone must carry the
-    force then, and the mass does not enter. Before the first sample the force is taken as that sample's.
+    "static": b = -F/k. "dynamic": c b' + k b = -F, which keeps the tool still: spring and damper carry the force, and
+    the mass does not move. Before the first sample the force equals the first sample.
 
-    bandwidth [Hz]: what the robot can follow; the force is low-passed forwards and backwards (Butterworth, second order
-    each way) before the offset is made, because the process is known beforehand.
+    bandwidth [Hz]: of the robot; the force is low-pass filtered forwards and backwards (Butterworth, second order each
+    way) before the offset is computed, which is possible as the process is known in advance.
 
-    Raises ValueError for another model or a bandwidth beyond half the sample rate.
+    Raises ValueError for an unknown model or a bandwidth beyond half the sampling rate.
 
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
     >>> F = np.outer(np.minimum(np.arange(1000) / 500, 1.0), [100.0, 0.0, 0.0])  # rises to 100 N within 0.5 s
@@ -70,34 +69,34 @@ def path_offset(
         for j in range(3):
             rate = k[j] / c[j] * step
             keep = np.exp(-rate)
-            now = (1 - keep) / rate  # exact for a force that is straight between samples
+            now = (1 - keep) / rate  # exact for a force that is linear between samples
             b[:, j] = scipy.signal.lfilter([1 - now, now - keep], [1, -keep], b[:, j], zi=[b[0, j] * now])[0]
     return b
 
 
 def tool_error(oscillators: Oscillators, F: ArrayLike, step: float, b: ArrayLike | None = None) -> np.ndarray:
-    """Error of the tool (t, 3) [m] under F (t, 3) [N] with the path offset by b (t, 3) [m], zero if left out.
+    """Return the error of the tool (t, 3) [m] under F (t, 3) [N] with the path offset by b (t, 3) [m], default zero.
 
-    m y'' + c (y' - b') + k (y - b) = F, straight lines between samples, starting in balance with the first of them.
-    Raises ValueError for wrong shapes.
+    m y'' + c (y' - b') + k (y - b) = F, linear between samples, starting in equilibrium with the first sample. Raises
+    ValueError for wrong shapes.
 
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
     >>> F = np.outer(np.minimum(np.arange(1000) / 500, 1.0), [100.0, 0.0, 0.0])  # rises to 100 N within 0.5 s
-    >>> (1e6 * gt.milling.tool_error(robot, F, step=1e-3)[-1]).round(1)  # [um], nothing is compensated
+    >>> (1e6 * gt.milling.tool_error(robot, F, step=1e-3)[-1]).round(1)  # [um], without compensation
     array([50.,  0.,  0.])
     """
     F = checked_force(F, step)
-    moved = np.zeros_like(F) if b is None else np.asarray(b, float)
-    if moved.shape != F.shape:
-        raise ValueError(f"the offset has the shape {moved.shape}; expected {F.shape} like the force")
+    offset = np.zeros_like(F) if b is None else np.asarray(b, float)
+    if offset.shape != F.shape:
+        raise ValueError(f"the offset has the shape {offset.shape}; expected {F.shape} like the force")
     robot = oscillators[:1]
-    y = moved[0] + F[0] / robot.k[0] + next(iter(responses(robot, F - F[0], step)))
+    y = offset[0] + F[0] / robot.k[0] + next(iter(responses(robot, F - F[0], step)))
     for j in range(3):
         m, c, k = robot.m[0, j], robot.c[0, j], robot.k[0, j]
-        # second state y' - (c/m) b: no derivative of the offset is needed
+        # second state y' - (c/m) b: the derivative of the offset is not needed
         A, B = np.array([[0, 1], [-k / m, -c / m]]), np.array([[c / m], [k / m - (c / m) ** 2]])
         b1, a1, _ = recursion(A, B, step)
-        y[:, j] += scipy.signal.lfilter(b1, a1, moved[:, j] - moved[0, j])
+        y[:, j] += scipy.signal.lfilter(b1, a1, offset[:, j] - offset[0, j])
     return y
 
 
@@ -105,10 +104,9 @@ def compensate(
     oscillators: Oscillators, F: ArrayLike, step: float, *, model: str = "dynamic", bandwidth: float | None = None,
     true: Oscillators | None = None,
 ) -> Compensation:  # fmt: skip
-    """Offset of the path for a known force, and by simulation the error that it leaves.
+    """Return the path offset for a known force, and the simulated error that remains.
 
-    The arguments are those of `path_offset`. true: the robot that is simulated; the model itself if left out. Raises
-    ValueError.
+    Arguments as in `path_offset`. true: the simulated robot; default: the model itself. Raises ValueError.
 
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
     >>> F = np.outer(np.minimum(np.arange(1000) / 500, 1.0), [100.0, 0.0, 0.0])  # rises to 100 N within 0.5 s
@@ -122,60 +120,59 @@ def compensate(
 
 
 FILE = "compensation.csv"
-WORSE = "the compensation leaves more than it takes away: change compensation.bandwidth_Hz"
+WORSE = "the compensation increases the error: change compensation.bandwidth_Hz"
 RATE = 4000.0  # samples per second of the simulation
 
 
 class Offset(NamedTuple):
-    """Errors of the tool by offset (4,) [m] rms: none, static, dynamic, within the bandwidth; time (t,) [s] and
-    deflections without and with each; the path as CSV."""
+    """Rms errors of the tool by offset (4,) [m]: none, static, dynamic, within the bandwidth; time (t,) [s];
+    compensations by name; the path as CSV."""
 
     rms: list[float]
     time: np.ndarray
-    made: Mapping[str, Compensation]
+    compensations: Mapping[str, Compensation]
     file: str
 
     @property
     def rows(self) -> list[Row]:
-        """What each offset leaves."""
-        names = ["path not compensated", *(f"path offset, {name}" for name in self.made)]
+        """Remaining error of each offset."""
+        names = ["path not compensated", *(f"path offset, {name}" for name in self.compensations)]
         return [Row(f"{name}, error rms", 1e3 * x, "mm") for name, x in zip(names, self.rms, strict=True)]
 
     @property
     def check(self) -> Check:
-        """What is written must leave less than the path without it."""
+        """The written path must have a smaller error than the original one."""
         return at_most(1e3 * self.rms[-1], 1e3 * self.rms[0], WORSE)
 
     def figure(self, title: str) -> Any:
         """Deflection over time."""
         from ..plot.milling import compensation_figure
 
-        after = {name: np.linalg.norm(x.after, axis=1) for name, x in self.made.items()}
-        before = np.linalg.norm(list(self.made.values())[-1].before, axis=1)
-        return compensation_figure(self.time, before, after, title=f"{title}: compensation, by simulation")
+        after = {name: np.linalg.norm(x.after, axis=1) for name, x in self.compensations.items()}
+        before = np.linalg.norm(list(self.compensations.values())[-1].before, axis=1)
+        return compensation_figure(self.time, before, after, title=f"{title}: simulated compensation")
 
 
-def compensated(task: MillingTask, here: Oscillators, given: PathOffset) -> Offset:
-    """The tool enters the work; offsets against that force by both models, then what a robot can follow.
+def compensated(task: MillingTask, oscillators: Oscillators, options: PathOffset) -> Offset:
+    """Simulate the entry of the tool into the work; offset its force with both models, and within the bandwidth.
 
     Raises ArgumentError.
     """
     with naming("compensation.seconds", ValueError):
-        seconds = duration(task.speed, given.seconds, given.entry)  # a whole turn after the entry at least
+        seconds = duration(task.speed, options.seconds, options.entry)  # at least a whole turn after the entry
         F, step = cutting_force(task.cutter, task.cut, task.speed, task.feed, up=task.up, seconds=seconds, rate=RATE)
     time = step * np.arange(len(F))
-    F = F * np.clip(time / given.entry, 0, 1)[:, None]
+    F = F * np.clip(time / options.entry, 0, 1)[:, None]
     with naming("compensation", ValueError):
-        made = {name: compensate(here, F, step, model=name) for name in ("static", "dynamic")}
-        made[f"dynamic, up to {given.bandwidth:g} Hz"] = compensate(here, F, step, bandwidth=given.bandwidth)
-    followed = list(made.values())[-1]
-    at = np.arange(0.0, time[-1], given.cycle)
-    offset = np.column_stack([np.interp(at, time, followed.offset[:, j]) for j in range(3)])
-    along = task.feed / np.linalg.norm(task.feed)
-    fast = task.cut.feed_per_tooth * task.cutter.teeth * task.speed
-    path = np.array(task.place) + fast * at[:, None] * along + offset
-    # compensated path, and what was added to it
-    columns = {"time_s": at, **{f"{c}_m": path[:, j] for j, c in enumerate("xyz")}}
+        results = {name: compensate(oscillators, F, step, model=name) for name in ("static", "dynamic")}
+        limited = compensate(oscillators, F, step, bandwidth=options.bandwidth)
+        results[f"dynamic, up to {options.bandwidth:g} Hz"] = limited
+    times = np.arange(0.0, time[-1], options.cycle)
+    offset = np.column_stack([np.interp(times, time, limited.offset[:, j]) for j in range(3)])
+    direction = task.feed / np.linalg.norm(task.feed)
+    feed_rate = task.cut.feed_per_tooth * task.cutter.teeth * task.speed
+    path = np.array(task.place) + feed_rate * times[:, None] * direction + offset
+    columns = {"time_s": times, **{f"{c}_m": path[:, j] for j, c in enumerate("xyz")}}
     columns |= {f"offset_{c}_m": offset[:, j] for j, c in enumerate("xyz")}
-    rms = [followed.rms()[0], *(x.rms()[1] for x in made.values())]
-    return Offset(rms, time, made, csv_text(columns, digits=9))
+    rms = [limited.rms()[0], *(x.rms()[1] for x in results.values())]
+    return Offset(rms, time, results, csv_text(columns, digits=9))

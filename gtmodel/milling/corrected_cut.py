@@ -1,4 +1,4 @@
-"""Chatter of a cut while a late loop corrects: regeneration and feedback in one map, semi-discretised."""
+"""Chatter of a cut with a delayed correction loop: regeneration and feedback in one semi-discretised map."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from .oscillators import Oscillators
 from .stability import mean_matrices
 
 STEPS = 20  # of a cycle
-MOST_STEPS = 40_000  # until tooth and cycle meet again
-FEWEST = 4  # steps of the period of a tooth
+MOST_STEPS = 40_000  # of the common period of tooth and cycle
+FEWEST = 4  # steps of the tooth period
 UNEVEN = 1e-9  # rad
-NEAR = 1e-6  # relative, of a depth: Brent's method needs no more radii for it than halving for a thousandth
+NEAR = 1e-6  # relative tolerance of a depth: Brent's method needs as many radii as bisection to 1e-3
 
 
 @dataclass(frozen=True)
 class CorrectedTool:
-    """A tool that cuts and is corrected along one direction, by gain -gain times its deviation, `delay` [s] late.
+    """A cutting tool corrected along one direction by -gain times its deviation, `delay` [s] late.
 
-    oscillators: of the tool, in kg (the first pose counts). equivalent_mass (3,): m of `equivalent_plant` along x, y,
-    z of the world; frequency and damping are those of the oscillators. direction (3,): of unit length, along which the
-    deviation is measured and corrected. cycle [s]. Raises ArgumentError for what does not fit.
+    oscillators: of the tool, in kg; the first pose is used. equivalent_mass (3,): m of `equivalent_plant` along x, y, z
+    of the world, with frequency and damping of the oscillators. direction (3,): unit vector along which the deviation
+    is measured and corrected. cycle [s]. Raises ArgumentError for invalid values.
     """
 
     oscillators: Oscillators
@@ -49,7 +49,7 @@ class CorrectedTool:
         if mass.shape != (3,) or not np.all((mass > 0) & np.isfinite(mass)):
             raise ArgumentError(f"expected three positive numbers; found {mass.tolist()}", "equivalent_mass")
         if e.shape != (3,) or not abs(np.linalg.norm(e) - 1) < UNEVEN:
-            raise ArgumentError(f"expected three numbers of unit length; found {e.tolist()}", "direction")
+            raise ArgumentError(f"expected a unit vector; found {e.tolist()}", "direction")
         if not (np.isfinite(self.cycle) and self.cycle > 0):
             raise ArgumentError(f"must be a number above 0; found {self.cycle!r}", "cycle")
         if not (np.isfinite(self.delay) and self.delay >= 0):
@@ -60,9 +60,8 @@ class CorrectedTool:
 
 @dataclass(frozen=True)
 class ChatterRadius:
-    """radius: of the growth in a cycle; below 1 the cut is stable. cycles_per_tooth: the rational number that is taken
-    for the period of a tooth over the cycle. speed [1/s]: of the spindle that has it. speed_error: relative, from the
-    one that was asked for."""
+    """radius: growth per cycle; below 1 the cut is stable. cycles_per_tooth: rational approximation of tooth period
+    over cycle. speed [1/s]: spindle speed with this ratio. speed_error: its relative error to the requested speed."""
 
     radius: float
     cycles_per_tooth: Fraction
@@ -74,14 +73,13 @@ def chatter_radius(
     tool: CorrectedTool, cutter: Cutter, cut: Cut, speed: float, feed: ArrayLike, gain: float, *,
     up: ArrayLike = (0.0, 0.0, 1.0), steps: int = STEPS,
 ) -> ChatterRadius:  # fmt: skip
-    """Growth in a cycle of a cut at a spindle speed [1/s] while corrections act.
+    """Return the growth per cycle of a cut with corrections, at a spindle speed [1/s].
 
-    A step is a cycle by `steps`; the period of a tooth is taken as the nearest number of steps, and the map runs until
-    tooth and cycle meet again. In a step the force's coefficient and the displacement of the tooth before are constant,
-    as in Insperger and Stepan 2004; corrections are held exactly, whatever their delay. The more steps the nearer: the
-    error of the rational number and of the steps shows in a second run with twice as many. Even pitch only. Raises
-    ArgumentError for an uneven pitch, for fewer than four steps in the period of a tooth and where tooth and cycle meet
-    too late, ValueError for impossible speeds.
+    A cycle has `steps` steps; the tooth period is rounded to a whole number of steps, and the map covers the common
+    period of tooth and cycle. Within a step the force coefficient and the displacement of the previous tooth are
+    constant, as in Insperger and Stepan 2004; the hold of the corrections is exact for any delay. A second run with
+    twice as many steps shows the error of the rational ratio and of the steps. Raises ArgumentError for an uneven
+    pitch, fewer than four steps per tooth period, and a common period that is too long; ValueError for invalid speeds.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))
@@ -95,24 +93,25 @@ def chatter_radius(
     5 False
     """
     if np.ptp(cutter.pitch) > UNEVEN:
-        raise ArgumentError("the pitch of the teeth is uneven; this map takes even pitch only", "cutter")
+        raise ArgumentError("the pitch of the teeth is uneven; expected even pitch", "cutter")
     if steps < 4:
         raise ArgumentError(f"found {steps}; expected four or more", "steps")
     if not np.isfinite(gain):
         raise ArgumentError(f"must be a number; found {gain!r}", "gain")
-    asked = 1 / tooth_frequency(speed, cutter.teeth)
+    period = 1 / tooth_frequency(speed, cutter.teeth)
     step = tool.cycle / steps
-    tooth = round(asked / step)
+    tooth = round(period / step)
     if tooth < FEWEST:
+        enough = steps * (int(np.ceil(FEWEST * step / period)) + 1)
         raise ArgumentError(
-            f"a tooth comes every {asked / step:.3g} steps; expected {FEWEST} or more: take {steps} steps times "
-            f"{int(np.ceil(FEWEST * step / asked)) + 1} or a slower spindle", "steps",
+            f"the tooth period has {period / step:.3g} steps; expected {FEWEST} or more: choose {enough} steps or a "
+            "slower spindle", "steps",
         )  # fmt: skip
     together = lcm(tooth, steps)
     if together > MOST_STEPS:
         raise ArgumentError(
-            f"a tooth of {tooth} steps and a cycle of {steps} meet after {together} steps, more than {MOST_STEPS}; "
-            "take a number of steps with more factors", "steps",
+            f"a tooth period of {tooth} steps and a cycle of {steps} have a common period of {together} steps, more "
+            f"than {MOST_STEPS}; choose a number of steps with more factors", "steps",
         )  # fmt: skip
     P = plane(feed, up)
     W = cut.axial_depth * np.einsum("ji,tjk,kl->til", P, mean_matrices(cutter, cut, tooth), P)
@@ -125,10 +124,10 @@ def corrected_depth(
     tool: CorrectedTool, cutter: Cutter, cut: Cut, speed: float, feed: ArrayLike, gain: float, *,
     deepest: float, up: ArrayLike = (0.0, 0.0, 1.0), steps: int = STEPS,
 ) -> float:  # fmt: skip
-    """The axial depth [m] at which a cut first chatters while corrections act, by steps of a fifth and Brent's method;
-    `deepest` where it does not, 0 where the loop is unstable without a cut. cut: its own axial depth does not count.
+    """Return the axial depth [m] at which a cut with corrections first chatters, from steps of a fifth and Brent's
+    method; `deepest` if it does not, 0 if the loop is unstable without a cut. The axial depth of `cut` is not used.
 
-    Raises ArgumentError as `chatter_radius`, and for a deepest cut of nothing.
+    Raises ArgumentError as `chatter_radius` does, and unless `deepest` is positive.
 
 
     >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
@@ -165,8 +164,8 @@ def corrected_depth(
 
 @dataclass(frozen=True)
 class CorrectedCut:
-    """What cuts while late corrections act, for `cut` of `gt.control.delayed_feedback`: its numbers and the gains that
-    are asked for, cutter, and how the cutter is engaged; the axial depth of `cut` does not count.
+    """A cut with delayed corrections, for `cut` of `gt.control.delayed_feedback`: its options and gains, the cutter and
+    its engagement; the axial depth of `cut` is not used.
 
     >>> of = gt.control.delayed.FeedbackCut("y", 25.0, [350.0, 350.0, 250.0], 17.0, 0.03)
     >>> cutter = gt.milling.Cutter(0.02, 2, gt.milling.CuttingCoefficients(6e3, 9e8, 7e3, 3e8))
@@ -180,15 +179,15 @@ class CorrectedCut:
     cut: Cut
 
     def tool(self, plants: Mapping[str, Any], timing: FeedbackTiming) -> CorrectedTool:
-        """What cuts and is corrected. Raises ArgumentError for what does not fit."""
+        """Return the corrected tool. Raises ArgumentError for plants or timing that do not fit."""
         of = self.of
         axes = {n: p for n, p in plants.items() if isinstance(p, FeedbackAxis)}
         if not {"x", "y"} <= set(axes) or of.axis not in ("x", "y"):
             raise ArgumentError(
-                "a cut wants the axes x and y by frequency and damping, and is corrected along one of them", "cut.axis"
+                "a cut needs axes x and y with frequency and damping, and a correction along one of them", "cut.axis"
             )
         if timing.accumulate:
-            raise ArgumentError("the map of a cut has no arm that moves by itself; leave it out", "timing.accumulate")
+            raise ArgumentError("is not supported with a cut; leave it out", "timing.accumulate")
         frequency = np.array([axes["x"].frequency, axes["y"].frequency, of.z_frequency])
         zeta = np.array([axes["x"].damping_ratio, axes["y"].damping_ratio, of.z_damping_ratio])
         mass = np.array(of.mass)
@@ -199,7 +198,7 @@ class CorrectedCut:
         )  # fmt: skip
 
     def depths(self, tool: CorrectedTool, limit: float) -> dict[str, Any]:
-        """Depths of chatter at shares of the limit of the gain, as `DelayedFeedbackStudy` names them."""
+        """Return chatter depths at shares of the gain limit, with the names of `DelayedFeedbackStudy`."""
         of = self.of
         gains = [share * limit for share in of.shares]
         once = chatter_radius(tool, self.cutter, self.cut, of.speed, of.feed_direction, 0.0, steps=of.steps)
@@ -213,22 +212,22 @@ class CorrectedCut:
 
 
 def _over(tool: CorrectedTool, W: np.ndarray, steps: int, tooth: int, together: int, gain: float) -> float:
-    """Largest modulus of the multipliers of the map over so many steps that tooth and cycle meet."""
+    """Return the largest modulus of the multipliers of the map over the common period of tooth and cycle."""
     o, step = tool.oscillators, tool.cycle / steps
     m, c, k = (np.diag(x[0]) for x in (o.m, o.c, o.k))
     push = tool.direction / (tool.equivalent_mass * tool.cycle**2)
     whole, rest = divmod(exact(tool.delay), exact(tool.cycle))
-    count = int(whole) + 1  # corrections that are kept, youngest first
-    # pieces of a step: (span, whether the correction is the older one); the hold changes once in a cycle
-    changes, left = int(float(rest) // step), float(rest) % step
+    count = int(whole) + 1  # stored corrections, youngest first
+    # pieces of a step: (span, whether the older correction acts); the hold changes once per cycle
+    changes, remainder = int(float(rest) // step), float(rest) % step
     pieces = {i: [(step, i < changes)] for i in range(steps)}
-    if left > 0:
-        pieces[changes] = [(left, True), (step - left, False)]
+    if remainder > 0:
+        pieces[changes] = [(remainder, True), (step - remainder, False)]
     spans = sorted({span for p in pieces.values() for span, _ in p})
     pushed = np.broadcast_to((m @ push)[:, None], (tooth, 3, 1))
     A, B, _ = second_order(m, c, k - W, np.concatenate([-W, pushed], axis=2))
     E = {span: held(A, B, span) for span in spans}
-    # columns: what the state now, x at the last grid times and the corrections on their way become
+    # columns: response to the initial state, to x at the last grid times, and to the corrections in transit
     size = 6 + 3 * tooth + count
     now = np.eye(6, size)
     past = [np.eye(3, size), *np.eye(3 * tooth, size, 6).reshape(tooth, 3, size)]

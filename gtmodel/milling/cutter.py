@@ -1,4 +1,4 @@
-"""What cuts and how: cutter, cut, and what each tooth meets."""
+"""Cutter, cut, and the engagement of each tooth."""
 
 from __future__ import annotations
 
@@ -17,11 +17,10 @@ PER_CHIP = "cutting force per depth and chip thickness"
 
 @dataclass(frozen=True)
 class CuttingCoefficients(Options):
-    """Cutting coefficients of a material: edge (e) [N/m] and cutting (c) [N/m2] ones, tangential, radial and axial
-    (Cvitanic 2021, Table 3).
+    """Cutting coefficients of a material: edge (e) [N/m] and cutting (c) [N/m2], tangential, radial and axial (Cvitanic
+    2021, Table 3).
 
-    A chip brakes the tooth and does not drive it, so the tangential ones are not negative. Raises ArgumentError for a
-    negative one.
+    Tangential coefficients must not be negative, as a chip cannot drive the tooth. Raises ArgumentError otherwise.
 
     >>> K = gt.milling.CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8)  # 900 N/mm2 = 9e8 Pa
     >>> K.cutting / 1e6  # tangential, radial, axial [N/mm2]
@@ -50,8 +49,8 @@ class CuttingCoefficients(Options):
 class Cutter(Options):
     """A helical end mill, right-handed, with cutting coefficients for the material.
 
-    tooth_angles (teeth,) [rad] and runout (teeth,) [m] are those of the teeth at the tip; runout is positive for a
-    tooth that stands out. Raises ArgumentError for impossible values.
+    tooth_angles (teeth,) [rad] and runout (teeth,) [m] apply at the tip; runout is positive outwards. Raises
+    ArgumentError for invalid values.
 
     >>> K = gt.milling.CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8)
     >>> cutter = gt.milling.Cutter(diameter=0.02, teeth=2, coefficients=K, helix=np.radians(30.0))
@@ -70,7 +69,7 @@ class Cutter(Options):
         float, Unit("rad", written="deg"), Within(least=0.0, below=np.pi / 2), "helix angle; 0 for straight teeth"
     ] = 0.0  # fmt: skip
     tooth_angles: Annotated[
-        list[float] | None, Unit("rad", written="deg"), "rising angles of the teeth at the tip; even if left out"
+        list[float] | None, Unit("rad", written="deg"), "rising angles of the teeth at the tip; default: even pitch"
     ] = None  # fmt: skip
     runout: Annotated[list[float] | None, Unit("m"), "radial runout of each tooth, positive outwards"] = None
 
@@ -79,9 +78,9 @@ class Cutter(Options):
         if self.teeth != int(self.teeth):
             raise ArgumentError(f"is {self.teeth}; expected a whole number", "teeth")
         for name in ("tooth_angles", "runout"):
-            given = getattr(self, name)
-            if given is not None and np.shape(given) != (self.teeth,):
-                raise ArgumentError(f"has the shape {np.shape(given)}; expected {self.teeth} numbers", name)
+            values = getattr(self, name)
+            if values is not None and np.shape(values) != (self.teeth,):
+                raise ArgumentError(f"has the shape {np.shape(values)}; expected {self.teeth} numbers", name)
         if np.any(self.pitch <= 0):
             raise ArgumentError("must rise and lie within one turn", "tooth_angles")
 
@@ -99,19 +98,19 @@ class Cutter(Options):
 
     @property
     def pitch(self) -> np.ndarray:
-        """Angle from each tooth to the one that cuts before it (teeth,) [rad]."""
+        """Angle from each tooth to the tooth that cuts before it (teeth,) [rad]."""
         return np.diff(np.append(self.angles, self.angles[0] + 2 * np.pi))
 
     def lag(self, depth: float) -> float:
-        """Angle by which the helix trails at an axial depth [m]: a_p tan(beta)/R [rad]."""
+        """Return the lag angle of the helix at an axial depth [m]: a_p tan(beta)/R [rad]."""
         return depth * np.tan(self.helix) / self.radius
 
 
 @dataclass(frozen=True)
 class Cut(Options):
-    """The engagement of the cutter: sense of the cut, depths and feed. A slot takes the whole diameter.
+    """The engagement of the cutter: sense of the cut, depths and feed. A slot has the full diameter as width.
 
-    Raises ArgumentError for impossible values.
+    Raises ArgumentError for invalid values.
 
     >>> cut = gt.milling.Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
     >>> gt.milling.Cut("conventional", 0.006, 0.002, 1e-4)
@@ -125,13 +124,11 @@ class Cut(Options):
         float, Unit("m"), Within(above=0.0), "width of the cut, at most the diameter; a slot does not use it"
     ]
     axial_depth: Annotated[float, Unit("m"), Within(above=0.0), "depth of the cut along the tool"]
-    feed_per_tooth: Annotated[
-        float, Unit("m"), Within(above=0.0), "way of the cutter while one tooth follows another; more than 0"
-    ]
+    feed_per_tooth: Annotated[float, Unit("m"), Within(above=0.0), "feed of the cutter per tooth; more than 0"]
 
 
 class Teeth(NamedTuple):
-    """Engagement, a row for each stretch of a tooth's way on which its chip is left by the same tooth before it.
+    """Engagement, one row per angular interval of a tooth in which the same previous tooth left its chip.
 
     The tooth at angle [rad] of the cutter cuts from `start` to `end` [rad] with force (K_e + K_c offset) + K_c feed
     sin(phi): chip thickness feed sin(phi) + offset, feed and offset [m]. All (rows,).
@@ -145,8 +142,7 @@ class Teeth(NamedTuple):
 
 
 def immersion(mode: str, radial_depth: float, diameter: float) -> tuple[float, float]:
-    """Angles phi_st, phi_ex [rad] between which a tooth cuts, measured from the transverse axis in its sense of
-    rotation.
+    """Return entry and exit angle phi_st, phi_ex [rad] of a tooth, from the transverse axis in the sense of rotation.
 
     Climb: pi - acos(1 - a_e/R) to pi; up: 0 to acos(1 - a_e/R); slot: 0 to pi. Raises ValueError for a radial depth
     beyond the diameter.
@@ -163,25 +159,25 @@ def immersion(mode: str, radial_depth: float, diameter: float) -> tuple[float, f
 
 
 def teeth_in_cut(cutter: Cutter, cut: Cut) -> Teeth:
-    """Engagement of each tooth, with its pitch and runout.
+    """Return the engagement of each tooth, with pitch and runout.
 
-    A tooth's chip ends at the outermost of the surfaces that the teeth before it left, its own last turn the farthest
-    back: what a short tooth leaves is there for the next. Where nothing is left a tooth does not cut.
+    The chip of a tooth is bounded by the deepest of the surfaces left by all teeth within the last turn, itself
+    included: material left by a short tooth remains for the next. A tooth without a chip does not cut.
     """
     ends = immersion(cut.mode, cut.radial_depth, cutter.diameter)
-    out = np.zeros(cutter.teeth) if cutter.runout is None else np.asarray(cutter.runout, float)
+    runout = np.zeros(cutter.teeth) if cutter.runout is None else np.asarray(cutter.runout, float)
     rows = []
     for i, angle in enumerate(cutter.angles):
         back = (i + 1 + np.arange(cutter.teeth)) % cutter.teeth
         feeds = cut.feed_per_tooth * cutter.teeth * np.cumsum(np.roll(cutter.pitch, -i)) / (2 * np.pi)
-        rows += [(angle, *row) for row in _stretches(feeds, out[i] - out[back], *ends)]
+        rows += [(angle, *row) for row in _stretches(feeds, runout[i] - runout[back], *ends)]
     return Teeth(*np.array(rows, float).reshape(-1, 5).T)
 
 
 def _stretches(
     feeds: np.ndarray, offsets: np.ndarray, start: float, end: float
 ) -> list[tuple[float, float, float, float]]:  # fmt: skip
-    """From, to, feed and offset where the least of feeds sin(phi) + offsets is positive."""
+    """Return start, end, feed and offset of intervals in which the least of feeds sin(phi) + offsets is positive."""
     if not offsets.any():
         return [(start, end, float(feeds[0]), 0.0)]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -198,7 +194,7 @@ def _stretches(
             continue
         line = (float(feeds[k]), float(offsets[k]))
         if stretches and stretches[-1][1] == a:
-            # no angle belongs to two stretches
+            # no angle belongs to two intervals
             before = stretches.pop()
             stretches.append((before[0], b if before[2:] == line else float(np.nextafter(a, 0)), *before[2:]))
             if before[2:] == line:
@@ -208,7 +204,7 @@ def _stretches(
 
 
 def tooth_frequency(speed: float, teeth: int) -> float:
-    """Tooth passing frequency [Hz] of a spindle speed [1/s] (Cvitanic 2021, eq. (20)).
+    """Return the tooth passing frequency [Hz] at a spindle speed [1/s] (Cvitanic 2021, eq. (20)).
 
     Raises ValueError unless the speed is positive.
 

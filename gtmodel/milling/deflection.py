@@ -1,5 +1,5 @@
-"""How far the tool is deflected while it cuts, by the static index and the dynamic one (Cvitanic 2021, eq. (18)), by
-exact discretisation."""
+"""Deflection of the tool while it cuts: static index (Cvitanic 2021, eq. (18)) and dynamic index (eq. (19)), with exact
+discretisation."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ HOLDS = ("zero", "linear")
 
 
 def responses(oscillators: Oscillators, F: ArrayLike, step: float, *, hold: str = "linear") -> Iterator[np.ndarray]:
-    """Displacements x (t, 3) [m] of each pose under a force F (t, 3) [N], world coordinates, sampled every `step` [s];
-    from rest.
+    """Yield displacements x (t, 3) [m] of each pose, from rest, under a force F (t, 3) [N], world coordinates, sampled
+    every `step` [s].
 
-    Exact for a force that is constant ("zero") or straight ("linear") between its samples: errors are of first and
-    of second order in the step for other forces. Raises ValueError for another hold, shape or step, and for a force
-    that is not finite.
+    Exact for a force that is constant ("zero") or linear ("linear") between samples; for other forces the errors are of
+    first and second order in the step. Raises ValueError for an unknown hold, a wrong shape or step, and a force that
+    is not finite.
 
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
     >>> F = np.tile([100.0, 0.0, 0.0], (4001, 1))  # a step of 100 N
     >>> x = next(iter(gt.milling.responses(robot, F, step=1e-3)))  # of the first pose
-    >>> (1e6 * x[-1]).round(1)  # [um]: F / k once it is at rest
+    >>> (1e6 * x[-1]).round(1)  # [um]: F / k in equilibrium
     array([50.,  0.,  0.])
     """
     if hold not in HOLDS:
@@ -48,20 +48,20 @@ def responses(oscillators: Oscillators, F: ArrayLike, step: float, *, hold: str 
 
 
 def checked_force(F: ArrayLike, step: float) -> np.ndarray:
-    """F (t, 3) as an array. Raises ValueError for another shape, a number that is not finite, or no step."""
+    """Return F (t, 3) as an array. Raises ValueError for a wrong shape or step, or a number that is not finite."""
     F = np.asarray(F, float)
     if F.ndim != 2 or F.shape[1] != 3 or len(F) < 2:
         raise ValueError(f"the force has the shape {F.shape}; expected (t, 3) with two times or more")
     if not np.all(np.isfinite(F)):
-        raise ValueError("the force holds a number that is not finite; expected finite numbers")
+        raise ValueError("the force contains a number that is not finite; expected finite numbers")
     if not step > 0:
         raise ValueError(f"the step is {step:g} s; expected more than 0")
     return F
 
 
 def recursion(A: np.ndarray, B: np.ndarray, step: float, hold: str = "linear") -> tuple[np.ndarray, ...]:
-    """Of s' = A s + B u, A (..., 2, 2), B (..., 2, 1): coefficients b, a (..., 3) of the first state's recursion in u,
-    and the initial state (..., 2) of the filter per first input for which s starts at zero."""
+    """Return coefficients b, a (..., 3) of the filter from u to the first state of s' = A s + B u, A (..., 2, 2),
+    B (..., 2, 1), and the filter's initial state (..., 2) per unit of first input for which s starts at zero."""
     if hold == "linear":
         D, now, later = ramped(A, B, step)
     else:
@@ -69,17 +69,17 @@ def recursion(A: np.ndarray, B: np.ndarray, step: float, hold: str = "linear") -
         later = np.zeros_like(now)
     now, later = now[..., 0], later[..., 0]
     trace, det = D[..., 0, 0] + D[..., 1, 1], np.linalg.det(D)
-    # Cayley-Hamilton: x[+2] - trace x[+1] + det x = (D - trace) B u and so on
+    # Cayley-Hamilton: x[+2] - trace x[+1] + det x = (D - trace) B u ...
     back = D[..., 0, :] - trace[..., None] * [1.0, 0.0]
     b = np.stack([later[..., 0], now[..., 0] + (back * later).sum(-1), (back * now).sum(-1)], axis=-1)
     a = np.stack([np.ones_like(trace), -trace, det], axis=-1)
-    # rest at the first sample, whatever the input is there
+    # at rest at the first sample, for any input
     start = np.stack([-b[..., 0], now[..., 0] - b[..., 1]], axis=-1)
     return b, a, start
 
 
 def steady_state(oscillators: Oscillators, spectrum: np.ndarray, speed: float, samples: int = 512) -> np.ndarray:
-    """Displacements (n, samples, 3) [m] over one turn of the spindle at `speed` [1/s], all transients gone.
+    """Return the periodic displacements (n, samples, 3) [m] over one turn of the spindle at `speed` [1/s].
 
     spectrum (h + 1, 3): Fourier coefficients of the force in world coordinates by harmonics of the spindle. Raises
     ValueError for a speed that is not positive, a spectrum that is not finite, or fewer samples than twice the
@@ -97,27 +97,27 @@ def steady_state(oscillators: Oscillators, spectrum: np.ndarray, speed: float, s
     """
     tooth_frequency(speed, 1)
     if not np.all(np.isfinite(spectrum)):
-        raise ValueError("the spectrum holds a number that is not finite; expected finite numbers")
+        raise ValueError("the spectrum contains a number that is not finite; expected finite numbers")
     n = np.arange(len(spectrum))
     if samples <= 2 * n[-1]:
-        raise ValueError(f"{samples} samples cannot show {n[-1]} harmonics; expected more than {2 * n[-1]}")
+        raise ValueError(f"{samples} samples cannot resolve {n[-1]} harmonics; expected more than {2 * n[-1]}")
     x = oscillators.receptance(2 * np.pi * speed * n) * spectrum
     return np.fft.irfft(x, samples, axis=1) * samples
 
 
-RATE = 20000.0  # samples per second at least
+RATE = 20000.0  # least samples per second
 SECONDS = 2.0  # of cutting, from rest
-SETTLE = 1.0  # the part of it that means leave out
-PER_TOOTH = 40  # samples at least while one tooth follows another: fewer would alias the force
-MOST = 3_000_000  # samples of a force: more is a speed or a duration in another unit
+SETTLE = 1.0  # initial part that means leave out [s]
+PER_TOOTH = 40  # least samples per tooth period: fewer would alias the force
+MOST = 3_000_000  # samples of a force: more indicates a speed or duration in a wrong unit
 
 
 @dataclass(frozen=True, eq=False)
 class Deflection:
     """Norm of the tool's displacement while it cuts, by pose (n,) [m].
 
-    peak: its largest value from the first chip on, the dynamic index (Cvitanic 2021, eq. (19)). mean, std, steady_peak:
-    its mean, standard deviation and largest value once transients are gone.
+    peak: largest value from the first chip on, the dynamic index (Cvitanic 2021, eq. (19)). mean, std, steady_peak:
+    mean, standard deviation and largest value after the transients.
     """
 
     peak: np.ndarray
@@ -127,9 +127,9 @@ class Deflection:
 
 
 def samples_per_turn(speed: float, teeth: int, seconds: float, rate: float = RATE) -> int:
-    """Of the force at a spindle speed [1/s] over `seconds`: `rate` per second and 40 per tooth at least.
+    """Return the samples of the force per turn at a spindle speed [1/s]: at least `rate` per second and 40 per tooth.
 
-    Raises ValueError for a speed that is not positive, and for more than three million samples.
+    Raises ValueError for a speed that is not positive, and for more than three million samples in `seconds`.
     """
     tooth_frequency(speed, teeth)
     turn = max(np.ceil(rate / speed - 1e-9), PER_TOOTH * teeth)
@@ -142,7 +142,7 @@ def samples_per_turn(speed: float, teeth: int, seconds: float, rate: float = RAT
 
 
 def duration(speed: float, seconds: float = SECONDS, settle: float = SETTLE) -> float:
-    """`seconds`, or longer where no whole turn at `speed` [1/s] follows after `settle` [s]."""
+    """Return `seconds`, or longer so that a whole turn at `speed` [1/s] follows after `settle` [s]."""
     return max(seconds, settle + 1 / speed)
 
 
@@ -150,10 +150,11 @@ def cutting_force(
     cutter: Cutter, cut: Cut, speed: float, feed: ArrayLike, *, up: ArrayLike = (0.0, 0.0, 1.0),
     seconds: float = SECONDS, rate: float = RATE,
 ) -> tuple[np.ndarray, float]:  # fmt: skip
-    """Force (t, 3) [N], world coordinates, and its step [s]: whole samples per turn, `rate` per second or more.
+    """Return the force (t, 3) [N], world coordinates, and its step [s]: whole samples per turn, at least `rate` per
+    second.
 
-    Each sample is the mean over one step about it: no impulse is lost between samples, nor counted twice. speed [1/s]
-    of the spindle; feed (3,) and up (3,): see `to_world`. Raises ValueError for impossible values.
+    Each sample is the mean over the step around it, so that samples carry the whole impulse once. speed [1/s] of the
+    spindle; feed (3,) and up (3,): see `to_world`. Raises ValueError for invalid values.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
@@ -175,11 +176,11 @@ def deflections(
     up: ArrayLike = (0.0, 0.0, 1.0), seconds: float = SECONDS, settle: float = SETTLE, rate: float = RATE,
     hold: str = "linear",
 ) -> Deflection:  # fmt: skip
-    """Deflection of the tool in every pose of the oscillators, from rest; its `peak` is the dynamic index (Cvitanic
-    2021, eq. (19)).
+    """Return the deflection of the tool in every pose of the oscillators, from rest; its `peak` is the dynamic index
+    (Cvitanic 2021, eq. (19)).
 
-    speed [1/s] of the spindle; settle [s] is left out of means, which are of whole turns. A spindle so slow that no
-    turn follows is given the time of one turn more. Raises ValueError for impossible values.
+    speed [1/s] of the spindle; means cover whole turns after settle [s]. `seconds` is extended for a spindle so slow
+    that no whole turn would follow. Raises ValueError for invalid values.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
@@ -190,7 +191,7 @@ def deflections(
     (array([0.052]), array([0.026]))
     """
     if not 0 <= settle < seconds:
-        raise ValueError(f"{settle:g} s of {seconds:g} s are left out; expected fewer")
+        raise ValueError(f"settle is {settle:g} s; expected at least 0 and less than the {seconds:g} s of cutting")
     tooth_frequency(speed, cutter.teeth)
     seconds = duration(speed, seconds, settle)
     F, step = cutting_force(cutter, cut, speed, feed, up=up, seconds=seconds, rate=rate)
@@ -207,11 +208,11 @@ def deflections(
 def static_index(
     compliance: ArrayLike, cutter: Cutter, cut: Cut, feed: ArrayLike, *, up: ArrayLike = (0.0, 0.0, 1.0)
 ) -> np.ndarray:
-    """Static index |K^-1 F_peak| (n,) [m] of poses with translational compliances (n, 3, 3) [m/N] (Cvitanic 2021, eq.
-    (18)).
+    """Return the static index |K^-1 F_peak| (n,) [m] of poses with translational compliances (n, 3, 3) [m/N] (Cvitanic
+    2021, eq. (18)).
 
-    It does not depend on the speed. Computed from joint stiffness it is several times as large as measured deflections,
-    so it is for ranking poses only.
+    It does not depend on the speed. Computed from joint stiffness it is several times as large as measured deflections:
+    use it only to rank poses.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth

@@ -1,5 +1,5 @@
-"""Mechanistic milling forces, Cvitanic 2021, eqs. (12)-(17), in discs and in closed form, their Fourier coefficients,
-and how a displaced tool changes them."""
+"""Mechanistic milling forces (Cvitanic 2021, eqs. (12)-(17)) from discs and in closed form, their Fourier coefficients,
+and their change with a displacement of the tool."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from .cutter import Cut, Cutter, Teeth, immersion, teeth_in_cut
 from .oscillators import Oscillators
 
 DISCS = 100
-# below this lag [rad] differences of the antiderivative lose more digits than the midpoint of the helix costs
+# below this lag [rad] the midpoint of the helix is more accurate than a difference of antiderivatives
 STRAIGHT = 1e-7
-THIN = 1e-3  # of a sample: a lag below it counts as its middle, likewise
-BESIDE = 1e-9  # rad, within an edge of the cut
+THIN = 1e-3  # share of a sample below which a lag is replaced by its midpoint, for the same reason
+BESIDE = 1e-9  # rad, inside an edge of the cut
 
 
 def forces(cutter: Cutter, cut: Cut, phi: ArrayLike, discs: int = DISCS) -> np.ndarray:
-    """Forces (n, 3) on the cutter [N] at spindle angles phi (n,) [rad], by a sum over discs (Cvitanic 2021, eqs.
-    (12)-(17)).
+    """Return the forces (n, 3) on the cutter [N] at spindle angles phi (n,) [rad], summed over discs (Cvitanic 2021,
+    eqs. (12)-(17)).
 
-    Their directions are feed, transverse and axial; `to_world` turns them into world coordinates.
+    The components are feed, transverse and axial; `to_world` transforms them to world coordinates.
 
-    phi is measured from the transverse axis in the sense of turning; tooth i stands at phi + its angle, at height z
-    behind by z tan(helix)/R. Raises ValueError for a depth beyond the diameter or less than one disc.
+    phi is measured from the transverse axis in the sense of rotation; tooth i is at phi plus its angle, and lags by
+    z tan(helix)/R at height z. Raises ValueError for a radial depth beyond the diameter or less than one disc.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
@@ -39,14 +39,14 @@ def forces(cutter: Cutter, cut: Cut, phi: ArrayLike, discs: int = DISCS) -> np.n
     lag = cutter.lag(1.0) * dz * (np.arange(discs) + 0.5)
     force = np.zeros((len(phi), 3))
     for i, angle in enumerate(teeth.angle):
-        turned = (phi[:, None] + angle - lag) % (2 * np.pi)
-        force += _at(turned, cutter, teeth, i).sum(axis=1) * dz
+        tooth = (phi[:, None] + angle - lag) % (2 * np.pi)
+        force += _force_density(tooth, cutter, teeth, i).sum(axis=1) * dz
     return force
 
 
 def integrated_forces(cutter: Cutter, cut: Cut, phi: ArrayLike) -> np.ndarray:
-    """Forces (n, 3) on the cutter [N], as `forces`, by closed-form integration over the helix: exact at any helix
-    angle.
+    """Return the forces (n, 3) on the cutter [N] like `forces`, integrated over the helix in closed form: exact for any
+    helix angle.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8), helix=0.5)
@@ -61,20 +61,20 @@ def integrated_forces(cutter: Cutter, cut: Cut, phi: ArrayLike) -> np.ndarray:
     teeth, lag = teeth_in_cut(cutter, cut), cutter.lag(cut.axial_depth)
     force = np.zeros((len(phi), 3))
     for i, angle in enumerate(teeth.angle):
-        at = phi + angle
+        tip = phi + angle
         if lag < STRAIGHT:
-            force += cut.axial_depth * _at((at - lag / 2) % (2 * np.pi), cutter, teeth, i)
+            force += cut.axial_depth * _force_density((tip - lag / 2) % (2 * np.pi), cutter, teeth, i)
             continue
-        behind = _antiderivative(at, cutter, teeth, i) - _antiderivative(at - lag, cutter, teeth, i)
-        force += behind * cut.axial_depth / lag
+        integral = _antiderivative(tip, cutter, teeth, i) - _antiderivative(tip - lag, cutter, teeth, i)
+        force += integral * cut.axial_depth / lag
     return force
 
 
 def mean_forces(cutter: Cutter, cut: Cut, phi: ArrayLike, width: float) -> np.ndarray:
-    """`integrated_forces` (n, 3) [N] averaged from phi - width/2 to phi + width/2 [rad], in closed form.
+    """Return `integrated_forces` (n, 3) [N] averaged from phi - width/2 to phi + width/2 [rad], in closed form.
 
-    Samples that are one width apart then carry the whole impulse, however short the cut of a tooth. Raises ValueError
-    for a width that is not positive.
+    Samples spaced by one width then carry the whole impulse, however short the cut of a tooth. Raises ValueError for a
+    width that is not positive.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
@@ -93,24 +93,23 @@ def mean_forces(cutter: Cutter, cut: Cut, phi: ArrayLike, width: float) -> np.nd
     for i, angle in enumerate(teeth.angle):
         late, early = phi + angle + width / 2, phi + angle - width / 2
         if lag < max(STRAIGHT, THIN * width):
-            behind = _antiderivative(late - lag / 2, cutter, teeth, i) - _antiderivative(
+            integral = _antiderivative(late - lag / 2, cutter, teeth, i) - _antiderivative(
                 early - lag / 2, cutter, teeth, i
             )
-            force += behind * cut.axial_depth / width
+            force += integral * cut.axial_depth / width
             continue
-        behind = np.zeros((len(phi), 3))
-        for sign, at in ((1, late), (-1, early), (-1, late - lag), (1, early - lag)):
-            behind += sign * _second_antiderivative(at, cutter, teeth, i)
-        force += behind * cut.axial_depth / (lag * width)
+        integral = np.zeros((len(phi), 3))
+        for sign, limit in ((1, late), (-1, early), (-1, late - lag), (1, early - lag)):
+            integral += sign * _second_antiderivative(limit, cutter, teeth, i)
+        force += integral * cut.axial_depth / (lag * width)
     return force
 
 
 def peak_force(cutter: Cutter, cut: Cut, samples: int = 3600) -> np.ndarray:
-    """Force (3,) [N], feed, transverse, axial, at the spindle angle where its norm is largest.
+    """Return the force (3,) [N], feed, transverse, axial, at the spindle angle with the largest norm.
 
-    It is the input of the static index (Cvitanic 2021, eq. (18)).
-
-    Tried at `samples` angles and wherever a tooth enters or leaves with its tip or its upper end.
+    It is the input of the static index (Cvitanic 2021, eq. (18)). Candidates are `samples` angles, and the angles at
+    which the tip or the upper end of a tooth enters or leaves the cut.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
@@ -127,10 +126,10 @@ def peak_force(cutter: Cutter, cut: Cut, samples: int = 3600) -> np.ndarray:
 
 
 def to_world(F: ArrayLike, feed: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> np.ndarray:
-    """Forces (..., 3), given along feed, transverse and axial direction, in world coordinates.
+    """Transform forces (..., 3) from feed, transverse and axial directions to world coordinates.
 
     feed (3,): direction of the cutter over the workpiece; up (3,): along the tool axis, from tip to spindle. The
-    transverse axis is up x feed. Raises ValueError where feed has a part along the tool axis or no length.
+    transverse axis is up x feed. Raises ValueError if feed is zero or not perpendicular to the tool axis.
 
     >>> gt.milling.to_world([10.0, 1.0, 0.0], feed=[0.0, 1.0, 0.0])  # transverse: up x feed = -x
     array([-1., 10.,  0.])
@@ -141,30 +140,30 @@ def to_world(F: ArrayLike, feed: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> 
         raise ValueError(f"feed direction {f.tolist()} and tool axis {u.tolist()} must not be zero")
     f, u = f / f_length, u / u_length
     if abs(f @ u) > 1e-6:
-        raise ValueError(f"the feed direction {f.tolist()} runs along the tool axis; expected one across it")
+        raise ValueError(f"the feed direction {f.tolist()} is not perpendicular to the tool axis")
     return np.asarray(F, float) @ np.stack([f, np.cross(u, f), u])
 
 
 def tooth_terms(cutter: Cutter, teeth: Teeth, i: int) -> np.ndarray:
-    """(5, 3) force of tooth i per depth [N/m] as weights of 1, sin, cos, sin^2, sin cos of its angle."""
+    """Return the force of tooth i per depth [N/m] as weights (5, 3) of 1, sin, cos, sin^2, sin cos of its angle."""
     (e_t, e_r, e_a) = cutter.coefficients.edge + cutter.coefficients.cutting * teeth.offset[i]
     (q_t, q_r, q_a) = cutter.coefficients.cutting * teeth.feed[i]
     return np.array([[0, 0, e_a], [-e_r, e_t, q_a], [-e_t, -e_r, 0], [-q_r, q_t, 0], [-q_t, -q_r, 0]])
 
 
-def _at(turned: np.ndarray, cutter: Cutter, teeth: Teeth, i: int) -> np.ndarray:
-    """(..., 3) [N/m] of tooth i at angles within one turn, eqs. (12)-(17) before the integral over z."""
-    s, c = np.sin(turned), np.cos(turned)
+def _force_density(phi: np.ndarray, cutter: Cutter, teeth: Teeth, i: int) -> np.ndarray:
+    """Return the force (..., 3) [N/m] of tooth i at angles within one turn: integrand over z of eqs. (12)-(17)."""
+    s, c = np.sin(phi), np.cos(phi)
     chip = teeth.feed[i] * s + teeth.offset[i]
     edge, cutting = cutter.coefficients.edge, cutter.coefficients.cutting
     tangential, radial, axial = (edge[j] + cutting[j] * chip for j in range(3))
-    cuts = (turned >= teeth.start[i]) & (turned <= teeth.end[i])
+    cuts = (phi >= teeth.start[i]) & (phi <= teeth.end[i])
     F = np.stack([-tangential * c - radial * s, tangential * s - radial * c, axial], axis=-1)
     return np.where(cuts[..., None], F, 0.0)
 
 
 def _antiderivative(angle: np.ndarray, cutter: Cutter, teeth: Teeth, i: int) -> np.ndarray:
-    """(n, 3) integral of the force of tooth i per depth over its angle, whole turns included [N.rad/m]."""
+    """Return the integral (n, 3) of tooth i's force per depth over its angle, including whole turns [N.rad/m]."""
     turns = np.floor(angle / (2 * np.pi))
     inside = np.clip(angle - 2 * np.pi * turns, teeth.start[i], teeth.end[i])
     ends = _primitives(np.stack([teeth.start[i], teeth.end[i]]))
@@ -173,36 +172,36 @@ def _antiderivative(angle: np.ndarray, cutter: Cutter, teeth: Teeth, i: int) -> 
 
 
 def _second_antiderivative(angle: np.ndarray, cutter: Cutter, teeth: Teeth, i: int) -> np.ndarray:
-    """(n, 3) integral of `_antiderivative` from 0 [N.rad2/m]."""
+    """Return the integral (n, 3) of `_antiderivative` from 0 [N.rad2/m]."""
     start, end = teeth.start[i], teeth.end[i]
     turns = np.floor(angle / (2 * np.pi))
-    at = angle - 2 * np.pi * turns
-    inside = np.clip(at, start, end)
+    rest = angle - 2 * np.pi * turns
+    inside = np.clip(rest, start, end)
     first, whole = _primitives(np.array([start])), np.diff(_primitives(np.array([start, end])), axis=0)
 
     def within(a: np.ndarray) -> np.ndarray:
         return _second_primitives(a) - _second_primitives(np.array([start])) - (a - start)[:, None] * first
 
     turn = within(np.array([end])) + (2 * np.pi - end) * whole
-    done = (np.pi * turns * (turns - 1) + turns * at + np.maximum(at - end, 0))[:, None] * whole
+    done = (np.pi * turns * (turns - 1) + turns * rest + np.maximum(rest - end, 0))[:, None] * whole
     return (done + turns[:, None] * turn + within(inside)) @ tooth_terms(cutter, teeth, i)
 
 
 def _primitives(a: np.ndarray) -> np.ndarray:
-    """(n, 5) of 1, sin, cos, sin^2, sin cos."""
+    """Return antiderivatives (n, 5) of 1, sin, cos, sin^2, sin cos."""
     s = np.sin(a)
     return np.stack([a, -np.cos(a), s, a / 2 - np.sin(2 * a) / 4, s * s / 2], axis=-1)
 
 
 def _second_primitives(a: np.ndarray) -> np.ndarray:
-    """(n, 5) antiderivatives of `_primitives`."""
+    """Return antiderivatives (n, 5) of `_primitives`."""
     double = np.sin(2 * a) / 8
     return np.stack([a * a / 2, -np.sin(a), -np.cos(a), a * a / 4 + np.cos(2 * a) / 8, a / 4 - double], axis=-1)
 
 
 def directional_matrix(cutter: Cutter, phi: ArrayLike, start: float, end: float) -> np.ndarray:
-    """D (n, 2, 2) [N/m2] of one tooth at angles phi (n,) [rad]: force in feed and transverse direction per depth of
-    cut and displacement (x - x before), x the tool's displacement in the same directions."""
+    """Return D (n, 2, 2) [N/m2] of one tooth at angles phi (n,) [rad]: force in feed and transverse direction per depth
+    of cut and per relative displacement, x now minus x one tooth period earlier."""
     phi = np.asarray(phi, float).ravel() % (2 * np.pi)
     s, c, k = np.sin(phi), np.cos(phi), cutter.coefficients
     push = np.stack([-(k.K_tc * c + k.K_rc * s), k.K_tc * s - k.K_rc * c], axis=-1)
@@ -211,7 +210,8 @@ def directional_matrix(cutter: Cutter, phi: ArrayLike, start: float, end: float)
 
 
 def directional_antiderivative(cutter: Cutter, angle: np.ndarray, span: tuple[float, float]) -> np.ndarray:
-    """(n, 2, 2) integral of `directional_matrix` over a tooth's angles (n,) [rad], whole turns included [N.rad/m2]."""
+    """Return the integral (n, 2, 2) of `directional_matrix` over a tooth's angles (n,) [rad], including whole turns
+    [N.rad/m2]."""
     turns = np.floor(angle / (2 * np.pi))
     inside = np.clip(angle - 2 * np.pi * turns, *span)
     ends = _integral(cutter, np.array(span))
@@ -219,11 +219,10 @@ def directional_antiderivative(cutter: Cutter, angle: np.ndarray, span: tuple[fl
 
 
 def mean_directional_matrix(cutter: Cutter, mode: str, radial_depth: float) -> np.ndarray:
-    """Directional matrix D (2, 2) [N/m2] averaged over a turn, all teeth together, in closed form (Altintas and Budak
-    1995).
+    """Return the directional matrix D (2, 2) [N/m2] averaged over a turn, summed over the teeth, in closed form
+    (Altintas and Budak 1995).
 
-    D times axial depth times displacement of the tool is the change of the force, both in feed and transverse
-    direction.
+    D times axial depth times displacement of the tool is the change of the force, in feed and transverse direction.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
@@ -232,23 +231,23 @@ def mean_directional_matrix(cutter: Cutter, mode: str, radial_depth: float) -> n
            [ 154., -193.]])
     """
     start, end = immersion(mode, radial_depth, cutter.diameter)
-    at = _integral(cutter, np.array([start, end]))
-    return cutter.teeth / (2 * np.pi) * (at[1] - at[0])
+    ends = _integral(cutter, np.array([start, end]))
+    return cutter.teeth / (2 * np.pi) * (ends[1] - ends[0])
 
 
 def plane(feed: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> np.ndarray:
-    """(2, 3) feed and transverse direction, world coordinates."""
+    """Return feed and transverse direction (2, 3), world coordinates."""
     return to_world(np.eye(3)[:2], feed, up)
 
 
 def receptance_in_plane(oscillators: Oscillators, omega: ArrayLike, P: np.ndarray) -> np.ndarray:
-    """(w, 2, 2) [m/N] of one pose in feed and transverse direction."""
+    """Return the receptance (w, 2, 2) [m/N] of the first pose in feed and transverse direction."""
     H = oscillators.receptance(omega)[0]
     return np.einsum("ij,wj,kj->wik", P, H, P)
 
 
 def _integral(cutter: Cutter, a: np.ndarray) -> np.ndarray:
-    """(n, 2, 2) antiderivative of the matrix at angles (n,) within the cut."""
+    """Return the antiderivative (n, 2, 2) of the directional matrix at angles (n,) within the cut."""
     k, double = cutter.coefficients, np.sin(2 * a) / 4
     ss, cc, sc = a / 2 - double, a / 2 + double, np.sin(a) ** 2 / 2
     D = [[-(k.K_tc * sc + k.K_rc * ss), -(k.K_tc * cc + k.K_rc * sc)],
@@ -264,12 +263,11 @@ _EXPONENTIALS = np.array(
 
 
 def force_spectrum(cutter: Cutter, cut: Cut, harmonics: int = 200) -> np.ndarray:
-    """Fourier coefficients (harmonics + 1, 3) [N], complex: F(phi) = Re(F_0 + 2 sum F_n exp(j n phi)).
+    """Return complex Fourier coefficients (harmonics + 1, 3) [N]: F(phi) = Re(F_0 + 2 sum F_n exp(j n phi)).
 
-    The directions are feed, transverse and axial; n counts harmonics of the spindle.
-
-    With evenly spaced teeth and no runout only multiples of the number of teeth are not zero. F_0 is the mean force.
-    Raises ValueError for a negative number of harmonics.
+    The components are feed, transverse and axial; n counts harmonics of the spindle. F_0 is the mean force. With evenly
+    spaced teeth and no runout only multiples of the number of teeth are nonzero. Raises ValueError for a negative
+    number of harmonics.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
@@ -279,7 +277,7 @@ def force_spectrum(cutter: Cutter, cut: Cut, harmonics: int = 200) -> np.ndarray
     array([37.1,  0. , 31.7,  0. , 19.5])
     """
     if harmonics < 0:
-        raise ValueError(f"found {harmonics} harmonics; expected none or more")
+        raise ValueError(f"found {harmonics} harmonics; expected 0 or more")
     n = np.arange(harmonics + 1)
     teeth, lag = teeth_in_cut(cutter, cut), cutter.lag(cut.axial_depth)
     # the mean of exp(-j n z tan(beta)/R) over the depth
@@ -295,7 +293,7 @@ def force_spectrum(cutter: Cutter, cut: Cut, harmonics: int = 200) -> np.ndarray
 
 
 def at_angles(spectrum: np.ndarray, phi: np.ndarray) -> np.ndarray:
-    """Forces (n, 3) [N] of a truncated Fourier series, as `force_spectrum` gives it, at spindle angles phi (n,) [rad].
+    """Return forces (n, 3) [N] of a truncated Fourier series from `force_spectrum`, at spindle angles phi (n,) [rad].
 
     >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth

@@ -1,5 +1,5 @@
-"""The milling study: where to mill, by static and dynamic deflection and chatter over the angle about the spindle
-axis, and the twelve tests of Cvitanic 2021."""
+"""The milling study: where to mill, from static and dynamic deflection and chatter over the angle about the spindle
+axis; and the twelve tests of Cvitanic 2021."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from .stability import spectral_radius
 from .task import MillingTask, deflections_of, place_of, task_of
 
 FEEDS = {"+x": (1.0, 0.0, 0.0), "+y": (0.0, 1.0, 0.0)}
-BEATS = 1.5  # ratio of mean deflections where the dynamic choice is called better
+BEATS = 1.5  # ratio of mean deflections from which the dynamic choice counts as better
 TIE_MM = 0.06
-MISSED = 0.6  # of the measured mean: predictions below are called misses
+MISSED = 0.6  # share of the measured mean: lower predictions count as misses
 NOTE = (
     "c_z is missing in Table 16: its damping ratio is taken as the mean of x and y; the feed direction is not printed, "
-    "so both are shown; which fits better hangs on test 5 (+x without it, +y with it), seen after looking"
+    "so both are shown; which fits better depends on test 5 (+x without it, +y with it), found after the comparison"
 )
 
 
 class PrintedTests(NamedTuple):
-    """Tests 1 to 12: tooth frequency [Hz], predicted mean deflection by feed, measured one [mm] (NaN: not printed),
-    spectral radius of the linear model and critical depth by feed, and what the poses were chosen by."""
+    """Tests 1 to 12: tooth frequency [Hz], predicted mean deflection by feed and measured mean deflection [mm] (NaN:
+    not printed), spectral radius of the linear model and critical depth by feed, and the model that chose the pose."""
 
     tooth_hz: np.ndarray
     mean_mm: dict[str, np.ndarray]
@@ -47,7 +47,7 @@ class PrintedTests(NamedTuple):
 
 
 def printed_tests(tables: Mapping[str, Any]) -> PrintedTests:
-    """Predicted from the printed oscillators and cutting coefficients; tables: `gtmodel.robots.kr500_tables()`."""
+    """Predict the tests from the printed oscillators and cutting coefficients; tables: `robots.kr500_tables()`."""
     c, t = tables["cutting"], tables["milling_tests"]
     names = ("K_te_N_m", "K_tc_Pa", "K_re_N_m", "K_rc_Pa", "K_ae_N_m", "K_ac_Pa")
     cutter = Cutter(
@@ -67,7 +67,7 @@ def printed_tests(tables: Mapping[str, Any]) -> PrintedTests:
 
 
 def rows(p: PrintedTests) -> list[Row]:
-    """The table beside the measurement, and in words what it says."""
+    """Return the predictions next to the measurements, and the verdicts."""
     rows_of_tests = []
     for i, hz in enumerate(p.tooth_hz):
         measured = "not printed" if np.isnan(p.measured_mean_mm[i]) else f"{p.measured_mean_mm[i]:.2f}"
@@ -78,26 +78,26 @@ def rows(p: PrintedTests) -> list[Row]:
 
 
 def verdicts(p: PrintedTests) -> list[str]:
-    """What the predictions explain and what they miss."""
-    said = []
+    """Return sentences on the tests that the predictions explain or miss."""
+    sentences = []
     for name, mean in p.mean_mm.items():
         pairs = [f"{p.tooth_hz[i]:g} Hz: {mean[i]:.2f} against {mean[i + 1]:.2f} mm" for i in range(0, 8, 2)]
-        said.append(f"feed {name}, static against dynamic choice, {'; '.join(pairs)}")
+        sentences.append(f"feed {name}, static against dynamic choice, {'; '.join(pairs)}")
     best = np.max(list(p.mean_mm.values()), axis=0)
     missed = [i for i in range(10) if best[i] < MISSED * p.measured_mean_mm[i]]
     for i in missed:
         radius = ", ".join(f"{r[i]:.2f} ({name})" for name, r in p.radius.items())
         depth = p.depth_mm["+x"][i]
-        said.append(
+        sentences.append(
             f"test {i + 1} is missed: {best[i]:.2f} mm at most, measured {p.measured_mean_mm[i]:.2f}; with feed +x the "
-            f"linear model of these poses turns unstable by mode coupling from {depth:.2g} mm of depth on, spectral "
-            f"radius with regeneration {radius}: chatter is one explanation; the thesis says that it ruled it out"
+            f"linear model of these poses is unstable by mode coupling from a depth of {depth:.2g} mm on, spectral "
+            f"radius with regeneration {radius}: chatter is one explanation, which the thesis rules out"
         )
-    return said
+    return sentences
 
 
 def checks(p: PrintedTests) -> dict[str, Check]:
-    """The two statements that the printed oscillators support: far from a mode a tie, near one the dynamic choice."""
+    """Check what the printed oscillators support: a tie far from a mode, the dynamic choice near one."""
     ratios = [mean[i] / mean[i + 1] for mean in p.mean_mm.values() for i in (0, 4)]
     ties = [abs(mean[i] - mean[i + 1]) for mean in p.mean_mm.values() for i in (2, 6)]
     return {
@@ -106,11 +106,11 @@ def checks(p: PrintedTests) -> dict[str, Check]:
     }
 
 
-SPEEDS = 121  # of the lobes, each proven
+SPEEDS = 121  # of the picture of the lobes
 
 
 def angle(f: AngleSearch) -> Any:
-    """Both indices over the angle."""
+    """Draw both indices over the angle."""
     from ..plot.milling import angle_figure
 
     place, n = f.place, len(f.place.sweep.angles)
@@ -118,7 +118,7 @@ def angle(f: AngleSearch) -> Any:
     if place.dynamics is not None and f.findings is not None:
         frequency[place.dynamics.rows] = place.dynamics.oscillators.frequency
         peak = f.peak
-        static = "static choice, given" if f.findings.static_row is not None else "static choice"
+        static = "declared static choice" if f.findings.static_row is not None else "static choice"
         marks = {static: place.sweep.angles[f.findings.choices[0]], "dynamic choice": f.angle}
     else:
         marks = {"static choice": place.sweep.angles[int(np.nanargmin(place.static))]}
@@ -128,7 +128,7 @@ def angle(f: AngleSearch) -> Any:
 
 
 def tests_figure(p: PrintedTests) -> Any:
-    """Predicted beside measured."""
+    """Draw predictions next to measurements."""
     from ..plot.milling import tests_figure
 
     title = "Tests of Cvitanic 2021: predicted from Table 16, measured in Table 5"
@@ -136,17 +136,17 @@ def tests_figure(p: PrintedTests) -> Any:
 
 
 def lobes_of(task: MillingTask, lobes: Lobes, low: float, high: float) -> Any:
-    """Stability over the declared speeds."""
+    """Draw stability over the declared speeds."""
     from ..plot.milling import lobes_figure
 
     speed = np.linspace(low, high, SPEEDS)
-    title = f"{task.heading}: axial depth that is proven stable"
+    title = f"{task.heading}: proven stable axial depth"
     return lobes_figure(speed, lobes.depth_at(speed), (task.speed, task.cut.axial_depth), title=title)
 
 
 Array = np.ndarray
 SHALLOWER = "the cut chatters: take less depth or another speed"
-DECAYED = 0.05  # of a transient: less is not worth a word
+DECAYED = 0.05  # share of a transient that is not reported
 
 
 @study_function
@@ -169,28 +169,28 @@ def study(
     tests: Mapping[str, Any] | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> MillingStudy:
-    """Where to mill: reachable angles about the spindle, their static and dynamic index, the best of them, and what to
-    do.
+    """Find where to mill: reachable angles about the spindle, their static and dynamic index, the best angle, and
+    recommendations.
 
     Args:
         robot: a serial arm with a spherical wrist.
-        cutter, cut: what cuts, and how.
+        cutter, cut: the tool and its engagement.
         place: (3,) tool centre point [m], world coordinates.
         speed: of the spindle [1/s].
         joint_stiffness: (6,) by joint [N.m/rad], for the static index.
-        feed: (3,) direction across the tool axis, world coordinates.
-        tool: where it sits on the flange, and how it is held over the work.
-        dynamics: `AngleTable` of oscillators measured at angles, `Modal` masses on the joints' stiffness, or an
-            `OscillatorField` over the poses; static index only if left out.
-        source: what a person calls the source of the dynamics, such as a file.
-        limits: (6, 2) of the joints [rad]; those of the robot if left out.
+        feed: (3,) direction perpendicular to the tool axis, world coordinates.
+        tool: mounting on the flange, and direction over the work.
+        dynamics: `AngleTable` of oscillators measured at angles, `Modal` masses on the joint stiffness, or an
+            `OscillatorField` over the poses; default: static index only.
+        source: name of the source of the dynamics, such as a file.
+        limits: (6, 2) of the joints [rad]; default: those of the robot.
         search: grid of the angle; places, feeds and speeds to compare; refinement.
         lobes: lowest and highest speed [1/s] of stability lobes in the chosen pose.
-        compensation: a path offset against the deflection there.
-        tests: tables with milling tests to predict, as `gtmodel.robots.kr500_tables` has them.
+        compensation: a path offset against the deflection in the chosen pose.
+        tests: tables of milling tests to predict, such as `gtmodel.robots.kr500_tables()`.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Interrupted, it holds the results that need the stiffness alone; before these are computed it has no values. Raises
+    An interrupted study has the results that need only the stiffness, or no values if these were not complete. Raises
     ArgumentError.
 
     >>> import numpy as np
@@ -204,17 +204,17 @@ def study(
     2.13
     """
     work = Work(**work_options)
-    work.step("kinematics", 0.1)
+    work.step("checking inputs", 0.1)
     task = task_of(
         robot, cutter, cut, place=place, speed=speed, feed=feed, joint_stiffness=joint_stiffness, dynamics=dynamics,
         tool=tool or MillingTool(), search=search or MillingSearch(), limits=limits, source=source, title=work.title,
     )  # fmt: skip
     if dynamics is None and (lobes or compensation):
-        raise ArgumentError("needs dynamics; give some, or leave it out", "lobes" if lobes else "compensation")
+        raise ArgumentError("needs dynamics; add dynamics, or leave it out", "lobes" if lobes else "compensation")
     if lobes is not None and lobes[0] >= lobes[1]:
-        said = f"is {60 * lobes[1]:g} rpm; expected more than the lower end, {60 * lobes[0]:g}"
-        raise ArgumentError(said, "lobes")
-    work.step("the static index", 0.2)
+        message = f"is {60 * lobes[1]:g} rpm; expected more than the lower end, {60 * lobes[0]:g}"
+        raise ArgumentError(message, "lobes")
+    work.step("computing the static index", 0.2)
     angle_search = AngleSearch(task, place_of(task, task.place))
     if work.interrupted():
         return _outcome(angle_search, None, None, None, "stopped before the search")
@@ -229,7 +229,7 @@ def _outcome(
     f: AngleSearch, lobes: tuple[float, float] | None, compensation: PathOffset | None, tests: Mapping[str, Any] | None,
     stopped: str = "",
 ) -> MillingStudy:  # fmt: skip
-    """The study; `stopped`: by what, then from stiffness alone."""
+    """Return the study; `stopped`: message of an interrupted study, which has only results from the stiffness."""
     task, place = f.task, f.place
     angles = place.sweep.angles
     best = int(np.nanargmin(place.static))
@@ -252,15 +252,15 @@ def _outcome(
         values |= quantities
         table += more
         tested |= checked
-        here = place.dynamics.at(f.angle)
+        chosen = place.dynamics.at(f.angle)
         if lobes is not None:
-            shown = stability_lobes(here, task.cutter, task.cut.mode, task.cut.radial_depth, task.feed, up=task.up)
-            depth = float(shown.depth_at([task.speed])[0])
+            limits = stability_lobes(chosen, task.cutter, task.cut.mode, task.cut.radial_depth, task.feed, up=task.up)
+            depth = float(limits.depth_at([task.speed])[0])
             text = f"{1e3 * depth:.3g}" if np.isfinite(depth) else "no limit below 1000"
             table.append(Row("proven stable depth at this speed", text, "mm"))
-            figures["lobes"] = partial(lobes_of, task, shown, *lobes)
+            figures["lobes"] = partial(lobes_of, task, limits, *lobes)
         if compensation is not None:
-            offset = compensated(task, here, compensation)
+            offset = compensated(task, chosen, compensation)
             values["compensation_rms"] = offset.rms
             tested["compensated_rms_mm"] = offset.check
             table += offset.rows
@@ -287,29 +287,29 @@ def _outcome(
 
 
 def _dynamic(f: AngleSearch) -> tuple[dict[str, Any], list[Row], dict[str, Check]]:
-    """Values, rows and checks that the dynamics add."""
+    """Return the values, rows and checks from the dynamics."""
     task, findings, dynamics = f.task, f.findings, f.place.dynamics
     assert findings is not None and dynamics is not None
     s_row, _ = findings.choices
-    here = dynamics.at(f.angle)
-    chosen = deflections_of(task, here)
-    coupling = mode_coupling(here, task.cutter, task.cut, task.feed, up=task.up)
+    oscillators = dynamics.at(f.angle)
+    deflection = deflections_of(task, oscillators)
+    coupling = mode_coupling(oscillators, task.cutter, task.cut, task.feed, up=task.up)
     tested: dict[str, Check] = {}
     try:
-        radius = spectral_radius(here, task.cutter, task.cut, task.speed, task.feed, up=task.up)
-        chatter = f"{'none' if radius < 1 else 'to be expected'}: spectral radius {radius:.3f}"
-        # at 1 the tool swings on for ever
+        radius = spectral_radius(oscillators, task.cutter, task.cut, task.speed, task.feed, up=task.up)
+        chatter = f"{'none' if radius < 1 else 'expected'}: spectral radius {radius:.3f}"
+        # at exactly 1 a vibration does not decay
         tested["spectral_radius"] = at_most(radius, float(np.nextafter(1.0, 0.0)), SHALLOWER)
     except ValueError as error:
         radius, chatter = None, f"unknown: {error}"
     if task.cutter.runout is not None:
-        chatter += "; without the runout that is declared"
+        chatter += "; the declared runout is not included"
     freed = f.freed and [np.rad2deg(f.freed.angle), 60 * f.freed.speed, 1e3 * f.freed.peak]
     values = {
         "static_choice": float(findings.angles[s_row]),
         "dynamic_angle": f.angle,
         "dynamic_index": f.index,
-        "dynamic_mean": float(chosen.mean[0]),
+        "dynamic_mean": float(deflection.mean[0]),
         "static_choice_index": float(f.peak[s_row]),
         "ratio": findings.ratio,
         "refined": [[np.rad2deg(b.angle), 1e3 * b.peak, b.converged] for b in f.refined],
@@ -323,11 +323,11 @@ def _dynamic(f: AngleSearch) -> tuple[dict[str, Any], list[Row], dict[str, Check
     table = [
         Row("static choice", f"{np.rad2deg(findings.angles[s_row]):.4g}, {_whence(f)}", "deg"),
         Row("least dynamic index (19)", f"{1e3 * f.index:.3g} at {np.rad2deg(f.angle):.4g} deg", "mm"),
-        Row("there, mean deflection", 1e3 * chosen.mean[0], "mm"),
-        *_transients(here),
+        Row("mean deflection there", 1e3 * deflection.mean[0], "mm"),
+        *_transients(oscillators),
     ]
     if freed:
-        table.append(Row("with the speed free", f"{freed[2]:.3g} at {freed[0]:.4g} deg and {freed[1]:.4g} rpm", "mm"))
+        table.append(Row("with free speed", f"{freed[2]:.3g} at {freed[0]:.4g} deg and {freed[1]:.4g} rpm", "mm"))
     table += [
         *(Row("guideline", sentence) for sentence in f.guideline),
         Row("mode coupling", coupling.message),
@@ -339,39 +339,39 @@ def _dynamic(f: AngleSearch) -> tuple[dict[str, Any], list[Row], dict[str, Check
     return values, table, tested
 
 
-def _transients(here: Oscillators) -> list[Row]:
-    """Whether two seconds from rest show the steady deflection."""
-    rate = (np.pi * 2 * here.frequency * here.damping_ratio)[0]
+def _transients(oscillators: Oscillators) -> list[Row]:
+    """Return a remark if two seconds from rest are too short for the steady deflection."""
+    rate = (np.pi * 2 * oscillators.frequency * oscillators.damping_ratio)[0]
     axis = int(np.argmin(rate))
-    left = float(np.exp(-rate[axis] * SECONDS))
-    if left < DECAYED:
+    remainder = float(np.exp(-rate[axis] * SECONDS))
+    if remainder < DECAYED:
         return []
-    return [Row("not steady", f"after {SECONDS:g} s {100 * left:.0f} % of the transient along {'xyz'[axis]} is left: "
-                "near a mode deflections keep growing beyond the index and the mean")]  # fmt: skip
+    share = f"after {SECONDS:g} s {100 * remainder:.0f} % of the transient along {'xyz'[axis]} remain"
+    return [Row("not steady", f"{share}: near a mode deflections may grow beyond the index and the mean")]
 
 
 def _known(angles: Array, f: AngleSearch) -> list[Row]:
-    """Where dynamics are known, if not at every reachable angle."""
-    there = np.isfinite(f.peak)
-    if there.sum() == f.place.sweep.reachable.sum():
+    """Return the angles with known dynamics, unless all reachable angles have them."""
+    known = np.isfinite(f.peak)
+    if known.sum() == f.place.sweep.reachable.sum():
         return []
-    said = ", ".join(_degrees(*run) for run in angles[runs_of(there)])
-    return [Row("angles with known dynamics", f"{said}; other reachable angles are judged by stiffness alone", "deg")]
+    runs = ", ".join(_degrees(*run) for run in angles[runs_of(known)])
+    return [Row("angles with known dynamics", f"{runs}; other reachable angles have only a static index", "deg")]
 
 
 def _whence(f: AngleSearch) -> str:
     if f.task.search.static_choice is not None:
-        return "given"
+        return "declared"
     known = np.isfinite(f.peak[np.nanargmin(f.place.static)])
-    return "least static index" + ("" if known else " where dynamics are known")
+    return "least static index" + ("" if known else " among angles with dynamics")
 
 
 def _combined(c: Mapping[str, Any]) -> tuple[str, str, str]:
-    where = ", ".join(f"{x:.4g}" for x in c["place_m"])
+    place = ", ".join(f"{x:.4g}" for x in c["place_m"])
     if "reason" in c:
-        return f"at ({where}) m", c["reason"], ""
+        return f"at ({place}) m", c["reason"], ""
     feed = ", ".join(f"{x:g}" for x in c["feed_direction"])
-    label = f"{c['speed_rpm']:.5g} rpm, feed ({feed}), at ({where}) m"
+    label = f"{c['speed_rpm']:.5g} rpm, feed ({feed}), at ({place}) m"
     return label, f"{c['index_mm']:.3g} at {c['angle_deg']:.4g} deg", "mm"
 
 

@@ -1,4 +1,4 @@
-"""What a milling study is asked for besides cutter and cut, tool, search and dynamics, and what it returns."""
+"""Options of a milling study (tool, dynamics, search, compensation), and its result."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..results.options import Long, Options, Unit, Within
 
 @dataclass(frozen=True)
 class MillingTool(Options):
-    """Where the tool is mounted on the flange, and how it is held over the work.
+    """Mounting of the tool on the flange, and its direction over the work.
 
     >>> tool = gt.milling.MillingTool(tcp=[0.3, 0.0, 0.25], spindle=[1.0, 0.0, 0.0])  # spindle along x of the flange
     >>> tool.axis  # and downwards over the work
@@ -39,7 +39,7 @@ class MillingTool(Options):
 
 @dataclass(frozen=True)
 class Modal(Options):
-    """Dynamics made from joint stiffness: k along x, y, z from the compliance of each pose, with these declared masses.
+    """Dynamics from joint stiffness: k along x, y, z from the compliance of each pose, with these declared masses.
 
     >>> gt.milling.Modal(mass=[350.0, 350.0], damping_ratio=[0.03, 0.03, 0.03])
     Traceback (most recent call last):
@@ -47,13 +47,13 @@ class Modal(Options):
     gtmodel.results.refusal.ArgumentError: mass: expected 3 numbers; found 2
     """
 
-    mass: Annotated[list[float], Unit("kg"), Long(3), "masses along x, y, z, the same in every pose"]
-    damping_ratio: Annotated[list[float], Long(3), "damping ratios along x, y, z, the same in every pose"]
+    mass: Annotated[list[float], Unit("kg"), Long(3), "masses along x, y, z, equal in every pose"]
+    damping_ratio: Annotated[list[float], Long(3), "damping ratios along x, y, z, equal in every pose"]
 
 
 @dataclass(frozen=True)
 class MillingSearch(Options):
-    """What may be chosen besides the angle. Speeds are turns per second.
+    """Choices besides the angle. Speeds are in turns per second.
 
     >>> search = gt.milling.MillingSearch(step=np.radians(2.0), speeds=[25.0, 30.0])  # 1500 and 1800 rpm
     >>> search.refine
@@ -63,27 +63,29 @@ class MillingSearch(Options):
     step: Annotated[
         float, Unit("rad", written="deg"), Within(above=0.0), "step of the grid of angles over 360 degrees"
     ] = math.radians(1.0)  # fmt: skip
-    speeds: Annotated[list[float], "spindle speeds [1/s] to compare with the given one"] = field(default_factory=list)
-    feed_directions: Annotated[list[list[float]], Long(3), "feed directions to compare with the given one"] = field(
+    speeds: Annotated[list[float], "spindle speeds [1/s] to compare with the declared one"] = field(
+        default_factory=list
+    )
+    feed_directions: Annotated[list[list[float]], Long(3), "feed directions to compare with the declared one"] = field(
         default_factory=list
     )
     places: Annotated[
-        list[list[float]], Unit("m"), Long(3), "places of the tool centre point to compare with the given one"
+        list[list[float]], Unit("m"), Long(3), "places of the tool centre point to compare with the declared one"
     ] = field(default_factory=list)
     static_choice: Annotated[
         float | None, Unit("rad", written="deg"),
-        "angle that a static model chose elsewhere, in print for one, to compare with",
+        "angle chosen by another static model, for example in a publication, to compare with",
     ] = None  # fmt: skip
-    refine: Annotated[int, Within(least=0), "how many of the best angles are refined by an NLP"] = 3
+    refine: Annotated[int, Within(least=0), "number of the best angles that an NLP refines"] = 3
     speed_range: Annotated[
         list[float] | None, Within(above=0.0), Long(2),
-        "least and greatest speed [1/s] of an NLP over angle and speed together; none if left out",
+        "least and greatest speed [1/s] of an NLP over angle and speed; without it there is no such NLP",
     ] = None  # fmt: skip
 
 
 @dataclass(frozen=True)
 class PathOffset(Options):
-    """A path offset against the deflection in the chosen pose, while the force rises over the time `entry`.
+    """A path offset against the deflection in the chosen pose; the force rises over the time `entry`.
 
     >>> gt.milling.PathOffset(bandwidth=0.0)
     Traceback (most recent call last):
@@ -91,7 +93,7 @@ class PathOffset(Options):
     gtmodel.results.refusal.ArgumentError: bandwidth: must be more than 0; found 0
     """
 
-    bandwidth: Annotated[float, Unit("Hz"), Within(above=0.0), "bandwidth of offsets that the robot can follow"] = 5.0
+    bandwidth: Annotated[float, Unit("Hz"), Within(above=0.0), "bandwidth that the robot can follow"] = 5.0
     seconds: Annotated[float, Within(above=0.0), "duration of the simulated cut [s]"] = 2.0
     entry: Annotated[float, Unit("s"), Within(above=0.0), "time from the first chip to the full cut"] = 0.5
     cycle: Annotated[float, Unit("s"), Within(above=0.0), "time between the rows of compensation.csv"] = 0.004
@@ -104,47 +106,47 @@ Array = np.ndarray
 class MillingStudy(Study):
     """Where to mill: the best angles about the spindle, and their deflections.
 
-    What needs dynamics is None without them, and in a study that was stopped before its search was complete; one that
-    was stopped before the static index has no values at all. `table` holds the rows for people.
+    Quantities that need dynamics are None without dynamics, and if the study was stopped before its search was
+    complete; a study stopped before the static index has no values. `table` holds the rows for people.
     """
 
     reachable: Annotated[
         Array | None,
         Quantity(
-            "rad", "runs of the angle that some branch reaches within the joint limits: first and last of each",
+            "rad", "intervals of the angle that some branch reaches within the joint limits: first and last angle",
             written="deg",
         ),
     ] = None  # fmt: skip
     static_angle: Annotated[
-        float | None, Quantity("rad", "of the least static index among all reachable angles", written="deg")
+        float | None, Quantity("rad", "angle of the least static index among all reachable angles", written="deg")
     ] = None
     static_index: Annotated[
-        float | None, Quantity("m", "there, under the peak force; for ranking, not for millimetres", written="mm")
+        float | None, Quantity("m", "static index there, under the peak force; only for ranking", written="mm")
     ] = None
     static_choice: Annotated[
         float | None,
         Quantity(
-            "rad", "of the least static index among angles with dynamics, or as given; null without dynamics",
+            "rad", "declared angle, or least static index among angles with dynamics; null without dynamics",
             written="deg",
         ),
     ] = None  # fmt: skip
     dynamic_angle: Annotated[
-        float | None, Quantity("rad", "of the least dynamic index, refined; null without dynamics", written="deg")
+        float | None, Quantity("rad", "angle of the least dynamic index, refined; null without dynamics", written="deg")
     ] = None
     dynamic_index: Annotated[
-        float | None, Quantity("m", "there: largest deflection over two seconds from rest", written="mm")
+        float | None, Quantity("m", "dynamic index there: largest deflection over two seconds from rest", written="mm")
     ] = None
     dynamic_mean: Annotated[
-        float | None, Quantity("m", "there: mean deflection without transients", written="mm")
+        float | None, Quantity("m", "mean deflection there, without transients", written="mm")
     ] = None  # fmt: skip
     static_choice_index: Annotated[
         float | None, Quantity("m", "dynamic index of the static choice", written="mm")
     ] = None  # fmt: skip
-    ratio: Annotated[float | None, Quantity("", "the latter over the least dynamic index on the grid")] = None
+    ratio: Annotated[float | None, Quantity("", "static_choice_index over the least dynamic index on the grid")] = None
     refined: Annotated[
         Sequence[Any] | None,
         Quantity(
-            "", "after the NLP: angle [deg], dynamic index [mm], whether it converged; best grid angle first"
+            "", "per NLP: angle [deg], dynamic index [mm], whether it converged; best grid angle first"
         ),
     ] = None  # fmt: skip
     free_speed: Annotated[
@@ -160,28 +162,26 @@ class MillingStudy(Study):
     ] = None
     change_1_Hz: Annotated[
         Sequence[float] | None,
-        Quantity("%", "of the dynamic index where all modes are 1 Hz lower, and higher", key="change_1_Hz_percent"),
+        Quantity("%", "change of the dynamic index with all modes 1 Hz lower, and higher", key="change_1_Hz_percent"),
     ] = None
     mode_coupling: Annotated[str | None, Quantity("", "verdict in words")] = None
     spectral_radius: Annotated[
         float | None,
         Quantity(
             "",
-            "of the linear model with regeneration at the dynamic angle; below 1 stable; null: too slow",
+            "of the linear model with regeneration at the dynamic angle; below 1 stable; null: spindle too slow",
         ),
     ] = None
-    guideline: Annotated[Sequence[str] | None, Quantity("", "the answer in sentences")] = None
+    guideline: Annotated[Sequence[str] | None, Quantity("", "recommendations in sentences")] = None
     compensation_rms: Annotated[
         Sequence[float] | None,
-        Quantity(
-            "m", "error of the tool by offset: none, static, dynamic, and dynamic within the bandwidth", written="mm"
-        ),
+        Quantity("m", "tool error with no offset, static, dynamic, and dynamic within the bandwidth", written="mm"),
     ] = None
     printed_mean: Annotated[
         Mapping[str, Any] | None,
         Quantity("mm", "predicted means of the twelve printed tests, by feed direction"),
     ] = None
-    dynamics: Annotated[str | None, Quantity("", "where the dynamics come from")] = None
+    dynamics: Annotated[str | None, Quantity("", "source of the dynamics")] = None
     table: Sequence[Row] = ()
 
     @property

@@ -15,7 +15,7 @@ class Oscillators:
     """Dynamics of the tool in n poses: m [kg], c [N.s/m], k [N/m], each (n, 3) along x, y, z of the world, all
     positive.
 
-    One pose may be given as (3,). Raises ArgumentError for what is not positive or has another shape.
+    A single pose may have the shape (3,). Raises ArgumentError for values that are not positive or a wrong shape.
 
     >>> robot = gt.milling.Oscillators(m=[350, 350, 250], c=[1500, 1500, 1000], k=[2e6, 1.5e6, 3e6])
     >>> robot.frequency.round(1), robot.damping_ratio.round(3)  # [Hz], [1]
@@ -41,7 +41,7 @@ class Oscillators:
 
     @classmethod
     def with_damping_ratio(cls, m: ArrayLike, k: ArrayLike, zeta: ArrayLike) -> Oscillators:
-        """Oscillators from m [kg], k [N/m] and damping ratios zeta [1], each (n, 3), in place of c."""
+        """Return oscillators from m [kg], k [N/m] and damping ratios zeta [1], each (n, 3)."""
         m, k = np.asarray(m, float), np.asarray(k, float)
         return cls(m, 2 * np.asarray(zeta, float) * np.sqrt(m * k), k)
 
@@ -62,8 +62,9 @@ class Oscillators:
         return self.c / (2 * np.sqrt(self.k * self.m))
 
     def shifted(self, hertz: float) -> Oscillators:
-        """The same stiffness and damping ratio with all natural frequencies changed by `hertz`. ValueError where none
-        is left.
+        """Return oscillators with natural frequencies changed by `hertz`, with unchanged stiffness and damping ratio.
+
+        Raises ValueError if a frequency would not be positive.
         """
         f = self.frequency + hertz
         if np.any(f <= 0):
@@ -72,19 +73,19 @@ class Oscillators:
         return Oscillators.with_damping_ratio(self.k / (2 * np.pi * f) ** 2, self.k, self.damping_ratio)
 
     def receptance(self, omega: ArrayLike) -> np.ndarray:
-        """Receptance H = 1 / (k - m w^2 + j c w) (n, w, 3) [m/N] at angular frequencies omega (w,) [rad/s]."""
+        """Return the receptance H = 1 / (k - m w^2 + j c w) (n, w, 3) [m/N] at frequencies omega (w,) [rad/s]."""
         w = np.asarray(omega, float).reshape(1, -1, 1)
         m, c, k = (x[:, None, :] for x in (self.m, self.c, self.k))
         return 1 / (k - m * w**2 + 1j * c * w)
 
     @classmethod
     def concatenate(cls, parts: list[Oscillators]) -> Oscillators:
-        """The poses of all parts, one after the other."""
+        """Return the poses of all parts in one object."""
         return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("m", "c", "k")))
 
 
 def missing_z(m: ArrayLike, c: ArrayLike, k: ArrayLike) -> Oscillators:
-    """Oscillators (n, 3) whose c_z is missing, as in Cvitanic 2021, Table 16: zeta_z becomes the mean of zeta_x and
+    """Return oscillators (n, 3) if c_z is missing, as in Cvitanic 2021, Table 16: zeta_z is the mean of zeta_x and
     zeta_y.
 
     >>> robot = gt.milling.missing_z(m=[350, 350, 250], c=[1000, 1500, 0], k=[2e6, 1.5e6, 3e6])

@@ -1,5 +1,5 @@
-"""Where the dynamics of a pose come from, measured angles, joint stiffness or a field of oscillators, and the
-redundant angle about the spindle axis."""
+"""Dynamics of a pose, from measured angles, joint stiffness or a field of oscillators; and the redundant angle about
+the spindle axis."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ ANGLES = np.deg2rad(np.arange(-180.0, 181.0))  # 361, one degree apart
 
 @dataclass(frozen=True, eq=False)
 class AngleSweep:
-    """All ways in which an arm can hold the tool at one place, over the angle about the spindle.
+    """All joint solutions with which an arm can hold the tool at one place, over the angle about the spindle.
 
-    angles (n,) [rad]. q (s, 6) [rad]: solutions; solution i belongs to angle number row[i] and branch branch[i], and at
-    each angle a branch has one solution at most. in_reach (n,): whether the geometry allows the angle, though joint
-    limits may not.
+    angles (n,) [rad]. q (s, 6) [rad]: solutions; solution i belongs to angle number row[i] and branch branch[i]; a
+    branch has at most one solution per angle. in_reach (n,): whether the geometry allows the angle, regardless of joint
+    limits.
     """
 
     angles: np.ndarray
@@ -40,13 +40,13 @@ class AngleSweep:
 
     @property
     def reachable(self) -> np.ndarray:
-        """(n,) whether some branch holds the angle within its joint limits."""
+        """Whether some branch holds the angle within the joint limits (n,)."""
         reachable = np.zeros(len(self.angles), bool)
         reachable[self.row] = True
         return reachable
 
     def least(self, value: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """By angle (n,): the least of values (s,) of its solutions and the number of that solution; NaN, -1: none."""
+        """Return per angle (n,) the least of the values (s,) of its solutions, and that solution; NaN and -1: none."""
         value = np.asarray(value, float)
         best, which = np.full(len(self.angles), np.nan), np.full(len(self.angles), -1)
         order = np.lexsort((value, self.row))
@@ -55,20 +55,20 @@ class AngleSweep:
         return best, which
 
 
-def runs_of(there: np.ndarray) -> np.ndarray:
-    """First and last row (n, 2) of each run of rows that are `there`."""
-    edges = np.diff(np.concatenate([[0], there, [0]]).astype(int))
+def runs_of(mask: np.ndarray) -> np.ndarray:
+    """Return first and last row (n, 2) of each run of true rows."""
+    edges = np.diff(np.concatenate([[0], mask, [0]]).astype(int))
     return np.column_stack([np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1])
 
 
 def tool_rotations(angles: ArrayLike, axis: ArrayLike, spindle: ArrayLike, zero: float = 0.0) -> np.ndarray:
-    """Flange orientations (n, 3, 3) that point the spindle along `axis` (3), world, turned about it by angles (n,)
-    [rad].
+    """Return flange orientations (n, 3, 3) with the spindle along `axis` (3), world coordinates, turned about it by
+    angles (n,) [rad].
 
-    spindle (3): from spindle to tip, flange coordinates. The angle turns about -axis, as about the vertical for a
-    tool that points down. At the turn 0 the part of the flange's z axis (of its x axis where the spindle lies along
-    z) across the spindle points towards world x (y where the tool lies along x); at angle 0 the turn is `zero` [rad].
-    The thesis does not print its own. Raises ValueError for a direction without length.
+    spindle (3): from spindle to tip, flange coordinates. The angle turns about -axis: about the upward vertical for a
+    tool that points down. At turn 0 the flange's z axis (x axis if the spindle is along z), projected perpendicular to
+    the spindle, points towards world x (y if the tool is along x); at angle 0 the turn is `zero` [rad]. The thesis does
+    not print its convention. Raises ValueError for a zero direction.
 
     >>> R = gt.milling.tool_rotations(np.radians([0.0, 90.0]), axis=[0.0, 0.0, -1.0], spindle=[0.0, 0.0, 1.0])
     >>> R[0].round(6) + 0.0
@@ -87,12 +87,12 @@ def angle_sweep(
     tool: ArrayLike = (0.0, 0.0, 0.0), spindle: ArrayLike = (0.0, 0.0, 1.0), angles: ArrayLike = ANGLES,
     zero: float = 0.0,
 ) -> AngleSweep:  # fmt: skip
-    """Joint angles that hold the tool centre point at `place` (3) [m] over the angles (n,) [rad]: all branches within
-    limits.
+    """Return joint angles that hold the tool centre point at `place` (3) [m] at the angles (n,) [rad]: all branches
+    within limits.
 
     limits (6, 2) [rad]; tool (3) [m]: tool centre point in flange coordinates; axis, spindle, zero: see
-    `tool_rotations`.
-    Of a branch's whole turns the one farthest from its limits is kept. Raises ValueError for wrong shapes.
+    `tool_rotations`. Of solutions that differ by whole turns, a branch keeps the one farthest from the limits. Raises
+    ValueError for wrong shapes.
 
     >>> robot = gt.robots.kr500()
     >>> arm = gt.kinematics.WristPartition.of(robot.origins, robot.axes)
@@ -109,8 +109,8 @@ def angle_sweep(
         turns, branches = solutions.within(limits, n)
         margin = np.minimum(turns - low, high - turns).min(axis=1)
         for b in np.unique(branches):
-            mine = np.flatnonzero(branches == b)
-            q.append(turns[mine[np.argmax(margin[mine])]])
+            candidates = np.flatnonzero(branches == b)
+            q.append(turns[candidates[np.argmax(margin[candidates])]])
             row.append(n)
             branch.append(b)
     in_reach = np.any(np.isfinite(solutions.q).all(axis=2), axis=1)
@@ -118,11 +118,11 @@ def angle_sweep(
 
 
 def _frame(first: ArrayLike, second: tuple[int, int, int], instead: tuple[int, int, int]) -> np.ndarray:
-    """Columns: `first`, then the part of `second` across it (`instead` where they are parallel), then the third."""
+    """Return a right-handed frame: x along `first`, y as near as possible to `second` (`instead` if parallel)."""
     x = np.asarray(first, float)
     length = np.linalg.norm(x)
     if x.shape != (3,) or not length > 0:
-        raise ValueError(f"the direction {x.tolist()} has no length; expected three numbers, not all zero")
+        raise ValueError(f"the direction is {x.tolist()}; expected three numbers, not all zero")
     x = x / length
     y = np.asarray(second if np.linalg.norm(np.cross(x, second)) > 1e-6 else instead, float)
     y = y - (x @ y) * x
@@ -130,14 +130,14 @@ def _frame(first: ArrayLike, second: tuple[int, int, int], instead: tuple[int, i
     return np.column_stack([x, y, np.cross(x, y)])
 
 
-ROUNDING = 1e-9  # rad, of an angle given in degrees
+ROUNDING = 1e-9  # rad, of an angle converted from degrees
 
 
 class AngleTable:
-    """Oscillators that are known at angles (n,) [rad]; between these, monotone cubics through log m, log c and log k.
+    """Oscillators known at angles (n,) [rad]; in between, monotone cubics through log m, log c and log k.
 
-    Angles are the same after whole turns. Beyond the first and last angle nothing is known. Raises ValueError for fewer
-    than two angles or unequal numbers.
+    Angles are equal modulo whole turns. There is no extrapolation beyond the first and last angle. Raises ValueError
+    for fewer than two angles, or another number of oscillators.
 
     >>> robots = gt.milling.Oscillators.with_damping_ratio([[350] * 3] * 2, [[2e6] * 3, [1.5e6] * 3], [[0.03] * 3] * 2)
     >>> table = gt.milling.AngleTable(np.radians([0.0, 60.0]), robots)
@@ -155,10 +155,10 @@ class AngleTable:
             )
         order = np.argsort(angles)
         if np.any(np.diff(angles[order]) <= 0):
-            raise ValueError("the same angle stands twice; expected different angles")
+            raise ValueError("an angle appears twice; expected different angles")
         if angles[order[-1]] - angles[order[0]] > 2 * np.pi + ROUNDING:
             low, high = np.rad2deg(angles[order[[0, -1]]])
-            raise ValueError(f"the angles run from {low:g} to {high:g} deg; expected one turn of 360 deg at most")
+            raise ValueError(f"the angles run from {low:g} to {high:g} deg; expected at most one turn of 360 deg")
         self.angles = angles[order]
         o = oscillators[order]
         self._curve = scipy.interpolate.PchipInterpolator(
@@ -166,20 +166,20 @@ class AngleTable:
         )
 
     def covers(self, angles: ArrayLike) -> np.ndarray:
-        """(n,) whether these angles [rad] lie within the table."""
+        """Return whether angles [rad] are within the table, modulo whole turns (n,)."""
         return self.turned(angles) <= self.angles[-1] + ROUNDING
 
     def turned(self, angles: ArrayLike) -> np.ndarray:
-        """The same angles (n,) [rad], by whole turns, from the first of the table to one turn beyond it."""
+        """Return angles (n,) [rad] shifted by whole turns to within one turn from the first angle of the table."""
         a, first = np.asarray(angles, float).ravel(), self.angles[0] - ROUNDING
         return np.where(self._within(a), a, first + (a - first) % (2 * np.pi))
 
     def _within(self, a: np.ndarray) -> np.ndarray:
-        """(n,) whether angles [rad] lie within the table as they are."""
+        """Return whether angles [rad] are within the table without a shift (n,)."""
         return (a >= self.angles[0] - ROUNDING) & (a <= self.angles[-1] + ROUNDING)
 
     def at(self, angles: ArrayLike) -> Oscillators:
-        """The oscillators at angles (n,) [rad]. Raises ValueError beyond the table."""
+        """Return the oscillators at angles (n,) [rad]. Raises ValueError outside the table."""
         a = np.asarray(angles, float).ravel()
         if not np.all(self.covers(a)):
             worst = a[~self.covers(a)][0]
@@ -189,7 +189,7 @@ class AngleTable:
         return Oscillators(values[:, :3], values[:, 3:6], values[:, 6:])
 
     def casadi_function(self) -> Any:
-        """The same curve as a CasADi function A [rad] -> m, c, k (3 each); beyond its ends the last cubics continue."""
+        """Return the curve as a CasADi function A [rad] -> m, c, k (3 each); it extrapolates with the last cubics."""
         A = ca.SX.sym("A")
         pieces = []
         for i, knot in enumerate(self.angles[:-1]):
@@ -203,12 +203,12 @@ class AngleTable:
         return ca.Function("oscillators", [A], [p[:3], p[3:6], p[6:]], ["A"], ["m", "c", "k"])
 
 
-NEIGHBOURS = 3  # of a grid angle on either side through which a local table is laid
+NEIGHBOURS = 3  # grid angles on either side for a local table
 
 
 class Dynamics(NamedTuple):
-    """Oscillators by angle at one place. `rows` of the grid where they are known, `smooth` a CasADi function about a
-    row, between the angles `low` and `high` [rad]."""
+    """Oscillators by angle at one place. `rows`: grid rows where they are known; `smooth`: for a row, a CasADi function
+    and the angles [rad] between which it is valid."""
 
     rows: np.ndarray
     oscillators: Oscillators
@@ -219,18 +219,18 @@ class Dynamics(NamedTuple):
 Given = AngleTable | Modal | OscillatorField
 
 
-def dynamics_of(given: Given | None, where: str) -> tuple[Callable[..., Dynamics] | None, str | None]:
-    """(angles, reachable (n,), compliance (n, 3, 3), branch (n,), place) -> Dynamics, and in words where they come
-    from; None where none are given. where: what a person calls their source, such as a file."""
-    if given is None:
+def dynamics_of(source: Given | None, name: str) -> tuple[Callable[..., Dynamics] | None, str | None]:
+    """Return the function (angles, reachable (n,), compliance (n, 3, 3), branch (n,), place) -> Dynamics, and a
+    description of the source; None without dynamics. name: of the source, such as a file."""
+    if source is None:
         return None, None
-    if isinstance(given, AngleTable):
-        return _of_table(given), "measured at the given angles, monotone cubics of the logarithms between them"
-    if isinstance(given, Modal):
-        said = "made from joint stiffness with declared masses: an example, not a measurement"
-        return _of_modal(given.mass, given.damping_ratio), said
-    said = f"; synthetic: {given.synthetic}" if given.synthetic else ""
-    return _of_field(given), f"Gaussian processes over the pose{where and ', '}{where}{said}"
+    if isinstance(source, AngleTable):
+        return _of_table(source), "measured at the listed angles, monotone cubics of the logarithms between them"
+    if isinstance(source, Modal):
+        about = "from joint stiffness with declared masses: an example, not a measurement"
+        return _of_modal(source.mass, source.damping_ratio), about
+    synthetic = f"; synthetic: {source.synthetic}" if source.synthetic else ""
+    return _of_field(source), f"Gaussian processes over the pose{name and ', '}{name}{synthetic}"
 
 
 def _of_table(table: AngleTable) -> Callable[..., Dynamics]:
@@ -238,7 +238,7 @@ def _of_table(table: AngleTable) -> Callable[..., Dynamics]:
         rows = np.flatnonzero(reachable & table.covers(angles))
         if not len(rows):
             low, high = np.rad2deg(table.angles[[0, -1]])
-            raise ArgumentError(f"tells nothing of a reachable angle; it holds {low:g} to {high:g} deg", "dynamics")
+            raise ArgumentError(f"contains no reachable angle; it covers {low:g} to {high:g} deg", "dynamics")
         smooth = table.casadi_function()
         return Dynamics(rows, table.at(angles[rows]), table.at, lambda row: (smooth, *table.angles[[0, -1]]))
 
@@ -253,20 +253,20 @@ def _of_modal(mass: list[float], zeta: list[float]) -> Callable[..., Dynamics]:
             oscillators = Oscillators.with_damping_ratio(np.tile(mass, (len(rows), 1)), k, zeta)
 
         def near(row: int) -> AngleTable:
-            here = [row]
+            local = [row]
             for way in (-1, 1):
-                for other in row + way * np.arange(1, NEIGHBOURS + 1):
-                    if not 0 <= other < len(angles) or not reachable[other] or branch[other] != branch[row]:
+                for neighbour in row + way * np.arange(1, NEIGHBOURS + 1):
+                    if not 0 <= neighbour < len(angles) or not reachable[neighbour] or branch[neighbour] != branch[row]:
                         break
-                    here.append(int(other))
-            if len(here) < 2:
+                    local.append(int(neighbour))
+            if len(local) < 2:
                 raise ValueError("no neighbour of this angle is reachable on the same branch")
-            here.sort()
-            return AngleTable(angles[here], oscillators[np.searchsorted(rows, here)])
+            local.sort()
+            return AngleTable(angles[local], oscillators[np.searchsorted(rows, local)])
 
         def at(angle: float) -> Oscillators:
             nearest = int(np.argmin(np.abs(angles[rows] - angle)))
-            if abs(angles[rows[nearest]] - angle) < ROUNDING:  # no neighbour is needed
+            if abs(angles[rows[nearest]] - angle) < ROUNDING:  # works without neighbours
                 return oscillators[np.array([nearest])]
             return near(rows[nearest]).at(angle)
 
@@ -289,10 +289,10 @@ def _of_field(field: OscillatorField) -> Callable[..., Dynamics]:
         known = reachable & field.covers(poses)
         rows = np.flatnonzero(known)
         if not len(rows):
-            where = ", ".join(f"{x:.4g}" for x in place)
+            point = ", ".join(f"{x:.4g}" for x in place)
             raise ArgumentError(
-                f"tells nothing of a reachable angle at ({where}) m: too far from the poses that were measured, or too "
-                "few of them; measure nearer to the work",
+                f"covers no reachable angle at ({point}) m: the measured poses are too far away or too few; measure "
+                "nearer to the work",
                 "dynamics",
             )
         A = ca.SX.sym("A")
@@ -303,6 +303,6 @@ def _of_field(field: OscillatorField) -> Callable[..., Dynamics]:
 
 
 def _run(angles: np.ndarray, reachable: np.ndarray, row: int) -> tuple[float, float]:
-    """Ends of the reachable angles around a row without a gap."""
+    """Return the ends of the run of reachable angles around a row."""
     low, high = next(run for run in runs_of(reachable) if run[0] <= row <= run[1])
     return float(angles[low]), float(angles[high])

@@ -13,12 +13,12 @@ WIDTH = 0.02  # of the gate, in cosines of the angle
 
 
 def smooth_force_function(cutter: Cutter, mode: str, *, width: float = WIDTH, discs: int = 40) -> Any:
-    """CasADi function (phi [rad], a_e [m], a_p [m], f_t [m]) -> F (3) [N] in feed, transverse and axial direction.
+    """Return the CasADi function (phi [rad], a_e [m], a_p [m], f_t [m]) -> F (3) [N], feed, transverse and axial.
 
-    The gate of each tooth is a logistic function of cos(phi_i - middle) - cos(half the immersion), which is periodic
-    and has derivatives everywhere; as `width` goes to zero the force becomes that of `forces`. a_e must stay between 0
-    and the diameter (a slot reads no a_e). Runout is left out, chips are not clipped. Raises ValueError for an unknown
-    mode, a width that is not positive, or a cutter with runout.
+    The gate of each tooth is a logistic function of cos(phi_i - middle) - cos(half the immersion): periodic and
+    differentiable everywhere; for width -> 0 the force is that of `forces`. a_e must stay between 0 and the diameter (a
+    slot does not use a_e). Chips are not clipped. Raises ValueError for an unknown mode, a width that is not positive,
+    or a cutter with runout.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
@@ -31,7 +31,7 @@ def smooth_force_function(cutter: Cutter, mode: str, *, width: float = WIDTH, di
     if not width > 0 or discs < 1:
         raise ValueError(f"found a width of {width:g} and {discs} discs; expected more than 0 and at least 1")
     if cutter.runout is not None and np.any(cutter.runout):
-        raise ValueError("the smooth forces know no runout; use forces() or a cutter without")
+        raise ValueError("smooth forces do not support runout; use forces() or a cutter without runout")
     phi, a_e, a_p, f_t = (ca.SX.sym(name) for name in ("phi", "a_e", "a_p", "f_t"))
     if mode == "slot":
         start, end = 0.0, np.pi
@@ -44,9 +44,9 @@ def smooth_force_function(cutter: Cutter, mode: str, *, width: float = WIDTH, di
     for angle, pitch in zip(cutter.angles, cutter.pitch, strict=True):
         feed = f_t * cutter.teeth * pitch / (2 * np.pi)
         for disc in range(discs):
-            turned = phi + angle - cutter.lag(1.0) * dz * (disc + 0.5)
-            gate = (1 + ca.tanh((ca.cos(turned - middle) - limit) / (2 * width))) / 2
-            s, c = ca.sin(turned), ca.cos(turned)
+            tooth = phi + angle - cutter.lag(1.0) * dz * (disc + 0.5)
+            gate = (1 + ca.tanh((ca.cos(tooth - middle) - limit) / (2 * width))) / 2
+            s, c = ca.sin(tooth), ca.cos(tooth)
             h = feed * s
             t, r, a = k.K_te + k.K_tc * h, k.K_re + k.K_rc * h, k.K_ae + k.K_ac * h
             F += gate * dz * ca.vertcat(-t * c - r * s, t * s - r * c, a)

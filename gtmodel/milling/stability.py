@@ -1,5 +1,5 @@
-"""Whether a cut chatters, and to which depth it is known not to: the delayed equations by semi-discretisation
-(Insperger and Stepan), and their Floquet multipliers by Gauss collocation over one period."""
+"""Stability of a cut and depths that are proven stable: the delay equations, with semi-discretisation (Insperger and
+Stepan), and with Floquet multipliers from Gauss collocation over one period."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ from .cutter import Cut, Cutter, immersion, tooth_frequency
 from .forces import STRAIGHT, directional_antiderivative, directional_matrix, plane
 from .oscillators import Oscillators
 
-NODES = 8  # of each element
-CYCLES = 1.2  # of the fastest mode in an element at most: multipliers good to 1e-6
-ANGLE = 1.2  # rad of the spindle in an element at most
-MOST = 300  # nodes in a period: more are seconds for the eigenvalues at one depth
-STIFF = 1000.0  # times the least dynamic stiffness c w in the plane of the cut: a mode beyond it does not matter
-TINY = 1e-9  # rad: shorter pieces of a period are none
-EVEN = 1e-12  # relative: pitches that differ by less are even
+NODES = 8  # per element
+CYCLES = 1.2  # most cycles of the fastest mode in an element: multipliers accurate to 1e-6
+ANGLE = 1.2  # most rad of the spindle in an element
+MOST = 300  # nodes in a period: more would take seconds for the eigenvalues at one depth
+STIFF = 1000.0  # a mode whose dynamic stiffness c w exceeds the least one by this factor is ignored
+TINY = 1e-9  # rad: shorter pieces of a period are ignored
+EVEN = 1e-12  # relative difference of pitches that count as even
 
 
 class TooSlowError(ValueError):
-    """A period needs more nodes than are taken."""
+    """The spindle is so slow that a period would need too many nodes."""
 
 
 class EqualDelayTeeth(NamedTuple):
-    """Teeth that meet what was left at the same `delay` [rad] of the spindle before: their angles [rad]."""
+    """Teeth with equal `delay` [rad of the spindle] to the previous cut, and their angles [rad]."""
 
     delay: float
     angles: np.ndarray
 
 
 class TimeElement(NamedTuple):
-    """From angle `start` to `end` [rad] of the period; number of its nodes' first, -1 where nothing cuts."""
+    """Element from angle `start` to `end` [rad] of the period; `first`: index of its first node, -1 without a cut."""
 
     start: float
     end: float
@@ -52,11 +52,11 @@ class TimeElement(NamedTuple):
 def multipliers(
     oscillators: Oscillators, cutter: Cutter, mode: str, radial_depth: float, depth: float, speed: float, P: np.ndarray
 ) -> np.ndarray:
-    """Floquet multipliers (some,) of the first pose at an axial depth [m] and a speed [1/s], over one tooth period
-    with even pitch, else over one turn; P (2, 3): feed and transverse direction, world coordinates.
+    """Return the Floquet multipliers (n,) of the first pose at an axial depth [m] and a speed [1/s], over one tooth
+    period with even pitch, otherwise over one turn; P (2, 3): feed and transverse direction, world coordinates.
 
-    Helix and pitch included; teeth out of the cut by runout are not. Raises ValueError for impossible values and for
-    a spindle so slow that a period needs more than 300 nodes.
+    Includes helix and pitch, but not runout. Raises ValueError for invalid values and for a spindle so slow that a
+    period needs more than 300 nodes.
     """
     span = immersion(mode, radial_depth, cutter.diameter)
     tooth_frequency(speed, cutter.teeth)
@@ -89,7 +89,7 @@ def multipliers(
             if teeth.delay == period:
                 pull += W @ before[rows]
             elif np.abs(W).max() > TINY * depth * stiffness:
-                # only teeth in cut: where others stood before, nothing need have cut and no displacement is held
+                # only cutting teeth: the displacement one delay earlier is stored only if a tooth was cutting then
                 pull += W @ _delayed(at_all[rows] - teeth.delay, elements, period, before, now)
         # y = rest - K (push y - pull): rows by direction, then node
         W = np.zeros((2, NODES, 2, NODES))
@@ -103,25 +103,26 @@ def multipliers(
 
 
 def teeth_by_delay(cutter: Cutter) -> tuple[float, list[EqualDelayTeeth]]:
-    """Angle of the period [rad] and the teeth by delay: one tooth period and one group where the pitch is even."""
+    """Return the angle of the period [rad] and the teeth by delay; even pitch: one tooth period and one group."""
     pitch = cutter.pitch
     if np.ptp(pitch) <= EVEN * 2 * np.pi:
         return 2 * np.pi / cutter.teeth, [EqualDelayTeeth(2 * np.pi / cutter.teeth, cutter.angles)]
     return 2 * np.pi, [EqualDelayTeeth(float(p), cutter.angles[i : i + 1]) for i, p in enumerate(pitch)]
 
 
-def mean_over_helix(cutter: Cutter, at: np.ndarray, lag: float, span: tuple[float, float]) -> np.ndarray:
-    """D (..., 2, 2) [N/m2] of a tooth whose tip is at angles (...) [rad], averaged over the depth's lag [rad]."""
-    shape, at = at.shape, at.ravel()
+def mean_over_helix(cutter: Cutter, angles: np.ndarray, lag: float, span: tuple[float, float]) -> np.ndarray:
+    """Return D (..., 2, 2) [N/m2] of a tooth with its tip at angles (...) [rad], averaged over the lag [rad]."""
+    shape, angles = angles.shape, angles.ravel()
     if lag < STRAIGHT:
-        return directional_matrix(cutter, at - lag / 2, *span).reshape(*shape, 2, 2)
-    ends = directional_antiderivative(cutter, at, span), directional_antiderivative(cutter, at - lag, span)
+        return directional_matrix(cutter, angles - lag / 2, *span).reshape(*shape, 2, 2)
+    ends = directional_antiderivative(cutter, angles, span), directional_antiderivative(cutter, angles - lag, span)
     return ((ends[0] - ends[1]) / lag).reshape(*shape, 2, 2)
 
 
 class _Step(NamedTuple):
-    """Of an element: over (6, 6) of the free state (x and v/w by axis), exact; free (2 nodes, 6) of displacements at
-    the nodes. From the force at the nodes (2 nodes), by direction and node: end (6, ...), K (2 nodes, ...)."""
+    """Maps of an element. From the state at its start (x and v/w by axis): over (6, 6) to the state at its end, exact;
+    free (2 nodes, 6) to the displacements at the nodes. From the force at the nodes (2 nodes), by direction and node:
+    end (6, ...) to the state at the end, K (2 nodes, ...) to the displacements."""
 
     over: np.ndarray
     end: np.ndarray
@@ -132,7 +133,7 @@ class _Step(NamedTuple):
 def _step(o: Oscillators, length: float, P: np.ndarray) -> _Step:
     m, c, k = o.m[0], o.c[0], o.k[0]
     h, damped = (np.sqrt(k / m) * length)[:, None, None], (c / np.sqrt(k * m))[:, None, None]
-    # each mode in its own time: x'' + damped x' + x = F/k
+    # each mode in scaled time: x'' + damped x' + x = F/k
     M = np.empty((3, 2 * NODES, 2 * NODES))
     M[:, :NODES, :NODES], M[:, :NODES, NODES:] = _ONE, -h * _A
     M[:, NODES:, :NODES], M[:, NODES:, NODES:] = h * _A, _ONE + damped * h * _A
@@ -147,7 +148,7 @@ def _step(o: Oscillators, length: float, P: np.ndarray) -> _Step:
     over = np.zeros((3, 2, 3, 2))
     over[np.arange(3), :, np.arange(3)] = scipy.linalg.expm(
         np.block([[0 * h, h], [-h, -damped * h]])
-    )  # also where nothing cuts
+    )  # used also without a cut
     end = np.einsum("aij,ra->airj", last[..., 2:], P / k)
     K = np.einsum("ra,sa,aij->risj", P, P / k, x[..., 2:])
     free = np.einsum("ra,aij->riaj", P, x[..., :2])
@@ -159,7 +160,7 @@ def _elements(
     o: Oscillators, cutter: Cutter, groups: list[EqualDelayTeeth], period: float, span: tuple[float, float],
     depth: float, turning: float, P: np.ndarray,
 ) -> list[TimeElement]:  # fmt: skip
-    """Of one period. Raises ValueError for too many."""
+    """Return the elements of one period. Raises TooSlowError if there are too many nodes."""
     lag, angles = cutter.lag(depth), np.concatenate([teeth.angles for teeth in groups])
     edges = np.concatenate([(edge + late - angles) % period for edge in span for late in (0.0, lag)])
     edges = np.unique(np.concatenate([[0.0, period], edges]))
@@ -178,9 +179,9 @@ def _elements(
         number = int(np.ceil((end - start) / longest))
         if first + number * NODES > MOST:
             raise TooSlowError(
-                f"at {60 * turning / (2 * np.pi):.4g} rpm a mode at {hertz:.3g} Hz swings "
-                f"{hertz * period / turning:.3g} times in a period of the cut, which needs more than {MOST} nodes: "
-                "look at the least depth of the stability lobes"
+                f"at {60 * turning / (2 * np.pi):.4g} rpm a mode at {hertz:.3g} Hz has "
+                f"{hertz * period / turning:.3g} cycles in a period of the cut, which needs more than {MOST} nodes: "
+                "use the least depth of the stability lobes"
             )
         ends = np.linspace(start, end, number + 1)
         for a, b in pairwise(ends):
@@ -190,12 +191,12 @@ def _elements(
 
 
 def _stiffness(cutter: Cutter) -> float:
-    """Of the cut per depth [N/m2] if all teeth cut, as a scale."""
+    """Return a scale of the cut's stiffness per depth [N/m2], with all teeth cutting."""
     return cutter.teeth * float(np.abs(cutter.coefficients.cutting[:2]).sum())
 
 
 def _fastest(o: Oscillators, P: np.ndarray, added: float) -> float:
-    """Frequency [Hz] of the fastest mode that matters, with the cut's stiffness [N/m] `added`."""
+    """Return the frequency [Hz] of the fastest relevant mode, with the cut's stiffness [N/m] `added`."""
     moved = (P**2).sum(axis=0) > TINY
     m, c, k = o.m[0][moved], o.c[0][moved], o.k[0][moved]
     dynamic = c * np.sqrt(k / m)
@@ -204,13 +205,13 @@ def _fastest(o: Oscillators, P: np.ndarray, added: float) -> float:
 
 
 def _delayed(
-    at: np.ndarray, elements: list[TimeElement], period: float, before: np.ndarray, now: np.ndarray
+    angles: np.ndarray, elements: list[TimeElement], period: float, before: np.ndarray, now: np.ndarray
 ) -> np.ndarray:
-    """(n, 2, ...) displacement at angles (n,) of this period, or below 0 of the one before."""
+    """Return the displacement (n, 2, ...) at angles (n,) of this period; negative angles: of the previous period."""
     delayed = []
     cutting = [e for e in elements if e.first >= 0]
     starts = np.array([e.start for e in cutting])
-    for angle in at:
+    for angle in angles:
         past, angle = (before, angle + period) if angle < -TINY else (now, angle)
         e = cutting[max(0, int(np.searchsorted(starts, angle + TINY, side="right")) - 1)]
         weights = _lagrange((angle - e.start) / (e.end - e.start))
@@ -219,7 +220,7 @@ def _delayed(
 
 
 def _lagrange(x: float) -> np.ndarray:
-    """(NODES,) weights of the nodes' values at x in 0 .. 1."""
+    """Return interpolation weights (NODES,) of the nodes' values at x in 0 .. 1."""
     gap = x - _C
     near = int(np.argmin(np.abs(gap)))
     if abs(gap[near]) < 1e-12:
@@ -229,7 +230,7 @@ def _lagrange(x: float) -> np.ndarray:
 
 
 def _gauss() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nodes c, weights b and integrals A of the nodes' polynomials from 0 to each node, of the interval 0 .. 1."""
+    """Return Gauss nodes c and weights b on 0 .. 1, and A, the integrals of the Lagrange basis from 0 to each node."""
     x, weights = leggauss(NODES)
     c = (x + 1) / 2
     A = np.empty((NODES, NODES))
@@ -253,15 +254,15 @@ def semi_discretised_radius(
     oscillators: Oscillators, cutter: Cutter, cut: Cut, speed: float, feed: ArrayLike, *,
     up: ArrayLike = (0.0, 0.0, 1.0), intervals: int,
 ) -> float:  # fmt: skip
-    """Largest modulus of the Floquet multipliers over one tooth period: below 1 the cut is stable.
+    """Return the largest modulus of the Floquet multipliers over one tooth period: below 1 the cut is stable.
 
-    One pose, even pitch, helix included; speed [1/s]. The period is cut into `intervals` in which the force's
-    coefficient and the delayed displacement are constant: 20 in a period of the fastest mode are good to a percent.
-    Raises ValueError for impossible values and uneven pitch.
+    First pose, even pitch, with helix; speed [1/s]. Within each of the `intervals` of a period the force coefficient
+    and the delayed displacement are constant: 20 per cycle of the fastest mode are accurate to a percent. Raises
+    ValueError for invalid values and uneven pitch.
     """
     period = 1 / tooth_frequency(speed, cutter.teeth)
     if np.ptp(cutter.pitch) > UNEVEN:
-        raise ValueError("the pitch of the teeth is uneven; leave out `intervals`, which takes even pitch only")
+        raise ValueError("the pitch of the teeth is uneven; leave out `intervals`, which needs even pitch")
     if intervals < 4:
         raise ValueError(f"found {intervals} intervals; expected four or more")
     step, P = period / intervals, plane(feed, up)
@@ -269,7 +270,7 @@ def semi_discretised_radius(
     m, c, k = (np.diag(x[0]) for x in (oscillators.m, oscillators.c, oscillators.k))
     A, B, _ = second_order(m, c, k - W, -W)
     free, regenerated = held(A, B, step)
-    # columns: what the state now and x at the last `intervals` grid times becomes
+    # columns: response to the initial state and to x at the last `intervals` grid times
     size = 6 + 3 * intervals
     now = np.eye(6, size)
     history = np.concatenate([np.eye(3, size)[None], np.eye(3 * intervals, size, 6).reshape(intervals, 3, size)])
@@ -283,7 +284,7 @@ def semi_discretised_radius(
 
 
 def mean_matrices(cutter: Cutter, cut: Cut, intervals: int) -> np.ndarray:
-    """(intervals, 2, 2) [N/m2] over the tooth period, averaged over each interval and over the helix."""
+    """Return directional matrices (intervals, 2, 2) [N/m2] over the tooth period, averaged over interval and helix."""
     start, end = immersion(cut.mode, cut.radial_depth, cutter.diameter)
     fine = 8
     phi = 2 * np.pi / cutter.teeth * (np.arange(intervals * fine) + 0.5) / (intervals * fine)
@@ -295,27 +296,27 @@ def mean_matrices(cutter: Cutter, cut: Cut, intervals: int) -> np.ndarray:
     return means
 
 
-DEEPEST = 1.0  # m; beyond it no limit is looked for
-STEP = 1.2  # ratio of one depth that is tried to the next
-# with a helix, islands of period doubling lie between multiples of the teeth's axial pitch, parts of it deep: finer
-# steps, up to some multiples, beyond which the force hardly changes with the angle any more
+DEEPEST = 1.0  # m; deepest limit that is searched for
+STEP = 1.2  # ratio of successive trial depths
+# with a helix there are islands of period doubling, a fraction of the teeth's axial pitch deep, between its multiples:
+# use finer steps for the first multiples; beyond these the force hardly changes with the angle
 HELIX_STEPS, HELIX_PITCHES = 16, 4
-PROBES = 6  # of such a peak
-TOLERANCE = 1e-3  # relative, of the place of such a peak
-CLOSE = 1e-5  # relative, of a limit
-EDGE = 1e-9  # rad, beside an angle where a tooth enters or leaves
+PROBES = 6  # iterations for a peak of the radius
+TOLERANCE = 1e-3  # relative tolerance of its depth
+CLOSE = 1e-5  # relative tolerance of a limit
+EDGE = 1e-9  # rad, next to an angle where a tooth enters or leaves
 
 
 def spectral_radius(
     oscillators: Oscillators, cutter: Cutter, cut: Cut, speed: float, feed: ArrayLike, *,
     up: ArrayLike = (0.0, 0.0, 1.0), intervals: int | None = None,
 ) -> float:  # fmt: skip
-    """Largest modulus of the Floquet multipliers over one tooth period: below 1 the cut is stable.
+    """Return the largest modulus of the Floquet multipliers over one tooth period: below 1 the cut is stable.
 
-    The first pose counts. Helix and pitch are included (with uneven pitch it is the growth over a turn, per tooth),
-    runout is not; speed [1/s] of the spindle. The method is Gauss collocation, good to some 1e-6; with `intervals` it
-    is semi-discretisation, for even pitch only. Raises ValueError for impossible values, and for a spindle so slow that
-    more than 300 nodes are needed.
+    Uses the first pose, with helix and pitch (uneven pitch: growth over a turn, per tooth), without runout; speed [1/s]
+    of the spindle. The method is Gauss collocation, accurate to about 1e-6; with `intervals` it is semi-discretisation,
+    for even pitch only. Raises ValueError for invalid values, and for a spindle so slow that a period needs more than
+    300 nodes.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
@@ -337,7 +338,7 @@ def stable_depth(
     oscillators: Oscillators, cutter: Cutter, cut: Cut, speed: float, feed: ArrayLike, *,
     up: ArrayLike = (0.0, 0.0, 1.0), low: float, high: float, intervals: int | None = None, tolerance: float = 1e-3,
 ) -> float:  # fmt: skip
-    """Greatest axial depth [m] between low and high found stable, by Brent's method to a relative tolerance.
+    """Return the stability limit [m] between axial depths low and high, from Brent's method to a relative tolerance.
 
     Raises ValueError unless `low` is stable and `high` is not.
 
@@ -365,11 +366,11 @@ def certain_depth(
     oscillators: Oscillators, cutter: Cutter, mode: str, radial_depth: float, feed: ArrayLike, *,
     up: ArrayLike = (0.0, 0.0, 1.0),
 ) -> float:  # fmt: skip
-    """Axial depth [m] below which the first pose is stable at every speed: 1 / (2 sup |D| sup |H|).
+    """Return an axial depth [m] below which the first pose is stable at every speed: 1 / (2 sup |D| sup |H|).
 
-    It follows from the small-gain theorem: |x - x before| is at most twice |x| over all time, so a deflection shrinks
-    each time that it goes round the loop of tool and cut. It holds for any helix and any pitch, and lies below the true
-    limit by a factor of some 3 to 30. Raises ValueError for a radial depth beyond the diameter.
+    It follows from the small-gain theorem: the norm of x minus its delayed value is at most twice the norm of x, so the
+    loop gain of tool and cut is below 1. It holds for any helix and pitch, and is below the true limit by a factor of
+    about 3 to 30. Raises ValueError for a radial depth beyond the diameter.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
@@ -382,13 +383,13 @@ def certain_depth(
     angles = cutter.angles
     phi = np.concatenate([np.linspace(0, 2 * np.pi, 1441), start - angles, end - angles])
     largest = 0.0
-    for beside in (-EDGE, EDGE):
-        D = sum(np.linalg.norm(directional_matrix(cutter, phi + beside + a, start, end), 2, axis=(1, 2))
+    for side in (-EDGE, EDGE):
+        D = sum(np.linalg.norm(directional_matrix(cutter, phi + side + a, start, end), 2, axis=(1, 2))
                 for a in angles)  # fmt: skip
         largest = max(largest, float(np.max(D)))
     P = plane(feed, up)
     zeta = np.minimum(oscillators.damping_ratio[0], np.sqrt(0.5))
-    # no axis passes its own peak
+    # bound of each axis: its resonance peak
     peak = 1 / (oscillators.k[0] * 2 * zeta * np.sqrt(1 - zeta**2))
     return 1 / (2 * largest * float(peak[(P**2).sum(axis=0) > EDGE].max()))
 
@@ -397,12 +398,12 @@ def proven_depth(
     oscillators: Oscillators, cutter: Cutter, mode: str, radial_depth: float, speed: float, feed: ArrayLike, *,
     up: ArrayLike = (0.0, 0.0, 1.0), deepest: float = DEEPEST,
 ) -> float:  # fmt: skip
-    """Axial depth [m], `deepest` at most, up to which the first pose is found stable at a speed [1/s].
+    """Return the axial depth [m], at most `deepest`, up to which the first pose is found stable at a speed [1/s].
 
-    Depths are tried by their spectral radius from `certain_depth` on, each a fifth or, with a helix, a 16th of the
-    teeth's axial pitch deeper than the one before, and between them where the radius peaks near 1; the first that is
-    unstable is approached to a part in 100,000. For a spindle too slow for that it is `certain_depth`. Raises
-    ValueError for impossible values.
+    Evaluates the spectral radius from `certain_depth` on, at depths that grow by a fifth or, with a helix, by a 16th of
+    the teeth's axial pitch, and in between if the radius peaks near 1. The first limit is found to a relative 1e-5. If
+    the spindle is too slow for a depth, the last stable depth counts, at least `certain_depth`. Raises ValueError for
+    invalid values.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
@@ -421,21 +422,21 @@ def proven_depth(
 
     if deepest <= low:
         return deepest
-    tried: list[tuple[float, float]] = []
+    trials: list[tuple[float, float]] = []
     for depth in _depths(cutter, low, deepest):
         try:
-            tried.append((depth, radius(depth)))
-            high = _unstable(tried, radius)
-        except TooSlowError:  # too many nodes: nothing is proven from here on
-            return tried[-1][0] if tried else low
+            trials.append((depth, radius(depth)))
+            high = _unstable(trials, radius)
+        except TooSlowError:  # deeper cuts cannot be proven
+            return trials[-1][0] if trials else low
         if high is not None:
-            below = [depth for depth, _ in tried if depth < high[0]]
+            below = [depth for depth, _ in trials if depth < high[0]]
             return crossing(lambda x: np.log(radius(x)), below[-1], high[0], CLOSE)[0] if below else low
     return deepest
 
 
 def _depths(cutter: Cutter, low: float, deepest: float) -> list[float]:
-    """From one depth to the other [m], both included."""
+    """Return the trial depths [m], both ends included."""
     depths = np.geomspace(low, deepest, 2 + int(np.log(deepest / low) / np.log(STEP)))
     lag = cutter.lag(1.0)
     if lag == 0:
@@ -443,20 +444,20 @@ def _depths(cutter: Cutter, low: float, deepest: float) -> list[float]:
     pitch = 2 * np.pi / cutter.teeth / lag
     fine = pitch / HELIX_STEPS * np.arange(1, HELIX_STEPS * HELIX_PITCHES + 1)
     steps = np.diff(depths)
-    # only where a fifth is more than a step of the helix
+    # only if a fifth of the depth is more than a step of the helix
     wide = fine[(fine > low) & (fine < deepest) & (steps[np.searchsorted(depths, fine).clip(1, len(steps)) - 1]
                                                    > pitch / HELIX_STEPS)]  # fmt: skip
     return np.union1d(depths, wide).tolist()
 
 
-def _unstable(tried: list[tuple[float, float]], radius: Callable[[float], float]) -> tuple[float, float] | None:
-    """A depth found unstable and its radius: the last tried, or a peak of the radius about the one before it."""
-    if not tried[-1][1] < 1:
-        return tried[-1]
-    if len(tried) < 3:
+def _unstable(trials: list[tuple[float, float]], radius: Callable[[float], float]) -> tuple[float, float] | None:
+    """Return an unstable depth and its radius: the last trial, or a peak of the radius around the trial before."""
+    if not trials[-1][1] < 1:
+        return trials[-1]
+    if len(trials) < 3:
         return None
-    (a, r0), (_, r1), (b, r2) = tried[-3:]
-    # a peak rises above its middle by less than the steeper side does
+    (a, r0), (_, r1), (b, r2) = trials[-3:]
+    # a peak exceeds the middle value by less than the rise on its steeper side
     if not (r1 > r0 and r1 > r2 and 2 * r1 - min(r0, r2) >= 1):
         return None
     peak: Any = scipy.optimize.minimize_scalar(lambda x: -radius(float(x)), bounds=(a, b), method="bounded",

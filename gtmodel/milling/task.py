@@ -1,5 +1,5 @@
-"""Cutter, cut and arm of a milling study, its search over angles, places, feeds and speeds, and the best angle near a
-grid point by nonlinear programming."""
+"""Inputs of a milling study, its evaluation at one place, and the best angle near a grid point by nonlinear
+programming."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from .options import MillingSearch, MillingTool
 from .oscillators import Oscillators
 from .pose_dynamics import AngleSweep, Dynamics, Given, angle_sweep, dynamics_of
 
-SAMPLES = 96  # of a turn at which the norm is bounded
-HARMONICS = 16  # of the spindle that carry force, the strongest first
+SAMPLES = 96  # of a turn, at which the norm is bounded
+HARMONICS = 16  # strongest harmonics of the spindle that are used
 QUIET = {"print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": 1e-9}
 
 
 @dataclass(frozen=True)
 class Start:
-    """Where a refinement begins: angle, between low and high [rad], and speed of the spindle [1/s]."""
+    """Start of a refinement: angle, between low and high [rad], and speed of the spindle [1/s]."""
 
     angle: float
     low: float
@@ -41,8 +41,8 @@ class Start:
 class Refined:
     """A refined angle [rad] and speed of the spindle [1/s].
 
-    steady_peak: largest norm of the steady deflection there [m]. converged: whether the solver did. peak: dynamic index
-    there [m], NaN where it was not computed.
+    steady_peak: largest norm of the steady deflection [m]. converged: of the solver. peak: dynamic index [m], NaN if it
+    was not computed.
     """
 
     angle: float
@@ -55,12 +55,12 @@ class Refined:
 def refine(
     field: Any, spectrum: np.ndarray, starts: Sequence[Start], speed: tuple[float, float] | None = None
 ) -> list[Refined]:
-    """Minimise the largest norm of the periodic deflection over the angle, and over the speed where it is free.
+    """Minimise the largest norm of the periodic deflection over the angle, and over the speed if it is free.
 
     field: CasADi function A -> m, c, k (3 each), world axes; spectrum (h + 1, 3): force by harmonics of the spindle,
-    world coordinates; starts: where to begin and between which angles to stay, a result for each; speed: least and
-    greatest [1/s], each start's own if left out. The norm is bounded at SAMPLES angles by one variable (epigraph), and
-    that is minimised. Raises ValueError for a start outside its ends or a speed that is not positive.
+    world coordinates; starts: initial values with limits of the angle, one result each; speed: least and greatest
+    [1/s]; default: fixed to that of each start. One variable bounds the norm at SAMPLES angles (epigraph form) and is
+    minimised. Raises ValueError for a start outside its limits or a speed that is not positive.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
@@ -99,7 +99,7 @@ def refine(
 
 
 def _squared_norm(field: Any, spectrum: np.ndarray, A: ca.SX, w: ca.SX) -> ca.SX:
-    """|x|^2 [m2] at SAMPLES angles of the turn, from the strongest harmonics."""
+    """Return |x|^2 [m2] at SAMPLES angles of the turn, from the strongest harmonics."""
     m, c, k = field(A)
     strongest = np.argsort(-np.abs(spectrum[1:]).max(axis=1), kind="stable")[:HARMONICS] + 1
     theta = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
@@ -113,13 +113,13 @@ def _squared_norm(field: Any, spectrum: np.ndarray, A: ca.SX, w: ca.SX) -> ca.SX
     return ca.sum2(x**2)
 
 
-SOFTEST_PA = 1e4  # of cutting coefficients
-LARGEST_M = 1.0  # of a cutter and its depths
+SOFTEST_PA = 1e4  # least plausible cutting coefficient
+LARGEST_M = 1.0  # largest plausible cutter and depths
 
 
 @dataclass(frozen=True, eq=False)
 class MillingTask:
-    """What a study is asked for, ready to compute with."""
+    """Checked inputs of a study."""
 
     model: Any
     arm: WristPartition
@@ -135,7 +135,7 @@ class MillingTask:
     title: str
     given: Given | None
     dynamics: Callable[..., Dynamics] | None
-    whence: str | None  # the dynamics come, in words
+    whence: str | None  # description of the source of the dynamics
 
     @property
     def up(self) -> np.ndarray:
@@ -144,15 +144,15 @@ class MillingTask:
 
     @property
     def heading(self) -> str:
-        """The title of pictures, with a remark where the dynamics are synthetic."""
-        said = self.whence and self.whence.partition("synthetic: ")[2]
-        return (self.title or "milling") + (f"\n(synthetic dynamics: {said})" if said else "")
+        """The title of pictures, with a remark if the dynamics are synthetic."""
+        synthetic = self.whence and self.whence.partition("synthetic: ")[2]
+        return (self.title or "milling") + (f"\n(synthetic dynamics: {synthetic})" if synthetic else "")
 
 
 @dataclass(frozen=True, eq=False)
 class MillingPlace:
-    """One place of the tool: its sweep, indices (n,) by angle [m] of the task's feed, NaN where there is none, the
-    solution behind each angle, and its dynamics."""
+    """One place of the tool: sweep; compliance, solution and static index [m] of each angle (NaN: unreachable) with the
+    task's feed; and dynamics."""
 
     sweep: AngleSweep
     compliance: np.ndarray
@@ -161,7 +161,7 @@ class MillingPlace:
     dynamics: Dynamics | None
 
     def spread(self, value: np.ndarray) -> np.ndarray:
-        """Values of the rows with dynamics, by angle; NaN elsewhere."""
+        """Return values of the rows with dynamics, by angle; NaN elsewhere."""
         values = np.full(len(self.sweep.angles), np.nan)
         if self.dynamics is not None:
             values[self.dynamics.rows] = value
@@ -173,7 +173,7 @@ def task_of(
     joint_stiffness: Sequence[float], dynamics: Given | None, tool: MillingTool, search: MillingSearch,
     limits: Sequence[Sequence[float]] | None, source: str, title: str,
 ) -> MillingTask:  # fmt: skip
-    """Raises ArgumentError."""
+    """Check the inputs of a study. Raises ArgumentError."""
     _plausible(cutter, cut)
     with naming("cut.radial_depth", ValueError):
         immersion(cut.mode, cut.radial_depth, cutter.diameter)
@@ -192,25 +192,25 @@ def task_of(
         arm = WristPartition.of(model.origins, model.axes)
     except (ValueError, AttributeError) as error:
         raise ArgumentError(f"expected a serial arm with a spherical wrist such as kr500; {error}", "robot") from error
-    within = getattr(model, "joint_limits", None)
+    joint_limits = getattr(model, "joint_limits", None)
     if limits is not None:
-        within = np.array(_six(limits), float)
-    if within is None:
-        raise ArgumentError("is missing; expected lower and upper limit of six joints", "limits")
+        joint_limits = np.array(_six(limits), float)
+    if joint_limits is None:
+        raise ArgumentError("is missing; expected lower and upper limits of six joints", "limits")
     stiffness = np.array(joint_stiffness, float)
-    compliance = 1e-6 / (stiffness / 1e6)  # 1 / 3.93e6 and 1e-6 / 3.93, as tables have it, differ by a rounding
+    compliance = 1e-6 / (stiffness / 1e6)  # tables have 1e-6 / 3.93, which differs from 1 / 3.93e6 by rounding
     return MillingTask(
-        model, arm, within, cutter, cut, speed, np.array(feed, float), list(place), compliance, tool, search,
+        model, arm, joint_limits, cutter, cut, speed, np.array(feed, float), list(place), compliance, tool, search,
         title, dynamics, *dynamics_of(dynamics, source),
     )  # fmt: skip
 
 
 def _plausible(cutter: Cutter, cut: Cut) -> None:
-    """Raises ArgumentError for millimetres in place of metres and N/mm2 in place of pascals."""
+    """Raise ArgumentError for values that are probably in millimetres instead of metres, or N/mm2 instead of Pa."""
     K_tc = cutter.coefficients.K_tc
     if 0 <= K_tc < SOFTEST_PA:
         raise ArgumentError(
-            f"is {K_tc:g} Pa; the softest foam takes more than {SOFTEST_PA:g} Pa: 1 N/mm2 is 1e6 pascals",
+            f"is {K_tc:g} Pa; expected more than {SOFTEST_PA:g} Pa, as for the softest foam: 1 N/mm2 is 1e6 Pa",
             "cutter.coefficients.K_tc",
         )
     lengths = {
@@ -220,17 +220,17 @@ def _plausible(cutter: Cutter, cut: Cut) -> None:
     }  # fmt: skip
     for name, (value, most) in lengths.items():
         if value >= most:
-            raise ArgumentError(f"is {value:g} m; expected less than {most:g} m, so give metres, not millimetres", name)
+            raise ArgumentError(f"is {value:g} m; expected less than {most:g} m: use metres, not millimetres", name)
 
 
 def place_of(task: MillingTask, place: Sequence[float]) -> MillingPlace:
-    """Sweep, static index and dynamics at one place. Raises ArgumentError, also where no angle is reachable."""
+    """Compute sweep, static index and dynamics at one place. Raises ArgumentError, also if no angle is reachable."""
     n = max(2, round(2 * np.pi / task.search.step) + 1)
     sweep = sweep_of(task, place, np.linspace(-np.pi, np.pi, n))
     if not sweep.reachable.any():
-        why = "joint limits forbid every angle" if sweep.in_reach.any() else "it is out of reach"
-        said = f"the tool cannot stand at {_list(place)} m at any angle: {why}; move the work or the tool"
-        raise ArgumentError(said, "place")
+        reason = "joint limits forbid every angle" if sweep.in_reach.any() else "it is out of reach"
+        message = f"the tool cannot reach {_list(place)} m at any angle: {reason}; move the work or the tool"
+        raise ArgumentError(message, "place")
     try:
         poses = arm_poses(task.model, sweep.q, task.tool.tcp)
         C = translational_compliance(poses.J, task.joint_compliance)
@@ -250,7 +250,7 @@ def place_of(task: MillingTask, place: Sequence[float]) -> MillingPlace:
 
 
 def sweep_of(task: MillingTask, place: Any, angles: Any) -> AngleSweep:
-    """All branches over angles [rad]. Raises ArgumentError for a direction without length."""
+    """Return all branches at angles [rad]. Raises ArgumentError for a zero direction."""
     t = task.tool
     with naming("tool", ValueError):
         return angle_sweep(
@@ -258,10 +258,12 @@ def sweep_of(task: MillingTask, place: Any, angles: Any) -> AngleSweep:
         )
 
 
-def deflections_of(task: MillingTask, at: Oscillators, *, speed: float | None = None, feed: Any = None) -> Deflection:
-    """Of all poses of oscillators, of the task's speed and feed unless given."""
+def deflections_of(
+    task: MillingTask, oscillators: Oscillators, *, speed: float | None = None, feed: Any = None
+) -> Deflection:
+    """Return the deflections of all poses of the oscillators; speed, feed: default those of the task."""
     return deflections(
-        at, task.cutter, task.cut, task.speed if speed is None else speed,
+        oscillators, task.cutter, task.cut, task.speed if speed is None else speed,
         task.feed if feed is None else feed, up=task.up,
     )  # fmt: skip
 
@@ -269,10 +271,10 @@ def deflections_of(task: MillingTask, at: Oscillators, *, speed: float | None = 
 def refined(
     task: MillingTask, place: MillingPlace, peak: np.ndarray, speed: tuple[float, float] | None = None
 ) -> list[Refined]:
-    """The best `search.refine` grid angles after the NLP, which minimises the steady part of the dynamic index.
+    """Refine the best `search.refine` grid angles with an NLP that minimises the steady part of the dynamic index.
 
-    speed: least and greatest [1/s] where it is free; then the angle is too, as far as it is reachable without a gap
-    and known. Only angles that some branch reaches are given back. peak (n,): dynamic index on the grid.
+    speed: least and greatest [1/s] of a free speed; the angle is then free over the whole interval of known dynamics.
+    Returns only angles that some branch reaches. peak (n,): dynamic index on the grid.
     """
     dynamics = place.dynamics
     assert dynamics is not None
@@ -285,23 +287,23 @@ def refined(
         try:
             curve, low, high = dynamics.smooth(row)
         except ValueError:
-            continue  # an angle that stands alone has nothing to be refined on
-        # the same angle, by whole turns, where the curve is known
-        turned = angles[row] if low <= angles[row] <= high else low + (angles[row] - low) % (2 * np.pi)
-        at = float(np.clip(turned, low, high))
-        ends = (max(low, at - step), min(high, at + step)) if speed is None else (low, high)
+            continue  # an isolated angle cannot be refined
+        # shift by whole turns to where the curve is known
+        shifted = angles[row] if low <= angles[row] <= high else low + (angles[row] - low) % (2 * np.pi)
+        angle = float(np.clip(shifted, low, high))
+        ends = (max(low, angle - step), min(high, angle + step)) if speed is None else (low, high)
         begin = task.speed if speed is None else float(np.clip(task.speed, *speed))
-        starts.setdefault(curve, []).append(Start(at, *ends, begin))
+        starts.setdefault(curve, []).append(Start(angle, *ends, begin))
     for best in [b for curve, begin in starts.items() for b in refine(curve, world, begin, speed)]:
-        held = sweep_of(task, task.place, [best.angle])
-        if held.reachable[0]:
+        sweep = sweep_of(task, task.place, [best.angle])
+        if sweep.reachable[0]:
             d = deflections_of(task, dynamics.at(best.angle), speed=best.speed)
             rows.append(replace(best, peak=float(d.peak[0])))
     return rows
 
 
 def _minima(value: np.ndarray) -> list[int]:
-    """Rows of local minima, least first; neighbours without a value count as higher."""
+    """Return the rows of local minima, least first; neighbours without a value count as higher."""
     padded = np.concatenate([[np.inf], np.where(np.isfinite(value), value, np.inf), [np.inf]])
     low = np.isfinite(value) & (padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:])
     rows = np.flatnonzero(low)
@@ -310,7 +312,7 @@ def _minima(value: np.ndarray) -> list[int]:
 
 def _six(limits: Sequence[Sequence[float]]) -> Sequence[Sequence[float]]:
     if len(limits) != 6 or any(len(row) != 2 or row[0] >= row[1] for row in limits):
-        raise ArgumentError("expected six pairs, lower limit before upper", "limits")
+        raise ArgumentError("expected six pairs of lower and upper limit", "limits")
     return limits
 
 

@@ -172,7 +172,7 @@ def test_a_process_that_is_forked_leaves_the_unit_alone(path, temporary):
         return "\n".join(said)
 
     said = in_a_child(calls).splitlines()
-    assert len(said) == 3 and all(f"process that made it, {os.getpid()}; " in line for line in said)
+    assert len(said) == 3 and all(f"process {os.getpid()}, not" in line for line in said)
     assert len(list(temporary.iterdir())) == 1
     unit.step(STEP)
     assert unit.time == 2 * STEP
@@ -217,10 +217,10 @@ def test_threads_share_a_unit(path):
 def test_after_a_reset_that_failed_a_unit_goes_on_no_more(path):
     unit = gt.fmu.RunningUnit(path, starts(How.STAYS, when=9.0))
     unit.step(STEP)
-    with pytest.raises(ArgumentError, match="does not go back to its start: fmi3Reset gave Error"):
+    with pytest.raises(ArgumentError, match="fmi3Reset returned Error"):
         unit.restart()
     for call in (lambda: unit.step(STEP), lambda: unit.get(POSITIONS)):
-        with pytest.raises(gt.fmu.UnitStopped, match="does not go back to its start") as why:
+        with pytest.raises(gt.fmu.UnitStopped, match="fmi3Reset") as why:
             call()
         assert why.value.time == STEP
 

@@ -146,7 +146,7 @@ def test_a_unit_that_ends_or_prints_leaves_an_answer(
     assert code == 1 and (tmp_path / "out" / "loop_off.csv").is_file()
     if how is How.EXITS:
         assert said["status"] == "failed" and said["values"]["plant_stopped_s"] == pytest.approx(0.1)
-        assert "ended its process by itself in fmi3DoStep, with exit code 0" in said["message"]
+        assert "ended its process in fmi3DoStep, with exit code 0" in said["message"]
     else:
         assert said["values"]["plant_stopped_s"] is None and "no JSON" in printed.err
 

@@ -94,7 +94,7 @@ def test_a_unit_whose_steps_do_not_fit_is_refused(tmp_path: Path) -> None:
     other = units.changed(units.drives(3), tmp_path, ('fixedInternalStepSize="0.004"', 'fixedInternalStepSize="0.003"'))
     assert _amiss(lambda: units.drives_plant(other)(0.004), "steps", "3 ms", "4 ms") == []
     other = units.changed(units.drives(3), tmp_path, ('fixedInternalStepSize="0.004"', 'fixedInternalStepSize="0.001"'))
-    assert _amiss(lambda: units.drives_plant(other, steps=7)(0.004), "steps", "take 1") == []
+    assert _amiss(lambda: units.drives_plant(other, steps=7)(0.004), "steps", "choose 1") == []
     fine = units.drives_plant(other, steps=4)(0.004)  # samples of 4 ms hold over four steps of 1 ms
     plain = units.drives_plant(units.drives(3))(0.004)
     for _ in range(8):
@@ -141,7 +141,7 @@ def test_a_unit_with_model_exchange_alone_says_so(tmp_path: Path) -> None:
     text = zipfile.ZipFile(BytesIO(unit.data)).read("modelDescription.xml").decode()
     (element,) = re.findall(r"<CoSimulation .*?/>", text)
     alone = units.changed(unit, tmp_path, (element, ""))
-    assert _amiss(lambda: units.rigid_plant(alone)(0.004), "file", "no co-simulation") == []
+    assert _amiss(lambda: units.rigid_plant(alone)(0.004), "file", "model exchange") == []
 
 
 @pytest.mark.parametrize("version", [2, 3])
@@ -149,7 +149,7 @@ def test_a_number_that_a_unit_refuses_ends_the_run(version: int) -> None:
     """A sentence with the time; what else a unit may do wrong stands in tests/fmu/test_own_process.py."""
     running_unit = gt.fmu.RunningUnit(units.drives(version))
     running_unit.step(0.004)
-    with pytest.raises(gt.fmu.UnitStopped, match=r"takes no command\[1\] at 0.004 s.*finite") as stopped:
+    with pytest.raises(gt.fmu.UnitStopped, match=r"command\[1\] at 0.004 s.*finite") as stopped:
         running_unit.set(["command[1]"], [float("nan")])
     assert stopped.value.time == 0.004
     assert running_unit.get(POSITIONS).tolist() == units.start()  # it goes on

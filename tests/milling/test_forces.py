@@ -174,12 +174,12 @@ def test_peak_and_directions() -> None:
         (lambda: Cutter(0.02, 2, K, tooth_angles=np.array([0.0, 7.0])), "tooth_angles: must rise"),
         (lambda: Cutter(0.02, 2, K, runout=np.zeros(3)), r"runout: has the shape \(3,\); expected 2"),
         (lambda: CuttingCoefficients(*[np.nan] * 6), "K_te: expected finite numbers"),
-        (lambda: to_world([1.0, 0, 0], [0, 0, 1.0]), "runs along the tool axis"),
+        (lambda: to_world([1.0, 0, 0], [0, 0, 1.0]), "tool axis"),
         (lambda: to_world([1.0, 0, 0], [0, 0, 0.0]), "must not be zero"),
         (lambda: forces(CUTTER, CUT, 0.0, discs=0), "0 discs"),
         (lambda: force_spectrum(CUTTER, CUT, -1), "-1 harmonics"),
         (lambda: smooth_force_function(CUTTER, "down"), "expected one of"),
-        (lambda: smooth_force_function(replace(CUTTER, runout=np.array([1e-5, 0])), "up"), "know no runout"),
+        (lambda: smooth_force_function(replace(CUTTER, runout=np.array([1e-5, 0])), "up"), "runout"),
     ],
 )  # fmt: skip
 def test_wrong_inputs(make, sentence) -> None:

@@ -55,7 +55,7 @@ def test_unreachable_everywhere_and_limits_as_the_reason() -> None:
     narrow = np.deg2rad(np.tile([[-1.0, 1.0]], (6, 1)))
     held = angle_sweep(ARM, narrow, PLACE, tool=TOOL, spindle=SPINDLE)
     assert not held.reachable.any() and held.in_reach.any()
-    with pytest.raises(ValueError, match="has no length"):
+    with pytest.raises(ValueError, match="not all zero"):
         angle_sweep(ARM, kr500_limits(), PLACE, spindle=[0, 0, 0])
 
 
@@ -88,7 +88,7 @@ def test_guideline_in_words() -> None:
         f, at_dynamic=OSCILLATORS[4], speed=30.0, speeds=np.array([30.0, 50.0]), best_by_speed=np.array([1e-4, 2e-4])
     )
     said = guideline(none_better)
-    assert "a mode less than 5 Hz" in said[4] and "of 2 speeds none deflects less" in said[5]
+    assert "a mode less than 5 Hz" in said[4] and "none of 2 speeds" in said[5]
     assert replace(f, static_row=0).choices == (0, 1)
     with pytest.raises(ValueError, match="no angle is both reachable and covered"):
         choices([np.nan, 1.0], [1.0, np.nan])

@@ -135,7 +135,7 @@ def test_words_of_mode_coupling() -> None:
     assert (
         not far.warn and far.message.startswith("no sign of mode coupling") and "at no depth below 1 m" in far.message
     )
-    assert near.warn and "mode-coupling chatter is to be expected" in near.message
+    assert near.warn and "mode-coupling chatter is expected" in near.message
     assert mode_coupling(OSCILLATORS[0], CUTTER, CUT, Y).angle != pytest.approx(far.angle)
     with pytest.raises(ValueError, match="expected a stable depth and an unstable one"):
         stable_depth(OSCILLATORS[0], CUTTER, CUT, 30.0, X, low=1e-6, high=2e-6)
@@ -160,5 +160,5 @@ def test_slow_spindles_get_the_nodes_that_their_modes_need() -> None:
     slow, o = replace(CUT, axial_depth=0.01), OSCILLATORS[:1]
     few, own, fine = (spectral_radius(o, CUTTER, slow, 1.0, X, intervals=n) for n in (60, None, 800))
     assert few < 1.0 < own == pytest.approx(fine, rel=0.1)
-    with pytest.raises(ValueError, match="look at the least depth"):
+    with pytest.raises(ValueError, match="least depth"):
         spectral_radius(o, CUTTER, CUT, 0.1, X)

@@ -122,7 +122,7 @@ def test_nothing_is_answered_where_a_field_knows_little_more_than_the_mean_of_it
     away = [1.8, 1.0, 0.5]
     assert argument_of_refusal(lambda: milled(kr500, dynamics=field, place=away, search=COARSE)) == "dynamics"
     beside = milled(kr500, dynamics=field, search=replace(COARSE, places=[away])).combinations
-    assert "too far from the poses" in beside[1]["reason"] and "index_mm" in beside[0]
+    assert "measured poses are too far" in beside[1]["reason"] and "index_mm" in beside[0]
 
 
 def test_places_that_cannot_be_reached_say_why(kr500) -> None:
@@ -194,7 +194,7 @@ def test_what_the_report_leaves_open_is_said(kr500) -> None:
     slack = Oscillators(MEASURED.m, MEASURED.c / 100, MEASURED.k)
     assert "of the transient along" in rows(dynamics=AngleTable(ANGLES, slack))["not steady"]
     out = replace(CUTTER, runout=np.array([0.0, 2e-5]))
-    assert "without the runout" in rows(cutter=out)["regenerative chatter"]
+    assert "runout is not included" in rows(cutter=out)["regenerative chatter"]
     uneven = rows(cutter=replace(CUTTER, tooth_angles=np.radians([0.0, 150.0])))["regenerative chatter"]
-    assert uneven != usual["regenerative chatter"] and "without" not in uneven
+    assert uneven != usual["regenerative chatter"] and "runout" not in uneven
     assert rows(speed=6 * RPM)["regenerative chatter"].startswith("unknown")

@@ -1,1 +1,1 @@
-"""Lead-through in the loop: the law's twin in Python, its numbers for C, and runs against a synthetic plate."""
+"""Lead-through in the loop: the law in Python, its parameters for the C loop, and runs against a synthetic plate."""

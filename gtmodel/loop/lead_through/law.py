@@ -1,4 +1,4 @@
-"""The law that leads a tool through by hand, in the loop: gt_law_lead_through in Python; and its numbers for C."""
+"""The lead-through law of the loop (gt_law_lead_through in Python), and its parameters for the C loop."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ _STATUS = {
 
 
 def numbers_of(law: LeadThroughLaw, drift: float) -> ReferenceTable:
-    """The row that `--gains` of the C loop reads: gains of translation and rotation, gravity, drift, both sensors.
+    """Return the row that `--gains` of the C loop reads: gains of both motions, gravity, drift, both sensors.
 
-    drift: largest change of a force's bias, with its noise [N]: in the first cycle it does not decide the sign.
+    drift: largest change of a force bias plus noise [N]; smaller forces do not decide the sign test of the first cycle.
     """
     p, w, r = law.translation.gains, law.translation.watch, law.rotation.gains
     row = [
@@ -49,26 +49,29 @@ def numbers_of(law: LeadThroughLaw, drift: float) -> ReferenceTable:
 
 
 def sign_of(sensor: MountedSensor, force: Vector, turn: Turn, gravity: Vector, drift: float) -> WrenchStatus:
-    """At rest and free: does the weight in one reading [N] pull where it has to? NO_FORCE where drift [N] hides it,
-    WRONG_LOAD where it is off by more than drift and 0.3 of it."""
+    """Test the direction of the weight in one reading [N], at rest and without contact.
+
+    NO_FORCE: drift [N] hides the weight; WRONG_LOAD: the error exceeds drift plus 0.3 of the weight.
+    """
     g = back(sensor.turn, back(turn, gravity))
     pull, size = plus(force, -1.0, sensor.force_bias), length(g)
     if not sensor.mass * size > drift:
         return WrenchStatus.NO_FORCE
     along = dot(pull, g) / size
     if along > drift:
-        off = length(plus(pull, -sensor.mass, g))
-        return WrenchStatus.WRONG_LOAD if off > drift + OTHER_LOAD * sensor.mass * size else WrenchStatus.OK
+        error = length(plus(pull, -sensor.mass, g))
+        return WrenchStatus.WRONG_LOAD if error > drift + OTHER_LOAD * sensor.mass * size else WrenchStatus.OK
     return WrenchStatus.WRONG_SIGN if along < -drift else WrenchStatus.NO_FORCE
 
 
 @dataclass
 class GuidingLaw:
-    """Law that leads a tool through by hand: `gtmodel.control.lead_through.LeadThroughLaw` on a robot with carts.
+    """Law for leading the tool by hand: `gtmodel.control.lead_through.LeadThroughLaw` on a robot with carts.
 
     drift: see `numbers_of`. forward: carts -> tool centre point [m]; carts: tool centre point and its velocity -> carts
-    and their speeds. hold_cycles: that the loop bridges. In the first cycle the robot is at rest, free of contact and
-    hand, and both sensors have to weigh their loads. The tool does not turn: a law that turns it does not start.
+    and their speeds. hold_cycles: cycles without a datagram that the loop bridges. In the first cycle the robot is at
+    rest and touched by nothing, and both sensors must measure the weight of their loads. The tool does not turn: a law
+    that would turn it does not start.
     """
 
     reads_wrenches: ClassVar[bool] = True
@@ -122,13 +125,13 @@ class GuidingLaw:
         return _STATUS.get(self.now.status, Status.OUT_OF_RANGE)
 
     def _signs(self, first: RobotFeedback) -> WrenchStatus:
-        """Of both sensors, after what the law asks of any reading."""
+        """Test the signs of both sensors, after the checks of the law for any reading."""
         handle, tool = _both(first)
-        begun = self.law.start(SignTest(None, WrenchStatus.OK), SignTest(None, WrenchStatus.OK))
+        state = self.law.start(SignTest(None, WrenchStatus.OK), SignTest(None, WrenchStatus.OK))
         ages = handle.age_cycles * self.law.cycle, tool.age_cycles * self.law.cycle
-        tried = self.law.step(begun, _reading(handle), _reading(tool), IDENTITY, *ages)
-        if not tried.allowed:
-            return tried.status
+        state = self.law.step(state, _reading(handle), _reading(tool), IDENTITY, *ages)
+        if not state.allowed:
+            return state.status
         for sensor, wrench in ((self.law.tool, tool), (self.law.handle, handle)):
             sign = sign_of(sensor, _vector(wrench.force_N), IDENTITY, self.law.gravity, self.drift)
             if sign is not WrenchStatus.OK:
@@ -137,7 +140,7 @@ class GuidingLaw:
 
 
 def _reported(feedback: RobotFeedback) -> WrenchStatus | None:
-    """What the datagram and the sensors themselves say against the wrenches."""
+    """Return the fault that the datagram or the sensors report, or None."""
     if feedback.wrenches is None:
         return WrenchStatus.STALE
     return WrenchStatus.SENSOR_FAULT if any(w.status for w in feedback.wrenches) else None

@@ -1,4 +1,4 @@
-"""The C loop with a hand that leads the tool over a synthetic plate, and once more with a bad sensor."""
+"""Runs of the C loop in which a hand leads the tool over a synthetic plate, with good and with faulty sensors."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from ..wrenches import Wrench
 from .law import numbers_of
 from .options import Guiding
 
-AT_FAULT = 1  # what the sensor says of itself
+AT_FAULT = 1  # status of a faulty sensor
 
 
 class ServoPlant:
-    """Carts under servos that follow the change of the commanded positions, by delay, lag and mode; exact for commands
-    that are held. A protocol need not send speeds."""
+    """Carts under servos that follow the change of the commanded positions, with delay, lag and mode. Exact for
+    zero-order-hold commands; commanded speeds are not used."""
 
     def __init__(self, start_m: Sequence[float], servo: ServoChain, cycle_s: float = 0.004) -> None:
         self._last, self.cycle_s = np.array(start_m, dtype=float), cycle_s
@@ -41,12 +41,12 @@ class ServoPlant:
 
     @property
     def position_m(self) -> np.ndarray:
-        """Of the carts."""
+        """Position of the carts [m]."""
         return self._run.position
 
     @property
     def arm_m(self) -> np.ndarray:
-        """Where the carts are: these servos are rigid behind their mode."""
+        """Position of the carts [m]: the arm is rigid beyond the servo's mode."""
         return self._run.position
 
     def step(self, position_m: Sequence[float], speed_m_s: Sequence[float]) -> None:
@@ -56,10 +56,10 @@ class ServoPlant:
 
 
 class PlateScene:
-    """What the force sensors of a robot say in each cycle while a synthetic hand leads its tool over a plate.
+    """Readings of the robot's force sensors in each cycle while a synthetic hand leads its tool over a plate.
 
-    forward: carts (n,) -> tool centre point (3,). plant: of the carts. fault_from: cycle in which the tool's sensor
-    fails, None for never. `force`, `tip`: of the cycles so far, (3,) each, without noise.
+    forward: carts (n,) -> tool centre point (3,). plant: moves the carts. fault_from: cycle in which the tool's sensor
+    fails; None: never. `force`, `tip`: contact force and tool centre point of the cycles so far, (3,) each, no noise.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class PlateScene:
         self.good: Wrench | None = None
 
     def wrenches(self) -> tuple[Wrench, Wrench] | None:
-        """Of handle and tool in this cycle; None where they are not sent."""
+        """Return the wrenches of handle and tool in this cycle; None if they are not sent."""
         scene, cycle_s = self.guiding.scene, self.guiding.gains.cycle
         now = len(self.tip)
         tip = self.forward(self.plant.arm_m)
@@ -94,12 +94,12 @@ class PlateScene:
             tool.status = AT_FAULT
         elif scene.fault == "saturated":
             tool.force_N[2] = self.guiding.gains.force_range
-        elif self.good is not None:  # the last one, older and older
+        elif self.good is not None:  # repeat the last good reading with growing age
             tool = Wrench(self.good.force_N, self.good.moment_N_m, now - self.fault_from + 1)
         return handle, tool
 
     def hand(self, time: float) -> np.ndarray:
-        """(3,) [N] of the hand."""
+        """Return the force of the hand (3,) [N]."""
         hand = self.guiding.scene.hand
         if time < hand.rest:
             return np.zeros(3)
@@ -108,18 +108,18 @@ class PlateScene:
         return hand.drag * dragged - hand.push * np.array(self.guiding.normal)
 
     def _read(self, sensor: MountedSensor, force: np.ndarray) -> Wrench:
-        """What a sensor reads under a force at the tool centre point, with bias, load and noise."""
+        """Return a sensor's reading under a force at the tool centre point, with bias, load and noise."""
         axes = np.array(sensor.turn).T  # rows: the sensor's axes
-        down, own = axes @ np.array(self.law.gravity), axes @ force
+        g, f = axes @ np.array(self.law.gravity), axes @ force
         scene = self.guiding.scene
-        read = np.array(sensor.force_bias) + sensor.mass * down + own + scene.noise * self.rng.standard_normal(3)
-        moment = np.array(sensor.moment_bias) + np.cross(sensor.first_moment, down) + np.cross(sensor.point, own)
+        reading = np.array(sensor.force_bias) + sensor.mass * g + f + scene.noise * self.rng.standard_normal(3)
+        moment = np.array(sensor.moment_bias) + np.cross(sensor.first_moment, g) + np.cross(sensor.point, f)
         moment += scene.noise_moment * self.rng.standard_normal(3)
-        return Wrench(read.tolist(), moment.tolist())
+        return Wrench(reading.tolist(), moment.tolist())
 
 
-SETTLED = 0.5  # [s] after the first touch: some time constants of the default filter of the normal
-FORCE_ERROR = 0.02  # [N] of the mean force, a hundredth of the reference of the thesis
+SETTLED = 0.5  # [s] after first contact: several time constants of the default filter of the normal
+FORCE_ERROR = 0.02  # [N] tolerance of the mean force: one percent of the thesis's reference
 STEP_LIMIT_M = 0.02  # of a cart in a cycle: 5 m/s
 REACH_LIMIT_M = 1.0
 RUNS = ("led over the plate", "a sensor fails")
@@ -133,8 +133,8 @@ EXPECTED = {
 
 @dataclass(frozen=True)
 class GuidedBench:
-    """What both runs share; see `Bench`. deceleration [m/s2]: of the fastest cart when the robot is lost.
-    following_m: as far a cart may be from its last command [m]."""
+    """Data that both runs share; see `Bench`. deceleration [m/s2]: of the fastest cart when the robot is lost.
+    following_m: largest distance of a cart from its last command [m]."""
 
     peer: Literal["egm", "rsi"]
     guiding: Guiding
@@ -151,11 +151,11 @@ class GuidedBench:
 
     @property
     def cycle_s(self) -> float:
-        """Of the loop [s]."""
+        """Cycle of the loop [s]."""
         return CYCLE_MS / 1000.0
 
     def tcp(self, carts_m: np.ndarray) -> np.ndarray:
-        """Tool centre point [m]. Raises LoopError."""
+        """Return the tool centre point [m]. Raises LoopError."""
         tcp, status = self.forward(carts_m)
         if np.any(np.asarray(status) != Status.OK):
             raise LoopError("the simulated robot left its workspace")
@@ -164,7 +164,7 @@ class GuidedBench:
 
 @dataclass(frozen=True)
 class LedRun:
-    """Log, report, what was printed; force on the tool, tool centre point and its command (cycles, 3) [N], [m]."""
+    """Log, report and printed text; force on the tool [N], tool centre point and its command [m], (cycles, 3) each."""
 
     label: str
     log: bytes
@@ -177,20 +177,20 @@ class LedRun:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class GuidedLoop(LoopStudy):
-    """Two runs of the loop: a hand leads the tool over a synthetic plate, and a sensor fails while it does.
+    """Two runs of the loop in which a hand leads the tool over a synthetic plate; in the second a sensor fails.
 
-    Forces are along the plate's normal, once they have settled.
+    Forces are along the plate's normal, after settling.
     """
 
-    force_reference: Annotated[float, Quantity("N", "held along the normal")] = 0.0
-    force_mean: Annotated[float | None, Quantity("N", "settled; null: there was too little contact")] = None
-    force_deviation: Annotated[float | None, Quantity("N", "standard, of one cycle")] = None
-    force_least: Annotated[float | None, Quantity("N", "of one cycle")] = None
-    force_largest: Annotated[float | None, Quantity("N", "of one cycle")] = None
-    gain_share: Annotated[float, Quantity("1", "force gain times stiffness, over its limit by eigenvalues")] = 0.0
-    fault: Annotated[str, Quantity("", "of the tool's sensor in the second run")] = ""
+    force_reference: Annotated[float, Quantity("N", "contact force to hold along the normal")] = 0.0
+    force_mean: Annotated[float | None, Quantity("N", "mean settled force; null: too little contact")] = None
+    force_deviation: Annotated[float | None, Quantity("N", "standard deviation of the force per cycle")] = None
+    force_least: Annotated[float | None, Quantity("N", "least force in a cycle")] = None
+    force_largest: Annotated[float | None, Quantity("N", "largest force in a cycle")] = None
+    gain_share: Annotated[float, Quantity("1", "force gain times stiffness, over its limit from eigenvalues")] = 0.0
+    fault: Annotated[str, Quantity("", "fault of the tool's sensor in the second run")] = ""
     braking_time: Annotated[float | None, Quantity("s", "from the first braking cycle to the stop")] = None
-    braking_way: Annotated[float | None, Quantity("m", "commanded, from there to the stop")] = None
+    braking_way: Annotated[float | None, Quantity("m", "commanded distance from there to the stop")] = None
     braking: Annotated[float | None, Quantity("m/s2", "largest commanded deceleration of the tool")] = None
 
     @property
@@ -206,18 +206,18 @@ class GuidedLoop(LoopStudy):
         rows += [
             Row("force gain times stiffness, over its limit", self.gain_share, "1"),
             Row(f"sensor {self.fault}: braked in", self.braking_time, "s"),
-            Row(f"sensor {self.fault}: way of the tool", self.braking_way, "m"),
+            Row(f"sensor {self.fault}: stopping distance of the tool", self.braking_way, "m"),
         ]
         late = [Row(f"{r['label']}: late, lost", f"{r['late']} {r['lost']}") for r in self.runs]
         return [row for row in (*rows, *late) if row.value is not None]
 
 
 def guided(bench: GuidedBench, title: str = "") -> LoopStudy:
-    """Both runs, and what they say; their logs are in the folder of the work. Raises LoopError, ArgumentError."""
+    """Make and compare both runs; their logs are in the working folder. Raises LoopError, ArgumentError."""
     led = compile_causal(bench.robot, known="T", targets=["q", "der(q)"])
     start, _, status = led(np.array(bench.guiding.scene.start), np.zeros(3))
     if status is not Status.OK:
-        raise ArgumentError("the tool cannot start there: " + Status(status).message, "lead_through.scene.start")
+        raise ArgumentError("the robot cannot reach it: " + Status(status).message, "lead_through.scene.start")
     table = numbers_of(bench.guiding.law(), bench.guiding.drift)
     (bench.place / "gains.table").write_bytes(table.to_bytes())
     runs: list[LedRun] = []
@@ -227,7 +227,7 @@ def guided(bench: GuidedBench, title: str = "") -> LoopStudy:
             again(bench, label, partial(_once, bench, label, np.asarray(start), bench.cycles // 2 if n else None))
         )
         if bench.work.interrupted():
-            message = "stopped before both runs were made"
+            message = "stopped before both runs were complete"
             return GuidedLoop(status=SolveStatus.INTERRUPTED, message=message, title=title)
     return _study(bench, runs, title)
 
@@ -274,18 +274,18 @@ def _study(bench: GuidedBench, runs: list[LedRun], title: str) -> GuidedLoop:
     limit = gain_limit(force_loop(scene.servo, p.cycle)).gain
     share = p.force_gain * scene.plate.stiffness / limit
     expected, ended = EXPECTED[scene.fault], runs[1].report
-    right = ended["state"] == STATES.index("stopped") and ended["status"] == expected
+    correct = ended["state"] == STATES.index("stopped") and ended["status"] == expected
     going = float(runs[0].report["state"] in GOING)
     why = f"{STATES[runs[0].report['state']]}, {Status(runs[0].report['status']).message}"
     error = abs(held.get("force_mean", np.nan) - p.force_reference)
     checks = {
         "guided_running_at_the_end": at_least(going, 1.0, why),
         "force_error_N": at_most(
-            error, FORCE_ERROR, "a force that has not settled, friction or a plate that is not followed"
+            error, FORCE_ERROR, "the force has not settled, or friction or the shape of the plate disturbs it"
         ),
-        "force_least_N": at_least(held.get("force_least", np.nan), 1e-6, "the contact was lost, or never made"),
-        "gain_share": at_most(share, 1.0, "take a smaller force_gain: the contact oscillates"),
-        "fault_stopped": at_least(float(right), 1.0, f"{STATES[ended['state']]}, {Status(ended['status']).message}"),
+        "force_least_N": at_least(held.get("force_least", np.nan), 1e-6, "the contact was lost, or there was none"),
+        "gain_share": at_most(share, 1.0, "reduce force_gain: the contact oscillates"),
+        "fault_stopped": at_least(float(correct), 1.0, f"{STATES[ended['state']]}, {Status(ended['status']).message}"),
         "fault_deceleration_m_s2": at_most(braked.get("braking", np.nan), p.acceleration_limit * (1 + 1e-6)),
     }
     for name, one in zip(("guided", "fault"), runs, strict=True):
@@ -322,7 +322,7 @@ def _study(bench: GuidedBench, runs: list[LedRun], title: str) -> GuidedLoop:
 
 
 def _held(bench: GuidedBench, run: LedRun) -> dict[str, Any]:
-    """The settled force along the normal."""
+    """Return statistics of the settled force along the normal."""
     pressed = run.force @ bench.guiding.scene.plate.normal
     touched = np.flatnonzero(pressed > 0)
     first = int(touched[0]) + round(SETTLED / bench.cycle_s) if len(touched) else len(pressed)
@@ -336,17 +336,17 @@ def _held(bench: GuidedBench, run: LedRun) -> dict[str, Any]:
 
 
 def _braked(bench: GuidedBench, run: LedRun) -> dict[str, Any]:
-    """The way from the first cycle that brakes to the stop."""
+    """Return time, distance and deceleration from the first braking cycle to the stop."""
     states = rows_of(run.log)[:, 3]
     braking = np.flatnonzero((states == STATES.index("braking")) | (states == STATES.index("ramping")))
     ended = np.flatnonzero(states == STATES.index("stopped"))
     if not len(braking) or not len(ended) or braking[0] < 2:
         return {}
-    at, end = int(braking[0]), int(ended[0])
-    velocity = np.diff(run.command[at - 2 : end + 1], axis=0) / bench.cycle_s
+    begin, end = int(braking[0]), int(ended[0])
+    velocity = np.diff(run.command[begin - 2 : end + 1], axis=0) / bench.cycle_s
     return {
-        "braking_time": float((end - at + 1) * bench.cycle_s),
-        "braking_way": float(np.linalg.norm(run.command[end] - run.command[at - 1])),
+        "braking_time": float((end - begin + 1) * bench.cycle_s),
+        "braking_way": float(np.linalg.norm(run.command[end] - run.command[begin - 1])),
         "braking": float(np.linalg.norm(np.diff(velocity, axis=0), axis=1).max() / bench.cycle_s),
     }
 
