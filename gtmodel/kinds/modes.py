@@ -80,8 +80,8 @@ def call(problem: Schema, context: Context) -> Call:
         raise InputError("--start: the method starts from stored systems; leave it out")
     keys = [key for key in ("robot", "platform", "draw") if getattr(problem, key) is not None]
     if len(keys) != 1:
-        found = " and ".join(keys) or "none"
-        raise InputError(f"give one of robot, platform and draw; found {found}", "".join(keys[1:2]))
+        sources = " and ".join(keys) or "none"
+        raise InputError(f"give one of robot, platform and draw; found {sources}", "".join(keys[1:2]))
     return Call(assembly_modes.modes_study, *_arguments(problem, context), title=problem.title or _about(problem))
 
 

@@ -81,17 +81,17 @@ def answered(face: Interface, library: ctypes.CDLL) -> tuple[np.ndarray, np.ndar
 def test_a_foreign_state_is_told_and_nothing_moves(
     key: str, side: str, faces: dict[str, Interface], library: ctypes.CDLL
 ) -> None:
-    foreign_state(key, side, faces, library)
+    assert_a_foreign_state_is_told(key, side, faces, library)
 
 
 @pytest.mark.proof
 @pytest.mark.parametrize("key", LONG)
 def test_a_foreign_state_of_one_link_is_told_of_forces_too(key: str, tmp_path: Path) -> None:
     faces = faces_of((key, end) for end in ("", "_second"))
-    foreign_state(key, "_second", faces, shared_library(folder_of(faces, tmp_path), tmp_path))
+    assert_a_foreign_state_is_told(key, "_second", faces, shared_library(folder_of(faces, tmp_path), tmp_path))
 
 
-def foreign_state(key: str, side: str, faces: dict[str, Interface], library: ctypes.CDLL) -> None:
+def assert_a_foreign_state_is_told(key: str, side: str, faces: dict[str, Interface], library: ctypes.CDLL) -> None:
     here, there = faces[key], faces[key + side]
     assert [m.signal for m in here.state] == [m.signal for m in there.state]
     n = here.output_size

@@ -87,7 +87,7 @@ def test_an_optimisation_refuses_a_preferred_variable_that_cannot_be_a_state():
         def objective(self):
             return gt.integral(self.y + self.u**2)
 
-    with pytest.raises(gt.ModelError, match=r"'y' .* x:"):
+    with pytest.raises(gt.ModelError, match=r"'y' .* states are x"):
         gt.solve(Go(), gt.Mesh(3), solver=gt.SolverOptions(prefer=("y",)))
 
 

@@ -76,7 +76,9 @@ def test_a_class_is_explained_and_printed(capsys: pytest.CaptureFixture[str]) ->
     code, out, _ = said(capsys, "explain", f"{VDP}:QuietComponent", "--flat")
     assert code == 0 and out == gt.modelica.flat_of_text(f"{VDP}:QuietComponent") + "\n" and "'sys.x1'" in out
     robot = CLONE / "problems" / "models" / "gantry_tau.mop"
-    code, out, _ = said(capsys, "explain", f"{robot}:Robot", "--known", "T[1],T[2],T[3]", "--targets", "q[1],q[2],q[3]")
+    code, out, _ = said(
+        capsys, "explain", f"{robot}:Robot", "--known", "T[1],T[2],T[3]", "--targets", "q[1],q[2],q[3]", "--full"
+    )
     assert code == 0 and "gantry_tau.mop:" in out
     assert said(capsys, "explain", "l1_tape", "--python")[0] == said(capsys, "explain", "l1_tape", "--flat")[0] == 2
 
@@ -176,7 +178,7 @@ def test_a_model_with_inputs_is_simulated_with_their_start_values(
         return json.loads((out / "result.json").read_text())["trajectory"]["values"]["x"][-1]
 
     assert end() == pytest.approx(3.0) and end("--set", "inputs.u=-1") == pytest.approx(0.0, abs=1e-9)
-    code, out, _ = said(capsys, "explain", file, "--known", "u,w", "--targets", "der(x)")  # its only class
+    code, out, _ = said(capsys, "explain", file, "--known", "u,w", "--targets", "der(x)", "--full")  # its only class
     assert code == 0 and "der(x)  from" in out
     code, _, err = said(capsys, "explain", f"{file}:Card", "--known", "u", "--targets", "x")
     assert code == 2 and "did you mean 'Cart'" in err

@@ -259,7 +259,7 @@ def test_the_shipped_furuta_pendulum_is_lagrange_s_equations() -> None:
 def test_torques_that_move_it_are_asked_of_the_same_text(capsys: pytest.CaptureFixture[str]) -> None:
     """The pendulum of the tests at rest, level: what the motor holds, and where a frame is."""
     file = f"{MODELS}:SwingUp"
-    assert main(["explain", file, "--known", "arm.joint.phi", "--targets", "u"]) == 0
+    assert main(["explain", file, "--known", "arm.joint.phi", "--targets", "u", "--full"]) == 0
     assert "multibody.mo" in capsys.readouterr().out
     held = gt.modelica.load(file)().causal(known="arm.joint.phi", targets=["u", "arm.tip.r_0[1]"])
     u, x, status = held(0.3, 0.0, 2.0)

@@ -221,7 +221,7 @@ class TestRefused:
         e = estimate(solve(line(noisy(TIMES)), Mesh(4, 2)))
         with pytest.raises(ValueError, match="'a' was not estimated; these were: b, x at the start"):
             e.interval("a")
-        with pytest.raises(ValueError, match="level lies between 0 and 1; found 95"):
+        with pytest.raises(ValueError, match="between 0 and 1; found 95"):
             e.interval("b", 95)
 
 

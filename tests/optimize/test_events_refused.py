@@ -148,5 +148,5 @@ def test_a_sampled_block_is_refused() -> None:
     law = gt.part(Law, period=0.1)
     assert re.search(r"a sampled block, which phases do not support.*test_events", refusal(equations=looped, law=law))
     Looped = type("Looped", (Fall,), {"equations": looped, "law": law})
-    with pytest.raises(gt.ModelError, match=r"the sampled block 'law', whose steps are no equations.*test_events"):
+    with pytest.raises(gt.ModelError, match=r"the sampled block 'law', whose steps are not equations.*test_events"):
         gt.solve(Looped())
