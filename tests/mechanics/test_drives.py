@@ -145,6 +145,6 @@ def test_a_spring_without_damping_between_massless_flanges_names_what_to_give():
     spring = bench.part("spring", gt.mechanics.FlangeSpringDamper(k=1000.0))
     left, right = bench.part("left", gt.mechanics.FixedFlange()), bench.part("right", gt.mechanics.ForceMotor())
     bench.add(gt.connect(left.flange, spring.a), gt.connect(spring.b, right.flange))
-    sentence = r"der\(spring.b.s\) drops out where spring.d is 0: give spring.d another value$"
+    sentence = r"der\(spring.b.s\) drops out because spring.d is 0; set spring.d to another value$"
     with pytest.raises(gt.ModelError, match=sentence):
         bench.causal(known="right.force", targets=["spring.b.s"])

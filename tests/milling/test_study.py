@@ -76,7 +76,7 @@ def test_pictures(whole, monkeypatch) -> None:
     assert static.get_title().startswith("static index") and dynamic.get_title().startswith("dynamic index")
     # the least of each curve is marked where the curve has it, whatever was chosen
     for panel, index in ((static, static.lines[0]), (dynamic, dynamic.lines[0])):
-        mark = next(line for line in panel.lines if line.get_label().startswith("least"))
+        mark = next(line for line in panel.lines if line.get_label().startswith("minimum"))
         assert mark.get_ydata()[0] == np.nanmin(index.get_ydata())
     assert "tooth frequency" in modes.get_legend_handles_labels()[1]
 

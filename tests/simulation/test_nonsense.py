@@ -75,7 +75,7 @@ def test_a_folder_that_no_disk_takes(folder: str, tmp_path) -> None:
 
 
 def test_sizes_whose_squares_overflow_are_refused_by_the_engine_too() -> None:
-    with pytest.raises(ModelError, match=re.escape("the start of 'x' is of size 1e+308")):
+    with pytest.raises(ModelError, match=re.escape("the start of 'x' has size 1e+308")):
         simulate(MODEL, 1.0, start={"x": 1e308}, inputs={"u": 0.0})
     with pytest.raises(ModelError, match="1e\\+300 s"):
         simulate(MODEL, 1e300, inputs={"u": 0.0})

@@ -529,7 +529,9 @@ def discrete_starts(flat: FlatModel, start: Mapping[str, Any]) -> tuple[dict[int
         except (TypeError, ValueError):
             raise ModelError(f"the start of '{name}' takes numbers; found {value!r}") from None
         if array.shape not in ((), signals[name].shape) or not np.all(np.isfinite(array)):
-            raise ModelError(f"start of '{name}' takes finite numbers {signals[name].shape}; found {value!r}")
+            raise ModelError(
+                f"'{name}' has shape {signals[name].shape}: its start takes finite numbers; found {value!r}"
+            )
         numbers = np.broadcast_to(array, signals[name].shape).reshape(-1).tolist()
         values |= dict(zip(signals[name].places, numbers, strict=True))
     return values, rest
