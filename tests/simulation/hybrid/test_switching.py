@@ -87,7 +87,7 @@ def test_a_discrete_variable_begins_as_it_is_told() -> None:
     assert gt.simulate(Counting(), 1.0).trajectory["x"][-1] == pytest.approx([1.0, 2.0])
     run = gt.simulate(Counting(), 1.0, start={"n": [4.0, 5.0]})
     assert run.trajectory["x"][-1] == pytest.approx([3.0, 5.0])
-    with pytest.raises(gt.ModelError, match="'n' .* takes finite numbers"):
+    with pytest.raises(gt.ModelError, match=r"'n' .* takes finite numbers"):
         gt.simulate(Counting(), 1.0, start={"n": [1.0, 2.0, 3.0]})
 
 
