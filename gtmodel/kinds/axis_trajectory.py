@@ -50,7 +50,7 @@ ARGUMENTS = PATH_ARGUMENTS | {
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """Return the call of the study of the motion."""
+    """Return the library call that solves the motion."""
     return Call(axes.axis_study, **_arguments(problem, context))
 
 

@@ -135,7 +135,7 @@ def _fill(table: dict[str, Any], default: Mapping[str, Any]) -> None:
 
 
 def _without_nothing(value: Any) -> Any:
-    """A default without None, and without tables that contain nothing else."""
+    """Drop entries that are None, and tables of nothing but None, from a default value."""
     if isinstance(value, Mapping):
         items = {k: v for k, item in value.items() if (v := _without_nothing(item)) is not None}
         return items if items or not value else None

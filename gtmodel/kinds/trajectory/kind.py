@@ -17,7 +17,7 @@ ARGUMENTS = {**PATH_ARGUMENTS, "earlier": "--start"}
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """Return the call of the study of the motion in the file."""
+    """Return the library call that solves the motion of the file."""
     arguments = dict(vars(problem.motion(context)))
     return Call(study, arguments.pop("robot"), **arguments, earlier=context.guess())
 

@@ -273,7 +273,7 @@ def _recognise_cells(rows: Sequence[list[str]], layout: _Layout) -> None:
 
 
 def _nanoseconds(cell: str, zero: int = 0) -> int:
-    """Return a date in ns after `zero`. Raises ValueError if the cell is not a date."""
+    """Return the time from `zero` to a date [ns]. Raises ValueError if the cell is not a date."""
     stamp = np.datetime64(cell.strip().removesuffix("Z"), "ns")
     if np.isnat(stamp):
         raise ValueError(f"'{cell}' is not a date")
