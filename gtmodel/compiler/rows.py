@@ -169,8 +169,6 @@ def status_codes(
     """
     n = results[-1].shape[1]
     number = results[-1].dtype.type
-    if n == 1 and number is np.float64:
-        return np.array([_code_of_one(margins, columns, results, iteration, tolerance, sizes)])
     code = np.zeros(n, dtype=int) if iteration is None else iteration.copy()
     for m, row in zip(margins, results[-1], strict=True):
         with np.errstate(invalid="ignore"):
@@ -185,31 +183,6 @@ def status_codes(
         code[~sizes.within(columns)] = Status.OUT_OF_RANGE
     code[~_finite(columns, n)] = Status.NOT_FINITE
     return code
-
-
-def _code_of_one(
-    margins: Iterable[Any],
-    columns: Sequence[np.ndarray],
-    results: Sequence[np.ndarray],
-    iteration: np.ndarray | None,
-    tolerance: float,
-    sizes: Sizes | None,
-) -> int:
-    """`status_codes` of one column of doubles, without an array for each number."""
-    if not all(np.isfinite(column).all() for column in columns):
-        return int(Status.NOT_FINITE)
-    if sizes is not None and not sizes.within(columns)[0]:
-        return int(Status.OUT_OF_RANGE)
-    if iteration is not None and iteration[0] != 0:
-        return int(iteration[0])
-    for m, value in zip(margins, results[-1][:, 0].tolist(), strict=True):
-        if m.kind in ("pivot", "branch"):
-            good = (abs(value) if m.kind == "pivot" else value) > tolerance * m.scale
-        else:
-            good = value >= 0
-        if not good:
-            return int(VERDICTS[m.kind])
-    return int(Status.OK if all(np.isfinite(r).all() for r in results[:-1]) else Status.NOT_FINITE)
 
 
 def _finite(columns: Sequence[np.ndarray], n: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""A call at one point has code of its own: numbers and status are those of the same point among many."""
+"""A call at one point skips the map over rows: numbers and status are those of the same point among many."""
 
 from __future__ import annotations
 

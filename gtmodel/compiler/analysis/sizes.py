@@ -70,8 +70,6 @@ class Sizes:
         """Return which columns of the arguments (size, n) are within the limits; false for NaN."""
         total = np.zeros(columns[0].shape[1] if columns else 1, columns[0].dtype if columns else float)
         number = total.dtype.type
-        if len(total) == 1 and number is np.float64:
-            return np.array([self._within_of_one(columns)])
         with np.errstate(over="ignore", invalid="ignore"):
             for n, (weight, places) in enumerate(self.groups):  # in the order in which C adds
                 rows = [row for place in places for row in columns[place]]
@@ -81,17 +79,6 @@ class Sizes:
                 squares = squares if weight == 1.0 else number(weight) * squares
                 total = squares if n == 0 else total + squares
             return total <= number(self.most)
-
-    def _within_of_one(self, columns: Sequence[np.ndarray]) -> bool:
-        """The same sums of doubles, one number at a time."""
-        total = 0.0
-        for weight, places in self.groups:
-            squares = 0.0
-            for place in places:
-                for x in columns[place][:, 0].tolist():
-                    squares += x * x  # not by sum(), which rounds less than C from Python 3.12 on
-            total += weight * squares
-        return total <= self.most
 
 
 def sizes_of(plan: CausalPlan, arguments: Sequence[Sequence[Pair]], precision: Precision = DOUBLE) -> Sizes:

@@ -3,7 +3,7 @@ models allows."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -119,7 +119,12 @@ def rests_of(
     (1, 11)
     """
     z = np.exp(2j * np.pi * frequency * plants[0].sample_time)
-    return np.array([np.abs(1 - gain * z**shift * estimates.response(p, frequency)) for p in plants])
+    return np.array([*_rests([estimates.response(p, frequency) for p in plants], gain, z**shift)])
+
+
+def _rests(responses: Sequence[Array], gain: float, advance: Array) -> Iterator[Array]:
+    """|1 - gain q^shift T| for each response T; advance: q^shift at the frequencies."""
+    return (np.abs(1 - gain * advance * T) for T in responses)
 
 
 def best_shift(
@@ -136,7 +141,7 @@ def best_shift(
     """
     f = np.linspace(0.0, cutoff, SHIFT_GRID)
     z, responses = np.exp(2j * np.pi * f * plants[0].sample_time), [estimates.response(p, f) for p in plants]
-    squares = {n: float(np.mean(_worst(np.abs(1 - gain * z**n * T) for T in responses) ** 2)) for n in shifts}
+    squares = {n: float(np.mean(_worst(_rests(responses, gain, z**n)) ** 2)) for n in shifts}
     return min(squares, key=squares.__getitem__)
 
 
