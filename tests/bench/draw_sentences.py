@@ -1,6 +1,9 @@
 """Draw sentences of pages, docstrings and messages for readers who have never seen gtmodel.
 
-python tests/bench/draw_sentences.py SEED [TREE]      34, 33 and 33 of them, a line each: kind, tab, sentence
+python tests/bench/draw_sentences.py SEED [TREE]
+
+34, 33 and 33 of them, a line each: kind, tab, where it stands, tab, sentence. The place is what a person sees
+beside the sentence: the page's title, the name of the documented object, the module of a message.
 """
 
 from __future__ import annotations
@@ -35,37 +38,41 @@ def of_page(text: str) -> Iterator[str]:
 def of_docstring(text: str) -> Iterator[str]:
     for block in re.split(r"\n\s*\n", text):
         if ">>>" not in block:
-            yield from sentences(re.sub(r"^\s*[\w, ]+:\s", "", block))
+            for entry in re.split(r"\n(?=\s+[\w, ]+: )", block):
+                yield from sentences(re.sub(r"^\s*(Args|Returns|Raises|Attributes):\s", "", entry))
 
 
-def of_module(text: str) -> Iterator[tuple[str, str]]:
-    """Kind and text of docstrings and of other strings; `{...}` stands for a value in a message."""
+def of_module(text: str, module: str) -> Iterator[tuple[str, str, str]]:
+    """Kind, place and text of docstrings and of other strings; `{...}` stands for a value in a message."""
     tree, done = ast.parse(text), set()
     for node in ast.walk(tree):
         if isinstance(node, DOCUMENTED) and (doc := ast.get_docstring(node)):
             done.add(id(node.body[0].value))  # type: ignore[attr-defined]
-            yield from (("docstring", s) for s in of_docstring(doc))
+            name = f"{module}: {node.name}" if not isinstance(node, ast.Module) else module
+            yield from (("docstring", name, s) for s in of_docstring(doc))
     for node in ast.walk(tree):
         if isinstance(node, ast.JoinedStr):
             done |= {id(part) for part in node.values}
             parts = [str(p.value) if isinstance(p, ast.Constant) else "{...}" for p in node.values]
-            yield from (("message", s) for s in sentences("".join(parts)))
+            yield from (("message", module, s) for s in sentences("".join(parts)))
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in done:
-            yield from (("message", s) for s in sentences(node.value) if "\n" not in node.value)
+            yield from (("message", module, s) for s in sentences(node.value) if "\n" not in node.value)
 
 
 def main(seed: int, tree: Path) -> None:
-    pools: dict[str, set[str]] = {kind: set() for kind in COUNTS}
+    pools: dict[str, dict[str, str]] = {kind: {} for kind in COUNTS}
     for path in [*tree.glob("*.md"), *(tree / "docs").rglob("*.md")]:
         if path.name != "CHANGELOG.md":
-            pools["page"].update(of_page(path.read_text()))
+            title = re.search(r"^# (.+)", path.read_text(), re.M)
+            pools["page"].update((s, title[1] if title else path.name) for s in of_page(path.read_text()))
     for path in (tree / "gtmodel").rglob("*.py"):
-        for kind, sentence in of_module(path.read_text()):
-            pools[kind].add(sentence)
+        module = ".".join(path.relative_to(tree).with_suffix("").parts).removesuffix(".__init__")
+        for kind, where, sentence in of_module(path.read_text(), module):
+            pools[kind].setdefault(sentence, where)
     draw = random.Random(seed)
     for kind, count in COUNTS.items():
         for sentence in draw.sample(sorted(pools[kind]), count):
-            print(f"{kind}\t{sentence}")
+            print(f"{kind}\t{pools[kind][sentence]}\t{sentence}")
 
 
 if __name__ == "__main__":
