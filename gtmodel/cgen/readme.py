@@ -37,7 +37,7 @@ In a project, compile every `.c` file of this folder with your own and include `
 
 ## Call
 
-{call}Members are in SI units and their names end in the unit; `gt_{name}.h` describes each. \
+{call}Members are in SI units and named with their unit; `gt_{name}.h` describes each. \
 Outputs are written only with
 `GT_OK`; with every other status they keep their values.
 
@@ -45,7 +45,7 @@ Outputs are written only with
 |---|---|---|
 {statuses}
 
-Compare the status with `GT_OK` before using a value. Functions may run in several threads at once, on different structs.
+Compare the status with `GT_OK` before using a value. Several threads may call functions at once, on different structs.
 {newton}
 {numbers}
 
