@@ -58,16 +58,16 @@ def changed_entries(
     return [path for key in compared for path in _differences(key, expected[key], content[key])]
 
 
-def _differences(path: str, expected: Any, found: Any) -> list[str]:
+def _differences(path: str, expected: Any, actual: Any) -> list[str]:
     """Return the paths at which two JSON values differ, in the order of the first value."""
-    if isinstance(expected, dict) and isinstance(found, dict):
-        keys = [*expected, *(key for key in found if key not in expected)]
-        return [p for key in keys for p in _differences(f"{path}.{key}", expected.get(key), found.get(key))]
-    if isinstance(expected, list) and isinstance(found, list) and len(expected) == len(found):
-        pairs = enumerate(zip(expected, found, strict=True))
+    if isinstance(expected, dict) and isinstance(actual, dict):
+        keys = [*expected, *(key for key in actual if key not in expected)]
+        return [p for key in keys for p in _differences(f"{path}.{key}", expected.get(key), actual.get(key))]
+    if isinstance(expected, list) and isinstance(actual, list) and len(expected) == len(actual):
+        pairs = enumerate(zip(expected, actual, strict=True))
         return [p for n, pair in pairs for p in _differences(f"{path}[{n}]", *pair)]
-    same = type(expected) is type(found) and expected == found
-    return [] if same or (_number(expected) and _number(found) and expected == found) else [path]
+    same = type(expected) is type(actual) and expected == actual
+    return [] if same or (_number(expected) and _number(actual) and expected == actual) else [path]
 
 
 def _number(value: Any) -> bool:

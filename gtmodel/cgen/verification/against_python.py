@@ -105,8 +105,8 @@ def _check_same(folder: Path, content: dict, faces: list[Interface], steps: list
         raise GenerationError(f"'{folder}' was generated from other step functions than '{name}'; generate it again")
     for face in faces:
         expected = interface_entry(face)
-        found = entries.pop(face.key, None)
-        if found is None or any(found[key] != expected[key] for key in expected):
+        actual = entries.pop(face.key, None)
+        if actual is None or any(actual[key] != expected[key] for key in expected):
             raise GenerationError(f"'{folder}' was generated from another '{face.key}'; generate it again")
     if entries:
         raise GenerationError(f"'{folder}' also holds '{next(iter(entries))}'; give all functions of the folder")
