@@ -156,8 +156,8 @@ class StepFunction(ABC):
     def facts(self) -> Mapping[str, Any]:
         """What it was made from, for manifest and hash: numbers exact to the last bit."""
 
-    def explain(self) -> str:
-        """What it computes, in words."""
+    def explain(self, full: bool = True) -> str:
+        """What it computes, in words; `full` changes nothing."""
         return "\n".join([self.title, *self.notes()])
 
     def notes(self) -> Sequence[str]:
