@@ -174,8 +174,8 @@ def explained(
         lines.append(f"fixed, tied or part of a unit quaternion: {', '.join(fixed)}")
     if not u.names:
         return [*lines, "nothing is free: the robot is judged as it is"]
-    found = ready.identifiability(sigma=length_noise(ready))
-    lines += [*too_few(ready), *(found.notes if full else found.brief_notes)]
+    analysis = ready.identifiability(sigma=length_noise(ready))
+    lines += [*too_few(ready), *(analysis.notes if full else analysis.brief_notes)]
     return lines if full else [*lines, "add --full to list every unknown and combination"]
 
 
