@@ -202,7 +202,7 @@ WRONG = {
     "one phase": (lambda: Phases({"a": Fall()}), "at least two phases; found 1"),
     "unknown phase": (
         lambda: Phases({"a": Fall(), "b": Rise()}, free={"c": ["v"]}),
-        "'c' is not a phase after the first; these are: b",
+        "'c' is not among the phases after the first, b",
     ),
     "first phase": (lambda: Phases({"a": Fall(), "b": Rise()}, links={"a": lambda x, y: []}), "'a' is not a phase"),
     "no state": (

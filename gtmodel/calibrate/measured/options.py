@@ -199,7 +199,7 @@ class Measured(Options):
 
 @dataclass(frozen=True)
 class Refit(Options):
-    """Parameters specific to a held-out recording: fitted on some of its poses, judged on the others.
+    """Parameters specific to a held-out recording: fitted on some of its poses, validated on the others.
 
     >>> gt.calibrate.Refit(["offset", "device"], every=4).every  # the first of every four poses refits them
     4
@@ -209,7 +209,9 @@ class Refit(Options):
         list[Literal["offset", "scale", "device", "target"]],
         "offset and scale of the actuators, as after a new homing; frame of the device; place of the target",
     ]
-    every: Annotated[int, Within(least=2), "the first of every n held-out poses is for the refit, the rest judge"] = 2
+    every: Annotated[
+        int, Within(least=2), "the first of every n held-out poses is for the refit, the rest for validation"
+    ] = 2
 
 
 @dataclass(frozen=True, eq=False)

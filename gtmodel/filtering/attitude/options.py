@@ -1,4 +1,4 @@
-"""Options of the attitude study: judging of a recording, a synthetic recording; and its result."""
+"""Options of the attitude study: test on a recording, a synthetic recording; and its result."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ...results.study import Study, to_inherit
 
 @dataclass(frozen=True)
 class AttitudeJudging(Options):
-    """The part of a recording that calibrates a gyro, and the gaps between references that judge it on the rest.
+    """The part of a recording that calibrates a gyro, and the gaps between references that test it on the rest.
 
     >>> gt.filtering.AttitudeJudging(gaps=(0.2,)).longest_offset
     0.5
@@ -93,14 +93,15 @@ class AttitudeStudy(Study):
     relative: Annotated[Sequence[float], "deviation of the gyro's error relative to its rotations, both parts"] = ()
     persistence: Annotated[Sequence[float], Quantity("s", "correlation time of that error, both parts")] = ()
     gaps: Annotated[Sequence[float], Quantity("s", "lengths of time without a reference")] = ()
-    starts: Annotated[Sequence[int], "number of judged gaps of each length"] = ()
+    starts: Annotated[Sequence[int], "number of tested gaps of each length"] = ()
     methods: Annotated[Sequence[str], "methods that bridge a gap"] = ()
     error: Annotated[
-        Sequence[Sequence[float]], Quantity("rad", "mean at hidden references of the second part", written="deg")
+        Sequence[Sequence[float]], Quantity("rad", "mean error at the hidden references of the second part",
+    written="deg")
     ] = ()  # fmt: skip
     exchanged: Annotated[
         Sequence[Sequence[float]],
-        Quantity("rad", "the same, calibrated on the second part and judged on the first", written="deg"),
+        Quantity("rad", "the same, calibrated on the second part and tested on the first", written="deg"),
     ] = ()  # fmt: skip
     below_slerp: Annotated[Sequence[Sequence[float]], "error of slerp over the errors of carried and corrected"] = ()
     below_spline: Annotated[Sequence[float], "error of the rotation spline over the error of corrected"] = ()
@@ -146,7 +147,7 @@ class AttitudeStudy(Study):
                 for j, method in enumerate(self.methods)
             ]
             run = f"{np.degrees(self.filtered[i]):.3f}, {np.degrees(self.smoothed[i]):.3f}  (NIS {self.nis[i]:.2f})"
-            rows.append(Row(f"gap of {gap:g} s: error-state filter, its smoother", run, "deg"))
+            rows.append(Row(f"gap of {gap:g} s: error of the error-state filter, of its smoother", run, "deg"))
             carried, corrected = self.below_slerp[i]
             times = f"carried {carried:.1f} times, corrected {corrected:.1f}; corrected {self.below_spline[i]:.1f}"
             rows.append(Row(f"gap of {gap:g} s: below slerp, below spline", times))

@@ -92,7 +92,10 @@ class FusionFilter(Options):
     ] = None
     smooth: Annotated[bool, "whether to smooth over the whole log too (fixed interval)"] = False
     tracker_jerk_density: Annotated[
-        float, Unit("m2/s5"), Within(above=0.0), "of the filter on the tracker alone, the second baseline"
+        float,
+        Unit("m2/s5"),
+        Within(above=0.0),
+        "jerk noise density of the filter that uses the tracker alone, the second baseline",
     ] = 10.0
 
 
@@ -283,9 +286,11 @@ class FusionStudy(Study):
     sweep_values: Annotated[Sequence[float], "SI"] = ()
     sweep_fused: Annotated[Sequence[float], Quantity("m/s", "velocity error of fusion", written="mm/s")] = ()
     sweep_tracker: Annotated[
-        Sequence[float], Quantity("m/s", "of the filter on the tracker alone", written="mm/s")
+        Sequence[float], Quantity("m/s", "velocity error of the filter that uses the tracker alone", written="mm/s")
     ] = ()
-    sweep_slope: Annotated[Sequence[float], Quantity("m/s", "of the slope of four positions", written="mm/s")] = ()
+    sweep_slope: Annotated[
+        Sequence[float], Quantity("m/s", "velocity error of the slope of four positions", written="mm/s")
+    ] = ()
     sweep_consistent: Annotated[Sequence[bool], "whether the innovations are in their band"] = ()
     limit_tracker: Annotated[float | None, "swept value at which fusion is no better than the tracker's filter"] = None
     limit_slope: Annotated[float | None, "swept value at which fusion is no better than the slope"] = None

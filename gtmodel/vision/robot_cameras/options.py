@@ -26,7 +26,9 @@ class CameraStart(Options):
     width_pixel: Annotated[float, Within(above=0.0), "of the picture"]
     height_pixel: Annotated[float, Within(above=0.0), "of the picture"]
     focal_pixel: Annotated[float | None, Within(above=0.0), "focal length; the width if left out"] = None
-    principal_point_pixel: Annotated[list[float] | None, Long(2), "the middle of the picture if left out"] = None
+    principal_point_pixel: Annotated[
+        list[float] | None, Long(2), "principal point; the middle of the picture if left out"
+    ] = None
     distortion: Annotated[list[float], Long(5), "k1, k2, p1, p2, k3 as OpenCV orders them"] = field(
         default_factory=lambda: [0.0] * 5
     )
