@@ -53,10 +53,11 @@ class PlantUnit(Options):
         float | None,
         Unit("N/m"),
         Within(above=0.0),
-        "of the servo: 40,000 by default with force; with command of the servo inside the FMU, for the law dynamics",
+        "stiffness of the servo: 40,000 by default with force; with command that of the servo inside the FMU, "
+        "for the law dynamics",
     ] = None
     damping: Annotated[
-        float | None, Unit("kg/s"), Within(least=0.0), "of the servo, equal to N.s/m: 1,500 by default"
+        float | None, Unit("kg/s"), Within(least=0.0), "damping of the servo, equal to N.s/m: 1,500 by default"
     ] = None
     steps: Annotated[
         int | None,
@@ -67,7 +68,7 @@ class PlantUnit(Options):
         float,
         Unit("s"),
         Within(above=0.0, most=LONGEST_S),
-        "of a call of the FMU; its separate process is ended if a call takes longer",
+        "timeout of a call of the FMU; its separate process is ended if a call takes longer",
     ] = TIMEOUT_S
 
     def __post_init__(self) -> None:

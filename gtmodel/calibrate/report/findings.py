@@ -40,7 +40,8 @@ class CalibrationFindings:
     of the calibrated model on these poses; `a_priori`: of the nominal robot on the held-out poses or, without any, the
     fitted ones. Empty if no pose closes. `repeatability`: rms distance [m] of poses at the same actuators from their
     mean, or None. `beside`: findings of other measurements fitted together with these. `refitted`: the calibration
-    with the parameters specific to the held-out recording; `kept`: its poses, read with these. `left_out`: the
+    with the parameters specific to the held-out recording; `kept`: the poses of that recording, with these parameters.
+    `left_out`: the
     cross-validation, if any; `held_out` are then its errors, of all poses. `near`: unknowns held near their start
     values because some poses did not close otherwise.
     """

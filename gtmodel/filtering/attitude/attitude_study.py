@@ -194,7 +194,7 @@ def _clock(
     o: AttitudeJudging,
     ask: Callable[[], None],
 ) -> tuple[list[Convention], np.ndarray, str]:
-    """Conventions with the more likely instants of the gyro; these instants, and a sentence."""
+    """Return candidate conventions, with the gyro's stamps or even instants, whichever are likelier; instants; why."""
     tried = conventions(stamps, rate, at, quaternion, rate_units=units, longest_offset=o.longest_offset)
     if o.sample_period is None:
         return tried, stamps, "as stamped"

@@ -48,12 +48,12 @@ class SyntheticAttitude(Options):
     duration: Annotated[float, Unit("s"), Within(least=6.0), "of the recording"] = 17.8
     sample_period: Annotated[float, Unit("s"), Within(above=0), "of the gyro"] = 0.009963
     reference_period: Annotated[float, Unit("s"), Within(above=0), "of the references, without pauses"] = 0.0725
-    resolution: Annotated[float, Unit("s"), Within(above=0), "of the stamps of the references"] = 0.01
+    resolution: Annotated[float, Unit("s"), Within(above=0), "resolution of the time stamps of the references"] = 0.01
     offset: Annotated[float, Unit("s"), "of the reference's clock"] = 0.002
     relative: Annotated[float, Within(least=0), "deviation of the gyro's error over the rate; persists for 2 s"] = 0.006
-    noise: Annotated[float, Unit("rad/s"), Within(least=0), "of one reading of the gyro"] = 7e-4
+    noise: Annotated[float, Unit("rad/s"), Within(least=0), "noise of one reading of the gyro"] = 7e-4
     lost: Annotated[int, Within(least=0), "missing rows"] = 5
-    seed: Annotated[int, Within(least=0), "of the motion and of all noise"] = 0
+    seed: Annotated[int, Within(least=0), "seed of the motion and of all noise"] = 0
 
 
 METHODS: Mapping[str, str] = {
@@ -85,7 +85,7 @@ class AttitudeStudy(Study):
     log_likelihood: Annotated[Sequence[float], "of each candidate"] = ()
     clock: Annotated[str, Quantity("", "more likely instants of the gyro, and the gain in likelihood", "clock")] = ""
     gravity: Annotated[str, Quantity("", "reading of the accelerometer at rest", "accelerometer")] = ""
-    names: Annotated[Sequence[str], "of the calibrated numbers, in the order of all fields below"] = ()
+    names: Annotated[Sequence[str], "names of the calibrated numbers, in the order of all fields below"] = ()
     numbers: Annotated[Sequence[float], "calibrated on the first part, in SI"] = ()
     first_interval: Annotated[Sequence[Sequence[float]], "95 % intervals of the first part, in SI"] = ()
     second_interval: Annotated[Sequence[Sequence[float]], "95 % intervals of the second part, in SI"] = ()

@@ -51,7 +51,7 @@ class ConstantVelocity(Options):
 
     cutoff: Annotated[
         float, Unit("Hz"), Within(above=0.0),
-        "of the low pass that detects rows at constant velocity; means are of unfiltered rows",
+        "cut-off of the low pass that detects rows at constant velocity; means use unfiltered rows",
     ] = CUTOFF_HZ  # fmt: skip
     slowest: Annotated[float, Unit("m/s"), Within(least=0.0), "slower runs are dropped"] = 0.0
     steady_acceleration: Annotated[
