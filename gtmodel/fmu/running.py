@@ -263,7 +263,7 @@ def _instantiation(folder: Path, description: Any, three: bool) -> tuple[Any, ..
 
 
 def _sentence(fault: Any) -> str:
-    """Return a sentence about a failed call; empty if there is none."""
+    """Return a sentence about a failed call; empty if no call failed."""
     if fault is None or len(fault) == 1:
         return one_line(fault[0]) or "without a message" if fault else ""
     function, status = fault

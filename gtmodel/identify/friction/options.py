@@ -115,7 +115,7 @@ LABELS = {
 class FrictionStudy(Study):
     """Friction by actuator and direction of motion, and the mass held; None if stopped before the fit."""
 
-    mass: Annotated[float | None, Quantity("kg", "plate and half the links, as the carts' forces hold them")] = None
+    mass: Annotated[float | None, Quantity("kg", "mass that the cart forces hold: plate and half of the links")] = None
     mass_interval: Annotated[
         Sequence[float] | None, Quantity("kg", "95 % interval; if the runs do not determine the mass, of the choice")
     ] = None
