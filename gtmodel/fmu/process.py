@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import select
 import signal
@@ -51,6 +52,8 @@ class UnitProcess:
     """
 
     def __init__(self, folder: Path, timeout: float) -> None:
+        if not hasattr(select, "poll"):
+            raise OSError(errno.ENOSYS, "gtmodel runs units on POSIX systems only, such as Linux, and not on Windows")
         self._timeout, self._shown, self._rest = timeout, folder / "running-call", bytearray()
         self._shown.write_bytes(LOADING.encode().ljust(SHOWN))
         self.log: deque[tuple[int, str]] = deque(maxlen=_KEPT)

@@ -110,6 +110,7 @@ class Context(RunClock):
     notes: sentences that `note` added to the result.
     distrusted: names of files among `inputs` that are marked as not to be used.
     models: models that the problem names; remarks about them go to the notes of the result.
+    full: whether `explain` of a kind lists everything, or a summary of about 40 lines.
     """
 
     name: str = "problem"
@@ -120,6 +121,7 @@ class Context(RunClock):
     notes: list[str] = field(default_factory=list)
     distrusted: list[str] = field(default_factory=list)
     models: list[Any] = field(default_factory=list)
+    full: bool = True
 
     def note(self, sentence: str) -> None:
         """Print one sentence and add it to the notes of the result, once."""

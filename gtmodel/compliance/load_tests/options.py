@@ -17,8 +17,8 @@ class Noise(Options):
     gtmodel.results.refusal.ArgumentError: position: must be more than 0; found 0
     """
 
-    position: Annotated[float, Unit("m"), Within(above=0), "noise of each coordinate, at tool and wrist centre"] = 2e-5
-    rotation: Annotated[float, Unit("rad"), Within(above=0), "noise of each rotation; 20 um on a base of 0.25 m"] = 1e-4
+    position: Annotated[float, Unit("m"), Within(above=0), "of each coordinate, at tool and wrist centre"] = 2e-5
+    rotation: Annotated[float, Unit("rad"), Within(above=0), "of each rotation; 20 um on a base of 0.2 m"] = 1e-4
 
 
 @dataclass(frozen=True)
