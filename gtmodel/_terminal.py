@@ -28,8 +28,8 @@ SECOND, AGAIN = 2, 20  # the alarm that ends it, and the number of alarms until 
 
 
 def opened() -> None:
-    """Connect closed standard streams (`>&-`) to the null device. Otherwise the next opened file would get the stream's
-    number, and a solver's output would end up in a result file."""
+    """Connect closed standard streams (`>&-`) to the null device. If a stream stayed closed, the next opened file would
+    get its number, and a solver would print into a result file."""
     for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         try:
             os.fstat(number)

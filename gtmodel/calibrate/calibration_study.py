@@ -1,4 +1,4 @@
-"""The calibration study: fit geometric parameters to measured poses and judge them on held-out poses."""
+"""The calibration study: fit geometric parameters to measured poses and validate them on held-out poses."""
 
 from __future__ import annotations
 
@@ -46,23 +46,23 @@ def study(
     origin: Origin | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> CalibrationStudy:
-    """Calibrate a robot on measured poses: check the readings, fit, predict held-out poses, judge.
+    """Calibrate a robot on measured poses: check the readings, fit, predict held-out poses, report a verdict.
 
     Args:
         robot: the model with its nominal parameters.
         poses: measured poses in SI units: `Measurements` in memory, or `MeasuredPoses` from `read_poses` or
             `made_poses`. Several (heights, distances, positions) share the robot's parameters; they are weighted by
-            their noise, and each is judged separately.
+        their noise, and each is evaluated separately.
         fit: free parameters and cost; by default all parameters and length errors.
         held_out: every n-th pose is held out of the fit; 0 for none. Ignored if the poses mark held-out ones.
-        refit: parameters specific to a held-out recording: fitted on some of its poses, judged on the others.
+        refit: parameters specific to a held-out recording: fitted on some of its poses, validated on the others.
         method: "every" holds out poses as `held_out` says. For few poses: "leave_one_out" fits all poses and predicts
             each with a fit without it; "folds" does so with this number of `folds`.
         carts: guideways through measured points.
         origin: where the robot comes from, for parameters.toml.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    If interrupted, the study holds the best parameters so far and judges nothing. Raises ArgumentError, also for poses
+    If interrupted, the study holds the best parameters so far and has no verdict. Raises ArgumentError, also for poses
     that were misread: wrong units, exchanged columns, swapped axes. The message names the alarm; if the readings are
     right, name it in `fit.accept`, and it becomes a note.
 

@@ -38,7 +38,8 @@ class Call:
         return self
 
     def __call__(self, **work: Any) -> Any:
-        """Run the study. Raises ArgumentError if an argument is missing that a file cannot state, such as a folder."""
+        """Run the study. Raises ArgumentError if the caller must pass an argument, such as a folder, that no key
+        sets."""
         try:
             inspect.signature(self.study).bind(*self.arguments, **self.options, **work)
         except TypeError as error:

@@ -44,7 +44,7 @@ class Room(Options):
 class Safety(Options):
     """Distances kept because the robot is not yet calibrated."""
 
-    edge: Annotated[float, Unit("m"), Within(least=0.0), "from the edge of the measurable workspace"] = 0.1
+    edge: Annotated[float, Unit("m"), Within(least=0.0), "distance from the edge of the measurable workspace"] = 0.1
     obstacles: Annotated[float, Unit("m"), Within(least=0.0), "around obstacles and beams"] = 0.05
     cone: Annotated[float, Unit("rad", written="deg"), Within(least=0.0), "subtracted from limits.cone_deg"] = 0.0
     stroke: Annotated[float, Unit("m"), Within(least=0.0), "at both ends of limits.actuators_m"] = 0.05

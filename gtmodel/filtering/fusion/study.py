@@ -102,7 +102,7 @@ def _answer(
     scene: Scene, path: TrackedPath, sensors: FusionSensors, sweep: FusionSweep | None, seed: int, title: str,
     filtered: _Fused, swept: dict[str, Any] | None = None, preferred: float | None = None, *, stopped: bool = True,
 ) -> FusionStudy:  # fmt: skip
-    """Study of the rows filtered, smoothed and judged so far."""
+    """Return the study of the rows that are filtered, smoothed and tested so far."""
     swept, c = swept or {}, filtered.consistency
     synthetic = (
         f"SYNTHETIC: seed {seed}, tracker {1e3 * sensors.position_noise:.3g} mm, accelerometer "
@@ -160,7 +160,7 @@ def _filtered(
     blame: bool = True,
     keep: Callable[[_Fused], object] | None = None,
 ) -> _Fused:
-    """Filter a scene; keep: called with the result before smoothing and judging."""
+    """Filter a scene; keep: called with the result before it is smoothed and tested."""
     systems = systems_of(scene, design)
     report, smoothing = work.fractions("filtering"), design.smooth
     run = filter_of(systems, design).run(scene.log, scene.initial, truth=scene.truth, keep=smoothing, progress=report)
