@@ -283,13 +283,15 @@ def _remarkable(stream: InspectedStream, several: bool) -> list[str]:
             notes.append(
                 f"{lead}the header says {guess.unit} of '{name}', whose name ends in {suffix}; {guess.unit} counts"
             )
-        if guess.why and not guess.stated and not guess.why.startswith("the name"):
-            size = max(max(abs(stream.columns[j].least), abs(stream.columns[j].most)) for j in group)
-            alike = (guess.unit, re.sub(r"\d[\d.e+-]*", "", guess.why))
-            guessed.setdefault(alike, []).append((name, size, guess.why))
+        for guess, facts in ((stream.guesses[j], stream.columns[j]) for j in group):
+            if guess.why and not guess.stated and not guess.why.startswith("the name"):
+                alike = (guess.unit, re.sub(r"\d[\d.e+-]*", "", guess.why))
+                guessed.setdefault(alike, []).append((name, max(abs(facts.least), abs(facts.most)), guess.why))
     for (unit, _), columns in list(guessed.items())[:MOST_NAMES]:
         _, _, why = max(columns, key=lambda column: column[1])
-        notes.append(f"{lead}{_listed([name for name, _, _ in columns])}: {f'{unit}? ' if unit else ''}{why}")
+        notes.append(
+            f"{lead}{_listed([*dict.fromkeys(name for name, _, _ in columns)])}: {f'{unit}? ' if unit else ''}{why}"
+        )
     for clock in stream.clocks:
         s, unit = clock.sampling, "s" if clock.unit else "of its unit"
         if clock.resets:

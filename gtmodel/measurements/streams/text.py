@@ -333,7 +333,7 @@ def _sign(lines: list[str], form: LogForm, layout: _Layout) -> str:
     candidates: list[Delimiter] = ["tab", "semicolon", "comma", "bar"]
     if layout.decimal_comma:
         candidates.remove("comma")
-    counts = {name: [line.count(SIGNS[name]) for line in plain] for name in candidates}
+    counts: dict[Delimiter, list[int]] = {name: [line.count(SIGNS[name]) for line in plain] for name in candidates}
     tests: list[Callable[[list[int]], int]] = [
         lambda count: bool(count[0]) * count.count(count[0]),
         lambda count: max(count.count(k) for k in {*count} - {0}),  # the first line may be of another kind
@@ -341,11 +341,11 @@ def _sign(lines: list[str], form: LogForm, layout: _Layout) -> str:
         lambda count: sum(map(bool, count)),
     ]
     for test in tests:
-        name = next((n for n, count in counts.items() if any(count) and 2 * test(count) > len(plain)), None)
-        if name is not None:
-            if name != "comma":
-                layout.remarks.append(f"the columns are separated by a {name}")
-            return SIGNS[name]
+        for name, count in counts.items():
+            if any(count) and 2 * test(count) > len(plain):
+                if name != "comma":
+                    layout.remarks.append(f"the columns are separated by a {name}")
+                return SIGNS[name]
     below = plain[1:] or plain
     if 2 * sum(len(line.split()) > 1 for line in below) > len(below):
         layout.remarks.append("the columns are separated by blanks")
