@@ -150,7 +150,8 @@ class IdentificationStudy(Study):
             low, high = (self.intervals or {}).get(name, (None, None))
             comparison = "" if truth is None else f" (synthetic truth {truth:g})"
             rows.append(Row("  95 %", "at its bound" if low is None else f"{low:.5g} to {high:.5g}{comparison}"))
-        return rows + [Row(name, value) for name, value in (self.corrections or {}).items()]
+        corrections = (self.corrections or {}).items()
+        return rows + [Row(name, value, "s" if ".delay" in name else "") for name, value in corrections]
 
     def _fit_rows(self, fit: Identification) -> list[Row]:
         rows = []
