@@ -195,6 +195,7 @@ def translated(
     cls._static = flat.static  # type: ignore[attr-defined]
     others = tuple(file for file in files_of(text.root) if file != Path(text.path))
     remarks = *flat.warnings, *warnings
+    cls._notes = remarks
     return Translation(cls, flat.optimization, stop, remarks, units, text.path, name, flat, written, others)
 
 
@@ -216,7 +217,8 @@ def load(
             of the flat text that it wrote, and say where that lies.
 
     Returns a subclass of gt.Optimization or gt.Model. Names of results are those of the text, `tank[2].x`, counted from
-    1. Raises ModelicaError, which is a ModelError, with file, line and the line itself.
+    1. Notes, such as units that do not match, are in `notes` of its solutions and studies. Raises ModelicaError, which
+    is a ModelError, with file, line and the line itself.
 
     >>> from pathlib import Path
     >>> import tempfile

@@ -27,6 +27,14 @@ def names_of(flat: FlatModel, alias: AliasResult, pair: Pair) -> list[tuple[str,
     return [(own_name, 1)] + [(n, sign) for n, sign in _by_symbol(flat, alias).get(pair, []) if n != own_name]
 
 
+def declared_name(flat: FlatModel, alias: AliasResult, pair: Pair) -> tuple[str, SourceLocation]:
+    """Return a name for a state and the line of its declaration: of a variable that equals it, else such as "der(x)"."""
+    equal = {name for name, sign in names_of(flat, alias, pair) if sign > 0}
+    own = flat.variables[pair[0]]
+    found = next((v for v in (own, *flat.variables) if v.name in equal), own)
+    return (found.name if found.name in equal else flat.symbol_name(*pair)), found.where
+
+
 def _by_symbol(flat: FlatModel, alias: AliasResult) -> dict[Pair, list[tuple[str, int]]]:
     """Return names and signs of all variables and their derivatives by kept variable; cached with alias."""
     cached = alias.names
