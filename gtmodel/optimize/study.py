@@ -11,8 +11,9 @@ from ..compiler.toolchain import CompilerMissing
 from ..lang import ModelError, Optimization
 from ..results import ArgumentError, Check, Trajectory, Work
 from ..results.work import WorkOptions, study_function
+from .formulation.horizon import declared_name
 from .ipopt import TRIED_AGAIN
-from .judgement.discretisation import BOUND
+from .judgement.discretisation import BOUND, discretisation
 from .judgement.resimulate import Resimulation, resimulate
 from .mesh import Mesh
 from .optimization_result import TRIED, OptimizationStudy
@@ -20,10 +21,10 @@ from .solution import Solution
 from .solve import SolverOptions, solve
 
 # of a row's range, and of the objective: ten times the bound of the mesh's own errors. A control polynomial that jumps
-# from one bound to the other overshoots by 30 to 50 % of their distance on any mesh, and a machine cannot follow it;
-# the re-simulation of an unstable but resolved model stays below 1 %
+# from one bound to the other overshoots by 30 to 50 % of their distance on any mesh, and no machine follows it
 GROSS = 0.1
 SEEN = 1e-6  # of a row's range: the bound of the check constraint_violation
+MOST_NOTES = 6
 LEAST_COST = 1e-6  # an objective below this is zero to the solver's tolerance
 
 
@@ -92,7 +93,7 @@ def optimization_study(
     if run is not None:
         more, remarks = _between(solution, run)
         checks |= more
-        notes += remarks
+        notes += [*remarks, *_free_starts(solution)]
     return OptimizationStudy(
         status=solution.status,
         message=message,
@@ -144,20 +145,47 @@ def _numbers(run: Resimulation) -> dict[str, Any]:
 
 
 def _between(solution: Solution, run: Resimulation) -> tuple[dict[str, Check], list[str]]:
-    """Return the checks of the re-simulated optimum, and sentences on excesses that pass but show in a plot."""
-    elements = f"use more elements (mesh.elements is {solution.nlp.mesh.elements})"
+    """Return the checks of the re-simulated optimum, and sentences about the numbers that pass but show in a plot.
+
+    If the model is unstable along the optimum, the input alone does not determine the motion: what follows from that is
+    told and not checked.
+    """
     cost = abs(run.cost_error) / max(abs(solution.objective), LEAST_COST)
+    unstable = max(cost, run.violation_share) > GROSS and discretisation(solution.nlp, solution.x).shadow
+    advice = f"use more elements (mesh.elements is {solution.nlp.mesh.elements})"
+    if unstable:
+        advice = (
+            f"the model is unstable here, and its input alone does not reproduce the motion: add feedback, or {advice}"
+        )
     unit = f" {run.violation_unit}" if run.violation_unit else ""
-    control = run.violated in solution.problem.control_names and solution.nlp.mesh.control == "polynomial"
+    overshoot = run.violated in solution.problem.control_names
     over = (
         f"'{run.violated}' exceeds its bound by {run.violation:.3g}{unit} at {run.violation_time:.4g} s, between "
         "collocation points; "
     )
-    over += 'use mesh.control = "linear", which keeps it within its bounds' if control else elements
-    dear = f"the re-simulated cost differs by {100 * cost:.3g} %; {elements}"
-    checks = {
-        "excess_between_nodes": Check(run.violation_share, GROSS, over),
-        "relative_cost_error": Check(cost, GROSS, dear),
+    linear = overshoot and solution.nlp.mesh.control == "polynomial"
+    over += 'use mesh.control = "linear", which keeps it within its bounds' if linear else advice
+    dear = f"the re-simulated cost differs by {100 * cost:.3g} %; {advice}"
+    numbers = {
+        "excess_between_nodes": (Check(run.violation_share, GROSS, over), overshoot),
+        "relative_cost_error": (Check(cost, GROSS, dear), False),
     }
-    said = zip(checks.values(), (over, dear), strict=True)
-    return checks, [sentence for check, sentence in said if check.passed and check.value > BOUND]
+    checks = {name: check for name, (check, exact) in numbers.items() if exact or not unstable}
+    return checks, [c.advice for n, (c, _) in numbers.items() if c.value > BOUND and (n not in checks or c.passed)]
+
+
+def _free_starts(solution: Solution) -> list[str]:
+    """Return a sentence about each state whose start neither a bound nor an equation gives."""
+    nlp, problem = solution.nlp, solution.problem
+    columns = nlp.element.layout.left[: len(problem.state_pairs)]
+    first = nlp.element.rows.numel() * nlp.mesh.elements
+    equal = {first + n for n, row in enumerate(problem.points) if row.low == row.high}
+    met = {j for i, j in zip(*nlp.functions["jac_g"].sparsity_out(1).get_triplet(), strict=True) if i in equal}
+    sentences = []
+    for column, pair in zip(columns.tolist(), problem.state_pairs, strict=True):
+        if nlp.lbx[column] < nlp.ubx[column] and column not in met:
+            name, where = declared_name(problem.flat, problem.plan.alias, pair)
+            value, unit = solution.x[column] * nlp.element.layout.scale[column], problem.flat.unit_of(*pair)
+            chosen = f"{value:.4g}" + ("" if unit in ("?", "1") else f" {unit}")
+            sentences.append(f"the initial value of '{name}' is free; the optimiser chose {chosen} ({where})")
+    return sentences[:MOST_NOTES]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import gtmodel as gt
 from gtmodel import der
-from gtmodel.optimize import Mesh, SolverOptions, optimization_study
+from gtmodel.optimize import Mesh, SolverOptions, optimization_study, study
 from gtmodel.results import ArgumentError, Row, SolveStatus
 
 # Two forms of one discrete problem, each stopped by IPOPT at 1e-8 of its scaled conditions.
@@ -101,10 +102,41 @@ class Unstable(gt.Optimization):
         return gt.integral((self.x - 1 - gt.sin(self.rate * self.time)) ** 2 + 0.01 * self.u**2)
 
 
-def test_a_cost_that_the_input_does_not_reproduce_fails_a_check() -> None:
-    s = optimization_study(Unstable(), Mesh(elements=20))
-    assert s.status is SolveStatus.CHECK_FAILED and not s.checks["relative_cost_error"].passed
-    assert "the re-simulated cost differs by" in s.message and "more elements (mesh.elements is 20)" in s.message
+def test_the_cost_of_an_unstable_model_is_told_and_not_checked() -> None:
+    s = optimization_study(Unstable(), Mesh(elements=30))
+    assert s.status.ok and "relative_cost_error" not in s.checks
+    (note,) = s.notes
+    assert "the re-simulated cost differs by" in note and "unstable" in note and "mesh.elements is 30" in note
+
+
+def test_a_cost_that_the_input_does_not_reproduce_fails_a_check(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = study.resimulate
+    monkeypatch.setattr(
+        study, "resimulate", lambda solution: replace(run(solution), cost_error=0.2 * solution.objective)
+    )
+    s = optimization_study(Implicit(), Mesh(elements=8, control="linear"))
+    assert s.status is SolveStatus.CHECK_FAILED
+    assert "re-simulated cost differs by 20 %" in s.message and "more elements (mesh.elements is 8)" in s.message
+
+
+class Thrown(Fastest):
+    v = gt.variable(unit="m/s", min=-3.0)
+    F = gt.input(unit="N", min=-1.0, max=1.0)
+
+
+def test_a_free_initial_value_is_told() -> None:
+    s = optimization_study(Thrown(), Mesh(elements=9, control="linear"))
+    (note,) = s.notes
+    assert note.startswith("the initial value of 'v' is free; the optimiser chose -1.") and " m/s (" in note
+    assert not optimization_study(Fastest(), Mesh(elements=9, control="linear")).notes
+
+
+def test_infeasible_with_a_free_end_says_what_to_try() -> None:
+    class Short(Fastest):
+        final_time = gt.free(1.0, min=0.1, max=1.5)
+
+    s = optimization_study(Short(), Mesh(elements=9))
+    assert s.status is SolveStatus.INFEASIBLE and "final_time is at its max, 1.5 s" in s.message
 
 
 def test_sample_takes_fractions() -> None:

@@ -28,7 +28,7 @@ def names_of(flat: FlatModel, alias: AliasResult, pair: Pair) -> list[tuple[str,
 
 
 def declared_name(flat: FlatModel, alias: AliasResult, pair: Pair) -> tuple[str, SourceLocation]:
-    """Return a name for a state and the line of its declaration: of a variable that equals it, else such as "der(x)"."""
+    """Return the name of a variable that equals a state, else one such as "der(x)", and the line of the declaration."""
     equal = {name for name, sign in names_of(flat, alias, pair) if sign > 0}
     own = flat.variables[pair[0]]
     found = next((v for v in (own, *flat.variables) if v.name in equal), own)

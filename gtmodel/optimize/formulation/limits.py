@@ -42,12 +42,12 @@ def limits_of(
     n = len(b.states)
     bounds = TrajectoryBounds(Bounds.free(n), Bounds.free(b.u.numel()), Bounds.free(n), Bounds.free(n))
 
-    def bounded(pair: Pair, low: float, high: float) -> bool:
+    def bounded(pair: Pair, low: float, high: float, origin: str = "") -> bool:
         if pair in position:
-            bounds.x.tighten(position[pair], low, high)
+            bounds.x.tighten(position[pair], low, high, origin)
         elif pair in place:
             n, sign = place[pair]
-            bounds.u.tighten(n, *((low, high) if sign > 0 else (-high, -low)))
+            bounds.u.tighten(n, *((low, high) if sign > 0 else (-high, -low)), origin)
         return pair in position or pair in place
 
     for v in flat.variables:
@@ -74,7 +74,7 @@ def limits_of(
         bound = as_bound(rewritten, row, flat, b.parameters) if all(row.ends) else None
         if bound is not None and np.any(np.isnan(bound[1:])):
             raise ModelError(f"{flat.title}: the bound of {row.label} is not a number", row.where)
-        if bound is None or not bounded(*bound):
+        if bound is None or not bounded(*bound, row.label):
             bounds.path.append(row)
     _initial(b, position, bounds.start, apart)
     return bounds
