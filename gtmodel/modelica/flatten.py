@@ -138,6 +138,8 @@ class _Flattening:
                 continue
             for flat in made.flats:
                 self.out.flats.append(flat)
+                if flat.kind == "constant" and flat.base == "Real" and flat.get("unit"):
+                    flat.kind = "parameter"  # a number would lose the unit
                 if flat.kind == "parameter":
                     self._parameter(flat)
             if made.flats and made.flats[0].kind not in ("parameter", "constant"):

@@ -340,6 +340,9 @@ def whole(flat: Flat, value: Any) -> Any:
 def value_of(flat: Flat) -> Scalar:
     """What a parameter is bound to, or its start where it is bound to nothing. Raises ModelicaError without either."""
     if flat.binding is not None:
+        inside = list(symbols(flat.binding))
+        if inside and is_constant(flat.binding) and all(f.kind == "constant" for f in inside):
+            flat.cache["binding"] = number_of(flat.binding, flat.at, f"'{flat.name}'")  # 10*pi/180
         return flat.binding
     if (start := flat.get("start")) is not None:
         return start
