@@ -442,11 +442,13 @@ class Writer:
         assert x.at is not None
         if not self.flat.optimization or not isinstance(source, Symbol) or source.flat.kind != "input":
             t = f"{tau:g}"
+            found = "an expression"
+            if isinstance(source, Symbol):
+                what = "an input of a simulation" if source.flat.kind == "input" else f"a {source.flat.kind}"
+                found = f"'{source.flat.name}', {what}"
             raise ModelicaError(
-                "delay() is taken of an input of an optimization alone, v = delay(u, 0.1): the integrators keep no "
-                "past of others; shift discrete values at each sample(0, T), or write a Pade chain of second order in "
-                f"place of v = delay(x, {t}), for an x that moves little in {t} s: Real p(start = x0, fixed = true), "
-                f"q(start = 0, fixed = true); {t}*der(p) = q; {t}*der(q) = 12*(x - p) - 6*q; v = x - q",
+                f"only inputs of an optimization can be delayed; found {found}. Shift discrete values at each "
+                f"sample(0, T), or write a Pade chain: {t}*der(p) = q; {t}*der(q) = 12*(x - p) - 6*q; v = x - q",
                 x.at,
             )  # fmt: skip
         held = source.flat.get("start")

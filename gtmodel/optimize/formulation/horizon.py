@@ -294,6 +294,12 @@ def point_values(flat: FlatModel, h: Horizon, instants: Sequence[Instant], param
             free = {q.name for q in flat.parameters if q.free}
             tuned = sorted({v.name() for v in ca.symvar((time - h.t0) / h.length)} - free)
             hint = f", or leave {', '.join(tuned)} out of transcribe(parameters=...)" if tuned else ""
+            if getattr(type(flat.root), "_counts_from_one", False):  # of Modelica
+                raise ModelError(
+                    f"{flat.title}: a value of {instant.expression} is asked for at the time {time}, but startTime or "
+                    f"finalTime is free; use {instant.expression}(finalTime), or a fraction such as "
+                    f"{instant.expression}(0.5*(startTime + finalTime))"
+                )
             raise ModelError(f"{flat.title}: an instant of .at() is not fixed in the horizon; use its ends{hint}")
         if not -ROUND_OFF <= first <= 1 + ROUND_OFF:
             name = f"the instant {float(time):g} s" if time.is_constant() else "an instant"
