@@ -67,14 +67,14 @@ class IdentificationStudy(Study):
     ] = None
     base_parameters: Annotated[
         Mapping[str, Mapping[str, float]] | None,
-        "of a serial arm: the terms of each base parameter with their factors; null unless inertias are identified",
+        "base parameters of a serial arm: the terms of each with their factors; null unless inertias are identified",
     ] = None
     masses: Annotated[
-        Array | None, Quantity("kg", "of physically consistent bodies with these base parameters, by link")
+        Array | None, Quantity("kg", "masses of physically consistent bodies with these base parameters, by link")
     ] = None  # fmt: skip
     first_moments: Annotated[Array | None, Quantity("kg.m", "mass times centre of mass, by link, link frames")] = None
     inertias: Annotated[
-        Array | None, Quantity("kg.m2", "of these bodies, xx, xy, xz, yy, yz, zz about the origins of the link frames")
+        Array | None, Quantity("kg.m2", "their inertias, xx, xy, xz, yy, yz, zz, about the origins of the link frames")
     ] = None  # fmt: skip
     left_out: Annotated[
         Numbers | None,

@@ -66,7 +66,7 @@ def _by_geometry(robot: Model) -> Weighed:
     try:
         inverse = [m.causal(known="T", targets="tau") for m in (robot, robot.with_(**{PLATE: masses[PLATE] + 1.0}))]
     except ModelError as error:
-        message = f"its tool centre point does not determine its pose, as it does with three links ({error})"
+        message = f"the tool centre point does not determine the robot's pose; use a three-link robot ({error})"
         raise ArgumentError(message, "robot") from error
 
     def weighed(tcp: Sequence[float]) -> np.ndarray:

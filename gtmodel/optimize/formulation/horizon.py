@@ -31,8 +31,9 @@ def declared_name(flat: FlatModel, alias: AliasResult, pair: Pair) -> tuple[str,
     """Return the name of a variable that equals a state, else one such as "der(x)", and the line of the declaration."""
     equal = {name for name, sign in names_of(flat, alias, pair) if sign > 0}
     own = flat.variables[pair[0]]
-    found = next((v for v in (own, *flat.variables) if v.name in equal), own)
-    return (found.name if found.name in equal else flat.symbol_name(*pair)), found.where
+    variable = next((v for v in (own, *flat.variables) if v.name in equal), own)
+    name = variable.name if variable.name in equal else flat.symbol_name(*pair)
+    return name, variable.where
 
 
 def _by_symbol(flat: FlatModel, alias: AliasResult) -> dict[Pair, list[tuple[str, int]]]:
