@@ -449,8 +449,8 @@ class Writer:
                 word = "an input of a simulation" if source.flat.kind == "input" else f"a {source.flat.kind}"
                 delayed = f"'{source.flat.name}', {word}"
             raise ModelicaError(
-                f"only inputs of an optimization can be delayed; found {delayed}. Shift discrete values at each "
-                f"sample(0, T), or write a second-order Pade approximation: {t}*der(p) = q; "
+                f"only inputs of an optimization can be delayed; found {delayed}. Sample it, or use a Pade "
+                f"approximation: Real p(start = x0, fixed = true), q(start = 0, fixed = true); {t}*der(p) = q; "
                 f"{t}*der(q) = 12*(x - p) - 6*q; v = x - q",
                 x.at,
             )  # fmt: skip
