@@ -84,6 +84,11 @@ class Problem(FileSection):
     kind: str = pydantic.Field(description="kind of the problem; gtmodel schema lists the kinds")
     title: str = pydantic.Field(default="", description="one line for tables and pictures")
 
+    @property
+    def heading(self) -> str:
+        """The title, or the kind if the file has none."""
+        return self.title or self.kind
+
     @pydantic.field_validator("title")
     @classmethod
     def _one_line(cls, title: str) -> str:
@@ -172,7 +177,6 @@ class Context(RunClock):
 class Kind(Protocol):
     """Interface of the module of a kind; see `registry`."""
 
-    NAME: str
     Schema: type[Problem]
 
     def call(self, problem: Any, context: Context) -> Call: ...

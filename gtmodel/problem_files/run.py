@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import tempfile
 import time
@@ -200,11 +201,22 @@ def generate(
 
 
 def explain(loaded: Loaded, context: Context) -> str:
-    """Return the kind's explanation of a problem; its checked keys if the kind has none."""
+    """Return the kind's explanation of a problem; its title and one key per line if the kind has none."""
     explanation = getattr(loaded.kind, "explain", None)
     if explanation is not None:
         with keyed(loaded):
             return str(explanation(loaded.problem, context))
-    import tomli_w
+    keys = loaded.problem.model_dump(mode="json", exclude_none=True, exclude={"kind", "title"})
+    return "\n".join([loaded.problem.heading, *(f"  {line}" for line in _lines(keys))])
 
-    return tomli_w.dumps(loaded.problem.model_dump(mode="json", exclude_none=True)).rstrip()
+
+def _lines(value: Any, key: str = "") -> Iterator[str]:
+    """Dotted keys with their values, one a line; no line for an empty table."""
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield from _lines(inner, f"{key}.{name}" if key else name)
+    elif isinstance(value, list) and any(isinstance(entry, Mapping) for entry in value):
+        for k, entry in enumerate(value):
+            yield from _lines(entry, f"{key}[{k}]")
+    else:
+        yield f"{key} = {json.dumps(value, ensure_ascii=False)}"
