@@ -187,7 +187,6 @@ def key_of(schema: type[pydantic.BaseModel], argument: str, renamed: Mapping[str
     counts.
 
         argument            renamed                              key, if the schema has it
-        "map"               {}                                   "map"
         "force"             {}                                   "force_N"
         "map.step"          {"map": "section"}                   "section.step_m"
         "springs.links"     {"springs": ""}                      "links"

@@ -59,7 +59,7 @@ _KINDS = {
     "lead_through": "hand guiding with two force sensors: contact force, limits, energy at the handle, peg in hole",
     "wrench_calibration": "bias, mass and centre of mass of the load on a force sensor, from poses, with intervals",
     "learning_control": "iterative learning control: predicted rate and floor, simulated runs, the next input",
-    "friction": "friction of the actuators and the mass they carry, from constant-velocity runs",
+    "friction": "friction of carts that carry a plate, and the mass that they carry, from constant-velocity runs",
 }
 
 
@@ -81,8 +81,14 @@ def schema_of(name: str) -> type[Problem]:
 
 def results_of(name: str) -> list[type[Study]]:
     """Return the result classes of a kind. Raises InputError with close matches."""
-    classes = _defined(name, "RESULT")
-    return [_exported(name, place) for place in ([classes] if isinstance(classes, str) else classes)]
+    places, classes = _defined(name, "RESULT"), []
+    for place in [places] if isinstance(places, str) else places:
+        package, _, study = place.rpartition(".")
+        if not hasattr(library := import_module(package), study):
+            own = _file(_module(name, "keys"))
+            raise InputError(f"{own}: RESULT names {place}, which {_file(library)} does not export")
+        classes.append(getattr(library, study))
+    return classes
 
 
 def _defined(kind: str, name: str) -> Any:
@@ -92,18 +98,8 @@ def _defined(kind: str, name: str) -> Any:
     return getattr(module, name)
 
 
-def _exported(kind: str, place: str) -> Any:
-    package, _, name = place.rpartition(".")
-    library = import_module(package)
-    if not hasattr(library, name):
-        module = _file(_module(kind, "keys"))
-        raise InputError(f"{module}: RESULT names {place}, which {_file(library)} does not export")
-    return getattr(library, name)
-
-
 def _file(module: Any) -> str:
-    end = "/__init__.py" if hasattr(module, "__path__") else ".py"
-    return module.__name__.replace(".", "/") + end
+    return f"{module.__name__.replace('.', '/')}{'/__init__' if hasattr(module, '__path__') else ''}.py"
 
 
 def _module(name: str, file: str) -> Any:

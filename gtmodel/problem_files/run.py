@@ -21,7 +21,7 @@ from gtmodel.results.written import for_machines, pictured, record, sha256, sha2
 from . import start as earlier
 from .base import Call, Context, Generating, InputError
 from .from_options import key_of
-from .load import Loaded, load
+from .load import Loaded, dotted, load
 from .noted import noted
 
 
@@ -210,13 +210,11 @@ def explain(loaded: Loaded, context: Context) -> str:
     return "\n".join([loaded.problem.heading, *(f"  {line}" for line in _lines(keys))])
 
 
-def _lines(value: Any, key: str = "") -> Iterator[str]:
+def _lines(value: Any, place: tuple[str | int, ...] = ()) -> Iterator[str]:
     """Dotted keys with their values, one a line; no line for an empty table."""
-    if isinstance(value, Mapping):
-        for name, inner in value.items():
-            yield from _lines(inner, f"{key}.{name}" if key else name)
-    elif isinstance(value, list) and any(isinstance(entry, Mapping) for entry in value):
-        for k, entry in enumerate(value):
-            yield from _lines(entry, f"{key}[{k}]")
-    else:
-        yield f"{key} = {json.dumps(value, ensure_ascii=False)}"
+    tables = isinstance(value, list) and any(isinstance(entry, Mapping) for entry in value)
+    if not tables and not isinstance(value, Mapping):
+        yield f"{dotted(place)} = {json.dumps(value, ensure_ascii=False)}"
+        return
+    for name, inner in enumerate(value) if tables else value.items():
+        yield from _lines(inner, (*place, name))
