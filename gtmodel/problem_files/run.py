@@ -212,9 +212,10 @@ def explain(loaded: Loaded, context: Context) -> str:
 
 def _lines(value: Any, place: tuple[str | int, ...] = ()) -> Iterator[str]:
     """Dotted keys with their values, one a line; no line for an empty table."""
-    tables = isinstance(value, list) and any(isinstance(entry, Mapping) for entry in value)
-    if not tables and not isinstance(value, Mapping):
+    if isinstance(value, list) and any(isinstance(entry, Mapping) for entry in value):
+        value = dict(enumerate(value))
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield from _lines(inner, (*place, name))
+    else:
         yield f"{dotted(place)} = {json.dumps(value, ensure_ascii=False)}"
-        return
-    for name, inner in enumerate(value) if tables else value.items():
-        yield from _lines(inner, (*place, name))
