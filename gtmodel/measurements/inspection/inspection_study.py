@@ -159,12 +159,12 @@ def _opened(path: PathLike, form: LogForm) -> tuple[Stream | MatFile | Bag, LogF
             commas = isinstance(content, TextStream) and content.layout.sign != "," and content.layout.commas
             if not commas:
                 return content, form, notes
-            found: dict[str, Any] = {"decimal": "comma"}
+            detected: dict[str, Any] = {"decimal": "comma"}
         except FormError as error:
-            found = error.form
-        form = replace(form, **found)
-        notes += [f"the table begins at line {line}: header = {line}" for line in [found.get("header")] if line]
-        notes += ['the numbers have decimal commas: decimal = "comma"'] if "decimal" in found else []
+            detected = error.form
+        form = replace(form, **detected)
+        notes += [f"the table begins at line {line}: header = {line}" for line in [detected.get("header")] if line]
+        notes += ['the numbers have decimal commas: decimal = "comma"'] if "decimal" in detected else []
 
 
 def _answer(title: str, tables: list[InspectedStream], notes: list[str], ended: bool) -> InspectionStudy:
