@@ -69,12 +69,13 @@ def test_schema_describes_every_key_and_value(gtmodel: Commands, kind: str) -> N
     document = gtmodel("schema", kind, "--json").json
     assert printed.code == 0 and document["kind"] == kind
     for key in document["keys"]:
-        assert key["description"], key["key"]
+        assert key["description"], f"key {key['key']} of kind '{kind}' has no description: add it to its annotation"
         assert key["key"] in printed.out
         assert key["unit"] == unit_of(from_options.Key(**key).name) or not key["unit"], key["key"]
     assert document["values"]
     for name, about in document["values"].items():
-        assert about["description"] and name in printed.out
+        assert about["description"], f"result {name} of kind '{kind}' has no description: add it to its annotation"
+        assert name in printed.out
     assert "properties" in document["schema"]
 
 

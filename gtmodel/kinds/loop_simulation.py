@@ -76,9 +76,6 @@ class Schema(RobotProblem):
     tolerance: float = Field(default=1e-9, ge=1e-14, le=0.1, description="tolerance of the integrator")
 
 
-NAME = "loop_simulation"
-
-
 def arguments(problem: Schema) -> dict[str, str]:
     """Return the key of the study's reference."""
     return {"reference": "move" if problem.move is not None else "reference.file"}
@@ -102,7 +99,7 @@ def call(problem: Schema, context: Context) -> Call:
 def explain(problem: Schema, context: Context) -> str:
     """Describe the timing and the measurements of the controller."""
     s = problem.sampling.options()
-    text = f"{problem.title or NAME}: {problem.law.name} every {1e3 * s.period:g} ms"
+    text = f"{problem.heading}: {problem.law.name} every {1e3 * s.period:g} ms"
     lines = [text, f"  forces act {1e3 * s.delay:g} ms after their sample, with zero-order hold"]
     lines.append(f"  positions {'to ' + format(1e6 * s.resolution, 'g') + ' um' if s.resolution else 'exact'}")
     lines.append(f"  velocities {'of the plant' if s.velocity == 'measured' else 'from differences'}")

@@ -1,1 +1,1 @@
-"""Pictures: one module per subject. Every function takes results and returns a matplotlib Figure."""
+"""Pictures: one module per subject. Every function takes data, imports no study, and returns a matplotlib Figure."""

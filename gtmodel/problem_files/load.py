@@ -21,7 +21,7 @@ from gtmodel.results.read_bounds import TooDeepError, not_deep, toml_of
 from .base import InputError, Kind, Problem
 from .files import find, parse, parts_of, read
 from .from_options import Key, keys_of, tables_of
-from .registry import get
+from .registry import get, schema_of
 
 _EXPECTED = {
     "float_type": "a number",
@@ -340,7 +340,7 @@ def check(data: Mapping[str, Any]) -> tuple[Kind, Problem]:
         kind = get(data["kind"])
     except InputError as error:
         raise error.within("", "kind") from None
-    return kind, validate(kind.Schema, data)
+    return kind, validate(schema_of(data["kind"]), data)
 
 
 def validate(schema: type[S], data: Mapping[str, Any]) -> S:
