@@ -25,11 +25,10 @@ class ArmMotion(gt.Optimization):
         return self.final_time + self.weight * gt.integral(sum(share**2 for share in shares))
 
     def constraints(self):
-        q, tau = self.arm.q, self.arm.tau
+        q, tau = self.arm.q, self.arm.tau  # the position limits of the URDF are bounds of q already
         for k in range(6):
             yield gt.between(-ARM.effort_limits[k], tau[k], ARM.effort_limits[k])
             yield gt.between(-ARM.speed_limits[k], der(q[k]), ARM.speed_limits[k])
-            yield gt.between(ARM.joint_limits[k, 0], q[k], ARM.joint_limits[k, 1])
             for time, pose in ((self.start_time, START), (self.final_time, GOAL)):
                 yield q[k].at(time) == pose[k]
                 yield der(q[k]).at(time) == 0
