@@ -23,7 +23,7 @@ from gtmodel import _terminal as terminal
 from gtmodel._answer import Answer, answering, print_json
 
 app = typer.Typer(
-    help="Kinematics, dynamics, optimal motions and C code of parallel robots, from one set of equations.",
+    help="Kinematics, dynamics, optimal motions and C code of robots, from one set of equations.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,

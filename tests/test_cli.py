@@ -315,6 +315,7 @@ def test_codegen_without_check_compiles_nothing(gtmodel: Commands) -> None:
 
 REFUSED = [
     (["solve", "nowhere.toml"], "nowhere.toml: there is no such file"),
+    (["list", "kinds"], "gtmodel schema"),
     (["solve", "l1_min_tim"], "did you mean the shipped 'l1_min_time'?"),
     (["solve", "swing.toml", "--set", "mesh.elemnts=3"], "swing.toml: mesh.elemnts: unknown key; did you mean 'elem"),
     (

@@ -51,7 +51,9 @@ class PlantFrictionSection(FileSection):
         "as in [friction] if left out",
     )
     velocity_scale_m_s: PositiveFloat | None = Field(
-        default=None, description="velocity over which the sign changes; as in [friction] if left out"
+        default=None,
+        description="velocity over which the sign changes, in m/s, and in rad/s at revolute joints; "
+        "as in [friction] if left out",
     )
 
 
