@@ -1,6 +1,6 @@
-/* What the arithmetic must be: IEEE float and double, no fast-math, no contraction of a*b + c into one rounding.
+/* Requirements on the arithmetic: IEEE float and double, no fast-math, no contraction of a*b + c into one rounding.
  *
- * Guards such as !(D >= 0) and the self-test's == rest on it. Include this header before any function.
+ * Guards such as !(D >= 0) and the self-test's == rely on them. Include this header before any function.
  */
 #ifndef GT_FLOAT_H
 #define GT_FLOAT_H

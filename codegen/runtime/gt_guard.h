@@ -1,4 +1,4 @@
-/* Guards on numbers, written so that NaN falls into the bad branch. */
+/* Guards on numbers, written so that NaN fails them. */
 #ifndef GT_GUARD_H
 #define GT_GUARD_H
 
@@ -6,14 +6,14 @@
 
 #include <math.h>
 
-/* For what is asked of few calls only: out of line, so that all others do not wait for it. */
+/* For functions that few calls need: out of line, so that other calls are not slowed down. */
 #if defined(__GNUC__)
 #define GT_RARE __attribute__((noinline, cold))
 #else
 #define GT_RARE
 #endif
 
-/* For what several functions of a file have in common: one copy of it, not one in each. */
+/* For code that several functions of a file share: one copy instead of one in each function. */
 #if defined(__GNUC__)
 #define GT_SHARED __attribute__((noinline))
 #else

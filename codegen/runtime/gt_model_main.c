@@ -1,7 +1,7 @@
-/* Runs the self-test, so that `cc *.c -lm && ./a.out` says whether this compiler computes the right numbers.
+/* Runs the self-test, so that `cc *.c -lm && ./a.out` shows whether this compiler computes the right numbers.
  *
- * main is weak where the compiler knows that word: a program with its own main may link this file too.
- * Elsewhere define GT_NO_MAIN, or leave this file out.
+ * main is weak if the compiler supports that: a program with its own main may link this file too.
+ * Otherwise define GT_NO_MAIN, or leave this file out.
  */
 #include "gt_model.h"
 

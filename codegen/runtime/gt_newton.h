@@ -1,8 +1,9 @@
 /* Newton's method with a fixed number of steps on a generated kernel, for equations without a closed form.
  *
- * It follows the solution that it starts from: the first step is bounded and every further one must shrink to a
- * quarter, so that it cannot end in another assembly mode, and no answer comes without a residual that was seen to be
- * small. gtmodel/cgen/newton_steps.py does the same step by step in the same order; the two agree bit for bit.
+ * It follows the solution that it starts from: the first step is bounded and every further step must be at most a
+ * quarter of the one before, so that it hardly ends in another assembly mode. GT_OK is returned only if the residual
+ * of the answer is below its limit. gtmodel/cgen/newton_steps.py does the same steps in the same order; the two agree
+ * bit for bit.
  */
 #ifndef GT_NEWTON_H
 #define GT_NEWTON_H
@@ -14,27 +15,27 @@
 
 /* Steps; the kernel runs once more for the residual of the answer. */
 #define GT_NEWTON_STEPS 4
-/* The first step, in nominal sizes of the unknowns. */
+/* Largest first step, in nominal sizes of the unknowns. */
 #define GT_NEWTON_REACH 0.5
-/* Each step over the one before. */
+/* Largest ratio of a step to the one before. */
 #define GT_NEWTON_CONTRACTION 0.25
 /* Steps below this, in nominal sizes, are round-off and need not shrink. */
 #define GT_NEWTON_ROUND_OFF 1e-10
 
 /* A generated kernel: arg[0] the unknowns, arg[1] its constants, res[0] the residual, res[1] the Jacobian by rows, or 0
- * where it is not wanted. */
+ * if only the residual is needed. */
 typedef int (*gt_newton_kernel)(const double **arg, double **res, long long int *iw, double *w, int mem);
 
-/* What the last call came to. */
+/* How near its limits the last call was. A call that failed writes only the member that exceeded its limit. */
 typedef struct gt_newton_marks {
-    double step; /* last step in nominal sizes */
-    double pivot; /* smallest pivot over the smallest that is allowed: ok above one */
-    double residual; /* largest residual over the largest that is allowed: ok up to one */
+    double step; /* last step, in nominal sizes */
+    double pivot; /* smallest pivot over its limit: ok above one */
+    double residual; /* largest residual over its limit: ok up to one */
 } gt_newton_marks;
 
-/* Solves J x = r for n <= size of r in place: r becomes x. LU by rows with partial pivoting, the first of equal
- * candidates is the pivot; a row that has a zero there stays as it is. Returns 0 if a pivot is not above `least`;
- * lowers *smallest to the smallest pivot. */
+/* Solves J x = r in place, n unknowns: r becomes x. LU by rows with partial pivoting; the first of equal candidates is
+ * the pivot; a row with a factor of zero is not changed. Returns 0 if a pivot is not above `least`; lowers *smallest to
+ * the smallest pivot. */
 static inline int gt_newton_lu(double *jacobian, double *r, int n, double least, double *smallest)
 {
     int i;
@@ -101,9 +102,9 @@ static inline int gt_newton_lu(double *jacobian, double *r, int n, double least,
     return 1;
 }
 
-/* Moves z from its start to the solution. `nominal` and `largest` (n each): sizes of the unknowns and largest residuals
- * that are allowed, both inverted; `least`: smallest pivot. arg[0] must be z; only GT_OK makes z an answer,
- * and res[1] is 0 then. */
+/* Moves z from its start to the solution. `nominal` and `largest` (n each): nominal sizes of the unknowns and limits of
+ * the residuals, both inverted; `least`: limit of the pivots. arg[0] must be z; z is a solution only with GT_OK. Sets
+ * res[1] to 0 before the residual of the answer. */
 static inline gt_status gt_newton(gt_newton_kernel kernel, const double **arg, double **res, long long int *iw,
                                   double *w, int n, const double *nominal, const double *largest, double least,
                                   double *z, gt_newton_marks *marks)

@@ -19,9 +19,9 @@ typedef struct gt_traj {
     uint32_t step_ms;
 } gt_traj;
 
-/* The row at a time, linear between two rows, the last one behind the end. GT_OUT_OF_RANGE for an empty reference,
- * GT_NOT_FINITE for a number that is not finite, or for two whose difference is not; `row` is written only with
- * GT_OK. */
+/* The row at a time, linear between two rows, the last row after the end. GT_OUT_OF_RANGE for an empty reference or a
+ * step of zero, GT_NOT_FINITE if a number or the difference of two consecutive numbers is not finite. `row` is written
+ * only with GT_OK. */
 static inline gt_status gt_traj_at(const gt_traj *traj, uint64_t time_ms, double *row)
 {
     const double *below;
@@ -56,7 +56,7 @@ static inline gt_status gt_traj_at(const gt_traj *traj, uint64_t time_ms, double
     return GT_OK;
 }
 
-/* When the last row stands [ms]; 0 for an empty reference. */
+/* Time of the last row [ms]; 0 for an empty reference. */
 static inline uint64_t gt_traj_end_ms(const gt_traj *traj)
 {
     return (traj->count == 0U) ? 0U : ((uint64_t)(traj->count - 1U) * traj->step_ms);

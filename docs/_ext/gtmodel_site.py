@@ -25,6 +25,7 @@ from docutils.parsers.rst import directives
 from docutils.statemachine import StringList
 from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
+from sphinx.ext.autodoc.preserve_defaults import update_default_value
 from sphinx.util.docutils import SphinxDirective
 
 from gtmodel.problem_files import editor_schema
@@ -227,6 +228,16 @@ def _links(app: Sphinx, page: str, content: list[str]) -> None:
     content[0] = links.on_the_site(page, content[0])
 
 
+def _as_written(app: Sphinx, obj: Any, bound_method: bool) -> None:
+    """Show defaults and a study's `**work_options` as the source has them.
+
+    Sphinx's autodoc_preserve_defaults does this too early: the signature of a study has more arguments than its source.
+    """
+    if hasattr(obj, "__wrapped__"):
+        vars(obj).pop("__signature__", None)
+    update_default_value(obj, bound_method)
+
+
 def _mathml(self: Any, node: nodes.Element) -> None:
     """LaTeX as MathML, which every browser shows without a script."""
     block = isinstance(node, nodes.math_block)
@@ -249,6 +260,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.connect("builder-inited", _copied_texts)
     app.connect("builder-inited", reference.write)
     app.connect("source-read", _links)
+    app.connect("autodoc-before-process-signature", _as_written)
     app.connect("autodoc-process-docstring", reference.kept_from_napoleon, priority=100)
     app.connect("autodoc-process-docstring", reference.docstring, priority=900)
     app.connect("autodoc-process-signature", reference.signature)

@@ -2,6 +2,7 @@
 
 ../../notebooks/NAME.ipynb            a notebook
 ../../gtmodel/LIBRARY/__init__.py     the reference of a library; ../../gtmodel the list of them
+../../problems/models/NAME.py         the file itself, which Sphinx would take for a page
 """
 
 from __future__ import annotations
@@ -28,4 +29,5 @@ def on_the_site(page: str, text: str) -> str:
 
     text = text.replace(f"]({clone}gtmodel)", f"]({pages}reference/index)")
     text = re.sub(rf"\]\({re.escape(clone)}notebooks/(\w+)\.ipynb\)", rf"]({pages}notebooks/\1)", text)
+    text = re.sub(rf"\[([^\]]+)\]\(({re.escape(clone)}problems/[\w/]+\.py)\)", r"{download}`\1 <\2>`", text)
     return re.sub(rf"\]\({re.escape(clone)}(gtmodel/[\w/]+)\.py\)", reference, text)

@@ -1,13 +1,13 @@
-"""C code from causal functions: a folder that compiles as delivered, and the proof that it is equal to Python.
+"""C code from causal functions: a folder that compiles as it is, and its comparison with Python.
 
-study         all of it in one call: generated, compared with Python, costs counted, written -> CodeStudy
-Verification  how it is compared
+study         generate, compare with Python, count costs and write, in one call -> CodeStudy
+Verification  options of the comparison
 
-StepFunction  what is computed once in a cycle from inputs and from what it remembers
-BlockFunction a sampled block of a model as such a function
+StepFunction  a function with a state that runs once in a cycle
+BlockFunction a sampled block of a model as a step function
 
-Its steps. Produce: generate -> Generated. Verify: check -> CheckReport. Measure: costs -> Costs, write_costs.
-All raise GenerationError, one plain sentence, for what cannot be generated, written or compared.
+The single steps: generate -> Generated; check -> CheckReport; costs -> Costs; write_costs. All raise GenerationError
+if code cannot be generated, written or compared.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""gt_<name>_body.c and .h: CasADi's code, with what a controller does not need taken out."""
+"""gt_<name>_body.c and .h: CasADi's code without the parts that a controller does not need."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ _EXPORTED = re.compile(r"^CASADI_SYMBOL_EXPORT [^\n]*?(\w+)\([^\n]*\{(?:[^\n]*\}
 _CONSTANT = re.compile(r"^static const casadi_int (casadi_s\d+)\[[^\n]*;\n", re.M)
 # CasADi's helpers, such as casadi_sq, have external linkage: a compiler for shared code must call them, not inline them
 _HELPER = re.compile(r"^casadi_real (?=casadi_\w+\()", re.M)
-# gcc calls libm for fmin and fmax, since no instruction treats NaN as they do. The same bit for bit, for NaN (the other
-# argument is the result) and for zeros of different signs (the first is) too, takes one comparison where y is constant.
+# gcc calls libm for fmin and fmax, because no instruction treats NaN as they do. This expression gives the same bits,
+# also for NaN (the result is the other argument) and for zeros of different signs (the result is the first); if y is
+# constant it takes one comparison.
 _INLINE = {
     name: (
         re.compile(rf"^(casadi_real casadi_{name}\(casadi_real x, casadi_real y\) \{{)\n.*?^\}}\n", re.M | re.S),
@@ -27,54 +28,54 @@ _INLINE = {
     )
     for name, order in (("fmin", "<="), ("fmax", ">="))
 }
-# every place is given by our own calls: CasADi's question at each number, whether it is, costs two instructions
-_ASKED = (
+# our own calls pass no null pointer: CasADi's test of each pointer costs two instructions
+_NULL_CHECKS = (
     (re.compile(r"\bif \(res\[\d+\]!=0\) (?=res\[)"), ""),
     (re.compile(r"\barg\[(\d+)\]\? (arg\[\1\]\[\d+\]) : 0;"), r"\2;"),
 )
 _ABOUT_HEADER = (
     "Generated bodies without guards: call the functions of gt_{name}.h instead. "
-    "No pointer may be NULL. SZ_*: how many pointers, integers and doubles of scratch a body takes."
+    "No pointer may be NULL. SZ_*: numbers of argument pointers, result pointers, scratch integers and scratch doubles."
 )
 _END = '} /* extern "C" */\n#endif\n'
-# a body, up to its first statement behind the declarations, and what it is called with
+# a body: signature and declarations, then the statements
 _BODY = re.compile(
     r"^(static int casadi_f\d+\(const casadi_real\*\* arg, casadi_real\*\* res, casadi_int\* iw, casadi_real\* w, "
     r"int mem\) \{\n"
     r"(?:  casadi_(?:real|int) [^;=]*;\n)*)(.*?^\}\n)",
     re.M | re.S,
 )
-# where a kernel has written its residual and begins with its Jacobian
+# a kernel: residual, then Jacobian
 _RESIDUAL = re.compile(r"\A(?P<residual>.*^  res\[0\]\[\d+\]=[^\n]*\n)(?P<jacobian>.*)\Z", re.M | re.S)
 _PARAMETERS = ("arg", "res", "iw", "w", "mem")
-# what a body returns, unlike a helper with its values
+# return statements of bodies; helpers return values
 _RETURNED = re.compile(r"^  return ([^;]*);$", re.M)
 SIZES = ("SZ_ARG", "SZ_RES", "SZ_IW", "SZ_W")
 
 
 def casadi_functions(face: Interface) -> list[ca.Function]:
-    """The functions of `face` under their C names, instruction by instruction as Python evaluates them; without a body
+    """Return the functions of `face` under their C names, with the instructions that Python evaluates; without a body
     that is written with loops.
 
-    They are built again, not called: a call would simplify, and might round differently. Raises GenerationError
-    if an output is not dense.
+    The functions are built again instead of called, because a call would simplify and might round differently. Raises
+    GenerationError if an output is not dense.
     """
     if face.stages is None:
         f = face.function
-        built = [CausalFunction(f.plan, f.inputs, f.outputs, face.body).closed]
+        functions = [CausalFunction(f.plan, f.inputs, f.outputs, face.body).closed]
     else:
-        built = [g for stage in face.newton for g in (stage.prepare, stage.kernel)]
-        built += [face.stages.body] if face.loops is None else []
-    for name, g in zip(face.bodies, built, strict=face.loops is None):
+        functions = [g for stage in face.newton for g in (stage.prepare, stage.kernel)]
+        functions += [face.stages.body] if face.loops is None else []
+    for name, g in zip(face.bodies, functions, strict=face.loops is None):
         if g.name() != name or not all(g.sparsity_out(n).is_dense() for n in range(g.n_out())):
             raise GenerationError(
                 f"the function '{face.key}' has a sparse output or no C name; this is a gtmodel error"
             )
-    return built
+    return functions
 
 
 def body(name: str, faces: list[Interface], kernels: Sequence[ca.Function] = ()) -> tuple[str, str]:
-    """Texts of the C file and its header; `kernels`: further bodies under their C names."""
+    """Return the texts of the C file and of its header; `kernels` are further bodies under their C names."""
     prefix = f"gt_{name}_body"
     generator = ca.CodeGenerator(f"{prefix}.c", {"with_header": True, "prefix": prefix})
     for face in faces:
@@ -85,43 +86,43 @@ def body(name: str, faces: list[Interface], kernels: Sequence[ca.Function] = ())
     with scratch() as folder:
         source = Path(generator.generate(f"{folder}/"))
         text, declarations = source.read_text(), source.with_suffix(".h").read_text()
-        # CasADi does not tell of a disk that is full
+        # CasADi reports no error if the disk is full
         if not all(part.endswith(_END) for part in (text, declarations)):
-            raise GenerationError(f"the temporary folder {folder} does not take the code; free space, or set TMPDIR")
+            raise GenerationError(f"the code in the temporary folder {folder} is incomplete; free space, or set TMPDIR")
     if "#error" in text:
         raise GenerationError("CasADi cannot write C for one of the functions: its text holds an #error line")
     rolled = [(face.body, face.loops) for face in faces if face.loops is not None]
-    wanted = {symbol for face in faces for symbol in face.bodies} - {symbol for symbol, _ in rolled}
-    wanted |= {kernel.name() for kernel in kernels}
-    text = trimmed(text, prefix, wanted, [stage.kernel.name() for face in faces for stage in face.newton])
+    symbols = {symbol for face in faces for symbol in face.bodies} - {symbol for symbol, _ in rolled}
+    symbols |= {kernel.name() for kernel in kernels}
+    text = trimmed(text, prefix, symbols, [stage.kernel.name() for face in faces for stage in face.newton])
     if rolled:
         text += "\n" + SOLVER + "\n".join(loop_text(symbol, loops) for symbol, loops in rolled)
     return text, _header(declarations, name, faces, kernels)
 
 
-def trimmed(text: str, prefix: str, wanted: set[str], kernels: Collection[str] = ()) -> str:
-    """CasADi's text without the functions that describe themselves at run time, and including our headers. `kernels`
-    write no Jacobian where none is wanted."""
-    text = _EXPORTED.sub(lambda m: m[0] if m[1] in wanted else "", text)
+def trimmed(text: str, prefix: str, symbols: set[str], kernels: Collection[str] = ()) -> str:
+    """Return CasADi's text without its functions for introspection and with our headers included. The bodies `kernels`
+    return before the Jacobian if the caller passes no pointer for it."""
+    text = _EXPORTED.sub(lambda m: m[0] if m[1] in symbols else "", text)
     text = text.replace("/* Configuration this file was compiled with */\n", "")
     for constant in _CONSTANT.findall(text):
         if len(re.findall(rf"\b{constant}\b", text)) == 2:  # its #define and its definition
             text = re.sub(rf"^(#define {constant} |static const casadi_int {constant}\[)[^\n]*\n", "", text, flags=re.M)
     include = "#include <math.h>\n"
-    if text.count(include) != 1 or any(f" {symbol}(" not in text for symbol in wanted):
+    if text.count(include) != 1 or any(f" {symbol}(" not in text for symbol in symbols):
         raise GenerationError(f"CasADi {ca.CasadiMeta.version()} writes C in a form that gtmodel does not know")
     text = text.replace(include, f'#include "gt_float.h"\n#include "{prefix}.h"\n\n{include}')
     for name, (definition, inline) in _INLINE.items():
         text, replaced = definition.subn(inline, text)
         if replaced != (f" casadi_{name}(" in text):
-            raise GenerationError(f"CasADi {ca.CasadiMeta.version()} writes {name} in a form that is not known")
+            raise GenerationError(f"CasADi {ca.CasadiMeta.version()} writes {name} in an unknown form")
     if any(returned != "0" and not returned.startswith("casadi_f") for returned in _RETURNED.findall(text)):
         raise GenerationError(
             f"CasADi {ca.CasadiMeta.version()} writes a body that can fail, which gtmodel does not know"
         )
     text = _BODY.sub(_with_unused, text)
-    for asked, direct in _ASKED:
-        text = asked.sub(direct, text)
+    for null_check, direct in _NULL_CHECKS:
+        text = null_check.sub(direct, text)
     text = _HELPER.sub("static inline casadi_real ", text)
     for kernel in sorted(kernels):
         text = _residual_alone(text, kernel)
@@ -130,7 +131,7 @@ def trimmed(text: str, prefix: str, wanted: set[str], kernels: Collection[str] =
 
 
 def _residual_alone(text: str, kernel: str) -> str:
-    """The text with a return behind the residual of a kernel that is not given a place for its Jacobian."""
+    """Insert a return after the residual of a kernel, for calls without a pointer for the Jacobian."""
     head, begin, rest = text.partition(f"/* {kernel}:(")
     function, end, rest = rest.partition("\n}\n")
     parts = _RESIDUAL.match(function)
@@ -143,7 +144,7 @@ def _residual_alone(text: str, kernel: str) -> str:
 
 
 def _with_unused(function: re.Match[str]) -> str:
-    """A body that says which of its parameters it does not need: CasADi gives all bodies the same."""
+    """Mark the unused parameters of a body with (void); CasADi gives the same parameters to all bodies."""
     unused = [name for name in _PARAMETERS if not re.search(rf"\b{name}\b", function[2])]
     return function[1] + "".join(f"  (void){name};\n" for name in unused) + function[2]
 
@@ -157,7 +158,7 @@ def _header(declarations: str, name: str, faces: list[Interface], kernels: Seque
     rolled = {face.body: face.loops.body for face in faces if face.loops is not None}
     for symbol in [*[symbol for face in faces for symbol in face.bodies], *[kernel.name() for kernel in kernels]]:
         if symbol in rolled:
-            numbers = [rolled[symbol].given, len(rolled[symbol].outputs), 0, 0]
+            numbers = [rolled[symbol].arguments, len(rolled[symbol].outputs), 0, 0]
         else:
             numbers = [_stated(declarations, symbol, size) for size in SIZES]
         parts += [f"#define {macro(symbol)}_{size} {n}\n" for size, n in zip(SIZES, numbers, strict=True)]

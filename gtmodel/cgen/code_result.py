@@ -1,4 +1,4 @@
-"""What a study of generated code answers, and how the code is to be compared."""
+"""Result of the study of generated code, and options of its comparison with Python."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Counts = Mapping[str, int]
 
 @dataclass(frozen=True)
 class Verification(Options):
-    """How generated C is compared: it is compiled, and computes the same random inputs as Python.
+    """Options of the comparison: compiled C and Python compute the same random inputs.
 
     >>> gt.cgen.Verification(points=200, seed=3)
     Verification(points=200, seed=3)
@@ -31,9 +31,9 @@ class Verification(Options):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CodeStudy(Study):
-    """What was generated, and what it costs; where nothing was compared, nothing was counted.
+    """Generated files and their costs. Costs are counted only if the code was compared with Python.
 
-    real: the numbers that C computes with. notes: what of the costs could not be counted.
+    real: number type in C, "double" or "float". notes: costs that could not be counted, with the reason.
     """
 
     real: str = "double"
@@ -59,7 +59,7 @@ class CodeStudy(Study):
 
     @property
     def values(self) -> Mapping[str, Any]:
-        """The quantities that there are."""
+        """The quantities that are not None."""
         return {name: value for name, value in super().values.items() if value is not None}
 
     @property

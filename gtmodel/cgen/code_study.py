@@ -1,4 +1,4 @@
-"""The study of generated code: a folder of C, compared with Python before it is written, and what it costs."""
+"""The study of generated code: a folder of C, compared with Python before it is written, and its costs."""
 
 from __future__ import annotations
 
@@ -48,16 +48,17 @@ def study(
     """C code of causal functions: generated, compiled and compared with Python, its costs counted, then written.
 
     Args:
-        functions: by the name they get in C, `gt_<name>_<function>`; parameters are folded in. Step functions too.
-        folder: a new or empty one, or one that gtmodel generated; or such a folder already held, see `folder.held`.
+        functions: causal functions and step functions by Python name, see `generate`.
+        folder: a new or empty one, or one that gtmodel generated; or such a folder already locked, see `folder.held`.
         name, real, box, along, provenance, problem: see `generate`.
-        check: how it is compared; None: it is written as generated, nothing compiled.
-        also: further checks that must pass, such as of the data that the functions rest on.
-        write_failed: write it also where a check failed, marked in the first lines; by: how a person asks for that.
+        check: options of the comparison; None: write the code without compiling it.
+        also: further checks that must pass, for example of the data from which the functions were made.
+        write_failed: also write code that failed a check, with a mark in its first lines.
+        by: name of this option for the user, for messages.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Code that failed a check, or was not checked to the end, is not written. Raises GenerationError, an ArgumentError,
-    for what cannot be generated and for a folder with files of another origin.
+    Code that failed a check, or whose check was interrupted, is not written unless `write_failed` is set. Raises
+    GenerationError, an ArgumentError, if the code cannot be generated or the folder holds files of another origin.
 
     >>> import tempfile
     >>> import gtmodel as gt
@@ -69,73 +70,74 @@ def study(
     """
     work = Work(**work_options)
     checks = also or {}
-    with nullcontext(folder) if isinstance(folder, Held) else held(Path(folder)) as mine:
+    with nullcontext(folder) if isinstance(folder, Held) else held(Path(folder)) as locked:
         if work.interrupted():
             message = "stopped before the code was generated"
             return CodeStudy(status=SolveStatus.INTERRUPTED, message=message, title=work.title)
 
         def make(out: Path | Held, failed: str = "") -> CodeStudy:
-            """The code in a folder, marked where a check failed, and what it is."""
-            made = generate(
+            """Generate into a folder, with a mark if a check failed, and return the study."""
+            generated = generate(
                 functions, out, name=name, provenance=provenance, problem=problem, along=along, real=real, box=box,
                 mark=partial(_marked, failed, by) if failed else None,
             )  # fmt: skip
-            return _study_of(made, functions, real, work.title)
+            return _study_of(generated, functions, real, work.title)
 
         work.progress("generating")
         cost = None
         if check is None:
             outcome = CodeStudy(status=SolveStatus.SOLVED, title=work.title, real=real)
         else:
-            with scratch(_PREFIX) as place:
-                code = place / "code"
+            with scratch(_PREFIX) as temporary:
+                code = temporary / "code"
                 outcome, cost = _compared(make(code), code, functions, check, work)
-            outcome = outcome.with_(folder=str(mine.path))
+            outcome = outcome.with_(folder=str(locked.path))
         outcome = outcome.judged(checks)
         if not outcome.status.ok and not write_failed:
-            kept = "; what an earlier run wrote there stays" if others(mine.path) else ""
+            kept = "; the files of an earlier run are kept" if others(locked.path) else ""
             return outcome.with_(message=f"{outcome.message}; the code is not written; {by} writes it, marked{kept}")
-        made = make(mine, "" if outcome.status.ok else outcome.message)
+        written = make(locked, "" if outcome.status.ok else outcome.message)
         if cost is not None:
-            write_costs(mine, cost)
-        return made.judged(checks) if check is None else outcome
+            write_costs(locked, cost)
+        return written.judged(checks) if check is None else outcome
 
 
 def _study_of(
-    made: Generated, functions: Mapping[str, CausalFunction | StepFunction], real: str, title: str
+    generated: Generated, functions: Mapping[str, CausalFunction | StepFunction], real: str, title: str
 ) -> CodeStudy:
-    files = sorted(str(f) for f in made.files)
+    files = sorted(str(f) for f in generated.files)
     return CodeStudy(
         status=SolveStatus.SOLVED, message=f"generated {len(files)} files", title=title, real=real,
-        folder=str(made.folder), functions={made.functions[name]: _signature(f) for name, f in functions.items()},
-        written=files, operations=made.operations,
+        folder=str(generated.folder),
+        functions={generated.functions[name]: _signature(f) for name, f in functions.items()},
+        written=files, operations=generated.operations,
     )  # fmt: skip
 
 
 def _compared(
-    made: CodeStudy,
+    generated: CodeStudy,
     scratch: Path,
     functions: Mapping[str, CausalFunction | StepFunction],
     check: Verification,
     work: Work,
 ) -> tuple[CodeStudy, Costs | None]:
-    """The code in a folder of its own compared with Python; what it costs where that was counted."""
+    """Compare the code in its scratch folder with Python. Returns the study, and the costs if they were counted."""
     if work.interrupted():
-        return _stopped(made, "generated, but not checked"), None
+        return _stopped(generated, "generated, but not checked"), None
     work.progress("compiling and comparing")
     try:
         report = against_python.check(scratch, functions, points=check.points, seed=check.seed)
     except GenerationError as error:
-        return made.with_(status=SolveStatus.FAILED, message=str(error)), None
+        return generated.with_(status=SolveStatus.FAILED, message=str(error)), None
     if work.interrupted() and report.passed:
-        return _stopped(made, "generated and compared with Python, but costs were not counted"), None
+        return _stopped(generated, "generated and compared with Python, but costs were not counted"), None
     work.progress("counting")
     cost = measurement.costs(scratch, functions)
-    compared = made.with_(
+    compared = generated.with_(
         status=SolveStatus.SOLVED if report.passed or report.checks else SolveStatus.FAILED,
         message=report.message,
         checks=report.checks,
-        written=sorted([*(made.written or ()), COSTS]),
+        written=sorted([*(generated.written or ()), COSTS]),
         points=check.points,
         notes=[cost.missing] if cost.missing else [],
         **{name: value for name, value in vars(cost).items() if name != "missing"},
@@ -143,8 +145,8 @@ def _compared(
     return compared, cost
 
 
-def _stopped(made: CodeStudy, done: str) -> CodeStudy:
-    return made.with_(status=SolveStatus.INTERRUPTED, message=f"stopped: {done}")
+def _stopped(outcome: CodeStudy, done: str) -> CodeStudy:
+    return outcome.with_(status=SolveStatus.INTERRUPTED, message=f"stopped: {done}")
 
 
 def _marked(message: str, by: str, file: str, text: str) -> str:

@@ -1,4 +1,4 @@
-"""costs.json: what a generated folder costs on one machine, beside the manifest that is the same everywhere."""
+"""costs.json: costs of a generated folder on one machine. The manifest, in contrast, is the same on every machine."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _FORMAT = "gtmodel-c-costs-1"
 
 
 def write_costs(out: Path | Held, costs: Costs) -> Path:
-    """Write code size, stack and instructions by C name into the generated folder `out`; returns the file's path.
+    """Write code size, stack and instructions by C name into the generated folder `out`; return the file's path.
 
-    They depend on compiler and machine, so that they stand beside the manifest, in a file named by its hash of the
-    bodies; generating again takes it away. Raises GenerationError for a folder that is not generated, and for a file of
-    another origin.
+    They depend on compiler and machine, so they are not in the manifest but in a file of their own, costs.json, which
+    holds the hash of the bodies that were measured. Generating again deletes the file. Raises GenerationError if
+    gtmodel did not generate the folder, or if it holds a costs.json of another origin.
 
     >>> import tempfile
     >>> from pathlib import Path
@@ -39,8 +39,8 @@ def write_costs(out: Path | Held, costs: Costs) -> Path:
         raise GenerationError(f"'{path}' was not written by gtmodel; move it away")
     if isinstance(out, Path):
         try:
-            with holding(out) as mine:
-                return write_costs(mine, costs)
+            with holding(out) as locked:
+                return write_costs(locked, costs)
         except FolderError as error:
             raise GenerationError(f"'{out}' {error}") from error
     measured: dict[str, Any] = {
@@ -56,7 +56,7 @@ def write_costs(out: Path | Held, costs: Costs) -> Path:
 
 
 def ours(path: Path) -> bool:
-    """True for costs that gtmodel wrote; another file of that name is somebody's."""
+    """True if gtmodel wrote the file; another file with this name belongs to the user."""
     try:
         return json_of(path.read_text(encoding="utf-8")).get("format") == _FORMAT
     except (OSError, ValueError, AttributeError):

@@ -1,4 +1,4 @@
-"""Writing a generated folder: ours is replaced, a person's never."""
+"""Writing a generated folder: generated files are replaced, files of the user never."""
 
 from __future__ import annotations
 
@@ -17,45 +17,45 @@ from .real import GenerationError
 
 @contextmanager
 def held(out: Path, overwrite: bool = False) -> Iterator[Held]:
-    """The folder for this process alone, tried before the work; a write that broke off is settled first.
+    """Lock the folder for this process, before the work begins; first complete or undo an interrupted write.
 
-    Raises GenerationError as `write` does for the folder, where it cannot be written, and while another run has it.
+    Raises GenerationError as `write`, and also if the folder cannot be written or another run has locked it.
     """
     if not unfinished(out):
         _earlier(out, overwrite)
     try:
-        with holding(out) as mine:
+        with holding(out) as locked:
             _earlier(out, overwrite)
-            yield mine
+            yield locked
     except FolderError as error:
         raise GenerationError(f"'{out}' {error}", "folder") from error
 
 
 def write(out: Path | Held, files: Mapping[str, str], content: Mapping[str, Any], overwrite: bool) -> None:
-    """Write `files` and the manifest `content` into `out`, and remove what only an earlier generation wrote: all or
+    """Write `files` and the manifest `content` into `out`, and remove other files of an earlier generation: all or
     nothing.
 
-    Raises GenerationError if `out` is somebody else's folder or holds a file of another origin under one of our
-    names, and, unless `overwrite`, if a file of ours was changed by hand.
+    Raises GenerationError if gtmodel did not write the folder `out`, if it holds a file of another origin under one of
+    the names in `files`, and, unless `overwrite`, if somebody changed a generated file by hand.
     """
     if isinstance(out, Path):
-        with held(out, overwrite) as mine:
-            return write(mine, files, content, overwrite)
-    place = out.path
-    earlier = _earlier(place, overwrite)
-    strangers = [file for file in sorted(files) if file not in earlier and (place / file).exists()]
+        with held(out, overwrite) as locked:
+            return write(locked, files, content, overwrite)
+    path = out.path
+    earlier = _earlier(path, overwrite)
+    strangers = [file for file in sorted(files) if file not in earlier and (path / file).exists()]
     if strangers:
-        raise GenerationError(f"'{place / strangers[0]}' was not written by gtmodel; choose another folder", "folder")
+        raise GenerationError(f"'{path / strangers[0]}' was not written by gtmodel; choose another folder", "folder")
     texts = {**files, FILE: json.dumps(content, indent=2) + "\n"}
-    gone = earlier | ({COSTS} if ours(place / COSTS) else set())
+    gone = earlier | ({COSTS} if ours(path / COSTS) else set())
     try:
         out.write({file: text.encode() for file, text in texts.items()}, remove=gone - set(texts))
     except FolderError as error:
-        raise GenerationError(f"'{place}' {error}", "folder") from error
+        raise GenerationError(f"'{path}' {error}", "folder") from error
 
 
 def _earlier(out: Path, overwrite: bool) -> set[str]:
-    """Names of the files that an earlier generation wrote; none for a new or empty folder."""
+    """Return the names of the files of an earlier generation; none for a new or empty folder."""
     if out.exists() and not out.is_dir():
         raise GenerationError(f"'{out}' is a file; give a folder for the generated code", "folder")
     if not out.exists() or not others(out):

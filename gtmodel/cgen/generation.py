@@ -31,14 +31,14 @@ TRAJECTORY = "gt_traj.h"
 STATUS = "gt_status.h"
 _MAIN = "gt_model_main.c"
 _IN_FLOAT = (
-    "Numbers are float: within 1e-5 of the range of their signal of what double gives. A pivot means singular and a "
-    "Newton residual is small at other limits than in double; manifest.json and the README name them."
+    "Numbers are float: they differ from double by at most 1e-5 of the range of their signal. The limits of pivots and "
+    "of Newton residuals differ from those of double; manifest.json and the README name them."
 )
 
 
 @dataclass(frozen=True)
 class Generated:
-    """A generated folder: its files, the C names of its functions by their Python names, and operations by C name."""
+    """A generated folder: its files, the C name of each function by Python name, the operation count by C name."""
 
     folder: Path
     name: str
@@ -65,25 +65,24 @@ def generate(
     box: Mapping[str, Sequence[Sequence[float]]] | None = None,
     mark: Callable[[str, str], str] | None = None,
 ) -> Generated:
-    """Write a folder of C99 that compiles as delivered: `cc *.c -lm`. `study` also compiles it and compares it with
-    Python.
+    """Write a folder of C99 code that `cc *.c -lm` compiles. `study` also compiles it and compares it with Python.
 
     Args:
-        functions: causal functions by the name they get in C, `gt_<name>_<function>`. Parameters are folded in. Step
-            functions too, which become `gt_<name>_<function>_init` and `_step`.
-        out: a new or empty folder, or one that gtmodel generated; or such a folder already held, see `held`.
-        name: of the whole, part of every file name and symbol: several folders link into one program.
-        overwrite: replace also files of ours that were changed by hand.
-        provenance: what header and manifest say about the origin, e.g. robot, problem file and its hash.
-        problem: the whole problem as JSON data, for the manifest: other tools rebuild the model from it.
-        along: names of functions that get a second face, `gt_<name>_<function>_at`, along a sampled reference.
-        real: "double" or "float", the numbers that C computes with.
+        functions: by Python name. A causal function becomes `gt_<name>_<function>`, with the parameter values as
+            constants; a step function becomes `gt_<name>_<function>_init` and `_step`.
+        out: a new or empty folder, or one that gtmodel generated; or such a folder already locked, see `held`.
+        name: part of every file name and symbol, so that several folders link into one program.
+        overwrite: also replace generated files that somebody changed by hand.
+        provenance: origin for header and manifest, e.g. robot, problem file and its hash.
+        problem: the whole problem as JSON data for the manifest, from which other tools rebuild the model.
+        along: names of functions that also get a variant along a sampled reference, `gt_<name>_<function>_at`.
+        real: number type in C, "double" or "float".
         box: intervals [least, greatest] by name of an input such as "der(T)", one for each of its numbers or one for
-            all; inside, every function whose inputs all have one must answer. It goes into the manifest.
-        mark: (file name, text) -> the text to write, for code that failed a check and must say so.
+            all. A function whose inputs all have intervals must have a solution everywhere inside; see manifest.json.
+        mark: (file name, text) -> text to write; marks code that failed a check.
 
-    Raises GenerationError for a name that is no C identifier or is taken, and for a folder that is not ours;
-    ModelError for a parameter without a value.
+    Raises GenerationError if a name is not a C identifier or is already used, and if gtmodel did not write the folder;
+    ModelError if a parameter has no value.
 
     >>> import tempfile
     >>> robot = gt.robots.gantry_tau("l1_tape")
@@ -98,20 +97,20 @@ def generate(
     if mark is not None:
         texts = {file: mark(file, text) for file, text in texts.items()}
     content = manifest(name, faces, provenance or {}, texts, hashes, problem or {}, steps)
-    place = out.path if isinstance(out, Held) else Path(out)
-    write(out if isinstance(out, Held) else place, texts, content, overwrite)
+    folder = out.path if isinstance(out, Held) else Path(out)
+    write(out if isinstance(out, Held) else folder, texts, content, overwrite)
     operations = {e["symbol"]: e["operations"] for e in [*content["functions"], *content.get("steps", [])]}
-    return Generated(place, name, (*texts, FILE), {f.key: f.symbol for f in [*faces, *steps]}, operations)
+    return Generated(folder, name, (*texts, FILE), {f.key: f.symbol for f in [*faces, *steps]}, operations)
 
 
 def contents(
     faces: list[Interface], name: str, provenance: Mapping[str, str], steps: Sequence[StepFace] = ()
 ) -> dict[str, str]:
-    """Text of every file but the manifest, by file name."""
-    own = f"gt_{name}"
+    """Return the text of every file except the manifest, by file name."""
+    prefix = f"gt_{name}"
     shared = (*RUNTIME, NEWTON, TRAJECTORY, *FILTER, STATUS)
-    if f"{own}.h".lower() in (*shared, *map(file_name, shared)):
-        raise GenerationError(f"'{name}' cannot name the generated code: {own}.h belongs to the runtime", "name")
+    if f"{prefix}.h".lower() in (*shared, *map(file_name, shared)):
+        raise GenerationError(f"'{name}' cannot name the generated code: {prefix}.h belongs to the runtime", "name")
     source, declarations = body(name, faces, [k for s in steps for k in s.function.kernels(s.symbol)])
     about = [f"gtmodel {__version__}, CasADi {ca.CasadiMeta.version()}."]
     about += [f"{key}: {value}" for key, value in provenance.items()]
@@ -120,23 +119,23 @@ def contents(
     shared = (*RUNTIME, *newton, *((TRAJECTORY,) if any(face.along for face in faces) else ()))
     shared += tuple(dict.fromkeys(header for s in steps for header in s.function.runtime))
     in_float = [*faces, *steps][0].real is FLOAT
-    main = (runtime / _MAIN).read_text(encoding="utf-8").replace("gt_model", own)
+    main = (runtime / _MAIN).read_text(encoding="utf-8").replace("gt_model", prefix)
     if in_float:
         about.append(_IN_FLOAT)
         main = main.replace("About 1e-15", "About 1e-7")
-    made = {
-        f"{own}.h": header(name, faces, about, _hashes(faces, source, steps), steps),
-        f"{own}.c": wrapper(name, faces, steps),
-        f"{own}_body.h": declarations,
-        f"{own}_body.c": source,
-        f"{own}_selftest.c": selftest(name, faces, steps),
-        f"{own}_main.c": main,
+    texts = {
+        f"{prefix}.h": header(name, faces, about, _hashes(faces, source, steps), steps),
+        f"{prefix}.c": wrapper(name, faces, steps),
+        f"{prefix}_body.h": declarations,
+        f"{prefix}_body.c": source,
+        f"{prefix}_selftest.c": selftest(name, faces, steps),
+        f"{prefix}_main.c": main,
         **{file: (runtime / file).read_text(encoding="utf-8") for file in shared},
     }
-    if in_float:  # gt_float.h says what both kinds of numbers must be
-        made = {file_name(file): text if file == FLOATING else single(text) for file, text in made.items()}
+    if in_float:  # gt_float.h checks double and float
+        texts = {file_name(file): text if file == FLOATING else single(text) for file, text in texts.items()}
     return {
-        **made,
+        **texts,
         STATUS: (runtime / STATUS).read_text(encoding="utf-8"),
         "Makefile": makefile(name),
         "README.md": readme(name, faces, steps),

@@ -13,20 +13,22 @@ from .wrapper import prototype, prototype_along
 
 _CONVENTIONS = (
     "Every number is in SI units; a member's name ends in its unit. Matrices are stored row by row. A function "
-    "writes its outputs only when it returns GT_OK; otherwise they keep their last values. Functions hold no state "
-    "of their own and may be called from several threads at once. Pointers must not be NULL."
+    "writes its outputs only when it returns GT_OK; otherwise they keep their values. Functions keep nothing between "
+    "calls except in structs that you own, and may run in several threads at once on different structs. Pointers must "
+    "not be NULL."
 )
 
 _ALONG = (
-    "The same along a sampled reference with the columns {columns}: linear between its rows, the last one behind its "
-    "end. GT_OUT_OF_RANGE for a reference without rows or with another number of columns."
+    "The same along a sampled reference with the columns {columns}: linear between its rows, the last row after its "
+    "end. Also returns GT_OUT_OF_RANGE if the reference has no rows, a step of zero or another number of columns, and "
+    "GT_NOT_FINITE if a row is not finite."
 )
 
 
 def header(
     name: str, faces: list[Interface], about: list[str], hashes: dict[str, str], steps: Sequence[StepFace] = ()
 ) -> str:
-    """Text of the public header; `about` opens it, `hashes` become string macros."""
+    """Return the text of the public header. It begins with the lines `about`; `hashes` become string macros."""
     guard = f"GT_{name.upper()}_H"
     newton = '#include "gt_newton.h"\n' if any(face.newton for face in faces) else ""
     trajectory = '#include "gt_traj.h"\n' if any(face.along for face in faces) else ""
@@ -36,14 +38,14 @@ def header(
         newton,
         f'#include "gt_status.h"\n{trajectory}\n',
         '#ifdef __cplusplus\nextern "C" {\n#endif\n\n',
-        comment(["What this code was made from, for logs; manifest.json holds the same."]),
+        comment(["Hashes of the parameters and of the body, for logs; manifest.json holds the same."]),
         *[f'#define GT_{name.upper()}_{key.upper()} "{value}"\n' for key, value in hashes.items()],
         "\n",
         *[_declarations(face) for face in faces],
         *[declarations(face) for face in steps],
-        comment(["Compares every function with stored results of Python by ==; returns how many vectors differ."]),
+        comment(["Compares every function by == with stored results of Python; returns how many vectors differ."]),
         f"int gt_{name}_selftest(void);\n\n",
-        comment(["The largest difference that the self-test sees, relative where the number is above one."]),
+        comment(["Largest difference found by the self-test; relative for stored numbers above one."]),
         f"double gt_{name}_selftest_difference(void);\n\n",
         "#ifdef __cplusplus\n}\n#endif\n\n#endif\n",
     ]
@@ -58,22 +60,23 @@ def _declarations(face: Interface) -> str:
     if face.inputs:
         sizes = [f"{m.signal} {limit:.4g}" for m, limit in zip(face.inputs, face.sizes.limits, strict=True)]
         about.append(
-            f"- GT_OUT_OF_RANGE where the norm of the inputs, each over this, is above one: {', '.join(sizes)}"
+            f"- GT_OUT_OF_RANGE if the norm of the inputs, each divided by its limit, is above one: {', '.join(sizes)}"
         )
     state = []
     if face.newton:
         about += [
-            "- Newton from the state's last solution, which it must be near: GT_NOT_CONVERGED where it is not",
-            "- GT_SINGULAR where a pivot of Newton vanishes",
+            "- Newton's method starts from the last solution in the state: GT_NOT_CONVERGED if the solution is too far "
+            "from it or a residual stays above its limit",
+            "- GT_SINGULAR if a pivot of Newton's method vanishes",
         ]
         state = [
-            comment(["The last solution, yours to keep; with every other status than GT_OK it stays."]),
+            comment(["The last solution; the struct is yours. Only a call that returns GT_OK changes the solution."]),
             _struct(
                 f"{symbol}_state",
                 face.state,
-                "    gt_newton_marks marks; /* how far the last call was from its limits */\n",
+                "    gt_newton_marks marks; /* distances from the limits, also of a call that failed */\n",
             ),
-            comment(["Puts a state to the home pose. A robot elsewhere: write its pose into the state."]),
+            comment(["Sets a state to the home pose. For a robot in another pose, write that pose into the state."]),
             f"void {symbol}_start({symbol}_state *state);\n\n",
         ]
     return "".join(
@@ -92,20 +95,22 @@ def _declarations(face: Interface) -> str:
 
 
 def conditions(function: CausalFunction) -> list[str]:
-    """Which of several solutions the function takes, and what its statuses mean."""
+    """Lines on which of several solutions the function takes and on its statuses."""
     roots = [r for b in function.plan.blocks for r in b.roots]
-    lines = [f"- of the two solutions for {r.label} the one {_chosen(r)}" for r in roots]
+    lines = [f"- of the two solutions for {r.label} the function takes the one {_chosen(r)}" for r in roots]
     kinds = [m.kind for m in function.margins]
     if "discriminant" in kinds:
-        lines.append("- GT_OUT_OF_RANGE where no real solution exists")
+        lines.append("- GT_OUT_OF_RANGE if no real solution exists")
+    if "condition" in kinds:
+        lines.append("- GT_OUT_OF_RANGE if inputs contradict each other, such as a quaternion not of unit length")
     sides = [m.label for m in function.margins if m.kind == "branch"]
     if sides:
         lines.append(
-            f"- GT_WRONG_BRANCH where Newton has led to a solution off these branches: {', '.join(sides)}; the state "
-            "stays: go on from one of this assembly, such as that of _start, in small steps"
+            f"- GT_WRONG_BRANCH if Newton's method led to a solution off these branches: {', '.join(sides)}; the "
+            "state keeps its solution: continue from a state on these branches, such as that of _start, in small steps"
         )
     if "pivot" in kinds:
-        lines.append("- GT_SINGULAR where a pivot vanishes; manifest.json names the pivots")
+        lines.append("- GT_SINGULAR if a pivot vanishes; manifest.json names the pivots")
     return lines
 
 

@@ -1,5 +1,4 @@
-"""The C face of a causal function: names of its type, its function and its members, and the box of validity inside
-which it must answer."""
+"""The C interface of a causal function: names of its structs, its function and its members, and its box of validity."""
 
 from __future__ import annotations
 
@@ -21,21 +20,21 @@ Intervals = tuple[tuple[float, float], ...]
 
 
 def box_of(function: CausalFunction, box: Mapping[str, Sequence[Sequence[float]]]) -> Intervals | None:
-    """Least and greatest value of every number of the inputs, in their order; None where the box lacks one.
+    """Return least and greatest value of every number of the inputs, in their order; None if the box lacks an input.
 
-    box: intervals by name of a signal such as "der(T)", one for each of its numbers, or one for all. Raises
-    GenerationError for an interval that is none, and for another number of them.
+    box: intervals by name of a signal such as "der(T)", one for each of its numbers, or one for all. None also if the
+    function depends on the time. Raises GenerationError for an invalid interval or a wrong number of intervals.
     """
     intervals: list[tuple[float, float]] = []
     for s in function.inputs:
         if s.name not in box:
             return None
-        given = [tuple(float(x) for x in interval) for interval in box[s.name]]
-        if len(given) not in (1, s.size):
+        rows = [tuple(float(x) for x in interval) for interval in box[s.name]]
+        if len(rows) not in (1, s.size):
             raise GenerationError(
-                f"the box gives {len(given)} intervals for '{s.name}'; give {s.size}, or one for all", "box"
+                f"the box gives {len(rows)} intervals for '{s.name}'; give {s.size}, or one for all", "box"
             )
-        for interval in given * (s.size if len(given) == 1 else 1):
+        for interval in rows * (s.size if len(rows) == 1 else 1):
             if len(interval) != 2 or not np.all(np.isfinite(interval)) or interval[0] > interval[1]:
                 raise GenerationError(f"the box gives {list(interval)} for '{s.name}'; give [least, greatest]", "box")
             intervals.append((interval[0], interval[1]))
@@ -43,12 +42,12 @@ def box_of(function: CausalFunction, box: Mapping[str, Sequence[Sequence[float]]
 
 
 def check_names(functions: Mapping[str, CausalFunction], box: Mapping[str, Sequence[Sequence[float]]]) -> None:
-    """GenerationError for a name in the box that is the input of no function."""
-    known = {s.name for f in functions.values() for s in f.inputs}
+    """Raise GenerationError if a name in the box is not an input of any function."""
+    names = {s.name for f in functions.values() for s in f.inputs}
     for name in box:
-        if name not in known:
+        if name not in names:
             raise GenerationError(
-                f"the box speaks of '{name}', which no function takes; it knows {', '.join(sorted(known))}",
+                f"the box holds '{name}', not an input; the inputs are {', '.join(sorted(names))}",
                 "box",
             )
 
@@ -93,9 +92,9 @@ class Member:
 class Interface:
     """A causal function under the C name `symbol`, with typed inputs and outputs.
 
-    `along`: it is also offered along a sampled reference; `real`: the numbers it computes with;
-    `box`: where it must answer. A function with Newton blocks has `stages`, and a `state` of
-    its last solution that the caller owns.
+    along: also generate the variant along a sampled reference. real: number type in C. box: intervals inside which
+    the function must have a solution. A function with Newton blocks has `stages`, and a `state` that holds its last
+    solution and that the caller owns.
     """
 
     key: str
@@ -111,7 +110,7 @@ class Interface:
 
     @cached_property
     def sizes(self) -> Sizes:
-        """How large the numbers of each input may be; beyond, the status is OUT_OF_RANGE."""
+        """Limits of the inputs; larger inputs give the status OUT_OF_RANGE."""
         return self.function.sizes if self.real is DOUBLE else self.function.sizes_in(self.real.precision)
 
     @property
@@ -126,40 +125,40 @@ class Interface:
 
     @property
     def newton(self) -> tuple[NewtonStage, ...]:
-        """The Newton blocks; none of a closed form."""
+        """The Newton blocks; empty for a closed form."""
         return self.stages.newton if self.stages else ()
 
     @property
     def loops(self) -> Lanes | None:
-        """What of the body is written as loops; None where it is written out."""
+        """The body as loops over its lanes; None if it is written out."""
         return self.stages.loops if self.stages else None
 
     @property
     def margins(self) -> list[Margin]:
-        """What decides the status of C, block by block."""
+        """Margins that decide the status in C, block by block."""
         if self.stages is None or self.loops is None:
             return self.function.margins
         return [*[m for stage in self.newton for m in stage.margins], *self.stages.margins]
 
     @property
     def bodies(self) -> list[str]:
-        """C names of all that is generated for this function."""
+        """C names of all bodies of this function."""
         parts = [f"{self.symbol}_{part}{k}" for k in range(len(self.newton)) for part in ("prepare", "kernel")]
         return [*parts, self.body]
 
     @property
     def state_size(self) -> int:
-        """How many unknowns of Newton blocks there are."""
+        """Number of unknowns of all Newton blocks."""
         return sum(m.size for m in self.state)
 
     @property
     def input_size(self) -> int:
-        """How many doubles the struct of inputs holds."""
+        """Number of doubles in the struct of inputs."""
         return sum(m.size for m in self.inputs)
 
     @property
     def output_size(self) -> int:
-        """How many doubles the struct of outputs holds."""
+        """Number of doubles in the struct of outputs."""
         return sum(m.size for m in self.outputs)
 
 
@@ -170,10 +169,10 @@ def interfaces(
     real: Real = DOUBLE,
     box: Mapping[str, Sequence[Sequence[float]]] | None = None,
 ) -> list[Interface]:
-    """C faces of the functions, in their order; those named in `along` also along a sampled reference. `box`: intervals
-    by name of a signal; a function all of whose inputs have one must answer everywhere inside.
+    """Return the C interfaces of the functions, in their order; those named in `along` also along a sampled reference.
 
-    Raises GenerationError for a name that is no identifier, and for two names that meet in C.
+    box: intervals by name of a signal; a function whose inputs all have intervals must have a solution everywhere
+    inside. Raises GenerationError if a name is not an identifier, or if two functions need the same C name.
     """
     check_identifier(name, "the name of the generated code", "name")
     check_names(functions, box or {})
@@ -196,7 +195,7 @@ def interfaces(
         )  # fmt: skip
         if face.along and (face.newton or function.plan.uses_time or not inputs):
             raise GenerationError(
-                f"'{key}' cannot be offered along a reference: that takes a closed form of inputs without time",
+                f"'{key}' cannot be offered along a reference; give a closed form with inputs and without time",
                 "along",
             )
         result.append(face)
@@ -205,7 +204,7 @@ def interfaces(
 
 
 def places(members: Iterable[Member], first: int = 0) -> list[tuple[slice, Member]]:
-    """Where the numbers of each member stand in a row of all, from `first` on."""
+    """Return the slice of each member in a row of all numbers, which starts at `first`."""
     slices = []
     for m in members:
         slices.append((slice(first, first + m.size), m))
@@ -218,17 +217,17 @@ def macro(symbol: str) -> str:
     return symbol.removesuffix("_body").upper()
 
 
-def check_identifier(name: str, what: str, argument: str) -> None:
-    """GenerationError unless the name can be part of a C identifier."""
+def check_identifier(name: str, subject: str, argument: str) -> None:
+    """Raise GenerationError unless the name can be part of a C identifier."""
     if not _IDENTIFIER.fullmatch(name):
         raise GenerationError(
-            f"'{name}' cannot name {what}: use letters, digits and single underscores, beginning with a letter",
+            f"'{name}' cannot name {subject}: use letters, digits and single underscores, beginning with a letter",
             argument,
         )
 
 
 def unit_suffix(unit: str) -> str:
-    """A unit as a word of an identifier: N.m -> Nm, m/s2 -> m_s2, 1/s -> per_s, "" for a pure number."""
+    """Return a unit as part of an identifier: N.m -> Nm, m/s2 -> m_s2, 1/s -> per_s, "" for a pure number."""
     if unit in _UNITLESS:
         return ""
     text = f"per_{unit[2:]}" if unit.startswith("1/") else unit
@@ -239,7 +238,7 @@ def _members(function: CausalFunction, signals: Iterable[CausalSignal]) -> tuple
     taken: set[str] = set()
     result = []
     for s in signals:
-        v = function.flat.variables[s.pairs[0][0]] if s.pairs else None  # none is that of the time
+        v = function.flat.variables[s.pairs[0][0]] if s.pairs else None  # the time has no symbols
         suffix = unit_suffix(s.unit)
         base = _ascii(f"{c_name(s.name)}_{suffix}" if suffix else c_name(s.name))
         identifier, n = base, 1
@@ -253,12 +252,12 @@ def _members(function: CausalFunction, signals: Iterable[CausalSignal]) -> tuple
 
 
 def _ascii(text: str) -> str:
-    """A Python identifier as a C99 identifier: letters outside ASCII by their code point."""
+    """Return a Python identifier as a C99 identifier, with code points for letters outside ASCII."""
     return "".join(c if c.isascii() else f"u{ord(c):04x}" for c in text)
 
 
 def _check_distinct(faces: list[Interface], name: str) -> None:
-    taken = {f"gt_{name}_{own}".lower(): "the self-test" for own in ("selftest", "selftest_difference")}
+    taken = {f"gt_{name}_{suffix}".lower(): "the self-test" for suffix in ("selftest", "selftest_difference")}
     for face in faces:
         state = (f"{face.symbol}_state", f"{face.symbol}_start") if face.newton else ()
         state += (f"{face.symbol}_at",) if face.along else ()

@@ -1,7 +1,7 @@
 """Equal operations on equal parts, found in the instructions of an open body: a lane is one of the parts.
 
-What an operation reads decides where it may stand. Levels alternate: straight lines at the even ones, loops over the
-lanes at the odd ones; what is at one level reads what is at lower ones, and within a loop what the same lane computed.
+The operands of an operation determine its level. Even levels hold single statements, odd levels loops over the lanes.
+An operation reads values of lower levels and, inside a loop, values of its own lane.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import casadi as ca
 
 from .open_body import FEWEST, OpenBody
 
-# as CasADi's virtual machine computes them, of numbers alone
+# operations on constants, as CasADi's virtual machine computes them
 _NUMBERS: dict[int, Callable[..., float]] = {
     ca.OP_ADD: lambda x, y: x + y,
     ca.OP_SUB: lambda x, y: x - y,
@@ -31,7 +31,7 @@ Depth = tuple[int, int]
 
 @dataclass(frozen=True)
 class Node:
-    """An operation that reads earlier nodes; of an input its argument and entry; of a number its value."""
+    """An operation on earlier nodes. place: argument and entry of an input. value: of a constant."""
 
     op: int
     reads: tuple[int, ...] = ()
@@ -41,7 +41,7 @@ class Node:
 
 @dataclass
 class Group:
-    """One operation of several lanes: the node of each, in their order."""
+    """The same operation in several lanes: the node of each lane, in their order."""
 
     nodes: dict[int, int]
 
@@ -52,17 +52,17 @@ class Group:
 
 @dataclass
 class Chain:
-    """A sum over the lanes, node by node: each lane adds or subtracts the same values, one node after the other."""
+    """A sum over lanes, node by node. Each lane adds or subtracts its node of the same groups, in the same order."""
 
     start: int
     lanes: tuple[int, ...]
     nodes: list[int]
-    terms: list[tuple[int, int]]  # the operation, and the group that it takes
+    terms: list[tuple[int, int]]  # operation and group of each term of a lane
 
 
 @dataclass
 class Lanes:
-    """The nodes of a body, its outputs by (result, entry), and what of it is the same in several lanes."""
+    """The nodes of a body, its outputs by (result, entry), and its groups and chains over lanes."""
 
     body: OpenBody
     nodes: list[Node] = field(default_factory=list)
@@ -76,15 +76,15 @@ class Lanes:
 
     @property
     def count(self) -> int:
-        """Of all lanes."""
+        """Number of lanes."""
         return 1 + max(lane for _, lane in self.body.lanes)
 
     def matrix(self, k: int) -> list[int]:
-        """Nodes of the matrix of a system, by rows."""
+        """Return the nodes of the matrix of a system, by rows."""
         return [self.outputs[self.body.targets + 1 + k, n] for n in range(self.body.sizes[k] ** 2)]
 
     def right(self, k: int) -> list[int]:
-        """Nodes of the right-hand side of a system."""
+        """Return the nodes of the right-hand side of a system."""
         first = self.body.targets + 1 + len(self.body.sizes)
         return [self.outputs[first + k, n] for n in range(self.body.sizes[k])]
 
@@ -92,19 +92,19 @@ class Lanes:
         return self.nodes[n].value is not None
 
     def unit(self, n: int) -> tuple[str, int]:
-        """What computes a node: a group, a chain, or itself."""
+        """Return the unit that computes a node: a group, a chain, or the node itself."""
         if n in self.chain_of:
             return "chain", self.chain_of[n]
         return ("group", self.group_of[n]) if n in self.group_of else ("node", n)
 
     def solved_at(self, k: int) -> int:
-        """The level behind which a system is solved."""
+        """Return the level after which a system is solved."""
         needed = [*self.matrix(self.body.shared[k]), *self.right(k)]
         levels = [self.level_of(self.unit(n)) for n in needed if not self.is_number(n)]
         return max([*levels, self.solved_at(self.body.shared[k]) if self.body.shared[k] != k else 0])
 
     def level_of(self, unit: tuple[str, int]) -> int:
-        """Of a group, a chain or a node."""
+        """Return the level of a group, a chain or a node."""
         if unit not in self.level:
             self.level[unit] = self._level(*unit)
         return self.level[unit]
@@ -113,8 +113,8 @@ class Lanes:
         if kind == "node":
             node = self.nodes[n]
             if node.op == ca.OP_INPUT:
-                at = node.place[0] - self.body.given
-                return _even(self.solved_at(at) + 1) if at >= 0 else 0
+                system = node.place[0] - self.body.arguments
+                return _even(self.solved_at(system) + 1) if system >= 0 else 0
             return max([_even(self.level_of(self.unit(c))) for c in self._computed(node.reads)], default=0)
         if kind == "chain":
             chain = self.chains[n]
@@ -123,9 +123,13 @@ class Lanes:
         lanes, least = self.groups[n].lanes, 1
         for m in self.groups[n].nodes.values():
             for c in self._computed(self.nodes[m].reads):
-                of = self.unit(c)
-                same = of[0] == "group" and self.groups[of[1]].lanes == lanes and self.lane_of[c] == self.lane_of[m]
-                least = max(least, self.level_of(of) if same else _odd(self.level_of(of) + 1))
+                source = self.unit(c)
+                same = (
+                    source[0] == "group"
+                    and self.groups[source[1]].lanes == lanes
+                    and self.lane_of[c] == self.lane_of[m]
+                )
+                least = max(least, self.level_of(source) if same else _odd(self.level_of(source) + 1))
         return least
 
     def _computed(self, nodes: Iterable[int]) -> list[int]:
@@ -141,7 +145,7 @@ def _odd(level: int) -> int:
 
 
 def lanes_of(body: OpenBody) -> Lanes:
-    """The body, its operations sorted by lanes."""
+    """Return the operations of a body, sorted by lanes."""
     program = Lanes(body)
     keys, lane = _read(program)
     live = _live(program)
@@ -155,7 +159,7 @@ def lanes_of(body: OpenBody) -> Lanes:
 
 
 def _sink(program: Lanes, live: set[int]) -> None:
-    """Groups that only one later loop reads move into it, with what only they read: nothing is stored for it."""
+    """Move groups that only one later loop reads into this loop, so that their values need not be stored."""
     readers: dict[int, list[int]] = defaultdict(list)
     for n in live:
         for c in program.nodes[n].reads:
@@ -163,16 +167,18 @@ def _sink(program: Lanes, live: set[int]) -> None:
     kept = set(program.outputs.values())
 
     def loop_of(g: int) -> int | None:
-        """The level of the one later loop that reads a group, each lane its own."""
+        """Return the level of the only loop that reads a group, lane by lane; None if there is no such loop."""
         levels = set[int]()
         for lane, n in program.groups[g].nodes.items():
             if n in kept or not readers[n]:
                 return None
             for m in readers[n]:
-                of = program.group_of.get(m)
-                if of is None or program.lane_of[m] != lane or program.groups[of].lanes != program.groups[g].lanes:
+                reader = program.group_of.get(m)
+                if reader is None or program.lane_of[m] != lane:
                     return None
-                levels.add(program.level["group", of])
+                if program.groups[reader].lanes != program.groups[g].lanes:
+                    return None
+                levels.add(program.level["group", reader])
         return levels.pop() if len(levels) == 1 else None
 
     for g in sorted(range(len(program.groups)), key=lambda g: -min(program.groups[g].nodes.values())):
@@ -185,73 +191,73 @@ def _sink(program: Lanes, live: set[int]) -> None:
             for c in program.nodes[n].reads
             if c in program.group_of
         }
-        own = set(program.groups[g].nodes.values())
-        alone = [o for o in operands if all(set(readers[n]) <= own for n in program.groups[o].nodes.values())]
-        left = [o for o in operands if o not in alone and not _outside(program, readers, kept, o)]
-        if not left:
+        nodes = set(program.groups[g].nodes.values())
+        exclusive = [o for o in operands if all(set(readers[n]) <= nodes for n in program.groups[o].nodes.values())]
+        newly_stored = [o for o in operands if o not in exclusive and not _outside(program, readers, kept, o)]
+        if not newly_stored:
             program.level["group", g] = level
 
 
 def _read(program: Lanes) -> tuple[dict[int, Key], list[int | None]]:
-    """Fills nodes and outputs; of numbers of a part how they are made, and of each node the lane that it belongs to."""
+    """Fill nodes and outputs. Returns keys that say how constants of a part are computed, and the lane of each node."""
     f, body = program.body.function, program.body
-    numbers = body.given + len(body.sizes)
+    numbers = body.arguments + len(body.sizes)
     written: dict[int, int] = {}
     keys: dict[int, Key] = {}
     lane: list[int | None] = []
     for k in range(f.n_instructions()):
-        op, given, put = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+        op, inputs, outputs = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
         if op == ca.OP_OUTPUT:
-            program.outputs[put[0], put[1]] = written[given[0]]
+            program.outputs[outputs[0], outputs[1]] = written[inputs[0]]
             continue
         n = len(program.nodes)
-        own: int | None = None
+        node_lane: int | None = None
         if op == ca.OP_CONST:
             node = Node(op, value=float(f.instruction_constant(k)))
-        elif op == ca.OP_INPUT and given[0] == numbers:
-            name, own = body.lanes[given[1]]
-            node, keys[n] = Node(op, value=body.values[given[1]]), (name,)
+        elif op == ca.OP_INPUT and inputs[0] == numbers:
+            name, node_lane = body.lanes[inputs[1]]
+            node, keys[n] = Node(op, value=body.values[inputs[1]]), (name,)
         elif op == ca.OP_INPUT:
-            node = Node(op, place=(given[0], given[1]))
+            node = Node(op, place=(inputs[0], inputs[1]))
         else:
-            reads = tuple(written[i] for i in given)
+            reads = tuple(written[i] for i in inputs)
             values = [program.nodes[i].value for i in reads]
             lanes = {lane[i] for i in reads} - {None}
-            own = lanes.pop() if len(lanes) == 1 else None
+            node_lane = lanes.pop() if len(lanes) == 1 else None
             value = _NUMBERS[op](*values) if op in _NUMBERS and None not in values else None
             node = Node(op, reads, value=value)
-            if value is not None and own is not None:
+            if value is not None and node_lane is not None:
                 keys[n] = (op, *[keys.get(i, (program.nodes[i].value,)) for i in reads])
         program.nodes.append(node)
-        lane.append(own)
-        written[put[0]] = n
+        lane.append(node_lane)
+        written[outputs[0]] = n
     return keys, lane
 
 
 def _live(program: Lanes) -> set[int]:
-    live, left = set[int](), list(program.outputs.values())
-    while left:
-        n = left.pop()
+    live, pending = set[int](), list(program.outputs.values())
+    while pending:
+        n = pending.pop()
         if n not in live and not program.is_number(n):
             live.add(n)
-            left += program.nodes[n].reads
+            pending += program.nodes[n].reads
     return live
 
 
 def _depths(program: Lanes, live: set[int]) -> dict[int, Depth]:
-    """How many systems are solved before a node, and the length of the way to it: more than of all that it reads."""
+    """Return for each node how many systems are solved before it, and its longest path from inputs."""
     depth: dict[int, Depth] = {}
     for n in sorted(live):
         node = program.nodes[n]
         reads = [depth[c] for c in node.reads if not program.is_number(c)]
-        solution = node.place[0] - program.body.given + 1 if node.op == ca.OP_INPUT else 0
+        solution = node.place[0] - program.body.arguments + 1 if node.op == ca.OP_INPUT else 0
         depth[n] = max([max(0, solution), *[s for s, _ in reads]]), 1 + max((d for _, d in reads), default=0)
     return depth
 
 
 def _group(program: Lanes, keys: dict[int, Key], lane: list[int | None], depth: dict[int, Depth]) -> None:
-    """Nodes of different lanes that do the same with the same: first what reads the very same beside its lane, then
-    what reads the same kind."""
+    """Group nodes of different lanes with equal operations: first those with the same operands outside their lane, then
+    those with operands of the same kind."""
     by_depth: dict[Depth, list[int]] = defaultdict(list)
     for n in sorted(depth):
         if lane[n] is not None and program.nodes[n].reads:
@@ -274,12 +280,12 @@ def _group(program: Lanes, keys: dict[int, Key], lane: list[int | None], depth: 
         alike: dict[Key, dict[int, list[int]]] = defaultdict(lambda: defaultdict(list))
         for n in nodes:
             alike[key(n, False)][lane[n] or 0].append(n)
-        some: dict[Key, list[dict[int, int]]] = defaultdict(list)
+        rows_by_kind: dict[Key, list[dict[int, int]]] = defaultdict(list)
         for of_lane in alike.values():
             for k in range(max(map(len, of_lane.values()))):
-                row = {x: of[k] for x, of in of_lane.items() if k < len(of)}
-                some[key(next(iter(row.values())), True)].append(row)
-        for rows in some.values():
+                row = {x: members[k] for x, members in of_lane.items() if k < len(members)}
+                rows_by_kind[key(next(iter(row.values())), True)].append(row)
+        for rows in rows_by_kind.values():
             merged: list[dict[int, int]] = []
             for row in sorted(rows, key=lambda r: (-len(r), min(r.values()))):
                 partner = next((m for m in merged if not m.keys() & row.keys()), None)
@@ -296,7 +302,7 @@ def _group(program: Lanes, keys: dict[int, Key], lane: list[int | None], depth: 
 
 
 def _chain(program: Lanes, live: set[int]) -> None:
-    """Sums that take the same groups of one lane after the other."""
+    """Find sums that take the same groups of one lane after the other."""
     users: dict[int, list[int]] = defaultdict(list)
     for n in sorted(live):
         for c in program.nodes[n].reads:
@@ -304,7 +310,7 @@ def _chain(program: Lanes, live: set[int]) -> None:
     kept = set(program.outputs.values())
 
     def term(n: int) -> tuple[int, int] | None:
-        """Which operation on which node of a group this adds to its first operand."""
+        """Return operation and node, if a node adds or subtracts a node of a group; else None."""
         node = program.nodes[n]
         if n in program.group_of or node.op not in _CHAINED or node.reads[1] not in program.group_of:
             return None
@@ -335,21 +341,21 @@ def _chain(program: Lanes, live: set[int]) -> None:
 
 
 def lines_of(program: Lanes) -> int:
-    """How many lines write the operations: one for all lanes of a group."""
+    """Return the number of lines of C; all lanes of a group share one."""
     singles = sum(kind == "node" and program.nodes[n].op != ca.OP_INPUT for kind, n in program.level)
     return singles + len(program.groups) + sum(len(c.terms) for c in program.chains)
 
 
 def _outside(program: Lanes, readers: dict[int, list[int]], kept: set[int], g: int) -> bool:
-    """Whether a group is stored anyway, for what another loop or a straight line reads."""
+    """True if a group is stored in any case, because another loop or a single statement reads it."""
     level, lanes = program.level["group", g], program.groups[g].lanes
     for lane, n in program.groups[g].nodes.items():
         if n in kept:
             return True
         for m in readers[n]:
-            of = program.group_of.get(m)
-            if of is None or program.lane_of[m] != lane:
+            reader_group = program.group_of.get(m)
+            if reader_group is None or program.lane_of[m] != lane:
                 return True
-            if program.level["group", of] != level or program.groups[of].lanes != lanes:
+            if program.level["group", reader_group] != level or program.groups[reader_group].lanes != lanes:
                 return True
     return False

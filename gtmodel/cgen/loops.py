@@ -1,4 +1,4 @@
-"""An open body in C: what its lanes have in common in loops over tables, its systems solved by elimination."""
+"""An open body in C: loops over tables for the operations that lanes share, elimination for the linear systems."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _BINARY = {ca.OP_ADD: "{0} + {1}", ca.OP_SUB: "{0} - {1}", ca.OP_MUL: "{0} * {1}
 _WRITTEN = {**_UNARY, **_BINARY}
 
 SOLVER = """\
-/* LU by rows with partial pivoting, in place; places: which row each step took. Returns the smallest pivot. */
+/* LU by rows with partial pivoting, in place; places: pivot row of each step. Returns the smallest pivot. */
 static double factored(double *matrix, int n, int *places)
 {
     double smallest = DBL_MAX;
@@ -61,7 +61,7 @@ static double factored(double *matrix, int n, int *places)
             const double factor = lower[k] * inverse;
 
             if (factor != 0.0) {
-                /* two at a time from the end, perhaps over the place of the factor */
+                /* two columns at a time from the end; the last pair may overwrite the entry of the factor */
                 for (j = n - 2; j >= k; j -= 2) {
                     const double first = lower[j] - (factor * upper[j]);
                     const double second = lower[j + 1] - (factor * upper[j + 1]);
@@ -76,7 +76,7 @@ static double factored(double *matrix, int n, int *places)
     return smallest;
 }
 
-/* Solves by these factors: the right-hand side x becomes the solution. */
+/* Solves with these factors: the right-hand side x becomes the solution. */
 static void solved(const double *matrix, int n, const int *places, double *x)
 {
     const double *row = matrix;
@@ -115,25 +115,25 @@ static void solved(const double *matrix, int n, const int *places, double *x)
 
 
 def can_be_written(program: Lanes) -> bool:
-    """Whether C is known for every operation and every number."""
+    """True if every constant is finite and every operation can be written in C."""
     numbers = [node.value for node in program.nodes if node.value is not None]
     computed = [node.op for node in program.nodes if node.value is None and node.op != ca.OP_INPUT]
     return all(map(math.isfinite, numbers)) and all(op in _WRITTEN for op in computed)
 
 
 def loop_text(symbol: str, program: Lanes) -> str:
-    """The C function `symbol`, with its tables."""
+    """Return the text of the C function `symbol`, with its tables."""
     return _Text(symbol, program).text()
 
 
 class _Text:
-    """One function as it is written; w holds what a loop leaves to others, a row for each lane."""
+    """Text of one function. Its array w holds the values that a loop stores for other loops, one row for each lane."""
 
     def __init__(self, symbol: str, program: Lanes) -> None:
         self.symbol, self.program, self.body = symbol, program, program.body
-        self.columns: dict[tuple[float, ...], int] = {}  # of the table of numbers
-        self.rows: dict[tuple[int, ...], int] = {}  # of the table of places
-        self.work: dict[object, int] = {}  # columns of w: groups, and what is gathered
+        self.columns: dict[tuple[float, ...], int] = {}  # columns of the table of numbers
+        self.rows: dict[tuple[int, ...], int] = {}  # rows of the table of places
+        self.work: dict[object, int] = {}  # columns of w: groups and gathered operands
         self.placed = self._places()
         self.stored = self._stored()
 
@@ -149,16 +149,16 @@ class _Text:
         if self.rows:
             tables += f"static const int {symbol}_places[{len(self.rows)}][{lanes}] = {{\n"
             tables += "".join(f"    {{{', '.join(map(str, row))}}},\n" for row in self.rows) + "};\n"
-        given = [f"i{k}[{body.function.numel_in(k)}]" for k in range(body.given)]
+        arguments = [f"i{k}[{body.function.numel_in(k)}]" for k in range(body.arguments)]
         results = [f"o{k}[{size}]" for k, size in enumerate(body.outputs)]
-        own = body.different
+        systems = body.different
         declared = [f"double w[{lanes}][{max(1, len(self.work))}];", "int k;"]
         declared += [f"double x{k}[{size}];" for k, size in enumerate(body.sizes)]
-        declared += [f"double m{k}[{body.sizes[k] ** 2}];" for k in own]
-        declared += [f"double least{k};" for k in own] + [f"int places{k}[{body.sizes[k]}];" for k in own]
+        declared += [f"double m{k}[{body.sizes[k] ** 2}];" for k in systems]
+        declared += [f"double least{k};" for k in systems] + [f"int places{k}[{body.sizes[k]}];" for k in systems]
         lines = [*declared, "", "(void)iw;", "(void)scratch;", "(void)mem;", *steps, "return 0;"]
         return (
-            f"{tables}\n/* {symbol}:({','.join(given)})->({','.join(results)}) */\n"
+            f"{tables}\n/* {symbol}:({','.join(arguments)})->({','.join(results)}) */\n"
             f"int {symbol}(const double **arg, double **res, long long int *iw, double *scratch, int mem)\n{{\n"
             + "".join(f"    {line}\n" if line else "\n" for line in lines)
             + "}\n"
@@ -166,17 +166,17 @@ class _Text:
 
     def _steps(self) -> list[str]:
         program, body = self.program, self.body
-        at: dict[int, list[int]] = defaultdict(list)
+        singles: dict[int, list[int]] = defaultdict(list)
         loops: dict[tuple[int, tuple[int, ...]], list[tuple[str, int]]] = defaultdict(list)
         for (kind, n), level in program.level.items():
             if kind == "node":
-                at[level].append(n)
+                singles[level].append(n)
             else:
                 loops[level, program.groups[n].lanes if kind == "group" else program.chains[n].lanes].append((kind, n))
         behind = {k: program.solved_at(k) for k in range(len(body.sizes))}
         lines: list[str] = []
         for level in range(max([*program.level.values(), *behind.values()], default=0) + 1):
-            for n in sorted(at[level]):
+            for n in sorted(singles[level]):
                 lines += self._alone(n)
             for (_, lanes), units in sorted((key, units) for key, units in loops.items() if key[0] == level):
                 lines += self._loop(lanes, units)
@@ -190,7 +190,7 @@ class _Text:
         return lines
 
     def _places(self) -> dict[int, list[tuple[str, tuple[int, ...]]]]:
-        """Of each group where in a matrix or a right-hand side the values of its lanes stand, by lane."""
+        """Return for each group the entries of matrices and right-hand sides that its values fill, by lane."""
         program, body = self.program, self.body
         targets = [(f"m{k}", program.matrix(k)) for k in body.different]
         targets += [(f"x{k}", program.right(k)) for k in range(len(body.sizes))]
@@ -206,14 +206,14 @@ class _Text:
         return placed
 
     def _stored(self) -> set[int]:
-        """Groups that something reads outside of their loop."""
+        """Return the groups that are read outside of their loop."""
         program = self.program
         outside: set[int] = set()
-        own = {(name, place) for rows in self.placed.values() for name, row in rows for place in row}
+        written = {(name, place) for rows in self.placed.values() for name, row in rows for place in row}
         systems = [(f"m{k}", program.matrix(k)) for k in self.body.different]
         systems += [(f"x{k}", program.right(k)) for k in range(len(self.body.sizes))]
         for name, nodes in systems:
-            outside |= {n for place, n in enumerate(nodes) if (name, place) not in own}
+            outside |= {n for place, n in enumerate(nodes) if (name, place) not in written}
         outside |= {n for (k, _), n in program.outputs.items() if k <= self.body.targets}
         for unit, level in program.level.items():
             kind, n = unit
@@ -225,20 +225,20 @@ class _Text:
             else:
                 for lane, m in program.groups[n].nodes.items():
                     for c in program.nodes[m].reads:
-                        of = program.unit(c)
-                        if not self._local(of, level, program.groups[n].lanes) or program.lane_of[c] != lane:
+                        source = program.unit(c)
+                        if not self._local(source, level, program.groups[n].lanes) or program.lane_of[c] != lane:
                             outside.add(c)
         return {program.group_of[n] for n in outside if n in program.group_of}
 
     def _local(self, unit: tuple[str, int], level: int, lanes: tuple[int, ...]) -> bool:
-        """Whether a loop over these lanes at this level computes it."""
+        """True if a loop over these lanes at this level computes the unit."""
         return unit[0] == "group" and self.program.level[unit] == level and self.program.groups[unit[1]].lanes == lanes
 
-    def _column(self, what: object) -> int:
-        return self.work.setdefault(what, len(self.work))
+    def _column(self, key: object) -> int:
+        return self.work.setdefault(key, len(self.work))
 
     def _value(self, n: int) -> str:
-        """A node outside of loops."""
+        """Return the C expression of a node outside of loops."""
         program, node = self.program, self.program.nodes[n]
         if node.value is not None:
             return decimal(node.value) if node.value >= 0 else f"({decimal(node.value)})"
@@ -246,14 +246,14 @@ class _Text:
             return f"s{program.chain_of[n]}"
         if n in program.group_of:
             return f"w[{program.lane_of[n]}][{self._column(program.group_of[n])}]"
-        at = node.place[0] - self.body.given
-        return f"x{at}[{node.place[1]}]" if node.op == ca.OP_INPUT and at >= 0 else f"a{n}"
+        system = node.place[0] - self.body.arguments
+        return f"x{system}[{node.place[1]}]" if node.op == ca.OP_INPUT and system >= 0 else f"a{n}"
 
     def _alone(self, n: int) -> list[str]:
         node = self.program.nodes[n]
         if node.op == ca.OP_INPUT:
-            at, entry = node.place
-            return [f"const double a{n} = arg[{at}][{entry}];"] if at < self.body.given else []
+            argument, entry = node.place
+            return [f"const double a{n} = arg[{argument}][{entry}];"] if argument < self.body.arguments else []
         return [f"const double a{n} = {_WRITTEN[node.op].format(*map(self._value, node.reads))};"]
 
     def _loop(self, lanes: tuple[int, ...], units: list[tuple[str, int]]) -> list[str]:
@@ -285,7 +285,7 @@ class _Text:
         return [*before, head, *[f"    {line}" for line in [*table, *inside]], "}"]
 
     def _in_order(self, groups: list[int]) -> list[int]:
-        """The groups of a loop, each behind what it reads."""
+        """Sort the groups of a loop so that each comes after its operands."""
         program, inside, order = self.program, set(groups), dict[int, None]()
 
         def visit(g: int) -> None:
@@ -301,7 +301,7 @@ class _Text:
         return list(order)
 
     def _operand(self, nodes: tuple[int, ...], lanes: tuple[int, ...], level: int) -> tuple[str, list[str]]:
-        """What the lanes read, in C, and statements that must come before the loop."""
+        """Return the C expression of an operand of the lanes, and the statements that must precede the loop."""
         program = self.program
         if all(program.is_number(n) for n in nodes):
             values = [program.nodes[n].value or 0.0 for n in nodes]
@@ -322,7 +322,7 @@ class _Text:
         return f"w[k][{column}]", fill if new else []
 
     def _place(self, row: tuple[int, ...], lanes: tuple[int, ...]) -> str:
-        """Where a lane puts its entry: in equal steps, or by the table of places."""
+        """Return the C index of the entry that a lane fills: in equal steps, or from the table of places."""
         steps = {b - a for a, b in pairwise(row)}
         if len(steps) == 1:
             step = steps.pop()
@@ -336,14 +336,14 @@ class _Text:
         return f"{table} + {least}" if least else table
 
     def _system(self, k: int) -> list[str]:
-        """The statements that solve a system, its matrix where no other has solved it."""
+        """Return the statements that solve a system; a matrix that several systems share is factored once."""
         program, size, first = self.program, self.body.sizes[k], self.body.shared[k]
-        own = {(name, place) for rows in self.placed.values() for name, row in rows for place in row}
+        written = {(name, place) for rows in self.placed.values() for name, row in rows for place in row}
         lines = []
         if first == k:
             entries = enumerate(program.matrix(k))
-            lines += [f"m{k}[{n}] = {self._value(e)};" for n, e in entries if (f"m{k}", n) not in own]
+            lines += [f"m{k}[{n}] = {self._value(e)};" for n, e in entries if (f"m{k}", n) not in written]
             lines.append(f"least{k} = factored(m{k}, {size}, places{k});")
         entries = enumerate(program.right(k))
-        lines += [f"x{k}[{n}] = {self._value(e)};" for n, e in entries if (f"x{k}", n) not in own]
+        lines += [f"x{k}[{n}] = {self._value(e)};" for n, e in entries if (f"x{k}", n) not in written]
         return [*lines, f"solved(m{first}, {size}, places{first}, x{k});"]

@@ -1,4 +1,4 @@
-"""manifest.json: what a generated folder holds and what it was made from. The same input gives the same bytes."""
+"""manifest.json: contents and origin of a generated folder. The same input gives the same bytes."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ _NAMES = """
     functions models files
 """
 _KEYS = set(_NAMES.split())
-_ALSO = {"steps"}  # of folders that have some
+_ALSO = {"steps"}  # only of folders with step functions
 
 
 def sha256(text: str) -> str:
-    """Hash of a text in UTF-8."""
+    """Return the SHA-256 of a text in UTF-8."""
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def changed_files(folder: Path, content: dict[str, Any]) -> list[str]:
-    """Files of the manifest that are no longer as they were written, missing ones included."""
+    """Return the files of the manifest that were changed since they were written, or are missing."""
     changed = []
     for file, expected in content["files"].items():
         path = folder / file
@@ -46,43 +46,44 @@ def changed_files(folder: Path, content: dict[str, Any]) -> list[str]:
 def changed_entries(
     content: dict[str, Any], faces: list[Interface], same: bool = True, steps: Sequence[StepFace] = ()
 ) -> list[str]:
-    """Entries of a manifest that this gtmodel would write otherwise, as paths such as `functions[0].limits.T`.
+    """Return the entries of a manifest that this gtmodel would write differently, as paths: `functions[0].limits.T`.
 
-    Not of provenance and problem, which functions do not tell, and not of hashes. Unless a folder is of the `same`
-    version of gtmodel and CasADi only the models are compared: parameters are as the functions' whatever the version.
+    Provenance, problem and hashes are not compared. Unless the folder is of the `same` versions of gtmodel and CasADi,
+    only the models are compared, because their parameters do not depend on the versions.
     """
-    here = manifest(content["name"], faces, content["provenance"], {}, {}, {}, steps)
-    compared = [key for key in here if key not in ("provenance", "problem", "files")] if same else ["models"]
-    # as JSON gives them back: lists for tuples, keys as text
-    here = json.loads(json.dumps({key: here[key] for key in compared}))
-    return [path for key in compared for path in _differences(key, here[key], content[key])]
+    expected = manifest(content["name"], faces, content["provenance"], {}, {}, {}, steps)
+    compared = [key for key in expected if key not in ("provenance", "problem", "files")] if same else ["models"]
+    # as JSON returns them: lists for tuples, keys as text
+    expected = json.loads(json.dumps({key: expected[key] for key in compared}))
+    return [path for key in compared for path in _differences(key, expected[key], content[key])]
 
 
-def _differences(path: str, here: Any, there: Any) -> list[str]:
-    """Paths at which two JSON values differ, in the order of the first one."""
-    if isinstance(here, dict) and isinstance(there, dict):
-        keys = [*here, *(key for key in there if key not in here)]
-        return [p for key in keys for p in _differences(f"{path}.{key}", here.get(key), there.get(key))]
-    if isinstance(here, list) and isinstance(there, list) and len(here) == len(there):
-        return [p for n, pair in enumerate(zip(here, there, strict=True)) for p in _differences(f"{path}[{n}]", *pair)]
-    same = type(here) is type(there) and here == there
-    return [] if same or (_number(here) and _number(there) and here == there) else [path]
+def _differences(path: str, expected: Any, actual: Any) -> list[str]:
+    """Return the paths at which two JSON values differ, in the order of the first value."""
+    if isinstance(expected, dict) and isinstance(actual, dict):
+        keys = [*expected, *(key for key in actual if key not in expected)]
+        return [p for key in keys for p in _differences(f"{path}.{key}", expected.get(key), actual.get(key))]
+    if isinstance(expected, list) and isinstance(actual, list) and len(expected) == len(actual):
+        pairs = enumerate(zip(expected, actual, strict=True))
+        return [p for n, pair in pairs for p in _differences(f"{path}[{n}]", *pair)]
+    same = type(expected) is type(actual) and expected == actual
+    return [] if same or (_number(expected) and _number(actual) and expected == actual) else [path]
 
 
 def _number(value: Any) -> bool:
-    """An int is the same number as a float, a truth value is not."""
+    """True for an int or a float, but not for a bool."""
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def parameters_hash(faces: list[Interface], steps: Sequence[StepFace] = ()) -> str:
-    """Hash of all parameter names and values, exact to the last bit."""
+    """Return the hash of all parameter names and values, exact to the last bit."""
     named = {f.key: [[q.name, float(q.value).hex()] for q in f.function.flat.parameters] for f in faces}
     facts = {s.key: s.function.facts() for s in steps}
     return sha256(json.dumps({**named, **facts}, sort_keys=True))
 
 
 def interface_entry(face: Interface) -> dict[str, Any]:
-    """What a caller of one function must know."""
+    """Return the manifest entry of a function: C names, inputs, outputs and state."""
     entry = {
         "name": face.key,
         "symbol": face.symbol,
@@ -101,7 +102,7 @@ def manifest(
     problem: Mapping[str, Any],
     steps: Sequence[StepFace] = (),
 ) -> dict[str, Any]:
-    """The manifest as a dictionary; `files` are the texts of the other files, `problem` the problem as JSON data."""
+    """Return the manifest as a dictionary; `files` are the texts of the other files, `problem` is JSON data."""
     real = [*faces, *steps][0].real
     models: list[dict[str, Any]] = []
     of_flat: dict[int, int] = {}
@@ -141,13 +142,13 @@ def manifest(
 
 
 def operations(f: ca.Function) -> int:
-    """Arithmetic operations and calls of libm in one evaluation of an SX function."""
+    """Return the number of arithmetic operations and libm calls in one evaluation of an SX function."""
     passing = (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_ASSIGN, ca.OP_PARAMETER)
     return sum(f.instruction_id(k) not in passing for k in range(f.n_instructions()))
 
 
 def _box(face: Interface) -> dict[str, list[list[float]]] | None:
-    """Intervals by signal, or None where no box was given for all inputs."""
+    """Return the intervals by signal, or None without a box for all inputs."""
     if face.box is None:
         return None
     rows = iter(face.box)
@@ -155,16 +156,16 @@ def _box(face: Interface) -> dict[str, list[list[float]]] | None:
 
 
 def read(folder: Path) -> dict[str, Any] | None:
-    """The manifest of a folder; None if it has none, or one that this form of gtmodel did not write."""
+    """Return the manifest of a folder; None if there is none, or if it has not the format of this gtmodel."""
     content = _content(folder)
     if content is None or content.get("format") != FORMAT or set(content) - _ALSO != _KEYS or not _readable(content):
         return None
-    # a manifest speaks of files of its own folder only, whatever somebody wrote into it
+    # reject paths to other folders, which somebody may have written into the manifest
     return content if all(Path(file).name == file for file in content["files"]) else None
 
 
 def _content(folder: Path) -> dict[str, Any] | None:
-    """What the file of that name holds; None where it is no dictionary in JSON."""
+    """Return the content of manifest.json; None if it is not a JSON dictionary."""
     try:
         content = json_of((folder / FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -173,7 +174,7 @@ def _content(folder: Path) -> dict[str, Any] | None:
 
 
 def _readable(content: dict[str, Any]) -> bool:
-    """True where what readers go through has the form that `manifest` gives it; its values are compared later."""
+    """True if the entries that readers use have the types that `manifest` writes; values are compared later."""
     texts = [content["name"], content["gtmodel"], content["casadi"], *_texts(content["provenance"])]
     texts += _texts(content["files"])
     if not isinstance(content["functions"], list):
@@ -188,26 +189,26 @@ def _readable(content: dict[str, Any]) -> bool:
 
 
 def _texts(value: Any) -> list[Any]:
-    """The values of a dictionary, [None] of anything else."""
+    """Return the values of a dictionary; [None] for anything else."""
     return list(value.values()) if isinstance(value, dict) else [None]
 
 
 def lacks(folder: Path) -> str:
-    """Why `read` found nothing, as the predicate of a sentence about the folder."""
+    """Return why `read` returned None, as the predicate of a sentence about the folder."""
     if unfinished(folder):
-        return "is not whole: gtmodel is writing there, or broke off while it did"
+        return "is incomplete: gtmodel is writing there, or was interrupted while writing"
     if not (folder / FILE).exists():
-        return f"was not written by gtmodel, it holds no {FILE}"
+        return f"was not written by gtmodel: it holds no {FILE}"
     content = _content(folder)
     if content is None or not str(content.get("format")).startswith(FORMAT.rstrip("0123456789")):
-        return f"was not written by gtmodel, its {FILE} is of another origin"
+        return f"was not written by gtmodel: its {FILE} is of another origin"
     if not isinstance(content.get("gtmodel"), str) or (content["format"] == FORMAT and set(content) - _ALSO == _KEYS):
-        return f"was not written by gtmodel, somebody changed its {FILE}"
-    return f"was generated by gtmodel {content['gtmodel']} in a form that this one, {__version__}, does not read"
+        return f"was not written by gtmodel in this state: somebody changed its {FILE}"
+    return f"was generated by gtmodel {content['gtmodel']} in a format that gtmodel {__version__} does not read"
 
 
 def step_entry(face: StepFace) -> dict[str, Any]:
-    """What a caller of a step function must know."""
+    """Return the manifest entry of a step function: C names, period, members and origin."""
     f = face.function
     kernels = f.kernels(face.symbol)
     return {
@@ -216,9 +217,9 @@ def step_entry(face: StepFace) -> dict[str, Any]:
         "title": f.title,
         "period": f.period,
         **{
-            what: [{"member": m.identifier, "signal": m.name, "count": m.count, "unit": m.unit, "integer": m.integer}
-                   for m in getattr(f, what)]
-            for what in ("start", "inputs", "outputs", "state")
+            side: [{"member": m.identifier, "signal": m.name, "count": m.count, "unit": m.unit, "integer": m.integer}
+                   for m in getattr(f, side)]
+            for side in ("start", "inputs", "outputs", "state")
         },
         "operations": sum(operations(k) for k in kernels),
         "facts": f.facts(),

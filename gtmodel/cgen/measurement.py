@@ -1,4 +1,4 @@
-"""What a generated folder costs: machine code, stack and instructions of each function, and the symbols it defines."""
+"""Costs of a generated folder: machine code, stack and instructions of each function, and the symbols it defines."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from .real import DOUBLE, hexadecimal, real_of, single
 from .steps.function import StepFace, StepFunction, faces_of
 from .wrapper import elements
 
-CALLS = 100  # counted; one more goes before them, so that nothing is loaded on the way
-DRAWS = 200  # points among which one with a solution is looked for
+CALLS = 100  # counted calls; one more precedes them, so that the dynamic linker has done its work
+DRAWS = 200  # random points; the first one with a solution is used
 
 _BEHIND = re.compile(r"^CASADI_SYMBOL_EXPORT int (\w+)\([^\n]*\{\n *return casadi_(f\d+)\(", re.M)
 _COUNTED = re.compile(r"Collected : (\d+)")
@@ -32,12 +32,12 @@ _COUNTED = re.compile(r"Collected : (\d+)")
 class Costs:
     """Costs of generated functions, each by C name.
 
-    text_bytes: machine code. Code that the compiler found twice counts in the function that keeps it, Newton's method,
-        which is there once, in the first function that calls it.
-    newton_bytes: the part of it that is Newton blocks and their guards, without the closed form behind them.
-    stack_bytes: stack, with all that is called.
+    text_bytes: machine code. Code that the compiler merged counts for the function that keeps it; the one copy of
+        Newton's method counts for the first function that calls it.
+    newton_bytes: part of text_bytes in Newton blocks and their guards, without the closed form after them.
+    stack_bytes: stack of a call, including the functions that it calls.
     instructions: of one call with its guards.
-    symbols: what the folder defines for others.
+    symbols: external symbols that the folder defines.
     missing: one sentence on what could not be counted, or "".
     """
 
@@ -50,14 +50,14 @@ class Costs:
 
 
 def costs(folder: Path, functions: Mapping[str, CausalFunction | StepFunction]) -> Costs:
-    """Compile a generated folder at -O2 and measure it; instructions by valgrind, where there is one.
+    """Compile a generated folder at -O2 and measure its costs; valgrind, if present, counts the instructions.
 
     Args:
         folder: as `generate` wrote it.
-        functions: what it was generated from, under the same names.
+        functions: the functions from which it was generated, under the same names.
 
-    The stack of a function is that of its guards, of what these call in the folder and of its deepest body. What cannot
-    be measured on this machine is left out, and `missing` says why.
+    The stack of a function is the sum of the frames of its guards, of the functions that these call, and of its largest
+    body. A cost that cannot be measured on this machine is omitted, and `missing` says why.
 
     >>> import tempfile
     >>> from pathlib import Path
@@ -78,10 +78,10 @@ def costs(folder: Path, functions: Mapping[str, CausalFunction | StepFunction]) 
         return Costs(missing="" if content is None else str(tools))
     name = content["name"]
     faces, steps = faces_of(functions, name, (), real_of(content["real"]), None)
-    with scratch() as place:
-        sizes, frames, symbols = _compiled(tools, folder, name, place)
+    with scratch() as temporary:
+        sizes, frames, symbols = _compiled(tools, folder, name, temporary)
         parts = {f.symbol: [f.symbol, *f.bodies, *[f"solve_{f.key}{k}" for k in range(len(f.newton))]] for f in faces}
-        # Newton's method is there once, and counts in the first function that calls it
+        # the one copy of Newton's method counts for the first function that calls it
         for first in [f.symbol for f in faces if f.newton][:1]:
             parts[first].append("solve")
         text = {symbol: sum(sizes.get(p, 0) for p in names) for symbol, names in parts.items()}
@@ -94,9 +94,9 @@ def costs(folder: Path, functions: Mapping[str, CausalFunction | StepFunction]) 
             for f in faces
         }
         for step in steps:
-            own = {s for s in sizes if s == step.symbol or s.startswith(f"{step.symbol}_")}
+            step_symbols = {s for s in sizes if s == step.symbol or s.startswith(f"{step.symbol}_")}
             shared = {s for s in sizes if s.startswith("gt_filter")} if step is steps[0] else set[str]()
-            text[step.symbol] = sum(sizes[s] for s in own | shared)
+            text[step.symbol] = sum(sizes[s] for s in step_symbols | shared)
             stack[step.symbol] = frames.get(f"{step.symbol}_step", 0) + sum(
                 frames.get(s, 0) for s in frames if s.startswith("gt_filter")
             )
@@ -104,18 +104,18 @@ def costs(folder: Path, functions: Mapping[str, CausalFunction | StepFunction]) 
         if valgrind is None:
             why = "no instruction was counted: there is no valgrind on this machine"
             return Costs(text, newton, stack, {}, symbols, why)
-        counts = {f.symbol: _instructions(tools, valgrind, f, place, folder) for f in faces}
-        counts |= {s.symbol: _step_instructions(tools, valgrind, s, place, folder) for s in steps}
+        counts = {f.symbol: _instructions(tools, valgrind, f, temporary, folder) for f in faces}
+        counts |= {s.symbol: _step_instructions(tools, valgrind, s, temporary, folder) for s in steps}
     return Costs(text, newton, stack, {key: n for key, n in counts.items() if n is not None}, symbols)
 
 
 def _compiled(
-    tools: Toolchain, folder: Path, name: str, place: Path
+    tools: Toolchain, folder: Path, name: str, temporary: Path
 ) -> tuple[dict[str, int], dict[str, int], tuple[str, ...]]:
-    """Code size and stack frame by function name, and the names that the two files define for others."""
+    """Return code size and stack frame by function name, and the external symbols of the two files."""
     objects = []
     for file in (f"gt_{name}", f"gt_{name}_body"):
-        objects.append(place / f"{file}.o")
+        objects.append(temporary / f"{file}.o")
         command = (tools.cc, *STANDARD, "-fstack-usage", "-c", folder / f"{file}.c")
         tools.run(*command, "-o", objects[-1])
     _, listing = tools.run(tools.nm, "-S", *objects)
@@ -124,15 +124,15 @@ def _compiled(
     for line in listing.splitlines():
         match line.split():
             case [_, size, "T" | "t" as kind, symbol]:
-                own = symbol.partition(".")[0]  # what is seldom needed stands apart, as gt_l1_fk.cold
-                sizes[own] = sizes.get(own, 0) + int(size, 16)
+                base = symbol.partition(".")[0]  # the compiler puts rarely executed code apart, as gt_l1_fk.cold
+                sizes[base] = sizes.get(base, 0) + int(size, 16)
                 symbols += [symbol] if kind == "T" else []
     frames: dict[str, int] = {}
-    for usage in sorted(place.glob("*.su")):
+    for usage in sorted(temporary.glob("*.su")):
         for line in usage.read_text().splitlines():
             where, size, _ = line.split("\t")
             frames[where.rpartition(":")[2].partition(".")[0]] = int(size)
-    # what a body does stands in a static function behind it, unless the compiler drew the two together
+    # a body calls a static function with its statements, unless the compiler inlined it
     for symbol, static in _BEHIND.findall((folder / f"gt_{name}_body.c").read_text()):
         sizes[symbol] = sizes.get(symbol, 0) + sizes.get(f"gt_{name}_body_{static}", 0)
         frames[symbol] = frames.get(symbol, 0) + frames.get(
@@ -141,33 +141,33 @@ def _compiled(
     return sizes, frames, tuple(sorted(symbols))
 
 
-def _instructions(tools: Toolchain, valgrind: str, face: Interface, place: Path, folder: Path) -> int | None:
-    """Of one call with GT_OK, the mean of CALLS; None where no point has a solution or nothing runs."""
+def _instructions(tools: Toolchain, valgrind: str, face: Interface, temporary: Path, folder: Path) -> int | None:
+    """Return the mean over CALLS calls with GT_OK; None if no point has a solution or the program does not run."""
     rows = draw(face, DRAWS, seed=2)
     good = np.flatnonzero(evaluate(face, rows)[1] == Status.OK)
-    return _counted(tools, valgrind, face, _program(face, rows[good[0]]), place, folder) if len(good) else None
+    return _counted(tools, valgrind, face, _program(face, rows[good[0]]), temporary, folder) if len(good) else None
 
 
-def _step_instructions(tools: Toolchain, valgrind: str, face: StepFace, place: Path, folder: Path) -> int | None:
-    """Of one step with GT_OK where every sensor has a reading, the mean of CALLS."""
+def _step_instructions(tools: Toolchain, valgrind: str, face: StepFace, temporary: Path, folder: Path) -> int | None:
+    """Return the mean over CALLS steps with GT_OK in which every sensor has a reading."""
     inputs = face.function.complete(face.real)
-    return _counted(tools, valgrind, face, _step_program(face, inputs), place, folder)
+    return _counted(tools, valgrind, face, _step_program(face, inputs), temporary, folder)
 
 
 def _counted(
-    tools: Toolchain, valgrind: str, face: Interface | StepFace, text: str, place: Path, folder: Path
+    tools: Toolchain, valgrind: str, face: Interface | StepFace, text: str, temporary: Path, folder: Path
 ) -> int | None:
-    """Instructions of one of the calls that a program makes, as often as it has arguments."""
-    main, program = place / f"{face.key}_main.c", place / f"{face.key}_main"
+    """Return the instructions per call of a program that makes one call for each of its arguments."""
+    main, program = temporary / f"{face.key}_main.c", temporary / f"{face.key}_main"
     main.write_text(text if face.real is DOUBLE else single(text))
-    own = face.symbol.removesuffix(f"_{face.key}")
-    objects = [place / f"{own}.o", place / f"{own}_body.o"]
+    prefix = face.symbol.removesuffix(f"_{face.key}")
+    objects = [temporary / f"{prefix}.o", temporary / f"{prefix}_body.o"]
     built, _ = tools.run(tools.cc, *STANDARD, f"-I{folder}", main, *objects, "-o", program, *LINK, "-Wl,-z,now")
     if not built:
         return None
     totals = []
     for calls in (1, CALLS + 1):
-        log = f"--callgrind-out-file={place / 'callgrind.out'}"
+        log = f"--callgrind-out-file={temporary / 'callgrind.out'}"
         ran, text = tools.run(valgrind, "--tool=callgrind", log, program, *["x"] * calls)
         counted = _COUNTED.search(text)
         if not ran or counted is None:
@@ -177,7 +177,7 @@ def _counted(
 
 
 def _step_program(face: StepFace, inputs: np.ndarray) -> str:
-    """Steps with the same inputs, from the declared start."""
+    """A program that runs steps with the same inputs from the declared start, one for each argument."""
     s, f = face.symbol, face.function
     fill = []
     for m in f.inputs:
@@ -194,16 +194,16 @@ def _step_program(face: StepFace, inputs: np.ndarray) -> str:
 
 
 def _program(face: Interface, row: np.ndarray) -> str:
-    """Calls the function as often as there are arguments."""
+    """A program that calls the function once for each of its arguments."""
     s = face.symbol
     numbers = iter(row.tolist())
     fill = [f"    {target} = {hexadecimal(next(numbers))};\n" for m in face.inputs for target in elements(m, "in.")]
     fill += [f"    {target} = {hexadecimal(next(numbers))};\n" for m in face.state for target in elements(m, "state.")]
     state = f"    {s}_state state;\n" if face.newton else ""
-    given = "&state, " if face.newton else ""
+    state_argument = "&state, " if face.newton else ""
     return (
         f'#include "{face.symbol.removesuffix(f"_{face.key}")}.h"\n\nint main(int calls, char **none)\n{{\n'
         f"    {s}_in in = {{0}};\n    {s}_out out;\n{state}    int k;\n\n    (void)none;\n{''.join(fill)}"
-        f"    for (k = 1; k < calls; k++) {{\n        if ({s}({given}&in, &out) != GT_OK) {{\n"
+        f"    for (k = 1; k < calls; k++) {{\n        if ({s}({state_argument}&in, &out) != GT_OK) {{\n"
         "            return 1;\n        }\n    }\n    return 0;\n}\n"
     )

@@ -1,4 +1,4 @@
-"""A function with Newton blocks, cut into what C calls: constants and kernel of each block, then the targets."""
+"""A function with Newton blocks, split into the bodies that C calls: constants and kernels of blocks, then targets."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from .newton_steps import eliminate, newton, pivot_order, run
 from .open_body import open_body
 from .real import DOUBLE, Real
 
-# instructions of a body that is worth a look, and how many times shorter the text must become: what a loop stores and
-# loads again is paid by the elimination that it goes with
+# least instructions of a body for which loops are tried, and how many times shorter its text must become: the loops
+# cost stores and loads, which the elimination in loops outweighs
 LARGE, SHORTER = 1000, 3
 
 
 @dataclass(frozen=True, eq=False)
 class NewtonStage:
     """One Newton block in C. `prepare`: (inputs..., unknowns of earlier blocks...) -> (constants, margins); `kernel`:
-    (unknowns, constants) -> (residual, Jacobian by rows), rows as partial pivoting takes them at home. `home` solves
-    the block at the home pose; `nominal`, `largest` (both inverted) and `least` are what gt_newton wants."""
+    (unknowns, constants) -> (residual, Jacobian by rows), rows in the order of partial pivoting at home. `home` solves
+    the block at the home pose. `nominal`, `largest` (both inverted) and `least` are the arguments of gt_newton."""
 
     prepare: ca.Function
     kernel: ca.Function
@@ -45,19 +45,19 @@ class NewtonStage:
 
     @property
     def size(self) -> int:
-        """How many unknowns the block has."""
+        """Number of unknowns of the block."""
         return len(self.home)
 
     @property
     def constants(self) -> int:
-        """How many numbers the kernel needs beside its unknowns."""
+        """Number of constants that the kernel takes beside its unknowns."""
         return self.prepare.size1_out(0)
 
 
 @dataclass(frozen=True, eq=False)
 class Stages:
-    """The blocks in order, and `body`: (inputs..., unknowns of all blocks...) -> (targets..., margins). Where `loops`
-    are given, C computes and Python evaluates these in its place, and `margins` are theirs."""
+    """The blocks in order, and `body`: (inputs..., unknowns of all blocks...) -> (targets..., margins). If `loops`
+    is not None, C and Python evaluate it instead of `body`, and `margins` are those of `loops`."""
 
     newton: tuple[NewtonStage, ...]
     body: ca.Function
@@ -66,10 +66,11 @@ class Stages:
 
 
 def stages(f: CausalFunction, symbol: str, real: Real = DOUBLE) -> Stages:
-    """Cut `f` for the C name `symbol`; limits are those of `real`. The function keeps the answer: generating its C,
-    checking and measuring it each ask for it.
+    """Split `f` for the C name `symbol`, with the limits of `real`. The result is cached in the function, because
+    generating, checking and measuring its C code all need it.
 
-    What a block needs of the inputs is computed once before its steps, and a margin as soon as it can be.
+    The expressions of a block that depend only on the inputs are computed once before its steps, and each margin as
+    soon as its unknowns are solved.
     """
     if (symbol, real) not in f.kept:
         f.kept[symbol, real] = _stages(f, symbol, real)
@@ -84,13 +85,13 @@ def _stages(f: CausalFunction, symbol: str, real: Real) -> Stages:
     targets = [ca.vertcat(*[plan.symbol(*p) for p in s.pairs]) for s in f.outputs]
     residuals = [ca.vertcat(*b.residuals) for b in plan.newton]
     remaining = iter(express(plan, [*targets, *residuals, *(m.expression for m in f.margins)]))
-    targets, residuals = ([next(remaining) for _ in wanted] for wanted in (targets, residuals))
+    targets, residuals = ([next(remaining) for _ in group] for group in (targets, residuals))
     margins = list(remaining)
     due = [_due(e, zs) for e in margins]
 
-    def at(k: int) -> tuple[ca.SX, tuple[Margin, ...]]:
-        here = [n for n, d in enumerate(due) if d == k]
-        return _column([margins[n] for n in here]), tuple(f.margins[n] for n in here)
+    def due_after(k: int) -> tuple[ca.SX, tuple[Margin, ...]]:
+        indices = [n for n, d in enumerate(due) if d == k]
+        return _column([margins[n] for n in indices]), tuple(f.margins[n] for n in indices)
 
     blocks = []
     for k, (block, r, z) in enumerate(zip(plan.newton, residuals, zs, strict=True)):
@@ -99,28 +100,28 @@ def _stages(f: CausalFunction, symbol: str, real: Real) -> Stages:
         r = ca.densify(r)[order]
         r, jacobian = ca.cse([r, ca.densify(ca.jacobian(r, z))])
         inner, constants, outer = _hoisted([r, ca.vec(jacobian.T)], z)
-        expressions, here = at(k)
-        given = [*args, *zs[:k]]
-        prepare = ca.Function(f"{symbol}_prepare{k}", given, ca.cse([outer, expressions]))
+        expressions, stage_margins = due_after(k)
+        arguments = [*args, *zs[:k]]
+        prepare = ca.Function(f"{symbol}_prepare{k}", arguments, ca.cse([outer, expressions]))
         kernel = ca.Function(f"{symbol}_kernel{k}", [z, constants], ca.cse(inner))
         pairs = [p for p in map(flat.scope.owner, ca.vertsplit(z)) if p is not None]
         blocks.append(
             NewtonStage(
-                prepare, kernel, here, tuple(_signals(plan, pairs)), tuple(samples_of(f, pairs)[0].tolist()),
+                prepare, kernel, stage_margins, tuple(_signals(plan, pairs)), tuple(samples_of(f, pairs)[0].tolist()),
                 tuple(1.0 / float(x) for x in block.scale), *_limits(home[order], block.scale, real),
             )
         )  # fmt: skip
-    expressions, here = at(len(zs))
+    expressions, stage_margins = due_after(len(zs))
     body = ca.Function(f"{symbol}_body", [*args, *zs], ca.cse([*map(ca.densify, targets), expressions]))
     loops = loops_of(f, symbol, body) if real is DOUBLE else None
     if loops is not None:
         before = {id(m) for block in blocks for m in block.margins}
-        here = tuple(m for m in loops.body.margins if id(m) not in before)
-    return Stages(tuple(blocks), body, here, loops)
+        stage_margins = tuple(m for m in loops.body.margins if id(m) not in before)
+    return Stages(tuple(blocks), body, stage_margins, loops)
 
 
 def loops_of(f: CausalFunction, symbol: str, body: ca.Function) -> Lanes | None:
-    """The body with loops over equal parts, where it is large and these make less than 1 / SHORTER of it."""
+    """Return the body as loops over equal parts, if it is large and the loops have at most 1 / SHORTER of its lines."""
     if body.n_instructions() < LARGE:
         return None
     opened = open_body(f, symbol)
@@ -131,12 +132,12 @@ def loops_of(f: CausalFunction, symbol: str, body: ca.Function) -> Lanes | None:
 
 
 def samples_of(f: CausalFunction, pairs: Sequence[tuple[int, int]]) -> np.ndarray:
-    """Values (samples, pairs) of chain symbols at the consistent points of a function; 0 where none is known."""
+    """Return the values (samples, pairs) of chain symbols at the consistent points of a function; 0 if unknown."""
     position = {pair: n for n, pair in enumerate(f.plan.pairs)}
     values = np.zeros((len(f.plan.samples), len(pairs)))
     for column, pair in enumerate(pairs):
         if pair in position:
-            # six digits: the noise of another linear algebra library must not reach the generated text
+            # six digits: round-off of another linear algebra library must not change the generated text
             values[:, column] = [float(f"{x:.6g}") for x in f.plan.samples[:, position[pair]]]
         elif f.flat.variables[pair[0]].role == "parameter":  # kept as an input, at its own value
             values[:, column] = f.flat.variables[pair[0]].start or 0.0
@@ -144,7 +145,7 @@ def samples_of(f: CausalFunction, pairs: Sequence[tuple[int, int]]) -> np.ndarra
 
 
 def _due(expression: ca.SX, zs: Sequence[ca.SX]) -> int:
-    """How many blocks must be solved before the expression can be computed."""
+    """Return how many blocks must be solved before the expression can be computed."""
     symbols = {s.element_hash() for s in ca.symvar(expression)}
     return max([k + 1 for k, z in enumerate(zs) if symbols & {s.element_hash() for s in ca.vertsplit(z)}], default=0)
 
@@ -154,20 +155,20 @@ def _column(expressions: list[ca.SX]) -> ca.SX:
 
 
 def _hoisted(expressions: list[ca.SX], z: ca.SX) -> tuple[list[ca.SX], ca.SX, ca.SX]:
-    """The expressions of z and of new symbols, the column of these symbols, and what they stand for."""
+    """Return the expressions in z and in new symbols, the column of these symbols, and their expressions."""
     unknown = {s.element_hash() for s in ca.vertsplit(z)}
     column = ca.vertcat(*expressions)
-    known = [s for s in ca.symvar(column) if s.element_hash() not in unknown]
-    if not known:
+    inputs = [s for s in ca.symvar(column) if s.element_hash() not in unknown]
+    if not inputs:
         return expressions, ca.SX(0, 1), ca.SX(0, 1)
-    inner, symbols, outer = ca.extract_parametric(column, ca.vertcat(*known), {"extract_trivial": True})
+    inner, symbols, outer = ca.extract_parametric(column, ca.vertcat(*inputs), {"extract_trivial": True})
     rows = np.cumsum([0, *[e.numel() for e in expressions]])
     parts = [inner[int(a) : int(b)] for a, b in pairwise(rows)]
     return [ca.densify(p) for p in parts], ca.vertcat(*symbols), ca.densify(ca.vertcat(*outer))
 
 
 def _limits(jacobian: np.ndarray, nominal: np.ndarray, real: Real) -> tuple[tuple[float, ...], float]:
-    """Of residuals, inverted, and of pivots, by what they are with the Jacobian at home."""
+    """Return the limits of residuals, inverted, and of pivots, from the Jacobian at the home pose."""
     rows = np.abs(jacobian) @ nominal
     _, _, smallest, _ = eliminate(jacobian[None].copy(), np.zeros((1, len(rows))), 0.0)
     largest = tuple(float(f"{1.0 / (real.residual * x):.3g}") for x in rows)
@@ -175,17 +176,17 @@ def _limits(jacobian: np.ndarray, nominal: np.ndarray, real: Real) -> tuple[tupl
 
 
 def _signals(plan: CausalPlan, pairs: Sequence[tuple[int, int]]) -> list[CausalSignal]:
-    """The unknowns in their order, gathered into declared vectors where these are complete and in line."""
-    flat, left = plan.flat, list(pairs)
+    """Return the unknowns in their order, as declared vectors if all elements follow one another."""
+    flat, remaining = plan.flat, list(pairs)
     vectors = [(name, shape, list(indices)) for name, (shape, indices) in flat.groups.items() if shape]
     result = []
-    while left:
-        order = left[0][1]
-        name, shape, size = flat.variables[left[0][0]].name, (), 1
+    while remaining:
+        order = remaining[0][1]
+        name, shape, size = flat.variables[remaining[0][0]].name, (), 1
         for vector, vector_shape, indices in vectors:
-            if left[: len(indices)] == [(i, order) for i in indices] and len(indices) > size:
+            if remaining[: len(indices)] == [(i, order) for i in indices] and len(indices) > size:
                 name, shape, size = vector, vector_shape, len(indices)
-        head, left = left[:size], left[size:]
+        head, remaining = remaining[:size], remaining[size:]
         result.append(CausalSignal(derivative_name(name, order), shape, flat.unit_of(head[0][0], order), tuple(head)))
     return result
 
@@ -193,35 +194,35 @@ def _signals(plan: CausalPlan, pairs: Sequence[tuple[int, int]]) -> list[CausalS
 def evaluate_stages(
     cut: Stages, inputs: Sequence[np.ndarray], start: np.ndarray, sizes: Sizes, real: Real = DOUBLE
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Targets and new states side by side (rows, m), NaN without a solution, and statuses (rows,), as C decides them.
+    """Return targets and new states side by side (rows, m), NaN without a solution, and the statuses (rows,) of C.
 
-    inputs: rows of each input; start (rows, unknowns of all blocks); both of the numbers `real`. sizes: how large the
-    inputs may be.
+    inputs: rows of each input; start: (rows, unknowns of all blocks); both of the number type `real`. sizes: limits of
+    the inputs.
     """
     evaluated = map_columns if real is DOUBLE else run
     rows = len(start)
     finite = np.all([np.isfinite(x).all(axis=1) for x in [*inputs, start]], axis=0)
     small = sizes.within([x.T for x in inputs]) if inputs else True
     status = np.where(finite, np.where(small, 0, Status.OUT_OF_RANGE), Status.NOT_FINITE)
-    given, first = [x.T for x in inputs], 0
+    columns, first = [x.T for x in inputs], 0
     for stage in cut.newton:
-        constants, margins = evaluated(stage.prepare, given)
+        constants, margins = evaluated(stage.prepare, columns)
         status = np.where(status == 0, status_codes(stage.margins, [], [margins], None, real.pivot), status)
         live = np.flatnonzero(status == 0)
         z = np.full((rows, stage.size), np.nan, real.dtype)
-        here = constants[:, live]
+        live_constants = constants[:, live]
 
-        def kernel(z: np.ndarray, chosen: np.ndarray, stage: NewtonStage = stage, here: np.ndarray = here):
-            r, jacobian = evaluated(stage.kernel, [z.T, here[:, chosen]])
+        def kernel(z: np.ndarray, chosen: np.ndarray, stage: NewtonStage = stage, fixed: np.ndarray = live_constants):
+            r, jacobian = evaluated(stage.kernel, [z.T, fixed[:, chosen]])
             return r.T.copy(), jacobian.T.reshape(len(z), stage.size, stage.size).copy()
 
         begin = start[live, first : first + stage.size]
         nominal, largest = real.array(stage.nominal), real.array(stage.largest)
         root, verdict = newton(kernel, begin, nominal, largest, real.dtype(stage.least), real.round_off)
         z[live], status[live] = root, verdict
-        given, first = [*given, z.T], first + stage.size
-    results = evaluated(cut.body, given) if cut.loops is None else cut.loops.body.evaluate(given)
+        columns, first = [*columns, z.T], first + stage.size
+    results = evaluated(cut.body, columns) if cut.loops is None else cut.loops.body.evaluate(columns)
     status = np.where(status == 0, status_codes(cut.margins, [], results, None, real.pivot), status)
-    values = np.vstack([*results[:-1], *given[len(inputs) :]]).T.copy()
+    values = np.vstack([*results[:-1], *columns[len(inputs) :]]).T.copy()
     values[status != Status.OK] = np.nan
     return values, status

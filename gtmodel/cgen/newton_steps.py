@@ -1,5 +1,5 @@
-"""gt_newton.h in NumPy, step by step in the same order, and a ca.Function in float, operation by operation: what C
-must equal bit for bit."""
+"""gt_newton.h in NumPy, step by step in the same order, and ca.Function in float, operation by operation. C must give
+the same bits."""
 
 from __future__ import annotations
 
@@ -48,22 +48,22 @@ _LIBM = {
 
 
 def run(f: ca.Function, columns: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """As `compiler.rows.map_columns`, in float: inputs (size, n) -> results (r, n), for outputs of one column or,
-    column below column, of several. Raises GenerationError for an operation that it does not know."""
+    """Evaluate a function in float, as `compiler.rows.map_columns` does in double: inputs (size, n) -> results (r, n).
+    A result with several columns is stacked column by column. Raises GenerationError for an unsupported operation."""
     n = columns[0].shape[1] if columns else 1
     results = [np.zeros((f.numel_out(k), n), FLOAT.dtype) for k in range(f.n_out())]
     work: dict[int, Rows] = {}
     with np.errstate(all="ignore"):
         for k in range(f.n_instructions()):
-            op, given, put = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+            op, inputs, outputs = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
             if op == ca.OP_CONST:
-                work[put[0]] = np.full(n, f.instruction_constant(k), FLOAT.dtype)
+                work[outputs[0]] = np.full(n, f.instruction_constant(k), FLOAT.dtype)
             elif op == ca.OP_INPUT:
-                work[put[0]] = columns[given[0]][given[1]]
+                work[outputs[0]] = columns[inputs[0]][inputs[1]]
             elif op == ca.OP_OUTPUT:
-                results[put[0]][put[1]] = work[given[0]]
+                results[outputs[0]][outputs[1]] = work[inputs[0]]
             else:
-                work[put[0]] = _operation(op)(*[work[i] for i in given])
+                work[outputs[0]] = _operation(op)(*[work[i] for i in inputs])
     return results
 
 
@@ -74,8 +74,8 @@ def _operation(op: int) -> Callable[..., Rows]:
     name = _LIBM.get(op)
     library = ctypes.util.find_library("m")
     if name is None or library is None:
-        what = f"the operation number {op} of CasADi" if name is None else f"{name}f: there is no libm"
-        raise GenerationError(f"this machine cannot evaluate {what} in float; generate double")
+        missing = f"the operation number {op} of CasADi" if name is None else f"{name}f: there is no libm"
+        raise GenerationError(f"this machine cannot evaluate {missing} in float; generate double")
     function = getattr(ctypes.CDLL(library), f"{name}f")
     function.restype = ctypes.c_float
     arguments = 2 if name in ("atan2", "pow") else 1
@@ -87,7 +87,7 @@ def _operation(op: int) -> Callable[..., Rows]:
 STEPS = 4
 REACH = 0.5
 CONTRACTION = 0.25
-NEARLY = 0.999  # of the largest candidate: the first such is the pivot of `pivot_order`, whatever the round-off
+NEARLY = 0.999  # of the largest candidate: `pivot_order` takes the first candidate above it, independent of round-off
 
 Kernel = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -95,10 +95,10 @@ Kernel = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 def newton(
     kernel: Kernel, z: np.ndarray, nominal: np.ndarray, largest: np.ndarray, least: float, round_off: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Solutions (rows, n) and statuses (rows,) from the starts z.
+    """Return solutions (rows, n) and statuses (rows,) from the starts z, in the precision of z.
 
-    kernel: (z of some rows, their numbers) -> residuals (m, n), Jacobians (m, n, n); the rest as in gt_newton.h. All
-    is done in the precision of z.
+    kernel: (z of some rows, indices of these rows) -> residuals (m, n), Jacobians (m, n, n); the other arguments as in
+    gt_newton.h.
     """
     z, rows = z.copy(), np.arange(len(z))
     status = np.full(len(z), Status.OK, dtype=int)
@@ -108,7 +108,7 @@ def newton(
             r, jacobian = kernel(z[rows], rows)
             _, step, _, regular = eliminate(jacobian, r, least)
             rows, step = _keep(status, rows, regular, Status.SINGULAR, step)
-            size = np.max(np.abs(step) * nominal, axis=1, initial=0.0)  # NaN where any part is
+            size = np.max(np.abs(step) * nominal, axis=1, initial=0.0)  # NaN if any part is NaN
             rows, step, size = _keep(status, rows, size <= most[rows], Status.NOT_CONVERGED, step, size)
             z[rows] -= step
             most[rows] = np.maximum(CONTRACTION * size, z.dtype.type(round_off))
@@ -121,9 +121,9 @@ def newton(
 def eliminate(
     jacobian: np.ndarray, r: np.ndarray, least: float, skipping: bool = True
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """LU with partial pivoting of many systems J x = r, overwritten: factors (m, n, n), x (m, n), smallest pivots
-    (m,), and whether every pivot is above `least` (m,). A row of the matrix with a factor of zero stays as it is, and
-    with `skipping` its right-hand side too: beside infinite numbers that is not the same."""
+    """Solve many systems J x = r in place by LU with partial pivoting: factors (m, n, n), x (m, n), smallest pivots
+    (m,), and whether every pivot is above `least` (m,). A row with a factor of zero is not changed, and with `skipping`
+    its right-hand side neither; that differs only beside infinite numbers."""
     m, n = r.shape
     every = np.arange(m)
     smallest = np.full(m, np.finfo(r.dtype).max)
@@ -156,7 +156,7 @@ def eliminate(
 
 
 def pivot_order(matrix: np.ndarray) -> list[int]:
-    """The rows in the order in which partial pivoting takes them, so that those near it are seldom exchanged."""
+    """Return the rows in the order of partial pivoting, so that nearby matrices rarely need an exchange of rows."""
     rest, order = np.array(matrix), list(range(len(matrix)))
     for k in range(len(order)):
         size = np.abs(rest[k:, k])
@@ -171,6 +171,6 @@ def pivot_order(matrix: np.ndarray) -> list[int]:
 def _keep(
     status: np.ndarray, rows: np.ndarray, good: np.ndarray, otherwise: Status, *arrays: np.ndarray
 ) -> tuple[np.ndarray, ...]:
-    """Rows that go on, with their part of the arrays; the others get their status."""
+    """Return the good rows with their parts of the arrays; set the status of the other rows."""
     status[rows[~good]] = otherwise
     return (rows[good], *[a[good] for a in arrays])

@@ -1,7 +1,7 @@
-"""The body of a large function with its dense linear systems left open, and the numbers of repeated parts as inputs.
+"""The body of a large function with unsolved dense linear systems, and with the numbers of repeated parts as inputs.
 
-In this form the six links of a robot are six times the same operations on other numbers, so that `loops` can write them
-once; C and Python solve the systems by the same elimination, instead of by one that is written out.
+In this form the six links of a robot are the same operations on six sets of numbers, so that `loops` can write them
+once. C and Python solve the systems by the same elimination in loops instead of a written-out one.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ..compiler.plan import CausalPlan, make_plan
 from ..compiler.rows import map_columns
 from .newton_steps import eliminate, pivot_order
 
-FEWEST = 3  # equal parts that are worth a loop
+FEWEST = 3  # least number of equal parts for a loop
 _ELEMENT = re.compile(r"(\w+)\[(\d+)((?:,\d+)*)\]$|(\w+)\[(\d+)\]\.(.+)$")
 _PART = re.compile(r"(\w+)\[(\d+)\]\.")
 
@@ -31,13 +31,13 @@ class OpenBody:
     """`function`: (inputs..., unknowns of Newton blocks..., solution of each system..., numbers of the parts) ->
     (targets..., margins, matrix of each system by rows..., right-hand side of each system...).
 
-    given, targets: how many of them; sizes: of each system; shared: the first system with the same matrix; lanes: of
-    each number of the parts what it is and of which part; values: these numbers; margins: of the function, then of
-    each different matrix its smallest pivot.
+    arguments, targets: numbers of inputs with Newton's unknowns, and of targets. sizes: of each system. shared: the
+    first system with the same matrix. lanes: name and part of each number of the parts. values: these numbers.
+    margins: those of the function, then the smallest pivot of each different matrix.
     """
 
     function: ca.Function
-    given: int
+    arguments: int
     targets: int
     sizes: tuple[int, ...]
     shared: tuple[int, ...]
@@ -52,11 +52,11 @@ class OpenBody:
 
     @property
     def outputs(self) -> list[int]:
-        """How many numbers each target has, and how many margins there are."""
+        """Size of each target, and number of margins."""
         return [*[self.function.numel_out(k) for k in range(self.targets)], len(self.margins)]
 
     def evaluate(self, columns: Sequence[np.ndarray]) -> list[np.ndarray]:
-        """Targets and margins as columns, of inputs and Newton's unknowns as columns, as C computes them."""
+        """Return targets and margins as columns, from inputs and Newton's unknowns as columns, as C computes them."""
         n, first = columns[0].shape[1], self.targets + 1
         solutions = [np.full((size, n), np.nan) for size in self.sizes]
         numbers = np.repeat(np.array(self.values)[:, None], n, axis=1)
@@ -73,10 +73,10 @@ class OpenBody:
 
 
 def part_numbers(flat: FlatModel) -> dict[int, tuple[str, int]]:
-    """By index of a parameter that belongs to one of the most numerous equal parts what it is, and of which part.
+    """Return (name, part) by index of each parameter of the most numerous equal parts.
 
-    They are elements of an array of the parts, or of an array of the model with a row for each part. A number that is
-    the same for all parts is left out.
+    The parameters are elements of an array of parts, or of an array of the model with a row for each part. A parameter
+    with the same value in all parts is not included.
     """
     counts: dict[str, int] = {}
     for v in flat.variables:
@@ -100,8 +100,8 @@ def part_numbers(flat: FlatModel) -> dict[int, tuple[str, int]]:
 
 
 def open_body(f: CausalFunction, symbol: str) -> OpenBody | None:
-    """The body for the C name `symbol`, or None where the model has no equal parts or is solved in another way with
-    their numbers as symbols."""
+    """Return the body for the C name `symbol`; None if the model has no equal parts, or if it is solved differently
+    when the numbers of the parts are symbols."""
     flat, lanes = f.flat, part_numbers(f.flat)
     if not lanes or f.plan.numbers is not None:  # numbers of parts may be inputs
         return None
@@ -122,31 +122,31 @@ def open_body(f: CausalFunction, symbol: str) -> OpenBody | None:
     inside = {id(m) for b in solved for m in b.margins}
     margins = [m for m in plan.margins if id(m) not in inside]
     targets = [ca.vertcat(*[plan.symbol(*p) for p in s.pairs]) for s in f.outputs]
-    wanted = [
+    expressions = [
         *targets,
         ca.vertcat(*[m.expression for m in margins]) if margins else ca.SX(0, 1),
         *[core.matrix.T for core in cores],
         *[core.right for core in cores],
     ]
-    results = ca.cse([ca.vec(ca.densify(e)) for e in express(plan, wanted, replaced)])
+    results = ca.cse([ca.vec(ca.densify(e)) for e in express(plan, expressions, replaced)])
     signals = [s.pairs for s in f.inputs]
-    given = [ca.vertcat(*[flat.scope.symbol(*p) for p in s]) for s in signals]
-    given += [flat.scope.time] if plan.uses_time else []
-    given += [ca.vertcat(*b.unknowns) for b in plan.newton]
+    arguments = [ca.vertcat(*[flat.scope.symbol(*p) for p in s]) for s in signals]
+    arguments += [flat.scope.time] if plan.uses_time else []
+    arguments += [ca.vertcat(*b.unknowns) for b in plan.newton]
     parts = ca.vertcat(*[flat.parameters[index].symbol for index in lanes])
     values = tuple(flat.parameters[index].value for index in lanes)
     sizes = [len(core.unknowns) for core in cores]
     first = len(targets) + 1
 
-    def made(results: list[ca.SX]) -> ca.Function:
-        return ca.Function(f"{symbol}_body", [*given, *solutions, parts], results)
+    def as_function(results: list[ca.SX]) -> ca.Function:
+        return ca.Function(f"{symbol}_body", [*arguments, *solutions, parts], results)
 
-    # rows in the order in which partial pivoting takes them at home, system after system
-    at = [_home(plan, ca.vertsplit(column)) for column in given]
+    # rows in the order of partial pivoting at home, system after system
+    home_values = [_home(plan, ca.vertsplit(column)) for column in arguments]
     solution = [np.zeros(size) for size in sizes]
     pivots, matrices = [], list[str]()
     for k, size in enumerate(sizes):
-        numeric = made(results).call([*map(ca.DM, at), *map(ca.DM, solution), ca.DM(values)])
+        numeric = as_function(results).call([*map(ca.DM, home_values), *map(ca.DM, solution), ca.DM(values)])
         a = np.array(numeric[first + k].full()).reshape(size, size)
         b = np.array(numeric[first + len(sizes) + k].full()).ravel()
         order = pivot_order(a)
@@ -161,10 +161,11 @@ def open_body(f: CausalFunction, symbol: str) -> OpenBody | None:
         matrices.append(" ".join(str(e.element_hash()) for e in ca.vertsplit(results[first + k])))
     shared = tuple(matrices.index(m) for m in matrices)
     labels = [b.margins[0].label.rpartition(" (")[0] for b in solved]
-    own = [Margin("pivot", ca.SX.sym(f"pivot{k}"), labels[k], pivots[k]) for k in range(len(sizes)) if shared[k] == k]
+    different = [k for k in range(len(sizes)) if shared[k] == k]
+    pivot_margins = [Margin("pivot", ca.SX.sym(f"pivot{k}"), labels[k], pivots[k]) for k in different]
     return OpenBody(
-        made(results), len(given), len(targets), tuple(sizes), shared, tuple(lanes.values()), values,
-        (*margins, *own),
+        as_function(results), len(arguments), len(targets), tuple(sizes), shared, tuple(lanes.values()), values,
+        (*margins, *pivot_margins),
     )  # fmt: skip
 
 
@@ -173,7 +174,8 @@ def _unknowns(plan: CausalPlan) -> list[list[int]]:
 
 
 def _home(plan: CausalPlan, symbols: Sequence[ca.SX]) -> list[float]:
-    """Values of chain symbols at the home pose, the time at the beginning."""
-    known = {pair: n for n, pair in enumerate(plan.pairs)}
+    """Return the values of chain symbols at the home pose, and the start time."""
+    positions = {pair: n for n, pair in enumerate(plan.pairs)}
     owners = [plan.flat.scope.owner(s) for s in symbols]
-    return [float(plan.samples[0][known[p]]) if p in known else plan.sampler.time if p is None else 0.0 for p in owners]
+    home = plan.samples[0]
+    return [float(home[positions[p]]) if p in positions else plan.sampler.time if p is None else 0.0 for p in owners]

@@ -14,21 +14,21 @@ from .newton_stages import evaluate_stages, samples_of
 from .newton_steps import run
 from .real import DOUBLE
 
-# each row leaves a consistent point by its own fraction of the inputs' typical sizes, drawn evenly in the
-# logarithm: most rows stay where solutions exist, a fair share leaves the range
+# distance of a row from a consistent point in typical sizes of the inputs, log-uniform: most rows have a solution, many
+# are out of range
 NEAREST, FARTHEST = 0.01, 6.0
 LONGEST_TIME_S = 10.0
 STEPS_TO_CONDITIONS = 20
-# what stands in outputs of double before a call, and after one that fails
+# value of outputs in double before a call, kept by a call that fails
 HELD = DOUBLE.held
 
 
 def draw(face: Interface, rows: int, seed: int, farthest: float = FARTHEST) -> np.ndarray:
-    """Random inputs, (rows, inputs): all signals side by side, in the order of the function's arguments; behind them
-    the state that a function with Newton blocks starts from, the solution at the consistent point a row is near.
+    """Return random inputs (rows, inputs): all signals side by side in the order of the function's arguments, then, for
+    a function with Newton blocks, the state: the solution at the nearby consistent point.
 
-    A row lies up to `farthest` typical sizes from its consistent point; half of them satisfy the conditions on known
-    values, such as that a quaternion has unit length.
+    The standard deviation of the distance is up to `farthest` typical sizes. Half of the rows satisfy the conditions on
+    known values, for example the unit length of a quaternion.
     """
     function, rng = face.function, np.random.default_rng(seed)
     plan = function.plan
@@ -58,8 +58,8 @@ def satisfying(
     low: np.ndarray | float = -np.inf,
     high: np.ndarray | float = np.inf,
 ) -> np.ndarray:
-    """Rows of inputs moved onto the conditions on known values and on their rates by Gauss-Newton, as little as it
-    takes; within `low` and `high` where these meet the conditions."""
+    """Move rows of inputs by Gauss-Newton, as little as possible, onto the conditions on known values and their rates;
+    within `low` and `high` if that is possible."""
     if not function.plan.on_known:
         return values
     flat = function.flat
@@ -81,8 +81,8 @@ def satisfying(
 
 
 def awkward(face: Interface) -> np.ndarray:
-    """Inputs that are singular, overflow or are denormal, (rows, inputs): all at once, then one at a time. The state
-    is one of them."""
+    """Return inputs (rows, inputs) with singular, overflowing or denormal values: in all inputs, then in one at a time.
+    The state counts as an input."""
     point = draw(face, 1, seed=0)[0]
     values = face.real.array(face.real.awkward)
     rows = np.tile(point, (point.size, len(values), 1))
@@ -92,17 +92,17 @@ def awkward(face: Interface) -> np.ndarray:
 
 
 def evaluate(face: Interface, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Outputs (rows, outputs), NaN without a solution, and status codes (rows,) of the function in Python.
+    """Return outputs (rows, outputs), NaN without a solution, and status codes (rows,) of the function in Python.
 
-    Behind the outputs stands the new state of a function with Newton blocks; these run step by step as in C. A
-    function in float is evaluated in float, operation by operation.
+    For a function with Newton blocks, which run step by step as in C, the new state follows the outputs. A function in
+    float is evaluated in float, operation by operation.
     """
     function = face.function
     if face.stages is None and not face.inputs:
         *results, status = function()
         row = np.concatenate([np.ravel(r) for r in results])
         return np.tile(face.real.array(row), (len(values), 1)), np.full(len(values), int(status))
-    arguments = [values[:, at] for at, _ in places(face.inputs)]
+    arguments = [values[:, span] for span, _ in places(face.inputs)]
     if face.stages is not None:
         return evaluate_stages(face.stages, arguments, values[:, face.input_size :], face.sizes, face.real)
     if face.real is not DOUBLE:

@@ -18,34 +18,34 @@ from .wrapper import elements
 _README = """\
 # gt_{name}
 
-C99 functions that gtmodel made from the equations of a model. No memory is allocated, no state is held, nothing
-but libm is called.
+C99 functions that gtmodel made from the equations of a model. They allocate no memory and keep nothing between calls
+except in the `_state` structs that you own. They call only libm, and memcpy and memset if the compiler inserts them.
 
 {functions}
 
 ## Compile
 
     cc *.c -lm && ./a.out        # runs the self-test
-    make check                   # the same with warnings, and libgt_{name}.a
+    make check                   # the same with warnings, and builds libgt_{name}.a
 
 In a project, compile every `.c` file of this folder with your own and include `gt_{name}.h`. The `main` in
 `gt_{name}_main.c` is weak and yields to yours; with a compiler that has no weak symbols define `GT_NO_MAIN`.
 
-- Compile with `-ffp-contract=off`: then every result equals Python's bit for bit, and the self-test says `==`.
-- Never compile with `-ffast-math` or `-Ofast`: they remove the tests for NaN. The headers refuse them.
-- The numbers from sin, cos, tanh and the like come from your libm and may differ in the last bit.
+- Compile with `-ffp-contract=off`: then every result equals Python's bit for bit. The self-test compares with `==`.
+- Never compile with `-ffast-math` or `-Ofast`: they remove the tests for NaN. With them the headers stop with `#error`.
+- sin, cos, tanh and the like come from your libm, whose results may differ in the last bit.
 
 ## Call
 
-{call}Members are in SI units and end in their unit; `gt_{name}.h` describes each. \
-Outputs are written only with `GT_OK`;
-with every other status they keep what they held.
+{call}Members are in SI units and named with their unit; `gt_{name}.h` describes each. \
+Outputs are written only with
+`GT_OK`; with every other status they keep their values.
 
 | status | code | meaning |
 |---|---|---|
 {statuses}
 
-Compare the status with `GT_OK` before using a value. Functions may be called from several threads at once.
+Compare the status with `GT_OK` before using a value. Several threads may call functions at once, on different structs.
 {newton}
 {numbers}
 
@@ -54,12 +54,12 @@ Compare the status with `GT_OK` before using a value. Functions may be called fr
 {contract}
 ## Files
 
-`gt_{name}.h` what you include · `gt_{name}.c` guards · `gt_{name}_body.c` equations · `gt_{name}_selftest.c` stored
-results · `gt_{name}_main.c` runs them · `gt_float.h`, `gt_guard.h`, `gt_compare.h`, `gt_status.h` shared by all
-generated folders · `manifest.json` functions, units, box, operations, parameters and hashes · `costs.json` bytes, stack
-and instructions on the machine where `--check` last ran.
+`gt_{name}.h` the header that you include · `gt_{name}.c` guards · `gt_{name}_body.c` equations ·
+`gt_{name}_selftest.c` stored results · `gt_{name}_main.c` runs the self-test · `gt_float.h`, `gt_guard.h`,
+`gt_compare.h`, `gt_status.h` shared by all generated folders · `manifest.json` functions, units, box, operations,
+parameters and hashes · `costs.json` bytes, stack and instructions on the machine where `--check` last ran.
 
-Do not edit: change the model and generate again. `gtmodel codegen PROBLEM.toml -o DIR --check`
+Do not edit these files: change the model and generate the folder again. `gtmodel codegen PROBLEM.toml -o DIR --check`
 compares with Python.
 """
 
@@ -89,7 +89,7 @@ int main(void)
 """
 
 _STEP = """\
-A step function computes once in a cycle, here every {period} s, from inputs and from what it remembers.
+A step function is called once in a cycle, here every {period} s, and computes from its inputs and its state.
 
 ```c
 #include <stdio.h>
@@ -121,23 +121,25 @@ int main(void)
 """
 
 _NEWTON = """
-A function without a closed form takes a `_state` too: its last solution, from which Newton goes four steps. It follows
-the robot from cycle to cycle; `_start` puts it to the home pose, and for a robot that stands elsewhere you write the
-pose into it or lead the inputs there in small steps. `GT_NOT_CONVERGED` says that the inputs went too far in one call,
-`GT_WRONG_BRANCH` that Newton arrived, but at another assembly than that of the home pose: the state was foreign, or the
-inputs jumped towards their mirror image. The state stays in both cases; if it is foreign itself, go on from a state of
-this assembly, as `_start` gives it, and lead the inputs in small steps. The header names the branches that tell. One
-state per caller; two states never meet. `state.marks` tells how near the limits a call was.
+A function without a closed form also takes a `_state`: its last solution, from which Newton's method makes four steps.
+The state follows the robot from cycle to cycle. `_start` sets it to the home pose. For a robot in another pose, write
+that pose into the state, or move the inputs there in small steps. `GT_NOT_CONVERGED`: the inputs moved too far in one
+call, or a residual stayed above its limit. `GT_WRONG_BRANCH`: Newton's method found a solution in another assembly mode
+than that of the home pose, because the state was in that mode or the inputs jumped towards their mirror image. The
+solution in the state is kept in both cases. If the state itself is in another assembly mode, continue from a state of
+the right one, such as that of `_start`, and move the inputs in small steps. The header names the branches that
+distinguish the modes. Each caller needs its own state. `state.marks` holds how near its limits a call was, even one
+that failed.
 """
 
 _LIMITS = (
-    "Below {pivot:g} of its typical size a pivot means singular and a branch is left, and a Newton solution is ok with "
-    "residuals up to {residual:g} of what one nominal of each unknown would make of them."
+    "A pivot below {pivot:g} of its typical size means that the equations are singular; a branch is left below the "
+    "same limit. Residuals of a Newton solution are at most {residual:g} of what one nominal of each unknown gives."
 )
 _NUMBERS = {
     "double": f"Numbers are double. {_LIMITS}",
-    "float": "Numbers are float, within 1e-5 of the range of double inside the box of manifest.json, or without "
-    f"one near the home pose. {_LIMITS}",
+    "float": "Numbers are float. Inside the box of manifest.json, or near consistent poses without a box, they "
+    f"differ from double by at most 1e-5 of the signal's range. {_LIMITS}",
 }
 _EXAMPLE = re.compile(r"(?<=```c\n).*?(?=```)", re.S)
 
@@ -214,8 +216,8 @@ def _step_line(face: StepFace) -> str:
 
 
 def _line(face: Interface) -> str:
-    results, given = (", ".join(m.signal for m in side) or "nothing" for side in (face.outputs, face.inputs))
-    return f"- `{face.symbol}`: {results} from {given}"
+    outputs, inputs = (", ".join(m.signal for m in side) or "nothing" for side in (face.outputs, face.inputs))
+    return f"- `{face.symbol}`: {outputs} from {inputs}"
 
 
 def _fill(face: Interface) -> list[str]:

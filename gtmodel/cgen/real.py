@@ -1,5 +1,4 @@
-"""The numbers that generated C computes with, double or float, C in double as C in float, and text that is safe
-inside C."""
+"""Number types of generated C, double or float; conversion of C in double to C in float; text that is safe inside C."""
 
 from __future__ import annotations
 
@@ -20,17 +19,17 @@ WIDTH = 110
 
 
 class GenerationError(ArgumentError):
-    """Code that cannot be generated, written or compared; the message is one plain sentence."""
+    """Raised if code cannot be generated, written or compared; the message is one plain sentence."""
 
 
 def comment_safe(text: str) -> str:
-    """One line of ASCII that cannot end a comment or continue a line."""
+    """Return the text as one line of ASCII that cannot end a comment or continue a line."""
     line = " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *").replace("??/", "?? /")
     return line.encode("ascii", "backslashreplace").decode("ascii").rstrip("\\")
 
 
 def comment(lines: list[str], indent: str = "") -> str:
-    """A block comment of wrapped paragraphs; an empty paragraph is an empty line."""
+    """Return a block comment of wrapped paragraphs; an empty paragraph is an empty line."""
     width = WIDTH - len(indent) - 3
     wrapped: list[str] = []
     for line in lines:
@@ -45,7 +44,7 @@ def comment(lines: list[str], indent: str = "") -> str:
 
 
 def hexadecimal(value: float) -> str:
-    """A double as a C constant with all its bits; NAN and INFINITY by their names in math.h."""
+    """Return a double as a C constant with all its bits; NAN and INFINITY by their names in math.h."""
     if value != value:
         return "NAN"
     if value in (float("inf"), float("-inf")):
@@ -54,17 +53,16 @@ def hexadecimal(value: float) -> str:
 
 
 def decimal(value: float) -> str:
-    """A double as the shortest decimal constant that reads back as the same double."""
+    """Return a double as the shortest decimal constant that reads back as the same double."""
     return repr(float(value))
 
 
 @dataclass(frozen=True)
 class Real:
-    """One kind of number. `name` in C; `dtype` and `bits` in NumPy; `pivot` below which part of its typical size a
-    pivot means singular; `residual`: largest one of an answer of Newton's method, over what one nominal of each
-    unknown would make of it; `round_off`: Newton steps below it, in nominals, need not shrink; `held`: what stands in
-    outputs before a test; `awkward`: inputs that are singular, denormal or overflow when squared; `precision`: by which
-    inputs are too large."""
+    """A number type. name: in C. dtype, bits: in NumPy. pivot: least pivot, as a fraction of its typical size.
+    residual: largest residual of a Newton solution, as a fraction of what one nominal of each unknown gives.
+    round_off: Newton steps below it, in nominals, need not shrink. held: value of outputs before a test.
+    awkward: inputs that are singular, denormal or overflow when squared. precision: sets the limits of the inputs."""
 
     name: str
     dtype: Any
@@ -77,36 +75,36 @@ class Real:
     precision: Precision
 
     def array(self, values: Any) -> np.ndarray:
-        """The values rounded to these numbers; beyond their range they are infinite."""
+        """Return the values rounded to this type; infinite beyond its range."""
         with np.errstate(over="ignore"):
             return np.asarray(values, dtype=self.dtype)
 
 
-# residual: far above round-off of equations on squared lengths (1e-15), far below what a measurement of a robot sees
+# residual: far above round-off of equations on squared lengths (1e-15), far below the errors of robot measurements
 DOUBLE = Real(
     "double", np.float64, np.int64, PIVOT_TOLERANCE, 1e-11, 1e-10, -1.25e300, (0.0, 5e-324, -1e-310, 1e160, -1e300),
     DOUBLE_PRECISION,
 )  # fmt: skip
-# float has 6e-8 of round-off: a pivot of a hundredth leaves 6e-6, some tens of round-offs are a residual, and a
-# thousandth is a millimetre of a metre
+# float has a round-off of 6e-8: divided by a pivot of 1e-2 it is 6e-6, a residual of 1e-6 is some tens of round-offs,
+# and 1e-3 of a metre is a millimetre
 FLOAT = Real(
     "float", np.float32, np.int32, 1e-2, 1e-6, 1e-5, -1.25e30, (0.0, 1e-45, -1e-40, 1e25, -1e38),
     Precision(2.0**-24, 1e-3, 2.0**40),
 )  # fmt: skip
 
-# how far a float may be from the double of the same function, over the range of its signal
+# largest difference of float from double for the same function, as a fraction of the range of the signal
 FLOAT_TOLERANCE = 1e-5
 
 
 def real_of(name: str) -> Real:
-    """DOUBLE or FLOAT by its name in C. Raises GenerationError for another one."""
+    """Return DOUBLE or FLOAT by its name in C. Raises GenerationError for another name."""
     for real in (DOUBLE, FLOAT):
         if real.name == name:
             return real
     raise GenerationError(f"'{name}' is no kind of number for generated code; give 'double' or 'float'")
 
 
-# shared names that speak of numbers get the f that libm gives to its functions in float: a project may hold both
+# shared names that involve numbers get the suffix f, as in libm, so that a project may hold both types
 _NAMES = """
     gt_all_equal gt_all_finite gt_copy gt_filter gt_filter_advance gt_filter_along gt_filter_begin gt_filter_belief
     gt_filter_correct gt_filter_cycle gt_filter_fill gt_filter_gated gt_filter_instant gt_filter_judge
@@ -141,12 +139,12 @@ _TOKEN = re.compile(
 
 
 def file_name(name: str) -> str:
-    """Name of a shared header in float; other names stay."""
+    """Return the name of a shared header in float; other names are unchanged."""
     return f"{name[:-2]}f.h" if name in HEADERS else name
 
 
 def single(text: str) -> str:
-    """The text of a C file in float. Comments, strings and messages stay.
+    """Return the text of a C file in float. Comments, strings and messages are unchanged.
 
     Raises GenerationError for a constant that float cannot hold.
     """
@@ -164,5 +162,5 @@ def _in_float(token: re.Match[str]) -> str:
     value = float(FLOAT.array(exact))
     if math.isinf(value) or (value == 0.0) != (exact == 0.0):
         raise GenerationError(f"the constant {token[0]} is beyond the range of float; generate double")
-    # written as the float that it is: a compiler may round seventeen decimals the other way
+    # written as the rounded float: a compiler may round seventeen decimals differently
     return (value.hex() if token["hexadecimal"] else str(np.float32(value))) + "f"

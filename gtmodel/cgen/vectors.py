@@ -1,5 +1,5 @@
-"""gt_<name>_selftest.c: inputs, statuses and outputs as Python computed them, of whole functions, of the parts of
-their bodies and of runs of step functions."""
+"""gt_<name>_selftest.c: inputs, statuses and outputs computed by Python, for whole functions, for their single bodies
+and for runs of step functions."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from .real import DOUBLE, comment, hexadecimal
 from .steps.function import StepFace, StepMember, dtype_of
 from .wrapper import elements, scratch
 
-ROWS = 3  # inputs with a solution of each function
+ROWS = 3  # inputs with a solution, for the bodies of each function
 
 
 def part_vectors(face: Interface, inputs: np.ndarray, outputs: np.ndarray) -> list[tuple[list[np.ndarray], np.ndarray]]:
-    """Arguments and results (rows, m) of each body at inputs that have a solution; Newton's bodies at the solution."""
+    """Return arguments and results (rows, m) of each body at inputs with a solution; Newton kernels at the solution."""
     evaluated = map_columns if face.real is DOUBLE else run
-    known = [inputs[:, at].T for at, _ in places(face.inputs)]
+    columns = [inputs[:, span].T for span, _ in places(face.inputs)]
     first, vectors = face.output_size, []
     functions = iter(casadi_functions(face))
     for stage in face.newton:
         z = outputs[:, first : first + stage.size].T
-        prepared = evaluated(next(functions), known)
-        seen = evaluated(next(functions), [z, prepared[0]])
-        vectors += [_rows(known, prepared), _rows([z, prepared[0]], seen)]
+        prepared = evaluated(next(functions), columns)
+        kernel_results = evaluated(next(functions), [z, prepared[0]])
+        vectors += [_rows(columns, prepared), _rows([z, prepared[0]], kernel_results)]
         first += stage.size
-        known = [*known, z]
-    results = evaluated(next(functions), known) if face.loops is None else face.loops.body.evaluate(known)
-    vectors.append(_rows(known, results))
+        columns = [*columns, z]
+    results = evaluated(next(functions), columns) if face.loops is None else face.loops.body.evaluate(columns)
+    vectors.append(_rows(columns, results))
     return vectors
 
 
@@ -43,7 +43,7 @@ def _rows(arguments: list[np.ndarray], results: list[np.ndarray]) -> tuple[list[
 
 
 def part_comparisons(face: Interface, inputs: np.ndarray, outputs: np.ndarray) -> tuple[str, list[str]]:
-    """Text of a static function for each body, with its tables, and the functions' names."""
+    """Return the text of a static test function for each body, with its tables, and the functions' names."""
     text, names = "", []
     sizes_of = [[g.numel_out(k) for k in range(g.n_out())] for g in casadi_functions(face)]
     sizes_of += [face.loops.body.outputs] if face.loops is not None else []
@@ -57,17 +57,17 @@ def part_comparisons(face: Interface, inputs: np.ndarray, outputs: np.ndarray) -
 
 def _part_comparison(symbol: str, name: str, arguments: list[np.ndarray], results: np.ndarray, sizes: list[int]) -> str:
     rows, width = results.shape
-    given = np.column_stack([*arguments, *([] if any(a.shape[1] for a in arguments) else [np.zeros(rows)])])
-    places = np.cumsum([0, *[a.shape[1] for a in arguments]])[:-1].tolist()
+    stacked = np.column_stack([*arguments, *([] if any(a.shape[1] for a in arguments) else [np.zeros(rows)])])
+    offsets = np.cumsum([0, *[a.shape[1] for a in arguments]])[:-1].tolist()
     lines = [
-        table(f"{name}_given[{rows}][{given.shape[1]}]", [list(map(hexadecimal, r)) for r in given.tolist()]),
+        table(f"{name}_given[{rows}][{stacked.shape[1]}]", [list(map(hexadecimal, r)) for r in stacked.tolist()]),
         table(f"{name}_found[{rows}][{width}]", [list(map(hexadecimal, r)) for r in results.tolist()]),
         f"static int {name}_differences(double *worst)\n{{\n",
         *scratch(symbol),
         f"    double y[{width}];\n    int failures = 0;\n    int row;\n\n",
         f"    for (row = 0; row < {rows}; row++) {{\n",
-        *[f"        arg[{k}] = &{name}_given[row][{place}];\n" for k, place in enumerate(places)],
-        *[f"        res[{k}] = &y[{place}];\n" for k, place in enumerate(np.cumsum([0, *sizes])[:-1]) if sizes[k]],
+        *[f"        arg[{k}] = &{name}_given[row][{offset}];\n" for k, offset in enumerate(offsets)],
+        *[f"        res[{k}] = &y[{offset}];\n" for k, offset in enumerate(np.cumsum([0, *sizes])[:-1]) if sizes[k]],
         *[f"        res[{k}] = y;\n" for k, size in enumerate(sizes) if not size],
         f"        (void){symbol}(arg, res, iw, w, 0);\n",
         f"        failures += (gt_all_equal(y, {name}_found[row], {width}, worst) != 0) ? 0 : 1;\n    }}\n",
@@ -77,7 +77,7 @@ def _part_comparison(symbol: str, name: str, arguments: list[np.ndarray], result
 
 
 def table(declarator: str, rows: list[list[str]]) -> str:
-    """A constant array of rows of numbers."""
+    """Return the text of a constant array of rows of numbers."""
     lines = ",\n".join("    {" + ", ".join(row) + "}" for row in rows)
     return f"static const double {declarator} = {{\n{lines}\n}};\n\n"
 
@@ -87,16 +87,17 @@ SEED = 0
 
 
 def selftest_run(face: StepFace, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Outputs (rows,), zero where none were written yet, statuses (rows,) and the last state, from the declared start.
+    """Run the twin from the declared start. Returns outputs (rows,), zero until first written, statuses (rows,) and the
+    last state.
 
-    Raises ValueError where the declared start is refused.
+    Raises ValueError if `init` returns an error for the declared start.
     """
     f = face.function
     start, state = face.started()
     twin = f.twin(face.real)
     status = twin.init(state, start)
     if status != Status.OK:
-        raise ValueError(f"the declared start is refused: {status.message}")
+        raise ValueError(f"the declared start cannot be used: {status.message}")
     rows = np.zeros(len(inputs), dtype_of(f.outputs, face.real))
     codes = np.zeros(len(inputs), int)
     out = np.zeros((), dtype_of(f.outputs, face.real))
@@ -107,14 +108,15 @@ def selftest_run(face: StepFace, inputs: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def step_test(face: StepFace) -> tuple[str, str]:
-    """Text of the comparison of a step function, and the name of what returns its failures."""
+    """Return the text of the test of a step function, and the name of the C function that counts its failures."""
     f, key, symbol = face.function, face.key, face.symbol
     inputs = f.examples(STEPS, SEED, face.real)
     outputs, codes, _ = selftest_run(face, inputs)
-    given, flags = _numbers(inputs, f.inputs)
-    wanted, counts = _numbers(outputs, f.outputs)
-    text = table(f"{key}_step_inputs[{STEPS}][{len(given[0])}]", [list(map(hexadecimal, r)) for r in given])
-    text += table(f"{key}_step_outputs[{STEPS}][{len(wanted[0])}]", [list(map(hexadecimal, r)) for r in wanted])
+    input_rows, flags = _numbers(inputs, f.inputs)
+    output_rows, counts = _numbers(outputs, f.outputs)
+    text = table(f"{key}_step_inputs[{STEPS}][{len(input_rows[0])}]", [list(map(hexadecimal, r)) for r in input_rows])
+    wide = len(output_rows[0])
+    text += table(f"{key}_step_outputs[{STEPS}][{wide}]", [list(map(hexadecimal, r)) for r in output_rows])
     if flags[0]:
         text += _integers(f"{key}_step_flags[{STEPS}][{len(flags[0])}]", flags)
     if counts[0]:
@@ -139,7 +141,7 @@ def step_test(face: StepFace) -> tuple[str, str]:
 
 
 def _numbers(rows: np.ndarray, members: Sequence[StepMember]) -> tuple[list, list]:
-    """Rows of all numbers and of all integers."""
+    """Return the rows of all reals and of all integers."""
     reals = [[float(x) for m in members if not m.integer for x in np.ravel(row[m.identifier])] or [0.0] for row in rows]
     return reals, [[int(x) for m in members if m.integer for x in np.ravel(row[m.identifier])] for row in rows]
 
@@ -150,20 +152,20 @@ def _integers(declarator: str, rows: list[list[int]]) -> str:
 
 
 def _places(members: Sequence[StepMember], struct: str, key: str, reals: str, integers: str, fill: bool) -> list[str]:
-    lines, at, of_integers = [], 0, 0
+    lines, column, integer_column = [], 0, 0
     for m in members:
         if m.integer:
             for e in m.elements(struct):
-                stored = f"{key}_step_{integers}[row][{of_integers}]"
+                stored = f"{key}_step_{integers}[row][{integer_column}]"
                 lines.append(f"        {e} = {stored};\n" if fill else f"        good &= ({e} == {stored}) ? 1 : 0;\n")
-                of_integers += 1
+                integer_column += 1
             continue
-        stored = f"&{key}_step_{reals}[row][{at}]"
+        stored = f"&{key}_step_{reals}[row][{column}]"
         if fill:
             lines.append(f"        gt_copy({m.address(struct)}, {stored}, {m.count});\n")
         else:
             lines.append(f"        good &= gt_all_equal({m.address(struct)}, {stored}, {m.count}, worst);\n")
-        at += m.count
+        column += m.count
     return lines
 
 
@@ -172,7 +174,7 @@ GOOD, BAD = 12, 3  # vectors of each function with GT_OK, and with each other st
 
 
 def vectors(face: Interface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Chosen inputs (rows, n), outputs (rows, m) and statuses (rows,), a NaN and an infinity among them."""
+    """Return chosen inputs (rows, n), with a NaN and an infinity among them, outputs (rows, m) and statuses (rows,)."""
     inputs = np.concatenate([draw(face, CANDIDATES, seed=0), awkward(face)])
     _, status = evaluate(face, inputs)
     chosen: list[int] = []
@@ -188,15 +190,15 @@ def vectors(face: Interface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def selftest(name: str, faces: list[Interface], steps: Sequence[StepFace] = ()) -> str:
-    """Text of the self-test; a vector whose status is not ok proves that the outputs are held."""
+    """Return the text of the self-test; vectors with a status other than OK test that the outputs are held."""
     tests = [_tests(face) for face in faces]
     tests += [(text, [test]) for text, test in map(step_test, steps)]
     calls = "".join(f"    failures += {test}(worst);\n" for _, names in tests for test in names)
     parts = [
-        comment([f"gt_{name}: results of Python with all their bits, and the comparison with them."]),
+        comment([f"gt_{name}: results of Python with all their bits, compared with those of C."]),
         f'#include "gt_{name}.h"\n\n#include "gt_{name}_body.h"\n',
         '#include "gt_compare.h"\n#include "gt_guard.h"\n\n#include <math.h>\n\n',
-        comment(["What stands in the outputs before a call, and after one that fails."]),
+        comment(["Value of the outputs before a call, and after a call that failed."]),
         f"#define GT_HELD ({[*faces, *steps][0].real.held!r})\n\n",
         *[text for text, _ in tests],
         f"static int total(double *worst)\n{{\n    int failures = 0;\n\n{calls}    return failures;\n}}\n\n",
@@ -208,7 +210,7 @@ def selftest(name: str, faces: list[Interface], steps: Sequence[StepFace] = ()) 
 
 
 def _tests(face: Interface) -> tuple[str, list[str]]:
-    """Text of the comparisons of a function and of its bodies, and the names of what returns their failures."""
+    """Return the tests of a function and of its bodies, and the names of the C functions that count failures."""
     inputs, outputs, status = vectors(face)
     good = np.flatnonzero(status == Status.OK)[:ROWS]
     text, names = part_comparisons(face, inputs[good], outputs[good]) if len(good) else ("", [])
@@ -217,20 +219,20 @@ def _tests(face: Interface) -> tuple[str, list[str]]:
 
 
 def _tables(face: Interface, inputs: np.ndarray, outputs: np.ndarray, status: np.ndarray) -> str:
-    held = [
+    output_rows = [
         list(map(hexadecimal, row))
         if s == Status.OK
         else ["GT_HELD"] * face.output_size + list(map(hexadecimal, start[face.input_size :]))
         for row, start, s in zip(outputs.tolist(), inputs.tolist(), status.tolist(), strict=True)
     ]
-    given = [list(map(hexadecimal, row)) for row in inputs.tolist()]
+    input_rows = [list(map(hexadecimal, row)) for row in inputs.tolist()]
     codes = ", ".join(Status(int(s)).c_name for s in status)
     n = len(status)
     home = [[hexadecimal(x) for stage in face.newton for x in face.real.array(stage.home).tolist()]]
     tables = [
         table(f"{face.key}_home[1][{face.state_size}]", home) if face.newton else "",
-        table(f"{face.key}_inputs[{n}][{inputs.shape[1]}]", given) if inputs.shape[1] else "",
-        table(f"{face.key}_outputs[{n}][{outputs.shape[1]}]", held),
+        table(f"{face.key}_inputs[{n}][{inputs.shape[1]}]", input_rows) if inputs.shape[1] else "",
+        table(f"{face.key}_outputs[{n}][{outputs.shape[1]}]", output_rows),
         f"static const gt_status {face.key}_status[{n}] = {{{codes}}};\n\n",
     ]
     return "".join(tables)
@@ -262,13 +264,13 @@ def _comparison(face: Interface) -> str:
 
 def _fill(members: tuple[Member, ...], struct: str, table: str, first: int = 0) -> list[str]:
     return [
-        f"        gt_copy({m.address(struct)}, &{table}[row][{at.start}], {m.size});\n"
-        for at, m in places(members, first)
+        f"        gt_copy({m.address(struct)}, &{table}[row][{span.start}], {m.size});\n"
+        for span, m in places(members, first)
     ]
 
 
 def _compare(members: tuple[Member, ...], struct: str, table: str, first: int = 0, row: str = "row") -> list[str]:
     return [
-        f"        good &= gt_all_equal({m.address(struct)}, &{table}[{row}][{at.start}], {m.size}, worst);\n"
-        for at, m in places(members, first)
+        f"        good &= gt_all_equal({m.address(struct)}, &{table}[{row}][{span.start}], {m.size}, worst);\n"
+        for span, m in places(members, first)
     ]

@@ -1,4 +1,4 @@
-"""gt_<name>.c: each function guarded, so that a caller sees a status and never a guess."""
+"""gt_<name>.c: guards round each body, so that a call returns either a checked result or the reason why not."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .real import GenerationError, comment, decimal
 from .steps.function import StepFace, definitions
 
 _EACH_FINITE = """\
-/* 1 if all numbers at n places of so many numbers are finite. It is asked where a sum of them is not. */
+/* 1 if all numbers of n arrays, with `size` numbers each, are finite. Called only if a sum of them is not finite. */
 static GT_RARE int each_finite(const double *const *place, const int *size, int n)
 {
     int good = 1;
@@ -29,7 +29,7 @@ static GT_RARE int each_finite(const double *const *place, const int *size, int 
 
 
 _NEWTON = """\
-/* Newton's method, once for all functions of this file. */
+/* Newton's method: one copy, shared by all functions of this file. */
 static GT_SHARED gt_status solve(gt_newton_kernel kernel, const double **arg, double **res, long long int *iw,
                                  double *w, int n, const double *nominal, const double *largest, double least,
                                  double *z, gt_newton_marks *marks)
@@ -41,11 +41,11 @@ static GT_SHARED gt_status solve(gt_newton_kernel kernel, const double **arg, do
 
 
 def wrapper(name: str, faces: list[Interface], steps: Sequence[StepFace] = ()) -> str:
-    """Text of the guarded functions.
+    """Return the text of the guarded functions.
 
-    The order of the decisions is that of CausalFunction.status: inputs finite, not too large, margins in their order,
-    outputs finite; the first cause wins. Before a Newton block come the margins that do not wait for it. A closed form
-    is computed first and its margins judged then; one sum asks for all outputs.
+    The checks are in the order of CausalFunction.status: inputs finite, not too large, margins in their order, outputs
+    finite; the first cause wins. Margins that do not depend on a Newton block are checked before the block. A closed
+    form is evaluated first and its margins are checked afterwards. One sum checks all outputs.
     """
     newton = '#include "gt_newton.h"\n' if any(face.newton for face in faces) else ""
     newton += "".join(
@@ -55,7 +55,7 @@ def wrapper(name: str, faces: list[Interface], steps: Sequence[StepFace] = ()) -
         comment([f"gt_{name}: guards round the bodies in gt_{name}_body.c; see gt_{name}.h."]),
         f'#include "gt_{name}.h"\n\n#include "gt_{name}_body.h"\n#include "gt_guard.h"\n{newton}\n',
         "#include <math.h>\n\n",
-        comment(["Below this fraction of its typical size a pivot means singular, and a branch is left."]),
+        comment(["A pivot below this fraction of its typical size is singular; a branch below it is left."]),
         f"#define GT_PIVOT_TOLERANCE ({decimal([*faces, *steps][0].real.pivot)})\n\n",
         _EACH_FINITE if faces else "",
         _NEWTON if any(face.newton for face in faces) else "",
@@ -66,22 +66,22 @@ def wrapper(name: str, faces: list[Interface], steps: Sequence[StepFace] = ()) -
 
 
 def prototype(face: Interface) -> str:
-    """Declaration of the guarded function, without the semicolon."""
+    """Return the declaration of the guarded function, without the semicolon."""
     state = f"{face.symbol}_state *state, " if face.newton else ""
     return f"gt_status {face.symbol}({state}const {face.symbol}_in *in, {face.symbol}_out *out)"
 
 
 def prototype_along(face: Interface) -> str:
-    """Declaration of the function along a sampled reference."""
+    """Return the declaration of the function along a sampled reference, without the semicolon."""
     return f"gt_status {face.symbol}_at(const gt_traj *reference, uint64_t time_ms, {face.symbol}_out *out)"
 
 
 def _along(face: Interface) -> str:
-    """The function at a time of a reference: its row becomes the inputs."""
+    """The function along a reference: the row at a time becomes the inputs."""
     if not face.along:
         return ""
     size = face.input_size
-    fill = [f"    gt_copy({m.address('in.')}, &row[{at.start}], {m.size});\n" for at, m in places(face.inputs)]
+    fill = [f"    gt_copy({m.address('in.')}, &row[{span.start}], {m.size});\n" for span, m in places(face.inputs)]
     return (
         f"{prototype_along(face)}\n{{\n    {face.symbol}_in in;\n    double row[{size}];\n    gt_status status;\n\n"
         + _guard(f"reference->columns == {size}U", Status.OUT_OF_RANGE)
@@ -93,7 +93,7 @@ def _along(face: Interface) -> str:
 
 def _function(face: Interface) -> str:
     margins = face.stages.margins if face.stages else face.function.margins
-    known = [x.address("in->") for x in face.inputs]
+    inputs = [x.address("in->") for x in face.inputs]
     unknowns = [f"z{k}" for k in range(len(face.newton))]
     results = [*[y.address("y.") for y in face.outputs], "margins"]
     blocks = [_block(face, k, stage) for k, stage in enumerate(face.newton)]
@@ -102,17 +102,17 @@ def _function(face: Interface) -> str:
         f"    if (status != {Status.OK.c_name}) {{\n        return status;\n    }}\n"
         for k in range(len(blocks))
     ]
-    gather = [f"    known[{n}] = {address};\n" for n, address in enumerate(known)] if blocks else []
+    gather = [f"    known[{n}] = {address};\n" for n, address in enumerate(inputs)] if blocks else []
     lines = [
         *blocks,
-        _size_check(face.body, face.symbol, len(known) + len(blocks), len(results)),
+        _size_check(face.body, face.symbol, len(inputs) + len(blocks), len(results)),
         f"{prototype(face)}\n{{\n",
         f"    {face.symbol}_out y;\n",
         f"    double margins[{max(1, len(margins))}];\n",
         "    double total;\n" if face.inputs else "",
         *scratch(face.body),
         *[f"    double {z}[{stage.size}];\n" for z, stage in zip(unknowns, face.newton, strict=True)],
-        *([f"    const double *known[{max(1, len(known))}];\n    gt_status status;\n"] if blocks else []),
+        *([f"    const double *known[{max(1, len(inputs))}];\n    gt_status status;\n"] if blocks else []),
         "\n",
         "" if face.inputs else "    (void)in;\n",
         _sizes(face),
@@ -120,9 +120,9 @@ def _function(face: Interface) -> str:
         *gather,
         *_copies(face, into_state=False),
         *solve,
-        *[f"    arg[{n}] = {address};\n" for n, address in enumerate([*known, *unknowns])],
+        *[f"    arg[{n}] = {address};\n" for n, address in enumerate([*inputs, *unknowns])],
         *[f"    res[{n}] = {address};\n" for n, address in enumerate(results)],
-        f"    (void){face.body}(arg, res, iw, w, 0); /* it returns 0 whatever happens */\n",
+        f"    (void){face.body}(arg, res, iw, w, 0); /* always returns 0 */\n",
         *[_margin(n, margins[n]) for n in _distinct(face)],
         _finite(face.outputs, "y."),
         *_copies(face, into_state=True),
@@ -132,7 +132,7 @@ def _function(face: Interface) -> str:
 
 
 def _start(face: Interface) -> str:
-    """The function that puts a state to the home pose."""
+    """The function that sets a state to the home pose."""
     if not face.newton:
         return ""
     home = iter([x for stage in face.newton for x in stage.home])
@@ -142,20 +142,20 @@ def _start(face: Interface) -> str:
 
 
 def elements(m: Member, struct: str) -> list[str]:
-    """C expressions of the numbers of a member."""
+    """Return the C expressions of the numbers of a member."""
     return [f"{struct}{m.identifier}[{k}]" for k in range(m.size)] if m.is_array else [f"{struct}{m.identifier}"]
 
 
 def _block(face: Interface, k: int, stage: NewtonStage) -> str:
     """A static function that solves one Newton block."""
     prepare, kernel = f"{face.symbol}_prepare{k}", f"{face.symbol}_kernel{k}"
-    given = len(face.inputs) + k
+    arguments = len(face.inputs) + k
     n = stage.size
     label = ", ".join(s.name for s in stage.unknowns)
     lines = [
-        _size_check(prepare, face.symbol, given, 2),
+        _size_check(prepare, face.symbol, arguments, 2),
         _size_check(kernel, face.symbol, 2, 2),
-        comment([f"Newton in {label}, from z."]),
+        comment([f"Newton's method for {label}, starting at z."]),
         f"static gt_status solve_{face.key}{k}({_parameters(k)}, double *z, gt_newton_marks *marks)\n",
         "{\n",
         f"    static const double nominal[{n}] = {{{', '.join(map(decimal, stage.nominal))}}};\n",
@@ -193,7 +193,7 @@ def _indented(text: str) -> str:
 
 
 def scratch(body: str, prefix: str = "") -> list[str]:
-    """Declarations of what a body is called with."""
+    """Return the declarations of the arguments of a body: pointers and scratch memory."""
     m = macro(body)
     return [
         f"    const double *{prefix}arg[{m}_SZ_ARG + 1]; /* + 1: C knows no empty array */\n",
@@ -212,12 +212,12 @@ def _size_check(body: str, symbol: str, arguments: int, results: int) -> str:
 
 
 def _copies(face: Interface, into_state: bool) -> list[str]:
-    """Statements that copy the last solution to or from the unknowns of the blocks."""
+    """Statements that copy the last solution to the state, or from it to the unknowns of the blocks."""
     lines, block, first = [], 0, 0
     for m in face.state:
-        here, there = f"&z{block}[{first}]", m.address("state->")
-        to, of = (there, here) if into_state else (here, there)
-        lines.append(f"    gt_copy({to}, {of}, {m.size});\n")
+        unknown, member = f"&z{block}[{first}]", m.address("state->")
+        target, source = (member, unknown) if into_state else (unknown, member)
+        lines.append(f"    gt_copy({target}, {source}, {m.size});\n")
         first += m.size
         if first == face.newton[block].size:
             block, first = block + 1, 0
@@ -225,7 +225,7 @@ def _copies(face: Interface, into_state: bool) -> list[str]:
 
 
 def _distinct(face: Interface) -> list[int]:
-    """Which margins of the body to test: of two that are the same expression the first decides."""
+    """Indices of the margins to test in the body; of margins with the same expression only the first."""
     margins = face.stages.margins if face.stages else face.function.margins
     expressions = express(face.function.plan, [m.expression for m in margins])
     first: dict[tuple[int, str, float], int] = {}
@@ -240,26 +240,26 @@ def _guard(good: str, otherwise: Status, why: str = "") -> str:
 
 
 def _sizes(face: Interface) -> str:
-    """The guard that inputs are not too large, which NaN and infinity are not either; it asks which only then."""
+    """The guard against too large inputs. NaN and infinity fail it too; only then each number is checked."""
     if not face.inputs:
         return ""
     parts = []
     for weight, inputs in face.sizes.groups:
         squares = _sum([f"({x} * {x})" for n in inputs for x in elements(face.inputs[n], "in->")], 12, 2)
         parts.append(squares if weight == 1.0 else f"({decimal(weight)} * ({squares}))")
-    given = [m.address("in->") for m in face.inputs] + [m.address("state->") for m in face.state]
+    addresses = [m.address("in->") for m in face.inputs] + [m.address("state->") for m in face.state]
     sizes = [m.size for m in (*face.inputs, *face.state)]
     total = " +\n            ".join(parts)
     return (
-        comment(["The norm of the inputs, each in units of what it may be."], "    ")
-        + f"    total = {total};\n    if (!(total <= {decimal(face.sizes.most)})) {{\n{_places(given, sizes)}"
-        f"        return (each_finite(place, size, {len(given)}) != 0) ? {Status.OUT_OF_RANGE.c_name} : "
+        comment(["Sum of the squares of the inputs, weighted by their limits."], "    ")
+        + f"    total = {total};\n    if (!(total <= {decimal(face.sizes.most)})) {{\n{_places(addresses, sizes)}"
+        f"        return (each_finite(place, size, {len(addresses)}) != 0) ? {Status.OUT_OF_RANGE.c_name} : "
         f"{Status.NOT_FINITE.c_name};\n    }}\n"
     )
 
 
 def _places(addresses: list[str], sizes: list[int]) -> str:
-    """Declarations of what each_finite is asked about."""
+    """Declarations of the arrays that each_finite checks."""
     return (
         f"        static const int size[{len(sizes)}] = {{{', '.join(map(str, sizes))}}};\n"
         f"        const double *place[{len(sizes)}];\n\n"
@@ -268,7 +268,7 @@ def _places(addresses: list[str], sizes: list[int]) -> str:
 
 
 def _finite(members: tuple[Member, ...], struct: str) -> str:
-    """The guard that all numbers are finite: if their sum is, they are; only a sum that is not asks each of them."""
+    """The guard that all numbers are finite: if their sum is, they are; only otherwise each number is checked."""
     terms = [x for m in members for x in elements(m, struct)]
     if not terms:
         return ""
@@ -285,7 +285,7 @@ def _sum(terms: list[str], indent: int, width: int = 5) -> str:
 
 
 def _margin(n: int, margin: Margin) -> str:
-    """The guard of a margin. A pivot is positive at home: that side is asked first."""
+    """The guard of a margin. A pivot is positive at home, so that side is tested first."""
     if margin.kind == "discriminant":
         return _guard(f"margins[{n}] >= 0.0", Status.OUT_OF_RANGE, f"discriminant of {margin.label}")
     if margin.kind == "condition":
@@ -294,6 +294,6 @@ def _margin(n: int, margin: Margin) -> str:
     if margin.kind == "branch":
         return _guard(f"margins[{n}] > ({least})", Status.WRONG_BRANCH, f"the solution lies on {margin.label}")
     if margin.kind != "pivot":
-        raise GenerationError(f"the margin of {margin.label} is of the kind '{margin.kind}', which C does not know yet")
+        raise GenerationError(f"the margin of {margin.label} has the unsupported kind '{margin.kind}'")
     test = f"(margins[{n}] > ({least})) ||\n          (margins[{n}] < -({least}))"
     return _guard(test, Status.SINGULAR, f"pivot of {margin.label}")

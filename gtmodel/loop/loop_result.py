@@ -17,27 +17,27 @@ REPLIES_US, PERIODS_US, COMPUTING_US = (64, 512, 4096), (2048, 4096, 8192), (4, 
 def rows_of(runs: Sequence[Mapping[str, Any]], in_lockstep: bool) -> list[Row]:
     """Return per run the errors, the late cycles and, in real time, the timing. runs: as in `LoopStudy.runs`."""
     rows: list[Row] = []
-    for one in runs:
-        label = one["label"]
+    for run in runs:
+        label = run["label"]
         rows += [
-            Row(f"{label}: rms error of T", one["tcp_rms_mm"], "mm"),
-            Row(f"{label}: largest error of T", one["tcp_largest_mm"], "mm"),
-            Row(f"{label}: late, lost, repeated", " ".join(str(one[k]) for k in ("late", "lost", "repeated"))),
+            Row(f"{label}: rms error of T", run["tcp_rms_mm"], "mm"),
+            Row(f"{label}: largest error of T", run["tcp_largest_mm"], "mm"),
+            Row(f"{label}: late, lost, repeated", " ".join(str(run[k]) for k in ("late", "lost", "repeated"))),
         ]
         if not in_lockstep:
             rows += [
-                Row(f"{label}: replies later than a cycle", str(one["missed_deadlines"])),
-                Row(f"{label}: worst reply, worst period", _worst_ms(one), "ms"),
-                Row(f"{label}: longest computing of a cycle", f"{one['compute_worst_us']}", "us"),
-                Row(f"{label}: computing", _histogram(one["compute_below_us"], COMPUTING_US)),
-                Row(f"{label}: replies", _histogram(one["reply_below_us"], REPLIES_US)),
-                Row(f"{label}: periods", _histogram(one["period_below_us"], PERIODS_US)),
+                Row(f"{label}: replies later than a cycle", str(run["missed_deadlines"])),
+                Row(f"{label}: worst reply, worst period", _worst_ms(run), "ms"),
+                Row(f"{label}: longest computing of a cycle", f"{run['compute_worst_us']}", "us"),
+                Row(f"{label}: computing", _histogram(run["compute_below_us"], COMPUTING_US)),
+                Row(f"{label}: replies", _histogram(run["reply_below_us"], REPLIES_US)),
+                Row(f"{label}: periods", _histogram(run["period_below_us"], PERIODS_US)),
             ]
     return rows
 
 
 def _worst_ms(report: Mapping[str, Any]) -> str:
-    return " ".join(f"{report[f'{what}_worst_us'] / 1000:.2f}" for what in ("reply", "period"))
+    return " ".join(f"{report[f'{kind}_worst_us'] / 1000:.2f}" for kind in ("reply", "period"))
 
 
 def _histogram(below_us: dict[str, int], edges_us: Sequence[int]) -> str:

@@ -270,8 +270,8 @@ class _Scanner:
             raise TelegramError(f"'{byte.decode()}' is missing")
 
     def _to(self, byte: bytes) -> None:
-        place = self.data.find(byte, self.offset)
-        self.offset = len(self.data) if place < 0 else place
+        end = self.data.find(byte, self.offset)
+        self.offset = len(self.data) if end < 0 else end
 
     def _word(self) -> bytes:
         return self._past(_WORD)

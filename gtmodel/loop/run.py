@@ -88,7 +88,7 @@ def expected_counters(history: Iterable[list[int | None]]) -> dict[str, int]:
     >>> counted["lost"], counted["repeated"], counted["reordered"], counted["garbage"], counted["late"]
     (1, 1, 1, 1, 2)
     """
-    seen: set[int] = set()
+    arrived: set[int] = set()
     count = dict.fromkeys(("late", "repeated", "reordered", "stale", "garbage"), 0)
     newest = first = None
     for numbers in history:
@@ -98,18 +98,18 @@ def expected_counters(history: Iterable[list[int | None]]) -> dict[str, int]:
                 count["garbage"] += 1
             elif first is None or newest is None:
                 first = newest = number
-                seen.add(number)
+                arrived.add(number)
             elif number < first:
                 count["stale"] += 1
-            elif number in seen:
+            elif number in arrived:
                 count["repeated"] += 1
             else:
-                seen.add(number)
+                arrived.add(number)
                 count["reordered"] += number < newest
                 newest = max(newest, number)
         count["late"] += newest is not None and newest == before
     span = 0 if newest is None or first is None else newest - first + 1
-    return {**count, "lost": span - len(seen)}
+    return {**count, "lost": span - len(arrived)}
 
 
 Answering = Callable[[list[bytes]], list[bytes]]

@@ -81,7 +81,7 @@ def test_an_earlier_folder_stays_where_the_new_code_fails(
     monkeypatch.setattr(against_python, "check", spoilt)
     s = cgen.study(one, tmp_path / "code", name="own", check=FEW)
     assert s.status is SolveStatus.CHECK_FAILED and "files_changed" in s.message
-    assert "what an earlier run wrote there stays" in s.message
+    assert "the files of an earlier run are kept" in s.message
     assert {p.name: p.read_bytes() for p in (tmp_path / "code").iterdir()} == before
 
 

@@ -32,7 +32,7 @@ def test_a_users_folder_is_refused(pendulum: Functions, tmp_path: Path) -> None:
     with pytest.raises(cgen.GenerationError) as caught:
         cgen.generate(pendulum, tmp_path, name="p", overwrite=True)
     assert caught.value.argument == "folder" and caught.value.message == (
-        f"'{tmp_path}' is not empty and was not written by gtmodel, it holds no manifest.json; "
+        f"'{tmp_path}' is not empty and was not written by gtmodel: it holds no manifest.json; "
         "choose a new or an empty folder"
     )
     assert bytes_of(tmp_path) == {"thesis.tex": b"ten years of work"}
@@ -139,7 +139,7 @@ def test_a_box_is_checked(small: Functions, tmp_path: Path) -> None:
         failed = list(failed_of(cgen.check(folder, pendulum, points=20).checks))
         assert failed == (["pendulum_box_without_answer"] if lost else [])
     for box, message in (
-        ({"y": [[0.0, 1.0]]}, "the box speaks of 'y', which no function takes"),
+        ({"y": [[0.0, 1.0]]}, "the box holds 'y', not an input"),
         (good | {"x[1]": [[0.0, 1.0]] * 2}, r"gives 2 intervals for 'x\[1\]'; give 1"),
         (good | {"x[1]": [[1.0, 0.0]]}, r"gives \[1.0, 0.0\] for 'x\[1\]'; give \[least, greatest\]"),
     ):

@@ -1,1 +1,1 @@
-"""Step functions: what is computed once in a cycle from inputs and from what is remembered, in C and in Python."""
+"""Step functions: functions with a state that run once in a cycle, in C and in Python."""

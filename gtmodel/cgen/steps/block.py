@@ -1,4 +1,4 @@
-"""A sampled block as a step function: its `step` is run once on symbols, and what it did is written in C."""
+"""A sampled block as a step function: its `step` is traced once with symbols, and the trace is written in C."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from ..newton_steps import run
 from ..real import DOUBLE, GenerationError, Real
 from .function import StepFunction, StepMember, StepTwin, dtype_of, step_prototype
 
-POINTS = 20  # at which the traced step is compared with the one on numbers
+POINTS = 20  # random points at which the trace is compared with `step`
 SAME = 1e-12
-LARGEST = 3.0  # of the numbers of these points, and of examples
+LARGEST = 3.0  # standard deviation of the numbers of these points, and of examples
 
 
 class BlockFunction(StepFunction):
     """A `gt.SampledBlock` of a model as a step function in C.
 
-    Its `step` is run on CasADi symbols, so it may hold no branch on a number and no function that does not know
-    symbols; NumPy's elementary functions do. The delay of its outputs is a matter of the loop that calls it.
+    Its `step` is traced with CasADi symbols, so it must not branch on a number, and its functions must accept symbols,
+    as NumPy's elementary functions do. The loop that calls the function must realise the delay of the outputs.
 
     Args:
         model: the model that holds the block, with its parameters.
         name: of the block in the model, such as "law".
 
-    Raises GenerationError where there is no such block, and where its step cannot be run on symbols.
+    Raises GenerationError if there is no such block, or if its step cannot be traced.
 
     >>> class PI(gt.SampledBlock):
     ...     kp = gt.parameter(4.0, unit="1/s")
@@ -58,59 +58,60 @@ class BlockFunction(StepFunction):
         flat = flat_of(model)
         blocks = {b.name: b for b in flat.events.blocks} if flat.events is not None else {}
         if name not in blocks:
-            there = ", ".join(f"'{n}'" for n in blocks) or "none"
-            raise GenerationError(f"there is no sampled block '{name}'; there are {there}", "name")
+            names = ", ".join(f"'{n}'" for n in blocks) or "none"
+            raise GenerationError(f"there is no sampled block '{name}'; there are {names}", "name")
         block, p = blocks[name], np.asarray(flat.p0, float)
         times = ca.Function("times", [flat.p], [block.period])(p)
         self.title, self.period = f"sampled block '{name}'", float(times)
-        held = (*block.state, *block.outputs)
+        remembered = (*block.state, *block.outputs)
         self.inputs = [_member(s) for s in block.inputs]
         self.outputs = [_member(s) for s in block.outputs]
-        self.state = self.start = [_member(s) for s in held]
-        self.defaults: Mapping[str, Any] = {s.name: _shaped(s, p[s.places]) for s in held}
+        self.state = self.start = [_member(s) for s in remembered]
+        self.defaults: Mapping[str, Any] = {s.name: _shaped(s, p[s.places]) for s in remembered}
         self._symbols, self._results = self._traced(block, block_numbers(block.model, flat, p))
 
     def _traced(self, block: FlatBlock, view: Any) -> tuple[list[Any], list[Any]]:
-        """Symbols of inputs and state, and results: new state."""
-        held = (*block.state, *block.outputs)
+        """Trace the step. Returns the symbols of inputs and state, and the new state."""
+        remembered = (*block.state, *block.outputs)
         sizes = [sum(m.count for m in members) for members in (self.inputs, self.state)]
         u, s = ca.SX.sym("u", sizes[0]), ca.SX.sym("s", sizes[1])
-        after = self._stepped(view, block.inputs, held, ca.vertsplit(u), ca.vertsplit(s))
+        after = self._stepped(view, block.inputs, remembered, ca.vertsplit(u), ca.vertsplit(s))
         results: Any = [ca.densify(ca.cse(ca.vertcat(*after)))]
         f = ca.Function("step", [u, s], results)
         rng = np.random.default_rng(0)
         for _ in range(POINTS):
             a, b = (LARGEST * rng.normal(size=n) for n in sizes)
-            wanted = np.array(self._stepped(view, block.inputs, held, a.tolist(), b.tolist()), float)
-            far = np.abs(np.asarray(f(a, b)).ravel() - wanted)
-            if not np.all(far <= SAME * (1 + np.abs(wanted))):
+            expected = np.array(self._stepped(view, block.inputs, remembered, a.tolist(), b.tolist()), float)
+            difference = np.abs(np.asarray(f(a, b)).ravel() - expected)
+            if not np.all(difference <= SAME * (1 + np.abs(expected))):
                 raise GenerationError(
-                    f"{self.title}: its step on symbols gives other numbers; it may keep values of its own"
+                    f"{self.title}: its step gives other values on symbols than on numbers; keep memory in the state"
                 )
         return [u, s], results
 
     def _stepped(
-        self, view: Any, inputs: Sequence[BlockSignal], held: Sequence[BlockSignal], u: Any, s: Any
+        self, view: Any, inputs: Sequence[BlockSignal], remembered: Sequence[BlockSignal], u: Any, s: Any
     ) -> list[Any]:
-        """Entries of what it remembers after a step."""
-        given, before = _named(inputs, u), _named(held, s)
+        """Return the entries of state and outputs after a step."""
+        input_values, state_values = _named(inputs, u), _named(remembered, s)
         try:
-            made = view.step(SimpleNamespace(**given), SimpleNamespace(**before))
-            after = {name: np.asarray(value, object).reshape(-1).tolist() for name, value in {**before, **made}.items()}
+            updated = view.step(SimpleNamespace(**input_values), SimpleNamespace(**state_values))
+            updated = {**state_values, **updated}
+            after = {name: np.asarray(value, object).reshape(-1).tolist() for name, value in updated.items()}
         except Exception as error:
             raise GenerationError(
                 f"{self.title}: its step cannot be run on symbols ({type(error).__name__}: {error}); write it without "
-                "branches on numbers, by NumPy's elementary functions",
+                "branches on numbers, with NumPy's elementary functions",
                 "name",
             ) from error
-        return [x for signal in held for x in after[signal.name]]
+        return [x for signal in remembered for x in after[signal.name]]
 
     def kernels(self, symbol: str) -> list[ca.Function]:
-        """The generated body."""
+        """Return the generated body."""
         return [ca.Function(f"{symbol}_body", self._symbols, self._results)]
 
     def text(self, symbol: str, real: Real) -> str:
-        """C of init and step."""
+        """Return the C text of init and step."""
         macro, n = symbol.upper(), sum(m.count for m in self.state)
         numbers = sum(m.count for m in self.inputs)
         read = _copied(self.inputs, "in->", "u", True) + _copied(self.state, "state->", "s", True)
@@ -132,54 +133,54 @@ class BlockFunction(StepFunction):
         )
 
     def twin(self, real: Real = DOUBLE) -> StepTwin:
-        """The same in Python."""
+        """Return the twin in Python."""
         return BlockTwin(self, real)
 
     def facts(self) -> Mapping[str, Any]:
-        """What it was made from."""
+        """Return period, start and traced step."""
         start = [float(x).hex() for value in self.defaults.values() for x in np.ravel(value)]
         return {"period": self.period.hex(), "start": start, "step": str(self._results[0])}
 
     def notes(self) -> list[str]:
-        """What its statuses mean."""
-        return ["- GT_NOT_FINITE: an input or what is remembered is no number, or an output would be none"]
+        """Return lines on the statuses."""
+        return ["- GT_NOT_FINITE: an input or a number of the state is not finite, or a result would not be finite"]
 
     def examples(self, rows: int, seed: int, real: Real) -> np.ndarray:
-        """Random inputs, some of them no numbers."""
+        """Return random inputs, some of them NaN."""
         rng = np.random.default_rng(seed)
-        made = np.zeros(rows, dtype_of(self.inputs, real))
+        records = np.zeros(rows, dtype_of(self.inputs, real))
         for m in self.inputs:
-            values = LARGEST * rng.normal(size=made[m.identifier].shape)
+            values = LARGEST * rng.normal(size=records[m.identifier].shape)
             values[rng.random(rows) < 0.1] = np.nan
-            made[m.identifier] = real.array(values)
-        return made
+            records[m.identifier] = real.array(values)
+        return records
 
     def complete(self, real: Real) -> np.ndarray:
-        """Inputs of zero."""
+        """Return inputs of zero."""
         return np.zeros((), dtype_of(self.inputs, real))
 
 
 class BlockTwin(StepTwin):
-    """A `BlockFunction` in Python, by CasADi's virtual machine."""
+    """A `BlockFunction` in Python, evaluated by CasADi's virtual machine."""
 
-    def __init__(self, made: BlockFunction, real: Real) -> None:
-        self.made, self.real = made, real
-        self.body = made.kernels("block")[0]
+    def __init__(self, function: BlockFunction, real: Real) -> None:
+        self.function, self.real = function, real
+        self.body = function.kernels("block")[0]
 
     def init(self, state: np.ndarray, start: np.ndarray) -> Status:
-        """A new state from a record of the start."""
-        if not all(np.all(np.isfinite(start[m.identifier])) for m in self.made.start):
+        """Write a new state from a record of the start."""
+        if not all(np.all(np.isfinite(start[m.identifier])) for m in self.function.start):
             return Status.NOT_FINITE
-        for m in self.made.state:
+        for m in self.function.state:
             state[m.identifier] = start[m.identifier]
         return Status.OK
 
     def step(self, state: np.ndarray, inputs: np.ndarray, outputs: np.ndarray) -> Status:
-        """One sample."""
-        made, real = self.made, self.real
+        """Run one sample."""
+        function, real = self.function, self.real
         none = np.zeros(0, real.dtype)
-        u = np.concatenate([none, *[inputs[m.identifier].reshape(-1) for m in made.inputs]])
-        s = np.concatenate([state[m.identifier].reshape(-1) for m in made.state])
+        u = np.concatenate([none, *[inputs[m.identifier].reshape(-1) for m in function.inputs]])
+        s = np.concatenate([state[m.identifier].reshape(-1) for m in function.state])
         if not (np.all(np.isfinite(u)) and np.all(np.isfinite(s))):
             return Status.NOT_FINITE
         if real is DOUBLE:
@@ -189,10 +190,10 @@ class BlockTwin(StepTwin):
         if not np.all(np.isfinite(after)):
             return Status.NOT_FINITE
         first = 0
-        for m in made.state:
+        for m in function.state:
             state[m.identifier] = after[first : first + m.count].reshape(state[m.identifier].shape)
             first += m.count
-        for m in made.outputs:
+        for m in function.outputs:
             outputs[m.identifier] = state[m.identifier]
         return Status.OK
 
@@ -206,18 +207,18 @@ def _shaped(signal: BlockSignal, values: np.ndarray) -> Any:
 
 
 def _named(signals: Sequence[BlockSignal], entries: Sequence[Any]) -> dict[str, Any]:
-    """Values by name, of a vector as an array."""
-    made, first = {}, 0
+    """Return values by name, vectors as arrays."""
+    values, first = {}, 0
     for s in signals:
-        own = list(entries[first : first + len(s.places)])
+        part = list(entries[first : first + len(s.places)])
         first += len(s.places)
-        numbers = all(isinstance(x, float) for x in own)
-        made[s.name] = own[0] if not s.shape else np.array(own, float if numbers else object).reshape(s.shape)
-    return made
+        all_floats = all(isinstance(x, float) for x in part)
+        values[s.name] = part[0] if not s.shape else np.array(part, float if all_floats else object).reshape(s.shape)
+    return values
 
 
 def _copied(members: Sequence[StepMember], struct: str, array: str, into: bool) -> str:
-    """Members copied into an array, or from it."""
+    """Return C statements that copy members into an array, or out of it."""
     lines, first = [], 0
     for m in members:
         places = (f"&{array}[{first}]", m.address(struct))

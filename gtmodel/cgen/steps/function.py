@@ -1,5 +1,5 @@
-"""What a step function is, whatever it computes, its C, structs of C that are records of NumPy, and the C faces of
-what a folder is to hold."""
+"""Step functions: base class, C text, structs of C as records of NumPy, and the C interfaces of all functions of a
+folder."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ INTEGER = np.int32
 
 @dataclass(frozen=True)
 class StepMember:
-    """One member of a struct: so many numbers, of a scalar none; flags and counters where `integer`."""
+    """One member of a struct: `size` numbers, None for a scalar. Flags and counters are `integer`."""
 
     name: str
     size: int | None = None
@@ -31,13 +31,13 @@ class StepMember:
 
     @property
     def identifier(self) -> str:
-        """Its name in C, which ends in its unit."""
+        """Name in C, which ends in the unit."""
         suffix = "" if self.integer else unit_suffix(self.unit)
         return f"{c_name(self.name)}_{suffix}" if suffix else c_name(self.name)
 
     @property
     def count(self) -> int:
-        """How many numbers."""
+        """Number of numbers."""
         return 1 if self.size is None else self.size
 
     @property
@@ -47,27 +47,27 @@ class StepMember:
         return f"{kind} {self.identifier};" if self.size is None else f"{kind} {self.identifier}[{self.size}];"
 
     def elements(self, struct: str) -> list[str]:
-        """C expressions of its numbers, `struct` being `in->` or `out.`."""
+        """Return the C expressions of its numbers; `struct` is `in->` or `out.`."""
         if self.size is None:
             return [f"{struct}{self.identifier}"]
         return [f"{struct}{self.identifier}[{k}]" for k in range(self.size)]
 
     def address(self, struct: str) -> str:
-        """C expression of the address of the first number."""
+        """Return the C expression of the address of its first number."""
         return f"&{struct}{self.identifier}" if self.size is None else f"{struct}{self.identifier}"
 
 
-def check_members(members: Sequence[StepMember], what: str) -> None:
-    """GenerationError for two members of one identifier, and for one that is a word of C."""
+def check_members(members: Sequence[StepMember], side: str) -> None:
+    """Raise GenerationError if two members have the same identifier, or if one is a keyword of C."""
     taken = set[str]()
     for m in members:
         if m.identifier in taken or m.identifier in KEYWORDS:
-            raise GenerationError(f"'{m.name}' of the {what} cannot be called '{m.identifier}' in C; rename it")
+            raise GenerationError(f"'{m.name}' of the {side} cannot be called '{m.identifier}' in C; rename it")
         taken.add(m.identifier)
 
 
 def dtype_of(members: Sequence[StepMember], real: Real) -> np.dtype:
-    """The record of a struct, with the padding of C."""
+    """Return the NumPy type of a struct, with the padding of C."""
     fields = [
         (m.identifier, INTEGER if m.integer else real.dtype, () if m.size is None else (m.size,)) for m in members
     ]
@@ -75,21 +75,21 @@ def dtype_of(members: Sequence[StepMember], real: Real) -> np.dtype:
 
 
 def record(members: Sequence[StepMember], real: Real, values: Mapping[str, Any] | None = None) -> np.ndarray:
-    """A record with these values by the names of members, zero elsewhere."""
-    made = np.zeros((), dtype_of(members, real))
+    """Return a record with these values by names of members, and zeros elsewhere."""
+    result = np.zeros((), dtype_of(members, real))
     for m in members:
         if values and m.name in values:
-            made[m.identifier] = values[m.name] if m.integer else real.array(values[m.name])
-    return made
+            result[m.identifier] = values[m.name] if m.integer else real.array(values[m.name])
+    return result
 
 
-def copied(made: np.ndarray) -> np.ndarray:
-    """A record of its own, its padding too, which a copy of NumPy leaves out."""
-    return np.frombuffer(bytearray(made.tobytes()), made.dtype).reshape(())
+def copied(source: np.ndarray) -> np.ndarray:
+    """Return a copy of a record, including the padding, which a copy by NumPy omits."""
+    return np.frombuffer(bytearray(source.tobytes()), source.dtype).reshape(())
 
 
 def struct(name: str, members: Sequence[StepMember]) -> str:
-    """Its declaration in C."""
+    """Return the declaration of a struct in C."""
     rows = [f"    {m.declaration} {comment([_described(m)]).rstrip()}\n" for m in members]
     rows = rows or ["    double unused; /* C knows no empty struct */\n"]
     return f"typedef struct {name} {{\n{''.join(rows)}}} {name};\n\n"
@@ -101,26 +101,25 @@ def _described(m: StepMember) -> str:
 
 
 class StepTwin(ABC):
-    """A step function in Python, operation by operation as in C: its records hold the same bytes."""
+    """A step function in Python, with the same operations as in C: its records hold the same bytes."""
 
     @abstractmethod
     def init(self, state: np.ndarray, start: np.ndarray) -> Status:
-        """A new state from a record of the start; written with OK only."""
+        """Write a new state from a record of the start, only with OK."""
 
     @abstractmethod
     def step(self, state: np.ndarray, inputs: np.ndarray, outputs: np.ndarray) -> Status:
-        """One cycle; state and outputs are written with OK only."""
+        """Run one cycle; state and outputs are written only with OK."""
 
 
 class StepFunction(ABC):
-    """What is computed once in a cycle from inputs and from what it remembers: a filter, a sampled block.
+    """Base class of functions with a state that run once in a cycle: a filter, a sampled block.
 
-    Base class. A subclass says what its structs hold and how C and Python compute; the folder, the header, the
-    self-test and the comparison with Python are made from that, see docs/c_contract.md.
+    A subclass declares the members of the structs, the C text and the twin in Python; the folder, the header, the
+    self-test and the comparison with Python are generated from these, see docs/c_contract.md.
 
-    title: one line. period: of a cycle [s]. start, inputs, outputs, state: members of its structs.
-    defaults: values of the start by name. runtime: hand-written headers that it needs, the one that
-    includes the others first.
+    title: one line. period: of a cycle [s]. start, inputs, outputs, state: members of the structs. defaults: values of
+    the start by name. runtime: hand-written headers that it needs; the first one includes the others.
     """
 
     title: str
@@ -134,34 +133,34 @@ class StepFunction(ABC):
 
     @abstractmethod
     def kernels(self, symbol: str) -> list[ca.Function]:
-        """The generated bodies under their C names."""
+        """Return the generated bodies under their C names."""
 
     @abstractmethod
     def text(self, symbol: str, real: Real) -> str:
-        """C of `symbol`_init and `symbol`_step, with its tables; in double."""
+        """Return the C text of `symbol`_init and `symbol`_step, with its tables; in double."""
 
     @abstractmethod
     def twin(self, real: Real) -> StepTwin:
-        """The same in Python."""
+        """Return the twin in Python."""
 
     @abstractmethod
     def examples(self, rows: int, seed: int, real: Real) -> np.ndarray:
-        """Records of inputs, one after the other, as a run meets them."""
+        """Return records of inputs for consecutive steps of a run."""
 
     @abstractmethod
     def complete(self, real: Real) -> np.ndarray:
-        """A record of inputs with which the declared start goes on well, nothing missing: where it costs most."""
+        """Return inputs, none missing, with which steps from the declared start return OK: the costliest case."""
 
     @abstractmethod
     def facts(self) -> Mapping[str, Any]:
-        """What it was made from, for manifest and hash: numbers exact to the last bit."""
+        """Return the data from which it was made, for manifest and hash: numbers exact to the last bit."""
 
-    def explain(self) -> str:
-        """What it computes, in words."""
+    def explain(self, full: bool = True) -> str:
+        """Return a description of the function and of its statuses; `full` changes nothing."""
         return "\n".join([self.title, *self.notes()])
 
     def notes(self) -> Sequence[str]:
-        """What its statuses mean, for the header."""
+        """Return lines on the statuses, for the header."""
         return ()
 
 
@@ -176,23 +175,23 @@ class StepFace:
 
     @property
     def suffixes(self) -> tuple[str, ...]:
-        """Of all names that it defines for others."""
+        """Suffixes of the C names that it defines."""
         return ("start", "in", "out", "state", "defaults", "init", "step")
 
     def started(self) -> tuple[np.ndarray, np.ndarray]:
-        """The records of the declared start and of an empty state."""
+        """Return the records of the declared start and of an empty state."""
         f = self.function
         return record(f.start, self.real, f.defaults), record(f.state, self.real)
 
 
 _SAME = (
-    "State and outputs are written with GT_OK only. A step that ends otherwise has not happened: the state stays where "
-    "it was before this cycle."
+    "State and outputs are written only with GT_OK. A step with another status has not happened: the state is that "
+    "before this cycle."
 )
 
 
 def declarations(face: StepFace) -> str:
-    """Structs and functions of one face, for the header."""
+    """Return structs and functions of one step function, for the header."""
     f, symbol = face.function, face.symbol
     title = f"{face.key}: {f.title}. A step function: one step every {decimal(f.period)} s."
     return "".join(
@@ -201,25 +200,25 @@ def declarations(face: StepFace) -> str:
             struct(f"{symbol}_start", f.start),
             struct(f"{symbol}_in", f.inputs),
             struct(f"{symbol}_out", f.outputs),
-            comment(["What it remembers, yours to keep; one for each that runs."]),
+            comment(["The state; the struct is yours. Each running instance needs its own."]),
             struct(f"{symbol}_state", f.state),
-            comment(["Writes the start that was declared."]),
+            comment(["Writes the declared start."]),
             f"void {symbol}_defaults({symbol}_start *start);\n\n",
-            comment(["Begins: the start is what is known one period before the first step."]),
+            comment(["Initialises the state: the start holds the values one period before the first step."]),
             f"gt_status {symbol}_init({symbol}_state *state, const {symbol}_start *start);\n\n",
-            comment(["One cycle."]),
+            comment(["Runs one cycle."]),
             f"{step_prototype(symbol)};\n\n",
         ]
     )
 
 
 def step_prototype(symbol: str) -> str:
-    """Declaration of the step, without the semicolon."""
+    """Return the declaration of the step, without the semicolon."""
     return f"gt_status {symbol}_step({symbol}_state *state, const {symbol}_in *in, {symbol}_out *out)"
 
 
 def definitions(face: StepFace) -> str:
-    """The start, init and step."""
+    """Return the C text of defaults, init and step."""
     f, symbol = face.function, face.symbol
     start = record(f.start, face.real, f.defaults)
     lines = [line for m in f.start for line in _assigned(m, start[m.identifier].reshape(-1).tolist())]
@@ -243,7 +242,7 @@ def faces_of(
     real: Real,
     box: Mapping[str, Sequence[Sequence[float]]] | None,
 ) -> tuple[list[Interface], list[StepFace]]:
-    """C faces of causal functions and of step functions. Raises GenerationError for names that do not fit."""
+    """Return the C interfaces of causal and of step functions. Raises GenerationError for names unusable in C."""
     stepping = {key: f for key, f in functions.items() if isinstance(f, StepFunction)}
     causal = {key: f for key, f in functions.items() if not isinstance(f, StepFunction)}
     faces = [] if stepping and not causal and not along and not box else interfaces(causal, name, along, real, box)
@@ -254,23 +253,24 @@ def faces_of(
 
 
 def step_faces(functions: Mapping[str, StepFunction], name: str, real: Real) -> list[StepFace]:
-    """C faces of step functions. Raises GenerationError for names that do not fit C."""
+    """Return the C interfaces of step functions. Raises GenerationError for names that cannot be used in C."""
     faces = []
     for key, function in functions.items():
         check_identifier(key, "a function", "functions")
-        for what in ("start", "inputs", "outputs", "state"):
-            check_members(getattr(function, what), what)
+        for side in ("start", "inputs", "outputs", "state"):
+            check_members(getattr(function, side), side)
         faces.append(StepFace(key, f"gt_{name}_{key}", function, real))
     return faces
 
 
 def check_apart(faces: Sequence[StepFace], others: Sequence[str]) -> None:
-    """GenerationError where a name of a step function is one of the others in C."""
+    """Raise GenerationError if a C name of a step function is already used."""
     taken = {symbol.lower() for symbol in others}
     for face in faces:
         for symbol in (face.symbol, *[f"{face.symbol}_{suffix}" for suffix in face.suffixes]):
             if symbol.lower() in taken:
                 raise GenerationError(
-                    f"the function '{face.key}' needs the C name {symbol}, which is taken", "functions"
+                    f"the function '{face.key}' needs the C name {symbol}, which is already used; rename it",
+                    "functions",
                 )
             taken.add(symbol.lower())

@@ -1,1 +1,1 @@
-"""Does generated C compute what Python computes?"""
+"""Comparison of generated C with Python."""

@@ -1,4 +1,4 @@
-"""Does a generated folder compute what Python computes? Compile it strictly, run it, compare."""
+"""Strict compilation of a generated folder and its comparison with Python."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ def check(
 ) -> CheckReport:
     """Compile a generated folder strictly and compare each function with Python at random points.
 
-    Texts and manifest must be what this gtmodel writes: a guard's constant shows at no random point. Values must be
-    equal bit for bit where both say GT_OK, statuses everywhere; in its box of validity every function
-    must answer; and in float the values must be near those of double. Nothing is written into the folder.
-    Without a compiler the report has not passed and says why.
+    Texts and manifest must equal those that this gtmodel writes, because random points do not test the constants of
+    guards. Values must be equal bit for bit at points where both return GT_OK, and statuses at all points. Every
+    function must have a solution at all points in its box of validity. In float the values must be near those of
+    double. The folder is not changed. Without a compiler the report has not passed and says so.
 
     Args:
         folder: as `generate` wrote it.
-        functions: what the folder was generated from, under the same names.
-        points: random points per function, near consistent ones and far from them.
+        functions: the functions from which the folder was generated, under the same names.
+        points: random points per function, near consistent points and far from them.
         seed: of the random points.
 
-    Raises GenerationError if the folder was not generated, or from functions of other names or shapes.
+    Raises GenerationError if gtmodel did not generate the folder, or generated it from other names or shapes.
 
     >>> import tempfile
     >>> from pathlib import Path
@@ -67,24 +67,24 @@ def check(
         "files_changed": at_most(len(changed), 0, ", ".join(changed)),
         "parameters_different": at_most(parameters_different, 0, "hash of all names and values"),
     }
-    # of another version of gtmodel or of CasADi nothing is known but the parameters
+    # for another version of gtmodel or CasADi only the parameters can be compared
     same = (content["gtmodel"], content["casadi"]) == (__version__, ca.CasadiMeta.version())
     texts = contents(faces, content["name"], content["provenance"], steps) if same else {}
-    otherwise = sorted(file for file, text in texts.items() if content["files"].get(file) != sha256(text))
-    checks["files_not_as_generated"] = at_most(len(otherwise), 0, ", ".join(otherwise))
+    differing = sorted(file for file, text in texts.items() if content["files"].get(file) != sha256(text))
+    checks["files_not_as_generated"] = at_most(len(differing), 0, ", ".join(differing))
     entries = changed_entries(content, faces, same, steps)
     source = texts.get(f"gt_{content['name']}_body.c")
     entries += ["body_sha256"] * (source is not None and content["body_sha256"] != sha256(source))
     checks["manifest_not_as_generated"] = at_most(len(entries), 0, ", ".join(entries))
-    if any(file not in content["files"] for file in otherwise):  # other numbers: its functions would write elsewhere
+    if any(file not in content["files"] for file in differing):  # the other number type: calls would overrun buffers
         return check_report(checks, {}, {})
     tools = find()
     if isinstance(tools, str):
         return CheckReport(checks | {"compiler_found": at_least(0, 1, tools)}, tools, {}, {})
     rows: dict[str, int] = {}
     rows_ok: dict[str, int] = {}
-    with scratch() as place:
-        library, built = _build(tools, folder, content, place)
+    with scratch() as temporary:
+        library, built = _build(tools, folder, content, temporary)
         checks |= built
         if library is not None:
             failures = int(library[f"gt_{content['name']}_selftest"]())
@@ -99,26 +99,28 @@ def check(
 
 
 def _check_same(folder: Path, content: dict, faces: list[Interface], steps: list[StepFace]) -> None:
-    known = {entry["name"]: entry for entry in content["functions"]}
+    entries = {entry["name"]: entry for entry in content["functions"]}
     stepping = {entry["name"] for entry in content.get("steps", [])}
     for name in stepping ^ {step.key for step in steps}:
         raise GenerationError(f"'{folder}' was generated from other step functions than '{name}'; generate it again")
     for face in faces:
-        here = interface_entry(face)
-        there = known.pop(face.key, None)
-        if there is None or any(there[key] != here[key] for key in here):
+        expected = interface_entry(face)
+        actual = entries.pop(face.key, None)
+        if actual is None or any(actual[key] != expected[key] for key in expected):
             raise GenerationError(f"'{folder}' was generated from another '{face.key}'; generate it again")
-    if known:
-        raise GenerationError(f"'{folder}' also holds '{next(iter(known))}'; give all functions it was made from")
+    if entries:
+        raise GenerationError(f"'{folder}' also holds '{next(iter(entries))}'; give all functions of the folder")
 
 
-def _build(tools: Toolchain, folder: Path, content: dict, place: Path) -> tuple[ctypes.CDLL | None, dict[str, Check]]:
-    """The shared library of all files, and checks of compiling, linking and symbols."""
-    own = f"gt_{content['name']}"
+def _build(
+    tools: Toolchain, folder: Path, content: dict, temporary: Path
+) -> tuple[ctypes.CDLL | None, dict[str, Check]]:
+    """Return the shared library of all files, and checks of compiling, linking and symbols."""
+    prefix = f"gt_{content['name']}"
     objects: dict[str, Path] = {}
     failed: dict[str, str] = {}
     for file in sorted(f for f in content["files"] if f.endswith(".c")):
-        objects[file] = place / f"{file}.o"
+        objects[file] = temporary / f"{file}.o"
         good, text = tools.compile(folder / file, objects[file])
         if not good:
             failed[file] = next((line for line in text.splitlines() if "error" in line), text.strip())
@@ -126,10 +128,10 @@ def _build(tools: Toolchain, folder: Path, content: dict, place: Path) -> tuple[
     if failed:
         return None, checks
     # the program that runs the self-test prints; the functions themselves do not
-    silent = [path for file, path in objects.items() if file != f"{own}_main.c"]
+    silent = [path for file, path in objects.items() if file != f"{prefix}_main.c"]
     good, foreign = tools.foreign_symbols(silent)
     checks["foreign_symbols"] = at_most(len(foreign) + (not good), 0, ", ".join(foreign) or "libm only")
-    target = place / "library.so"
+    target = temporary / "library.so"
     good, text = tools.link_shared(silent, target)
     library = None
     if good:

@@ -1,4 +1,4 @@
-"""One function of a loaded library against Python, step functions too: statuses, values bit for bit, guards, at
+"""Comparison of one function or step function of a loaded library with Python: statuses, values bit for bit, guards,
 points in the box of validity."""
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from ..steps.function import StepFace, copied, dtype_of, record
 
 @dataclass(frozen=True)
 class CheckReport:
-    """All checks of one folder by name. `message` is one sentence; `rows` and `rows_ok` count compared points by
-    function."""
+    """All checks of one folder by name. message: one sentence. rows: compared points by function; rows_ok: those with
+    GT_OK."""
 
     checks: Mapping[str, Check]
     message: str
@@ -32,12 +32,12 @@ class CheckReport:
 
     @property
     def passed(self) -> bool:
-        """True when every check passed."""
+        """True if every check passed."""
         return not failed_of(self.checks)
 
 
 def check_report(checks: Mapping[str, Check], rows: Mapping[str, int], rows_ok: Mapping[str, int]) -> CheckReport:
-    """A report with the sentence that its checks imply."""
+    """Return a report with the message that its checks imply."""
     failed = failed_of(checks)
     equal = (
         f"the C code equals Python bit for bit at {sum(rows_ok.values())} points, "
@@ -46,15 +46,15 @@ def check_report(checks: Mapping[str, Check], rows: Mapping[str, int], rows_ok: 
     return CheckReport(checks, verdict(failed, len(checks)) if failed else equal, rows, rows_ok)
 
 
-CORNERS = 64  # all of up to six inputs; of more, so many drawn at random
+CORNERS = 64  # all corners for up to six inputs; else this number, drawn at random
 STEPS = 25  # from home to a point of the box, for a function that follows its last solution
 
 
 def box_points(face: Interface, rows: int, seed: int) -> np.ndarray:
-    """Inputs in the box (corners + rows, inputs), moved onto the conditions on known values and on their
-    rates; behind them the state that a function with Newton blocks has when it was led there from home in small steps.
+    """Return inputs in the box (corners + rows, inputs), moved onto the conditions on known values and their rates;
+    then, for a function with Newton blocks, the state after the inputs moved there from home in small steps.
 
-    Where it cannot be led, the state is the last one that was reached. Empty without a box.
+    If a step has no solution, the state is that of the last step with one. Empty without a box.
     """
     if face.box is None:
         return np.zeros((0, face.input_size + face.state_size), face.real.dtype)
@@ -72,38 +72,40 @@ def box_points(face: Interface, rows: int, seed: int) -> np.ndarray:
         return face.real.array(inputs)
     home = samples_of(face.function, pairs)[0]
     state = np.tile([x for stage in face.newton for x in stage.home], (len(inputs), 1))
-    here = np.zeros((len(inputs), n))
+    moved = np.zeros((len(inputs), n))
     for step in np.linspace(0.0, 1.0, STEPS + 1)[1:]:
-        here = face.real.array(satisfying(face.function, pairs, home + step * (inputs - home)))
-        values, _ = evaluate(face, np.column_stack([here, face.real.array(state)]))
+        moved = face.real.array(satisfying(face.function, pairs, home + step * (inputs - home)))
+        values, _ = evaluate(face, np.column_stack([moved, face.real.array(state)]))
         reached = values[:, face.output_size :]
         state = np.where(np.isfinite(reached), reached, state)
-    return np.column_stack([here, face.real.array(state)])
+    return np.column_stack([moved, face.real.array(state)])
 
 
-BOX_POINTS = 200  # random ones, beside the corners
+BOX_POINTS = 200  # random points, in addition to the corners
 NEAR = 0.1  # typical sizes from a consistent point
-FLAT = 1e-30  # a signal that is zero everywhere
-MARKS = 3  # doubles behind the unknowns in the state of a function with Newton blocks
+FLAT = 1e-30  # least range of a signal, for signals that are zero everywhere
+MARKS = 3  # numbers of gt_newton_marks, after the unknowns in the state
 
 
 def compare(library: ctypes.CDLL, face: Interface, points: int, seed: int) -> tuple[dict[str, Check], int, int]:
-    """Compare at random and at awkward points and in the box of validity, then with NaN and infinity in every input.
+    """Compare at random points, awkward points and points in the box, then with NaN and infinity in every input.
 
-    Checks by name, how many points they rest on, and at how many of them there is a solution.
+    Returns the checks by name, the number of compared points, and how many of them have a solution.
     """
     inside = box_points(face, BOX_POINTS, seed)
     inputs = np.concatenate([draw(face, points, seed), awkward(face), inside])
-    expected, wanted = evaluate(face, inputs)
+    expected, expected_status = evaluate(face, inputs)
     outputs, status = call(library, face, inputs)
-    ok = (wanted == Status.OK) & (status == Status.OK)
+    ok = (expected_status == Status.OK) & (status == Status.OK)
     different = np.any(outputs.view(face.real.bits) != expected.view(face.real.bits), axis=1) & ok
     touched = np.any(outputs != face.real.array(face.real.held), axis=1) & (status != Status.OK)
     refused, total, held = _not_finite(library, face, inputs[np.argmax(ok)])
     key = face.key
     checks = {
         f"{key}_values_different": at_most(int(different.sum()), 0, _detail(inputs, expected, outputs, different)),
-        f"{key}_statuses_different": at_most(int(np.sum(wanted != status)), 0, _statuses(wanted, status)),
+        f"{key}_statuses_different": at_most(
+            int(np.sum(expected_status != status)), 0, _statuses(expected_status, status)
+        ),
         f"{key}_points_ok": at_least(
             int(ok.sum()), 1, f"of {points} random points and {len(inputs) - points} awkward or in the box"
         ),
@@ -113,7 +115,7 @@ def compare(library: ctypes.CDLL, face: Interface, points: int, seed: int) -> tu
         ),
     }
     if face.box is not None:
-        lost = int(np.sum(wanted[len(inputs) - len(inside) :] != Status.OK))
+        lost = int(np.sum(expected_status[len(inputs) - len(inside) :] != Status.OK))
         checks[f"{key}_box_without_answer"] = at_most(lost, 0, f"of {len(inside)} points of the box")
     if face.real is not DOUBLE:
         checks |= _beside_double(face, points, seed)
@@ -121,35 +123,34 @@ def compare(library: ctypes.CDLL, face: Interface, points: int, seed: int) -> tu
 
 
 def call(library: ctypes.CDLL, face: Interface, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Outputs (rows, m), HELD where none were written, and statuses (rows,) of the C function.
+    """Return outputs (rows, m), HELD if not written, and statuses (rows,) of the C function.
 
-    Behind the inputs stands the state to start from, behind the outputs the new one, HELD where it is the old one
-    after a call that failed.
+    The start state follows the inputs, and the new state follows the outputs: HELD if a failed call left it unchanged.
     """
     function = library[face.symbol]
     function.argtypes = [ctypes.c_void_p] * (3 if face.newton else 2)
     function.restype = ctypes.c_int
     rows = len(inputs)
     real = face.real
-    given = np.zeros((rows, max(1, face.input_size)), real.dtype)
-    given[:, : face.input_size] = inputs[:, : face.input_size]
+    input_rows = np.zeros((rows, max(1, face.input_size)), real.dtype)
+    input_rows[:, : face.input_size] = inputs[:, : face.input_size]
     outputs = np.full((rows, face.output_size), real.held, real.dtype)
     start = np.ascontiguousarray(inputs[:, face.input_size :], real.dtype)
     state = np.column_stack([start, np.zeros((rows, MARKS), real.dtype)]) if face.newton else np.zeros((rows, 0))
-    places = [state, given, outputs] if face.newton else [given, outputs]
+    buffers = [state, input_rows, outputs] if face.newton else [input_rows, outputs]
     status = np.zeros(rows, dtype=int)
     for n in range(rows):
-        status[n] = function(*[place.ctypes.data + n * place.strides[0] for place in places])
+        status[n] = function(*[buffer.ctypes.data + n * buffer.strides[0] for buffer in buffers])
     after = state[:, : start.shape[1]].astype(real.dtype)
     after[(after.view(real.bits) == start.view(real.bits)) & (status != Status.OK)[:, None]] = real.held
     return np.column_stack([outputs, after]), status
 
 
 def _beside_double(face: Interface, points: int, seed: int) -> dict[str, Check]:
-    """How far the function in float is from the same in double, over the range of each signal.
+    """Checks of the difference between float and double, as a fraction of the range of each signal.
 
-    Judged in the box of validity, or without one near consistent points: where a pose is nearly singular, no float
-    is right. Newton in double starts from the solution in float, which it must confirm.
+    The points are in the box of validity or, without a box, near consistent points, because float has no accuracy near
+    singular poses. Newton's method in double starts from the solution in float and must confirm it.
     """
     inputs = box_points(face, points, seed) if face.box is not None else draw(face, points, seed, NEAR)
     outputs, status = evaluate(face, inputs)
@@ -158,21 +159,24 @@ def _beside_double(face: Interface, points: int, seed: int) -> dict[str, Check]:
     exact, status = evaluate(
         wide, np.column_stack([inputs[:, : face.input_size], outputs[:, face.output_size :]]).astype(float)
     )
-    also = status == Status.OK
+    both_ok = status == Status.OK
     worst, where = 0.0, face.outputs[0].signal
     for part, m in places(face.outputs):
-        far = np.max(np.abs(outputs[also, part] - exact[also, part]), initial=0.0)
-        share = float(far / max(np.max(np.abs(exact[also, part]), initial=0.0), FLAT))
+        error = np.max(np.abs(outputs[both_ok, part] - exact[both_ok, part]), initial=0.0)
+        share = float(error / max(np.max(np.abs(exact[both_ok, part]), initial=0.0), FLAT))
         worst, where = (share, m.signal) if share > worst else (worst, where)
-    range_of = f"of the range of {where}, at {int(also.sum())} points"
+    range_of = f"of the range of {where}, at {int(both_ok.sum())} points"
     return {
         f"{face.key}_float_error": at_most(worst, FLOAT_TOLERANCE, range_of),
-        f"{face.key}_float_only": at_most(int(np.sum(~also)), 0, "answers that double has not"),
+        f"{face.key}_float_only": at_most(
+            int(np.sum(~both_ok)), 0, "points with a solution in float but not in double"
+        ),
     }
 
 
 def _not_finite(library: ctypes.CDLL, face: Interface, good: np.ndarray) -> tuple[int, int, int]:
-    """Calls refused as not finite, all calls, calls with outputs held: one NaN or infinity in each input."""
+    """Put NaN or infinity into one input at a time. Returns the numbers of calls with NOT_FINITE, of all calls, and of
+    calls that held the outputs."""
     bad = np.array([good] * (3 * len(good))).reshape(-1, len(good))
     for column in range(len(good)):
         bad[3 * column : 3 * column + 3, column] = np.nan, np.inf, -np.inf
@@ -193,15 +197,15 @@ def _detail(inputs: np.ndarray, expected: np.ndarray, outputs: np.ndarray, diffe
     return f"largest relative difference {worst:.2g}; first at {inputs[row].tolist()}"
 
 
-def _statuses(wanted: np.ndarray, status: np.ndarray) -> str:
-    if np.array_equal(wanted, status):
+def _statuses(expected: np.ndarray, status: np.ndarray) -> str:
+    if np.array_equal(expected, status):
         return ", ".join(f"{int(np.sum(status == s))} {s.c_name}" for s in Status if np.any(status == s))
-    row = int(np.argmax(wanted != status))
-    return f"Python says {Status(int(wanted[row])).c_name} where C returns {int(status[row])}"
+    row = int(np.argmax(expected != status))
+    return f"Python says {Status(int(expected[row])).c_name} where C returns {int(status[row])}"
 
 
 class LoadedStep:
-    """A step function of a library, on records."""
+    """A step function of a loaded library, called with records."""
 
     def __init__(self, library: ctypes.CDLL, face: StepFace) -> None:
         self.face = face
@@ -211,7 +215,7 @@ class LoadedStep:
         self._defaults.restype = None
 
     def defaults(self) -> np.ndarray:
-        """The declared start."""
+        """Return the declared start."""
         start = record(self.face.function.start, self.face.real)
         self._defaults(start.ctypes.data)
         return start
@@ -226,30 +230,33 @@ class LoadedStep:
 
 
 def compare_steps(library: ctypes.CDLL, face: StepFace, points: int, seed: int) -> tuple[dict[str, Check], int, int]:
-    """A run of so many steps in both. Checks by name, how many steps, and how many of them ended well."""
+    """Run `points` steps in C and in Python. Returns the checks by name, the number of steps, and of steps with OK."""
     f, key, real = face.function, face.key, face.real
     twin, loaded = f.twin(real), LoadedStep(library, face)
-    start, mine = face.started()
-    theirs = copied(mine)
+    start, python_state = face.started()
+    c_state = copied(python_state)
     other = loaded.defaults()
-    begun = (twin.init(mine, start), loaded.init(theirs, other))
+    begun = (twin.init(python_state, start), loaded.init(c_state, other))
     inputs = f.examples(points, seed, real)
     out = np.zeros((2, 1), dtype_of(f.outputs, real))
-    different = statuses = written = good = 0
+    different_steps = different_statuses = unheld = good = 0
     for row in inputs.reshape(-1, 1):
-        before = theirs.tobytes(), out[1].tobytes()
-        given = row.reshape(())
-        codes = twin.step(mine, given, out[0].reshape(())), loaded.step(theirs, given, out[1].reshape(()))
-        statuses += codes[0] != codes[1]
-        different += mine.tobytes() != theirs.tobytes() or out[0].tobytes() != out[1].tobytes()
-        written += codes[1] != Status.OK and before != (theirs.tobytes(), out[1].tobytes())
+        before = c_state.tobytes(), out[1].tobytes()
+        record_in = row.reshape(())
+        codes = (
+            twin.step(python_state, record_in, out[0].reshape(())),
+            loaded.step(c_state, record_in, out[1].reshape(())),
+        )
+        different_statuses += codes[0] != codes[1]
+        different_steps += python_state.tobytes() != c_state.tobytes() or out[0].tobytes() != out[1].tobytes()
+        unheld += codes[1] != Status.OK and before != (c_state.tobytes(), out[1].tobytes())
         good += codes[1] == Status.OK
     same = start.tobytes() == other.tobytes() and begun[0] == begun[1]
     checks = {
         f"{key}_starts_different": at_most(int(not same), 0, "the declared start"),
-        f"{key}_steps_different": at_most(different, 0, f"of {points} steps, state and outputs byte for byte"),
-        f"{key}_statuses_different": at_most(statuses, 0, f"of {points} steps"),
+        f"{key}_steps_different": at_most(different_steps, 0, f"of {points} steps, state and outputs byte for byte"),
+        f"{key}_statuses_different": at_most(different_statuses, 0, f"of {points} steps"),
         f"{key}_steps_ok": at_least(good, 1, f"of {points} steps"),
-        f"{key}_not_held": at_most(written, 0, "steps that wrote without GT_OK"),
+        f"{key}_not_held": at_most(unheld, 0, "steps that wrote without GT_OK"),
     }
     return checks, points, good

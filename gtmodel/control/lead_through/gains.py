@@ -98,11 +98,11 @@ class OscillationWatch(Options):
     recovery: Annotated[float, Unit("s"), Within(above=0.0), "time constant of the recovery, without contact"] = 5.0
     least_share: Annotated[float, Within(above=0.0, most=1.0), "least share of the gain"] = 0.02
 
-    def step(self, seen: Watched, force: float, contact: bool, cycle: float) -> Watched:
+    def step(self, watched: Watched, force: float, contact: bool, cycle: float) -> Watched:
         """Return slow part of the force [N], energy [N2] and share of the gain after a cycle [s]."""
         if self.level == 0.0:
-            return seen
-        slow, energy, share = seen
+            return watched
+        slow, energy, share = watched
         constant = 1.0 / (2.0 * math.pi * self.corner)
         slow = slow + cycle / (constant + cycle) * (force - slow)
         fast = force - slow

@@ -156,7 +156,7 @@ def _grows(deviation: np.ndarray) -> bool:
     return bool(late > max(float(np.std(parts[2])), FLOOR) or np.abs(deviation).max() > LARGE)
 
 
-def cone_deviations(gains: SurfaceGains, servo: ServoChain, asked: ConeComparison) -> dict[str, list[float]]:
+def cone_deviations(gains: SurfaceGains, servo: ServoChain, comparison: ConeComparison) -> dict[str, list[float]]:
     """Return the root mean square of the force minus its reference [N] for each cone, on a flat and a tilted surface,
     without and with the filter; the keys are like "flat, unfiltered".
 
@@ -167,9 +167,11 @@ def cone_deviations(gains: SurfaceGains, servo: ServoChain, asked: ConeCompariso
     True
     """
     answers: dict[str, list[float]] = {}
-    for surface, tilt in (("flat", 0.0), ("tilted", asked.tilt)):
-        for kind, constant in (("unfiltered", 0.0), ("filtered", asked.constant)):
-            answers[f"{surface}, {kind}"] = [_deviation(gains, servo, asked, c, constant, tilt) for c in asked.cones]
+    for surface, tilt in (("flat", 0.0), ("tilted", comparison.tilt)):
+        for kind, constant in (("unfiltered", 0.0), ("filtered", comparison.constant)):
+            answers[f"{surface}, {kind}"] = [
+                _deviation(gains, servo, comparison, cone, constant, tilt) for cone in comparison.cones
+            ]
     return answers
 
 

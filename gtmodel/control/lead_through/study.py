@@ -134,12 +134,12 @@ def study(
 
     def answer(status: SolveStatus = SolveStatus.INTERRUPTED) -> LeadThroughStudy:
         message = SO_FAR if status is SolveStatus.INTERRUPTED or run is None else _message(answers, peg, good, run)
-        judged = run if good else None
+        complete_run = run if good else None
         return LeadThroughStudy(
             status=status, message=message, title=title, notes=notes, checks=checks, files=files,
-            run=judged, book=book,
-            figures={} if judged is None else
-            _figures(judged, book, answers, contact, gains, servo, setup, cones, hands, title),
+            run=complete_run, book=book,
+            figures={} if complete_run is None else
+            _figures(complete_run, book, answers, contact, gains, servo, setup, cones, hands, title),
             **answers,
         )  # fmt: skip
 
@@ -159,7 +159,7 @@ def study(
     notes += _untested(blind)
     checks["sensors_usable"] = Check(float(run.status), judged=run.allowed, advice=run.status.message)
     if run.stopped is not None:
-        notes.append(f"the motion was stopped at {run.stopped:.4g} s and is not judged: {run.status.message}")
+        notes.append(f"the motion was stopped at {run.stopped:.4g} s and is not evaluated: {run.status.message}")
     if run.allowed:
         book = at_the_handle(run, gains, turning, servo)
         answers |= {"energy_passed": book.passed, "least_window": book.worst, "energy_deficit": book.deficit}
@@ -168,8 +168,8 @@ def study(
             book.share, TOO_MUCH, "the robot returns more energy than it stored; raise the damping"
         )
         files["samples.csv"] = _table(run)
-        more, remarks, judged = (aligned if peg else forces)(run, contact, law, gains, setup, tool)  # type: ignore[arg-type]
-        answers, notes, checks, good = answers | more, notes + remarks, checks | judged, True
+        more, remarks, tests = (aligned if peg else forces)(run, contact, law, gains, setup, tool)  # type: ignore[arg-type]
+        answers, notes, checks, good = answers | more, notes + remarks, checks | tests, True
     if hands is not None:
         work.step("hands")
         stability = hand_stability(gains, servo, hands, turning, float(np.linalg.norm(setup.grip)))

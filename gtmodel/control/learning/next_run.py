@@ -106,7 +106,7 @@ def next_input(
         unexplained.append(off / before if before else (0.0 if off <= floors[-1].total else np.inf))
         slides.append(drift(estimates[:, corrected]) if len(estimates) else False)
     wrong, sentences = suspicion_checks(doubts)
-    judged = {"moves_outside": at_most(moves_outside(reference, corrected), OUTSIDE, SHORTEN), **wrong}
+    checks = {"moves_outside": at_most(moves_outside(reference, corrected), OUTSIDE, SHORTEN), **wrong}
     learned = all(e <= AT_THE_FLOOR * f.total for e, f in zip(errors, floors, strict=True))
     after = u if learned else np.column_stack(bests)
     notes = [f"{name}: {axis.rate.words}" for name, axis in zip(names, axes, strict=True) if not axis.rate.monotone]
@@ -122,14 +122,14 @@ def next_input(
     ]  # fmt: skip
     return _answer(
         run, names, design, axes, errors, floors, bool(repeats), learned, after, unexplained, notes + sentences,
-        work.title, judged,
+        work.title, checks,
     )  # fmt: skip
 
 
 def _answer(
     run: Trajectory, names: Sequence[str], design: LearningDesign, axes: Sequence[AxisLearning],
     errors: Sequence[float], floors: Sequence[Floor], repeated: bool, learned: bool, after: Array,
-    unexplained: Sequence[float], notes: Sequence[str], title: str, judged: Mapping[str, Check],
+    unexplained: Sequence[float], notes: Sequence[str], title: str, checks: Mapping[str, Check],
 ) -> NextInputStudy:  # fmt: skip
     scattering = {}
     if repeated:
@@ -153,7 +153,7 @@ def _answer(
         checks={
             "bound": at_most(max(a.bound.value for a in axes), 1 + 1e-9, "lower the cutoff or the contraction"),
             "unexplained": at_most(max(unexplained), EXPLAINED, ANOTHER),
-            **scattering, **judged,
+            **scattering, **checks,
         },
         files=MadeFiles({"next_input.csv": partial(input_csv, run.time, names, after, run.synthetic)}),
         machine_files=("next_input.csv",), figures={"filter": partial(filter_picture, names, axes, title)},

@@ -342,9 +342,9 @@ def _answer(
     )  # fmt: skip
 
 
-def _over(value: float, of: float) -> float:
+def _over(value: float, divisor: float) -> float:
     """The quotient, with 0 / 0 = 0."""
-    return value / of if of else (0.0 if not value else np.inf)
+    return value / divisor if divisor else (0.0 if not value else np.inf)
 
 
 def _rms(values: Array) -> Array:

@@ -54,8 +54,7 @@ class OscillatorField:
         """Whether the measurements determine the oscillators at a pose (4,), or at each of poses (n, 4) -> (n,).
 
         False if the variance of a process, without inflation, exceeds half that of its measured logarithms: far from
-            the
-        measurements a prediction is little more than their mean. casadi_function() does not check this.
+        the measurements a prediction is little more than their mean. casadi_function() does not check this.
         """
         poses = np.atleast_2d(np.asarray(pose, float))
         determined = np.ones(len(poses), bool)
