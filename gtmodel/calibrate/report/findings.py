@@ -33,6 +33,7 @@ from .movement import WIDTH, moved_too_far, near_start, undetermined
 FAR = 30.0  # times the stated noise: the readings are probably wrong
 ITERATIONS = 400  # of a fit; few poses leave flat valleys with slow convergence
 HUBER = 1.345  # standard deviations: 95 % efficiency for normal errors
+GROSS = 5.0  # times the median error
 METRES = 0.1  # m, median error of the fitted poses: the robot and the coordinates do not belong together
 
 
@@ -81,12 +82,17 @@ class CalibrationFindings:
         """Outlying poses, fitted or held out, the farthest first."""
         return far_poses(self)
 
+    @property
+    def gross(self) -> list[FarPose]:
+        """Outlying poses so far off that they may spoil the fit or its tests; errors of a model are smaller."""
+        return [p for p in self.far_poses if p.size > GROSS * p.others]
+
     @cached_property
     def suspect(self) -> str:
         """Words on outliers as a cause of a failed test; empty if there are none."""
-        if not self.far_poses:
+        if not self.gross:
             return ""
-        one = len(self.far_poses) == 1
+        one = len(self.gross) == 1
         them, outlier = ("it", "outlier") if one else ("them", "outliers")
         return f"the {outlier} may cause this: repeat the calibration without {them} before you doubt the model"
 
@@ -342,7 +348,7 @@ def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool
     sound, sentences = c.status.ok, []
     if not sound:
         return False, None, [f"not solved: {c.message}"]
-    sentences += [s for s in (findings.unseen_frame or far_sentence(findings, findings.far_poses),) if s]
+    sentences += [s for s in (findings.unseen_frame or far_sentence(findings, findings.gross),) if s]
     if not len(c.x):
         sound, proven, others = _as_it_is(findings, accuracy)
         return sound, proven, [*sentences, *others]
