@@ -28,7 +28,7 @@ from .report import robot_file, values as poses_table
 from .report.findings import CalibrationFindings, findings_of, length_noise
 from .report.result import CalibrationStudy
 from .report.robot_file import Origin
-from .report.values import checks_of, pictures, values_of
+from .report.values import KEPT, checks_of, pictures, values_of
 from .variants import by_dh_numbers, on_cart_points, prepared, too_few, with_measured_orientation
 
 
@@ -172,6 +172,7 @@ def explained(
     fixed = [n for n in ready.values(u.start) if n not in u.names]
     if fixed:
         lines.append(f"fixed, tied or part of a unit quaternion: {', '.join(fixed)}")
+    lines += [note for note in u.notes if KEPT in note]
     if not u.names:
         return [*lines, "nothing is free: the robot is judged as it is"]
     analysis = ready.identifiability(sigma=length_noise(ready))

@@ -427,7 +427,7 @@ def test_late_and_repeated_rows(tmp_path: Path) -> None:
 def test_rows_without_a_number(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_text("t,x,y\n0,1,7\n1,,7\n2,nan,7\n3,4,\n4,5,7\n5,6,-\n")
-    with pytest.raises(LogError, match="line 3, column 'x': found nothing"):
+    with pytest.raises(LogError, match="line 3, column 'x': the cell is empty"):
         read_log(path, {"x": Column("x", "m")}, time=Column("t", "s"))
     (session,) = read_log(path, {"x": Column("x", "m")}, time=Column("t", "s"), uneven=True, empty_rows="drop")
     assert session.trajectory["x"].tolist() == [1, 4, 5, 6] and session.trajectory.time.tolist() == [0, 3, 4, 5]

@@ -40,7 +40,7 @@ TEXTS: dict[str, tuple[str | bytes, list[str], dict[str, Any]]] = {
     "another unit": (GOOD.replace("[mm]", "[m]"), ["log.csv line 1", "'x'", "in m here"], {}),
     "a unit that is none": (GOOD.replace("[mm]", "[furlong]"), ["log.csv line 1", "'x'", "furlong"], {}),
     "a word for a number": (changed("0.3,3", "0.3,off"), ["log.csv line 5", "'x'", "'off'"], {}),
-    "an empty cell": (changed("0.3,3", "0.3,"), ["log.csv line 5", "'x'", "nothing", 'empty_rows = "drop"'], {}),
+    "an empty cell": (changed("0.3,3", "0.3,"), ["log.csv line 5", "'x'", "empty", 'empty_rows = "drop"'], {}),
     "nan": (changed("0.3,3", "0.3,nan"), ["log.csv line 5", "'x'", "'nan'", 'empty_rows = "drop"'], {}),
     "infinity": (changed("0.3,3", "0.3,-inf"), ["log.csv line 5", "'x'", "'-inf'"], {}),
     "an overflow": (changed("0.3,3", "0.3,1e999"), ["log.csv line 5", "'x'", "'1e999'"], {}),

@@ -198,6 +198,9 @@ class Measured(Options):
         list[str], "unmeasured variables, estimated pose by pose; those that signals need are added automatically"
     ] = field(default_factory=list)  # fmt: skip
     name: Annotated[str, "name of these measurements among others; by default their file's"] = ""
+    leave_out: Annotated[
+        list[int], "lines of the file whose poses are not read, such as outliers; the result counts them"
+    ] = field(default_factory=list)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ class MeasuredPoses:
     lines: (N,) of their files; numbered from 1 if left out. held_out: (N,) poses that no fit uses; None leaves the
         choice to the study. columns: signal -> names and units in the file.
     known: parameters of the measurement with given values, such as "T.sag", which no fit changes.
+    left_out: lines of the file that were not read, as `Measured.leave_out` says.
     synthetic: seed and noise of a synthetic file. truth: the robot with known errors. files: further synthetic files.
     """
 
@@ -41,6 +42,7 @@ class MeasuredPoses:
     synthetic: str | None = None
     truth: Model | None = None
     files: Mapping[str, str] = field(default_factory=dict)
+    left_out: Sequence[int] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,6 +92,9 @@ class LoadTests(Options):
     wrist: Annotated[LoadTestColumn | None, "displacement of a target at the wrist centre; default from the pose"] = (
         None
     )
+    leave_out: Annotated[list[int], "lines of the file whose tests are not read, such as outliers"] = field(
+        default_factory=list
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

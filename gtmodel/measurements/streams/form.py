@@ -39,7 +39,9 @@ class FormError(LogError):
 
 
 class NoNumberError(LogError):
-    """A cell without a measurement: empty or nan."""
+    """A cell without a measurement: empty or nan, in the row at `line`."""
+
+    line: int = 0
 
 
 @dataclass(frozen=True)
