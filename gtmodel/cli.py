@@ -163,14 +163,15 @@ def schema(
     if kind is None:
         terminal.table(("kind", "what it is"), names().items())
         return
-    terminal.table(
-        ("key", "type", "unit", "default", "description"),
-        [tuple(key.values()) for key in document["keys"]],
-        f"{kind}: {document['description']}",
-    )
+    keys = []
+    for key, what, unit, default, text in (key.values() for key in document["keys"]):
+        stated = f"default {default}" if default not in ("", "required") else default
+        keys.append(("   ".join(filter(None, (key, what, unit and f"[{unit}]", stated))), text))
+    terminal.entries(keys, f"{kind}: {document['description']}")
     print()
-    rows = [(name, about["unit"], about["description"]) for name, about in document["values"].items()]
-    terminal.table(("in values", "unit", "description"), rows)
+    values = document["values"].items()
+    rows = [(f"{name}   [{about['unit']}]" if about["unit"] else name, about["description"]) for name, about in values]
+    terminal.entries(rows, "in values of the result:")
 
 
 @app.command()

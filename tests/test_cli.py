@@ -81,9 +81,16 @@ def test_schema_describes_every_key_and_value(gtmodel: Commands, kind: str) -> N
 def test_schema_shows_units_and_defaults(gtmodel: Commands) -> None:
     lines = gtmodel("schema", "trajectory").out.splitlines()
     (force,) = [line for line in lines if line.split()[:1] == ["limits.force_N"]]
-    assert " N " in force and "required" in force
+    assert "[N]" in force and "required" in force
     (elements,) = [line for line in lines if line.split()[:1] == ["mesh.elements"]]
-    assert " 50 " in elements
+    assert "default 50" in elements
+
+
+def test_schema_fits_80_columns_in_a_pipe(gtmodel: Commands, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("COLUMNS", raising=False)
+    monkeypatch.setattr("sys.__stdout__", None)  # the terminal of whoever runs the tests
+    lines = gtmodel("schema", "calibration").out.splitlines()
+    assert all(len(line) <= 80 or " " not in line.strip() for line in lines)
 
 
 def test_the_unit_of_a_value_is_the_declared_one_whatever_its_name_reads_as(gtmodel: Commands) -> None:

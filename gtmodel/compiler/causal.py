@@ -371,9 +371,9 @@ class CausalFunction:
             columns.append(flat.T)
         return columns, rows
 
-    def explain(self) -> str:
+    def explain(self, full: bool = True) -> str:
         """Return a text on how the values are computed: blocks, sizes, branch signs, assumptions, file and line."""
-        return explain(self)
+        return explain(self, full)
 
     def __repr__(self) -> str:
         return f"CausalFunction({', '.join(s.name for s in self.inputs)} -> {', '.join(s.name for s in self.outputs)})"

@@ -1,4 +1,4 @@
-"""Kind "friction": friction of the actuators and the mass they carry, from runs at constant velocity."""
+"""Kind "friction": friction of carts that carry a plate, and the mass that they carry, from constant-velocity runs."""
 
 from __future__ import annotations
 

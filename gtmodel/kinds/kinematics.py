@@ -51,7 +51,7 @@ def explain(problem: Schema, context: Context) -> str:
     study = call(problem, context)
     model, known, targets, _ = study.arguments
     function = causality.causality_of(model, known, targets, study.options["branches"], study.options["orientation"])
-    return f"{problem.title or NAME}\n{function.explain()}"
+    return f"{problem.title or NAME}\n{function.explain(context.full)}"
 
 
 def _points(problem: Schema, context: Context) -> Path | Any:

@@ -112,7 +112,9 @@ def explain(problem: Schema, context: Context) -> str:
     options = {name: study.options[name] for name in ("start", "inputs", "outputs", "prefer")}
     simulation.study.refuse_unknown(model, **options)
     del options["outputs"]
-    text = simulation.explain_simulation(model, **options, tolerance=problem.tolerance, method=problem.method)
+    text = simulation.explain_simulation(
+        model, **options, tolerance=problem.tolerance, method=problem.method, full=context.full
+    )
     return f"{problem.title or NAME}: {problem.final_time_s:g} s\n{text}"
 
 

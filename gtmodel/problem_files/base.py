@@ -38,7 +38,8 @@ class Call:
         return self
 
     def __call__(self, **work: Any) -> Any:
-        """Run the study. Raises ArgumentError if an argument is missing that a file cannot state, such as a folder."""
+        """Run the study. Raises ArgumentError if the caller must pass an argument, such as a folder, that no key
+        sets."""
         try:
             inspect.signature(self.study).bind(*self.arguments, **self.options, **work)
         except TypeError as error:
@@ -109,6 +110,7 @@ class Context(RunClock):
     notes: sentences that `note` added to the result.
     distrusted: names of files among `inputs` that are marked as not to be used.
     models: models that the problem names; remarks about them go to the notes of the result.
+    full: whether `explain` of a kind lists everything, or a summary of about 40 lines.
     """
 
     name: str = "problem"
@@ -119,6 +121,7 @@ class Context(RunClock):
     notes: list[str] = field(default_factory=list)
     distrusted: list[str] = field(default_factory=list)
     models: list[Any] = field(default_factory=list)
+    full: bool = True
 
     def note(self, sentence: str) -> None:
         """Print one sentence and add it to the notes of the result, once."""

@@ -46,7 +46,7 @@ def run(
         out: folder for sources, logs and the picture. It changes only at the end, when all files are written or none;
             no other run may write there in the meantime.
         reference: CSV file of the motion; the time-optimal motion of l1_min_time if None.
-        plant, plant_timeout: unit for the problem's table [plant] and time limit of a call [s]; the table's if None.
+        plant, plant_timeout: FMU and time limit of its calls [s]; None: those of the problem's table [plant].
         arguments: further arguments of the study.
 
     Raises InputError with one sentence.

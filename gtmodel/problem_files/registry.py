@@ -60,7 +60,7 @@ _KINDS = {
     "lead_through": "hand guiding with two force sensors: contact force, limits, energy at the handle, peg in hole",
     "wrench_calibration": "bias, mass and centre of mass of the load on a force sensor, from poses, with intervals",
     "learning_control": "iterative learning control: predicted rate and floor, simulated runs, the next input",
-    "friction": "friction of the actuators and the mass they carry, from constant-velocity runs",
+    "friction": "friction of carts that carry a plate, and the mass that they carry, from constant-velocity runs",
 }
 
 

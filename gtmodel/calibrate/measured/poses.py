@@ -66,7 +66,7 @@ class SplitPoses:
 
     @property
     def position(self) -> str:
-        """The signal by which the robot is judged: the measured position, or else the first of `judged`."""
+        """The signal by which the robot is evaluated: the measured position, or else the first of `judged`."""
         return self.pose.position if self.whole else self.judged[0]
 
     @property
@@ -91,7 +91,7 @@ class SplitPoses:
 
     @property
     def T(self) -> np.ndarray:
-        """The measured positions (N, k) [m], or the other signal by which the robot is judged."""
+        """The measured positions (N, k) [m], or the other signal by which the robot is evaluated."""
         return np.asarray(self.all.values[self.position])
 
     @property
@@ -108,7 +108,7 @@ class SplitPoses:
         return self.all.part(self.held_out) if self.held_out.any() else None
 
     def refitted_by(self, refit: Refit) -> SplitPoses:
-        """Move the first of every few held-out poses to `refitting`. Raises ArgumentError if none are held out."""
+        """Move the first of every few held-out poses to `refitting`. Raises ArgumentError if no pose is held out."""
         held = np.flatnonzero(self.held_out)
         if not len(held):
             raise ArgumentError("there are no held-out poses to refit on", "refit")

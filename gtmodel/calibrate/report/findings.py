@@ -40,7 +40,8 @@ class CalibrationFindings:
     of the calibrated model on these poses; `a_priori`: of the nominal robot on the held-out poses or, without any, the
     fitted ones. Empty if no pose closes. `repeatability`: rms distance [m] of poses at the same actuators from their
     mean, or None. `beside`: findings of other measurements fitted together with these. `refitted`: the calibration
-    with the parameters specific to the held-out recording; `kept`: its poses, read with these. `left_out`: the
+    with the parameters specific to the held-out recording; `kept`: the poses of that recording, with these parameters.
+    `left_out`: the
     cross-validation, if any; `held_out` are then its errors, of all poses. `near`: unknowns held near their start
     values because some poses did not close otherwise.
     """
@@ -207,7 +208,7 @@ def findings_of(
     fit: Fit, data: Sequence[SplitPoses], prepared: CalibrationProblem, a_priori: Sequence[Prediction | None],
     stop: Callable[[], bool], inspection: Inspection, refit: Refit | None = None, folds: Sequence[np.ndarray] = (),
 ) -> CalibrationFindings:  # fmt: skip
-    """Fit the parameters and judge the fit.
+    """Fit the parameters and test the fit.
 
     `a_priori`: errors of the nominal robot at all poses, per measurements; `stop`: see calibrate(); `folds` for
     cross-validation. Raises ArgumentError if cost or loss does not fit the measurements."""
@@ -421,7 +422,7 @@ def _of_unstated_noise(findings: CalibrationFindings) -> str:
 
 
 def _probable_cause(findings: CalibrationFindings) -> str:
-    """Probable cause of errors larger than the stated noise, judged by their pattern."""
+    """Probable cause of errors larger than the stated noise, inferred from their pattern."""
     pattern, coloured = findings.pattern, findings.confidence.coloured
     if pattern is not None and not pattern.passed:
         return f"{pattern.message}: the model lacks an effect"
@@ -444,7 +445,7 @@ def written(part: CalibrationFindings, name: str) -> tuple[float, str]:
 def _as_it_is(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool, bool | None, list[str]]:
     """The verdict if nothing was fitted; fitted and held-out poses are then equivalent."""
     errors = findings.headline[0]
-    sentences = ["nothing was fitted: the robot is judged as it is"]
+    sentences = ["nothing was fitted: the robot is evaluated as it is"]
     if findings.shift is not None:
         sentences.append(findings.shift.message)
     if findings.position not in errors:

@@ -179,7 +179,7 @@ class CalibrationStudy(Study):
 
     @property
     def values(self) -> Mapping[str, Any]:
-        """As in result.json; joint stiffness under the names of its own study."""
+        """Return the fields of result.json; those of joint stiffness have the names of the joint stiffness study."""
         values = dict(super().values)
         if self.joint_stiffness is not None:
             values["joint_stiffness"] = {n: v for n, v in self.joint_stiffness.values.items() if n not in ABOVE}
@@ -188,8 +188,8 @@ class CalibrationStudy(Study):
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
         """Return the confidence interval of an unknown [SI], infinite if the poses do not determine it.
 
-        With joint stiffness that of its own study. Raises ArgumentError if intervals are not valid, with the reason,
-        and for an unknown name."""
+        For joint stiffness it is the interval of the joint stiffness study. Raises ArgumentError if intervals are not
+        valid, with the reason, and for an unknown name."""
         if self.withheld:
             raise ArgumentError(self.withheld, "name")
         return (self.joint_stiffness or super()).interval(name, level)

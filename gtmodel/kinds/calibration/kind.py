@@ -64,8 +64,8 @@ def explain(problem: Schema, context: Context) -> str:
     if problem.joint_stiffness is not None:
         lines = fitted_rows(_tests(_stiffness(problem), robot, context))
     else:
-        carts, poses = _carts(problem, context), _poses(problem, robot, context)
-        lines = explained(robot, poses, problem.options(), problem.held_out.every, carts, problem.held_out.method)
+        held, carts, poses = problem.held_out, _carts(problem, context), _poses(problem, robot, context)
+        lines = explained(robot, poses, problem.options(), held.every, carts, held.method, context.full)
     name = NAME if problem.joint_stiffness is None else STIFFNESS
     return "\n".join([f"{problem.title or name}: {lines[0]}", *lines[1:]])
 

@@ -23,4 +23,4 @@ def call(problem: Schema, context: Context) -> Call:
 def explain(problem: Schema, context: Context) -> str:
     """Return the description of each row."""
     rows = zip(problem.rows(context), problem.problems(), strict=True)
-    return "\n\n".join(f"{row.name}\n{explained(row.problem, keys)}" for row, keys in rows)
+    return "\n\n".join(f"{row.name}\n{explained(row.problem, keys, context.full)}" for row, keys in rows)

@@ -53,7 +53,7 @@ def outliers(residuals: np.ndarray, basis: np.ndarray | None = None, groups: np.
 
     For normal errors, a squared deleted residual has an F distribution with k degrees of freedom and those of the rest
     of its group; the p-value is that of any of n residuals (Bonferroni). The largest residuals are deleted one by one
-    and judged from last to first, so that one outlier does not mask another. Sources: Cook and Weisberg 1982,
+    and tested from last to first, so that one outlier does not mask another. Sources: Cook and Weisberg 1982,
     "Residuals and influence in regression", section 2.2; Rosner 1983, Technometrics 25; Smyth 2004, Stat. Appl. Genet.
     Mol. Biol. 3 (1), section 6.2.
 

@@ -42,7 +42,8 @@ def failure(run: SolverRun, more: list[Remark], where: SourceLocation | None = N
     if run.other is not None:
         other_barrier, word = run.other
         tries = f"{tries} with the {run.barrier} barrier strategy, {_word(word)} with the {other_barrier} one"
-    text = f"{run.status.message} ({tries})"
+    stopped = run.status is SolveStatus.INTERRUPTED  # the word of the run says by whom
+    text = f"the run ended early: {tries}" if stopped else f"{run.status.message} ({tries})"
     iterate = f"returned iterate {run.best.number}, which has the smallest violation" if run.best else ""
     return joined([Remark(text, where), Remark(iterate), *more])
 
