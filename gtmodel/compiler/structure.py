@@ -104,12 +104,17 @@ def _unbalanced(
     rows, cols = overdetermined_and_underdetermined(len(equations), len(unknowns), sigma)
     text = f"{flat.title}: {_count(len(equations), 'equation')} for {_count(len(unknowns), 'unknown')}"
     if cols:
-        names = ", ".join(flat.variables[unknowns[j]].name for j in cols[:6]) + (", ..." if len(cols) > 6 else "")
-        text += f"; not determined: {names} (too few equations or too few known variables)"
+        modelica = getattr(type(flat.root), "_counts_from_one", False)
+        shown = [flat.variables[unknowns[j]] for j in cols[:6]]
+        names = ", ".join(f"{v.name} ({v.where})" if modelica else v.name for v in shown)
+        names += ", ..." if len(cols) > 6 else ""
+        few = "for these variables and their derivatives" if modelica else "or too few known variables"
+        text += f"; not determined: {names} (too few equations {few})"
         met = {j for _, j in sigma}
         if absent := [flat.variables[unknowns[j]].name for j in cols if j not in met][:6]:
             verb = "appears" if len(absent) == 1 else "appear"
-            text += f"; {', '.join(absent)} {verb} in no equation: is an equation or its yield missing?"
+            missing = "an equation" if modelica else "an equation or its yield"
+            text += f"; {', '.join(absent)} {verb} in no equation: is {missing} missing?"
         inputs = [flat.variables[i] for i in (unknowns[j] for j in cols) if i not in targets]
         if (names := [v.name for v in inputs if v.role == "input"][:6]) and not rows:
             text += f"; name the inputs that are known: known=[{', '.join(map(repr, names))}]"

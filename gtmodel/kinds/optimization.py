@@ -53,7 +53,7 @@ class SolverSection(FileSection):
 
 
 class Schema(Problem):
-    """A dynamic optimisation problem in Python or Optimica."""
+    """A dynamic optimisation problem, written in Python or in Optimica."""
 
     model: str = Field(
         description="the Optimization: package.module:Class or file.py:Class; or an Optimica class, file.mop:Class"
@@ -103,6 +103,7 @@ def explain(problem: Schema, context: Context) -> str:
         ),
         f"  {len(built.path)} path constraints, {len(built.points)} point constraints, "
         f"{bounded[0]} states bounded at the start and {bounded[1]} at the end",
+        "  a constraint on one variable alone, such as x <= 1, is used as a bound and is not counted",
     ]
     return "\n".join(lines)
 
@@ -120,5 +121,8 @@ def _guess(problem: Schema, context: Context, model: lang.Optimization) -> Traje
     if (guess := context.guess()) is not None or not is_reference(problem.model):
         return guess
     if (guess := modelica.first_guess(model)) is not None:
-        context.notes.append("the horizon is free: started from a simulation with the inputs' start values")
+        context.notes.append(
+            f"the horizon is free: the first guess is a simulation from {guess.time[0]:g} s to {guess.time[-1]:g} s, "
+            "inputs held at their initialGuess or start value; an initialGuess of a state counts at the start only"
+        )
     return guess

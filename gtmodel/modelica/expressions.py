@@ -480,7 +480,7 @@ class Evaluator:
             declared = scope.space.lookup(name)  # the text may declare a function of this name
             if declared is None or not declared.text.restriction.endswith("function"):
                 return builtin.called(name, node, scope, self)
-        space = self.function(node.reference, scope)
+        space = self.function(node.reference, scope, node)
         full_name = space.name
         if full_name.startswith("Modelica.Math.") and (
             builtin_name := builtin.MATHEMATICAL.get(full_name.removeprefix("Modelica.Math."))
@@ -505,7 +505,7 @@ class Evaluator:
         time = self.one(node.arguments[0], scope)
         return each(lambda x: Operation("at", (x, time), node.at), value)
 
-    def function(self, reference: Reference, scope: NameScope) -> Space:
+    def function(self, reference: Reference, scope: NameScope, node: FunctionCall | None = None) -> Space:
         try:
             return scope.space.find(reference)
         except ModelicaError as error:
@@ -513,4 +513,13 @@ class Evaluator:
             if len(reference.parts) > 1 or scope.space.lookup(name) is not None:
                 raise
             close = near(name, [*builtin.BUILT_IN, *scope.space.names()])
+            if self.horizon and scope.instance is not None and _is_instant(node):
+                close = near(name, scope.instance.elements) or close
+                raise ModelicaError(f"there is no variable '{name}'{close}", error.place or reference.at) from None
             raise ModelicaError(f"there is no function '{name}'{close}", error.place or reference.at) from None
+
+
+def _is_instant(node: FunctionCall | None) -> bool:
+    """Does a call look like the value of a variable at an instant, `x(finalTime)`?"""
+    given = node.arguments if node is not None and not node.named else []
+    return len(given) == 1 and isinstance(given[0], Reference) and str(given[0]) in _HORIZON

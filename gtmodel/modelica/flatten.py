@@ -142,6 +142,8 @@ class _Flattening:
                 continue
             for flat in component.flats:
                 self.out.flats.append(flat)
+                if flat.kind == "constant" and flat.base == "Real" and flat.get("unit"):
+                    flat.kind = "parameter"  # a number would lose the unit
                 if flat.kind == "parameter":
                     self._parameter(flat)
             if component.flats and component.flats[0].kind not in ("parameter", "constant"):
@@ -337,7 +339,10 @@ class _Flattening:
             for condition, body in node.branches:
                 truth = self.model.truth(condition, scope)
                 if not isinstance(truth, bool):
-                    raise ModelicaError("the condition of a constraint must depend on parameters only", condition.at)
+                    raise ModelicaError(
+                        f"the condition of a constraint must contain parameters only; found {_moving(truth)}",
+                        condition.at,
+                    )
                 if truth:
                     return [e for x in body for e in self._constraints(x, scope)]
             return [e for x in node.otherwise or () for e in self._constraints(x, scope)]
@@ -407,6 +412,13 @@ def _name(name: str, at: Place) -> Reference:
     from .syntax import ReferencePart
 
     return Reference(at, (ReferencePart(name, None),))
+
+
+def _moving(x: Any) -> str:
+    """What in a condition is no parameter."""
+    names = [f"'{f.name}'" for f in symbols(x) if f.kind not in ("parameter", "constant")]
+    names += [o.name for o in operations(x) if o.name in ("time", "der")]
+    return ", ".join(dict.fromkeys(names)) or "a value that is chosen by the optimisation"
 
 
 def _ifs(items: Sequence[Any]) -> bool:

@@ -444,11 +444,14 @@ class Writer:
         assert x.at is not None
         if not self.flat.optimization or not isinstance(source, Symbol) or source.flat.kind != "input":
             t = f"{tau:g}"
+            delayed = "an expression"
+            if isinstance(source, Symbol):
+                word = "an input of a simulation" if source.flat.kind == "input" else f"a {source.flat.kind}"
+                delayed = f"'{source.flat.name}', {word}"
             raise ModelicaError(
-                "delay() is supported only for an input of an optimization, v = delay(u, 0.1): integrators store no "
-                "history; shift discrete values at each sample(0, T), or write a second-order Pade approximation in "
-                f"place of v = delay(x, {t}), for an x that changes little in {t} s: Real p(start = x0, fixed = true), "
-                f"q(start = 0, fixed = true); {t}*der(p) = q; {t}*der(q) = 12*(x - p) - 6*q; v = x - q",
+                f"only inputs of an optimization can be delayed; found {delayed}. Sample it, or use a Pade "
+                f"approximation: Real p(start = x0, fixed = true), q(start = 0, fixed = true); {t}*der(p) = q; "
+                f"{t}*der(q) = 12*(x - p) - 6*q; v = x - q",
                 x.at,
             )  # fmt: skip
         held = source.flat.get("start")

@@ -160,6 +160,8 @@ def _sentence(error: Any, source: Source) -> ModelicaError:
     hint = "; write == to compare" if str(token) == "=" and "then" in expected else ""
     if str(token) == ":=":
         hint = "; := is only allowed in an algorithm section; write = in an equation"
+    if str(token) in ("<=", ">=") and re.search(r"[<>]=[^;]*$", source.lines[line - 1][: column - 1]):
+        hint = "; write two constraints in place of a chain: a <= x; x <= b;"
     if token.type == "IDENT" and not hint:
         hint = near(str(token), sorted(w for w in expected if w.isalpha()))
     shown = f"'{token}'" if len(token) < 40 else f"'{token[:40]}...'"

@@ -345,6 +345,9 @@ def whole(flat: Flat, value: Any) -> Any:
 def value_of(flat: Flat) -> Scalar:
     """Return the binding of a parameter, or else its start value. Raises ModelicaError if it has neither."""
     if flat.binding is not None:
+        inside = list(symbols(flat.binding))
+        if inside and is_constant(flat.binding) and all(f.kind == "constant" for f in inside):
+            flat.cache["binding"] = number_of(flat.binding, flat.at, f"'{flat.name}'")  # 10*pi/180
         return flat.binding
     if (start := flat.get("start")) is not None:
         return start

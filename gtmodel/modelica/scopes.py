@@ -36,6 +36,10 @@ _CLASS = re.compile(
     r"(\w+|'(?:[^'\\]|\\.)+')", re.DOTALL,
 )  # fmt: skip
 _BUILT_IN = Path(__file__).with_name("standard.mo")
+NOT_LOADED = (
+    "; the Modelica Standard Library is not loaded: name its folder in MODELICAPATH, or in library = [...] of a "
+    "problem file or of gt.modelica.load"
+)
 
 
 @dataclass(eq=False)
@@ -262,7 +266,8 @@ class Space:
         first = reference.parts[0].name
         space = self.lookup(first, skip)
         if space is None:
-            raise ModelicaError(f"there is no class '{first}'{near(first, self.names())}", reference.at)
+            hint = self._inherited_import(first) or near(first, self.names())
+            raise ModelicaError(f"there is no class '{first}'{hint}", reference.at)
         try:
             return space.inside(reference, 1)
         except ModelicaError:
@@ -272,6 +277,29 @@ class Space:
                 if other is not None and other is not space:
                     return other.inside(reference, 1)
             raise
+
+    def _inherited_import(self, name: str) -> str:
+        """The advice for a name that only a base class, or what is around that one, imports."""
+        try:
+            left = [base for base, _ in self.bases()]
+            seen: list[Space] = []
+            while left:
+                around: Space | None = left.pop()
+                if around in seen:
+                    continue
+                left += [base for base, _ in around.bases()]
+                while around is not None:
+                    seen.append(around)
+                    for item in around.text.imports:
+                        if item.name == name:
+                            return (
+                                f"; imports are not inherited: {around.name} imports it in line {item.at.line}; write "
+                                f"import {name} = {item.reference}; in {self.name} too"
+                            )
+                    around = around.outer
+        except ModelicaError:
+            pass  # of an extends clause, which is told where it is read
+        return ""
 
     def absolute(self, reference: Reference) -> Space:
         return self.root.inside(reference, 0)
@@ -287,7 +315,10 @@ class Space:
                     raise ModelicaError(reason, reference.at)
                 where = space.name or "the parsed files"
                 names = [*space.text.classes, *(space.resolved if space.outer is None else ())]
-                raise ModelicaError(f"there is no class '{part.name}' in {where}{near(part.name, names)}", reference.at)
+                hint = near(part.name, names)
+                if not hint and space.text.at.source.path == str(_BUILT_IN):
+                    hint = NOT_LOADED
+                raise ModelicaError(f"there is no class '{part.name}' in {where}{hint}", reference.at)
             space = following
         return space
 

@@ -199,6 +199,7 @@ def translated(
     cls._static = flat.static  # type: ignore[attr-defined]
     others = tuple(file for file in files_of(text.root) if file != Path(text.path))
     remarks = *flat.warnings, *warnings
+    cls._notes = remarks
     return Translation(cls, flat.optimization, stop, remarks, units, text.path, name, flat, written, others)
 
 
@@ -221,7 +222,8 @@ def load(
             lines of its flat text, and the path of that text.
 
     Returns a subclass of gt.Optimization or gt.Model. Results have the names of the text, such as `tank[2].x`, counted
-    from 1. Raises ModelicaError, a ModelError, with file, line number and the line itself.
+    from 1. Notes, such as units that do not match, are in `notes` of its solutions and studies. Raises ModelicaError, a
+    ModelError, with file, line number and the line itself.
 
     >>> from pathlib import Path
     >>> import tempfile

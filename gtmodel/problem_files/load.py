@@ -298,6 +298,8 @@ class Loaded:
 
     def placed(self, error: InputError) -> InputError:
         """Return the error with its line in the file."""
+        if self.path.suffix in (".mo", ".mop") and error.key in ("model", "robot"):  # nobody wrote this key
+            return InputError(error.message, file=error.file, line=error.line)
         return error.within("", content=_unchanged(self.content, self.settings, error.key))
 
 

@@ -136,10 +136,13 @@ def answer(loaded: Loaded, context: Context) -> Study:
 
 
 def call_of(path: str | Path, settings: Iterable[str] = ()) -> Call:
-    """Return the call that a problem file describes. Raises InputError."""
+    """Return the call that a problem file describes; its study has the notes too. Raises InputError."""
     loaded = load(path, settings)
+    context = context_of(loaded)
     with keyed(loaded):
-        return loaded.kind.call(loaded.problem, context_of(loaded))
+        call = loaded.kind.call(loaded.problem, context)
+    finish = call.finish
+    return call.then(lambda study: noted(study if finish is None else finish(study), context))
 
 
 @contextmanager

@@ -37,10 +37,11 @@ def _values(record: dict[str, Any], name: str) -> Iterator[Any]:
 
 def test_a_class_is_solved(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     out_folder = tmp_path / "out"
-    code, out, _ = said(capsys, "solve", f"{VDP}:Fast", "--out", out_folder, "--set", "mesh.elements=20")
-    assert code == 0 and "started from a simulation" in out
+    code, out, _ = said(capsys, "solve", f"{VDP}:Fast", "--out", out_folder, "--set", "mesh.elements=20",
+                        "--set", "mesh.control=linear")  # fmt: skip
+    assert code == 0 and "the first guess is a simulation from 0 s to 2 s" in out
     result = json.loads((out_folder / "result.json").read_text())
-    assert result["values"]["final_time_s"] == pytest.approx(2.2811587, rel=1e-3)
+    assert result["values"]["final_time_s"] == pytest.approx(2.2811587, rel=2e-3)  # of 20 elements
     code, out, _ = said(capsys, "solve", f"{VDP}:Quiet", "--json", "--set", "mesh.elements=20")
     quiet = json.loads(out)["objective"]
     code, out, _ = said(capsys, "solve", f"{VDP}:VanDerPol.QuietExtended", "--json", "--set", "mesh.elements=20",
