@@ -69,12 +69,13 @@ def test_schema_describes_every_key_and_value(gtmodel: Commands, kind: str) -> N
     document = gtmodel("schema", kind, "--json").json
     assert printed.code == 0 and document["kind"] == kind
     for key in document["keys"]:
-        assert key["description"], key["key"]
+        assert key["description"], f"key {key['key']} of kind '{kind}' has no description: add it to its annotation"
         assert key["key"] in printed.out
         assert key["unit"] == unit_of(from_options.Key(**key).name) or not key["unit"], key["key"]
     assert document["values"]
     for name, about in document["values"].items():
-        assert about["description"] and name in printed.out
+        assert about["description"], f"result {name} of kind '{kind}' has no description: add it to its annotation"
+        assert name in printed.out
     assert "properties" in document["schema"]
 
 
@@ -314,6 +315,7 @@ def test_codegen_without_check_compiles_nothing(gtmodel: Commands) -> None:
 
 REFUSED = [
     (["solve", "nowhere.toml"], "nowhere.toml: there is no such file"),
+    (["list", "kinds"], "gtmodel schema"),
     (["solve", "l1_min_tim"], "did you mean the shipped 'l1_min_time'?"),
     (["solve", "swing.toml", "--set", "mesh.elemnts=3"], "swing.toml: mesh.elemnts: unknown key; did you mean 'elem"),
     (

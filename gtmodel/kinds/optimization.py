@@ -67,9 +67,6 @@ class Schema(Problem):
     solver: SolverSection = SolverSection.left_out()
 
 
-NAME = "optimization"
-
-
 def call(problem: Schema, context: Context) -> Call:
     """Return the call of the optimisation. Raises InputError and ModelError if the model is wrong."""
     model = _model(problem, context)
@@ -117,7 +114,7 @@ def _model(problem: Schema, context: Context) -> lang.Optimization:
 def _guess(problem: Schema, context: Context, model: lang.Optimization) -> Trajectory | None:
     """An earlier result; for an Optimica problem with free time, a simulation."""
     if context.start is None and problem.guess:
-        context.start = earlier.read(context.folder / problem.guess, NAME)
+        context.start = earlier.read(context.folder / problem.guess, problem.kind)
     if (guess := context.guess()) is not None or not is_reference(problem.model):
         return guess
     if (guess := modelica.first_guess(model)) is not None:

@@ -80,9 +80,6 @@ class Schema(RobotProblem):
     )
 
 
-NAME = "simulation"
-
-
 def call(problem: Schema, context: Context) -> Call:
     """Return the call of the simulation."""
     if context.start is not None:
@@ -115,7 +112,7 @@ def explain(problem: Schema, context: Context) -> str:
     text = simulation.explain_simulation(
         model, **options, tolerance=problem.tolerance, method=problem.method, full=context.full
     )
-    return f"{problem.title or NAME}: {problem.final_time_s:g} s\n{text}"
+    return f"{problem.heading}: {problem.final_time_s:g} s\n{text}"
 
 
 def _flattened(problem: Schema, context: Context) -> Any:

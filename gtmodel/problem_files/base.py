@@ -85,6 +85,11 @@ class Problem(FileSection):
     kind: str = pydantic.Field(description="kind of the problem; gtmodel schema lists the kinds")
     title: str = pydantic.Field(default="", description="one line for tables and pictures")
 
+    @property
+    def heading(self) -> str:
+        """The title, or the kind if the file has none."""
+        return self.title or self.kind
+
     @pydantic.field_validator("title")
     @classmethod
     def _one_line(cls, title: str) -> str:
@@ -175,7 +180,6 @@ class Context(RunClock):
 class Kind(Protocol):
     """Interface of the module of a kind; see `registry`."""
 
-    NAME: str
     Schema: type[Problem]
 
     def call(self, problem: Any, context: Context) -> Call: ...
@@ -191,19 +195,6 @@ class Generating(Protocol):
 
 
 __all__ = [
-    "TRAJECTORY",
-    "Check",
-    "Context",
-    "FileSection",
-    "Generating",
-    "InputError",
-    "Kind",
-    "Problem",
-    "Progress",
-    "Row",
-    "Source",
-    "at_least",
-    "at_most",
-    "silent",
-    "unnoticed",
-]
+    "TRAJECTORY", "Check", "Context", "FileSection", "Generating", "InputError", "Kind", "Problem",
+    "Progress", "Row", "Source", "at_least", "at_most", "silent", "unnoticed",
+]  # fmt: skip

@@ -65,7 +65,10 @@ class Work:
     began: float = field(default_factory=time.monotonic)
 
     def keep(self, so_far: Callable[[], Any]) -> None:
-        """Set the function that makes the result if the study ends early from now on."""
+        """Set the function that makes the result if the study ends early from now on, with the values computed so far.
+
+        The last one set counts; the study calls it when a `step` is interrupted, and may compute then.
+        """
         KEPT.get([]).append(so_far)
 
     def step(self, stage: str, fraction: float | None = None) -> None:

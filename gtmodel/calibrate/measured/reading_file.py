@@ -141,7 +141,7 @@ def _table(path: Path, measured: Measured, form: LogForm, key: str = "measured.f
         columns[name] = (s.column, s.unit)
         if isinstance(s.scale, str) and s.coupling is not None:
             raise ArgumentError("cannot be estimated with a coupling; give numbers", f"{argument}.scale")
-        with naming({"scale": f"{argument}.scale", "": argument}, LogError):
+        with naming(f"{argument}.", LogError):
             conversion_of(s)
         if s.delay != 0.0:
             if s.rate is None:
@@ -242,7 +242,7 @@ def _read_through(name: str, s: MeasuredSignal, values: dict[str, np.ndarray], c
     rate = values.pop(f"der({name})", None)
     rows = values[name] if rate is None or free["delay"] else values[name] + float(s.delay) * rate
     conversion = conversion_of(s)
-    with naming(f"measured.signals.{name}", LogError):
+    with naming(f"measured.signals.{name}.", LogError):
         values[name] = conversion.apply(rows, _SI)
         if free["delay"] and rate is not None:
             values[f"der({name})"] = replace(conversion, offset=0.0).apply(rate, _SI)

@@ -19,7 +19,6 @@ from gtmodel.results.refusal import naming
 
 from .keys import FilterSection, Schema, keys_of_units
 
-NAME = "codegen"
 arguments = keys_of_units
 VERSIONS = {"3": (3,), "2": (2,), "both": (3, 2)}
 

@@ -12,7 +12,6 @@ from gtmodel.problem_files.keys import PATH_ARGUMENTS
 
 from .keys import Schema
 
-NAME = "trajectory"
 ARGUMENTS = {**PATH_ARGUMENTS, "earlier": "--start"}
 
 

@@ -9,7 +9,6 @@ from gtmodel.problem_files.keys import PATH_ARGUMENTS
 from ..trajectory.kind import explained
 from .keys import Schema
 
-NAME = "trajectory_table"
 ARGUMENTS = {**PATH_ARGUMENTS, "rows[].problem.path.points": "path.file", "rows[].problem": "", "rows": "row"}
 
 
