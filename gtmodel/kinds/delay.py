@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from gtmodel.measurements import Column, delay_study, sampling_of
+from gtmodel.measurements import delay_study, sampling_of
 from gtmodel.measurements.alignment import options
 from gtmodel.problem_files.base import Call, Context, FileSection, InputError, Problem
 from gtmodel.problem_files.from_options import Made
@@ -67,9 +67,9 @@ def _pairs(problem: Schema, context: Context) -> dict[str, tuple[Trajectory, Tra
     assert problem.log is not None
     if not problem.pair:
         raise InputError("is missing; name the signals, [pair.reference] and [pair.late]", "pair")
-    columns = dict[str, Column]()
+    columns = dict[str, RecordedSignalSection]()
     for n, pair in enumerate(problem.pair):
-        columns[f"reference_{n}"], columns[f"late_{n}"] = pair.reference.recorded(), pair.late.recorded()
+        columns[f"reference_{n}"], columns[f"late_{n}"] = pair.reference, pair.late
     recording = problem.log.recording(columns, context)
     by_name = {name: _called(t, name, columns[name]) for t in recording.values() for name in t.names}
     pairs = {}
@@ -86,9 +86,9 @@ def _name(pair: PairSection) -> str:
     return pair.name or (column if isinstance(column, str) else ", ".join(column))
 
 
-def _called(trajectory: Trajectory, name: str, column: Column) -> Trajectory:
+def _called(trajectory: Trajectory, name: str, section: RecordedSignalSection) -> Trajectory:
     """A signal with the name of its column, for messages."""
-    label = column.name if isinstance(column.name, str) else ", ".join(column.name)
+    label = section.column if isinstance(section.column, str) else ", ".join(section.column)
     return Trajectory(
         trajectory.time, {label: trajectory[name]}, {label: trajectory.unit(name)}, synthetic=trajectory.synthetic
     )

@@ -92,8 +92,7 @@ def _read(problem: Schema, context: Context) -> tuple[Any, Trajectory | None]:
     log = problem.log
     if log is None:
         return options_of(problem, "synthetic")["synthetic"], None
-    columns = {name: signal.recorded() for name, signal in (*log.readings.items(), *log.inputs.items())}
-    by_name = {name: t for t in log.recording(columns, context).values() for name in t.names}
+    by_name = {name: t for t in log.recording(log.readings | log.inputs, context).values() for name in t.names}
     clocks = {id(by_name[name]) for name in log.inputs}
     if len(clocks) > 1:
         raise InputError("have different clocks; give all inputs in one file with one time column", "log.inputs")

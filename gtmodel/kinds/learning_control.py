@@ -148,7 +148,7 @@ def recorded(
 ) -> Trajectory:
     """Return the signals of a recording with a single clock. Raises InputError."""
     sections = {name: getattr(signals, name) for name in type(signals).model_fields}
-    columns = {name: section.recorded() for name, section in sections.items() if section is not None}
+    columns = {name: section for name, section in sections.items() if section is not None}
     recording = log.model_copy(update={"files": list(files)}).recording(columns, context, key)
     by_name = {name: t for t in recording.values() for name in t.names}
     clock = by_name["reference"]

@@ -58,4 +58,4 @@ def explain(problem: Schema, context: Context) -> str:
 
 
 def _recording(problem: Schema, context: Context) -> dict[str, Trajectory]:
-    return problem.log.recording({name: signal.recorded() for name, signal in problem.signals.items()}, context)
+    return problem.log.recording(problem.signals, context)

@@ -9,7 +9,7 @@ from gtmodel import filtering
 from gtmodel.filtering import paths
 from gtmodel.filtering.attitude import options as attitude
 from gtmodel.filtering.fusion import options
-from gtmodel.measurements import Column, sampling_of
+from gtmodel.measurements import sampling_of
 from gtmodel.problem_files.base import Call, Context, FileSection, InputError, Problem
 from gtmodel.problem_files.from_options import Made, options_of
 from gtmodel.problem_files.keys import RecordedSignalSection, RecordingFiles
@@ -110,18 +110,18 @@ def _logged(problem: Schema) -> bool:
 
 def _recording(log: AttitudeLogSection, context: Context) -> filtering.AttitudeRecording:
     """Gyro and references with their own clocks; from references repeated in the gyro's rows, only the new ones."""
-    columns = {"rate": log.rate.recorded()}
+    columns = {"rate": log.rate}
     if log.acceleration is not None:
-        columns["acceleration"] = log.acceleration.recorded()
+        columns["acceleration"] = log.acceleration
     rows = log.reference.row
     if log.time.column and log.sample_time_s is not None:
         raise InputError("belongs to a log without a time column; leave it out", "log.sample_time_s")
     if rows is None and "first_row" in log.reference.model_fields_set:
         raise InputError("belongs to `row`, which is missing; leave it out", "log.reference.first_row")
     if rows is None:
-        columns["quaternion"] = log.reference.quaternion.recorded()
+        columns["quaternion"] = log.reference.quaternion
     else:
-        columns["row"] = rows.recorded()
+        columns["row"] = rows
     recording = log.recording(columns, context)
     by_name = {name: t for t in recording.values() for name in t.names}
     gyro = by_name["rate"]
@@ -142,10 +142,9 @@ def _recording(log: AttitudeLogSection, context: Context) -> filtering.AttitudeR
 
 def _every_row(log: AttitudeLogSection, context: Context) -> Trajectory:
     """The quaternions of all rows of the log; the time is the row number."""
-    section = log.reference.quaternion
-    column = Column(*section.shown(), None, section.stream, section.file)
+    section = log.reference.quaternion.model_copy(update={"time": None})
     rows = log.model_copy(update={"time": log.time.model_copy(update={"column": ""}), "sample_time_s": 1.0})
-    (trajectory,) = rows.recording({"quaternion": column}, context).values()
+    (trajectory,) = rows.recording({"quaternion": section}, context).values()
     return trajectory
 
 

@@ -163,6 +163,7 @@ _SCALED = {
     "min": _ScaledSymbol("s", Fraction(60), "times"),
     "g": _ScaledSymbol("kg", Fraction(1, 10**3), "masses"),
     "deg": _ScaledSymbol("rad", Fraction(1, 180), "angles", pi_power=1),
+    "rev": _ScaledSymbol("rad", Fraction(2), "angles", pi_power=1),
     "urad": _ScaledSymbol("rad", Fraction(1, 10**6), "angles"),
     "rpm": _ScaledSymbol("rad/s", Fraction(1, 30), "angular velocities", pi_power=1),
     "kN": _ScaledSymbol("N", Fraction(10**3), "forces"),
@@ -179,7 +180,7 @@ _SCALED = {
     "uF": _ScaledSymbol("F", Fraction(1, 10**6), "capacitances"),
     "kOhm": _ScaledSymbol("Ohm", Fraction(10**3), "resistances"),
 }
-_RADIAN_SYMBOLS = {"rad", "deg", "urad", "rpm"}
+_RADIAN_SYMBOLS = {"rad", "deg", "rev", "urad", "rpm"}
 
 
 @dataclass(frozen=True)
@@ -189,7 +190,7 @@ class ParsedUnit:
     text      : the text as written, stripped; ``"1"`` if it was empty.
     dimension : its `Dimension`.
     factor    : exact rational part of the scale.
-    pi_power  : power of pi in the scale (1 for ``deg`` and ``rpm``).
+    pi_power  : power of pi in the scale (1 for ``deg``, ``rev`` and ``rpm``).
 
     Two texts with the same meaning ("J", "N.m") are not equal: compare ``dimension`` and ``scale``.
     """
@@ -365,7 +366,7 @@ def parse_unit(text: str) -> ParsedUnit:
     """Parse a unit text, SI or scaled.
 
     Symbols: kg m s A K mol cd rad, N Pa J W V Ohm S F H Hz C Wb T, and with a scale um mm km ns us ms min g deg
-    urad rpm kN MN kPa MPa GPa bar kHz kW mA mV mH uF kOhm. Products are written with ".", "*" or a space, quotients
+    rev urad rpm kN MN kPa MPa GPa bar kHz kW mA mV mH uF kOhm. Products are written with ".", "*" or a space, quotients
     with "/", powers as "m2", "m^2", "s-1" or "m^(1/2)"; parentheses are allowed. "" and "1" are dimensionless. A
     product after "/" is ambiguous and raises an error.
 

@@ -2,6 +2,7 @@
 
 Logs
     Column            name and unit of the column that holds a quantity
+    Conversion        scales, gear ratios, motor constants, coupling and offsets from columns to the quantity
     Session           one evenly sampled recording
     session_of        a session from a trajectory in memory
     read_log          read a log file of any format as sessions
@@ -65,6 +66,7 @@ if TYPE_CHECKING:
     from .alignment.options import Search as Search, SyntheticDelay as SyntheticDelay, made_pair as made_pair
     from .common_grid.options import AlignBy as AlignBy, EvenGrid as EvenGrid, ResamplingStudy as ResamplingStudy
     from .common_grid.resampling_study import resampling_study as resampling_study
+    from .conversion import Conversion as Conversion
     from .filters import (
         Moving as Moving,
         ZeroPhase as ZeroPhase,

@@ -14,6 +14,7 @@ from ..results.trajectory import Trajectory
 from ..results.trajectory_checks import Array, put_in_order
 from ..results.trajectory_files import PathLike
 from ..results.work import Progress, silent
+from .conversion import Conversion
 from .sampling import MISSING, EmptyRows, LateRows, in_order
 from .streams.form import LogError as LogError, LogForm, NoNumberError, shown
 from .streams.opening import stream_of
@@ -30,6 +31,7 @@ class Column(NamedTuple):
     "mm"))`. A member of a MATLAB struct is "rec.q", a field of a message "pose.position.x".
 
     time, stream, file: time column, stream and file of this column, for `read_recording` only.
+    conversion: from the columns to the quantity; default: the columns are the quantity.
     """
 
     name: str | Sequence[str]
@@ -37,6 +39,7 @@ class Column(NamedTuple):
     time: Column | None = None
     stream: str = ""
     file: str = ""
+    conversion: Conversion = Conversion()
 
 
 TIME = Column("time", "s")
@@ -147,7 +150,7 @@ def read_log(
         else:
             step = _sample_time(grid, f"{stream.source} {stream.row}", numbers, begin, sample_time, jitter)
         values = {name: _signal(rows.values[name][part], chosen, vector) for name, vector in shape.items()}
-        units = {name: si_unit_of(column.unit) for name, column in columns.items()}
+        units = {name: column.conversion.si_unit(_units(column)) for name, column in columns.items()}
         trajectory = Trajectory(
             grid, values, units, title=" ".join(stream.comments.get("title", [])), provenance=note,
             synthetic="; ".join(stream.comments.get("synthetic", [])) or None,
@@ -160,22 +163,21 @@ LEFT_OUT = ("rows without a number", "rows that came late or twice")  # keys of 
 _TIME, _OF = "\0time", "\0session"  # keys that cannot be names of quantities
 
 
-def si_unit_of(unit: str | Sequence[str]) -> str:
-    """Return the SI unit of a unit; "1" if the components have different SI units."""
-    texts = {parse_unit(u).si_text for u in ([unit] if isinstance(unit, str) else unit)}
-    return texts.pop() if len(texts) == 1 else "1"
-
-
 def check_units(columns: Mapping[str, Column], time: Column | None) -> None:
     """Raise LogError for an unknown unit, and for a time column whose unit is not a unit of time."""
     for name, column in {**columns, **({} if time is None else {"time": time})}.items():
-        for text in [column.unit] if isinstance(column.unit, str) else column.unit:
+        for text in _units(column):
             try:
                 unit = parse_unit(text)
             except UnitError as error:
                 raise LogError(f"the unit declared for '{name}': {error}") from error
             if name == "time" and unit.dimension != parse_unit("s").dimension:
                 raise LogError(f"the time is declared in {text}; expected a unit of time such as s or ms")
+        column.conversion.check(_units(column), column.name)
+
+
+def _units(column: Column) -> Sequence[str]:
+    return [column.unit] if isinstance(column.unit, str) else column.unit
 
 
 def _one_name(time: Column) -> str:
@@ -202,8 +204,11 @@ def _in_si(
 
     def si(name: str, values: Array) -> Array:
         if len(set(units[name])) > 1:
-            return np.column_stack([in_si(part, u) for part, u in zip(values.T, units[name], strict=True)])
-        return in_si(values, units[name][0])
+            values = np.column_stack([in_si(part, u) for part, u in zip(values.T, units[name], strict=True)])
+        else:
+            values = in_si(values, units[name][0])
+        conversion = declared[name].conversion
+        return values if conversion.is_plain else conversion.apply(values, units[name])
 
     def in_si(values: Array, unit: str) -> Array:
         si_unit = parse_unit(unit).si_text

@@ -61,7 +61,7 @@ def read_recording(
     groups: dict[tuple[Path, str, Column | None], dict[str, Column]] = {}
     for name, column in columns.items():
         key = _file_of(name, column, files, form), column.stream or form.stream, column.time or time
-        groups.setdefault(key, {})[name] = Column(column.name, column.unit)
+        groups.setdefault(key, {})[name] = column._replace(time=None, stream="", file="")
     trajectories: dict[str, Trajectory] = {}
     zeros = {key: _zero(*key, form) for key in groups}
     first = min((zero for zero in zeros.values() if zero is not None), default=0)

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from ..inference.nonlinear import by_differences, nonlinear_fit
-from ..lang.units import convert, parse_unit
 from ..results.interpolation import natures, rotations_again, smooth
 from ..results.trajectory import Trajectory
 from ..results.trajectory_checks import Array
 from ..results.trajectory_files import PathLike
-from .log import JITTER, TIME, Column, LogError, Session, read_log, si_unit_of
+from .conversion import Conversion, Matrix, Numbers
+from .log import JITTER, TIME, Column, LogError, Session, read_log
 
 Estimate = Literal["estimate"]
 ESTIMATE: Estimate = "estimate"
@@ -24,18 +24,21 @@ LONGEST_DELAY = 0.05  # s; the delay of a bus, a filter and a servo cycle togeth
 
 @dataclass(frozen=True)
 class Signal:
-    """A column of a log and its conversion to the quantity: quantity(t) = scale * column(t + delay) - offset.
+    """Columns of a log and their conversion: quantity(t) = coupling (factor * columns(t + delay)) - offset.
+
+    The factor is the scale, with gear ratio and motor constant if they are given, see `Conversion`.
 
     Args:
         column, unit: name and unit of the column, see `Column`; components with different units have one unit each.
-        scale: quantity per column [quantity_unit / unit].
-        offset: scale times the reading at zero quantity [quantity_unit].
-        delay: delay of the column [s].
+        scale: quantity per column [quantity_unit / unit], one number or one for each column.
+        offset: scale times the reading at zero quantity [quantity_unit], one number or one for each component.
+        delay: delay of the column [s], one number or one for each column.
         quantity_unit: SI unit of the quantity; default: the unit of the column.
         per_session: which of the estimated corrections have a value for each session.
+        gear_ratio, motor_constant, coupling: of the drives, see `Conversion`.
 
-    A number fixes scale, offset or delay; ESTIMATE leaves it to be estimated, see `Corrections`. Raises LogError if
-    column and quantity differ in dimension and there is no scale.
+    Numbers fix scale, offset or delay; ESTIMATE leaves it to be estimated, see `Corrections`. Raises LogError if column
+    and quantity differ in dimension and there is no scale.
 
     >>> gt.measurements.Signal("volts", "V", quantity_unit="N")
     Traceback (most recent call last):
@@ -45,22 +48,28 @@ class Signal:
 
     column: str | tuple[str, ...]
     unit: str | tuple[str, ...]
-    scale: float | Estimate = 1.0
-    offset: float | Estimate = 0.0
-    delay: float | Estimate = 0.0
+    scale: Numbers | Estimate = 1.0
+    offset: Numbers | Estimate = 0.0
+    delay: Numbers | Estimate = 0.0
     quantity_unit: str = ""
     per_session: tuple[What, ...] = ("offset",)
+    gear_ratio: Numbers | None = None
+    motor_constant: Numbers | None = None
+    coupling: Matrix | None = None
 
     def __post_init__(self) -> None:
         if not self.units:
             raise LogError(f"the column '{self.column}' has no unit; give one, or one for each of its columns")
-        for unit in self.units:
-            differs = parse_unit(self.quantity_unit or unit).dimension != parse_unit(unit).dimension
-            if differs and self.scale == 1.0:
-                raise LogError(
-                    f"the column '{self.column}' is in {unit} and the quantity in {self.quantity_unit}; "
-                    f'give the scale in {self.quantity_unit} per {unit}, or scale = "estimate"'
-                )
+        if self.scale != ESTIMATE:
+            replace(self.conversion, scale=self.scale).check(self.units, self.column)
+
+    @property
+    def conversion(self) -> Conversion:
+        """What the drives do to the columns, without this signal's scale and offset."""
+        return Conversion(
+            gear_ratio=self.gear_ratio, motor_constant=self.motor_constant, coupling=self.coupling,
+            quantity_unit=self.quantity_unit,
+        )  # fmt: skip
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -169,7 +178,8 @@ class Corrections:
         kinds = natures(session.trajectory.select([n for n in session.trajectory.names if n in self.signals]))
         raw, step = smooth(session.trajectory, kinds), session.sample_time
         reach = max(
-            self.longest_delay if s.delay == ESTIMATE else abs(float(s.delay)) for s in [*self.signals.values(), _STILL]
+            self.longest_delay if isinstance(s.delay, str) else float(np.max(np.abs(s.delay)))
+            for s in [*self.signals.values(), _STILL]
         )
         cut = int(np.ceil(reach / step - 1e-9))
         if 2 * cut + 3 > len(raw):
@@ -190,9 +200,11 @@ class Corrections:
                 continue
             width = 1 if raw[name].ndim == 1 else raw[name].shape[1]
             scale, offset = (self._values(name, signal, what, k, width, values) for what in ("scale", "offset"))
-            corrected = late[name].reshape(len(time), width) * (scale * _per_si(signal)) - offset
+            conversion = signal.conversion
+            scaled = late[name].reshape(len(time), width) * (scale * conversion.factors(signal.units, width))
+            corrected = conversion.coupled(scaled) - offset
             quantities[name] = corrected[:, 0] if raw[name].ndim == 1 else corrected
-            units[name] = si_unit_of(signal.quantity_unit or signal.unit)
+            units[name] = conversion.si_unit(signal.units)
         derived = Trajectory(
             time, quantities, units, title=raw.title, provenance=raw.provenance, synthetic=raw.synthetic
         )
@@ -200,8 +212,8 @@ class Corrections:
 
     def _values(self, name: str, signal: Signal, what: What, k: int, width: int, values: Array) -> Array:
         fixed = getattr(signal, what)
-        if fixed != ESTIMATE:
-            return np.full(width, float(fixed))
+        if not isinstance(fixed, str):
+            return Conversion.each(what, fixed, width)
         session = k if what in signal.per_session else None
         parts = range(width) if width > 1 else [None]
         return np.array([values[self._places[FreeCorrection(name, what, session, part)]] for part in parts])
@@ -274,13 +286,3 @@ def _at(time: Array, rows: Array, instants: Array, cut: int, delay: float) -> Ar
     import scipy
 
     return scipy.interpolate.CubicSpline(time, rows)(instants + delay)
-
-
-def _per_si(signal: Signal) -> Array:
-    """Return the factors from SI units back to the declared units, to which the scale refers."""
-    factors = []
-    for text in signal.units:
-        quantity, unit = parse_unit(signal.quantity_unit or text), parse_unit(text)
-        alike = quantity.dimension == unit.dimension
-        factors.append(1.0 if alike else 1.0 / float(convert(1.0, unit.text, unit.si_text)))
-    return np.array(factors)

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, PositiveFloat, PositiveInt
 
 from gtmodel.lang.units import UnitError
-from gtmodel.measurements import Column, EvenGrid, LogForm, Session, Signal, read_recording
+from gtmodel.measurements import Column, Conversion, EvenGrid, LogForm, Session, Signal, read_recording
 from gtmodel.measurements.log import JITTER
 from gtmodel.measurements.resampling import resample
 from gtmodel.measurements.sampling import EmptyRows, LateRows
@@ -144,19 +144,48 @@ class ColumnSection(FileSection):
 
     column: str | list[str] = Field(description='name in the log; "q" also means the columns "q[0]", "q[1]", ...')
     unit: str | list[str] = Field(description="unit in the log, or one for each column")
+    gear_ratio: float | list[float] | None = Field(
+        default=None,
+        description="turns of the motor per turn of the joint: motor positions are divided by it, motor torques and "
+        "currents multiplied; one, or one for each column",
+    )
+    motor_constant_Nm_A: float | list[float] | None = Field(
+        default=None, description="torque per current of the motor, for columns of currents; one, or one for each"
+    )
+    coupling: list[list[float]] | None = Field(
+        default=None,
+        description="square matrix from the columns, after scale and gear ratio, to the quantity, such as for a wrist "
+        "whose joint 6 moves with joint 5; efforts have the inverse transpose of the positions' matrix",
+    )
 
     def shown(self) -> tuple[str | tuple[str, ...], str | tuple[str, ...]]:
         """Return names and units as `gtmodel.measurements` expects them."""
         column, unit = (x if isinstance(x, str) else tuple(x) for x in (self.column, self.unit))
         return column, unit
 
+    def drives(self) -> dict[str, Any]:
+        """Return gear ratio, motor constant and coupling as `gtmodel.measurements.Conversion` expects them."""
+        coupling = None if self.coupling is None else tuple(map(tuple, self.coupling))
+        return {"gear_ratio": fixed(self.gear_ratio), "motor_constant": fixed(self.motor_constant_Nm_A),
+                "coupling": coupling}  # fmt: skip
+
+
+def fixed(value: Any) -> Any:
+    """Return a list as a tuple, anything else as it is."""
+    return tuple(value) if isinstance(value, list) else value
+
 
 class MeasuredSignalSection(ColumnSection):
-    """A measured signal: quantity(t) = scale column(t + delay) - offset, each a number or "estimate"."""
+    """A measured signal: quantity(t) = scale column(t + delay) - offset, each a number, one for each column, or
+    "estimate"."""
 
-    scale: float | Free = Field(default=1.0, description="quantity per column, in SI unit of the key per column's unit")
-    offset: float | Free = Field(default=0.0, description="reading when the quantity is zero, in the SI unit")
-    delay_s: float | Free = Field(default=0.0, description="delay of the column behind the quantity")
+    scale: float | list[float] | Free = Field(
+        default=1.0, description="quantity per column, in SI unit of the key per column's unit; -1 reverses a sign"
+    )
+    offset: float | list[float] | Free = Field(
+        default=0.0, description="reading when the quantity is zero, in the SI unit"
+    )
+    delay_s: float | list[float] | Free = Field(default=0.0, description="delay of the column behind the quantity")
     per_session: list[Literal["delay", "scale", "offset"]] = Field(
         default=["offset"], description="estimated numbers that differ from session to session"
     )
@@ -167,14 +196,22 @@ class MeasuredSignalSection(ColumnSection):
         unit = unit_of(key.rpartition(".")[2]) if unit is None else unit.removeprefix("?")
         free = tuple(dict.fromkeys(self.per_session))
         try:
-            return Signal(*self.shown(), self.scale, self.offset, self.delay_s, unit, free)
+            scale, offset, delay = (fixed(x) for x in (self.scale, self.offset, self.delay_s))
+            return Signal(*self.shown(), scale, offset, delay, unit, free, **self.drives())
         except (TrajectoryError, UnitError) as error:
             raise InputError(str(error), key) from error
 
 
 class RecordedSignalSection(ColumnSection):
-    """A column of a recording whose signals may have different clocks."""
+    """A column of a recording whose signals may have different clocks: quantity = scale column - offset."""
 
+    scale: float | list[float] = Field(
+        default=1.0, description="quantity per column, one, or one for each column; -1 reverses a sign"
+    )
+    offset: float | list[float] = Field(
+        default=0.0, description="reading when the quantity is zero, in the quantity's SI unit"
+    )
+    quantity_unit: str = Field(default="", description="SI unit of the quantity, if the scale changes the dimension")
     time: TimeColumn | None = Field(
         default=None, description="time column of this signal; the log's time column if left out"
     )
@@ -182,9 +219,12 @@ class RecordedSignalSection(ColumnSection):
     file: str = Field(default="", description="file of this signal; if left out, the log file that has the column")
 
     def recorded(self) -> Column:
-        """Return the column for `gtmodel.measurements`."""
+        """Return the column for `gtmodel.measurements`. Raises LogError."""
         time = None if self.time is None else Column(self.time.column, self.time.unit)
-        return Column(*self.shown(), time, self.stream, self.file)
+        conversion = Conversion(
+            fixed(self.scale), fixed(self.offset), quantity_unit=self.quantity_unit, **self.drives()
+        )
+        return Column(*self.shown(), time, self.stream, self.file, conversion)
 
 
 @made_from(LogForm)
@@ -281,15 +321,18 @@ class RecordingFiles(LogReading):
 
     files: list[str] = FILES
 
-    def recording(self, signals: Mapping[str, Column], context: Context, key: str = "log") -> dict[str, Trajectory]:
+    def recording(
+        self, signals: Mapping[str, RecordedSignalSection], context: Context, key: str = "log"
+    ) -> dict[str, Trajectory]:
         """Return the signals by clock, in SI units, with uneven rows; see `read_recording`. Raises InputError."""
         if not self.files:
             raise InputError("is empty; name a log file", f"{key}.files")
         paths = [context.file(f, f"{key}.files[{n}]", source=self.source) for n, f in enumerate(self.files)]
         time = Column(self.time.column, self.time.unit) if self.time.column else None
         try:
+            columns = {name: signal.recorded() for name, signal in signals.items()}
             return read_recording(
-                paths, signals, time=time, sample_time=self.sample_time_s, late_rows=self.late_rows,
+                paths, columns, time=time, sample_time=self.sample_time_s, late_rows=self.late_rows,
                 empty_rows=self.empty_rows, form=self.form(), progress=context.progress,
             )  # fmt: skip
         except (TrajectoryError, UnitError) as error:

@@ -114,7 +114,7 @@ def test_a_recording_with_two_clocks(tmp_path: Path) -> None:
     keys = RecordingFiles(files=["log.mat"])
     fast = RecordedSignalSection.model_validate(POSITION | {"time": {"column": "fast"}})
     other = RecordedSignalSection.model_validate(EFFORT | {"time": {"column": "slow"}})
-    recording = keys.recording({"q": fast.recorded(), "f": other.recorded()}, Context(folder=tmp_path))
+    recording = keys.recording({"q": fast, "f": other}, Context(folder=tmp_path))
     assert {clock: len(trajectory) for clock, trajectory in recording.items()} == {"fast": 50, "slow": len(slow)}
     np.testing.assert_array_equal(recording["slow"]["f"], np.cos(slow))
 

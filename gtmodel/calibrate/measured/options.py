@@ -18,7 +18,8 @@ ESTIMATE: Free = "estimate"
 
 @dataclass(frozen=True)
 class MeasuredSignal(Options):
-    """Columns of a measured variable: quantity = scale (column + delay rate) - offset, as for signals of a log.
+    """Columns of a measured variable, as for signals of a log, see `gtmodel.measurements.Conversion`:
+    quantity = coupling (scale / gear_ratio (column + delay rate)) - offset.
 
     >>> gt.calibrate.MeasuredSignal("T", "mm", deviation=0.01).noise_in_si  # T[0], T[1], ... of the file
     1e-05
@@ -37,11 +38,22 @@ class MeasuredSignal(Options):
         float | list[float] | list[list[float]] | None,
         "old name of deviation, in SI; accepted if the unit is SI",
     ] = None
-    scale: Annotated[float | Free, "quantity per column, both in SI"] = 1.0
+    scale: Annotated[
+        float | list[float] | Free, "quantity per column, both in SI, one or one each; -1 reverses a sign"
+    ] = 1.0
     offset: Annotated[
-        float | Free, "reading at which the quantity is zero, in its SI unit; if estimated, one per session"
+        float | list[float] | Free,
+        "reading at which the quantity is zero, in its SI unit, one or one each; if estimated, one per session",
     ] = 0.0
     delay: Annotated[float | Free, Unit("s"), "delay of the column; needs its rate"] = 0.0
+    gear_ratio: Annotated[
+        float | list[float] | None, "turns of the motor per turn of the joint, one or one each; columns are divided"
+    ] = None
+    coupling: Annotated[
+        list[list[float]] | None,
+        "square matrix from the columns, after scale and gear ratio, to the quantity, such as for a wrist whose joint "
+        "6 moves with joint 5",
+    ] = None
     rate: Annotated[str | list[str] | None, "columns of the rate, for a delay"] = None
     rate_unit: Annotated[str, "unit of the rate's columns"] = "m/s"
     between: Annotated[
@@ -97,9 +109,11 @@ class MeasuredSignal(Options):
 
     def _scaled(self, value: float | list[float] | list[list[float]], power: int) -> Any:
         """Convert from the columns' unit to the quantity in SI, or back, rounded to 12 digits."""
-        scale = 1.0 if isinstance(self.scale, str) else abs(self.scale)
-        factors = [(scale * parse_unit(u).scale) ** power for u in self._units]
-        factor = np.array(factors if len(set(factors)) > 1 else factors[0])
+        if self.coupling is not None:
+            raise ArgumentError("is not known after a coupling; leave it out, to estimate it", "deviation")
+        scale, gear = np.asarray(1.0 if isinstance(self.scale, str) else self.scale), np.asarray(self.gear_ratio or 1.0)
+        factors = np.abs(scale / gear) * np.array([parse_unit(u).scale for u in self._units])
+        factor = (factors if len(set(factors.tolist())) > 1 else factors[0]) ** power
         if np.ndim(factor) and np.shape(value) not in ((), factor.shape, 2 * factor.shape):
             sentence = f"has the shape {np.shape(value)} for {len(factor)} columns in several units; give one each"
             raise ArgumentError(sentence, "deviation")

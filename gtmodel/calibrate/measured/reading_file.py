@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import scipy
 
 from ...lang import ModelError
 from ...lang.units import parse_unit
-from ...measurements import LogForm, signal_table
+from ...measurements import Conversion, LogError, LogForm, signal_table
 from ...measurements.signal_table import SignalTable
 from ...measurements.streams.form import NoNumberError
 from ...results import ArgumentError
@@ -144,10 +145,10 @@ def _table(
     for name, s in measured.signals.items():
         argument = f"measured.signals.{name}"
         columns[name] = (s.column, s.unit)
-        if s.scale == 0:
-            raise ArgumentError(
-                '0 makes all readings equal; give the quantity per column in SI, or "estimate"', f"{argument}.scale"
-            )
+        if isinstance(s.scale, str) and s.coupling is not None:
+            raise ArgumentError("cannot be estimated with a coupling; give numbers", f"{argument}.scale")
+        with naming(f"{argument}.", LogError):
+            conversion_of(s)
         if s.delay != 0.0:
             if s.rate is None:
                 raise ArgumentError("a delay needs the columns of the signal's rate", f"{argument}.rate")
@@ -249,12 +250,27 @@ def _read_through(name: str, s: MeasuredSignal, values: dict[str, np.ndarray], c
                             f"measured.signals.{name}.offset")  # fmt: skip
     rate = values.pop(f"der({name})", None)
     rows = values[name] if rate is None or free["delay"] else values[name] + float(s.delay) * rate
-    scale = 1.0 if free["scale"] else float(s.scale)
-    values[name] = scale * rows - (0.0 if free["offset"] else float(s.offset))
-    if free["delay"] and rate is not None:
-        values[f"der({name})"] = scale * rate
+    conversion = conversion_of(s)
+    with naming(f"measured.signals.{name}.", LogError):
+        values[name] = conversion.apply(rows, _SI)
+        if free["delay"] and rate is not None:
+            values[f"der({name})"] = replace(conversion, offset=0.0).apply(rate, _SI)
     if any(free.values()):
         corrections.append(Correction(name, **free))
+
+
+def conversion_of(s: MeasuredSignal) -> Conversion:
+    """Return what the numbers of a signal do to its columns in SI. Raises LogError."""
+
+    def fixed(value: float | list[float] | str, free: float) -> float | tuple[float, ...]:
+        return free if isinstance(value, str) else tuple(value) if isinstance(value, list) else value
+
+    coupling = None if s.coupling is None else tuple(map(tuple, s.coupling))
+    gear = None if s.gear_ratio is None else fixed(s.gear_ratio, 1.0)
+    return Conversion(fixed(s.scale, 1.0), fixed(s.offset, 0.0), gear, coupling=coupling)
+
+
+_SI = ("1",)  # the columns have been converted to SI; their factors need no unit
 
 
 def _load(sag: Sag, values: Mapping[str, np.ndarray], position: str) -> np.ndarray:
