@@ -199,7 +199,7 @@ def ended(kind: type[R], message: str, title: str = "") -> R:
 
 
 def study_function(function: Callable[P, R]) -> Callable[P, R]:
-    """Decorate a study: check its arguments against their annotations, with types, words, `Long` and `Within`.
+    """Decorate a study, to check its arguments: type, allowed words, length (`Long`), range (`Within`).
 
     The study takes the arguments of `Work` as `**work_options: Unpack[WorkOptions]`; `inspect.signature` and
     `get_type_hints` list them separately. Other annotations are evaluated at the first call. Raises ArgumentError for a
