@@ -33,7 +33,10 @@ class FusionSensors(Options):
 
     position_noise: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "of the tracker, per axis"] = 6.4e-6
     orientation_noise: Annotated[
-        float, Unit("rad", written="deg"), Within(above=0.0), "standard deviation of the tracker, per axis"
+        float,
+        Unit("rad", written="deg"),
+        Within(above=0.0),
+        "standard deviation of the tracker's orientation, about each axis",
     ] = np.radians(0.015)
     acceleration_noise: Annotated[
         float, Unit("m/s2", key="acceleration_noise_m_s2_rtHz"), Within(above=0.0), "density of the accelerometer"
