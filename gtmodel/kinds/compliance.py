@@ -56,7 +56,8 @@ def explain(problem: Schema, context: Context) -> str:
     )
     grid = compliance.compliance_study.grid_of(sprung, section)
     lines = [
-        f"{problem.heading}: compliance at ({listed(sprung.home)}) m and on a grid of {grid.shape[0]} by {grid.shape[1]} points"
+        f"{problem.heading}: compliance at ({listed(sprung.home)}) m and on a grid of "
+        f"{grid.shape[0]} by {grid.shape[1]} points"
     ]
     if isinstance(sprung, compliance.sprung_links.SprungLinks):
         lines.append("C = U^-1 (diag(1/k) + G diag(1/k_s) G') U^-T; the rows of U are the unit vectors of the links")

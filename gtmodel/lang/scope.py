@@ -127,7 +127,7 @@ class Scope:
         return tuple(sorted(pair for pair in owners if pair is not None))
 
     def derivative(self, expression: ca.SX) -> ca.SX:
-        """Return the total time derivative of an expression, by the chain rule over the variables and derivatives in it."""
+        """Return the total time derivative of an expression, by the chain rule over the variables in it."""
         if expression.is_symbolic() and expression.size2() == 1:
             owners = [self.owner(s) for s in ([expression] if expression.numel() == 1 else ca.vertsplit(expression))]
             derivatives = [self.symbol(pair[0], pair[1] + 1) for pair in owners if pair is not None]
