@@ -11,6 +11,7 @@ from typing import Any, Unpack
 import numpy as np
 import tomli_w
 
+from ..inference import autocorrelation
 from ..lang import Model, ModelError
 from ..measurements import Session, Signal
 from ..results import ArgumentError, SolveStatus, Trajectory, TrajectoryError, Work, naming
@@ -32,6 +33,8 @@ from .repeated_fits import (
     repeat_identification,
 )
 from .rows import Rows, rows_of, with_offsets
+
+LAGS = 40  # of the drawn autocorrelation
 
 
 def assembled_study(
@@ -150,6 +153,15 @@ def _figures(
 
         return efforts_figure(measured.time, measured.effort, modelled, rows.targets, rows.common_unit, title)
 
+    def residuals() -> Any:
+        from ..plot.residuals import residuals_figure
+
+        each = list((rows.effort - fit).T)
+        units, rho = [rows.common_unit] * len(each), [autocorrelation(r, min(LAGS, len(r) // 3))[1:] for r in each]
+        return residuals_figure(
+            each, rows.targets, units, rho, [rows.time] * len(each), "time [s]", f"{title}: residuals"
+        )
+
     def friction() -> Any:
         from ..plot.identification import friction_figure
 
@@ -165,7 +177,7 @@ def _figures(
         caption = f"{plain or 'identification'}: closed loop simulated from the reference"
         return closed_loop_figure([(run.name, run.trajectory) for run in runs], title=caption)
 
-    figures: dict[str, Any] = {"efforts": partial(efforts, rows, fit, title)}
+    figures: dict[str, Any] = {"efforts": partial(efforts, rows, fit, title), "residuals": residuals}
     if validation is not None:
         unseen = validation.rows
         figures["held_out"] = partial(efforts, unseen, unseen.effort - validation.errors, f"{title}, held out")

@@ -44,9 +44,14 @@ def test_what_is_written_and_drawn_says_that_it_is_synthetic(found):
     assert table["m_p"]["unit"] == "kg" and table["synthetic"] == found.synthetic
     assert found.trajectory is not None and found.trajectory.synthetic == found.synthetic
     drawn = {name: found.figure(name) for name in found.figures}
-    assert sorted(drawn) == ["efforts", "friction", "held_out"]
+    assert sorted(drawn) == ["efforts", "friction", "held_out", "residuals"]
     # measured beside modelled and their difference, of three motors
-    assert {name: len(figure.axes) for name, figure in drawn.items()} == {"efforts": 6, "friction": 3, "held_out": 6}
+    assert {name: len(figure.axes) for name, figure in drawn.items()} == {
+        "efforts": 6,
+        "friction": 3,
+        "held_out": 6,
+        "residuals": 12,
+    }
     assert all("(synthetic)" in figure.get_suptitle() for figure in drawn.values())
 
 

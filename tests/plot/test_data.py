@@ -9,10 +9,12 @@ import pytest
 from matplotlib.transforms import Bbox
 from scipy.signal import cont2discrete
 
+from gtmodel.inference import autocorrelation
 from gtmodel.plot.calibration import deviations_figure, length_errors_figure, predicted_figure
 from gtmodel.plot.identification import information_figure, levels_figure
 from gtmodel.plot.milling import angle_figure, compensation_figure, lobes_figure
 from gtmodel.plot.motion import motion_figure, space_figure, swing_figure
+from gtmodel.plot.residuals import residuals_figure
 from gtmodel.plot.robot3d import robot_figure
 from gtmodel.plot.signals import signals_figure, tracking_figure
 from gtmodel.plot.style import settings
@@ -149,3 +151,24 @@ def test_a_picture_in_space_fills_its_room_and_covers_nothing(sides: tuple[float
         whole = Bbox.union(names)
         room = title.get_window_extent().y0 - legend.get_window_extent().y1
         assert whole.height > 0.75 * room or whole.width > 0.75 * figure.bbox.width
+
+
+def test_residuals_of_white_noise_lie_on_the_curves_and_of_a_slow_wave_do_not() -> None:
+    """The normal plot's points and the density's area by hand; the autocorrelation of a sine by its closed form."""
+    noise = np.random.default_rng(7).normal(2.0, 0.5, 4000)
+    wave = np.sin(2 * np.pi * np.arange(4000) / 400)
+    rho = [autocorrelation(r, 40)[1:] for r in (noise, wave, wave)]
+    figure = residuals_figure([noise, wave, np.append(wave, NAN)], ["a", "b", "c"], ["N"] * 3, rho)
+    (_, histogram, normal, lags), (_, _, _, slow) = np.array(figure.axes).reshape(3, 4)[:2]
+    area = sum(bar.get_height() * bar.get_width() for bar in histogram.patches)
+    assert area == pytest.approx(1.0)
+    points, line = (np.array(drawn.get_xydata()) for drawn in normal.get_lines()[:2])
+    slope = (line[1, 1] - line[0, 1]) / (line[1, 0] - line[0, 0])
+    assert slope == pytest.approx(np.std(noise, ddof=1))
+    deviations = np.abs(points[:, 1] - 2.0 - 0.5 * points[:, 0])[np.abs(points[:, 0]) < 2]
+    assert deviations.max() < 0.06  # four standard deviations of an order statistic at 2 sigma, 0.5 sqrt(p q / n) / pdf
+    tall = [abs(segment[1][1]) > 1.96 / np.sqrt(4000) for segment in lags.collections[0].get_segments()]
+    assert sum(tall) <= 7  # of 40 at 5 %: more than 7 has probability 0.001
+    by_hand = np.cos(2 * np.pi * np.arange(1, 41) / 400)
+    drawn = np.array([segment[1][1] for segment in slow.collections[0].get_segments()])
+    assert np.allclose(drawn, by_hand, atol=0.02)  # the sum of a lag has n - k of n terms

@@ -150,11 +150,11 @@ def _left_out(f: CalibrationFindings, far: Sequence[FarPose], them: str) -> str:
 
 def largest(f: CalibrationFindings) -> list[tuple[str, int, np.ndarray]]:
     """Part (fitted, held out), row of all poses, and error (k,) [m] of the largest error of each part."""
-    found = []
+    each = []
     for part, rows, errors in (
         ("fitted", np.flatnonzero(~f.data.held_out), f.fitted), ("held out", np.flatnonzero(f.unseen), f.held_out),
     ):  # fmt: skip
         prediction: Prediction | None = errors.get(f.position)
         if prediction is not None:
-            found.append((part, int(rows[prediction.worst]), prediction.errors[prediction.worst]))
-    return found
+            each.append((part, int(rows[prediction.worst]), prediction.errors[prediction.worst]))
+    return each

@@ -462,12 +462,12 @@ def _of_unstated_noise(findings: CalibrationFindings) -> str:
         "readings: an error of the model that is the same in fitted and held-out poses can pass for noise"
     )
     if findings.pattern is not None and not findings.pattern.passed:
-        found = findings.pattern.message
+        symptom = findings.pattern.message
     elif findings.confidence.coloured:
-        found = "residuals are coloured, unlike noise"
+        symptom = "residuals are coloured, unlike noise"
     else:
         return message
-    return f"{message}; {found}" + (f"; {findings.suspect}" if findings.suspect else "")
+    return f"{message}; {symptom}" + (f"; {findings.suspect}" if findings.suspect else "")
 
 
 def _probable_cause(findings: CalibrationFindings) -> str:
