@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate import Measured, MeasuredSignal, read_poses
-from gtmodel.calibrate.measured.reading_file import quaternions
 from gtmodel.geometry.rotations import matrices
+from gtmodel.measurements.orientations import quaternions
 from gtmodel.results import ArgumentError
 
 AXES = {"x": 0, "y": 1, "z": 2}
