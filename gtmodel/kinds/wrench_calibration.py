@@ -12,8 +12,7 @@ from gtmodel.control import lead_through
 from gtmodel.control.lead_through.options import Drift, SyntheticReadings, WrenchAlarm
 from gtmodel.control.lead_through.scenes import SyntheticSensor
 from gtmodel.lang.units import UnitError
-from gtmodel.measurements import Column, read_log, read_recording
-from gtmodel.measurements.joining import Match, joined
+from gtmodel.measurements import Column, Match, joined, read_log, read_recording
 from gtmodel.measurements.orientations import FIRST, VECTOR, WORDS, rotation_vectors
 from gtmodel.measurements.streams.opening import stream_of
 from gtmodel.problem_files.base import Call, Context, FileSection, InputError, Problem

@@ -37,9 +37,10 @@ def joined(
 
     >>> readings = gt.Trajectory([0.1, 1.1], {"force": [3.0, 4.0]}, {"force": "N"})
     >>> poses = gt.Trajectory([0.0, 1.0, 2.0], {"x": [0.0, 1.0, 2.0]}, {"x": "m"})
-    >>> from gtmodel.measurements.joining import joined
-    >>> joined(readings, poses, tolerance=0.2)["x"].tolist(), joined(readings, poses, "interpolated")["x"].tolist()
-    ([0.0, 1.0], [0.1, 1.1])
+    >>> gt.measurements.joined(readings, poses, tolerance=0.2)["x"].tolist()
+    [0.0, 1.0]
+    >>> gt.measurements.joined(readings, poses, "interpolated")["x"].tolist()
+    [0.1, 1.1]
     """
     if match not in get_args(Match):
         raise ArgumentError(f"expected one of {', '.join(get_args(Match))}; found {match!r}", "match")

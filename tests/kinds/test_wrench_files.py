@@ -12,6 +12,7 @@ import gtmodel as gt
 from gtmodel.problem_files import Context, InputError
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import answer, explain
+from tests.support import drifting_sensor
 
 L = gt.control.lead_through
 POSES, SAME = 30, 1e-9
@@ -227,3 +228,19 @@ def test_a_linear_drift_without_a_clock_asks_for_one(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         solved(tmp_path, APART.format(time="", own='drift = "linear"', poses='match = "order"'))
     assert "readings.sample_time_s" in str(caught.value)
+
+
+CLONE = Path(__file__).parents[2]
+
+
+def test_the_shipped_file_is_that_of_its_seed_and_its_drift_is_named_and_estimated() -> None:
+    assert (drifting_sensor.FOLDER / "poses.txt").read_text() == drifting_sensor.text()
+    problem = CLONE / "problems/wrench_drift.toml"
+    study = answer(load(problem), Context(folder=problem.parent))
+    assert study.status.ok and study.mass == pytest.approx(drifting_sensor.MASS, rel=0.003)
+    assert study.mass == pytest.approx(drifting_sensor.MASS, abs=2 * study.half_widths["mass"])
+    assert study.centre == pytest.approx(drifting_sensor.CENTRE, abs=1e-3)
+    assert np.linalg.norm(study.force_drift) * 594 == pytest.approx(drifting_sensor.DRIFT, abs=0.1)
+    left_out = answer(load(problem, ['readings.drift="none"']), Context(folder=problem.parent))
+    assert not left_out.checks["force_drift"].passed
+    assert any("drift by 2" in note and 'drift = "linear"' in note for note in left_out.notes), left_out.notes
