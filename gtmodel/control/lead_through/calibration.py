@@ -272,7 +272,7 @@ def calibrate_wrench(
         time: (poses,) [s], increasing in each session, of each reading; by default the index of the pose.
         drift: drifts of the biases to estimate, one or several: "linear" in time, drift_force_x, ... [N/s] and
             drift_moment_x, ... [N m/s]; "session", with a bias for each; "temperature", thermal_force_x, ... [N/K];
-            "blocks" alone, with a bias for each of up to 10 blocks of poses, for a bias that wanders: its intervals
+            "blocks" alone, with a bias for each of up to 10 blocks of poses, for an irregular drift: its intervals
             come from the scatter of the blocks and hold for residuals of any colour. True is "linear", False "none".
             The biases are then those at the last reading.
         session: (poses,) number of the recording of each reading; a session is contiguous.

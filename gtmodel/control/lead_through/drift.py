@@ -49,16 +49,16 @@ class BiasDrift:
 
     def columns(self) -> list[tuple[str, str, np.ndarray]]:
         """Prefix of the names, unit after that of the bias, and column (poses,) of each estimated drift."""
-        found = list[tuple[str, str, np.ndarray]]()
+        parts = list[tuple[str, str, np.ndarray]]()
         if "linear" in self.kinds:
-            found.append(("drift", "/s", self.time - self.time[-1]))
+            parts.append(("drift", "/s", self.time - self.time[-1]))
         if "temperature" in self.kinds and self.temperature is not None:
-            found.append(("thermal", "/K", self.temperature - self.temperature[-1]))
+            parts.append(("thermal", "/K", self.temperature - self.temperature[-1]))
         if "session" in self.kinds and self.session is not None:
-            found += _groups("session", self.session)
+            parts += _groups("session", self.session)
         if "blocks" in self.kinds:
-            found += _groups("block", self.blocks + 1)
-        return found
+            parts += _groups("block", self.blocks + 1)
+        return parts
 
     def names(self, word: Word, unit: str) -> tuple[list[str], list[str]]:
         """Names and units of the estimated drifts."""
@@ -72,18 +72,18 @@ class BiasDrift:
         if "blocks" in self.kinds:
             return []
         remedy = f'set drift = "{{}}"; or {OTHER}'
-        found = [
+        outcomes = [
             residual_tests.drifts(
                 J, rest, self.time, remedy.format("linear"), name=f"{word}_drift", unit=unit, least=least
             ),
             residual_tests.coloured(
-                J, rest, 'set drift = "linear", or "blocks" if the bias wanders; the intervals allow for it',
+                J, rest, 'set drift = "linear", or "blocks" if the drift is irregular; the intervals allow for it',
                 name=f"{word}_coloured", least=least,
             ),
         ]  # fmt: skip
         if self.temperature is not None and np.ptp(self.temperature) > 0:
             over = f"the range of temperature, {np.ptp(self.temperature):.3g} K,"
-            found.append(residual_tests.drifts(
+            outcomes.append(residual_tests.drifts(
                 J, rest, self.temperature, remedy.format("temperature"), name=f"{word}_temperature", unit=unit,
                 least=least, over=over,
             ))  # fmt: skip
@@ -95,15 +95,15 @@ class BiasDrift:
             means = np.array([rest[self.session == s].mean(axis=0) for s in np.unique(self.session)])
             size = float(scipy.spatial.distance.pdist(means).max())
             text = f"the biases of the sessions differ by up to {size:.3g} {unit} ({shown_p(test.p)})"
-            found.append(Suspicion(f"{word}_session", text, test.p, remedy.format("session")))
-        return found
+            outcomes.append(Suspicion(f"{word}_session", text, test.p, remedy.format("session")))
+        return outcomes
 
     def by_blocks(self, J: np.ndarray, values: np.ndarray, x: np.ndarray, load: slice) -> np.ndarray:
         """Covariance (n, n) of the parameters x of a fit with a bias in each block, valid for any drift.
 
         The load's covariance is that of the fits without one block (jackknife, CR3 of Cameron and Miller 2015, J. Human
         Resources 50), for Student's distribution with blocks - 1 degrees of freedom (Bester, Conley and Hansen 2011, J.
-        Econometrics 165). Within a block the bias wanders: its variance at the end is half the mean square step from
+        Econometrics 165). Within a block the bias moves: its variance at the end is half the mean square step from
         block to block, as of a random walk.
         """
         block, A = self.blocks, J[:, :, load]
@@ -116,7 +116,7 @@ class BiasDrift:
         moved = np.einsum("qij,qj->qi", np.linalg.pinv(squares.sum(axis=0) - squares), scores)
         of_load = moved.T @ moved * (q - 1) / q
         biases = np.array([(values - A @ x[load])[block == b].mean(axis=0) for b in range(q)])
-        wander = np.tile(np.mean(np.diff(biases, axis=0) ** 2, axis=0) / 2, q)
+        within = np.tile(np.mean(np.diff(biases, axis=0) ** 2, axis=0) / 2, q)
         # parameters by errors of the load and of each block's own bias
         by_load = np.concatenate([-G[-1], np.eye(width), *(G[-1] - G[b] for b in range(q - 1))])
         own = np.zeros((len(by_load), 3 * q))
@@ -124,7 +124,7 @@ class BiasDrift:
         for b in range(q - 1):
             row = slice(3 + width + 3 * b, 6 + width + 3 * b)
             own[row, 3 * b : 3 * b + 3], own[row, -3:] = np.eye(3), -np.eye(3)
-        return by_load @ of_load @ by_load.T + (own * wander) @ own.T
+        return by_load @ of_load @ by_load.T + (own * within) @ own.T
 
 
 def bias_drift(
@@ -142,17 +142,17 @@ def bias_drift(
     if kelvins is not None and "temperature" in kinds and not np.ptp(kelvins) > 0:
         raise ArgumentError("is the same in all poses; a drift with temperature needs it to change", "temperature")
     t = np.arange(float(poses)) if time is None else _row(time, poses, "time")
-    found = BiasDrift(kinds, t, numbers, kelvins)
-    if numbers is not None and len(found.starts) > len(np.unique(numbers)):
+    known = BiasDrift(kinds, t, numbers, kelvins)
+    if numbers is not None and len(known.starts) > len(np.unique(numbers)):
         raise ArgumentError("begins again after another session; sort the rows by session", "session")
     backward = np.diff(t) <= 0
-    backward[np.array(found.starts[1:], int) - 1] = False  # the clock may restart
+    backward[np.array(known.starts[1:], int) - 1] = False  # the clock may restart
     if backward.any():
         raise ArgumentError(f"expected {poses} increasing numbers, one per pose; found {t[1:][backward][0]:g} after "
                             f"{t[:-1][backward][0]:g}", "time")  # fmt: skip
     if "blocks" in kinds and poses < LEAST_BLOCKS * POSES:
         raise ArgumentError(f"'blocks' needs at least {LEAST_BLOCKS * POSES} poses; found {poses}", "drift")
-    return found
+    return known
 
 
 def _kinds(drift: bool | Drift | Sequence[Drift]) -> tuple[Drift, ...]:

@@ -155,6 +155,9 @@ def wrench_study(
         title = _marked(work.title or "wrench calibration")
         notes.append(f"synthetic: seed {seed}, noise {sensor.force_noise:g} N and {sensor.moment_noise:g} N m")
     else:
+        if readings.synthetic is not None:
+            title = _marked(work.title or "wrench calibration")
+            notes.append(f"synthetic: {readings.synthetic}")
         noise = force_noise, moment_noise
         rows = [_signal(readings, name, "readings") for name in SIGNALS]
         known = calibrate_wrench(
@@ -216,11 +219,11 @@ def _drift(estimate: Estimate, prefix: str = "drift_") -> list[float] | None:
 
 def _changes(estimate: Estimate) -> dict[str, list[float]] | None:
     """Bias of each earlier session or block minus the last, "session_1" or "block_1"."""
-    found = dict[str, list[float]]()
+    changes = dict[str, list[float]]()
     for name in estimate.names:
         if name.startswith(("session_", "block_")):
-            found.setdefault("_".join(name.split("_")[:2]), []).append(estimate.value(name))
-    return found or None
+            changes.setdefault("_".join(name.split("_")[:2]), []).append(estimate.value(name))
+    return changes or None
 
 
 def _signal(readings: Trajectory, name: str, argument: str) -> np.ndarray:
