@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ TURNS = scipy.spatial.transform.Rotation.random(POSES, rng=RNG)
 SENSOR = L.SyntheticSensor(mass=1.3, centre=(0.01, -0.02, 0.1), force_noise=0.05, moment_noise=0.003)
 F, M = SENSOR.readings_at_rest(TURNS.as_matrix(), RNG)
 TIME = 2.0 * np.arange(POSES)
-EXPECTED = L.wrench_study(
+EXPECTED: Any = L.wrench_study(
     gt.Trajectory(
         TIME, {"turn": TURNS.as_rotvec(), "force": F, "moment": M}, {"turn": "rad", "force": "N", "moment": "N.m"}
     )
@@ -53,14 +54,14 @@ def numbers(first: int, count: int) -> str:
     return str([str(first + k) for k in range(count)])
 
 
-def solved(folder: Path, text: str) -> gt.control.lead_through.WrenchStudy:
+def solved(folder: Path, text: str) -> Any:
     (folder / "wrench.toml").write_text(f'kind = "wrench_calibration"\n[readings]\n{text}')
     problem = load(folder / "wrench.toml")
     assert explain(problem, Context(folder=folder))
     return answer(problem, Context(folder=folder))
 
 
-def same(study: gt.control.lead_through.WrenchStudy) -> bool:
+def same(study: Any) -> bool:
     """Whether mass, centre and interval are those of the numbers in memory."""
     pairs = [(s.mass, *s.centre, s.half_widths["mass"]) for s in (study, EXPECTED)]
     return study.usable == EXPECTED.usable and np.allclose(*pairs, rtol=SAME, atol=0.0)
@@ -236,7 +237,7 @@ CLONE = Path(__file__).parents[2]
 def test_the_shipped_file_is_that_of_its_seed_and_its_drift_is_named_and_estimated() -> None:
     assert (drifting_sensor.FOLDER / "poses.txt").read_text() == drifting_sensor.text()
     problem = CLONE / "problems/wrench_drift.toml"
-    study = answer(load(problem), Context(folder=problem.parent))
+    study: Any = answer(load(problem), Context(folder=problem.parent))
     assert study.status.ok and study.mass == pytest.approx(drifting_sensor.MASS, rel=0.003)
     assert study.mass == pytest.approx(drifting_sensor.MASS, abs=2 * study.half_widths["mass"])
     assert study.centre == pytest.approx(drifting_sensor.CENTRE, abs=1e-3)
