@@ -26,11 +26,12 @@ SHAKEN := tests/robots/test_six_link.py::test_declared_branches_reach_the_invers
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test types pytest proof bench docs dist pictures conformance format schemas constraints clean
+.PHONY: help demo test types pytest kind proof bench docs dist pictures conformance format schemas constraints clean
 
 help:
 	@echo "make demo         solve the time-optimal motion of the L1 prototype, then generate and check its C code"
 	@echo "make test         lint, types and all tests: what CI runs; about 12 minutes on two cores"
+	@echo "make kind KIND=reach  check one kind of problem: what holds for all kinds, its own tests and its page"
 	@echo "make proof        long statistics, formal checks, and the notebooks and pages that make test leaves out"
 	@echo "make bench        benchmarks and rivals"
 	@echo "make docs         build the site, build/site/html/index.html, with all commands and notebooks run"
@@ -60,6 +61,15 @@ types: $(VENV)/.dev
 pytest: $(VENV)/.dev
 	$(PYTEST)
 	$(OLDER) OPENBLAS_CORETYPE=Nehalem $(PYTEST) --shake 1 $(SHAKEN)
+
+# One kind: what holds for all kinds, then what carries its name, also where it is marked 'proof'.
+kind: $(VENV)/.dev types
+	@test -n "$(KIND)" || { echo "Name the kind: make kind KIND=compliance"; exit 2; }
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(PYTEST) tests/test_house.py tests/test_public_names.py tests/test_start_up.py tests/test_words.py \
+	  tests/test_docstrings.py tests/test_readme.py tests/test_cli.py
+	$(PYTEST) -m "" -k "$(KIND) or every_page_is_reached" tests/kinds tests/test_docs.py
 
 # pytest ends with 5 where no test carries the marker.
 proof: $(VENV)/.dev

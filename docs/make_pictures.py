@@ -1,4 +1,4 @@
-"""Draw the pictures of the README anew, into docs/pictures: python docs/make_pictures.py"""
+"""Draw the pictures of the README and of the pages on arms anew, into docs/pictures: python docs/make_pictures.py"""
 
 from __future__ import annotations
 
@@ -23,6 +23,9 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as written:
             gt.load(problem)().write(f"{written}/out", plot=True)
             (folder / f"{name}.png").write_bytes(Path(written, "out", f"{figure}.png").read_bytes())
+    model, mesh = gt.load("arm_motion", "mesh.elements=20").arguments
+    motion = gt.refine(model, mesh, tolerance=0.3).solution
+    motion.plot("arm.q", "der(arm.q)", "arm.tau").savefig(folder / "arm_motion.png")
 
 
 if __name__ == "__main__":

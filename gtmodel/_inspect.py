@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import time
+from dataclasses import fields as fields_of
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,9 @@ from gtmodel.results import ArgumentError, as_json, written
 from gtmodel.results.written import pictured, record
 
 KIND = "inspect"
+_KEY = re.compile(  # in the sentences of the readers; here it is an option
+    rf'\b(?P<set>set )?(?P<key>{"|".join(field.name for field in fields_of(LogForm))}) = "?(?P<value>[\w.+-]+)"?'
+)
 
 
 def run(file: str, fields: dict[str, Any], job: Context, *, out: Path | None = None, plot: bool = False) -> Finished:
@@ -47,6 +52,10 @@ def run(file: str, fields: dict[str, Any], job: Context, *, out: Path | None = N
         return Finished(finished.outcome, finished.wall_s, paths, unwritten="; ".join(faults))
 
 
+def _option(key: re.Match[str]) -> str:
+    return f"{'give ' if key['set'] else ''}--{key['key'].replace('_', '-')} {key['value']}"
+
+
 def _inspected(path: Path, form: LogForm, job: Context) -> Finished:
     try:
         with job.under_way():
@@ -54,5 +63,6 @@ def _inspected(path: Path, form: LogForm, job: Context) -> Finished:
     except ArgumentError as error:
         # the command puts the file name in front
         message = error.message.removeprefix(shown(path))
-        raise InputError(message.lstrip(": ") or error.message) from error
+        message = message.lstrip(": ") or error.message
+        raise InputError(_KEY.sub(_option, message)) from error
     return Finished(outcome, time.monotonic() - job.began)

@@ -6,8 +6,10 @@ import codecs
 import ctypes
 import io
 import os
+import shutil
 import signal
 import sys
+import textwrap
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
@@ -26,8 +28,8 @@ SECOND, AGAIN = 2, 20  # the alarm that ends it, and the number of alarms until 
 
 
 def opened() -> None:
-    """Connect closed standard streams (`>&-`) to the null device. Otherwise the next opened file would get the stream's
-    number, and a solver's output would end up in a result file."""
+    """Connect closed standard streams (`>&-`) to the null device. If a stream stayed closed, the next opened file would
+    get its number, and a solver would print into a result file."""
     for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         try:
             os.fstat(number)
@@ -93,6 +95,17 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], title: str = "") -
         console.print(grid)
     # rich pads every line to the width of the table
     print("\n".join(line.rstrip() for line in captured.get().splitlines()).strip("\n"))
+
+
+def entries(rows: Iterable[tuple[str, str]], title: str = "") -> None:
+    """Print heads with indented texts, wrapped to the terminal, or to 80 columns if stdout is not a terminal."""
+    width = max(shutil.get_terminal_size((80, 24)).columns, 40)
+    wrap = partial(textwrap.fill, width=width, break_long_words=False, break_on_hyphens=False)
+    lines = [wrap(title), ""] if title else []
+    for head, text in rows:
+        lines += [wrap(head, initial_indent=" ", subsequent_indent="     ")]
+        lines += [wrap(text, initial_indent="     ", subsequent_indent="     ")] if text else []
+    print("\n".join(lines))
 
 
 def outcome_table(title: str, outcome: Study, brief: bool = False) -> None:

@@ -23,7 +23,7 @@ from gtmodel import _terminal as terminal
 from gtmodel._answer import Answer, answering, print_json
 
 app = typer.Typer(
-    help="Kinematics, dynamics, optimal motions and C code of parallel robots, from one set of equations.",
+    help="Kinematics, dynamics, optimal motions and C code of robots, from one set of equations.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -163,14 +163,15 @@ def schema(
     if kind is None:
         terminal.table(("kind", "what it is"), names().items())
         return
-    terminal.table(
-        ("key", "type", "unit", "default", "description"),
-        [tuple(key.values()) for key in document["keys"]],
-        f"{kind}: {document['description']}",
-    )
+    keys = []
+    for key, what, unit, default, text in (key.values() for key in document["keys"]):
+        stated = f"default {default}" if default not in ("", "required") else default
+        keys.append(("   ".join(filter(None, (key, what, unit and f"[{unit}]", stated))), text))
+    terminal.entries(keys, f"{kind}: {document['description']}")
     print()
-    rows = [(name, about["unit"], about["description"]) for name, about in document["values"].items()]
-    terminal.table(("in values", "unit", "description"), rows)
+    values = document["values"].items()
+    rows = [(f"{name}   [{about['unit']}]" if about["unit"] else name, about["description"]) for name, about in values]
+    terminal.entries(rows, "in values of the result:")
 
 
 @app.command()
@@ -336,14 +337,14 @@ def loop(
     quiet: Quiet = False,
 ) -> None:
     """Run the 4 ms loop with generated code against a simulated controller on loopback, without and with its law."""
-    from gtmodel.problem_files import loop_run
+    from gtmodel import _loop_command
     from gtmodel.problem_files.base import Context
 
     with answering(context, as_json, str(folder)) as answer:
         answer.kind, answer.title = "loop", f"{peer}: {law}"
         job = Context(name=folder.name)
         with terminal.watching(job, "stopping the loop, nothing will be compared", quiet=quiet):
-            answer.finished = loop_run.run(
+            answer.finished = _loop_command.run(
                 folder, out or folder / "loop", job, reference=reference, plant=plant, peer=peer, seconds=seconds,
                 law=law, plant_timeout=plant_timeout, in_lockstep=lockstep, elastic=elastic, deceleration=deceleration,
                 **({} if following is None else {"following": following}),

@@ -15,7 +15,7 @@
 # %% [markdown]
 # # A technician calibrates a robot
 #
-# **Can a person who is no expert go from a tape measure to a robot that is accurate to a tenth of a millimetre, and
+# **Can a person who is not an expert go from a tape measure to a robot that is accurate to a tenth of a millimetre, and
 # know beforehand that it will work?**
 #
 # Dressler (2012, section 5.6, Fig. 5.21) describes the workflow for a robot that has just been rebuilt: workspace,
@@ -120,11 +120,11 @@ commanded = 1e-3 * np.array([line[2:5] for line in lines[1:]], float)
 q = commanded + 13e-6 * rng.standard_normal(commanded.shape)  # repeatability of the carts
 T, status = synthetic.causal(known="q", targets="T")(q)
 tracker = gt.calibrate.LaserTracker(np.array([1.0, -4.5, 0.8]))
-seen = T + (np.linalg.cholesky(tracker.covariance(T)) @ rng.standard_normal((len(T), 3, 1)))[..., 0]
+measured = T + (np.linalg.cholesky(tracker.covariance(T)) @ rng.standard_normal((len(T), 3, 1)))[..., 0]
 assert np.all(status == 0)
 
 for kind in ("calibrate", "verify"):
-    rows = np.hstack([commanded, seen])[purpose == kind]
+    rows = np.hstack([commanded, measured])[purpose == kind]
     head = "# synthetic: seed 7\n" + ",".join(f"{n}[{k}]" for n in "qT" for k in range(3))
     np.savetxt(folder / f"{kind}.csv", 1e3 * rows, "%.5f", ",", header=head, comments="")
 

@@ -141,8 +141,8 @@ q = np.deg2rad([
     [2.39, -34.82, 69.97, 115.13, 72.1, 176.98], [42.99, -57.91, 110.04, -155.79, 51.1, -179.83],
 ])  # fmt: skip
 loads = np.array([[2000.0, 0, 0, 0, 0, 0], [0, 2000, 0, 0, 0, 0], [0, 0, -4000, 0, 0, 0]])
-stands = arm_poses(arm, np.repeat(q, 3, axis=0), [0.1, 0.05, 0.4])
-plan = stands.tests(np.tile(loads, (6, 1)), sigma=[2e-5] * 3 + [1e-4] * 3, wrist_sigma=2e-5)
+arm_stances = arm_poses(arm, np.repeat(q, 3, axis=0), [0.1, 0.05, 0.4])
+plan = arm_stances.tests(np.tile(loads, (6, 1)), sigma=[2e-5] * 3 + [1e-4] * 3, wrist_sigma=2e-5)
 truth = 1e6 * np.array([3.93, 3.46, 2.77, 1.57, 0.24, 0.17])
 tests = synthetic_tests(plan, 1 / truth, np.random.default_rng(9))
 fits = [complete_pose(tests), decoupled(tests)]
@@ -161,7 +161,7 @@ stiffness_figure(
 low, high = np.maximum(*[i[:, 0] for i in intervals]), np.minimum(*[i[:, 1] for i in intervals])
 assert np.all(low < high)
 tilting = synthetic_tests(
-    plan, 1 / truth, np.random.default_rng(9), tilt=3 / truth, origins=stands.origins, point=stands.T
+    plan, 1 / truth, np.random.default_rng(9), tilt=3 / truth, origins=arm_stances.origins, point=arm_stances.T
 )
 print(complete_pose(tilting).adequacy.message)
 assert fits[0].adequacy.passed and not complete_pose(tilting).adequacy.passed

@@ -88,8 +88,10 @@ for case, study in studies.items():
         f"case {case:>2}: remaining tool error {100 * study.tool_share[0]:5.1f} % in x, "
         f"{100 * study.tool_share[1]:4.1f} % in y"
     )
-left = [study.tool_share[1] for study in studies.values()]
-assert left[0] > left[1] > left[2] and left[3] < 1.1 * left[2]
+remaining_errors = [study.tool_share[1] for study in studies.values()]
+assert (
+    remaining_errors[0] > remaining_errors[1] > remaining_errors[2] and remaining_errors[3] < 1.1 * remaining_errors[2]
+)
 assert max(max(study.bound) for study in studies.values()) < 1
 studies["2B"].figure("filter")
 

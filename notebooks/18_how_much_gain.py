@@ -88,12 +88,12 @@ def loop_of(p):
 
 box = {name: (0.85 * x, 1.15 * x) for name, x in zip("mck", (m, c, k), strict=True)} | {"delay": (0.050, 0.054)}
 worst = delayed.worst_case(loop_of, box, draws=300)
-asked = delayed.GainMargins()  # a gain margin of 2 and a phase margin of 30 degrees, everywhere in the box
-kept = delayed.worst_case(loop_of, box, limit_of=lambda loop: delayed.margin_limit(loop, asked), draws=30)
+required = delayed.GainMargins()  # a gain margin of 2 and a phase margin of 30 degrees, everywhere in the box
+kept = delayed.worst_case(loop_of, box, limit_of=lambda loop: delayed.margin_limit(loop, required), draws=30)
 gain = delayed.recommended_gain(kept.gain, step=0.01)
 print(f"as fitted {worst.nominal:.3f}, worst {worst.gain:.3f} at", {n: round(x, 3) for n, x in worst.point.items()})
 print(f"gain that keeps the margins in the whole box: {gain}")
-assert worst.gain <= worst.limits.min() and gain <= worst.gain / asked.gain
+assert worst.gain <= worst.limits.min() and gain <= worst.gain / required.gain
 
 # %%
 figure = Figure(figsize=(7.5, 3.0), layout="constrained")
@@ -130,9 +130,9 @@ assert abs(loop.late_by(DELAY + margins.delay).radius(high) - 1) < 1e-6
 
 # %%
 x = delayed.plant_of_limit(17.0, 0.06, 0.25, CYCLE, DELAY)
-seen = {np.deg2rad(45): (0.03, 0.05), np.deg2rad(60): (0.04, 0.06)}
+observed = {np.deg2rad(45): (0.03, 0.05), np.deg2rad(60): (0.04, 0.06)}
 met = delayed.limits_that_meet(
-    lambda p: delayed.plant_of_limit(12.0, 0.06, p, CYCLE, DELAY), seen, x, CYCLE, DELAY, between=(0.005, 0.1)
+    lambda p: delayed.plant_of_limit(12.0, 0.06, p, CYCLE, DELAY), observed, x, CYCLE, DELAY, between=(0.005, 0.1)
 )
 print("limits along y:", met, "; pose 19 of Table 14: 0.01 predicted, 0.02 measured")
 ((low, high),) = met
@@ -144,7 +144,7 @@ y = delayed.plant_of_limit(12.0, 0.06, (low + high) / 2, CYCLE, DELAY)
 figure = Figure(figsize=(7.5, 3.4), layout="constrained")
 axes = figure.subplots()
 axes.semilogy(np.rad2deg(angles), delayed.off_axis_limits(x, y, angles, CYCLE, DELAY))
-for angle, (stable, unstable) in seen.items():
+for angle, (stable, unstable) in observed.items():
     axes.plot([np.rad2deg(angle)] * 2, [stable, unstable], "k_-", markersize=12)
 axes.set(xlabel="direction from y towards x [deg]", ylabel="gain limit")
 figure

@@ -114,11 +114,11 @@ figure
 # handle is balanced over every window of a run: the hand may only get back energy that was stored before.
 
 # %%
-seen = L.hand_stability(L.SurfaceGains(), servo, L.HandRange(stiffness=(0.0, 800.0)))
-print(f"least damping ratio {seen.least:.2f}; stable up to {seen.stiffness_limit:.0f} N/m")
+stability = L.hand_stability(L.SurfaceGains(), servo, L.HandRange(stiffness=(0.0, 800.0)))
+print(f"least damping ratio {stability.least:.2f}; stable up to {stability.stiffness_limit:.0f} N/m")
 book = held[5000.0].book
 print(book)
-assert seen.stable and book.deficit < 1e-3 * book.passed
+assert stability.stable and book.deficit < 1e-3 * book.passed
 
 # %%
 figure = held[5000.0].figure("energy")

@@ -31,11 +31,13 @@ import gtmodel as gt
 
 V = gt.vision.robot_cameras
 scene = V.SyntheticRobotCameras(counts=[6, 5, 5], seed=1)
-made = V.made_pictures(scene)
-rows = np.arange(len(made.pictures.poses))
-fitted, unseen = made.pictures.part(rows[::2]), made.pictures.part(rows[1::2])
+recording = V.made_pictures(scene)
+rows = np.arange(len(recording.pictures.poses))
+fitted, unseen = recording.pictures.part(rows[::2]), recording.pictures.part(rows[1::2])
 truth = np.asarray(unseen.truth)
-print(f"{len(fitted)} corners of {len(fitted.poses)} poses; {len(unseen.poses)} held out; {made.pictures.synthetic}")
+print(
+    f"{len(fitted)} corners of {len(fitted.poses)} poses; {len(unseen.poses)} held out; {recording.pictures.synthetic}"
+)
 
 
 def error(fit, scale=False):
@@ -51,7 +53,7 @@ def error(fit, scale=False):
 # each picture is eliminated.
 
 # %%
-joint = V.joint_fit(made.robot, fitted, made.cameras)
+joint = V.joint_fit(recording.robot, fitted, recording.cameras)
 low, high = joint.estimate.interval("left.cx")
 print(f"held-out error {error(joint):.3f} mm; left principal point, 95 % interval {low:.1f} to {high:.1f} pixel")
 assert error(joint) < 0.3
@@ -66,10 +68,10 @@ assert low - 3 < 800 < high + 3
 # %%
 wrong = [
     replace(c, focal_pixel=1400.0, principal_point_pixel=[800.0 + off, 600.0], distortion=list(scene.distortion))
-    for c, off in zip(made.cameras, (3.0, -3.0), strict=True)
+    for c, off in zip(recording.cameras, (3.0, -3.0), strict=True)
 ]
 held = V.RobotCameras(estimate=[], scale="actuators")
-two = V.two_step_fit(made.robot, fitted, wrong, held)
+two = V.two_step_fit(recording.robot, fitted, wrong, held)
 print(f"held-out error {error(two):.2f} mm, with the scale fitted to the tracker {error(two, scale=True):.2f} mm")
 print("cameras whose residuals reveal it:", V.picture_map(fitted, two.residuals).fires() or "none")
 assert 1.0 < error(two, scale=True) < 2.5
@@ -81,7 +83,7 @@ assert V.picture_map(fitted, two.residuals).fires() == ()
 # depend on the position in the picture.
 
 # %%
-stiff = V.joint_fit(made.robot, fitted, wrong, held)
+stiff = V.joint_fit(recording.robot, fitted, wrong, held)
 test = V.picture_map(stiff.pictures, stiff.residuals)
 print(f"held-out error {error(stiff):.2f} mm; revealed by {test.fires()}; radial test p = {test.radius.round(3)}")
 assert test.fires() == ("left", "right")
@@ -117,7 +119,7 @@ figure
 
 # %%
 places = V.CameraPlaces(baselines=[0.5, 1.5], distances=[2.4, 3.2])
-for place in V.camera_places(made.robot, replace(scene, counts=[4, 3, 3]), places):
+for place in V.camera_places(recording.robot, replace(scene, counts=[4, 3, 3]), places):
     worth = place.why if place.predicted is None else f"{1e3 * place.predicted.rms:.3f} mm rms"
     print(f"baseline {place.baseline} m, distance {place.distance} m: {worth}")
 
@@ -126,7 +128,7 @@ for place in V.camera_places(made.robot, replace(scene, counts=[4, 3, 3]), place
 
 # %%
 bad = V.made_pictures(replace(scene, turned_pictures=[17], wrong_corners=0.05)).pictures
-robust = V.joint_fit(made.robot, bad, made.cameras)
+robust = V.joint_fit(recording.robot, bad, recording.cameras)
 print(robust.wrong_pictures, f"and {len(robust.wrong_corners)} corners of {robust.first} left out")
 assert robust.wrong_pictures == ("pose 18 in left",)
 

@@ -1,6 +1,6 @@
 """Write NAME.ipynb beside each percent script NAME.py here, without outputs: `python notebooks/pair.py`.
 
-The scripts are what is edited. The same script always gives the same bytes: an id of a cell is made from its text.
+Edit the scripts only. The same script always gives the same bytes: the id of a cell is a hash of its text.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ HERE = Path(__file__).resolve().parent
 
 
 def scripts() -> list[Path]:
-    """The percent scripts, in the order in which they are to be read."""
+    """The percent scripts, in reading order."""
     return sorted(HERE.glob("[0-9][0-9]_*.py"))
 
 
 def notebook(script: Path) -> nbformat.NotebookNode:
-    """The notebook of a script: no outputs, ids from the cells' texts."""
-    made = jupytext.read(script, fmt="py:percent")
-    made.nbformat, made.nbformat_minor = 4, 5  # the first version with ids
-    seen: dict[str, int] = {}
-    for cell in made.cells:
+    """The notebook of a script: without outputs, with ids that are hashes of the cells."""
+    node = jupytext.read(script, fmt="py:percent")
+    node.nbformat, node.nbformat_minor = 4, 5  # the first version with ids
+    counts: dict[str, int] = {}
+    for cell in node.cells:
         digest = hashlib.sha256(f"{cell.cell_type}\n{cell.source}".encode()).hexdigest()[:12]
-        seen[digest] = seen.get(digest, 0) + 1
-        cell.id = digest if seen[digest] == 1 else f"{digest}-{seen[digest]}"
-    nbformat.validate(made)
-    return made
+        counts[digest] = counts.get(digest, 0) + 1
+        cell.id = digest if counts[digest] == 1 else f"{digest}-{counts[digest]}"
+    nbformat.validate(node)
+    return node
 
 
 def text(script: Path) -> str:

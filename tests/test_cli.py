@@ -69,21 +69,29 @@ def test_schema_describes_every_key_and_value(gtmodel: Commands, kind: str) -> N
     document = gtmodel("schema", kind, "--json").json
     assert printed.code == 0 and document["kind"] == kind
     for key in document["keys"]:
-        assert key["description"], key["key"]
+        assert key["description"], f"key {key['key']} of kind '{kind}' has no description: add it to its annotation"
         assert key["key"] in printed.out
         assert key["unit"] == unit_of(from_options.Key(**key).name) or not key["unit"], key["key"]
     assert document["values"]
     for name, about in document["values"].items():
-        assert about["description"] and name in printed.out
+        assert about["description"], f"result {name} of kind '{kind}' has no description: add it to its annotation"
+        assert name in printed.out
     assert "properties" in document["schema"]
 
 
 def test_schema_shows_units_and_defaults(gtmodel: Commands) -> None:
     lines = gtmodel("schema", "trajectory").out.splitlines()
     (force,) = [line for line in lines if line.split()[:1] == ["limits.force_N"]]
-    assert " N " in force and "required" in force
+    assert "[N]" in force and "required" in force
     (elements,) = [line for line in lines if line.split()[:1] == ["mesh.elements"]]
-    assert " 50 " in elements
+    assert "default 50" in elements
+
+
+def test_schema_fits_80_columns_in_a_pipe(gtmodel: Commands, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("COLUMNS", raising=False)
+    monkeypatch.setattr("sys.__stdout__", None)  # the terminal of whoever runs the tests
+    lines = gtmodel("schema", "calibration").out.splitlines()
+    assert all(len(line) <= 80 or " " not in line.strip() for line in lines)
 
 
 def test_the_unit_of_a_value_is_the_declared_one_whatever_its_name_reads_as(gtmodel: Commands) -> None:
@@ -307,6 +315,7 @@ def test_codegen_without_check_compiles_nothing(gtmodel: Commands) -> None:
 
 REFUSED = [
     (["solve", "nowhere.toml"], "nowhere.toml: there is no such file"),
+    (["list", "kinds"], "gtmodel schema"),
     (["solve", "l1_min_tim"], "did you mean the shipped 'l1_min_time'?"),
     (["solve", "swing.toml", "--set", "mesh.elemnts=3"], "swing.toml: mesh.elemnts: unknown key; did you mean 'elem"),
     (

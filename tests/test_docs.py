@@ -1,4 +1,7 @@
-"""The pages of the site are true: their Python and their commands run, every kind has a page, every name an entry."""
+"""The pages of the site are true: their Python and their commands run, every kind has a page, every name an entry.
+
+`make test` runs a third of the pages, `make proof` the others; one page: pytest tests/test_docs.py -m "" -k kinds/reach
+"""
 
 from __future__ import annotations
 
@@ -107,12 +110,13 @@ def directive(page: Path, name: str) -> list[str]:
 @pytest.mark.parametrize("kind", list(registry.names()))
 def test_every_kind_has_a_page_with_its_keys_and_a_problem(kind: str) -> None:
     page = DOCS / "kinds" / f"{kind}.md"
-    assert directive(page, "keys") == [kind]
+    assert page.is_file(), f"kind '{kind}' has no page: write docs/kinds/{kind}.md"
+    assert directive(page, "keys") == [kind], f"{page.name} needs a fence ```{{keys}} {kind}"
     problems = directive(page, "problem")
-    assert problems
+    assert problems, f"{page.name} needs a fence ```{{problem}} with the name of a shipped problem"
     for problem in problems:
         text = (CLONE / "problems" / f"{problem}.toml").read_text(encoding="utf-8")
-        assert re.search(rf'^kind = "{kind}"', text, re.M), problem
+        assert re.search(rf'^kind = "{kind}"', text, re.M), f"{problem} is of another kind than {page.name}"
 
 
 @pytest.mark.parametrize("page", [pytest.param(p, id=named(p)) for p in PAGES])
@@ -131,7 +135,8 @@ def test_every_page_is_reached_from_the_first() -> None:
             if fence.info == "{toctree}":
                 entries = [e.split("<")[-1].rstrip(">") for e in fence.text.split("\n") if e and not e.startswith(":")]
                 left += [p for e in entries if (p := (page.parent / f"{e}.md").resolve()) in PAGES and p not in seen]
-    assert not {named(p) for p in PAGES} - {named(p) for p in seen}
+    missing = sorted({named(p) for p in PAGES} - {named(p) for p in seen})
+    assert not missing, f"no toctree lists {', '.join(missing)}"
 
 
 @pytest.mark.parametrize("page", [pytest.param(p, id=p.relative_to(CLONE).as_posix()) for p in MARKDOWN])

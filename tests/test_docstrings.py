@@ -71,7 +71,7 @@ def test_examples_run(library: str, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     methods = {} if library else {"Model.causal": gt.Model.causal}  # bound from elsewhere: the finder skips it
     for name, item in (public(library) | methods).items():
         told: list[str] = []
-        for example in finder.find(item, name, globs={"gt": gt, "np": np}):
+        for example in finder.find(inspect.unwrap(item), name, globs={"gt": gt, "np": np}):
             if runner.run(example, out=told.append).failed:
                 failed.append("".join(told))
     assert not failed, "\n".join(failed)

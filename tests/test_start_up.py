@@ -62,31 +62,51 @@ SCHEMAS = """
 import json, os, sys
 from gtmodel.cli import main
 shown, sys.stdout = sys.stdout, open(os.devnull, "w")
-known = dict()
+known, importers = dict(), dict()
+class Watch:
+    def find_spec(name, path=None, target=None):
+        frame = sys._getframe(1)
+        while frame and ("importlib" in frame.f_code.co_filename or "_lazy" in frame.f_code.co_filename):
+            frame = frame.f_back
+        importers.setdefault(name, f"{{frame.f_code.co_filename}}:{{frame.f_lineno}}")
+sys.meta_path.insert(0, Watch)
 for kind in {kinds}:
     try:
         main(["schema", kind])
     except SystemExit:
         pass
-    known[kind] = sorted(sys.modules)
+    known[kind] = {{name: importers.get(name, "") for name in sys.modules}}
 print(json.dumps(known), file=shown)
 """
 
 
 @pytest.fixture(scope="module")
-def after_schemas() -> dict[str, set[str]]:
-    """By kind what is imported after its schema and those before it, in one process: what one of them imports stays."""
+def imported_by_schemas() -> dict[str, dict[str, str]]:
+    """By kind the modules that its schema imports and no kind before it, each with the line that imports it."""
     words = [sys.executable, "-c", SCHEMAS.format(kinds=list(names()))]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
-    return {kind: set(modules) for kind, modules in json.loads(done.stdout).items()}
+    seen: set[str] = set()
+    first: dict[str, dict[str, str]] = {}
+    for kind, modules in json.loads(done.stdout).items():
+        first[kind] = {name: place for name, place in modules.items() if name not in seen}
+        seen |= set(modules)
+    return first
+
+
+ENGINES = {"gtmodel.compiler", "gtmodel.optimize.solve", "gtmodel.vibration.impulse", "gtmodel.motion.motion_study"}
+NOT_FOR_A_SCHEMA = (
+    (HEAVY - {"numpy"}) | ENGINES | {"gtmodel.lang.model", "gtmodel.results.written", "gtmodel.robots.f1"}
+)
 
 
 @pytest.mark.parametrize("kind", names())
-def test_a_schema_needs_no_model_no_engine_and_writes_no_study(kind: str, after_schemas: dict[str, set[str]]) -> None:
-    modules = after_schemas[kind]
-    assert f"gtmodel.kinds.{kind}" in modules and not modules & (HEAVY - {"numpy"})
-    engines = {"gtmodel.compiler", "gtmodel.optimize.solve", "gtmodel.vibration.impulse", "gtmodel.motion.motion_study"}
-    assert not modules & {"gtmodel.lang.model", "gtmodel.results.written", "gtmodel.robots.f1", *engines}
+def test_a_schema_needs_no_model_no_engine_and_writes_no_study(
+    kind: str, imported_by_schemas: dict[str, dict[str, str]]
+) -> None:
+    assert any(f"gtmodel.kinds.{kind}" in modules for modules in imported_by_schemas.values())
+    modules = imported_by_schemas[kind]
+    wrong = [f"{place} imports {name}" for name, place in modules.items() if name in NOT_FOR_A_SCHEMA]
+    assert not wrong, f"the schema of kind '{kind}' must not import an engine: {'; '.join(wrong)}"
 
 
 def test_a_solve_without_pictures_imports_no_matplotlib_and_no_other_family_of_robots() -> None:

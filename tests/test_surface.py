@@ -26,6 +26,7 @@ def test_libraries_are_listed_and_imported_when_first_used() -> None:
         "for name in ('robots', 'milling', 'vibration', 'compliance', 'matplotlib', 'pydantic'):\n"
         "    assert name in sys.modules or f'gtmodel.{name}' not in sys.modules, name\n"
         "assert 'matplotlib' not in sys.modules and 'pydantic' not in sys.modules\n"
+        "assert 'robot3d' in dir(gt.plot) and callable(gt.plot.robot3d.robot_figure)\n"
         "assert {'robots', 'milling', 'load'} <= set(dir(gt))\n"
         "gt.simulation, gt.robots\n"
         "assert callable(gt.simulate)\n"

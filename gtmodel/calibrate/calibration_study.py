@@ -1,10 +1,11 @@
-"""The calibration study: fit geometric parameters to measured poses and judge them on held-out poses."""
+"""The calibration study: fit geometric parameters to measured poses and validate them on held-out poses."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
+from itertools import groupby
 from typing import Annotated, Literal, Unpack
 
 import numpy as np
@@ -27,7 +28,7 @@ from .report import robot_file, values as poses_table
 from .report.findings import CalibrationFindings, findings_of, length_noise
 from .report.result import CalibrationStudy
 from .report.robot_file import Origin
-from .report.values import checks_of, pictures, values_of
+from .report.values import KEPT, checks_of, pictures, values_of
 from .variants import by_dh_numbers, on_cart_points, prepared, too_few, with_measured_orientation
 
 
@@ -45,23 +46,23 @@ def study(
     origin: Origin | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> CalibrationStudy:
-    """Calibrate a robot on measured poses: check the readings, fit, predict held-out poses, judge.
+    """Calibrate a robot on measured poses: check the readings, fit, predict held-out poses, report a verdict.
 
     Args:
         robot: the model with its nominal parameters.
         poses: measured poses in SI units: `Measurements` in memory, or `MeasuredPoses` from `read_poses` or
             `made_poses`. Several (heights, distances, positions) share the robot's parameters; they are weighted by
-            their noise, and each is judged separately.
+        their noise, and each is evaluated separately.
         fit: free parameters and cost; by default all parameters and length errors.
         held_out: every n-th pose is held out of the fit; 0 for none. Ignored if the poses mark held-out ones.
-        refit: parameters specific to a held-out recording: fitted on some of its poses, judged on the others.
+        refit: parameters specific to a held-out recording: fitted on some of its poses, validated on the others.
         method: "every" holds out poses as `held_out` says. For few poses: "leave_one_out" fits all poses and predicts
             each with a fit without it; "folds" does so with this number of `folds`.
         carts: guideways through measured points.
         origin: where the robot comes from, for parameters.toml.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    If interrupted, the study holds the best parameters so far and judges nothing. Raises ArgumentError, also for poses
+    If interrupted, the study holds the best parameters so far and has no verdict. Raises ArgumentError, also for poses
     that were misread: wrong units, exchanged columns, swapped axes. The message names the alarm; if the readings are
     right, name it in `fit.accept`, and it becomes a note.
 
@@ -148,9 +149,12 @@ def _in_turn(data: Sequence[SplitPoses], folds: int | None) -> list[np.ndarray]:
 
 def explained(
     robot: Model, poses: MeasuredPoses | Measurements | Sequence[MeasuredPoses | Measurements], fit: Fit,
-    held_out: int = 2, carts: CartPoints | None = None, method: str = "every",
+    held_out: int = 2, carts: CartPoints | None = None, method: str = "every", full: bool = True,
 ) -> list[str]:  # fmt: skip
-    """Lines of text before the fit: free parameters, fixed ones, and what the poses can determine."""
+    """Lines of text before the fit: free parameters, fixed ones, and what the poses can determine.
+
+    full: if False, array elements share a line, and so do all badly determined combinations.
+    """
     robot, on_points = on_cart_points(by_dh_numbers(fit, robot), carts)
     robot = with_measured_orientation(robot, poses)
     data = split_all(poses, robot, held_out if method == "every" else 0)
@@ -158,13 +162,22 @@ def explained(
     u = ready.unknowns
     fitted, held = sum(len(d.fitted) for d in data), sum(int(d.held_out.sum()) for d in data)
     lines = [f"{fitted} poses fitted, {held} held out; {len(u.names)} unknowns, cost {fit.cost}"]
-    lines += [f"  {n} [{unit or '1'}] from {x:g}" for n, unit, x in zip(u.names, u.units, u.start, strict=True)]
+    free = zip(u.names, u.units, u.start, strict=True)
+    for _, same in groupby(free, key=lambda one: one[0] if full else (one[0].partition("[")[0], one[1])):
+        (name, unit, x), *more = same
+        rest = (
+            f" to {more[-1][0]} [{unit or '1'}]: {1 + len(more)} unknowns" if more else f" [{unit or '1'}] from {x:g}"
+        )
+        lines.append(f"  {name}{rest}")
     fixed = [n for n in ready.values(u.start) if n not in u.names]
     if fixed:
         lines.append(f"fixed, tied or part of a unit quaternion: {', '.join(fixed)}")
+    lines += [note for note in u.notes if KEPT in note]
     if not u.names:
         return [*lines, "nothing is free: the robot is judged as it is"]
-    return [*lines, *too_few(ready), *ready.identifiability(sigma=length_noise(ready)).notes]
+    analysis = ready.identifiability(sigma=length_noise(ready))
+    lines += [*too_few(ready), *(analysis.notes if full else analysis.brief_notes)]
+    return lines if full else [*lines, "add --full to list every unknown and combination"]
 
 
 def _study_of(findings: CalibrationFindings, robot: Model, fit: Fit, origin: Origin, title: str) -> CalibrationStudy:

@@ -249,7 +249,7 @@ def _placed(parts: Sequence[np.ndarray], columns: Sequence[np.ndarray], n: int) 
 def _identified(
     problem: CalibrationProblem, fits: Sequence[Fitted], shares: Sequence[_Share], noise: float
 ) -> Identifiability:
-    """Identifiability from the triangles of the blocks, which are equivalent to all rows."""
+    """Return the identifiability from the triangular factors of the blocks, which are equivalent to all rows."""
     u = problem.unknowns
     poses = sum(len(p.measurements) for p in problem.parts)
     rows = []

@@ -166,7 +166,7 @@ def _turn(p: Parameters, name: str, indices: list[int], fixed: set[str], chosen:
     if not length > 0:
         raise ModelError(f"the quaternion '{name}' is zero; give it a start value")
     if abs(length - 1) > 1e-6:
-        chosen.notes.append(f"{name} was normalised at the start: its length was {length:.4f}")
+        chosen.notes.append(f"the start value of {name} was normalised: its length was {length:.4f}")
     axes = [f"{name}{TURN}{axis}" for axis in "xyz"]
     turn = [ca.SX(0) if axis in fixed else chosen.add(axis, "rad", 0.0) for axis in axes]
     direction = ca.SX(ca.DM(reference / length))

@@ -113,7 +113,7 @@ class RootSigns:
         return settled
 
     def samples(self, sampler: Sampler, samples: np.ndarray, settled: list[Root]) -> np.ndarray:
-        """Return samples at which the roots have these signs. Raises ModelError if there is none."""
+        """Return samples at which the roots have these signs. Raises ModelError if no sample has them."""
         p, signs = sampler.flat.p0, np.array([r.value for r in settled], float)
         points = []
         for sample in samples:

@@ -178,8 +178,10 @@ class CausalFunction:
 
         guess: initial guess for the Newton blocks by name of any variable, each of the variable's shape or with rows;
         for example the last sample of a controller, or the solution of a simpler model. Unknowns that it does not
-        determine follow from the equations, starting at the home pose. A guess near a solution selects that solution;
-        other rows are continued from the home pose. If a declared branch has another sign at the solution than at the
+        determine follow from the equations, starting at the home pose. A guess selects a solution if Newton's
+        corrections from it shrink to a quarter or less each time; for the six joints of an arm that is about 0.005 rad.
+        All other rows ignore the guess and are continued from the home pose, so far from home move the start instead:
+        `model.with_(q={"start": ...})`. If a declared branch has another sign at the solution than at the
         home pose, the status is WRONG_BRANCH: select that solution with `branches`.
         """
         columns, rows = self._columns(arguments)
@@ -307,8 +309,7 @@ class CausalFunction:
         if status is Status.OUT_OF_RANGE and (large := self._too_large(columns)):
             return f"{status.message}: {large}"
         if status is Status.NOT_CONVERGED:
-            labels = "; ".join(k.label for k in self._built.kernels)
-            reason = f"the continuation from the home pose found no solution for {labels}"
+            reason = f"the continuation from the home pose {self._continued()}"
             return "; ".join([f"{status.message}: {reason}", *self.notes])
         for m, row in zip(self.margins, results[-1], strict=True):
             value = float(row[0])
@@ -327,6 +328,21 @@ class CausalFunction:
             if m.kind == "pivot" and not abs(value) > PIVOT_TOLERANCE * m.scale:
                 return f"{status.message}: the pivot for {m.label} is {abs(value):.4g}, typically {m.scale:.4g}"
         return status.message
+
+    def _continued(self) -> str:
+        """Return the home values of the unknowns of Newton's method that the model names, and the advice to move them;
+        without such a name, the unknowns."""
+        home = {n: z for k in self._built.kernels for n, z in zip(k.label.split(", "), k.z0, strict=True)}
+        for name, (_, indices) in self.flat.groups.items():
+            entries = [self.flat.variables[i].name for i in indices]
+            if "." not in name and entries and home.keys() >= set(entries):
+                values = ", ".join(f"{home[e]:.3g}" for e in entries)
+                return (
+                    f"{name} = [{values}] found no solution: the known values may be out of reach, or far from home; "
+                    f"move the start, model.with_({name}={{'start': ...}}), or pass a guess={{'{name}': ...}} that is "
+                    "nearly the solution"
+                )
+        return f"found no solution for {', '.join(home)}"
 
     def _too_large(self, columns: list[np.ndarray]) -> str:
         """Return a sentence about the argument of a single call that is too large, or ""."""
@@ -371,9 +387,9 @@ class CausalFunction:
             columns.append(flat.T)
         return columns, rows
 
-    def explain(self) -> str:
+    def explain(self, full: bool = True) -> str:
         """Return a text on how the values are computed: blocks, sizes, branch signs, assumptions, file and line."""
-        return explain(self)
+        return explain(self, full)
 
     def __repr__(self) -> str:
         return f"CausalFunction({', '.join(s.name for s in self.inputs)} -> {', '.join(s.name for s in self.outputs)})"

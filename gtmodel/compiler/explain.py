@@ -11,8 +11,11 @@ if TYPE_CHECKING:
     from .plan import CausalPlan
 
 
-def explain(f: CausalFunction) -> str:
-    """Describe inputs, outputs, structure, and every block with its kind, unknowns, branch and equations."""
+def explain(f: CausalFunction, full: bool = True) -> str:
+    """Describe inputs, outputs, structure, and every block with its kind, unknowns, branch and equations.
+
+    full: if False, list only conditions on known values and signs of roots.
+    """
     plan, flat = f.plan, f.flat
     lines = [
         f"{flat.title}: {', '.join(s.name for s in f.outputs)} from {', '.join(s.name for s in f.inputs) or 'nothing'}",
@@ -33,23 +36,25 @@ def explain(f: CausalFunction) -> str:
     for b in plan.blocks:
         counts[b.kind] = counts.get(b.kind, 0) + 1
     lines.append("  blocks: " + (", ".join(f"{n} {kind}" for kind, n in sorted(counts.items())) or "none"))
+    lines[-1] += "" if full or not plan.blocks else "; add --full to list each with its source lines"
     for n, b in enumerate(plan.blocks, 1):
         if b.kind == "condition":
             lines += [f"  {n:3d} condition on the known values: {e}" for e in b.equations]
             continue
         if b.kind == "explicit":
-            lines.append(f"  {n:3d} explicit  {b.unknowns[0]}  from {b.equations[0]}")
+            block = [f"  {n:3d} explicit  {b.unknowns[0]}  from {b.equations[0]}"]
+            lines += block if full else []
             continue
         unknowns = f"{len(b.unknowns)} unknown{'s' if len(b.unknowns) != 1 else ''}"
-        lines.append(f"  {n:3d} {b.kind}, {unknowns}: {', '.join(b.unknowns)}")
-        lines.append(f"      {b.detail}")
+        block = [f"  {n:3d} {b.kind}, {unknowns}: {', '.join(b.unknowns)}", f"      {b.detail}"]
+        lines += block if full else []
         for r in b.roots:
             source = f"branch '{r.settled_by}'" if r.settled_by else "the start values"
             lines.append(f"      root of {r.label}: sign {'+' if r.value > 0 else '-'}, from {source}")
-        for m in b.margins:
+        for m in b.margins if full else ():
             requirement = "must not be negative" if m.kind == "discriminant" else "must not vanish"
             lines.append(f"      {m.kind} of {m.label} {requirement} (typical size {m.scale:.3g})")
-        lines += [f"      {e}" for e in b.equations]
+        lines += [f"      {e}" for e in b.equations] if full else []
     if plan.sides:
         lines.append(f"  branches of Newton's solutions: {', '.join(m.label for m in plan.sides)}")
     lines += _home(plan) if plan.newton or any(not r.settled_by for b in plan.blocks for r in b.roots) else []

@@ -190,7 +190,7 @@ def flatten(model: Model | Builder) -> FlatModel:
     whens: list[tuple[When, Model]] = []
     for component in tree.components:
         path = component._path
-        count = 0
+        count = at_start = 0
         for item, where in _items(component, "equations"):
             if isinstance(item, Relation):
                 for residual in _scalars(item, path, tree.scope):
@@ -212,8 +212,10 @@ def flatten(model: Model | Builder) -> FlatModel:
         for item, where in _items(component, "initial_equations"):
             if not isinstance(item, Relation) or item.op != "==":
                 raise _no_equation(item, component, "initial_equations", where)
-            for k, residual in enumerate(_scalars(item, path, tree.scope)):
-                initial.append(FlatEquation(residual, f"{_label(path, k + 1, component)} (initial)", path, item.where))
+            for residual in _scalars(item, path, tree.scope):
+                at_start += 1
+                label = f"{_label(path, at_start, component)} (initial)"
+                initial.append(FlatEquation(residual, label, path, item.where))
     check_trees([c for c, _ in connections], edges)
     for residual, label, path, where in connection_equations(tree, connections):
         equations.append(FlatEquation(residual, label, path, where))

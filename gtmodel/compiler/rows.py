@@ -263,7 +263,7 @@ class RowFunction:
         newton = [b for b in function.plan.blocks if b.kind == "Newton"]
         if newton:
             raise ModelError(
-                f"{function.name} has {len(newton)} Newton block(s) and needs its model; call the CausalFunction itself"
+                f"{function.name} solves {len(newton)} block(s) by Newton's method; call the CausalFunction itself"
             )
         self._function = function.closed
         self._margins = [PlainMargin(m.kind, m.scale) for m in function.margins]

@@ -37,7 +37,8 @@ def choose(
 ) -> list[Stage]:
     """Return the stages from positions (k = -max d) to k = 0 with their chosen columns.
 
-    `jacobians` are d f_i^(c_i) / d x_j^(d_j) at several consistent points; the best conditioned choice is taken.
+    `jacobians` are d f_i^(c_i) / d x_j^(d_j) at several consistent points; the function selects the best conditioned
+    choice.
     `pattern` holds the entries that do not vanish identically. Raises ModelError for a redundant constraint or an
     identically singular system, naming the equations of the left null vector.
     """

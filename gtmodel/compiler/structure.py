@@ -103,15 +103,32 @@ def _unbalanced(
     """Return the message for a system that is not square or cannot be matched; it names the surplus items."""
     rows, cols = overdetermined_and_underdetermined(len(equations), len(unknowns), sigma)
     text = f"{flat.title}: {_count(len(equations), 'equation')} for {_count(len(unknowns), 'unknown')}"
+    known = {i for e in equations for i, _ in flat.scope.symbols_in(e.residual)} - set(unknowns)
+    if rows and (matrix := _rotation_in(flat, known)):
+        text += (
+            f"; {matrix} is a rotation matrix, whose nine numbers have three degrees of freedom: name three of its "
+            f"entries, such as {_entries(matrix)}, instead of '{matrix}'"
+        )
     if cols:
-        names = ", ".join(flat.variables[unknowns[j]].name for j in cols[:6]) + (", ..." if len(cols) > 6 else "")
-        text += f"; not determined: {names} (too few equations or too few known variables)"
+        modelica = getattr(type(flat.root), "_counts_from_one", False)
+        shown = [flat.variables[unknowns[j]] for j in cols[:6]]
+        names = ", ".join(f"{v.name} ({v.where})" if modelica else v.name for v in shown)
+        names += ", ..." if len(cols) > 6 else ""
+        few = "for these variables and their derivatives" if modelica else "or too few known variables"
+        text += f"; not determined: {names} (too few equations {few})"
         met = {j for _, j in sigma}
         if absent := [flat.variables[unknowns[j]].name for j in cols if j not in met][:6]:
             verb = "appears" if len(absent) == 1 else "appear"
-            text += f"; {', '.join(absent)} {verb} in no equation: is an equation or its yield missing?"
+            missing = "an equation" if modelica else "an equation or its yield"
+            text += f"; {', '.join(absent)} {verb} in no equation: is {missing} missing?"
         inputs = [flat.variables[i] for i in (unknowns[j] for j in cols) if i not in targets]
-        if (names := [v.name for v in inputs if v.role == "input"][:6]) and not rows:
+        lacking, given = len(unknowns) - len(equations), [flat.variables[i] for i in sorted(known)]
+        if not rows and lacking > 0 and any(v.role != "input" for v in given):
+            of = ", ".join(dict.fromkeys(v.name.partition("[")[0] for v in given))
+            text += f"; known ({of}) has {_count(len(given), 'number')}, and {len(given) + lacking} are needed"
+            matrix = _rotation_in(flat, {unknowns[j] for j in cols}) if lacking == 3 else ""
+            text += f": name {lacking} more" + (f", such as {_entries(matrix)}" if matrix else "")
+        elif (names := [v.name for v in inputs if v.role == "input"][:6]) and not rows:
             text += f"; name the inputs that are known: known=[{', '.join(map(repr, names))}]"
     if not equations and (slips := difflib.get_close_matches("equations", vars(type(flat.root)), n=1)):
         text += f"; {type(flat.root).__name__}.{slips[0]}() is never called; rename it to equations()"
@@ -124,6 +141,17 @@ def _unbalanced(
     if loose := _unconnected(flat):
         text += f"; unconnected ports, whose flows are 0: {', '.join(loose[:6])}"
     return text
+
+
+def _rotation_in(flat: FlatModel, variables: Collection[int]) -> str:
+    """Return the name of a rotation matrix R of the model whose entries are all among the variables, else ""."""
+    matrices = ((n, i) for n, (shape, i) in flat.groups.items() if n == "R" and shape == (3, 3))
+    return next((name for name, indices in matrices if set(indices) <= set(variables)), "")
+
+
+def _entries(matrix: str) -> str:
+    """Return three entries that determine a rotation matrix near a pose."""
+    return ", ".join(f"'{matrix}[{k}]'" for k in ("2,0", "2,1", "1,0"))
 
 
 def remedy_of(flat: FlatModel, equations: Sequence[FlatEquation]) -> str:

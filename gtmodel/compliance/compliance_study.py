@@ -67,13 +67,10 @@ def study(
         from_springs = isinstance(springs, ArmSprings) and pose is None
         raise ArgumentError(f"cannot be reported: {computed.reason[0]}", "springs.pose" if from_springs else "pose")
     grid = grid_of(sprung, map)
+    work.keep(lambda: _interrupted(work.title, sprung, computed))
     parts, T = [], grid.points()
     for begin in range(0, len(T), CHUNK):
-        work.progress("computing the map", begin / len(T))
-        if work.interrupted():
-            return ComplianceStudy(
-                status=SolveStatus.INTERRUPTED, title=work.title, **_pose_values(sprung, computed), map={}, reasons={}
-            )
+        work.step("computing the map", begin / len(T))
         parts.append(_columns(sprung(T[begin : begin + CHUNK]), load))
     columns = {name: np.concatenate([p[name] for p in parts]) for name in parts[0]}
     return _study_of(work.title, sprung, computed, load, grid, T, columns)
@@ -131,6 +128,11 @@ def _pose_values(sprung: Sprung, pose: ComplianceAtPoses) -> dict[str, Any]:
         "shares": None if pose.shares is None else {name: float(x[0]) for name, x in pose.shares.items()},
         "assumptions": sprung.assumptions,
     }
+
+
+def _interrupted(title: str, sprung: Sprung, pose: ComplianceAtPoses) -> ComplianceStudy:
+    values = _pose_values(sprung, pose)
+    return ComplianceStudy(status=SolveStatus.INTERRUPTED, title=title, **values, map={}, reasons={})
 
 
 def _study_of(

@@ -110,8 +110,9 @@ class Innovation(NamedTuple):
 
     names: the sensors. residual: (m, k), zero where a number was not used. variance: of each (m, k). used: (m, k).
     nis: normalised innovations squared (m,), chi-squared with `numbers` (m,) degrees of freedom. log_likelihood: (m,).
-    gated: whether its gate left out the reading of each sensor (m, sensors). weighed: whether a reading counted less
-        as an outlier (m, sensors); None if no sensor weighs outliers. Residual and nis are then cut at Huber's k.
+    gated: whether its gate left out the reading of each sensor (m, sensors). weighed: whether a reading got less weight
+        as an outlier (m, sensors); None if no sensor has Huber weights. With them, residual and nis are limited to
+        Huber's threshold k.
     """
 
     names: tuple[str, ...]

@@ -47,7 +47,8 @@ class Buffer:
     Args:
         filter: any filter, for a single run.
         start: mean, deviation and start time; a stream needs the time.
-        horizon: [s]; a reading may be older than the newest one by this much. Older readings are refused and counted.
+        horizon: [s]; a reading may be older than the newest one by this much. Older readings are ignored and counted in
+            `refused`.
         inputs: known inputs of the process: a trajectory, linear between its rows; or (time, name) -> value, linear
             between readings.
         record: whether to keep every instant for `filtered()`; if false, the horizon bounds the memory.
@@ -111,7 +112,7 @@ class Buffer:
 
     @property
     def oldest(self) -> float:
-        """Readings taken before this time are refused [s]."""
+        """Time [s] before which readings are too old and ignored."""
         return max(self._first, self.time - self.horizon)
 
     def predicted(self, time: float) -> Belief:

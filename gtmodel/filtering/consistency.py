@@ -118,7 +118,7 @@ def consistency(run: Filtered, *, skip: float = 0.0, level: float = LEVEL, blame
     rows = run.time >= run.time[0] + skip if len(run.time) else np.zeros(0, bool)
     total = int(run.count[rows].sum())
     if total == 0:
-        raise ArgumentError("there are no innovations to judge", "run" if not len(run.time) else "skip")
+        raise ArgumentError("there are no innovations to test", "run" if not len(run.time) else "skip")
     instants = int(np.count_nonzero(run.count[rows]))
     numbers = total / instants
     band = chi_squared_band(instants, numbers, level)
@@ -287,14 +287,14 @@ class JudgedErrors:
 
     @property
     def consistent(self) -> bool:
-        """Whether the errors at all judged instants and the innovations are in their bands."""
+        """Whether the errors at all tested instants and the innovations are in their bands."""
         return (
             bool(np.all((self.nees >= self.band.low) & (self.nees <= self.band.high))) and self.consistency.consistent
         )
 
     @property
     def onset(self) -> float | None:
-        """First judged instant [s] at which the errors are outside their band; None if they always stay inside."""
+        """First tested instant [s] at which the errors are outside their band; None if they always stay inside."""
         outside = (self.nees < self.band.low) | (self.nees > self.band.high)
         return float(self.time[np.argmax(outside)]) if outside.any() else None
 

@@ -21,7 +21,7 @@ class DiscreteProcess:
 
     Args:
         states: its states as `StatePart`s.
-        period: of the steps [s]; measurements are taken at multiples of it.
+        period: of the steps [s]; measurements are sampled at its multiples.
         step: (x), (x, u) or (x, u, t) -> mapping name -> next value; x has the states as attributes and u the known
             inputs, CasADi columns at the start of the step; t is the time there [s].
         covariance: of the noise that each step adds, (n,) for a diagonal or (n, n), in errors of the states. Its name

@@ -24,6 +24,7 @@ SEEN = 0.5  # share of its prior deviation below which a constant counts as dete
 ALIKE = 20.0  # suspects this close in improvement, a likelihood ratio of e^10, cannot be distinguished
 LOG_RANGE = 4.0  # a density or deviation is searched from e^-4 to e^4 times the declared one
 NOISE = ("deviation", "density")
+STEP = 0.1  # of the same logarithm, for the curvature of the log-likelihood
 LOOKED = 512  # instants used to find the wrong noise: a factor of three shows within a hundred
 COARSE = 0.2  # tolerance of the logarithm of that factor
 
@@ -104,7 +105,7 @@ def find_faults(
         if progress is not None and progress(k / len(suspects)):
             untried = noises[k:]
             break
-        rows.append(_noise(system, name, log, initial, inputs)[1]())
+        rows.append(_noise(system, name, log, initial, inputs))
     rows.sort(key=lambda s: -s.improvement)
     unseen = tuple(s.name for s in rows if not s.seen)
     strong = [s for s in rows if s.seen and s.p < P_LIMIT]
@@ -206,10 +207,9 @@ def _noise(
     inputs: Trajectory | None,
     tolerance: float = 0.05,
     declared: float | None = None,
-) -> tuple[float, Callable[[], Suspect]]:
-    """Maximum-likelihood factor on the deviation of a sensor or on a noise density of the process: its improvement, and
-    a function that returns the suspect with its error in two more runs. `declared` is the negative log-likelihood at a
-    factor of 1, if known."""
+) -> Suspect:
+    """Maximum-likelihood factor on the deviation of a sensor or on a noise density of the process. `declared` is the
+    negative log-likelihood at a factor of 1, if known."""
     owner, _, what = name.rpartition(".")
     if what == "density" and owner not in system.process.noise:
         raise ArgumentError(f"the process has no noise '{owner}'", "suspects")
@@ -229,14 +229,10 @@ def _noise(
 
     best: Any = minimize_scalar(loss, bounds=(-LOG_RANGE, LOG_RANGE), method="bounded", options={"xatol": tolerance})
     improvement = max(0.0, 2 * ((loss(0.0) if declared is None else declared) - float(best.fun)))
-
-    def suspect(h: float = 0.1) -> Suspect:
-        curvature = (loss(best.x + h) - 2 * float(best.fun) + loss(best.x - h)) / h**2
-        factor = float(np.exp(best.x))
-        deviation = factor / np.sqrt(curvature) if curvature > 0 else np.inf
-        return _suspect(name, np.array([factor]), np.array([deviation]), improvement, curvature > 1.0)
-
-    return improvement, suspect
+    curvature = (loss(best.x + STEP) - 2 * float(best.fun) + loss(best.x - STEP)) / STEP**2
+    factor = float(np.exp(best.x))
+    deviation = factor / np.sqrt(curvature) if curvature > 0 else np.inf
+    return _suspect(name, np.array([factor]), np.array([deviation]), improvement, curvature > 1.0)
 
 
 def noise_in_doubt(run: Filtered) -> tuple[Suspect, ...]:
@@ -262,9 +258,8 @@ def noise_in_doubt(run: Filtered) -> tuple[Suspect, ...]:
     again = ErrorState(run.system).run(log, start, inputs=inputs, keep=False)
     declared = -float(again.log_likelihood.sum()) if again.status.ok else np.inf
     suspects = [_noise(run.system, n, log, start, inputs, COARSE, declared) for n in names]
-    suspects.sort(key=lambda s: -s[0])
-    strong = [(gain, suspect) for gain, suspect in suspects if float(chi_squared_chance(gain, 1)) < P_LIMIT]
-    return tuple(suspect() for gain, suspect in strong if gain >= strong[0][0] - ALIKE)
+    strong = sorted((s for s in suspects if s.p < P_LIMIT), key=lambda s: -s.improvement)
+    return tuple(s for s in strong if s.improvement >= strong[0].improvement - ALIKE)
 
 
 def _earlier(name: str, source: Any, lag: float) -> Any:

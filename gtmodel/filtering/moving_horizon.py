@@ -107,7 +107,7 @@ class MovingHorizon:
             )
         for name, sensor in system.sensors.items():
             if sensor.outliers:
-                sentence = f"'{name}' weighs outliers; a moving horizon cannot: leave outliers out, or use a filter"
+                sentence = f"'{name}' has `outliers`, which a moving horizon does not support; omit it, or use a filter"
                 raise ArgumentError(sentence, "system")
             if name in system.mixing:
                 sentence = f"'{name}' has a full covariance; a moving horizon needs deviations: give these, or a filter"

@@ -86,7 +86,7 @@ class DrawnReadings(Options):
     step: Annotated[
         float, Unit("s"), Within(above=0.0), "between instants; sensors without a period read at each of them"
     ] = 0.01
-    seed: Annotated[int, Within(least=0), "of the random start, motion and noise"] = 1
+    seed: Annotated[int, Within(least=0), "seed of the random start, motion and noise"] = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,8 @@ class FilterStudy(Study):
     final: Annotated[Mapping[str, Sequence[float]], "each state at the end, SI"] = field(default_factory=dict)
     final_deviation: Annotated[Mapping[str, Sequence[float]], "their deviations"] = field(default_factory=dict)
     rms_error: Annotated[
-        Mapping[str, Sequence[float]], Quantity("", "of each state, if the truth is known: synthetic readings")
+        Mapping[str, Sequence[float]],
+        Quantity("", "rms error of each state, if the truth is known: synthetic readings"),
     ] = field(default_factory=dict)
     rms_deviation: Annotated[
         Mapping[str, Sequence[float]], "rms of the filter's standard deviations of these errors"

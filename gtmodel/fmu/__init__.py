@@ -4,7 +4,7 @@ export        write a causal function, a step function or a model as an archive 
 check         compare a unit with Python, and read and run it with the installed tools -> UnitReport
 study         export several functions into a folder; units are checked before they are written -> FmuStudy
 
-The other direction, with FMPy (extra `fmi`): any unit as a plant.
+The other direction, with FMPy (extra `fmi`): any FMU as a plant.
 RunningUnit   one instance in co-simulation, variables by name; raises UnitStopped if it fails
 FmuPlant      the plant of a simulated controller in gt.loop; PlantUnit declares one for gt.loop.study and files
 FmuExperiment the plant that gt.control.learning.study learns on

@@ -1,4 +1,4 @@
-"""Call a unit with ctypes, in co-simulation, FMI 2.0 and 3.0: our own units in this process, foreign ones in a separate
+"""Call an FMU with ctypes, in co-simulation, FMI 2.0 and 3.0: our own FMUs in this process, foreign ones in a separate
 program that may crash (`process.py`). This file imports only the standard library, so that the program starts fast.
 """
 
@@ -135,7 +135,7 @@ class UnitCaller:
         return self._values("SetInt32" if self._three else "SetInteger", references, array("i", values))
 
     def get(self, references: Sequence[int] | bytes) -> tuple[int, array[float]]:
-        """Return status and real variables; NaN if the unit wrote none."""
+        """Return status and real variables; NaN if the FMU wrote none."""
         indices = array("I", references)
         values = array("d", [float("nan")]) * len(indices)
         return self._values("GetFloat64" if self._three else "GetReal", indices, values), values
@@ -152,7 +152,7 @@ class UnitCaller:
         return self._do(name, pointers[0], c.c_size_t(len(indices)), pointers[1], *more)
 
     def step(self, time: float, length: float) -> tuple[int, tuple[bool, bool, bool, float]]:
-        """Step from `time` by `length` [s]. Return the status; whether the unit requests an event, requests the end,
+        """Step from `time` by `length` [s]. Return the status; whether the FMU requests an event, requests the end,
         returned early; and the time that it reached, NaN if it does not report one."""
         if self._three:
             flags, last = [c.c_bool() for _ in range(3)], c.c_double(float("nan"))
@@ -179,7 +179,7 @@ class UnitCaller:
 
 
 def look(waiting: select.poll) -> None:
-    """Poll for a message briefly before the process sleeps: waking it takes longer than a typical step of a unit."""
+    """Poll for a message briefly before the process sleeps: waking it takes longer than a typical step of an FMU."""
     until = time.perf_counter() + LOOK_S
     while not waiting.poll(0) and time.perf_counter() < until:
         os.sched_yield()
@@ -267,7 +267,7 @@ class _Host:
 
 
 def _follow(channel: int) -> None:
-    """End the process when the other side is gone, even during a call of the unit."""
+    """End the process when the other side is gone, even during a call of the FMU."""
     waiting = select.poll()
     waiting.register(channel, 0)
     waiting.poll()

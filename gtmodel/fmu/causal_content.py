@@ -1,4 +1,4 @@
-"""A causal function as the content of a unit: its states and their rates, its table and C, and the step of the
+"""A causal function as the content of an FMU: its states and their rates, its table and C, and the step of the
 integrator for co-simulation."""
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class WithStates:
 def with_states(f: CausalFunction) -> WithStates:
     """Extend the function by outputs for the rates of all its states.
 
-    Raises ArgumentError if the model has events, which a unit does not detect.
+    Raises ArgumentError if the model has events, which an FMU does not detect.
     """
     if f.flat.events is not None:
         raise ArgumentError(
@@ -164,13 +164,13 @@ def causal_content(
     stop: float = 1.0,
     provenance: Mapping[str, str] | None = None,
 ) -> tuple[FmuContent, WithStates]:
-    """Return the content of the unit `name` and the function that it computes.
+    """Return the content of the FMU `name` and the function that it computes.
 
     Raises ArgumentError for a model with events, unknown inputs, and a start at which the function fails.
     """
     extended = with_states(f)
     if hold and extended.states:
-        raise ArgumentError("only units without states can hold outputs; leave it out", "on_fault")
+        raise ArgumentError("only FMUs without states can hold outputs; leave it out", "on_fault")
     unknown = [n for n in tunable if n not in {s.name for s in extended.known}]
     if unknown:
         known = ", ".join(s.name for s in extended.known)
@@ -448,7 +448,7 @@ def step_and_error(
 
     step: refused if its error is above `tolerance`; None: the longest of 1 ms, 0.5 ms, ... with an error of at most
     1e-8; if friction is too sharp for that, the longest with an error of at most `tolerance`. guarded: the error
-    estimate of each substep must also stay below `tolerance`, see `_ends`, as the unit checks each of its substeps.
+    estimate of each substep must also stay below `tolerance`, see `_ends`, as the FMU checks each of its substeps.
     Raises ArgumentError also if the function fails soon after the start.
     """
     if step is not None and stop / step > MOST_STEPS:

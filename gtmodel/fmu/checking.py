@@ -204,7 +204,7 @@ def _by_fmpy(unit: Fmu, path: Path) -> dict[str, Check]:
 
 
 def _settings(unit: Fmu) -> list[dict[str, float]]:
-    """Return sets of parameter values to test: none, and, if the unit has parameters, changed ones."""
+    """Return sets of parameter values to test: none, and, if the FMU has parameters, changed ones."""
     parameters = [unit.table.variables[r] for r in unit.table.parameters]
     others = {v.name: float(np.clip(float(v.start or 0.0) * (1.0 + NUDGE), v.least, v.most)) for v in parameters}
     return [{}, others] if others else [{}]

@@ -1,4 +1,4 @@
-"""The content of a unit: C of the model, values of the table, and the archive, a zip whose bytes depend on its content
+"""The content of an FMU: C of the model, values of the table, and the archive, a zip whose bytes depend on its content
 only."""
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def unit_elements(table: FmuTable) -> list[str]:
 
 
 def base_unit(unit: str) -> dict[str, int] | None:
-    """Return the nonzero exponents of FMI's base units; None if the unit cannot be written with them.
+    """Return the nonzero exponents of FMI's base units; None if the FMU cannot be written with them.
 
     >>> from gtmodel.fmu.content import base_unit
     >>> base_unit("N.m/rad"), base_unit("m.rad-1")
@@ -92,7 +92,7 @@ def base_unit(unit: str) -> dict[str, int] | None:
 
 
 def log_categories() -> str:
-    """Return the element of the unit's log categories."""
+    """Return the element of the FMU's log categories."""
     inside = [element("Category", {"name": name, "description": about}) for name, about in LOGS.items()]
     return element("LogCategories", {}, inside)
 
@@ -129,7 +129,7 @@ class ArchiveFault(ValueError):
 
 
 def unpack(path: Path, folder: Path) -> None:
-    """Unpack the archive of a unit into a folder.
+    """Unpack the archive of an FMU into a folder.
 
     Raises ArchiveFault, before anything is written, if the file is not an archive or unpacks to far more than its own
     size, or if the description is too large, too deep or declares entities.
@@ -146,7 +146,7 @@ def unpack(path: Path, folder: Path) -> None:
     except XmlFault as fault:
         raise ArchiveFault(f"has a description, {DESCRIPTION}, that {fault.sentence} (line {fault.line})") from fault
     except KeyError:
-        raise ArchiveFault(f"contains no {DESCRIPTION}: it is not a unit") from None
+        raise ArchiveFault(f"contains no {DESCRIPTION}: it is not an FMU") from None
     except _DAMAGED as error:
         action = "unpacked" if path.is_file() else "read"
         reason = getattr(error, "strerror", None) or next(iter(str(error).splitlines()), type(error).__name__)

@@ -48,7 +48,7 @@ def binary_places() -> tuple[str, str]:
     machine, system = platform.machine().lower(), platform.system()
     names = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
     if system != "Linux" or machine not in names:
-        raise GenerationError(f"units can be built on Linux for x86_64 and aarch64 only; this is {system} on {machine}")
+        raise GenerationError(f"FMUs can be built on Linux for x86_64 and aarch64 only; this is {system} on {machine}")
     return f"{names[machine]}-linux", "linux64" if names[machine] == "x86_64" else "aarch64-linux"
 
 
@@ -80,7 +80,7 @@ def _compiled(compiler: str, files: Mapping[str, str], link: tuple[str, ...]) ->
         if done.returncode != 0:
             lines = done.stderr.splitlines()
             first = next((line for line in lines if "error" in line or "undefined" in line), done.stderr.strip())
-            raise GenerationError(f"the compiler refuses the unit: {first}")
+            raise GenerationError(f"the compiler cannot compile the FMU: {first}")
         return (folder / "library.bin").read_bytes()
 
 
@@ -134,7 +134,7 @@ def export(
     Args:
         what: a causal function, a step function (a filter, a sampled block), or a model with `known`, `targets` and
             `prefer` as for `Model.causal`. States of the function become continuous states.
-        path: of the archive, NAME.fmu; only a unit of gtmodel is overwritten. None: nothing is written.
+        path: of the archive, NAME.fmu; only an FMU of gtmodel is overwritten. None: nothing is written.
         version: 3 for FMI 3.0, 2 for FMI 2.0.
         name: model identifier; from the path if empty. title: description; from the model if empty.
         start: start values of inputs and states by name, in SI. Default: the home pose or declared starts, at rest,
@@ -142,11 +142,11 @@ def export(
         tunable: names of known variables that become tunable parameters.
         parameters: names of model parameters that stay tunable, such as "m_p" or "coulomb[0]", with the model's values
             as start, its units and limits; the others are folded into the code. Setting one does not change the states.
-            If the unit has states, it checks each inner step, as a step short enough at the start may be too long for
+            If the FMU has states, it checks each inner step, as a step short enough at the start may be too long for
             other values: `DoStep` then returns Discard.
         on_fault: "discard" if the function fails, as in the standard; "hold" keeps the outputs and reports it in an
             integer output `status`, only for functions without states.
-        step: longest step of the inner integrator [s] for units with states; None: the longest of 1 ms, 0.5 ms, ...
+        step: longest step of the inner integrator [s] for FMUs with states; None: the longest of 1 ms, 0.5 ms, ...
             with an error of at most 1e-8, otherwise of at most `tolerance`. The error is the largest difference from a
             run with half the step up to `stop` [s], inputs held, relative to max(1, |state|).
         box: intervals per input inside which the function never fails, for the documentation page.
@@ -175,10 +175,10 @@ def export(
         raise ArgumentError("known, targets and prefer are for models; leave them out for a function", "known")
     place = None if path is None else Path(path)
     identifier = name or (c_name(place.stem) if place is not None else c_name(getattr(what, "name", "") or "unit"))
-    check_identifier(identifier, "a unit", "name")
+    check_identifier(identifier, "an FMU", "name")
     if identifier.lower() in RESERVED:
         raise ArgumentError(
-            f"'{identifier}' cannot name a unit: every unit has a file gt_{identifier}.c; choose another name", "name"
+            f"'{identifier}' cannot name an FMU: every FMU has a file gt_{identifier}.c; choose another name", "name"
         )
     if place is not None and place.is_file() and place.stat().st_size and not is_ours(place):
         raise ArgumentError(f"'{place}' was not written by gtmodel; choose another name", "path")

@@ -1,4 +1,4 @@
-"""Write documentation/index.html of a unit: its variables, statuses, limits and origin."""
+"""Write documentation/index.html of an FMU: its variables, statuses, limits and origin."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def _inside(table: FmuTable) -> list[str]:
     if table.remembers:
         lines.append(
             "Newton's method starts from the last solution, which is part of the saved state: change inputs in small "
-            "steps. The parameters guess.* are its first start."
+            "steps. The parameters guess.* are its start values for the first solution."
         )
     if table.derivatives:
         lines.append("Derivatives are exact; at a corner of a piecewise function they belong to the active branch.")

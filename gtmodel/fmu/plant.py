@@ -1,4 +1,4 @@
-"""Any unit as a plant: of a simulated controller, and for learning control."""
+"""Any FMU as a plant: of a simulated controller, and for learning control."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ QUANTITIES = {"position": "m", "command": "m", "command_speed": "m/s", "force": 
 
 
 class FmuPlant:
-    """A unit as a plant for `gt.loop`: carts under commanded positions.
+    """An FMU as a plant for `gt.loop`: carts under commanded positions.
 
     Args:
         path: of the archive, FMI 2.0 or 3.0, with co-simulation.
@@ -28,12 +28,12 @@ class FmuPlant:
         command: inputs for commanded positions; command_speed: optional inputs for commanded speeds.
         force: instead of command, inputs for the motor forces of `servo`; speed: outputs with the speeds.
         arm: outputs with the positions on the arm's side; default: `position`.
-        servo: computes the forces, default `Servo()`; with `command` the servo inside the unit, None: unknown.
-        start: start values by name, in the unit's own units. cycle_s: cycle [s].
+        servo: computes the forces, default `Servo()`; with `command` the servo inside the FMU, None: unknown.
+        start: start values by name, in the FMU's own units. cycle_s: cycle [s].
         units: unit, such as "mm", of variables without one in the description, by "position", "command",
             "command_speed", "force", "speed" or "arm".
         steps: communication steps per cycle; default 1, with forces the substeps of the servo.
-        timeout: of a call of the unit [s].
+        timeout: of a call of the FMU [s].
 
     Within a cycle the commanded position moves at the commanded speed from step to step. Values are converted to SI
     with the units of the description. Raises ArgumentError as `RunningUnit` does, and unless either command or force is
@@ -81,7 +81,7 @@ class FmuPlant:
         try:
             self.position_m = self._read("position")
         except UnitStopped as error:
-            raise ArgumentError(f"the unit has no positions at its start: {error}", "start") from error
+            raise ArgumentError(f"the FMU has no positions at its start: {error}", "start") from error
 
     @property
     def title(self) -> str:
@@ -122,7 +122,7 @@ class FmuPlant:
         return self._scales[name].si(self.unit.get(self._names[name]))
 
     def _check_step(self, step: float) -> None:
-        """Raise ArgumentError unless the unit's inner step and the communication step are multiples."""
+        """Raise ArgumentError unless the FMU's inner step and the communication step are multiples."""
         h = self.unit.inner_step
         if h is None:
             return
@@ -141,7 +141,7 @@ class FmuPlant:
 
 
 def named(roles: Mapping[str, Sequence[str]]) -> None:
-    """Raise ArgumentError unless the names of variables by role can make a plant, whatever the unit is."""
+    """Raise ArgumentError unless the names of variables by role can make a plant, whatever the FMU is."""
     position, command, force = roles["position"], roles["command"], roles["force"]
     if not position:
         raise ArgumentError("name the outputs with the positions of the carts", "position")
@@ -160,7 +160,7 @@ def named(roles: Mapping[str, Sequence[str]]) -> None:
 
 
 class FmuExperiment:
-    """A unit that repeats a motion, for `gt.control.learning.study(..., experiment=...)`.
+    """An FMU that repeats a motion, for `gt.control.learning.study(..., experiment=...)`.
 
     Args:
         path: of the archive, FMI 2.0 or 3.0, with co-simulation; every run restarts it.
@@ -205,7 +205,7 @@ class FmuExperiment:
         self.inputs, self.outputs = list(inputs), {signal: list(variables) for signal, variables in outputs.items()}
         self.unit.signals.taken(self.inputs, "inputs")
         self.unit.signals.computed([n for variables in self.outputs.values() for n in variables], "outputs")
-        self.synthetic = f"simulated by the unit {self.unit.name}"
+        self.synthetic = f"simulated by the FMU {self.unit.name}"
 
     def run(self, inputs: np.ndarray) -> dict[str, np.ndarray]:
         """Run with an input (N, axes) added to the reference; return signals (N, axes) by name. Raises UnitStopped."""

@@ -1,4 +1,4 @@
-"""Declaration of a unit as the plant of the 4 ms loop: the archive, and the roles of its variables."""
+"""Declaration of an FMU as the plant of the 4 ms loop: the archive, and the roles of its variables."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Names = tuple[str, ...] | list[str]
 
 @dataclass(frozen=True)
 class PlantUnit(Options):
-    """A unit as the plant of the 4 ms loop, started anew for every run.
+    """An FMU as the plant of the 4 ms loop, started anew for every run.
 
     file: path of the archive, FMI 2.0 or 3.0 with co-simulation, or the result of `gt.fmu.export`.
 
@@ -46,28 +46,29 @@ class PlantUnit(Options):
         "unit, such as mm, of variables without one in the description, by position, command, command_speed, force, "
         "speed or arm",
     ] = field(default_factory=dict[str, str])
-    start: Annotated[dict[str, float], "start value by name of a variable, in the unit's own units"] = field(
+    start: Annotated[dict[str, float], "start value by name of a variable, in the FMU's own units"] = field(
         default_factory=dict[str, float]
     )
     stiffness: Annotated[
         float | None,
         Unit("N/m"),
         Within(above=0.0),
-        "of the servo: 40,000 by default with force; with command of the servo inside the unit, for the law dynamics",
+        "stiffness of the servo: 40,000 by default with force; with command that of the servo inside the FMU, "
+        "for the law dynamics",
     ] = None
     damping: Annotated[
-        float | None, Unit("kg/s"), Within(least=0.0), "of the servo, equal to N.s/m: 1,500 by default"
+        float | None, Unit("kg/s"), Within(least=0.0), "damping of the servo, equal to N.s/m: 1,500 by default"
     ] = None
     steps: Annotated[
         int | None,
         Within(least=1, most=1000),
-        "communication steps of the unit in a cycle of 4 ms; 1 by default, 8 with force",
+        "communication steps of the FMU in a cycle of 4 ms; 1 by default, 8 with force",
     ] = None
     timeout: Annotated[
         float,
         Unit("s"),
         Within(above=0.0, most=LONGEST_S),
-        "of a call of the unit; its separate process is ended if a call takes longer",
+        "timeout of a call of the FMU; its separate process is ended if a call takes longer",
     ] = TIMEOUT_S
 
     def __post_init__(self) -> None:
@@ -77,11 +78,11 @@ class PlantUnit(Options):
         named({name: getattr(self, name) for name in QUANTITIES})
         if not self.force and (self.stiffness is None) != (self.damping is None):
             missing = "stiffness" if self.stiffness is None else "damping"
-            raise ArgumentError("the servo inside a unit needs stiffness and damping; add both or neither", missing)
+            raise ArgumentError("the servo inside an FMU needs stiffness and damping; add both or neither", missing)
 
     @property
     def servo(self) -> Servo | None:
-        """Servo that computes the forces, or the declared servo inside the unit; None: unknown."""
+        """Servo that computes the forces, or the declared servo inside the FMU; None: unknown."""
         from ..loop.plant import Servo
 
         if not self.force and self.stiffness is None:
@@ -92,7 +93,7 @@ class PlantUnit(Options):
         return Servo(**{name: value for name, value in options.items() if value is not None})
 
     def __call__(self, cycle_s: float) -> FmuPlant:
-        """Return the unit at its start."""
+        """Return the FMU at its start."""
         from .plant import FmuPlant
 
         with naming({"path": "file"}):

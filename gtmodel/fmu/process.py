@@ -1,7 +1,8 @@
-"""Run a unit in a separate process: if it crashes, exits, hangs or prints, only that process is affected."""
+"""Run an FMU in a separate process: if it crashes, exits, hangs or prints, only that process is affected."""
 
 from __future__ import annotations
 
+import errno
 import os
 import select
 import signal
@@ -25,7 +26,7 @@ FREE_S = 2.0  # time for a unit to free its memory
 END_S = 5.0  # from the end of the channel to the end of the process, which may write a core dump
 _KEPT = 64  # log messages kept
 _POLL_S = 1e-3
-_RETURNS = "a unit must return a status from every call; ask its maker to correct it"
+_RETURNS = "an FMU must return a status from every call; ask its maker to correct it"
 _FAULTS = {
     "SIGABRT": f", as from abort(); {_RETURNS}",
     "SIGKILL": ", which the system sends if memory is short; free memory, or look in the system's log for the sender",
@@ -34,7 +35,7 @@ _FAULTS = {
 
 
 class UnitEnded(RuntimeError):
-    """The process of a unit has ended or was ended; holds a sentence without subject, and the function that ran."""
+    """The process of an FMU has ended or was ended; holds a sentence without subject, and the function that ran."""
 
     def __init__(self, sentence: str, function: str) -> None:
         super().__init__(sentence)
@@ -42,15 +43,17 @@ class UnitEnded(RuntimeError):
 
 
 class UnitProcess:
-    """A process that calls a unit.
+    """A process that calls an FMU.
 
     folder: folder where it may write. timeout: of a call [s].
 
-    Output of the unit goes to the standard error stream. Stop signals reach only the parent process; the process of the
-    unit ends with it. A fork of the parent cannot use the unit. Raises OSError if no process can be started.
+    Output of the FMU goes to the standard error stream. Stop signals reach only the parent process; the process of the
+    FMU ends with it. A fork of the parent cannot use the FMU. Raises OSError if no process can be started.
     """
 
     def __init__(self, folder: Path, timeout: float) -> None:
+        if not hasattr(select, "poll"):
+            raise OSError(errno.ENOSYS, "gtmodel runs units on POSIX systems only, such as Linux, and not on Windows")
         self._timeout, self._shown, self._rest = timeout, folder / "running-call", bytearray()
         self._shown.write_bytes(LOADING.encode().ljust(SHOWN))
         self.log: deque[tuple[int, str]] = deque(maxlen=_KEPT)
@@ -73,10 +76,10 @@ class UnitProcess:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Reserve the unit for one thread; others wait. Raises ArgumentError in a fork of the owner."""
+        """Reserve the FMU for one thread; others wait. Raises ArgumentError in a fork of the owner."""
         if os.getpid() != self._owner:
             raise ArgumentError(
-                f"the unit belongs to process {self._owner}, not to {os.getpid()}; create one in each process"
+                f"the FMU belongs to process {self._owner}, not to {os.getpid()}; create one in each process"
             )
         with self._lock:
             yield
@@ -124,7 +127,7 @@ class UnitProcess:
         raise UnitEnded(*self._ended)
 
     def _function(self) -> str:
-        """Return the name of the last call, which the unit may have overwritten."""
+        """Return the name of the last call, which the FMU may have overwritten."""
         with suppress(OSError):
             name = self._shown.read_bytes().rstrip(b"\0 ").decode(errors="replace")
             if name.isalnum() or name == LOADING:
@@ -167,7 +170,7 @@ class UnitProcess:
         self._process.wait()
 
     def close(self) -> None:
-        """Free the unit and end its process; does nothing in a fork of the owner."""
+        """Free the FMU and end its process; does nothing in a fork of the owner."""
         if os.getpid() != self._owner:
             return
         free = self._lock.acquire(timeout=FREE_S)  # a thread may still be in a call when the program ends

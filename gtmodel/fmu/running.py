@@ -1,4 +1,4 @@
-"""Run one instance of a unit in co-simulation, in a separate process; FMPy reads its description."""
+"""Run one instance of an FMU in co-simulation, in a separate process; FMPy reads its description."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .export import Fmu
 from .process import UnitEnded, UnitProcess, one_line
 from .signals import UnitSignals
 
-NEEDS_FMPY = "running a unit needs FMPy; install it with pip install 'gtmodel[fmi]'"
+NEEDS_FMPY = "running an FMU needs FMPy; install it with pip install 'gtmodel[fmi]'"
 WHOLE = 1e-9  # tolerance of whole ratios of steps, for decimals in the description
 _SAME_TIME = 1e-9  # tolerance of a time that a unit reports, relative to max(1 s, time)
 _DISCARD = 2  # statuses: OK, warning, discard, error, fatal, pending
@@ -34,21 +34,22 @@ Values = Sequence[float] | np.ndarray
 
 
 class UnitStopped(PlantStopped):
-    """A unit failed on the way. The sentence has the time and the unit's own message; `time` [s]: last good time."""
+    """An FMU failed on the way. The sentence has the time and the FMU's own message; `time` [s]: last good time."""
 
 
 class RunningUnit:
-    """One instance of a unit in co-simulation, in a separate process; variables have their names in the description.
+    """One instance of an FMU in co-simulation, in a separate process; variables have their names in the description.
 
-    path: of the archive, FMI 2.0 or 3.0, or the result of `export`. start: start values by name, in the unit's own
-    units. timeout: of a call of the unit [s]; its process is ended if a call takes longer.
+    path: of the archive, FMI 2.0 or 3.0, or the result of `export`. start: start values by name, in the FMU's own
+    units. timeout: of a call of the FMU [s]; its process is ended if a call takes longer.
 
     Threads may share the instance: calls wait for each other. Forked processes may not: create one in each process.
 
     Raises ArgumentError without FMPy; for an archive that cannot be read, or lacks co-simulation or a library for this
     machine; for unknown real variables, with similar names; unless there is one number for each name; for a step length
-    that is not positive; for a start value that the variable cannot have or the unit refuses. Raises UnitStopped if a
-    step fails, or if the unit crashes, ends its process or does not return.
+    that is not positive; for a start value that the variable cannot have or that the FMU rejects. Raises UnitStopped if
+    a
+    step fails, or if the FMU crashes, ends its process or does not return.
     """
 
     def __init__(
@@ -68,7 +69,7 @@ class RunningUnit:
             self._free = weakref.finalize(self, files.pop_all().close)
 
     def _open(self, unit: Path | Fmu, folder: Path, timeout: float, files: ExitStack) -> None:
-        """Start the process and the unit, up to the first step. files: takes callbacks that free both."""
+        """Start the process and the FMU, up to the first step. files: takes callbacks that free both."""
         if isinstance(unit, Fmu):
             (path := folder / f"{unit.table.name}.fmu").write_bytes(unit.data)
         else:
@@ -109,14 +110,14 @@ class RunningUnit:
             raise ArgumentError(f"'{self.name}' {what}: {self._message(fault)}", argument)
 
     def _begin(self) -> None:
-        """Initialise the unit for the first step."""
+        """Initialise the FMU for the first step."""
         names, argument = list(self._start), "start" if self._start else "path"
         values = numbers_of(names, list(self._start.values()), "start").tobytes()
         self._prepare([("begin", self._places(names), values)], "does not start", argument)
         self.time = 0.0
 
     def restart(self) -> None:
-        """Return to the start, with the same start values. If the unit refuses, it cannot be used any more."""
+        """Return to the start, with the same start values. If the FMU returns an error, it cannot be used any more."""
         with self._process.held():
             try:
                 self._prepare([("reset",)], "cannot be reset", "path")
@@ -130,22 +131,22 @@ class RunningUnit:
         return np.array([self._references[name] for name in names], np.uintc).tobytes()
 
     def set(self, names: Sequence[str], values: Values) -> None:
-        """Set variables by name. Raises UnitStopped if the unit refuses them."""
+        """Set variables by name. Raises UnitStopped if the FMU returns an error."""
         self._run([(names, values)], None, None)
 
     def get(self, names: Sequence[str]) -> np.ndarray:
-        """Return variables by name. Raises UnitStopped if the unit refuses, or if a value is not finite."""
+        """Return variables by name. Raises UnitStopped if the FMU returns an error, or if a value is not finite."""
         return self._run([], None, names)
 
     def step(self, length: float) -> None:
-        """Step by `length` [s]. Raises UnitStopped if the step fails or the unit requests to end."""
+        """Step by `length` [s]. Raises UnitStopped if the step fails or the FMU requests to end."""
         agree(length, float, "length", ABOVE_ZERO)
         self._run([], length, None)
 
     def advance(
         self, given: Sequence[tuple[Sequence[str], Values]], length: float, outputs: Sequence[str]
     ) -> np.ndarray:
-        """Set each (names, values), step by `length` [s] and return outputs, in one message to the unit's process.
+        """Set each (names, values), step by `length` [s] and return outputs, in one message to the FMU's process.
 
         Equivalent to `set`, `step` and `get`. Raises UnitStopped as they do.
         """
@@ -228,7 +229,7 @@ class RunningUnit:
         return UnitStopped(f"'{self.name}' {what}: {self._message(fault)}", self.time if time is None else time)
 
     def _message(self, otherwise: str) -> str:
-        """Return the unit's own last error message, if it logged one."""
+        """Return the FMU's own last error message, if it logged one."""
         errors = [line for status, text in self._log if status >= _DISCARD and (line := one_line(text))]
         return errors[-1] if errors else otherwise
 
@@ -262,7 +263,7 @@ def _instantiation(folder: Path, description: Any, three: bool) -> tuple[Any, ..
 
 
 def _sentence(fault: Any) -> str:
-    """Return a sentence about a failed call; empty if there is none."""
+    """Return a sentence about a failed call; empty if no call failed."""
     if fault is None or len(fault) == 1:
         return one_line(fault[0]) or "without a message" if fault else ""
     function, status = fault

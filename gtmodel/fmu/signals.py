@@ -1,4 +1,4 @@
-"""The variables of a unit by name: which can be read or set, and their conversion to SI."""
+"""The variables of an FMU by name: which can be read or set, and their conversion to SI."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class UnitSignals:
         return [self.all[name] for name in names]
 
     def computed(self, names: Sequence[str], argument: str) -> list[UnitSignal]:
-        """Return variables that the unit computes."""
+        """Return variables that the FMU computes."""
         return self._which(names, argument, lambda s: s.computed, "expected an output")
 
     def taken(self, names: Sequence[str], argument: str) -> list[UnitSignal]:
@@ -99,11 +99,11 @@ class Scaling:
     offset: np.ndarray | None = None
 
     def si(self, values: np.ndarray) -> np.ndarray:
-        """Convert the unit's values to SI."""
+        """Convert the FMU's values to SI."""
         return values if self.factor is None else self.factor * values + self.offset
 
     def own(self, values: np.ndarray) -> np.ndarray:
-        """Convert SI values to the unit's own units."""
+        """Convert SI values to the FMU's own units."""
         return values if self.factor is None else (values - self.offset) / self.factor
 
 

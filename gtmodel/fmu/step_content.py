@@ -1,4 +1,4 @@
-"""A step function, such as a filter or a sampled block, as the content of a unit: one step at each sample."""
+"""A step function, such as a filter or a sampled block, as the content of an FMU: one step at each sample."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ gt_status gt_fmu_along(const gt_fmu_memory *memory, const double *v, const doubl
 def step_content(
     f: StepFunction, name: str, *, title: str = "", stop: float = 1.0, provenance: Mapping[str, str] | None = None
 ) -> FmuContent:
-    """Return the content of the unit `name`: inputs and outputs of the step, and its declared start as parameters.
+    """Return the content of the FMU `name`: inputs and outputs of the step, and its declared start as parameters.
 
-    The unit takes samples at the start and after every period, with the inputs of that instant; outputs change only
+    The FMU takes samples at the start and after every period, with the inputs of that instant; outputs change only
     then. Before the first sample an output has the value of the parameter `start.NAME` if there is one, otherwise zero.
     """
     _, (face,) = faces_of({KEY: f}, name, (), DOUBLE, None)

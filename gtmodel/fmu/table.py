@@ -48,12 +48,12 @@ class FmuVariable:
 
 @dataclass(frozen=True)
 class FmuTable:
-    """All variables of a unit in the order of their value references, and their dependencies.
+    """All variables of an FMU in the order of their value references, and their dependencies.
 
     name: model identifier, also of the library. states, rates: value references of the states and of their derivatives,
     which may be states themselves. dependencies: of each computed variable on inputs, parameters, states and time.
     step: largest step of the inner integrator [s]; stop: end of the default experiment [s]; period: sampling period
-    [s], 0 without samples. error: of the inner integrator, if there are states. derivatives: the unit offers exact
+    [s], 0 without samples. error: of the inner integrator, if there are states. derivatives: the FMU offers exact
     derivatives. remembers: Newton's last solution is part of the state. hold: outputs are held if the function fails,
     and an integer output reports it. parameters: consecutive value references of settable model parameters;
     part_error: largest error of an inner step, if there are such parameters.

@@ -1,4 +1,4 @@
-"""Model parameters that stay settable in a unit, and directional derivatives of a causal function in C, also through
+"""Model parameters that stay settable in an FMU, and directional derivatives of a causal function in C, also through
 Newton's solutions."""
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def depends(f: CausalFunction) -> list[set[int]]:
 
 
 def tangents(f: CausalFunction, face: Interface, name: str) -> TangentFiles:
-    """Return files and functions for the unit `name`."""
+    """Return files and functions for the FMU `name`."""
     inputs, zs, outputs = given_by(f)
     x = ca.vertcat(*inputs) if inputs else ca.SX(0, 1)
     z = ca.vertcat(*zs) if zs else ca.SX(0, 1)

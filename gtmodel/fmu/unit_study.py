@@ -1,4 +1,4 @@
-"""The study of units: export functions as archives in a folder, checked before they are written."""
+"""The study of FMUs: export functions as archives in a folder, checked before they are written."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ COMPARED = Verification()
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class FmuStudy(Study):
-    """Exported units, by file name of the archive."""
+    """Exported FMUs, by file name of the archive."""
 
     folder: Annotated[str | None, Quantity("", "folder of the archives")] = None
     units: Annotated[
@@ -98,7 +98,7 @@ def study(
         for version in versions:
             if work.interrupted():
                 return FmuStudy(
-                    status=SolveStatus.INTERRUPTED, message="stopped before all units were exported", title=work.title
+                    status=SolveStatus.INTERRUPTED, message="stopped before all FMUs were exported", title=work.title
                 )
             work.progress(f"exporting {key}", n / len(functions))
             more = dict((options or {}).get(key, {}))
@@ -120,7 +120,7 @@ def study(
         units={file: _about(u) for file, u in units.items()}, checks=checks,
     )  # fmt: skip
     if not result.status.ok and not write_failed:
-        advice = f"nothing was written; {by} writes the units, with '{FAILED}' in their names"
+        advice = f"nothing was written; {by} writes the FMUs, with '{FAILED}' in their names"
         return result.with_(message=f"{result.message}; {advice}")
     names = {file: file if result.status.ok else file.replace(".fmu", f"{FAILED}.fmu") for file in units}
     _write(Path(folder), {names[file]: u.data for file, u in units.items()})

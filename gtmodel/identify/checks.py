@@ -62,7 +62,7 @@ def leaves(comparison: Compared, unit: str = "") -> Suspicion:
 def exchanged_efforts(identification: Identification) -> Compared | None:
     """Test whether another order or sign of the effort columns fits far better; None for a single column.
 
-    Every reading estimates the parameters that were free in the identification.
+    For every order and sign, the parameters that were free in the identification are estimated again.
 
     >>> class Stage(gt.Model):  # two axes with viscous friction
     ...     m, d = gt.parameter([2.0, 6.0], unit="kg"), gt.parameter([5.0, 20.0], unit="kg/s")

@@ -37,7 +37,7 @@ class ClosedLoopRun:
 
     @property
     def maximum(self) -> float:
-        """Largest error by size [unit of the position]."""
+        """Largest absolute error [unit of the position]."""
         return float(np.max(np.abs(self.errors)))
 
     @property

@@ -52,7 +52,8 @@ class Delay:
             return f"the log shows no delay between efforts and positions ({size}, p = {self.p:.2g})"
         return (
             f"the {late} look {size} later than the {early} (p = {self.p:.2g}); with that delay {self.moved} would "
-            f'move by {self.moves:.3g} standard deviations: set delay = "estimate", or find it in the logger'
+            f'move by {self.moves:.3g} standard deviations: set delay_s = "estimate" of the {late} (in Python, delay = '
+            '"estimate"), or find it in the logger'
         )
 
 

@@ -67,14 +67,14 @@ class IdentificationStudy(Study):
     ] = None
     base_parameters: Annotated[
         Mapping[str, Mapping[str, float]] | None,
-        "of a serial arm: the terms of each base parameter with their factors; null unless inertias are identified",
+        "base parameters of a serial arm: the terms of each with their factors; null unless inertias are identified",
     ] = None
     masses: Annotated[
-        Array | None, Quantity("kg", "of physically consistent bodies with these base parameters, by link")
+        Array | None, Quantity("kg", "masses of physically consistent bodies with these base parameters, by link")
     ] = None  # fmt: skip
     first_moments: Annotated[Array | None, Quantity("kg.m", "mass times centre of mass, by link, link frames")] = None
     inertias: Annotated[
-        Array | None, Quantity("kg.m2", "of these bodies, xx, xy, xz, yy, yz, zz about the origins of the link frames")
+        Array | None, Quantity("kg.m2", "their inertias, xx, xy, xz, yy, yz, zz, about the origins of the link frames")
     ] = None  # fmt: skip
     left_out: Annotated[
         Numbers | None,
@@ -150,7 +150,8 @@ class IdentificationStudy(Study):
             low, high = (self.intervals or {}).get(name, (None, None))
             comparison = "" if truth is None else f" (synthetic truth {truth:g})"
             rows.append(Row("  95 %", "at its bound" if low is None else f"{low:.5g} to {high:.5g}{comparison}"))
-        return rows + [Row(name, value) for name, value in (self.corrections or {}).items()]
+        corrections = (self.corrections or {}).items()
+        return rows + [Row(name, value, "s" if ".delay" in name else "") for name, value in corrections]
 
     def _fit_rows(self, fit: Identification) -> list[Row]:
         rows = []

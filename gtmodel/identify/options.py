@@ -71,7 +71,8 @@ class Fitting(Options):
     nonnegative: Annotated[bool | list[str], "free parameters that must not be negative: all, none, these"] = True
     inertias: Annotated[
         Literal["base", "consistent"] | None,
-        "of a serial arm, free in addition: base parameters, or also physically consistent bodies that have them",
+        "inertias of a serial arm to estimate in addition: base parameters, or also physically consistent "
+        "bodies that have them",
     ] = None  # fmt: skip
     confidence: Annotated[
         Literal["auto", "white", "newey_west"],
@@ -102,13 +103,13 @@ class SyntheticLog(Options):
 
     seed: Annotated[int, Within(least=0), "of the noise"] = 0
     motion_seed: Annotated[
-        int, Within(least=0), "of the phases of the motion; the held-out motion takes the next"
+        int, Within(least=0), "seed of the phases of the motion; the held-out motion uses the next seed"
     ] = 1  # fmt: skip
     duration: Annotated[float, Unit("s"), Within(above=0.0), "of each sum of sines"] = 60.0
     sample_time: Annotated[float, Unit("s"), Within(above=0.0), "of the log"] = 0.004
     reference: Annotated[str, "variable that follows the sines or the prescribed motion"] = "T"
     repeats: Annotated[int, Within(least=1), "number of repetitions of the prescribed motion"] = 1
-    centre: Annotated[list[float] | None, "of the motion; default: the home pose of the robot"] = None
+    centre: Annotated[list[float] | None, "centre of the motion; default: the home pose of the robot"] = None
     half_range: Annotated[float | list[float], "largest distance from the centre, by axis"] = 0.4
     frequencies: Annotated[
         list[float], Unit("Hz"), Within(above=0.0), "slow ones for friction, fast ones for masses"
@@ -129,7 +130,7 @@ class SyntheticLog(Options):
         int, Within(least=0, most=10000), "further logs with other seeds, to check the coverage of the intervals"
     ] = 0  # fmt: skip
     processes: Annotated[
-        int | None, Within(least=0), "for the runs; 0 for this process, default: one per core"
+        int | None, Within(least=0), "number of processes for the runs; 0 for this process, default: one per core"
     ] = None  # fmt: skip
 
 
@@ -149,6 +150,6 @@ class ClosedLoop(Options):
     inputs: Annotated[list[str], "its inputs, such as the reference; signals of the log"]
     every: Annotated[int, Within(least=1), "use every n-th sample of the inputs, cubic in between"] = 1
     tolerance: Annotated[
-        float, Within(least=1e-14, most=1e-3), "of the integrator, relative and absolute"
+        float, Within(least=1e-14, most=1e-3), "relative and absolute tolerance of the integrator"
     ] = 1e-7  # fmt: skip
     bound: Annotated[float | None, Within(above=0.0), "largest allowed rms error, SI; default: no check"] = None

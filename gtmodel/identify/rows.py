@@ -111,9 +111,10 @@ class Rows:
     @property
     def filter_sentence(self) -> str:
         """Filter and selection of rows, as a sentence for tables."""
+        rows = "every row" if self.every == 1 else f"one row in {self.every}"
         return (
             f"zero-phase Butterworth low pass at {self.cutoff_Hz:.3g} Hz on efforts and regressor alike, "
-            f"five-point differences, every {self.every}. row; {100 * self.dropped:.2g} % of the samples dropped near "
+            f"five-point differences, {rows}; {100 * self.dropped:.2g} % of the samples dropped near "
             f"standstill, slower than {self.threshold:.2g} {self.velocity_unit}"
         )
 

@@ -256,9 +256,7 @@ class Identifiability:
     @property
     def notes(self) -> list[str]:
         """Sentences on the rank, the dependencies, and the badly determined directions."""
-        by_tolerance = ", ".join(f"{r} at {t:.0e}" for t, r in self.ranks.items())
-        lines = [f"{self.counts} (rank {by_tolerance})"]
-        lines += self.dependencies.notes
+        lines = [f"{self.counts}; {self._rank_in_words()}", *self.dependencies.notes]
         for d in self.near:
             lines.append(
                 f"{listed(tuple(d.weights))} are determined no better than they were known: their combination {d} has "
@@ -268,6 +266,23 @@ class Identifiability:
                 f"{d.std:.3g} expected sizes"
             )
         return lines
+
+    @property
+    def brief_notes(self) -> list[str]:
+        """`notes` with one sentence for all badly determined directions."""
+        lines, first = self.notes[: 1 + len(self.dependencies.notes)], [next(iter(d.weights)) for d in self.near]
+        if first:
+            names = listed(tuple(dict.fromkeys(first)))
+            lines.append(f"combinations led by {names} are determined no better than they were known")
+        return lines
+
+    def _rank_in_words(self) -> str:
+        text = f"the rank is {self.rank}: singular values below {self.tolerance:.0e} of the largest count as zero"
+        others = {t: r for t, r in self.ranks.items() if r != self.rank}
+        nearest = [max((t for t in others if t < self.tolerance), default=None),
+                   min((t for t in others if t > self.tolerance), default=None)]  # fmt: skip
+        changes = [f"with {t:.0e} instead, it would be {others[t]}" for t in nearest if t is not None]
+        return "; ".join([text, *(changes or ["any limit from 1e-12 to 1e-02 gives the same rank"])])
 
     def __str__(self) -> str:
         width = max(len(n) for n in self.names)

@@ -28,9 +28,6 @@ class Schema(RobotProblem):
     monte_carlo: Made[options.MonteCarloDraws] = Made[options.MonteCarloDraws].left_out()
 
 
-NAME = "accuracy"
-
-
 def call(problem: Schema, context: Context) -> Call:
     """Return the call of the study: every case over the reachable part of the section, with tests."""
     if context.start is not None:

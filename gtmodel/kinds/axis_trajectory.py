@@ -42,7 +42,6 @@ class Schema(RobotProblem):
     solver: Made[axis_options.AxisSolver] = Made[axis_options.AxisSolver].left_out()
 
 
-NAME = "axis_trajectory"
 ARGUMENTS = PATH_ARGUMENTS | {
     "start.carts": "start.q_m", "start.axes": "start.q_deg", "goal.carts": "goal.q_m", "goal.axes": "goal.q_deg",
     "tool.axis": "path.tool_axis", "tool.through": "path.tool", "earlier": "--start",

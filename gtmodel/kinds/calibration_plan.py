@@ -64,7 +64,6 @@ class Schema(_Moved):
     """Plan of a calibration before the measurement (Dressler 2012, Fig. 5.21)."""
 
 
-NAME = "calibration_plan"
 ARGUMENTS = {"choice": ""}
 
 

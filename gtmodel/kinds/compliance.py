@@ -32,7 +32,7 @@ class Schema(RobotProblem):
     section: Made[options.ComplianceMap] = Made[options.ComplianceMap].left_out()
 
 
-NAME = "compliance"
+# "springs": "": the file has no [springs]; springs.links.stiffness is links.stiffness_N_m there
 ARGUMENTS = {"map": "section", "springs.pose": "arm.pose", "springs.joint": "arm.joint", "springs": ""}
 
 
@@ -44,7 +44,7 @@ def call(problem: Schema, context: Context) -> Call:
     return Call(
         compliance.study, problem.model(context), springs, problem.load.options(), pose=problem.pose_m,
         map=problem.section.options(), frequencies=problem.frequencies,
-        title=problem.title or f"{NAME} of {problem.robot}",
+        title=problem.title or f"{problem.kind} of {problem.robot}",
     )  # fmt: skip
 
 
@@ -55,7 +55,7 @@ def explain(problem: Schema, context: Context) -> str:
         problem.model(context), springs, problem.load.options(), problem.pose_m, section, problem.frequencies
     )
     grid = compliance.compliance_study.grid_of(sprung, section)
-    lines = [f"{problem.title or NAME}: at ({listed(sprung.home)}) m, and on {grid.shape[0]} by {grid.shape[1]} points"]
+    lines = [f"{problem.heading}: at ({listed(sprung.home)}) m, and on {grid.shape[0]} by {grid.shape[1]} points"]
     if isinstance(sprung, compliance.sprung_links.SprungLinks):
         lines.append("C = U^-1 (diag(1/k) + G diag(1/k_s) G') U^-T; the rows of U are the unit vectors of the links")
         for name, c in sprung.structure(sprung.at_home).by_group.items():

@@ -31,8 +31,12 @@ class Schema(Problem):
     search: Made[options.Search] = Made[options.Search].left_out()
 
 
-NAME = "delay"
-ARGUMENTS = {"recordings": "pair", "search": "search"}
+def arguments(problem: Schema) -> dict[str, str]:
+    """Return keys of arguments: recordings by name are the entries of [[pair]], or [synthetic]."""
+    if problem.synthetic is not None:
+        return {"recordings": "synthetic", "recordings.synthetic": "synthetic"}
+    pairs = {f"recordings.{_name(pair)}": f"pair[{n}]" for n, pair in enumerate(problem.pair)}
+    return {"recordings": "pair", **pairs}
 
 
 def call(problem: Schema, context: Context) -> Call:
@@ -50,7 +54,7 @@ def call(problem: Schema, context: Context) -> Call:
 def explain(problem: Schema, context: Context) -> str:
     """Describe the sampling of the signals and the range of the delay."""
     search = problem.search.options()
-    lines = [f"{problem.title or NAME}: delays up to {1e3 * search.longest:g} ms in both directions"]
+    lines = [f"{problem.heading}: delays up to {1e3 * search.longest:g} ms in both directions"]
     if problem.log is not None:
         for name, (first, late) in _pairs(problem, context).items():
             rates = [f"{len(t)} rows at {sampling_of(t.time).rate:.6g} Hz" for t in (first, late)]
@@ -70,12 +74,16 @@ def _pairs(problem: Schema, context: Context) -> dict[str, tuple[Trajectory, Tra
     by_name = {name: _called(t, name, columns[name]) for t in recording.values() for name in t.names}
     pairs = {}
     for n, pair in enumerate(problem.pair):
-        column = pair.late.column
-        name = pair.name or (column if isinstance(column, str) else ", ".join(column))
+        name = _name(pair)
         if name in pairs:
             raise InputError(f"two pairs are called '{name}'; give them different names", f"pair[{n}].name")
         pairs[name] = by_name[f"reference_{n}"], by_name[f"late_{n}"]
     return pairs
+
+
+def _name(pair: PairSection) -> str:
+    column = pair.late.column
+    return pair.name or (column if isinstance(column, str) else ", ".join(column))
 
 
 def _called(trajectory: Trajectory, name: str, section: RecordedSignalSection) -> Trajectory:

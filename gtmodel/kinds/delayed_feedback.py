@@ -92,7 +92,6 @@ class Schema(RobotProblem):
     cut: FeedbackCutKeys | None = Field(default=None, description="chatter during the correction")
 
 
-NAME = "delayed_feedback"
 ARGUMENTS = {"plants": "axes", "measured": "map", "joints": "map.poses_deg", "asked": "map.table_deg",
              "gain_steps": "map.gain_step", "synthetic": "map.synthetic"}  # fmt: skip
 OF_LOOPS = ("box", "off_axis", "path", "cut")
@@ -131,7 +130,7 @@ def call(problem: Schema, context: Context) -> Call:
 def explain(problem: Schema, context: Context) -> str:
     """Describe the timing and the plant."""
     t = problem.timing.options()
-    lines = [f"{problem.title or NAME}: a correction every {1e3 * t.cycle:g} ms, delayed by {1e3 * t.delay:g} ms"]
+    lines = [f"{problem.heading}: a correction every {1e3 * t.cycle:g} ms, delayed by {1e3 * t.delay:g} ms"]
     lines.append(f"  corrections {'accumulate' if t.accumulate else 'do not accumulate: only their vibration remains'}")
     for name, axis in problem.axes.items():
         a = axis.options()

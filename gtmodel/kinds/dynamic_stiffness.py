@@ -45,9 +45,6 @@ class Schema(Problem):
     synthetic: SyntheticArmSection | None = Field(default=None, description="synthetic records")
 
 
-NAME = "dynamic_stiffness"
-
-
 def arguments(problem: Schema) -> dict[str, str]:
     """Return the keys of the study's arguments."""
     return {"experiments": "synthetic" if problem.measured is None else "measured.index"}
@@ -88,7 +85,7 @@ def explain(problem: Schema, context: Context) -> str:
     s = problem.synthetic
     n = "synthetic" if s is None else f"{3 * s.options().poses} SYNTHETIC, seed {s.options().seed}"
     lines = [
-        f"{problem.title or NAME}: experiments: {'measured' if problem.measured else n}",
+        f"{problem.heading}: experiments: {'measured' if problem.measured else n}",
         "m x'' + c x' + k x = F in x, y and z, several modes in parallel (Cvitanic 2021, eq. (8))",
         "log m, log c, log k over x, y, z and A: nine exact Gaussian processes (eqs. (9)-(11))",
         f"experiments at one pose differ by {problem.repeatability:.0%} on average",

@@ -42,7 +42,6 @@ class Schema(RobotProblem):
     solver: Made[options.ElasticSolver] = Made[options.ElasticSolver].left_out()
 
 
-NAME = "elastic_motion"
 ARGUMENTS = {"start": "start.tcp_m", "goal": "goal.tcp_m", "force": "limits.force"}
 
 
@@ -62,7 +61,7 @@ def explain(problem: Schema, context: Context) -> str:
     t = problem.tool.options()
     return "\n".join(
         [
-            f"{problem.title or NAME}: {t.mass:g} kg on a spring, {t.frequency:g} Hz, damping {t.damping:g}",
+            f"{problem.heading}: {t.mass:g} kg on a spring, {t.frequency:g} Hz, damping {t.damping:g}",
             "  rigid: time and energy with the tool as rigid payload; ZV, ZVD: this motion with an input shaper",
             "  elastic: with the spring in the equations and the tool at rest at the end as a constraint",
             *(f"  {sentence}" for sentence in ASSUMED),

@@ -25,7 +25,6 @@ class Schema(RobotProblem, Made):
     monte_carlo: Made[options.MonteCarloFits] = Made[options.MonteCarloFits].left_out()
 
 
-NAME = "excitation"
 ARGUMENTS = {"experiment": "", "start": "--start"}
 
 
@@ -38,7 +37,7 @@ def call(problem: Schema, context: Context) -> Call:
         excitation.excitation_study, problem.model(context), problem.motion.options(), problem.limits.options(),
         experiment=problem.options(), search=problem.search.options(), random=problem.random.options(),
         monte_carlo=problem.monte_carlo.options(), start=start,
-        title=problem.title or f"{NAME} of {problem.robot}",
+        title=problem.title or f"{problem.kind} of {problem.robot}",
     )  # fmt: skip
 
 
@@ -51,7 +50,7 @@ def explain(problem: Schema, context: Context) -> str:
     task = plan.task
     rows = {key: plan.keys.count(key) for key in dict.fromkeys(plan.keys)}
     return "\n".join([
-        f"{problem.title or NAME}: {len(plan.regressor.names)} parameters "
+        f"{problem.heading}: {len(plan.regressor.names)} parameters "
         f"({', '.join(plan.regressor.names)})",
         f"  motion of T: {motion.family}, {task.basis.size} unknowns for each of {task.dimension} coordinates, "
         f"{task.basis.period:g} s, at rest at both ends",

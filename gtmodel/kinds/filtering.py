@@ -42,9 +42,6 @@ class Schema(Problem):
     synthetic: Made[options.DrawnReadings] | None = Field(default=None, description="synthetic readings")
 
 
-NAME = "filtering"
-
-
 def arguments(problem: Schema) -> dict[str, str]:
     """Return the keys of the study's arguments."""
     return {"log": "synthetic" if problem.log is None else "log.readings", "system": "filter"}
@@ -67,7 +64,7 @@ def call(problem: Schema, context: Context) -> Call:
 def explain(problem: Schema, context: Context) -> str:
     """Describe states, noise and sensors."""
     system = _system(problem, context)
-    lines = [f"{problem.title or NAME}: {problem.filter} for {problem.model}"]
+    lines = [f"{problem.heading}: {problem.filter} for {problem.model}"]
     lines += [f"  state {part.name}, {part.size} numbers [{part.unit}]" for part in system.space.parts]
     lines += [f"  noise {name}, density {density}" for name, density in problem.noise.items()]
     lines += [f"  {name} measures {sensor.quantity}" for name, sensor in system.sensors.items()]

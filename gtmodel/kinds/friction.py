@@ -1,4 +1,4 @@
-"""Kind "friction": friction of the actuators and the mass they carry, from runs at constant velocity."""
+"""Kind "friction": friction of carts that carry a plate, and the mass that they carry, from constant-velocity runs."""
 
 from __future__ import annotations
 
@@ -59,7 +59,6 @@ class Schema(RobotProblem):
     )
 
 
-NAME = "friction"
 ARGUMENTS = {
     "runs.force": "log.force_N.column",
     **{f"runs.{name}": f"synthetic.{name}" for name in declared(SyntheticRuns)},
@@ -95,7 +94,7 @@ def explain(problem: Schema, context: Context) -> str:
     """Describe the gravity pattern in each pose and the force equation."""
     poses = [pose.options() for pose in problem.pose]
     pattern = friction.gravity_pattern(problem.model(context), poses)
-    lines = [f"{problem.title or NAME}: {pattern.shape[1]} carts in {len(pattern)} poses"]
+    lines = [f"{problem.heading}: {pattern.shape[1]} carts in {len(pattern)} poses"]
     for pose, row in zip(poses, pattern, strict=True):
         lines.append(f"{pose.name or 'pose'}: cart forces that hold one kilogram {listed(row)} N/kg")
     lines.append("tau = m pattern + fc+ + fv+ v forwards, m pattern - fc- + fv- v backwards (eqs. (6.8), (6.9))")

@@ -31,7 +31,6 @@ class Schema(RobotProblem):
     )
 
 
-NAME = "kinematics"
 ARGUMENTS = {f"points.{name}": f"grid.{name}" for name in ("center", "center_where", "counts", "directions")}
 
 
@@ -51,7 +50,7 @@ def explain(problem: Schema, context: Context) -> str:
     study = call(problem, context)
     model, known, targets, _ = study.arguments
     function = causality.causality_of(model, known, targets, study.options["branches"], study.options["orientation"])
-    return f"{problem.title or NAME}\n{function.explain()}"
+    return f"{problem.heading}\n{function.explain(context.full)}"
 
 
 def _points(problem: Schema, context: Context) -> Path | Any:

@@ -39,7 +39,6 @@ class Schema(Problem):
     )
 
 
-NAME = "lead_through"
 ARGUMENTS = {"contact": "surface"}
 TABLES = ("surface", "hole", "phases", "gains", "turning", "watch", "stiffness", "servo", "handle", "tool", "hand",
           "hands", "setup", "cones")  # fmt: skip
@@ -64,7 +63,7 @@ def call(problem: Schema, context: Context) -> Call:
 
 def explain(problem: Schema, context: Context) -> str:
     """Describe the contact, the law and the phases of the hand."""
-    lines = [f"{problem.title or NAME}: lead-through, a command every {1e3 * problem.gains.options().cycle:g} ms"]
+    lines = [f"{problem.heading}: lead-through, a command every {1e3 * problem.gains.options().cycle:g} ms"]
     if problem.surface is not None:
         s = problem.surface.options()
         lines.append(f"  a surface of {s.stiffness:g} N/m, synthetic")

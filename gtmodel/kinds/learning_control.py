@@ -160,7 +160,6 @@ def recorded(
     )  # fmt: skip
 
 
-NAME = "learning_control"
 ARGUMENTS = {
     "design": "learning", "path": "reference", "run": "log", "law": "learning", "cutoff": "learning.cutoff",
     "ramp": "log.ramp_samples", "repeats": "log.repeats",
@@ -204,7 +203,7 @@ def explain(problem: Schema, context: Context) -> str:
     """Describe the robot, the law and the data to learn from."""
     design, path, noise = options_of(problem, "learning", "reference", "noise").values()
     robot = robot_of(problem, context)
-    lines = [f"{problem.title or NAME}: case {design.case}, law {design.law}, axes {', '.join(robot.axes)}"]
+    lines = [f"{problem.heading}: case {design.case}, law {design.law}, axes {', '.join(robot.axes)}"]
     if isinstance(robot, learning.ModelledRobot):
         for k, name in enumerate(robot.axes):
             mode = robot.mode(k)

@@ -51,7 +51,9 @@ class PlantFrictionSection(FileSection):
         "as in [friction] if left out",
     )
     velocity_scale_m_s: PositiveFloat | None = Field(
-        default=None, description="velocity over which the sign changes; as in [friction] if left out"
+        default=None,
+        description="velocity over which the sign changes, in m/s, and in rad/s at revolute joints; "
+        "as in [friction] if left out",
     )
 
 
@@ -74,9 +76,6 @@ class Schema(RobotProblem):
     plant: PlantSection = PlantSection.left_out()
     limits: Made[loop_options.TrackingLimits] = Made[loop_options.TrackingLimits].left_out()
     tolerance: float = Field(default=1e-9, ge=1e-14, le=0.1, description="tolerance of the integrator")
-
-
-NAME = "loop_simulation"
 
 
 def arguments(problem: Schema) -> dict[str, str]:
@@ -102,7 +101,7 @@ def call(problem: Schema, context: Context) -> Call:
 def explain(problem: Schema, context: Context) -> str:
     """Describe the timing and the measurements of the controller."""
     s = problem.sampling.options()
-    text = f"{problem.title or NAME}: {problem.law.name} every {1e3 * s.period:g} ms"
+    text = f"{problem.heading}: {problem.law.name} every {1e3 * s.period:g} ms"
     lines = [text, f"  forces act {1e3 * s.delay:g} ms after their sample, with zero-order hold"]
     lines.append(f"  positions {'to ' + format(1e6 * s.resolution, 'g') + ' um' if s.resolution else 'exact'}")
     lines.append(f"  velocities {'of the plant' if s.velocity == 'measured' else 'from differences'}")

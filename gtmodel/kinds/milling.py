@@ -141,9 +141,6 @@ def _field(file: str, context: Context) -> Any:
     return field
 
 
-NAME = "milling"
-
-
 def arguments(problem: Schema) -> dict[str, str]:
     """Return the keys of the study's arguments."""
     source = next((k for k in SOURCES if getattr(problem, k) is not None), "")
@@ -181,7 +178,7 @@ def explain(problem: Schema, context: Context) -> str:
     counts = [1 + len(x) for x in (s.places, s.feed_directions, s.speeds)]
     return "\n".join(
         [
-            f"{problem.title or NAME}: {round(2 * np.pi / s.step) + 1} angles, {counts[0]} places, {counts[1]} feeds, "
+            f"{problem.heading}: {round(2 * np.pi / s.step) + 1} angles, {counts[0]} places, {counts[1]} feeds, "
             f"{counts[2]} speeds",
             f"{task.cut.mode} milling with {task.cutter.teeth} teeth at {task.speed * task.cutter.teeth:.4g} Hz; the "
             f"helix lags by {lag:.3g} deg over the depth",

@@ -70,7 +70,6 @@ class Schema(Problem):
     draw: Draw | None = Field(default=None)
 
 
-NAME = "modes"
 ARGUMENTS = {"legs": "platform", "pose.axes": "pose"}
 
 

@@ -53,7 +53,7 @@ class SolverSection(FileSection):
 
 
 class Schema(Problem):
-    """A dynamic optimisation problem in Python or Optimica."""
+    """A dynamic optimisation problem, written in Python or in Optimica."""
 
     model: str = Field(
         description="the Optimization: package.module:Class or file.py:Class; or an Optimica class, file.mop:Class"
@@ -65,9 +65,6 @@ class Schema(Problem):
     parameters: dict[str, Any] = Field(default={}, description="values of the model's parameters by name, in SI")
     mesh: MeshSection = MeshSection.left_out()
     solver: SolverSection = SolverSection.left_out()
-
-
-NAME = "optimization"
 
 
 def call(problem: Schema, context: Context) -> Call:
@@ -103,6 +100,7 @@ def explain(problem: Schema, context: Context) -> str:
         ),
         f"  {len(built.path)} path constraints, {len(built.points)} point constraints, "
         f"{bounded[0]} states bounded at the start and {bounded[1]} at the end",
+        "  a constraint on one variable alone, such as x <= 1, is used as a bound and is not counted",
     ]
     return "\n".join(lines)
 
@@ -116,9 +114,12 @@ def _model(problem: Schema, context: Context) -> lang.Optimization:
 def _guess(problem: Schema, context: Context, model: lang.Optimization) -> Trajectory | None:
     """An earlier result; for an Optimica problem with free time, a simulation."""
     if context.start is None and problem.guess:
-        context.start = earlier.read(context.folder / problem.guess, NAME)
+        context.start = earlier.read(context.folder / problem.guess, problem.kind)
     if (guess := context.guess()) is not None or not is_reference(problem.model):
         return guess
     if (guess := modelica.first_guess(model)) is not None:
-        context.notes.append("the horizon is free: started from a simulation with the inputs' start values")
+        context.notes.append(
+            f"the horizon is free: the first guess is a simulation from {guess.time[0]:g} s to {guess.time[-1]:g} s, "
+            "inputs held at their initialGuess or start value; an initialGuess of a state counts at the start only"
+        )
     return guess

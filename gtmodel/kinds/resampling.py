@@ -29,7 +29,6 @@ class Schema(Problem):
     align: list[Made[options.AlignBy]] = Field(default=[], description="clocks to align, one table for each")
 
 
-NAME = "resampling"
 ARGUMENTS = {"recording": "log", "align_by": "align", "delays": "signals"}
 
 
@@ -44,7 +43,7 @@ def call(problem: Schema, context: Context) -> Call:
 
 def explain(problem: Schema, context: Context) -> str:
     """Describe the clocks and their signals."""
-    lines = [f"{problem.title or NAME}: {len(problem.signals)} signals"]
+    lines = [f"{problem.heading}: {len(problem.signals)} signals"]
     for clock, rows in _recording(problem, context).items():
         sampling = sampling_of(rows.time)
         jitter, gaps = f"jitter {100 * sampling.jitter:.2g} %", f"{len(sampling.gaps)} gaps"

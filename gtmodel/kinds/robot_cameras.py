@@ -82,7 +82,6 @@ class Schema(RobotProblem):
     )
 
 
-NAME = "robot_cameras"
 ARGUMENTS = {
     "pictures": "synthetic", "corners": "pictures.corners", "actuators": "pictures.actuators", "unit": "pictures.unit",
     "cameras": "camera", "setting": "calibration", "scene": "synthetic", "held_out": "held_out_every",
@@ -119,7 +118,7 @@ def explain(problem: Schema, context: Context) -> str:
     """Describe the images, the unknowns and the source of the scale."""
     _one_source(problem)
     setting = problem.calibration.options()
-    name = problem.title or NAME
+    name = problem.heading
     if problem.places is not None:
         places = problem.places.options()
         number = len(places.baselines) * len(places.distances)

@@ -64,7 +64,6 @@ class Schema(Problem):
     judging: Made[attitude.AttitudeJudging] = Made[attitude.AttitudeJudging].left_out()
 
 
-NAME = "sensor_fusion"
 ARGUMENTS = {"recording": "log"}
 OF_A_PATH = ("path", "sensors", "filter", "sweep", "seed")
 
@@ -89,9 +88,7 @@ def explain(problem: Schema, context: Context) -> str:
         return _explained_log(problem, context)
     path, sensors, design = options_of(problem, "path", "sensors", "filter").values()
     rate = 1 / sensors.sample_time
-    lines = [
-        f"{problem.title or NAME}: {path.kind} in {path.axes} axes at {1e3 * path.feed:g} mm/s, {path.duration:g} s"
-    ]
+    lines = [f"{problem.heading}: {path.kind} in {path.axes} axes at {1e3 * path.feed:g} mm/s, {path.duration:g} s"]
     lines.append(f"  synthetic readings at {rate:g} Hz, seed {problem.seed}")
     if design.printed:
         lines.append("  filter: the covariance of appendix B of Cvitanic 2021")
@@ -180,7 +177,7 @@ def _checked(gyro: Trajectory, reference: Trajectory) -> filtering.AttitudeRecor
 
 def _explained_log(problem: Schema, context: Context) -> str:
     judging = problem.judging.options()
-    lines = [f"{problem.title or NAME}: a gyro calibrated against reference orientations"]
+    lines = [f"{problem.heading}: a gyro calibrated against reference orientations"]
     if problem.log is not None:
         recording = _recording(problem.log, context)
         for name, rows in (("gyro", recording.gyro), ("references", recording.reference)):

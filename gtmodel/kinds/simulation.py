@@ -80,9 +80,6 @@ class Schema(RobotProblem):
     )
 
 
-NAME = "simulation"
-
-
 def call(problem: Schema, context: Context) -> Call:
     """Return the call of the simulation."""
     if context.start is not None:
@@ -112,8 +109,10 @@ def explain(problem: Schema, context: Context) -> str:
     options = {name: study.options[name] for name in ("start", "inputs", "outputs", "prefer")}
     simulation.study.refuse_unknown(model, **options)
     del options["outputs"]
-    text = simulation.explain_simulation(model, **options, tolerance=problem.tolerance, method=problem.method)
-    return f"{problem.title or NAME}: {problem.final_time_s:g} s\n{text}"
+    text = simulation.explain_simulation(
+        model, **options, tolerance=problem.tolerance, method=problem.method, full=context.full
+    )
+    return f"{problem.heading}: {problem.final_time_s:g} s\n{text}"
 
 
 def _flattened(problem: Schema, context: Context) -> Any:

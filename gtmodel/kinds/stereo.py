@@ -32,7 +32,6 @@ class Schema(Problem):
     start: Made[options.StereoStart] = Made[options.StereoStart].left_out()
 
 
-NAME = "stereo"
 ARGUMENTS = {"corners": "corners.file"}
 
 
@@ -47,7 +46,7 @@ def call(problem: Schema, context: Context) -> Call:
 def explain(problem: Schema, context: Context) -> str:
     """Describe the images of each camera and the unit of length."""
     lines = stereo.explained_pictures(_table(problem, context), problem.board.options())
-    return "\n".join([f"{problem.title or NAME}: {lines[0]}", *lines[1:]])
+    return "\n".join([f"{problem.heading}: {lines[0]}", *lines[1:]])
 
 
 def _table(problem: Schema, context: Context) -> CornerTable:

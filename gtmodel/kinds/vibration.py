@@ -123,8 +123,6 @@ class Schema(Problem):
         return vibration.synthetic_records(known, self.synthetic.options()), known
 
 
-NAME = "vibration"
-
 _LINES = {
     "subspace": "block Hankel matrices, one LQ factor, singular values; A and C from the subspace, B, D and the "
     "initial state from least squares; the order from held-out samples",
@@ -160,7 +158,7 @@ def call(problem: Schema, context: Context) -> Call:
 
 def explain(problem: Schema, context: Context) -> str:
     """Describe the model and the recordings."""
-    lines = [f"{problem.title or NAME}: model {problem.model}", _LINES[problem.model]]
+    lines = [f"{problem.heading}: model {problem.model}", _LINES[problem.model]]
     if problem.model != "matrices":
         records, _ = problem.data(context)
         r = records[0]

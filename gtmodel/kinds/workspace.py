@@ -35,9 +35,6 @@ class Schema(RobotProblem):
     beams: list[Made[options.Beam]] = Field(default=[], description="beams of the frame that links must not touch")
 
 
-NAME = "workspace"
-
-
 def call(problem: Schema, context: Context) -> Call:
     """Return the call of the study of the section, with and without limits, and of the volume."""
     if context.start is not None:
@@ -60,8 +57,7 @@ def explain(problem: Schema, context: Context) -> str:
     )
     section, low, high, step = task.section, task.low, task.high, study.options["section"].step
     lines = [
-        f"{problem.title or NAME}: section orthogonal to ({listed(section.normal)}), through "
-        f"({listed(section.origin)}) m",
+        f"{problem.heading}: section orthogonal to ({listed(section.normal)}), through ({listed(section.origin)}) m",
         f"  u along ({listed(section.across)}) from {low[0]:.4g} to {high[0]:.4g} m, "
         f"v along ({listed(section.up)}) from {low[1]:.4g} to {high[1]:.4g} m, step {step:g} m",
         "  tests of a point, in this order:",

@@ -95,7 +95,6 @@ class Schema(Problem):
     synthetic: SyntheticWrenches | None = Field(default=None, description="synthetic readings")
 
 
-NAME = "wrench_calibration"
 ARGUMENTS = {
     "readings": "readings.file", "pushes": "readings.pushes", "force_noise": "readings.force_noise_N",
     "moment_noise": "readings.moment_noise_Nm", "turns": "readings.file", "forces": "readings.file",
@@ -250,7 +249,7 @@ def _quaternions(keys: ReadingsSection, poses: Trajectory) -> Trajectory:
 
 def explain(problem: Schema, context: Context) -> str:
     """Describe the readings."""
-    lines = [f"{problem.title or NAME}: bias, mass and centre of mass of a force sensor's load"]
+    lines = [f"{problem.heading}: bias, mass and centre of mass of a force sensor's load"]
     if problem.synthetic is not None:
         s = problem.synthetic.given()
         lines.append(f"  {s['poses']} poses at rest and {s['pushes']} pushes, synthetic, seed {s['seed']}")

@@ -80,11 +80,15 @@ class WristPartition:
     def of(cls, origins: ArrayLike, axes: ArrayLike) -> WristPartition:
         """Return the arm with axis origins (6, 3) [m], each in the preceding frame, and axis directions (6, 3).
 
-        Raises ValueError for an arm of another kind.
+        `kr500` and the other arms of `SphericalWristArm` have both as parameters; arms from a URDF do not. Raises
+        ValueError for an arm of another kind.
         """
         o, a = np.asarray(origins, float), np.asarray(axes, float)
         if a.shape != (6, 3) or not np.allclose(a, AXES):
-            raise ValueError(f"the axes are {a.tolist()}; expected -z, y, y, -x, y, -x")
+            raise ValueError(
+                f"this arm has no wrist of the expected form: its axes are {a.tolist()}; expected -z, y, y, -x, "
+                "y, -x at q = 0, as in the KR 500-3"
+            )
         expected = o * [[0, 0, 1], [1, 0, 1], [1, 0, 0], [1, 0, 1], [0, 0, 0], [1, 0, 0]]
         if o.shape != (6, 3) or not np.array_equal(o, expected):
             raise ValueError(

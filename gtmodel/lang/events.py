@@ -250,7 +250,7 @@ def terminate(sentence: str, *, failed: bool = False) -> Termination:
     Args:
         sentence: the reason; it becomes the result's message.
         failed: True if the motion has left the validity range of the model: the run has the status `failed`, or raises
-            if the simulation was told to raise. False if the simulation just ends early.
+            unless `simulate` was called with `throw=False`. False if the simulation just ends early.
 
     Raises ModelError for an empty sentence.
 

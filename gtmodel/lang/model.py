@@ -68,6 +68,7 @@ class Model:
     """
 
     _declared: ClassVar[dict[str, Declaration]] = {}
+    _notes: ClassVar[tuple[str, ...]] = ()  # sentences for the results, from the translation of Modelica text
     _path: str
     _values: dict[str, Any]
     causal = EngineMethod("gtmodel.compiler.causal", "compile_causal")

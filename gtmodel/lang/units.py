@@ -368,7 +368,7 @@ def parse_unit(text: str) -> ParsedUnit:
     Symbols: kg m s A K mol cd rad, N Pa J W V Ohm S F H Hz C Wb T, and with a scale um mm km ns us ms min g deg
     rev urad rpm kN MN kPa MPa GPa bar kHz kW mA mV mH uF kOhm. Products are written with ".", "*" or a space, quotients
     with "/", powers as "m2", "m^2", "s-1" or "m^(1/2)"; parentheses are allowed. "" and "1" are dimensionless. A
-    product after "/" is refused as ambiguous.
+    product after "/" is ambiguous and raises an error.
 
     Raises UnitError if the text is not a string, has an unknown symbol (with close matches), or has a syntax error
     (with its position).

@@ -81,7 +81,7 @@ def frequency_and_damping(s: Any) -> tuple[Any, Any]:
 
 def settled_covariance(F: np.ndarray, H: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.ndarray:
     """Return the steady-state predicted covariance (n, n) of a Kalman filter with F (n, n), H (k, n), Q (n, n) and
-    measurement variances R (k,). Raises numpy.linalg.LinAlgError if there is none."""
+    measurement variances R (k,). Raises numpy.linalg.LinAlgError if the filter has no steady state."""
     scale = np.sqrt(np.where(np.diag(Q) > 0, np.diag(Q), 1.0))  # position and acceleration differ by 1e8
     whitened = H / np.sqrt(R)[:, None]
     P = scipy.linalg.solve_discrete_are(

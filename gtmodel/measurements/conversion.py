@@ -54,16 +54,16 @@ class Conversion:
         for name in ("scale", "gear_ratio", "motor_constant"):
             value = getattr(self, name)
             if value is not None and not (np.all(np.isfinite(value)) and np.all(np.asarray(value) != 0)):
-                raise LogError(f"{name} contains {value}; expected finite numbers other than 0")
+                raise LogError(f"contains {value}; expected finite numbers other than 0", name)
         if self.coupling is None:
             return
         widths = {len(row) for row in self.coupling}
         if widths != {len(self.coupling)}:
             raise LogError(
-                f"coupling has {len(self.coupling)} rows of {sorted(widths)} numbers; expected a square matrix"
+                f"has {len(self.coupling)} rows of {sorted(widths)} numbers; expected a square matrix", "coupling"
             )
         if np.linalg.cond(np.asarray(self.coupling, float)) > 1e8:
-            raise LogError("coupling is singular: two joints would show one motion")
+            raise LogError("is singular: two joints would show one motion", "coupling")
 
     @property
     def is_plain(self) -> bool:
@@ -116,14 +116,14 @@ class Conversion:
         if self.coupling is None:
             return rows
         if len(self.coupling) != rows.shape[1]:
-            raise LogError(f"coupling has {len(self.coupling)} rows for {rows.shape[1]} columns")
+            raise LogError(f"has {len(self.coupling)} rows for {rows.shape[1]} columns", "coupling")
         return rows @ np.asarray(self.coupling, float).T
 
     @staticmethod
     def each(name: str, value: Numbers, width: int) -> Array:
         """Return one number for each column. Raises LogError for another number of them."""
         if np.ndim(value) and len(np.atleast_1d(value)) != width:
-            raise LogError(f"{name} has {len(np.atleast_1d(value))} numbers for {width} columns; give one, or one each")
+            raise LogError(f"has {len(np.atleast_1d(value))} numbers for {width} columns; give one, or one each", name)
         return np.array(np.broadcast_to(np.asarray(value, float), width))
 
     def _driven(self, unit: str) -> str:
@@ -131,7 +131,7 @@ class Conversion:
         if self.motor_constant is None:
             return unit
         if parse_unit(unit).dimension != CURRENT:
-            raise LogError(f"motor_constant needs columns of a current; found the unit {unit}")
+            raise LogError(f"needs columns of a current; found the unit {unit}", "motor_constant")
         return "N.m"
 
     def _quantity(self, unit: str) -> str:

@@ -94,7 +94,7 @@ def in_order(time: Array, late_rows: LateRows) -> np.ndarray | None:
     """Return the indices of the rows to take so that the time increases strictly, or None to take all rows.
 
     late_rows: "drop" leaves out late and repeated rows; "sort" sorts the rows by time; "refuse" changes nothing. Of
-    rows with equal times the first is taken.
+        rows with equal times only the first is kept.
     """
     if late_rows == "refuse" or not np.any(np.diff(time) <= 0):
         return None

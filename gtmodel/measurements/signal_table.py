@@ -90,13 +90,15 @@ def read(
     form: LogForm = LogForm(),  # noqa: B008
     *,
     gaps: bool = False,
+    leave_out: Sequence[int] = (),
 ) -> SignalTable:
     """Read the columns of each signal; `wanted`: signal -> its columns, or their common stem, and unit or units.
 
     The file may have any format that `open_log` reads; `form` declares a format that the file does not state. With
-    `gaps` an empty cell or nan is read as NaN. Other columns are ignored. Raises ArgumentError with the line for a
-    missing or repeated column, a unit other than the declared one, or a cell without a finite number. For a signal's
-    column or unit the argument of the error is "signals.NAME.column" or "signals.NAME.unit".
+    `gaps` an empty cell or nan is read as NaN. Rows at the line numbers in `leave_out` are not read. Other columns are
+    ignored. Raises ArgumentError with the line for a missing or repeated column, a unit other than the declared one, or
+    a cell without a finite number. For a signal's column or unit the argument of the error is "signals.NAME.column" or
+    "signals.NAME.unit"; for a line without a row it is "leave_out".
     """
     try:
         stream = stream_of(path, form, holding=_first(wanted))
@@ -111,10 +113,31 @@ def read(
         parts = zip(values.T, columns[signal].units, strict=True)
         return np.column_stack([convert(part, unit, parse_unit(unit).si_text) for part, unit in parts])
 
-    rows = stream.read({signal: c.names for signal, c in columns.items()}, si, gaps=gaps)
-    sessions = None if session is None else tuple(stream.texts(session))
+    rows = stream.read({signal: c.names for signal, c in columns.items()}, si, gaps=gaps or bool(leave_out))
+    lines = rows.lines.array()
+    kept = _kept(lines, leave_out, path.name)
+    values = {signal: numbers[kept] for signal, numbers in rows.values.items()}
+    for signal, numbers in () if gaps else values.items():
+        for k, j in np.argwhere(np.isnan(numbers)):  # raises the error that reading without gaps would raise
+            name = columns[signal].names[j]
+            raise stream.no_number(int(lines[kept][k]), name, stream.texts(name)[np.flatnonzero(kept)[k]])
+    sessions = None if session is None else tuple(np.array(stream.texts(session), object)[kept])
     note = next(iter(stream.comments.get("synthetic", [])), None)
-    return SignalTable(columns, rows.values, rows.lines.array(), sessions, note)
+    return SignalTable(columns, values, lines[kept], sessions, note)
+
+
+def _kept(lines: np.ndarray, leave_out: Sequence[int], file: str) -> np.ndarray:
+    """Mask of the rows that are read. Raises ArgumentError for a line without a row, and if no row is left."""
+    unknown = sorted(set(leave_out) - set(lines.tolist()))
+    if unknown:
+        raise ArgumentError(
+            f"names line {unknown[0]}, which holds no row of {file}; its rows are in lines {lines[0]} to {lines[-1]}",
+            "leave_out",
+        )
+    kept = ~np.isin(lines, list(leave_out))
+    if not kept.any():
+        raise ArgumentError(f"names all {len(lines)} rows of {file}; leave at least one", "leave_out")
+    return kept
 
 
 def _first(wanted: Mapping[str, tuple[str | Sequence[str], str | Sequence[str]]]) -> str:

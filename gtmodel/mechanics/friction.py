@@ -189,7 +189,8 @@ class PiecewiseLinearFriction(PiecewiseLinearSign, CoulombViscousLaw, _CoulombVi
 class SignFriction(ExactSign, CoulombViscousLaw, _CoulombViscous):
     """Coulomb and viscous friction exactly as in Dressler 2012, eq. (6.8): for identification away from zero velocity.
 
-    Optimisation refuses it, because the force is discontinuous at standstill. A simulation switches there and ends if
+    An optimisation with this part raises an error, because the force is discontinuous at standstill. A simulation
+    switches there and ends if
     the motion would stay at zero velocity; use `StictionFriction` for that.
 
     The discontinuity at standstill:

@@ -119,7 +119,9 @@ class CurvedGuideway(Guideway):
 class _ThroughPoints(CurvedGuideway):
     METHOD: Literal["linear", "cubic"]
     at = gt.parameter(shape=(None,), unit="m", increasing=True, description="coordinates q of the points")
-    deviation = gt.parameter(shape=(None, 3), unit="m", description="deviations from A + q v there, world coordinates")
+    deviation = gt.parameter(
+        shape=(None, 3), unit="m", description="deviations from the line A + q v at these points, world axes"
+    )
 
     def offset(self, q):
         return gt.interpolate(q, self.at, self.deviation, self.METHOD)

@@ -31,7 +31,7 @@ class Revolute(gt.Model):
     """
 
     axis = gt.parameter(
-        [0.0, 0.0, 1.0], unit="1", kind="direction", description="direction of the axis, coordinates of a (and of b)"
+        [0.0, 0.0, 1.0], unit="1", kind="direction", description="direction of the axis, the same in frames a and b"
     )
     a = gt.port(Frame)
     b = gt.port(Frame)
@@ -70,7 +70,7 @@ class Prismatic(gt.Model):
     """
 
     v = gt.parameter(
-        [1.0, 0.0, 0.0], unit="1", kind="direction", description="direction times transmission scale, coordinates of a"
+        [1.0, 0.0, 0.0], unit="1", kind="direction", description="direction times transmission scale, in frame a"
     )
     a = gt.port(Frame)
     b = gt.port(Frame)
@@ -109,9 +109,9 @@ class Universal(gt.Model):
     array([ 0.   , -0.5  ,  0.866])
     """
 
-    axis_1 = gt.parameter([1.0, 0.0, 0.0], unit="1", kind="direction", description="first axis, coordinates of a")
+    axis_1 = gt.parameter([1.0, 0.0, 0.0], unit="1", kind="direction", description="first axis, in frame a")
     axis_2 = gt.parameter(
-        [0.0, 1.0, 0.0], unit="1", kind="direction", description="second axis, coordinates of the cross"
+        [0.0, 1.0, 0.0], unit="1", kind="direction", description="second axis, in the frame of the cross"
     )
     a = gt.port(Frame)
     b = gt.port(Frame)

@@ -169,7 +169,8 @@ class MillingStudy(Study):
         float | None,
         Quantity(
             "",
-            "of the linear model with regeneration at the dynamic angle; below 1 stable; null: spindle too slow",
+            "spectral radius of the linear model with regeneration at the dynamic angle; below 1 stable; null: "
+            "spindle too slow",
         ),
     ] = None
     guideline: Annotated[Sequence[str] | None, Quantity("", "recommendations in sentences")] = None

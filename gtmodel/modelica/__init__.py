@@ -1,15 +1,15 @@
-"""Modelica and Optimica text: a class of a `.mo` or `.mop` file becomes a gtmodel class. Knows no robot.
+"""Modelica and Optimica text: a class of a `.mo` or `.mop` file becomes a gtmodel class. Independent of robots.
 
-Reading needs the package lark: `pip install 'gtmodel[modelica]'`.
+The parser needs the package lark: `pip install 'gtmodel[modelica]'`.
 
     load                 "vdp.mop:VDP_Opt" -> a gt.Optimization or gt.Model, whose errors name lines of the text
-    python_of            the same as the text of a Python module
-    flat_of_text         the same as flat Modelica text, which reads back as the same class
-    listing              what can be solved or simulated in a file
-    ModelicaError        a sentence with file, line and the line itself
-    first_guess          a simulation to start a problem of free time from
+    python_of            the same class as the text of a Python module
+    flat_of_text         the same class as flat Modelica text, from which `load` gives the same class again
+    listing              classes of a file that can be solved or simulated
+    ModelicaError        an error message with file, line number and the line itself
+    first_guess          a simulation as the initial guess of a problem with free time
     simulated_guess      the same for any problem
-    plain, step, whole   an expression without its unit, and numbers of an instant, which printed classes use
+    plain, step, whole   an expression without its unit; a step and a floor at an instant. Printed classes use them
 """
 
 from typing import TYPE_CHECKING

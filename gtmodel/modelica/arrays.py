@@ -1,4 +1,4 @@
-"""Arrays of scalar expressions, and what Modelica's operators do to them."""
+"""Arrays of scalar expressions, and Modelica's operators on them."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ class RecordValue(dict[str, Any]):
 
 
 def scalar(x: Scalar) -> Values:
-    """A scalar as an array of shape ()."""
+    """Return a scalar as an array of shape ()."""
     result = np.empty((), object)
     result[()] = x
     return result
 
 
 def array(items: Sequence[Any], shape: tuple[int, ...]) -> Values:
-    """Scalars in the order of the last index first."""
+    """Return scalars as an array; the last index varies fastest."""
     result = np.empty(len(items), object)
     for n, item in enumerate(items):
         result[n] = item
@@ -33,7 +33,7 @@ def array(items: Sequence[Any], shape: tuple[int, ...]) -> Values:
 
 
 def stacked(items: Sequence[Any], at: Place | None) -> Any:
-    """Equal arrays along a new first dimension. Raises ModelicaError for shapes that differ."""
+    """Stack arrays along a new first dimension. Raises ModelicaError if their shapes differ."""
     if items and all(isinstance(x, RecordValue) for x in items):
         result = np.empty(len(items), object)
         for n, x in enumerate(items):
@@ -52,7 +52,7 @@ def _shape(shape: Any) -> str:
 
 
 def each(function: Callable[..., Scalar], *given: Values) -> Values:
-    """A function of scalars on arrays of one shape; scalars go with each."""
+    """Apply a function of scalars entry by entry to arrays of one shape; a scalar is used for every entry."""
     shape = next((g.shape for g in given if g.shape), ())
     if not shape:
         return scalar(function(*[g[()] for g in given]))
@@ -67,15 +67,18 @@ def entries(value: Values) -> Iterator[Scalar]:
 def same_shape(a: Values, b: Values, what: str, at: Place | None, scalars: bool = False) -> None:
     if a.shape != b.shape and not (scalars and (a.shape == () or b.shape == ())):
         hint = f"; write .{what} between a scalar and an array" if what in "+-" and () in (a.shape, b.shape) else ""
-        raise ModelicaError(f"'{what}' takes operands of one shape; found {_of(a)} and {_of(b)}{hint}", at)
+        raise ModelicaError(
+            f"'{what}' needs operands of the same shape; found {shape_words(a.shape)} and {shape_words(b.shape)}{hint}",
+            at,
+        )
 
 
-def _of(a: Values) -> str:
-    return "a scalar" if not a.shape else f"an array of shape {a.shape}"
+def shape_words(shape: tuple[int, ...]) -> str:
+    return "a scalar" if not shape else f"an array of shape {shape}"
 
 
 def binary(name: str, a: Values, b: Values, at: Place | None) -> Values:
-    """One of Modelica's operators between two values. Raises ModelicaError for shapes that do not fit."""
+    """Apply one of Modelica's binary operators. Raises ModelicaError if the shapes do not match."""
     if name in (".+", ".-", ".*", "./", ".^"):
         same_shape(a, b, name, at, scalars=True)
         plain = "**" if name == ".^" else name[1:]
@@ -87,13 +90,13 @@ def binary(name: str, a: Values, b: Values, at: Place | None) -> Values:
         return product(a, b, at)
     if name == "/":
         if b.shape:
-            raise ModelicaError("a division takes a scalar on its right; write ./ between arrays", at)
+            raise ModelicaError("the divisor of '/' must be a scalar; write ./ for each entry", at)
         return each(lambda x, y: operation("/", (x, y), at), a, b)
     if name == "^":
         return _raised(a, b, at)
     if name in ("and", "or", "<", "<=", ">", ">=", "==", "<>"):
         if (a.shape or b.shape) and name not in ("and", "or"):
-            same_shape(a, b, name, at, scalars=True)  # of constraints: one for each entry
+            same_shape(a, b, name, at, scalars=True)  # in constraints: one relation for each entry
         return each(lambda x, y: operation(name, (x, y), at), a, b)
     raise ModelicaError(f"there is no operator '{name}'", at)
 
@@ -106,13 +109,13 @@ def _power(x: Scalar, y: Scalar, at: Place | None) -> Scalar:
 
 def _raised(a: Values, b: Values, at: Place | None) -> Values:
     if b.shape:
-        raise ModelicaError("an exponent is a scalar; write .^ between arrays", at)
+        raise ModelicaError("the exponent of '^' must be a scalar; write .^ for each entry", at)
     if not a.shape:
         return scalar(_power(a[()], b[()], at))
     n = b[()]
     if a.ndim != 2 or a.shape[0] != a.shape[1] or not is_number(n) or n != int(n) or not 0 <= n <= 1000:
         raise ModelicaError(
-            "'^' of an array takes a square matrix and a whole number up to 1000; write .^ for each entry", at
+            "'^' of an array needs a square matrix and an Integer exponent from 0 to 1000; write .^ for each entry", at
         )
     result = identity(a.shape[0])
     for _ in range(int(n)):
@@ -120,7 +123,7 @@ def _raised(a: Values, b: Values, at: Place | None) -> Values:
     return result
 
 
-# terms of a chain; beyond, its expression would be deeper than what follows it goes
+# terms of a chain; longer ones would be nested deeper than recursive functions allow
 LONG_CHAIN = 200
 
 
@@ -129,13 +132,15 @@ def identity(n: int) -> Values:
 
 
 def summed(items: Sequence[Scalar], at: Place | None) -> Scalar:
-    """From the left; 0 of nothing."""
+    """Return the sum, added from the left; 0 for no items."""
     return chained([("+", scalar(x), at) for x in items])[()] if items else 0
 
 
 def chained(terms: Sequence[tuple[str, Values, Place | None]]) -> Values:
-    """a + b - c ... from the left, each term with the operator before it; one of many terms is halved, again and again,
-    for an expression that is less deep. A chain of other operators likewise."""
+    """Return a + b - c ..., or a chain of another operator, from the left; each term has the operator before it.
+
+    A chain of more than LONG_CHAIN terms is halved recursively, so that its expression is less deep.
+    """
     if len(terms) <= LONG_CHAIN:
         total = terms[0][1]
         for name, x, at in terms[1:]:
@@ -148,7 +153,7 @@ def chained(terms: Sequence[tuple[str, Values, Place | None]]) -> Values:
 
 
 def dotted(a: Sequence[Scalar], b: Sequence[Scalar], at: Place | None) -> Scalar:
-    """Sum of products without those that are zero in the text."""
+    """Return the sum of products without products in which a factor is the literal 0."""
     terms = [
         operation("*", (x, y), at)
         for x, y in zip(a, b, strict=True)
@@ -161,7 +166,7 @@ def product(a: Values, b: Values, at: Place | None) -> Values:
     if not a.shape or not b.shape:
         return each(lambda x, y: operation("*", (x, y), at), a, b)
     if a.ndim > 2 or b.ndim > 2 or a.shape[-1] != b.shape[0]:
-        raise ModelicaError(f"'*' takes matching shapes; found {a.shape} and {b.shape}; write .* for each entry", at)
+        raise ModelicaError(f"'*' needs matching shapes; found {a.shape} and {b.shape}; write .* for each entry", at)
     inner = a.shape[-1]
     rows = a.reshape(int(np.prod(a.shape[:-1])), inner)
     columns = b.reshape(inner, int(np.prod(b.shape[1:]))).T
@@ -174,12 +179,14 @@ def negative(a: Values, at: Place | None) -> Values:
 
 
 def joined(dimension: int, items: Sequence[Values], at: Place | None) -> Values:
-    """cat(dimension, ...), from 1."""
+    """Return cat(dimension, ...); dimension counts from 1."""
     try:
         return np.concatenate([x if x.ndim >= dimension else x.reshape((*x.shape, 1)) for x in items], dimension - 1)
     except ValueError:
         shapes = " and ".join(str(x.shape) for x in items)
-        raise ModelicaError(f"arrays of shapes {shapes} cannot be joined along dimension {dimension}", at) from None
+        raise ModelicaError(
+            f"arrays of shapes {shapes} cannot be concatenated along dimension {dimension}", at
+        ) from None
 
 
 def matrix_of(rows: Sequence[Sequence[Values]], at: Place | None) -> Values:

@@ -1,4 +1,4 @@
-"""Modelica's own functions and operators: der, mathematical functions, and those that make and reduce arrays."""
+"""Built-in functions and operators of Modelica: der, mathematical functions, array constructors and reductions."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ _ONE = (
 )  # fmt: skip
 _TWO = ("atan2", "mod", "rem", "div")
 _EVENTS = {
-    "terminal": "terminal() asks for the end of a simulation, which is not taken",
-    "reinit": "reinit() stands in a when clause, and is no value",
-    "terminate": "terminate() stands in a when clause, and is no value",
-    "spliceFunction": "spliceFunction() is of another tool, and is not taken",
-    "cardinality": "cardinality() counts connections, which is not taken; decide by a Boolean parameter",
-    "inStream": "stream connectors are not taken", "actualStream": "stream connectors are not taken",
+    "terminal": "terminal() is not supported: a simulation does not know its end in advance",
+    "reinit": "reinit() has no value; it is an action of a when clause",
+    "terminate": "terminate() has no value; it is an action of a when clause",
+    "spliceFunction": "spliceFunction() is specific to another tool and is not supported",
+    "cardinality": "cardinality() counts connections, which is not supported; use a Boolean parameter",
+    "inStream": "stream connectors are not supported", "actualStream": "stream connectors are not supported",
 }  # fmt: skip
 MATHEMATICAL = {name: name for name in (*_ONE, "atan2")}
 
 
 def reduced(name: str, items: Values, at: Place, loops: int = 1) -> Values:
-    """sum(e for i in r), and product, min, max likewise."""
+    """Return the value of a reduction, such as sum(e for i in r); loops: number of iterators."""
     flat = [x for item in items for x in (entries(item) if isinstance(item, np.ndarray) else [item])]
     if name == "sum":
         if items.ndim > loops:
@@ -47,9 +47,9 @@ def reduced(name: str, items: Values, at: Place, loops: int = 1) -> Values:
         return scalar(_folded("*", flat, 1, at))
     if name in ("min", "max"):
         if not flat:
-            raise ModelicaError(f"{name}() of nothing has no value", at)
+            raise ModelicaError(f"{name}() of an empty array has no value", at)
         return scalar(_folded(name, flat, None, at))
-    raise ModelicaError(f"{name}() takes no loop inside; sum, product, min, max and array do", at)
+    raise ModelicaError(f"{name}() is not a reduction; only sum, product, min, max and array take iterators", at)
 
 
 def _folded(name: str, items: list[Any], empty: Any, at: Place) -> Any:
@@ -62,17 +62,17 @@ def _folded(name: str, items: list[Any], empty: Any, at: Place) -> Any:
 
 
 def called(name: str, node: FunctionCall, scope: NameScope, model: Evaluator) -> Any:
-    """The value of a call of one of these functions. Raises ModelicaError for wrong arguments."""
+    """Return the value of a call of a built-in function. Raises ModelicaError for wrong arguments."""
     if node.named and name not in ("smooth", "delay", "homotopy", "assert", "String"):
-        raise ModelicaError(f"{name}() takes arguments without names", node.at)
+        raise ModelicaError(f"{name}() takes positional arguments only", node.at)
     if name in _EVENTS:
         raise ModelicaError(_EVENTS[name], node.at)
     try:
         return _called(name, node, scope, model)
     except ModelicaError:
         raise
-    except (IndexError, TypeError, ValueError) as error:  # of NumPy, for arrays of other shapes
-        raise ModelicaError(f"{name}() does not take these arguments: {error}", node.at) from None
+    except (IndexError, TypeError, ValueError) as error:  # NumPy's, for wrong shapes
+        raise ModelicaError(f"{name}() has invalid arguments: {error}", node.at) from None
 
 
 def _called(name: str, node: FunctionCall, scope: NameScope, model: Evaluator) -> Any:
@@ -96,7 +96,7 @@ def _der(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     (x,) = _arguments("der", node, scope, model, 1)
     for e in entries(x):
         if is_literal(e):
-            raise ModelicaError(f"der() takes an expression of the model; found {e}", node.at)
+            raise ModelicaError(f"der() needs an expression that contains variables; found {e}", node.at)
     return each(lambda e: Operation("der", (e,), node.at), x)
 
 
@@ -122,11 +122,11 @@ def _size(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     first = node.arguments[0] if node.arguments else None
     x = None
     if isinstance(first, Reference) and len(first.parts) == 1 and first.parts[0].subscripts is None:
-        x = scope.locals.get(first.parts[0].name)  # which has its size before it has values
+        x = scope.locals.get(first.parts[0].name)  # a local variable has a size before it has values
     if x is None and first is not None:
         x = model.evaluate(first, scope)
     if not isinstance(x, np.ndarray) or len(node.arguments) > 2:
-        raise ModelicaError("size() takes an array, and which of its dimensions", node.at)
+        raise ModelicaError("size() takes an array and optionally one of its dimensions", node.at)
     if len(node.arguments) == 1:
         return array(list(x.shape), (x.ndim,))
     n = model.whole(node.arguments[1], scope, "the dimension in size()")
@@ -142,14 +142,14 @@ def _ndims(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
 
 def _filled(value: Any) -> Callable[[FunctionCall, NameScope, Evaluator], Values]:
     def of(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
-        given = node.arguments if value is not None else node.arguments[1:]
-        shape = tuple(model.whole(a, scope, "a size") for a in given)
+        sizes = node.arguments if value is not None else node.arguments[1:]
+        shape = tuple(model.whole(a, scope, "a size") for a in sizes)
         entry = scalar(value) if value is not None else model.array(node.arguments[0], scope)
-        if not given:
-            raise ModelicaError(f"{node.reference}() takes sizes", node.at)
+        if not sizes:
+            raise ModelicaError(f"{node.reference}() needs at least one size", node.at)
         count = math.prod(shape)
         if any(n < 0 for n in shape):
-            raise ModelicaError(f"a size is not below 0; found {shape}", node.at)
+            raise ModelicaError(f"a size must not be negative; found {shape}", node.at)
         model.spend(count * entry.size, node.at)
         return array([x for _ in range(count) for x in entries(entry)], shape + entry.shape)
 
@@ -158,7 +158,7 @@ def _filled(value: Any) -> Callable[[FunctionCall, NameScope, Evaluator], Values
 
 def _identity(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     if len(node.arguments) != 1:
-        raise ModelicaError("identity() takes a size", node.at)
+        raise ModelicaError("identity() takes one size", node.at)
     n = model.whole(node.arguments[0], scope, "a size")
     model.spend(n * n, node.at)
     return identity(n)
@@ -173,9 +173,9 @@ def _diagonal(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
 
 def _linspace(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     if len(node.arguments) != 3:
-        raise ModelicaError("linspace() takes two ends and a count", node.at)
+        raise ModelicaError("linspace() takes the two ends and the number of points", node.at)
     a, b = (model.one(x, scope) for x in node.arguments[:2])
-    n = model.whole(node.arguments[2], scope, "the count in linspace()")
+    n = model.whole(node.arguments[2], scope, "the number of points in linspace()")
     model.spend(n, node.at)
     step = operation("-", (b, a), node.at)
     parts = [operation("/", (operation("*", (k, step), node.at), n - 1), node.at) for k in range(n)]
@@ -222,7 +222,9 @@ def _cat(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     dimension = model.whole(node.arguments[0], scope, "the dimension in cat()")
     items = [model.array(a, scope) for a in node.arguments[1:]]
     if not 1 <= dimension <= min(x.ndim for x in items):
-        raise ModelicaError(f"cat() joins along a dimension that its arrays have; found {dimension}", node.at)
+        raise ModelicaError(
+            f"cat() concatenates along a dimension that all its arrays have; found {dimension}", node.at
+        )
     model.spend(sum(x.size for x in items), node.at)
     return joined(dimension, items, node.at)
 
@@ -254,18 +256,18 @@ def _symmetric(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values
 
 
 def _first(node: FunctionCall, scope: NameScope, model: Evaluator) -> Any:
-    """noEvent(e), homotopy(a, s), getInstanceName and the like: what stands in them."""
-    given = node.arguments[0] if node.arguments else node.named.get("actual")
-    if given is None:
+    """Return the first argument, for noEvent(e), homotopy(a, s) and Integer(e)."""
+    expression = node.arguments[0] if node.arguments else node.named.get("actual")
+    if expression is None:
         raise ModelicaError(f"{node.reference}() takes an expression", node.at)
-    return model.evaluate(given, scope)
+    return model.evaluate(expression, scope)
 
 
 def _smooth(node: FunctionCall, scope: NameScope, model: Evaluator) -> Any:
-    given = node.arguments[1] if len(node.arguments) > 1 else None
-    if given is None:
+    expression = node.arguments[1] if len(node.arguments) > 1 else None
+    if expression is None:
         raise ModelicaError("smooth() takes an order and an expression", node.at)
-    return model.evaluate(given, scope)
+    return model.evaluate(expression, scope)
 
 
 def _semi_linear(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
@@ -277,53 +279,55 @@ def _semi_linear(node: FunctionCall, scope: NameScope, model: Evaluator) -> Valu
 
 def _at_events(name: str) -> Callable[[FunctionCall, NameScope, Evaluator], Values]:
     def of(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
-        given = [model.array(a, scope) for a in node.arguments]
+        arguments = [model.array(a, scope) for a in node.arguments]
         if name == "initial":
             return scalar(Operation("initial", (), node.at))
         if name == "sample":
-            if len(given) != 2:
-                raise ModelicaError(f"sample() takes a start and an interval; found {len(given)} arguments", node.at)
-            return each(lambda x, y: Operation("sample", (x, y), node.at), *given)
-        if len(given) != 1:
-            raise ModelicaError(f"{name}() takes one argument; found {len(given)}", node.at)
-        return each(lambda x: Operation(name, (x,), node.at), given[0])
+            if len(arguments) != 2:
+                raise ModelicaError(
+                    f"sample() takes a start and an interval; found {len(arguments)} arguments", node.at
+                )
+            return each(lambda x, y: Operation("sample", (x, y), node.at), *arguments)
+        if len(arguments) != 1:
+            raise ModelicaError(f"{name}() takes one argument; found {len(arguments)}", node.at)
+        return each(lambda x: Operation(name, (x,), node.at), arguments[0])
 
     return of
 
 
 def _delay(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     if len(node.arguments) < 2:
-        raise ModelicaError("delay() takes an expression and a time", node.at)
+        raise ModelicaError("delay() takes an expression and a delay time", node.at)
     x = model.one(node.arguments[0], scope)
-    tau = model.number(node.arguments[1], scope, "the time of delay()")
+    tau = model.number(node.arguments[1], scope, "the delay time of delay()")
     return scalar(Operation("delay", (x, float(tau)), node.at))
 
 
 def _text(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
-    value = number_of(model.one(node.arguments[0], scope), node.at, "a text")
+    value = number_of(model.one(node.arguments[0], scope), node.at, "the argument of String()")
     return scalar(str(value).lower() if isinstance(value, bool) else str(value))
 
 
 def _assert(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
-    given = dict(zip(("condition", "message", "level"), node.arguments, strict=False)) | node.named
-    if "condition" not in given:
+    arguments = dict(zip(("condition", "message", "level"), node.arguments, strict=False)) | node.named
+    if "condition" not in arguments:
         raise ModelicaError("assert() takes a condition and a message", node.at)
-    condition = model.truth(given["condition"], scope)
+    condition = model.truth(arguments["condition"], scope)
     if condition is False:
-        said = given.get("message")
-        text = said.value if isinstance(said, Literal) else "an assertion is violated"
-        level = model.one(given["level"], scope) if "level" in given else None
+        message = arguments.get("message")
+        text = message.value if isinstance(message, Literal) else "assertion violated"
+        level = model.one(arguments["level"], scope) if "level" in arguments else None
         if not isinstance(level, EnumerationLiteral) or level.name != "warning":
             raise ModelicaError(f"assert: {text}", node.at)
         model.warn(f"assert: {text}", node.at)
         return scalar(True)
     if condition is not True:
-        model.warn("this assert() speaks of variables; it is not watched", node.at)
+        model.warn("this assert() depends on variables; it is not monitored", node.at)
     return scalar(True)
 
 
 def _unnamed(node: SyntaxNode, *_: Any) -> Any:
-    raise ModelicaError("this is not taken here", node.at)
+    raise ModelicaError("this function is not supported here", node.at)
 
 
 BUILT_IN: dict[str, Callable[[FunctionCall, NameScope, Evaluator], Any]] = {

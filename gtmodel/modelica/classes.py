@@ -1,4 +1,4 @@
-"""A class written as syntax tree: compiled, so that each of its lines is one of the text, or printed."""
+"""A class as a Python syntax tree: compiled, with the line numbers of the text, or printed."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from ..lang.optimization import Optimization
 from ..lang.units import DIMENSIONLESS
 from .syntax import ModelicaError, Place, Source
 
-# of a number whose whole part is asked for at an instant at which it becomes whole
+# relative round-off tolerance for a floor at the instant at which the value reaches an integer
 ROUND_OFF = 1e-12
 _TAKEN = frozenset(n for n in (*dir(Optimization), "time", "where", "gt", "der", "self") if not n.startswith("__"))
 
 
 def identifier(name: str) -> str:
-    """A name of the text as one of Python: `tank[2].x` becomes tank_2_x."""
+    """Return a name of the text as a Python identifier: `tank[2].x` becomes tank_2_x."""
     word = "".join(c if c.isalnum() and c.isascii() else "_" for c in name).strip("_") or "x"
     word = word if not word[0].isdigit() else f"n_{word}"
     while "__" in word:
@@ -32,15 +32,15 @@ def identifier(name: str) -> str:
 
 
 def exact(name: str) -> str:
-    """The name of the text itself, but for names that every model has."""
+    """Return the name of the text, with an underscore added if every model has an attribute of that name."""
     if name.startswith("_"):
-        raise ModelicaError(f"names that begin with an underscore are not taken; found '{name}'")
+        raise ModelicaError(f"names that begin with an underscore are not supported; found '{name}'")
     return f"{name}_" if name in _TAKEN or name in ("None", "True", "False") else name
 
 
 @dataclass(eq=False)
 class Written:
-    """A class as statements with their places: of its body, and of its methods."""
+    """A class as Python statements with their places in the text: of its body and of its methods."""
 
     name: str
     at: Place
@@ -48,7 +48,7 @@ class Written:
     description: str
     body: list[tuple[Place, ast.stmt]] = field(default_factory=list)
     methods: dict[str, list[tuple[Place, ast.stmt]]] = field(default_factory=dict)
-    helpers: list[str] = field(default_factory=list)  # discrete variables that results leave out
+    helpers: list[str] = field(default_factory=list)  # discrete variables that results do not contain
 
 
 def _method(name: str, statements: list[ast.stmt], line: int) -> ast.FunctionDef:
@@ -61,7 +61,7 @@ def _method(name: str, statements: list[ast.stmt], line: int) -> ast.FunctionDef
 
 
 def text_of(written: Written) -> str:
-    """The class as a Python module."""
+    """Return the class as the text of a Python module."""
     base = "gt.Optimization" if written.optimization else "gt.Model"
     words = written.description or f"{written.name}, from Modelica text."
     body: list[ast.stmt] = [ast.Expr(ast.Constant(words)), *[s for _, s in written.body]]
@@ -82,8 +82,9 @@ def text_of(written: Written) -> str:
 
 
 def plain(x: Any) -> Any:
-    """An expression without its unit: time in a text that declares no units, and what stands where units do not fit. A
-    number stays what it is.
+    """Return an expression without its unit; a number is returned unchanged.
+
+    Used for time in a text that declares no units, and for quantities of an equation whose units are inconsistent.
 
     >>> m = gt.Builder()
     >>> gt.modelica.plain(m.variable("x", unit="m"))
@@ -93,8 +94,9 @@ def plain(x: Any) -> Any:
 
 
 def step(a: Any, b: Any) -> Any:
-    """1 where a >= b at an instant, else 0: for the right sides of actions of `gt.when`, whose numbers are those of the
-    instant. Elsewhere `gt.If` switches at the exact time.
+    """Return 1 if a >= b, otherwise 0, for the right side of an action of `gt.when`, which is evaluated at one instant.
+
+    Elsewhere use `gt.If`, which switches at the exact time.
 
     >>> m = gt.Builder()
     >>> gt.modelica.step(m.variable("x", unit="m"), 1.0)
@@ -106,8 +108,9 @@ def step(a: Any, b: Any) -> Any:
 
 
 def whole(x: Expr) -> Expr:
-    """The largest whole number that is not above an expression, but for round-off: for the right sides of actions of
-    `gt.when`, as `step`.
+    """Return the floor of an expression, with a tolerance for round-off.
+
+    As `step`, for the right side of an action of `gt.when`.
 
     >>> m = gt.Builder()
     >>> gt.modelica.whole(m.variable("x", unit="m")).shape
@@ -116,11 +119,11 @@ def whole(x: Expr) -> Expr:
     return Expr(ca.floor(x.sx + ROUND_OFF * (1 + ca.fabs(x.sx))), (), None, x.scope)
 
 
-def class_of(written: Written, more: dict[str, Any] | None = None) -> type[Model]:
-    """The class, each of whose lines is one of the text. Nothing of the text is evaluated but what was translated."""
+def class_of(written: Written, extra_names: dict[str, Any] | None = None) -> type[Model]:
+    """Compile the class with the line numbers of the text. Executes translated statements only, with no builtins."""
     gt: Any = import_module("gtmodel")
     world: dict[str, Any] = {"gt": gt, "der": gt.der, "plain": plain, "step": step, "whole": whole}
-    world |= {"__builtins__": {}, "__name__": "modelica", **(more or {})}
+    world |= {"__builtins__": {}, "__name__": "modelica", **(extra_names or {})}
     namespace: dict[str, Any] = {"__doc__": written.description, "__module__": "modelica"}
     for source, statements in _runs(written.body):
         code = compile(ast.Module(statements, []), source.name, "exec")
@@ -130,20 +133,24 @@ def class_of(written: Written, more: dict[str, Any] | None = None) -> type[Model
     for name, lines in written.methods.items():
         parts = []
         for source, statements in _runs(lines):
-            inside: dict[str, Any] = {}
+            methods_namespace: dict[str, Any] = {}
             first = getattr(statements[0], "lineno", 1)
-            exec(compile(ast.Module([_method(name, statements, first)], []), source.name, "exec"), world, inside)
-            parts.append(inside[name])
+            exec(
+                compile(ast.Module([_method(name, statements, first)], []), source.name, "exec"),
+                world,
+                methods_namespace,
+            )
+            parts.append(methods_namespace[name])
         namespace[name] = parts[0] if len(parts) == 1 else _chained(parts)
     base = Optimization if written.optimization else Model
 
     def __init__(self: Any, **modifiers: Any) -> None:  # noqa: N807
         base.__init__(self, **modifiers)
-        self._keep(where=written.at.where)  # of the text, not of who makes the model
+        self._keep(where=written.at.where)  # the class in the text, not the caller
 
-    own = {"__init__": __init__, "_written": written.at.where, "_counts_from_one": True}
-    made: Any = type(written.name, (base,), {**namespace, **own})
-    return made
+    attributes = {"__init__": __init__, "_written": written.at.where, "_counts_from_one": True}
+    cls: Any = type(written.name, (base,), {**namespace, **attributes})
+    return cls
 
 
 def _chained(parts: list[Callable[[Any], Any]]) -> Callable[[Any], Any]:
@@ -155,7 +162,7 @@ def _chained(parts: list[Callable[[Any], Any]]) -> Callable[[Any], Any]:
 
 
 def _runs(lines: list[tuple[Place, ast.stmt]]) -> Iterable[tuple[Source, list[ast.stmt]]]:
-    """Neighbouring statements of one file together: code has one file name."""
+    """Group consecutive statements of one file, since a code object has one file name."""
     run: list[ast.stmt] = []
     for n, (place, statement) in enumerate(lines):
         run.append(statement)

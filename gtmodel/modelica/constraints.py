@@ -1,4 +1,4 @@
-"""A class without components, scalars and equations between them, and constraints that say more than a constraint."""
+"""A flattened class: scalars and equations; and constraints that are rewritten as equations or with constants."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .syntax import Place
 
 @dataclass(frozen=True, eq=False)
 class ScalarEquation:
-    """left == right, or with another relation in a constraint."""
+    """left == right; in a constraint, relation may also be an inequality."""
 
     left: Any
     right: Any
@@ -21,7 +21,7 @@ class ScalarEquation:
 
 @dataclass(frozen=True, eq=False)
 class ScalarIf:
-    """One of two sets of equations, as many on each side, by a condition."""
+    """Two sets of equations of the same size; a condition selects one."""
 
     condition: Any
     then: tuple[ScalarEquation, ...]
@@ -31,8 +31,10 @@ class ScalarIf:
 
 @dataclass(frozen=True, eq=False)
 class WhenBranch:
-    """What happens at the instants at which a condition comes true, if no branch before it happens. end: the
-    simulation's, by a sentence, and whether the model has failed."""
+    """One branch of a when clause: its actions at the instants at which its condition becomes true.
+
+    A branch acts only if no branch before it does. end: message of terminate(), and whether an assertion failed.
+    """
 
     condition: Any
     actions: tuple[ScalarEquation, ...]
@@ -43,11 +45,11 @@ class WhenBranch:
 
 @dataclass(frozen=True, eq=False)
 class ScalarWhen:
-    """Branches by precedence. own: gtmodel's, not of the text."""
+    """A when clause; earlier branches have precedence. internal: added by gtmodel, not in the text."""
 
     branches: tuple[WhenBranch, ...]
     at: Place
-    own: bool = False
+    internal: bool = False
 
     @property
     def actions(self) -> list[ScalarEquation]:
@@ -55,7 +57,7 @@ class ScalarWhen:
 
 
 def expressions(e: ScalarEquation | ScalarIf | ScalarWhen) -> list[Any]:
-    """What an equation reads, conditions included; of a when clause not the variables that it sets."""
+    """Return the expressions of an equation, with conditions; for a when clause without the assigned variables."""
     if isinstance(e, ScalarWhen):
         values = [x for b in e.branches for x in (b.condition, *(v for _, v in b.restarts))]
         return [*values, *(a.right for a in e.actions)]
@@ -66,7 +68,7 @@ def expressions(e: ScalarEquation | ScalarIf | ScalarWhen) -> list[Any]:
 
 @dataclass(eq=False)
 class Flattened:
-    """A class without components: variables, parameters and equations in the order of the text."""
+    """A flattened class: variables, parameters and equations in the order of the text."""
 
     name: str
     at: Place
@@ -81,26 +83,29 @@ class Flattened:
     warnings: list[str] = field(default_factory=list)
     header_at: dict[str, Place] = field(default_factory=dict)
     static: bool = False
-    # where units do not fit: lines of a file by method, and ids of declared variables
+    # inconsistent units: lines without units (method, file, line), and ids of variables declared without unit
     bare: set[tuple[str, str, int]] = field(default_factory=set)
     without_unit: set[int] = field(default_factory=set)
-    # variables, equations and initial equations as the text has them, before events are in the language's forms
+    # variables, equations and initial equations of the text, before settle_events rewrites them
     text: tuple[list[Flat], list[Any], list[ScalarEquation]] | None = None
     parts: list[Any] = field(default_factory=list)  # of gt.mechanics, see multibody.parts.MechanicsPart
-    joined: list[tuple[str, str, Place]] = field(default_factory=list)  # ports of them
-    shown: list[Flat] = field(default_factory=list)  # quantities of parts that are names of the text
-    optional: set[int] = field(default_factory=set)  # variables that may be left out, by id
+    joined: list[tuple[str, str, Place]] = field(default_factory=list)  # connected ports of parts
+    shown: list[Flat] = field(default_factory=list)  # quantities of parts that have names in the text
+    optional: set[int] = field(default_factory=set)  # ids of variables that may be left out
 
 
 def constraints_settled(out: Flattened) -> None:
-    """A path equality that alone speaks of a variable becomes an equation; a value at an instant that stands beside
-    values along the path becomes a variable of its own, which is constant."""
+    """Rewrite constraints that are not pure path or point constraints.
+
+    A path equality becomes an equation if it contains a variable that no equation contains. In a constraint that
+    mixes path and point values, each point value becomes a new variable, which is constant.
+    """
     used = {id(f) for e in out.equations for x in sides(e) for f in symbols(x)}
     kept: list[ScalarEquation] = []
     for e in out.constraints:
-        own = [f for f in (*symbols(e.left), *symbols(e.right)) if f.kind == "variable" and id(f) not in used]
-        if e.relation == "==" and own and not any(_instants(x) for x in (e.left, e.right)):
-            used |= {id(f) for f in own}
+        new_variables = [f for f in (*symbols(e.left), *symbols(e.right)) if f.kind == "variable" and id(f) not in used]
+        if e.relation == "==" and new_variables and not any(_instants(x) for x in (e.left, e.right)):
+            used |= {id(f) for f in new_variables}
             out.equations.append(e)
         else:
             kept.append(e)
@@ -109,7 +114,7 @@ def constraints_settled(out: Flattened) -> None:
 
 
 def sides(e: Any) -> list[Any]:
-    """Both sides of an equation, or of all inside a conditional one."""
+    """Return both sides of an equation, or of all equations in a conditional or when equation."""
     if isinstance(e, ScalarIf):
         return [x for part in (*e.then, *e.otherwise) for x in (part.left, part.right)]
     if isinstance(e, ScalarWhen):
@@ -122,7 +127,7 @@ def _instants(x: Any) -> bool:
 
 
 def _moves(x: Any) -> bool:
-    """Does it hold anything along the path?"""
+    """True if an expression contains a value along the path, outside of values at an instant."""
     return any(
         e.flat.kind not in ("parameter", "constant") if isinstance(e, Symbol) else getattr(e, "name", "") == "time"
         for e in nodes(x, closed=("at",))
@@ -132,31 +137,36 @@ def _moves(x: Any) -> bool:
 def _separated(e: ScalarEquation, out: Flattened, constants: dict[str, Flat]) -> list[ScalarEquation]:
     if not any(map(_instants, (e.left, e.right))) or not any(map(_moves, (e.left, e.right))):
         return [e]
-    more: list[ScalarEquation] = []
+    point_constraints: list[ScalarEquation] = []
     known: dict[int, Any] = {}
-    left, right = (_with_constants(x, e.at, out, constants, more, known) for x in (e.left, e.right))
-    return [*more, ScalarEquation(left, right, e.at, e.relation)]
+    left, right = (_with_constants(x, e.at, out, constants, point_constraints, known) for x in (e.left, e.right))
+    return [*point_constraints, ScalarEquation(left, right, e.at, e.relation)]
 
 
 def _with_constants(
-    x: Any, at: Place, out: Flattened, constants: dict[str, Flat], more: list[ScalarEquation], known: dict[int, Any]
+    x: Any,
+    at: Place,
+    out: Flattened,
+    constants: dict[str, Flat],
+    point_constraints: list[ScalarEquation],
+    known: dict[int, Any],
 ) -> Any:
     if not isinstance(x, Operation):
         return x
     if x.name != "at":
         if id(x) not in known:
-            given = tuple(_with_constants(a, at, out, constants, more, known) for a in x.arguments)
-            known[id(x)] = operation(x.name, given, x.at)
+            arguments = tuple(_with_constants(a, at, out, constants, point_constraints, known) for a in x.arguments)
+            known[id(x)] = operation(x.name, arguments, x.at)
         return known[id(x)]
-    inside, time = x.arguments
-    name = f"{_text(inside)}({_text(time)})"
+    expression, time = x.arguments
+    name = f"{_text(expression)}({_text(time)})"
     if name not in constants:
         flat = Flat(name, "variable", "Real", at, lambda _: None, lambda: None)
         constants[name] = flat
         out.flats.append(flat)
         out.equations.append(ScalarEquation(Operation("der", (Symbol(flat),), at), 0, at))
         end = Operation("at", (Symbol(flat), Operation("start_time", (), at)), at)
-        more.append(ScalarEquation(end, x, at))
+        point_constraints.append(ScalarEquation(end, x, at))
     return Symbol(constants[name])
 
 
@@ -165,6 +175,6 @@ def _text(x: Any) -> str:
         return x.flat.name
     if isinstance(x, Operation):
         words = {"start_time": "startTime", "final_time": "finalTime"}
-        inside = ",".join(map(_text, x.arguments))
-        return words.get(x.name, x.name) + (f"({inside})" if inside else "")
+        arguments = ",".join(map(_text, x.arguments))
+        return words.get(x.name, x.name) + (f"({arguments})" if arguments else "")
     return str(x)

@@ -1,5 +1,5 @@
-"""Expressions of the text as arrays of scalars: names resolved, arrays written out, functions inlined; dependent
-parameters written out, decided ones as numbers."""
+"""Evaluation of expressions to arrays of scalars: names resolved, arrays expanded, functions inlined, dependent
+parameters substituted, structural parameters replaced by numbers."""
 
 from __future__ import annotations
 
@@ -51,20 +51,20 @@ from .syntax import (
 )
 
 MOST_OPERATIONS = 100_000  # operations of one expression
-TOO_LONG = "this expression is too long to be taken; write it in several equations"
+TOO_LONG = "this expression is too long; split it into several equations"
 
 
 class Resolver:
-    """Expressions in variables, declared parameters and numbers only; the same symbol always becomes the same thing."""
+    """Rewrites expressions in variables, declared parameters and numbers only; shared parts stay shared."""
 
     def __init__(self) -> None:
         self._known: dict[int, Any] = {}
         self._busy: list[Flat] = []
 
     def __call__(self, x: Any, at: Place) -> Any:
-        """Raises ModelicaError for parameters that depend on themselves and for what is too deep."""
+        """Raises ModelicaError for a parameter that depends on itself, and for an expression that is too deep."""
         try:
-            for inner in ordered(x):  # so that nothing is deep
+            for inner in ordered(x):  # inner ones first, so that recursion is shallow
                 self._resolved(inner)
             return self._resolved(x)
         except RecursionError:
@@ -78,7 +78,7 @@ class Resolver:
         if isinstance(x, Symbol):
             return self._symbol(x)
         if x.name == "pre" and isinstance(x.arguments[0], Symbol) and x.arguments[0].flat.replaced is not None:
-            return x  # what events remember of it; it may follow from that itself
+            return x  # settle_events replaces it; the variable may depend on it
         key = id(x)
         if key not in self._known:
             arguments = tuple(map(self._resolved, x.arguments))
@@ -88,7 +88,7 @@ class Resolver:
                 result = x
             else:
                 result = operation(x.name, arguments, x.at)
-            self._known[key] = (x, result)  # with what the key is the address of
+            self._known[key] = (x, result)  # x stays alive, so that its id stays unique
         return self._known[key][1]
 
     def _symbol(self, x: Symbol) -> Any:
@@ -114,7 +114,7 @@ class Resolver:
 
 
 def is_declared(flat: Flat) -> bool:
-    """Does it become a name of the class? Constants, decided and dependent parameters do not."""
+    """True if a scalar is declared in the class; constants, structural and dependent parameters are not."""
     if flat.replaced is not None:
         return False
     if flat.kind not in ("parameter", "constant"):
@@ -129,34 +129,35 @@ def is_declared(flat: Flat) -> bool:
     return is_literal(value)
 
 
-LONGEST = 1_000_000  # entries of a range or of an array
-MOST = 2_000_000  # entries of one model; a turn of a loop, a call and a component count for several
-_CHAINS = (("+", "-"), ("*",), ("and",), ("or",))  # whose terms may be taken together in any way
+LONGEST = 1_000_000  # entries of a range
+MOST = 2_000_000  # work units of one model: entries, loop iterations, calls and components
+_CHAINS = (("+", "-"), ("*",), ("and",), ("or",))  # associative operators
 _HORIZON = {"startTime": "start_time", "finalTime": "final_time"}
 
 
 class Evaluator:
-    """What is known while a text is flattened, and the values of its expressions."""
+    """Evaluates expressions during flattening; has the warnings and work counters of one model."""
 
     def __init__(self) -> None:
         self.warnings: list[str] = []
         self.horizon = False  # an optimization, which has startTime and finalTime
-        self.calls = 0  # of functions in one another
+        self.calls = 0  # current depth of nested function calls
         self.spent = 0
         self._eventless = Eventless()
 
     def warn(self, sentence: str, place: Place) -> None:
-        """Something a person should know, once for each place."""
+        """Add a warning, once for each place."""
         text = f"{sentence} ({place.where})"
         if text not in self.warnings:
             self.warnings.append(text)
 
     def spend(self, count: int, place: Place) -> None:
-        """Raises ModelicaError for a model that asks for more than memory and patience hold."""
+        """Count work units. Raises ModelicaError beyond MOST, which bounds memory and time."""
         self.spent += count
         if self.spent > MOST:
             raise ModelicaError(
-                "this model asks for more components, entries, turns of loops and calls than are taken", place
+                "this model is too large: it has too many components, array entries, loop iterations or calls",
+                place,
             )
 
     @staticmethod
@@ -164,7 +165,7 @@ class Evaluator:
         return isinstance(node, Colon)
 
     def given(self, given: Given) -> Any:
-        """The value of a modification in its own scope, of the one component that asks."""
+        """Return the value of a modification in its scope, for one component of an array the entry for it."""
         node = given.node
         if isinstance(node, FieldOf):
             value = field(self.given(node.given), node.name, node.at)
@@ -173,7 +174,7 @@ class Evaluator:
         if given.indices and isinstance(value, np.ndarray) and value.shape and not given.each:
             if value.shape[: len(given.sizes)] != given.sizes:
                 raise ModelicaError(
-                    f"a value of shape {value.shape} is no row for each component; write each for one value of all",
+                    f"a value of shape {value.shape} has no entry for each component; write each to give all one value",
                     node.at,
                 )
             value = value[given.indices]
@@ -182,7 +183,7 @@ class Evaluator:
         return value
 
     def array(self, node: SyntaxNode, scope: NameScope) -> Values:
-        """The value of an expression that is no record."""
+        """Return the value of an expression as an array. Raises ModelicaError for a record or component."""
         value = self.evaluate(node, scope)
         if not isinstance(value, np.ndarray):
             raise ModelicaError("expected numbers; found a record or a component", node.at)
@@ -191,26 +192,26 @@ class Evaluator:
         return value
 
     def one(self, node: SyntaxNode, scope: NameScope) -> Any:
-        """The value of an expression that is a scalar."""
+        """Return the value of a scalar expression. Raises ModelicaError for an array."""
         value = self.array(node, scope)
         if value.shape:
             raise ModelicaError(f"expected a scalar; found an array of shape {value.shape}", node.at)
         return value[()]
 
-    def number(self, node: SyntaxNode, scope: NameScope, asked: str) -> Any:
-        """The value of an expression that is a number before anything is solved."""
-        return number_of(self.one(node, scope), node.at, asked)
+    def number(self, node: SyntaxNode, scope: NameScope, purpose: str) -> Any:
+        """Return the value of an expression that must be known at translation; purpose: its name for error messages."""
+        return number_of(self.one(node, scope), node.at, purpose)
 
-    def whole(self, node: SyntaxNode, scope: NameScope, asked: str) -> int:
-        value = self.number(node, scope, asked)
+    def whole(self, node: SyntaxNode, scope: NameScope, purpose: str) -> int:
+        value = self.number(node, scope, purpose)
         if isinstance(value, EnumerationLiteral):
             return value.position
         if isinstance(value, bool) or not is_number(value) or not np.isfinite(value) or value != int(value):
-            raise ModelicaError(f"{asked} is a whole number; found {value}", node.at)
+            raise ModelicaError(f"{purpose} must be an Integer; found {value}", node.at)
         return int(value)
 
     def evaluate(self, node: SyntaxNode, scope: NameScope) -> Any:
-        """An array of scalars, a RecordValue, or an Instance. Raises ModelicaError, with the place."""
+        """Return the value of an expression: an array of scalars, a RecordValue, or an Instance."""
         if isinstance(node, Literal):
             return scalar(node.value)
         if isinstance(node, Reference):
@@ -236,16 +237,16 @@ class Evaluator:
             return self.range(node, scope)
         if isinstance(node, EndIndex):
             if "end" not in scope.locals:
-                raise ModelicaError("'end' stands for a size inside brackets only", node.at)
+                raise ModelicaError("'end' is an index and can only be used in subscripts", node.at)
             return scope.locals["end"]
         if isinstance(node, Outputs):
-            raise ModelicaError("several values in parentheses stand left of a function's call only", node.at)
+            raise ModelicaError("a list of values in parentheses can only be the left side of a function call", node.at)
         if isinstance(node, FunctionArgument):
-            raise ModelicaError("functions as arguments are not taken", node.at)
-        raise ModelicaError(f"{type(node).__name__.lower()} is not taken here", node.at)
+            raise ModelicaError("functional input arguments are not supported", node.at)
+        raise ModelicaError(f"{type(node).__name__.lower()} is not supported here", node.at)
 
     def binary(self, node: Binary, scope: NameScope) -> Values:
-        """a + b - c + ... without recursion along the chain."""
+        """Return the value of a chain a + b - c + ..., not recursive along the chain."""
         alike = next((x for x in _CHAINS if node.operator in x), (node.operator,))
         chain = [node]
         while isinstance(left := chain[-1].left, Binary) and left.operator in alike:
@@ -255,7 +256,7 @@ class Evaluator:
             for side in (one.left, one.right) if not terms else (one.right,):
                 value = self.evaluate(side, scope)
                 if not isinstance(value, np.ndarray):
-                    raise ModelicaError(f"'{one.operator}' takes numbers; found a record", one.at)
+                    raise ModelicaError(f"'{one.operator}' needs numbers; found a record", one.at)
                 terms.append((one.operator, value, one.at))
             a, b = terms[-2][1], terms[-1][1]
             if a.ndim and b.ndim:
@@ -280,24 +281,24 @@ class Evaluator:
         return last
 
     def chosen(self, condition: Any, then: Any, otherwise: Any, at: Place) -> Any:
-        """One of two scalars by a condition that is not known yet; inside of a function without an event."""
+        """Return an if-expression of two scalars; in a function of a simulation without an event if that is safe."""
         if self.calls and not self.horizon:
             return self._eventless.chosen(condition, then, otherwise, at)
         return operation("if", (condition, then, otherwise), at)
 
     def truth(self, node: SyntaxNode, scope: NameScope) -> Any:
-        """True or False where parameters decide, else the condition."""
+        """Return True or False if a condition depends on parameters only, otherwise the condition."""
         from .scalars import is_constant
 
         condition = self.one(node, scope)
         if not is_literal(condition) and is_constant(condition):
             condition = number_of(condition, node.at, "a condition")
         if is_literal(condition) and not isinstance(condition, bool):
-            raise ModelicaError(f"a condition is true or false; found {condition}", node.at)
+            raise ModelicaError(f"a condition must be Boolean; found {condition}", node.at)
         return condition
 
     def loops(self, loops: list[Loop], scope: NameScope, body: list[Any]) -> list[NameScope]:
-        """The scopes of all turns of a loop, the first index outermost."""
+        """Return the scopes of all iterations of a for loop, the first iterator outermost."""
         scopes = [scope]
         for loop in loops:
             following = []
@@ -306,14 +307,14 @@ class Evaluator:
                     raise ModelicaError(f"'{loop.name}' needs a range: for {loop.name} in 1:n", loop.at)
                 over = self.array(loop.over, inside)
                 if over.ndim != 1:
-                    raise ModelicaError(f"'{loop.name}' runs over a vector; found shape {over.shape}", loop.at)
+                    raise ModelicaError(f"'{loop.name}' must iterate over a vector; found shape {over.shape}", loop.at)
                 self.spend(4 * over.size, loop.at)
                 following += [inside.inner({loop.name: scalar(x)}) for x in over]
             scopes = following
         return scopes
 
     def comprehended(self, item: SyntaxNode, loops: list[Loop], scope: NameScope, at: Place) -> Any:
-        if len(loops) > 1:  # the last index is the first dimension
+        if len(loops) > 1:  # the last iterator is the first dimension
             *rest, last = loops
             return stacked([self.comprehended(item, rest, s, at) for s in self.loops([last], scope, [])], at)
         return stacked([self.evaluate(item, s) for s in self.loops(loops, scope, [])], at)
@@ -325,10 +326,10 @@ class Evaluator:
                          (stop.position - start.position + 1,))  # fmt: skip
         step = 1 if node.step is None else self.number(node.step, scope, "the step of a range")
         if isinstance(start, EnumerationLiteral) or not all(map(is_number, (start, step, stop))) or step == 0:
-            raise ModelicaError(f"a range takes numbers, and a step other than 0; found {start}:{step}:{stop}", node.at)
+            raise ModelicaError(f"a range needs numbers and a nonzero step; found {start}:{step}:{stop}", node.at)
         steps = (stop - start) / step * (1 + 1e-14) + 1e-9
         if steps > LONGEST:
-            raise ModelicaError(f"a range of {steps:.3g} entries is too long", node.at)
+            raise ModelicaError(f"a range of {steps:.3g} entries is too long; at most {LONGEST} is supported", node.at)
         count = max(0, int(np.floor(max(steps, -1.0))) + 1)
         return array([start + step * k for k in range(count)], (count,))
 
@@ -343,12 +344,14 @@ class Evaluator:
         if isinstance(value, np.ndarray) and value.shape == () and value[()] is None:
             raise ModelicaError(f"'{first.name}' is used before it is assigned", node.at)
         for part in rest:
-            outer = value.ndim if isinstance(value, np.ndarray) else 0  # of an array of components: in each of them
+            outer = (
+                value.ndim if isinstance(value, np.ndarray) else 0
+            )  # for an array of components: subscripts of the element
             value = self.subscripted(shown(value, part.name, node.at), part, scope, node.at, outer)
         return value
 
     def first(self, part: ReferencePart, node: Reference, scope: NameScope) -> Any:
-        """A local name, a component of the instance, or one of the language's own; None for others."""
+        """Return a local name, a component of the instance, or a built-in variable such as time; otherwise None."""
         name = part.name
         if name in scope.locals:
             value = scope.locals[name]
@@ -366,7 +369,7 @@ class Evaluator:
         return None
 
     def constant(self, node: Reference, scope: NameScope) -> Any:
-        """A constant of an enclosing class, or of a package that the name leads to."""
+        """Return a constant of an enclosing class, or of the package that a dotted name names."""
         names = [p.name for p in node.parts]
         space: Space | None = scope.space.root if node.absolute else scope.space
         begin = 0
@@ -376,17 +379,17 @@ class Evaluator:
             for item in space.text.imports:
                 if item.name == names[0] and (reached := self.of_import(item.reference, node, scope)) is not None:
                     return reached
-            everything = [space.root.absolute(i.reference) for i in space.text.imports if not i.name]
-            there = [inside for inside in everything if declares(inside, names[0])]
-            if len({id(inside.text) for inside in there}) > 1:
+            packages = [space.root.absolute(i.reference) for i in space.text.imports if not i.name]
+            holders = [encapsulated for encapsulated in packages if declares(encapsulated, names[0])]
+            if len({id(encapsulated.text) for encapsulated in holders}) > 1:
                 raise ModelicaError(f"'{names[0]}' is imported from several packages", node.at)
-            if there:
-                return self.walk(constant(there[0], names[0], node.at, self), node, 0, scope)
+            if holders:
+                return self.walk(constant(holders[0], names[0], node.at, self), node, 0, scope)
             if (further := space.member(names[0]) or space.imported(names[0])) is not None:
                 space, begin = further, 1
                 break
-            inside = "encapsulated" in space.text.prefixes
-            space = space.outer if not inside else space.root if names[0] in LANGUAGE and space.outer else None
+            encapsulated = "encapsulated" in space.text.prefixes
+            space = space.outer if not encapsulated else space.root if names[0] in LANGUAGE and space.outer else None
         if space is None:
             raise ModelicaError(f"there is no '{names[0]}'{near(names[0], self.names(scope))}", node.at)
         for n in range(begin, len(names)):
@@ -398,10 +401,10 @@ class Evaluator:
             if following is None:
                 raise ModelicaError(f"{space.name or 'the text'} has no '{names[n]}'", node.at)
             space = following
-        raise ModelicaError(f"{space.name} is a {space.text.restriction} and no value", node.at)
+        raise ModelicaError(f"{space.name} is a {space.text.restriction}, not a value", node.at)
 
     def of_import(self, reference: Reference, node: Reference, scope: NameScope) -> Any:
-        """A constant that is imported by its full name."""
+        """Return a constant that is imported by its full name; None if the import names a class."""
         holder = Reference(reference.at, reference.parts[:-1], True)
         space = scope.space.root.absolute(holder)
         if not declares(space, reference.parts[-1].name):
@@ -411,7 +414,9 @@ class Evaluator:
     def walk(self, value: Any, node: Reference, begin: int, scope: NameScope) -> Any:
         value = self.subscripted(value, node.parts[begin], scope, node.at)
         for part in node.parts[begin + 1 :]:
-            outer = value.ndim if isinstance(value, np.ndarray) else 0  # of an array of components: in each of them
+            outer = (
+                value.ndim if isinstance(value, np.ndarray) else 0
+            )  # for an array of components: subscripts of the element
             value = self.subscripted(shown(value, part.name, node.at), part, scope, node.at, outer)
         return value
 
@@ -423,25 +428,27 @@ class Evaluator:
         return scalar(EnumerationLiteral(space.name, name, literals.index(name) + 1))
 
     def names(self, scope: NameScope) -> list[str]:
-        inside = list(scope.instance.elements) if scope.instance is not None else []
-        return [*inside, *scope.locals, *scope.space.names(), "time", *(_HORIZON if self.horizon else ())]
+        components = list(scope.instance.elements) if scope.instance is not None else []
+        return [*components, *scope.locals, *scope.space.names(), "time", *(_HORIZON if self.horizon else ())]
 
     def subscripted(self, value: Any, part: ReferencePart, scope: NameScope, at: Place, axis: int = 0) -> Any:
         if part.subscripts is None:
             return value
         if not isinstance(value, np.ndarray) or len(part.subscripts) > value.ndim - axis:
             shape = value.shape[axis:] if isinstance(value, np.ndarray) else ()
-            what = f"has the shape {shape}" if shape else "is no array"
-            raise ModelicaError(f"'{part.name}' {what}; found {len(part.subscripts)} subscripts", at)
+            description = f"has shape {shape}" if shape else "is not an array"
+            raise ModelicaError(f"'{part.name}' {description}; found {len(part.subscripts)} subscripts", at)
         for subscript, size in zip(part.subscripts, value.shape[axis:], strict=False):
             if isinstance(subscript, Colon):
                 axis += 1
                 continue
             places = self.array(subscript, scope.inner({"end": scalar(size)}))
             if places.ndim > 1:
-                raise ModelicaError(f"a subscript is a number or a vector; found shape {places.shape}", subscript.at)
-            chosen = [self._position(x, size, part.name, subscript) for x in entries(places)]
-            value = np.take(value, chosen if places.shape else chosen[0], axis=axis)
+                raise ModelicaError(
+                    f"a subscript must be a scalar or a vector; found shape {places.shape}", subscript.at
+                )
+            indices = [self._position(x, size, part.name, subscript) for x in entries(places)]
+            value = np.take(value, indices if places.shape else indices[0], axis=axis)
             if not isinstance(value, np.ndarray):
                 value = value if isinstance(value, (Instance, RecordValue)) else scalar(value)
             axis += 1 if places.shape else 0
@@ -454,9 +461,9 @@ class Evaluator:
         n = number_of(x, node.at, f"a subscript of '{name}'")
         n = n.position if isinstance(n, EnumerationLiteral) else int(n) + 1 if isinstance(n, bool) else n
         if not is_number(n) or n != int(n):
-            raise ModelicaError(f"a subscript of '{name}' is a whole number; found {n}", node.at)
+            raise ModelicaError(f"a subscript of '{name}' must be an Integer; found {n}", node.at)
         if not 1 <= n <= size:
-            raise ModelicaError(f"a subscript of '{name}' is from 1 to {size}; found {n}", node.at)
+            raise ModelicaError(f"a subscript of '{name}' must be from 1 to {size}; found {n}", node.at)
         return int(n) - 1
 
     # calls
@@ -470,21 +477,23 @@ class Evaluator:
         if self.horizon and (value := self._component(node.reference, scope)) is not None:
             return self.instant(value, node, scope)
         if single and name in builtin.BUILT_IN:
-            own_one = scope.space.lookup(name)  # a text may have a function of its own under this name
-            if own_one is None or not own_one.text.restriction.endswith("function"):
+            declared = scope.space.lookup(name)  # the text may declare a function of this name
+            if declared is None or not declared.text.restriction.endswith("function"):
                 return builtin.called(name, node, scope, self)
-        space = self.function(node.reference, scope)
-        own = space.name
-        if own.startswith("Modelica.Math.") and (plain := builtin.MATHEMATICAL.get(own.removeprefix("Modelica.Math."))):
-            return builtin.called(plain, node, scope, self)
+        space = self.function(node.reference, scope, node)
+        full_name = space.name
+        if full_name.startswith("Modelica.Math.") and (
+            builtin_name := builtin.MATHEMATICAL.get(full_name.removeprefix("Modelica.Math."))
+        ):
+            return builtin.called(builtin_name, node, scope, self)
         if space.text.restriction.endswith("record"):
             return functions.constructed(space, node, scope, self)
         if not space.text.restriction.endswith("function"):
-            raise ModelicaError(f"{name} is a {space.text.restriction} and no function", node.at)
+            raise ModelicaError(f"{name} is a {space.text.restriction}, not a function", node.at)
         return functions.called(space, node, scope, self)
 
     def _component(self, reference: Reference, scope: NameScope) -> Any:
-        """A variable in front of parentheses, `x(finalTime)`; None for what is a function."""
+        """Return the variable x of `x(finalTime)`; None if the reference names a function."""
         name = reference.parts[0].name
         if name in scope.locals or scope.holds(name):
             return self.reference(reference, scope)
@@ -492,11 +501,11 @@ class Evaluator:
 
     def instant(self, value: Any, node: FunctionCall, scope: NameScope) -> Values:
         if not isinstance(value, np.ndarray) or len(node.arguments) != 1 or node.named:
-            raise ModelicaError(f"'{node.reference}' at an instant takes one time: x(finalTime)", node.at)
+            raise ModelicaError(f"the value of '{node.reference}' at an instant needs one time: x(finalTime)", node.at)
         time = self.one(node.arguments[0], scope)
         return each(lambda x: Operation("at", (x, time), node.at), value)
 
-    def function(self, reference: Reference, scope: NameScope) -> Space:
+    def function(self, reference: Reference, scope: NameScope, node: FunctionCall | None = None) -> Space:
         try:
             return scope.space.find(reference)
         except ModelicaError as error:
@@ -504,4 +513,13 @@ class Evaluator:
             if len(reference.parts) > 1 or scope.space.lookup(name) is not None:
                 raise
             close = near(name, [*builtin.BUILT_IN, *scope.space.names()])
+            if self.horizon and scope.instance is not None and _is_instant(node):
+                close = near(name, scope.instance.elements) or close
+                raise ModelicaError(f"there is no variable '{name}'{close}", error.place or reference.at) from None
             raise ModelicaError(f"there is no function '{name}'{close}", error.place or reference.at) from None
+
+
+def _is_instant(node: FunctionCall | None) -> bool:
+    """Does a call look like the value of a variable at an instant, `x(finalTime)`?"""
+    given = node.arguments if node is not None and not node.named else []
+    return len(given) == 1 and isinstance(given[0], Reference) and str(given[0]) in _HORIZON

@@ -1,4 +1,4 @@
-"""Flattening: one class of the text becomes variables and equations between scalars, under the names of the text."""
+"""Flattening: one class of the text becomes scalar variables and equations, with the names of the text."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from .scalars import (
 from .scopes import Space
 from .settled.events import settle_events, settle_macros
 from .settled.static import settle_inputs, settle_static
-from .settled.whens import apart, refuse_two_clauses, watched, when_of
+from .settled.whens import apart, check_single_when, watched, when_of
 from .syntax import (
     Binary,
     Calls,
@@ -53,35 +53,37 @@ from .syntax import (
 )
 
 
-def flattened(space: Space, said: Modifier) -> Flattened:
-    """The flat equations of a class, with modifications from outside. Raises ModelicaError, with file and line."""
+def flattened(space: Space, modifier: Modifier) -> Flattened:
+    """Flatten a class, with modifications from outside. Raises ModelicaError with file and line."""
     try:
-        return _Flattening(space, said).result()
+        return _Flattening(space, modifier).result()
     except RecursionError:
-        raise ModelicaError(f"{space.name} says something too deeply nested to be taken", space.text.at) from None
+        raise ModelicaError(f"{space.name} is nested too deep", space.text.at) from None
 
 
 MOVING = ("variable", "input", "discrete")
 
 
 class _Flattening:
-    def __init__(self, space: Space, said: Modifier) -> None:
+    def __init__(self, space: Space, modifier: Modifier) -> None:
         self.model = Evaluator()
         text = space.text
         if text.restriction not in ("model", "class", "block", "optimization"):
-            raise ModelicaError(f"{space.name} is a {text.restriction}; a model or an optimization is solved", text.at)
+            raise ModelicaError(
+                f"{space.name} is a {text.restriction}; only a model, block or optimization can be translated", text.at
+            )
         if "partial" in text.prefixes:
             raise ModelicaError(f"{space.name} is partial; name a class that extends it", text.at)
         self.model.horizon = text.restriction == "optimization"
         try:
-            self.root = Instance(space, said, "", None, self.model, frozenset())
+            self.root = Instance(space, modifier, "", None, self.model, frozenset())
         except RecursionError:
-            raise ModelicaError(f"{space.name} holds itself", text.at) from None
-        for name in said.inside.keys() & self.root.elements.keys():
-            self.root.elements[name].refuse_from_outside(None)
+            raise ModelicaError(f"{space.name} contains itself", text.at) from None
+        for name in modifier.inside.keys() & self.root.elements.keys():
+            self.root.elements[name].check_accessible(None)
         self.out = Flattened(text.name, text.at, text.description, self.model.horizon)
         self.connections = Connections()
-        self.uncertain = False  # inside an if whose condition is known while the model runs
+        self.uncertain = False  # in an if-equation whose condition depends on variables
 
     def result(self) -> Flattened:
         give_variables(self.root, self.model)
@@ -89,18 +91,18 @@ class _Flattening:
         places = declared_places(instances)
         for instance in instances:
             if instance is not self.root and instance.restriction == "optimization":
-                raise ModelicaError(f"'{instance.path}' is an optimization and no component", instance.at)
+                raise ModelicaError(f"'{instance.path}' is an optimization, which cannot be a component", instance.at)
             self._declared(instance)
         self._variability()
         for instance in instances:
             for section in instance.sections:
                 first = len(self.out.equations)
                 self._section(section.text, section.scope)
-                if is_own(section.text.at.source.path):  # the line of whoever declares the component
+                if is_own(section.text.at.source.path):  # errors name the line that declares the component
                     at = places.get(id(instance), instance.at)
                     self.out.equations[first:] = [replace(e, at=at) for e in self.out.equations[first:]]
         if self.root.space.text.restriction != "optimization" and self.out.constraints:
-            raise ModelicaError("a constraint section belongs into an optimization", self.out.constraints[0].at)
+            raise ModelicaError("a constraint section is only allowed in an optimization", self.out.constraints[0].at)
         drop_unused(instances, self.out, self.connections)
         for a, b, place in self.connections.equalities:
             self.out.equations.append(ScalarEquation(Symbol(a), Symbol(b), place))
@@ -111,11 +113,13 @@ class _Flattening:
         self._bounded()
         settle_macros(self.out)
         self._header()
-        refuse_two_clauses(self.out.equations)
+        check_single_when(self.out.equations)
         if not self.out.optimization:
             settle_events(self.out)
         if self.out.static and self.out.parts:
-            raise ModelicaError("a static optimization takes no parts of MultiBody, which move", self.out.parts[0].at)
+            raise ModelicaError(
+                "a static optimization does not support MultiBody parts, which move", self.out.parts[0].at
+            )
         if self.out.static:
             settle_static(self.out)
         elif self.out.optimization:
@@ -123,7 +127,7 @@ class _Flattening:
         settle_inputs(self.out.flats, self.out.equations)
         for flat in self.out.flats:
             if flat.kind == "input" and flat.get("fixed") is True:
-                self.model.warn(f"fixed of the input '{flat.name}' is not used", flat.at)
+                self.model.warn(f"fixed of the input '{flat.name}' is ignored", flat.at)
         self.out.warnings = [*self.model.warnings, *self.out.warnings]
         return self.out
 
@@ -131,21 +135,25 @@ class _Flattening:
 
     def _declared(self, instance: Instance) -> None:
         if is_frame(instance) or (instance.parent is not None and is_frame(instance.parent)):
-            return  # what it holds are quantities of a part
+            return  # variables of a frame are quantities of a part
         for element in instance.elements.values():
-            made = element.made
-            if not isinstance(made, Declared) or "outer" in element.text.prefixes:
+            component = element.component
+            if not isinstance(component, Declared) or "outer" in element.text.prefixes:
                 continue
-            for flat in made.flats:
+            for flat in component.flats:
                 self.out.flats.append(flat)
+                if flat.kind == "constant" and flat.base == "Real" and flat.get("unit"):
+                    flat.kind = "parameter"  # a number would lose the unit
                 if flat.kind == "parameter":
                     self._parameter(flat)
-            if made.flats and made.flats[0].kind not in ("parameter", "constant"):
-                value = made.binding()
+            if component.flats and component.flats[0].kind not in ("parameter", "constant"):
+                value = component.binding()
                 if value is None:
                     continue
-                place = made.fixed_place
-                for flat, entry in zip(made.flats, entries(each(lambda x, _: x, value, made.symbols)), strict=True):
+                place = component.fixed_place
+                for flat, entry in zip(
+                    component.flats, entries(each(lambda x, _: x, value, component.symbols)), strict=True
+                ):
                     if flat.base != "Real" and flat.base != "Integer":
                         flat.replaced = entry
                     else:
@@ -155,25 +163,27 @@ class _Flattening:
     def _parameter(self, flat: Flat) -> None:
         low, value, high = flat.get("min"), flat.binding, flat.get("max")
         if any(is_number(a) and is_number(b) and a > b for a, b in ((low, value), (value, high))):
-            self.model.warn(f"'{flat.name}' lies outside of its own min and max", flat.at)
+            self.model.warn(f"'{flat.name}' is outside its min and max", flat.at)
         if self._flag(flat, "free"):
             if self.model.horizon:
                 flat.free = True
             else:
-                self.model.warn(f"'{flat.name}' is free in an optimization only", flat.at)
+                self.model.warn(f"'{flat.name}' has free = true, which only an optimization uses", flat.at)
         elif flat.get("fixed") is not None and not self._flag(flat, "fixed"):
             flat.computed, flat.kind = True, "variable"
             self.out.equations.append(ScalarEquation(Operation("der", (Symbol(flat),), flat.at), 0, flat.at))
 
     def _variability(self) -> None:
-        """A parameter does not follow what moves."""
+        """Raises ModelicaError for a parameter that depends on a variable, time or a derivative."""
         for flat in self.out.flats:
             if flat.kind != "parameter" or flat.binding is None:
                 continue
             moving = [f.name for f in symbols(flat.binding) if f.kind in MOVING and not f.computed]
             moving += [o.name for o in operations(flat.binding) if o.name in ("time", "der")]
             if moving:
-                raise ModelicaError(f"parameter '{flat.name}' depends on '{moving[0]}', which moves", flat.at)
+                raise ModelicaError(
+                    f"parameter '{flat.name}' depends on '{moving[0]}', which varies with time", flat.at
+                )
 
     @staticmethod
     def _flag(flat: Flat, name: str) -> bool:
@@ -182,7 +192,7 @@ class _Flattening:
             return False
         value = number_of(value, flat.at, f"{name} of '{flat.name}'")
         if not isinstance(value, bool):
-            raise ModelicaError(f"{name} of '{flat.name}' is true or false; found {value}", flat.at)
+            raise ModelicaError(f"{name} of '{flat.name}' must be true or false; found {value}", flat.at)
         return value
 
     # sections
@@ -201,11 +211,13 @@ class _Flattening:
         if text.annotation is not None:
             self._annotated(text.annotation, scope)
 
-    def _plain(self, given: Sequence[Any], what: str) -> list[ScalarEquation]:
-        for item in given:
+    def _plain(self, items: Sequence[Any], what: str) -> list[ScalarEquation]:
+        for item in items:
             if not isinstance(item, ScalarEquation):
-                raise ModelicaError(f"{what} is an equation; found a condition of variables", item.at)
-        return list(given)
+                raise ModelicaError(
+                    f"{what} must be an equation; found an if or when whose condition depends on variables", item.at
+                )
+        return list(items)
 
     def _algorithm(self, body: Sequence[SyntaxNode], scope: NameScope) -> list[Any]:
         body, result = apart(body, scope, self.model)
@@ -213,7 +225,7 @@ class _Flattening:
         for name, value in functions.algorithm(body, scope, self.model).items():
             symbol = self.model.reference(_name(name, place), scope)
             if not isinstance(value, np.ndarray):
-                raise ModelicaError("an algorithm of a model assigns numbers", place)
+                raise ModelicaError("an algorithm of a model must assign numbers; found a record", place)
             pairs = zip(entries(symbol), entries(value), strict=True)
             result += [ScalarEquation(s, v, place) for s, v in pairs if s is not v]
         return result
@@ -228,23 +240,28 @@ class _Flattening:
             return self._if(node, scope)
         if isinstance(node, Connect):
             if self.uncertain:
-                raise ModelicaError("connect() under a condition of variables is not taken; parameters decide", node.at)
+                raise ModelicaError(
+                    "connect() under a condition of variables is not supported; use a condition of parameters",
+                    node.at,
+                )
             self.connections.connect(node, scope, self.model)
             return []
         if isinstance(node, WhenEquation):
             return [when_of(node, scope, self.model, self._equations)]
         if isinstance(node, Calls):
             return self._call(node, scope)
-        raise ModelicaError("this is no equation", node.at)
+        raise ModelicaError("this is not an equation", node.at)
 
     def _equal(self, node: Equal, scope: NameScope) -> list[ScalarEquation]:
         if isinstance(node.left, Outputs):
             call = node.right
             if not isinstance(call, FunctionCall):
-                raise ModelicaError("several values come from a function's call", node.at)
+                raise ModelicaError("a list of variables on the left needs a function call on the right", node.at)
             values = functions.results(self.model.function(call.reference, scope), call, scope, self.model)
             if len(values) < len(node.left.items):
-                raise ModelicaError(f"{call.reference}() gives {len(values)} values", node.at)
+                raise ModelicaError(
+                    f"{call.reference}() has {len(values)} outputs; found {len(node.left.items)} variables", node.at
+                )
             pairs = [(self.model.evaluate(t, scope), v)
                      for t, v in zip(node.left.items, values, strict=False) if t is not None]  # fmt: skip
             return [e for a, b in pairs for e in self._between(a, b, node.at)]
@@ -258,59 +275,59 @@ class _Flattening:
             return [ScalarEquation(x, y, at) for x, y in zip(entries(a), entries(b), strict=True)]
         names = list(a.elements if isinstance(a, Instance) else a) if isinstance(a, (Instance, RecordValue)) else None
         if names is None or not isinstance(b, (Instance, RecordValue)):
-            raise ModelicaError("the sides of this equation are a record and a number", at)
+            raise ModelicaError("one side of this equation is a record, the other a number", at)
         return [e for name in names for e in self._between(field_of(a, name, at), field_of(b, name, at), at)]
 
     def _if(self, node: If, scope: NameScope) -> list[Any]:
         branches: list[tuple[Any, list[Any]]] = []
-        last: list[Any] = []
+        rest: list[Any] = []
         for condition, body in node.branches:
             truth = self.model.truth(condition, scope)
             if truth is False:
                 continue
             before, self.uncertain = self.uncertain, self.uncertain or truth is not True or bool(branches)
-            inside = [e for x in body for e in self._equations(x, scope)]
+            branch = [e for x in body for e in self._equations(x, scope)]
             self.uncertain = before
             if truth is True:
-                last = inside
+                rest = branch
                 break
-            branches.append((truth, inside))
+            branches.append((truth, branch))
         else:
             before, self.uncertain = self.uncertain, self.uncertain or bool(branches)
-            last = [e for x in node.otherwise or () for e in self._equations(x, scope)]
+            rest = [e for x in node.otherwise or () for e in self._equations(x, scope)]
             self.uncertain = before
-        for truth, inside in reversed(branches):
-            if len(inside) != len(last):
-                raise ModelicaError(f"the branches have {len(inside)} and {len(last)} equations", node.at)
-            if not all(isinstance(e, ScalarEquation) for e in (*inside, *last)):
-                then, other = (self._plain(x, "a branch") if not _ifs(x) else x for x in (inside, last))
-                last = [ScalarIf(truth, (t,), (o,), node.at) for t, o in zip(then, other, strict=True)]
-                if not all(isinstance(e, ScalarEquation) for x in last for e in (*x.then, *x.otherwise)):
-                    raise ModelicaError("elseif between equations is not taken; write an if-expression", node.at)
+        for truth, branch in reversed(branches):
+            if len(branch) != len(rest):
+                raise ModelicaError(f"the branches have {len(branch)} and {len(rest)} equations", node.at)
+            if not all(isinstance(e, ScalarEquation) for e in (*branch, *rest)):
+                then, other = (self._plain(x, "a branch") if not _ifs(x) else x for x in (branch, rest))
+                rest = [ScalarIf(truth, (t,), (o,), node.at) for t, o in zip(then, other, strict=True)]
+                if not all(isinstance(e, ScalarEquation) for x in rest for e in (*x.then, *x.otherwise)):
+                    raise ModelicaError("elseif between equations is not supported; write an if-expression", node.at)
                 continue
-            if all(t.left is o.left or _same(t.left, o.left) for t, o in zip(inside, last, strict=True)):
-                last = [ScalarEquation(t.left, operation("if", (truth, t.right, o.right), node.at), t.at)
-                        for t, o in zip(inside, last, strict=True)]  # fmt: skip
+            if all(t.left is o.left or _same(t.left, o.left) for t, o in zip(branch, rest, strict=True)):
+                rest = [ScalarEquation(t.left, operation("if", (truth, t.right, o.right), node.at), t.at)
+                        for t, o in zip(branch, rest, strict=True)]  # fmt: skip
             else:
-                last = [ScalarIf(truth, (t,), (o,), t.at) for t, o in zip(inside, last, strict=True)]
-        return last
+                rest = [ScalarIf(truth, (t,), (o,), t.at) for t, o in zip(branch, rest, strict=True)]
+        return rest
 
     def _call(self, node: Calls, scope: NameScope) -> list[Any]:
         expression = node.expression
         if not isinstance(expression, FunctionCall):
-            relation = "; a relation belongs into a constraint section" if isinstance(expression, Binary) else ""
-            raise ModelicaError(f"this is no equation: it has no '='{relation}", node.at)
+            relation = "; a relation is only allowed in a constraint section" if isinstance(expression, Binary) else ""
+            raise ModelicaError(f"this is not an equation: it has no '='{relation}", node.at)
         name = str(expression.reference)
         if name == "assert" and self.uncertain:
-            self.model.warn("this assert() stands under a condition of variables; it is not watched", node.at)
+            self.model.warn("this assert() is under a condition of variables; it is not monitored", node.at)
             return []
         if name == "assert":
             return watched(expression, scope, self.model)
         if name.startswith("Connections."):
-            raise ModelicaError(f"{name}() is of overdetermined connectors, which are not taken", node.at)
+            raise ModelicaError(f"{name}() is for overdetermined connectors, which are not supported", node.at)
         if name in ("reinit", "terminate"):
-            raise ModelicaError(f"{name}() stands in a when clause", node.at)
-        raise ModelicaError(f"{name}() alone is no equation; it has no '='", node.at)
+            raise ModelicaError(f"{name}() is only allowed in a when clause", node.at)
+        raise ModelicaError(f"a call of {name}() alone is not an equation; it has no '='", node.at)
 
     def _constraints(self, node: SyntaxNode, scope: NameScope) -> list[ScalarEquation]:
         if isinstance(node, Equal):
@@ -322,7 +339,10 @@ class _Flattening:
             for condition, body in node.branches:
                 truth = self.model.truth(condition, scope)
                 if not isinstance(truth, bool):
-                    raise ModelicaError("the condition of a constraint is made of parameters", condition.at)
+                    raise ModelicaError(
+                        f"the condition of a constraint must contain parameters only; found {_moving(truth)}",
+                        condition.at,
+                    )
                 if truth:
                     return [e for x in body for e in self._constraints(x, scope)]
             return [e for x in node.otherwise or () for e in self._constraints(x, scope)]
@@ -332,53 +352,53 @@ class _Flattening:
                 a, b = self.model.array(e.left, scope), self.model.array(e.right, scope)
                 same_shape(a, b, e.operator, node.at, scalars=True)
                 relation = e.operator if e.operator.endswith("=") else f"{e.operator}="
-                made: Any = each(lambda x, y: Operation("pair", (x, y), node.at), a, b)
-                pairs: list[Any] = [pair.arguments for pair in entries(made)]
+                relations: Any = each(lambda x, y: Operation("pair", (x, y), node.at), a, b)
+                pairs: list[Any] = [pair.arguments for pair in entries(relations)]
                 return [ScalarEquation(x, y, node.at, relation) for x, y in pairs]
-        raise ModelicaError("a constraint is an equation, or a relation with <= or >=", node.at)
+        raise ModelicaError("a constraint must be an equation, or a relation with <= or >=", node.at)
 
-    # the whole
+    # the whole class
 
     def _bounded(self) -> None:
-        """Refuses what is longer than whoever writes or reads it has patience for."""
+        """Raises ModelicaError for an expression with more than MOST_OPERATIONS operations."""
         for e in (*self.out.equations, *self.out.initial, *self.out.constraints):
             if any(sum(1 for _ in operations(x)) > MOST_OPERATIONS for x in sides(e)):
                 raise ModelicaError(TOO_LONG, e.at)
 
     def _header(self) -> None:
-        for name, given in self.root.header.items():
-            value = self.model.given(given)
+        for name, header_value in self.root.header.items():
+            value = self.model.given(header_value)
             if not isinstance(value, np.ndarray) or value.shape:
-                raise ModelicaError(f"{name} is a scalar", given.node.at)
+                raise ModelicaError(f"{name} must be a scalar", header_value.node.at)
             entry = value[()]
             attribute = "." in name or name.endswith("Time") or name == "static"
             if attribute and not is_literal(entry):
                 if not is_constant(entry):
-                    raise ModelicaError(f"{name} is made of numbers and parameters", given.node.at)
-                entry = number_of(entry, given.node.at, name)
+                    raise ModelicaError(f"{name} must depend on parameters only", header_value.node.at)
+                entry = number_of(entry, header_value.node.at, name)
             if name == "static":
                 if not isinstance(entry, bool):
-                    raise ModelicaError(f"static is true or false; found {entry}", given.node.at)
+                    raise ModelicaError(f"static must be true or false; found {entry}", header_value.node.at)
                 self.out.static = entry
                 continue
             if name.endswith(".free") and not isinstance(entry, bool):
-                raise ModelicaError(f"{name} is true or false; found {entry}", given.node.at)
+                raise ModelicaError(f"{name} must be true or false; found {entry}", header_value.node.at)
             if is_literal(entry) and not name.endswith(".free") and not is_number(entry):
-                raise ModelicaError(f"{name} takes a number; found {str(entry)!r}", given.node.at)
+                raise ModelicaError(f"{name} must be a number; found {str(entry)!r}", header_value.node.at)
             self.out.header[name] = entry
-            self.out.header_at[name] = given.node.at
+            self.out.header_at[name] = header_value.node.at
 
-    def _annotated(self, written: Modification, scope: NameScope) -> None:
-        """What annotations say to gtmodel: `__gtmodel(branch(ahead = x))`, the sign by which solutions differ."""
-        for argument in written.arguments:
-            inside = argument.modification.arguments if argument.modification is not None else []
+    def _annotated(self, annotation: Modification, scope: NameScope) -> None:
+        """Read `__gtmodel(branch(ahead = x))`: the sign of an expression that selects a solution branch."""
+        for argument in annotation.arguments:
+            items = argument.modification.arguments if argument.modification is not None else []
             if argument.name != ("__gtmodel",):
                 continue
-            if not inside:
-                raise ModelicaError("__gtmodel takes branch(name = expression)", argument.at)
-            for item in inside:
+            if not items:
+                raise ModelicaError("__gtmodel needs branch(name = expression)", argument.at)
+            for item in items:
                 if item.name != ("branch",) or item.modification is None or not item.modification.arguments:
-                    raise ModelicaError(f"__gtmodel takes branch(name = expression); found {item.name[0]}", item.at)
+                    raise ModelicaError(f"__gtmodel needs branch(name = expression); found {item.name[0]}", item.at)
                 for one in item.modification.arguments:
                     if one.modification is None or one.modification.value is None:
                         raise ModelicaError(f"the branch '{one.name[0]}' has no expression", one.at)
@@ -394,18 +414,25 @@ def _name(name: str, at: Place) -> Reference:
     return Reference(at, (ReferencePart(name, None),))
 
 
+def _moving(x: Any) -> str:
+    """What in a condition is no parameter."""
+    names = [f"'{f.name}'" for f in symbols(x) if f.kind not in ("parameter", "constant")]
+    names += [o.name for o in operations(x) if o.name in ("time", "der")]
+    return ", ".join(dict.fromkeys(names)) or "a value that is chosen by the optimisation"
+
+
 def _ifs(items: Sequence[Any]) -> bool:
     return all(isinstance(e, (ScalarIf, ScalarEquation)) for e in items)
 
 
 def _same(a: Any, b: Any) -> bool:
-    """Are two expressions the same operations on the same variables?"""
-    pairs, seen = [(a, b)], set[tuple[int, int]]()
+    """True if two expressions are the same operations on the same variables."""
+    pairs, visited = [(a, b)], set[tuple[int, int]]()
     while pairs:
         x, y = pairs.pop()
-        if (id(x), id(y)) in seen:
+        if (id(x), id(y)) in visited:
             continue
-        seen.add((id(x), id(y)))
+        visited.add((id(x), id(y)))
         if isinstance(x, Symbol) and isinstance(y, Symbol):
             if x.flat is not y.flat:
                 return False

@@ -1,4 +1,4 @@
-"""Modifications: what an extends clause or a declaration says about what stands inside, the outermost one last."""
+"""Modifications of extends clauses and declarations; outer modifications override inner ones."""
 
 from __future__ import annotations
 
@@ -10,18 +10,21 @@ from .syntax import ClassText, Component, ModelicaError, Modification, Place, Sy
 
 @dataclass(frozen=True, eq=False)
 class Given:
-    """An expression with the scope in which it was written; indices: of the one component of an array."""
+    """The expression of a modification with the scope in which it was written.
+
+    indices: of one component, for the expression of an array of components; sizes: of that array.
+    """
 
     node: SyntaxNode
     scope: Any
     indices: tuple[int, ...] = ()
-    sizes: tuple[int, ...] = ()  # of that array
+    sizes: tuple[int, ...] = ()
     each: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Modifier:
-    """What is said about one element: its value, and modifiers of what stands inside."""
+    """The modification of one element: its value, and the modifiers of its own elements."""
 
     at: Place | None = None
     value: Given | None = None
@@ -34,7 +37,7 @@ class Modifier:
         return self.inside.get(name, NOTHING)
 
     def element(self, index: tuple[int, ...], sizes: tuple[int, ...]) -> Modifier:
-        """For one component of an array of them."""
+        """Return the modifier of one component of an array of components."""
         if not index:
             return self
         value = self.value
@@ -48,7 +51,7 @@ NOTHING = Modifier()
 
 
 def same(a: Modifier, b: Modifier) -> bool:
-    """Do two modifications come from the same words in the same place?"""
+    """True if two modifications come from the same expressions in the same instances."""
     x, y = a.value, b.value
     if (x is None) != (y is None) or a.inside.keys() != b.inside.keys():
         return False
@@ -57,18 +60,18 @@ def same(a: Modifier, b: Modifier) -> bool:
     return all(same(m, b.inside[name]) for name, m in a.inside.items())
 
 
-def modifier(written: Modification | None, scope: Any) -> Modifier:
-    """A modification as it is written in a scope. Raises ModelicaError for one that says a thing twice."""
+def modifier_of(written: Modification | None, scope: Any) -> Modifier:
+    """Return a modification in a scope as a modifier. Raises ModelicaError if it modifies an element twice."""
     if written is None:
         return NOTHING
     inside: dict[str, Modifier] = {}
     for argument in written.arguments:
         *path, last = argument.name
         if argument.redeclared is not None:
-            below = modifier(getattr(argument.redeclared, "modification", None), scope)
+            below = modifier_of(getattr(argument.redeclared, "modification", None), scope)
             item = replace(below, at=argument.at, redeclared=(argument.redeclared, scope))
         else:
-            item = replace(modifier(argument.modification, scope), at=argument.at)
+            item = replace(modifier_of(argument.modification, scope), at=argument.at)
         each, final = "each" in argument.prefixes, "final" in argument.prefixes
         item = replace(item, each=each, final=final)
         if item.value is not None and each:
@@ -77,7 +80,7 @@ def modifier(written: Modification | None, scope: Any) -> Modifier:
             item, last = Modifier(argument.at, inside={last: item}), name
         if last in inside:
             if inside[last].value is not None and item.value is not None:
-                raise ModelicaError(f"'{'.'.join(argument.name)}' is given twice", argument.at)
+                raise ModelicaError(f"'{'.'.join(argument.name)}' is modified twice", argument.at)
             item = merged(item, inside[last])
         inside[last] = item
     value = None if written.value is None else Given(written.value, scope)
@@ -85,13 +88,13 @@ def modifier(written: Modification | None, scope: Any) -> Modifier:
 
 
 def merged(outer: Modifier, inner: Modifier) -> Modifier:
-    """Both, the outer one where they contradict. Raises ModelicaError for a change of what is final."""
+    """Merge two modifiers; the outer one overrides. Raises ModelicaError if it modifies a final element."""
     if outer is NOTHING or (outer.value is None and not outer.inside and outer.redeclared is None):
         return inner
     if inner is NOTHING:
         return outer
     if inner.final and (outer.value is not None or outer.redeclared is not None or outer.inside):
-        raise ModelicaError("this changes what is declared final", outer.at)
+        raise ModelicaError("this modifies an element that is declared final", outer.at)
     inside = dict(inner.inside)
     for name, item in outer.inside.items():
         inside[name] = merged(item, inside[name]) if name in inside else item

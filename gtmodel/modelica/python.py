@@ -1,4 +1,4 @@
-"""A flattened class as Python's syntax tree, with the line numbers of the text."""
+"""Code generation: a flattened class as a Python syntax tree with the line numbers of the text."""
 
 from __future__ import annotations
 
@@ -43,19 +43,19 @@ _PREFERENCE = {"never": -2, "avoid": -1, "prefer": 1, "always": 2}
 _ATTRIBUTES = ("min", "max", "start", "initialGuess")
 _ORDER = ("<", "<=", ">", ">=")
 _TRUTHS = (*_ORDER, "==", "<>", "and", "or", "not", "initial", "sample", "refused")
-LONG = 400  # words of a statement in which what stands several times is named
+LONG = 400  # size of a statement beyond which repeated subexpressions become local variables
 _MOVING = ("floor", "ceil", "integer", "mod", "div", "rem")
 
 
 class Writer:
-    """Writes one flattened class; units: whether the text's units go along."""
+    """Writes one flattened class; units: whether declarations have the units of the text."""
 
     def __init__(self, flat: Flattened, naming: Callable[[str], str], units: bool) -> None:
         self.flat, self.units, self.warnings = flat, units, list[str]()
         self.names, self.naming, self._late = _unique(flat.flats, naming), naming, dict[tuple[str, float], str]()
         self.parts = PartWriter(flat.parts, naming, self.names.values(), units)
         self.resolved = Resolver()
-        self._terms: dict[int, str] = {}  # expressions that stand several times in a statement, by id
+        self._terms: dict[int, str] = {}  # names of repeated subexpressions of a statement, by id
         self._count = 0
         self.written = Written(flat.name, flat.at, flat.optimization, flat.description)
 
@@ -98,11 +98,11 @@ class Writer:
 
     @staticmethod
     def bare(node: Any) -> Any:
-        """An expression or a statement whose quantities have no units."""
+        """Return an expression or statement with every quantity wrapped in plain()."""
         return _Bare().visit(node)
 
     def _exponents(self) -> None:
-        """Exponents of parameters are numbers: the language takes no others."""
+        """Evaluate exponents that depend on parameters: gtmodel needs numbers there."""
         sides: list[Any] = [self.flat.header.get(name) for name in ("objective", "objectiveIntegrand")]
         for e in (*self.flat.equations, *self.flat.initial, *self.flat.constraints):
             parts = (
@@ -126,21 +126,21 @@ class Writer:
     # declarations
 
     def _decided(self, flat: Flat) -> dict[str, Any]:
-        """Attributes that are numbers before anything is written."""
+        """Return the attributes that must be numbers at translation."""
         numbers: dict[str, Any] = {}
-        wanted = ["nominal", "fixed", "unit", "stateSelect"]
+        names = ["nominal", "fixed", "unit", "stateSelect"]
         if flat.kind in ("parameter", "discrete"):
-            wanted += (
+            names += (
                 ["min", "max", "start", "initialGuess"] if flat.free else ["start"] if flat.kind != "parameter" else []
             )
         if flat.free and flat.binding is not None:
             numbers["value"] = number_of(flat.binding, flat.at, f"the value of '{flat.name}'")
-        for name in wanted:
+        for name in names:
             value = flat.get(name)
             if value is not None:
                 numbers[name] = number_of(value, flat.at, f"{name} of '{flat.name}'")
         if not isinstance(numbers.get("fixed", False), bool):
-            raise ModelicaError(f"fixed of '{flat.name}' is true or false; found {numbers['fixed']}", flat.at)
+            raise ModelicaError(f"fixed of '{flat.name}' must be true or false; found {numbers['fixed']}", flat.at)
         return numbers
 
     def _unit(self, flat: Flat, numbers: dict[str, Any]) -> dict[str, Any]:
@@ -150,7 +150,7 @@ class Writer:
         try:
             si_unit(str(unit))
         except UnitError as error:
-            self.warnings.append(f"unit of '{flat.name}' is not used: {error} ({flat.at.where})")
+            self.warnings.append(f"unit of '{flat.name}' is ignored: {error} ({flat.at.where})")
             return {}
         return {"unit": ast.Constant(str(unit))}
 
@@ -163,7 +163,7 @@ class Writer:
         if flat.kind == "parameter":
             value = value_of(flat)
             if not is_number(value):
-                raise ModelicaError(f"'{flat.name}' takes a number; found {str(value)!r}", flat.at)
+                raise ModelicaError(f"'{flat.name}' must be a number; found {str(value)!r}", flat.at)
             low = flat.get("min")
             if is_number(low) and low > 0 < value:
                 options["positive"] = ast.Constant(True)
@@ -203,10 +203,10 @@ class Writer:
             if is_number(value) and _finite(value):
                 options[name] = _constant(float(value))
             elif not is_number(value):
-                raise ModelicaError(f"{name} of '{flat.name}' takes a number; found {value!r}", flat.at)
+                raise ModelicaError(f"{name} of '{flat.name}' must be a number; found {value!r}", flat.at)
             return
         if any(f.kind not in ("parameter", "constant") for f in symbols(value)):
-            raise ModelicaError(f"{name} of '{flat.name}' is made of numbers and parameters", flat.at)
+            raise ModelicaError(f"{name} of '{flat.name}' must depend on parameters only", flat.at)
         self._terms = {}
         self._bounded(value, flat.at, {})
         arguments = ast.arguments(posonlyargs=[], args=[ast.arg("self")], kwonlyargs=[], kw_defaults=[], defaults=[])
@@ -219,22 +219,24 @@ class Writer:
     def _header(self) -> list[tuple[str, ast.expr, Place]]:
         if not self.flat.optimization:
             return []
-        given, result = self.flat.header, []
-        start = given.get("startTime", 0.0)
+        header, result = self.flat.header, []
+        start = header.get("startTime", 0.0)
         for name, attribute, default in (("startTime", "start_time", 0.0), ("finalTime", "final_time", 1.0)):
             place = next((at for k, at in self.flat.header_at.items() if k.startswith(name)), self.flat.at)
-            if given.get(f"{name}.free") is True:
+            if header.get(f"{name}.free") is True:
                 words = (f"{name}.initialGuess", f"{name}.start", name)
-                guess = next((given[w] for w in words if w in given), default if name == "startTime" else start + 1.0)
-                options = {k: _constant(float(given[f"{name}.{k}"])) for k in ("min", "max") if f"{name}.{k}" in given}
+                guess = next((header[w] for w in words if w in header), default if name == "startTime" else start + 1.0)
+                options = {
+                    k: _constant(float(header[f"{name}.{k}"])) for k in ("min", "max") if f"{name}.{k}" in header
+                }
                 options["unit"] = ast.Constant("s")
                 result.append((attribute, _call("free", [_constant(float(guess))], options), place))
             else:
-                value = given.get(name, default)
+                value = header.get(name, default)
                 if not is_number(value):
-                    raise ModelicaError(f"{name} is a time in s; found {value!r}", place)
-                if not given.get(f"{name}.min", value) <= value <= given.get(f"{name}.max", value):
-                    raise ModelicaError(f"{name} lies outside of its own min and max; found {value}", place)
+                    raise ModelicaError(f"{name} must be a number, the time in s; found {value!r}", place)
+                if not header.get(f"{name}.min", value) <= value <= header.get(f"{name}.max", value):
+                    raise ModelicaError(f"{name} is outside its min and max; found {value}", place)
                 result.append((attribute, _constant(float(value)), place))
         return result
 
@@ -258,17 +260,17 @@ class Writer:
             ]
             self._put("equations", e.at, _yield(_call("If", [condition, *sides])))
         else:
-            made: Any = None
+            clause: Any = None
             parts = [(b.condition, *(s for a in b.actions for s in (a.left, a.right)), *(v for _, v in b.restarts))
                      for b in e.branches]  # fmt: skip
             self._named("equations", e.at, [x for part in parts for x in part])
             for b in e.branches:
-                given = [self._condition(self.resolved(b.condition, b.at), b.at), *self._actions(b)]
-                made = (
-                    _call("when", given) if made is None else ast.Call(
-                        ast.Attribute(made, "elsewhen", ast.Load()), given, [])
+                arguments = [self._condition(self.resolved(b.condition, b.at), b.at), *self._actions(b)]
+                clause = (
+                    _call("when", arguments) if clause is None else ast.Call(
+                        ast.Attribute(clause, "elsewhen", ast.Load()), arguments, [])
                 )  # fmt: skip
-            self._put("equations", e.at, _yield(made))
+            self._put("equations", e.at, _yield(clause))
 
     def _actions(self, b: WhenBranch) -> list[ast.expr]:
         actions: list[ast.expr] = [
@@ -288,11 +290,11 @@ class Writer:
         if method == "constraints" and not any(True for x in (left, right) for _ in symbols(x)):
             left, right = self._ends(left), self._ends(right)
         if wrong := [str(x) for x in (left, right) if is_literal(x) and not is_number(x)]:
-            raise ModelicaError(f"an equation takes numbers; found {wrong[0].lower()}", e.at)
+            raise ModelicaError(f"an equation must be between numbers; found {wrong[0].lower()}", e.at)
         if is_literal(left) and is_literal(right):
             holds = {"==": left == right, "<=": left <= right, ">=": left >= right}[e.relation]
             if not holds:
-                raise ModelicaError(f"this says {left} {e.relation.replace('==', '=')} {right}", e.at)
+                raise ModelicaError(f"this equation is false: {left} {e.relation.replace('==', '=')} {right}", e.at)
             return
         self._named(method, e.at, [left, right])
         self._put(
@@ -301,7 +303,7 @@ class Writer:
         )  # fmt: skip
 
     def _ends(self, x: Any) -> Any:
-        """startTime and finalTime as numbers, where nobody chooses them."""
+        """Replace startTime and finalTime by numbers if they are not free."""
         if isinstance(x, Operation):
             if x.name in _HORIZON and self.flat.header.get(f"{_HORIZON[x.name]}.free") is not True:
                 return self.flat.header.get(_HORIZON[x.name], float(x.name == "final_time"))
@@ -335,7 +337,7 @@ class Writer:
         self._put("objective", at, ast.Return(total))
 
     def _nothing(self, terms: list[ast.expr]) -> list[ast.expr]:
-        """A term that is zero, where the objective is a number: any motion that keeps the constraints is as good."""
+        """Return a zero term with a variable if the objective is a number: every feasible trajectory is optimal."""
         moves = [n for t in terms for n in ast.walk(t) if isinstance(n, ast.Attribute) and n.attr == "integral"]
         free = any(v is True for k, v in self.flat.header.items() if k.endswith(".free"))
         chosen = {self.names[id(f)] for f in self.flat.flats if f.free}
@@ -350,19 +352,19 @@ class Writer:
 
     # expressions
 
-    def _named(self, method: str, at: Place, given: list[Any]) -> None:
-        """Local variables of the method for what stands several times in a long statement of these expressions."""
+    def _named(self, method: str, at: Place, expressions: list[Any]) -> None:
+        """Define local variables for repeated subexpressions if the statement of these expressions is long."""
         self._terms = {}
-        given = [self.resolved(x, at) for x in given]
+        expressions = [self.resolved(x, at) for x in expressions]
         extents: dict[int, tuple[Any, int]] = {}
-        if sum(extent(x, extents) for x in given) > LONG:
+        if sum(extent(x, extents) for x in expressions) > LONG:
             extents = {}
-            inside = ordered(*given)
-            uses = Counter(id(x) for x in given)
-            for o in inside:
+            subexpressions = ordered(*expressions)
+            uses = Counter(id(x) for x in expressions)
+            for o in subexpressions:
                 twice = (self.flat.optimization and o.name in _ORDER) or o.name in ("sinh", "cosh")
                 uses.update(id(a) for a in o.arguments for _ in range(2 if twice else 1))
-            for o in inside:
+            for o in subexpressions:
                 if uses[id(o)] > 1 and o.name not in _TRUTHS and extent(o, extents) > 2:
                     self._bounded(o, at, extents)
                     self._count += 1
@@ -370,7 +372,7 @@ class Writer:
                     self._put(method, at, ast.Assign([ast.Name(name, ast.Store())], self._expression(o)))
                     self._terms[id(o)] = name
                     extents[id(o)] = o, 1
-        for x in given:
+        for x in expressions:
             self._bounded(x, at, extents)
 
     @staticmethod
@@ -422,42 +424,45 @@ class Writer:
         if name == "if":
             return self._if(x)
         if name in _MOVING:
-            raise ModelicaError(f"{name}() of variables jumps, which is not taken", at)
+            raise ModelicaError(f"{name}() of variables is discontinuous and not supported here", at)
         if name == "delay":
             return self._delayed(x)
         if name == "earlier":
-            return self._expression(x.arguments[0])  # each round of an event begins with the values before
+            return self._expression(x.arguments[0])  # every iteration of an event starts with the values before it
         if name == "share":
             number = ast.Call(ast.Name("step", ast.Load()), [self._expression(a) for a in x.arguments], [])
             return ast.Call(ast.Name("plain", ast.Load()), [number], [])
         if name in ("step", "whole"):
             return ast.Call(ast.Name(name, ast.Load()), [self._expression(a) for a in x.arguments], [])
         if name in _RELATIONS or name in ("and", "or", "not", "<>", "initial", "sample"):
-            raise ModelicaError("a condition stands where a number is expected", at)
-        raise ModelicaError(f"{name}() is not taken here", at)
+            raise ModelicaError("expected a number; found a condition", at)
+        raise ModelicaError(f"{name}() is not supported here", at)
 
     def _delayed(self, x: Operation) -> ast.expr:
-        """An input some time later, as a declaration of its own; before the start it has its start value."""
+        """Declare a delayed input; before the start time it has the start value of the input."""
         source, tau = x.arguments
         assert x.at is not None
         if not self.flat.optimization or not isinstance(source, Symbol) or source.flat.kind != "input":
             t = f"{tau:g}"
+            delayed = "an expression"
+            if isinstance(source, Symbol):
+                word = "an input of a simulation" if source.flat.kind == "input" else f"a {source.flat.kind}"
+                delayed = f"'{source.flat.name}', {word}"
             raise ModelicaError(
-                "delay() is taken of an input of an optimization alone, v = delay(u, 0.1): the integrators keep no "
-                "past of others; shift discrete values at each sample(0, T), or write a Pade chain of second order in "
-                f"place of v = delay(x, {t}), for an x that moves little in {t} s: Real p(start = x0, fixed = true), "
-                f"q(start = 0, fixed = true); {t}*der(p) = q; {t}*der(q) = 12*(x - p) - 6*q; v = x - q",
+                f"only inputs of an optimization can be delayed; found {delayed}. Sample it, or use a Pade "
+                f"approximation: Real p(start = x0, fixed = true), q(start = 0, fixed = true); {t}*der(p) = q; "
+                f"{t}*der(q) = 12*(x - p) - 6*q; v = x - q",
                 x.at,
             )  # fmt: skip
         held = source.flat.get("start")
-        history = 0.0 if held is None else number_of(held, x.at, "what delay() begins with")
+        history = 0.0 if held is None else number_of(held, x.at, "the initial history of delay()")
         key = (self.names[id(source.flat)], tau)
         name = self._late.get(key, "")
         if not name:
             number = len(self._late) + 1
             name = self._late[key] = self.naming(f"{source.flat.name}_delayed{number if number > 1 else ''}")
-            given = [ast.Name(self.names[id(source.flat)], ast.Load()), _constant(tau)]
-            value = _call("delayed", given, {"history": _constant(float(history))})
+            arguments = [ast.Name(self.names[id(source.flat)], ast.Load()), _constant(tau)]
+            value = _call("delayed", arguments, {"history": _constant(float(history))})
             self._put("", x.at, ast.Assign([ast.Name(name, ast.Store())], value))
         return _own(name)
 
@@ -470,8 +475,8 @@ class Writer:
         constant = all(f.kind in ("parameter", "constant") for side in (then, otherwise) for f in symbols(side))
         if constant and any(f.kind not in ("parameter", "constant") for f in symbols(condition)):
             raise ModelicaError(
-                "this jumps where variables change their order, and an optimisation needs smooth functions; write a "
-                "smooth one, or a phase for each side and join them by gt.solve_phases",
+                "this expression is discontinuous, and an optimization needs smooth functions; write a smooth "
+                "approximation, or one phase for each branch and connect them with gt.solve_phases",
                 x.at,
             )
         step = self._step(condition, x.at)
@@ -480,9 +485,9 @@ class Writer:
         return ast.BinOp(left, ast.Add(), rest)
 
     def _step(self, x: Any, at: Place | None) -> ast.expr:
-        """1 where a condition holds, else 0; optimisers know where it jumps."""
+        """Return a step that is 1 if a condition holds and 0 otherwise, as `gt.piecewise`, whose breaks are known."""
         if isinstance(x, Operation) and x.name in ("<", "<=", ">", ">="):
-            strict = "=" not in x.name  # a > b where not b >= a: what a step is at its jump matters there
+            strict = "=" not in x.name  # a > b is written as not b >= a, for the value at the break
             a, b = x.arguments if x.name in (">=", "<") else reversed(x.arguments)
             difference = self._expression(Operation("-", (a, b), at))
             breaks = ast.List([_constant(v) for v in (-1.0, 0.0, 1.0)], ast.Load())
@@ -495,7 +500,7 @@ class Writer:
             a, b = (self._step(y, at) for y in x.arguments)
             both = ast.BinOp(a, ast.Mult(), b)
             return both if x.name == "and" else ast.BinOp(ast.BinOp(a, ast.Add(), b), ast.Sub(), both)
-        raise ModelicaError("this condition is not taken in an optimisation; write it with < or >", at)
+        raise ModelicaError("this condition is not supported in an optimization; write it with < or >", at)
 
     def _condition(self, x: Any, at: Place) -> ast.expr:
         if isinstance(x, Operation):
@@ -512,7 +517,9 @@ class Writer:
             if x.name == "sample":
                 start, interval = (self._expression(y) for y in x.arguments)
                 return _call("sample", [interval], {"offset": start})
-        raise ModelicaError("this condition is not taken; relations with <, <=, >, >=, joined by and, or, not, are", at)
+        raise ModelicaError(
+            "this condition is not supported; write relations with <, <=, >, >=, combined by and, or, not", at
+        )
 
 
 class _Bare(ast.NodeTransformer):
@@ -524,7 +531,7 @@ class _Bare(ast.NodeTransformer):
 
 def _unique(flats: Iterable[Flat], naming: Callable[[str], str]) -> dict[int, str]:
     names: dict[int, str] = {}
-    seen: set[str] = set()
+    taken: set[str] = set()
     for flat in flats:
         if flat.replaced is not None:
             continue
@@ -532,9 +539,9 @@ def _unique(flats: Iterable[Flat], naming: Callable[[str], str]) -> dict[int, st
             name = naming(flat.name)
         except ModelicaError as error:
             raise ModelicaError(error.sentence, flat.at) from None
-        while name in seen:
+        while name in taken:
             name += "_"
-        seen.add(name)
+        taken.add(name)
         names[id(flat)] = name
     return names
 

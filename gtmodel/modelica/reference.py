@@ -1,4 +1,4 @@
-"""References to classes of texts, "vdp.mop:VDP_Opt", for doors that start before any text is read."""
+"""References to Modelica classes, "vdp.mop:VDP_Opt", for callers that must start before the parser is imported."""
 
 from __future__ import annotations
 
@@ -26,8 +26,11 @@ def translated(
 
 
 def problem_of(reference: str) -> tuple[Path, dict[str, Any]]:
-    """The file, and the keys of a problem file of this one class: kind "optimization", or "simulation" of a model until
-    the StopTime of its experiment annotation, else 1 s. Raises ModelicaError."""
+    """Return the file and the keys of a problem file for one class.
+
+    The kind is "optimization", or "simulation" for a model, which ends at the StopTime of its experiment annotation
+    or, without one, at 1 s. Raises ModelicaError.
+    """
     from .translate import chosen, opened, stop_time_of
 
     place, name = split(reference)
@@ -42,8 +45,10 @@ def problem_of(reference: str) -> tuple[Path, dict[str, Any]]:
 
 
 def whole(reference: str) -> str:
-    """The reference with its class, where the file holds one optimization or one model and none is named. Raises
-    ModelicaError."""
+    """Return a reference completed by its class if none is named; the file must contain one optimization or one model.
+
+    Raises ModelicaError.
+    """
     from .translate import chosen, opened
 
     place, name = split(reference)

@@ -16,7 +16,7 @@ class Flat:
     """A scalar variable or parameter of the flattened model, under its name in the text, such as `tank[2].x[1]`.
 
     kind: "variable", "input", "parameter", "constant" or "discrete". base: Real, Integer, Boolean, String, enumeration.
-    binding, start and the others: made when they are first asked for.
+    The binding and attributes are evaluated when first accessed.
     """
 
     name: str
@@ -28,11 +28,11 @@ class Flat:
     top: bool = False
     flow: bool = False
     description: str = ""
-    frozen: bool = False  # a number of it decides about the structure
+    frozen: bool = False  # a structural parameter: its number was used at translation
     free: bool = False
-    helper: bool = False  # what events remember: no name of the text, and not in results
-    computed: bool = False  # a parameter that initial equations determine
-    replaced: Any = None  # what stands for it everywhere
+    helper: bool = False  # a discrete variable of gtmodel for events, not in results
+    computed: bool = False  # a parameter that initial equations determine (fixed = false)
+    replaced: Any = None  # the expression that replaces it everywhere
     cache: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -42,7 +42,7 @@ class Flat:
         return self.cache["binding"]
 
     def get(self, name: str) -> Any:
-        """The scalar of an attribute, such as start; None where it is not given."""
+        """Return the value of an attribute, such as start; None if it is not set."""
         if name not in self.cache:
             self.cache[name] = self.attribute(name)
         return self.cache[name]
@@ -88,7 +88,7 @@ def is_literal(x: Any) -> bool:
 
 
 def _power(a: float, b: float) -> float:
-    result = float(a) ** b  # a power is Real, and of whole numbers has no end
+    result = float(a) ** b  # Real: a power of Integers has no bound
     if isinstance(result, complex):
         raise ValueError("a root of a negative number")
     return result
@@ -125,7 +125,7 @@ NUMERIC: dict[str, Callable[..., Any]] = {
 
 
 _RELATIONS = ("<", "<=", ">", ">=", "==", "<>")
-EXACT = 2**53  # beyond, numbers are no longer counted one by one
+EXACT = 2**53  # larger Integers are not all exact as floats
 LONGEST_TEXT = 100_000
 
 
@@ -139,7 +139,7 @@ def _is_no_number(x: Any) -> bool:
 
 
 def fits(x: Any, base: str, literals: tuple[str, ...] = ()) -> bool:
-    """Can a variable of a predefined type, or of an enumeration of these literals, have this value?"""
+    """True if a variable of a predefined type, or of an enumeration of these literals, can have this value."""
     if isinstance(x, EnumerationLiteral):
         return base == "enumeration" and (not x.name or x.name in literals)
     if isinstance(x, Symbol):
@@ -151,14 +151,14 @@ def fits(x: Any, base: str, literals: tuple[str, ...] = ()) -> bool:
 
 
 def _sort(x: Any) -> str:
-    """What a literal can be compared with."""
+    """Return the type of a literal for comparisons; Integer and Real are one."""
     if isinstance(x, EnumerationLiteral):
         return x.type_name
     return "Boolean" if isinstance(x, bool) else "String" if isinstance(x, str) else "Real"
 
 
 def operation(name: str, arguments: tuple[Any, ...], at: Place | None) -> Scalar:
-    """An operation, as its value where all arguments are literals. Raises ModelicaError where it has none."""
+    """Return an operation, or its value if all arguments are literals. Raises ModelicaError if it is undefined."""
     if name == "if":
         condition, then, otherwise = arguments
         if isinstance(condition, bool):
@@ -167,7 +167,7 @@ def operation(name: str, arguments: tuple[Any, ...], at: Place | None) -> Scalar
         return computed(name, arguments, at)
     elif name in _ARITHMETIC and (wrong := [a for a in arguments if _is_no_number(a)]):
         shown = wrong[0].flat.name if isinstance(wrong[0], Symbol) else wrong[0]
-        raise ModelicaError(f"'{'-' if name == 'neg' else name}' takes numbers; found {shown!r}", at)
+        raise ModelicaError(f"'{'-' if name == 'neg' else name}' needs numbers; found {shown!r}", at)
     elif name == "not" and isinstance(arguments[0], Operation) and arguments[0].name == "not":
         return arguments[0].arguments[0]
     elif name == "and" and any(a is False for a in arguments):
@@ -180,20 +180,20 @@ def operation(name: str, arguments: tuple[Any, ...], at: Place | None) -> Scalar
 
 
 def computed(name: str, arguments: tuple[Any, ...], at: Place | None) -> Any:
-    """The value of an operation on literals."""
+    """Return the value of an operation on literals. Raises ModelicaError if it is undefined."""
     if name == "+" and all(isinstance(a, str) for a in arguments):
         if len(arguments[0] + arguments[1]) > LONGEST_TEXT:
-            raise ModelicaError(f"a text of more than {LONGEST_TEXT} characters is made here", at)
+            raise ModelicaError(f"this string would have more than {LONGEST_TEXT} characters", at)
         return arguments[0] + arguments[1]
     texts = name in _RELATIONS and len({_sort(a) for a in arguments}) == 1
     if not texts and name in _RELATIONS:
-        raise ModelicaError(f"'{name}' compares values of one type; found {arguments[0]} and {arguments[1]}", at)
+        raise ModelicaError(f"'{name}' needs operands of one type; found {arguments[0]} and {arguments[1]}", at)
     logical = name in ("and", "or", "not")
     if not texts and not logical and not all(is_number(a) for a in arguments):
         shown = next(a for a in arguments if not is_number(a))
-        raise ModelicaError(f"'{name}' takes numbers; found {shown!r}", at)
+        raise ModelicaError(f"'{name}' needs numbers; found {shown!r}", at)
     if logical and not all(isinstance(a, bool) for a in arguments):
-        raise ModelicaError(f"'{name}' takes true or false; found {arguments[0]!r}", at)
+        raise ModelicaError(f"'{name}' needs Boolean operands; found {arguments[0]!r}", at)
     try:
         result = NUMERIC[name](*arguments)
     except (ValueError, ZeroDivisionError, OverflowError) as error:
@@ -207,7 +207,7 @@ def computed(name: str, arguments: tuple[Any, ...], at: Place | None) -> Any:
 
 
 def symbols(x: Scalar) -> Iterator[Flat]:
-    """Variables and parameters in an expression; without recursion, and what it shares but once."""
+    """Yield the variables and parameters in an expression; not recursive, shared operations once."""
     for e in nodes(x):
         if isinstance(e, Symbol):
             yield e.flat
@@ -218,43 +218,43 @@ def operations(x: Scalar) -> Iterator[Operation]:
 
 
 def nodes(x: Scalar, closed: tuple[str, ...] = ()) -> Iterator[Any]:
-    """An expression and all inside it, what it shares but once, and nothing inside operations of these names."""
-    stack, seen = [x], set[int]()
+    """Yield an expression and its subexpressions, shared ones once; arguments of closed operations are skipped."""
+    stack, visited = [x], set[int]()
     while stack:
         e = stack.pop()
         if isinstance(e, Operation):
-            if id(e) in seen:
+            if id(e) in visited:
                 continue
-            seen.add(id(e))
+            visited.add(id(e))
             stack.extend(reversed(e.arguments) if e.name not in closed else ())
         yield e
 
 
 def ordered(*given: Scalar) -> list[Operation]:
-    """Operations in expressions, each once and behind those inside it; without recursion."""
+    """Return the operations in expressions, each once and after its arguments; not recursive."""
     result: list[Operation] = []
-    stack, seen = [(x, False) for x in reversed(given)], set[int]()
+    stack, visited = [(x, False) for x in reversed(given)], set[int]()
     while stack:
-        e, open_now = stack.pop()
-        if open_now:
+        e, arguments_done = stack.pop()
+        if arguments_done:
             result.append(e)
-        elif isinstance(e, Operation) and id(e) not in seen:
-            seen.add(id(e))
+        elif isinstance(e, Operation) and id(e) not in visited:
+            visited.add(id(e))
             stack += [(e, True), *((a, False) for a in reversed(e.arguments))]
     return result
 
 
 def extent(x: Scalar, known: dict[int, tuple[Any, int]]) -> int:
-    """Of how many words an expression is written out; known: what was counted before. Without recursion."""
+    """Return the size of an expression written out without sharing; known: sizes by id. Not recursive."""
     stack = [x]
     while stack:
         e = stack[-1]
         if not isinstance(e, Operation) or id(e) in known:
             stack.pop()
             continue
-        inside = [a for a in e.arguments if isinstance(a, Operation) and id(a) not in known]
-        if inside:
-            stack += inside
+        pending = [a for a in e.arguments if isinstance(a, Operation) and id(a) not in known]
+        if pending:
+            stack += pending
             continue
         known[id(e)] = (e, 1 + sum(known[id(a)][1] if isinstance(a, Operation) else 1 for a in e.arguments))
         stack.pop()
@@ -262,7 +262,7 @@ def extent(x: Scalar, known: dict[int, tuple[Any, int]]) -> int:
 
 
 def replaced(x: Scalar, values: dict[int, Any], known: dict[int, Any] | None = None) -> Scalar:
-    """An expression with values in place of some variables, by the id of their Flat."""
+    """Substitute values for variables, by the id of their Flat; arguments of pre() are left unchanged."""
     if isinstance(x, Symbol):
         return values.get(id(x.flat), x)
     if not isinstance(x, Operation) or x.name == "pre":
@@ -277,7 +277,7 @@ def replaced(x: Scalar, values: dict[int, Any], known: dict[int, Any] | None = N
 
 
 def is_constant(x: Scalar) -> bool:
-    """Is it made of literals and parameters that nobody chooses?"""
+    """True if an expression depends only on literals and parameters with given values."""
     moving = ("der", "time", "start_time", "final_time", "at", "integral", "pre", "initial", "sample", "edge", "change",
               "part", "refused")  # fmt: skip
     if any(o.name in moving for o in operations(x)):
@@ -285,23 +285,26 @@ def is_constant(x: Scalar) -> bool:
     return all(f.kind in ("parameter", "constant") and not f.free and not f.computed for f in symbols(x))
 
 
-def number_of(x: Scalar, at: Place | None = None, asked: str = "", known: dict[int, Any] | None = None) -> Any:
-    """The value of an expression of literals and parameters, which are frozen by that: the model is no longer right
-    for other values of them. Raises ModelicaError for what moves, for a circle and for a parameter without a value."""
+def number_of(x: Scalar, at: Place | None = None, purpose: str = "", known: dict[int, Any] | None = None) -> Any:
+    """Return the value of an expression of literals and parameters, which become structural (frozen).
+
+    The flattened model is then valid only for these values. purpose: name of the value in error messages. Raises
+    ModelicaError for variables, for a cyclic dependency, and for a parameter without a value.
+    """
     if is_literal(x):
         return x
     if isinstance(x, Symbol):
-        return _of_parameter(x.flat, at, asked)
+        return _of_parameter(x.flat, at, purpose)
     known = {} if known is None else known
     if id(x) in known:
         return known[id(x)]
     if x.name == "if":
-        condition = number_of(x.arguments[0], at or x.at, asked, known)
-        result = number_of(x.arguments[1 if condition else 2], at or x.at, asked, known)
+        condition = number_of(x.arguments[0], at or x.at, purpose, known)
+        result = number_of(x.arguments[1 if condition else 2], at or x.at, purpose, known)
     elif x.name not in NUMERIC:
-        raise ModelicaError(f"{asked or 'a value that is needed before'} depends on {_shown(x.name)}", at or x.at)
+        raise ModelicaError(f"{purpose or 'a value needed at translation'} depends on {_shown(x.name)}", at or x.at)
     else:
-        result = computed(x.name, tuple(number_of(a, at, asked, known) for a in x.arguments), at or x.at)
+        result = computed(x.name, tuple(number_of(a, at, purpose, known) for a in x.arguments), at or x.at)
     known[id(x)] = result
     return result
 
@@ -309,12 +312,14 @@ def number_of(x: Scalar, at: Place | None = None, asked: str = "", known: dict[i
 _BUSY = object()
 
 
-def _of_parameter(flat: Flat, at: Place | None, asked: str) -> Any:
+def _of_parameter(flat: Flat, at: Place | None, purpose: str) -> Any:
     if flat.replaced is not None:
-        return number_of(flat.replaced, at, asked)
+        return number_of(flat.replaced, at, purpose)
     if flat.kind not in ("parameter", "constant") or flat.computed or flat.free:
-        what = "a free parameter" if flat.free else "no parameter"
-        raise ModelicaError(f"{asked or 'a value that is needed before'} depends on '{flat.name}', which is {what}", at)
+        description = "a free parameter" if flat.free else "not a parameter with a given value"
+        raise ModelicaError(
+            f"{purpose or 'a value needed at translation'} depends on '{flat.name}', which is {description}", at
+        )
     value = flat.cache.get("number")
     if value is _BUSY:
         raise ModelicaError(f"the value of '{flat.name}' depends on itself", flat.at)
@@ -331,15 +336,18 @@ def _of_parameter(flat: Flat, at: Place | None, asked: str) -> Any:
 
 
 def whole(flat: Flat, value: Any) -> Any:
-    """The value of a parameter, which of an Integer is a whole number."""
+    """Return the value of a parameter. Raises ModelicaError if an Integer has a fraction."""
     if flat.base == "Integer" and isinstance(value, float) and not value.is_integer():
-        raise ModelicaError(f"'{flat.name}' is an Integer, a whole number; found {value}", flat.at)
+        raise ModelicaError(f"'{flat.name}' must be an Integer; found {value}", flat.at)
     return value
 
 
 def value_of(flat: Flat) -> Scalar:
-    """What a parameter is bound to, or its start where it is bound to nothing. Raises ModelicaError without either."""
+    """Return the binding of a parameter, or else its start value. Raises ModelicaError if it has neither."""
     if flat.binding is not None:
+        inside = list(symbols(flat.binding))
+        if inside and is_constant(flat.binding) and all(f.kind == "constant" for f in inside):
+            flat.cache["binding"] = number_of(flat.binding, flat.at, f"'{flat.name}'")  # 10*pi/180
         return flat.binding
     if (start := flat.get("start")) is not None:
         return start

@@ -1,4 +1,4 @@
-"""Which class a name means: packages, libraries on a path, imports, inherited classes, redeclarations."""
+"""Lookup of class names: packages, libraries on a path, imports, inherited classes, redeclarations."""
 
 from __future__ import annotations
 
@@ -26,38 +26,42 @@ from .syntax import (
 )
 
 PREDEFINED = ("Real", "Integer", "Boolean", "String")
-LANGUAGE = ("StateSelect", "AssertionLevel")  # types that every scope knows, encapsulated ones too
+LANGUAGE = ("StateSelect", "AssertionLevel")  # types visible in every scope, encapsulated ones included
 _BLANKS = r"(?:\s|//[^\n]*\n|/\*.*?\*/)"
-# a file that begins with the name of the package it belongs to
+# a file with a within clause that names a package
 _WITHIN = re.compile(rf"{_BLANKS}*within\b{_BLANKS}*\w", re.DOTALL)
-# names behind the words that begin a class, wherever they stand: more than there are classes, never fewer
+# names after class keywords anywhere in a text: a superset of its classes
 _CLASS = re.compile(
     rf"\b(?:class|model|record|block|connector|type|package|function|optimization|operator(?!{_BLANKS}+(?:record|function)\b)){_BLANKS}+"
     r"(\w+|'(?:[^'\\]|\\.)+')", re.DOTALL,
 )  # fmt: skip
 _BUILT_IN = Path(__file__).with_name("standard.mo")
+NOT_LOADED = (
+    "; the Modelica Standard Library is not loaded: name its folder in MODELICAPATH, or in library = [...] of a "
+    "problem file or of gt.modelica.load"
+)
 
 
 @dataclass(eq=False)
 class Space:
-    """A class where it stands: its text, what is around it, and what redeclarations put in place of its classes."""
+    """A class in its enclosing scope: its text, the enclosing class, and redeclared local classes."""
 
     text: ClassText
     outer: Space | None
     replaced: dict[str, Space] = field(default_factory=dict)
-    made: dict[str, Space | None] = field(default_factory=dict)
+    resolved: dict[str, Space | None] = field(default_factory=dict)
     folder: Path | None = None
-    package: Any = None  # its constants, once they are asked for
-    # of the outermost: files not yet read, by names of classes in them
+    package: Any = None  # the Instance that holds its constants, once accessed
+    # of the root: files not yet parsed, by names of classes in them
     waiting: dict[str, list[Path]] = field(default_factory=dict)
     _busy: set[str] = field(default_factory=set)
-    said: Modifier = NOTHING  # what `m(Class(k = 3))` says about it
-    limits: tuple[tuple[Modification, Space], ...] = ()  # modifications behind constrainedby of what it replaces
-    limit: Space | None = None  # the interface of what it replaces
-    instead: Space | None = None  # what a modification puts it in place of
-    holder: Any = None  # the instance in which a redeclaration stands
-    derived: Space | None = None  # of a class as it is inherited: the one that inherits, and may change, it
-    original: Space | None = None  # of such a class: itself
+    modifier: Modifier = NOTHING  # modifier of this class, as in `m(Class(k = 3))`
+    limits: tuple[tuple[Modification, Space], ...] = ()  # constrainedby modifications of the class it replaces
+    limit: Space | None = None  # constraining class of the class it replaces
+    replaces: Space | None = None  # the class that it replaces by redeclaration
+    holder: Any = None  # the instance that contains the redeclaration
+    derived: Space | None = None  # for an inherited class: the class that inherits and may modify it
+    original: Space | None = None  # for an inherited class: the class as declared
     _declared: frozenset[str] | None = None
 
     def __repr__(self) -> str:
@@ -74,121 +78,127 @@ class Space:
     def root(self) -> Space:
         return self if self.outer is None else self.outer.root
 
-    def own(self, name: str) -> Space | None:
-        """A class that is declared in this one, or lies in its folder."""
-        if name not in self.made:
+    def local_class(self, name: str) -> Space | None:
+        """Return a class that is declared in this class or stored in its folder; None if there is none."""
+        if name not in self.resolved:
             self._arrived(name)
-        if name not in self.made:
+        if name not in self.resolved:
             text = self.text.classes.get(name)
-            inside = _in_folder(self.folder, name) if self.folder is not None else None
-            known = text is not None or inside is not None
-            if name in multibody.NAMES and (ours := multibody.own_text(self.name, name, known)) is not None:
+            path = _in_folder(self.folder, name) if self.folder is not None else None
+            declared = text is not None or path is not None
+            if name in multibody.NAMES and (builtin_text := multibody.own_text(self.name, name, declared)) is not None:
                 # examples of the library are read from its folder
-                self.made[name] = Space(ours, self, folder=inside if inside is not None and inside.is_dir() else None)
-            elif self.original is not None and (own := self.original.own(name)) is not None:
-                self.made[name] = Space(own.text, self, folder=own.folder, original=own)
+                self.resolved[name] = Space(
+                    builtin_text, self, folder=path if path is not None and path.is_dir() else None
+                )
+            elif self.original is not None and (original_class := self.original.local_class(name)) is not None:
+                self.resolved[name] = Space(
+                    original_class.text, self, folder=original_class.folder, original=original_class
+                )
             elif text is not None:
-                self.made[name] = Space(text, self)
-            elif inside is not None:
-                self.made[name] = _loaded(inside, self, name)
+                self.resolved[name] = Space(text, self)
+            elif path is not None:
+                self.resolved[name] = _loaded(path, self, name)
             else:
-                self.made[name] = None
-        return self.made[name]
+                self.resolved[name] = None
+        return self.resolved[name]
 
     def _arrived(self, name: str) -> None:
-        """Read the files of library folders in which a class of this name is written."""
+        """Parse the files of library folders that contain a class of this name."""
         for file in self.waiting.pop(name, ()):
             for names in self.waiting.values():
                 if file in names:
                     names.remove(file)
-            _enter(self, [c for c in reader.read(file) if c.within or self.made.get(c.name) is None])
+            _enter(self, [c for c in reader.read(file) if c.within or self.resolved.get(c.name) is None])
 
     def bases(self) -> Iterator[tuple[Space, Extends]]:
-        """The classes that this one extends. Raises ModelicaError for a name that is none."""
+        """Yield the base classes with their extends clauses. Raises ModelicaError for an unknown class."""
         for element in self.text.elements:
             if isinstance(element, Extends) and element.base.parts[0].name not in PREDEFINED:
                 yield self.base(element), element
 
     def base(self, extends: Extends) -> Space:
-        """The class that an extends clause, or a short class, names."""
+        """Return the class that an extends clause or short class definition names."""
         first = extends.base.parts[0].name
         key = _key(extends)
-        if key not in self.made:
+        if key not in self.resolved:
             if key in self._busy:
                 raise ModelicaError(f"{self.text.name} extends itself", extends.at)
             self._busy.add(key)
             try:
                 if first == "ExternalObject":
-                    raise ModelicaError(f"{self.name} is kept by another language, and is not taken", extends.at)
+                    raise ModelicaError(f"{self.name} is an external object, which is not supported", extends.at)
                 around = self.outer if self.text.short and self.outer is not None else self
                 space = around.find(extends.base, skip=extends if around is self else None)
                 if space is self:
                     raise ModelicaError(f"{self.text.name} extends itself", extends.at)
-                self.made[key] = space
+                self.resolved[key] = space
             finally:
                 self._busy.discard(key)
-        result = self.made[key]
+        result = self.resolved[key]
         if result is None:
             raise ModelicaError(f"there is no class '{first}' to extend", extends.at)
         return result
 
     @property
     def declared(self) -> frozenset[str]:
-        """Names of its components, declared or inherited."""
+        """Names of its components, declared and inherited."""
         if self._declared is None:
-            self._declared = frozenset()  # of a class that extends itself
+            self._declared = frozenset()  # ends the recursion if a class extends itself
             try:
                 inherited = [base.declared for base, _ in self.bases()]
             except ModelicaError:
                 self._declared = None
                 raise
-            own = [e.name for e in self.text.elements if isinstance(e, Component)]
-            self._declared = frozenset(own).union(*inherited)
+            local_names = [e.name for e in self.text.elements if isinstance(e, Component)]
+            self._declared = frozenset(local_names).union(*inherited)
         return self._declared
 
     def view(self, extends: Extends) -> Space:
-        """The class that an extends clause names, as it is inherited here: with what is redeclared and modified."""
+        """Return the base class of an extends clause as inherited here, with redeclarations and modifications."""
         base = self.base(extends)
-        written = extends.modification.arguments if extends.modification is not None else ()
+        arguments = extends.modification.arguments if extends.modification is not None else ()
         package = base.text.restriction == "package"
         changed = (
             self.derived is not None
             or self.text.redeclares
-            or any(package or a.redeclared is not None for a in written)
+            or any(package or a.redeclared is not None for a in arguments)
         )
         if not changed:
             return base
         key = f"view {extends.at.line} {extends.at.column}"
-        if key not in self.made:
-            own = {"made": {}, "package": None, "_busy": set[str]()}
-            self.made[key] = replace(base, **own, derived=self.derived or self, original=base)
-        made = self.made[key]
-        assert made is not None
-        return made
+        if key not in self.resolved:
+            fields = {"resolved": {}, "package": None, "_busy": set[str]()}
+            self.resolved[key] = replace(base, **fields, derived=self.derived or self, original=base)
+        inherited_view = self.resolved[key]
+        assert inherited_view is not None
+        return inherited_view
 
     def _changed(self, extends: Extends, name: str, inherited: Space) -> Space:
-        """An inherited class with what the extends clause says about it."""
+        """Return an inherited local class with the modifications of the extends clause."""
         key = f"changed {name} {extends.at.line} {extends.at.column}"
         for argument in extends.modification.arguments if extends.modification is not None else ():
-            if argument.name[0] != name or key in self.made:
+            if argument.name[0] != name or key in self.resolved:
                 continue
             if isinstance(argument.redeclared, ClassText):
                 new = Space(argument.redeclared, self, limits=inherited.bounds, limit=inherited.interface)
-                new.instead = inherited if argument.redeclared is not inherited.text else None
-                self.made[key] = new
+                new.replaces = inherited if argument.redeclared is not inherited.text else None
+                self.resolved[key] = new
             elif argument.redeclared is None:
-                said = argument.modification
+                modification = argument.modification
                 if len(argument.name) > 1:
-                    said = Modification(argument.at, [Argument(argument.at, argument.name[1:], said, frozenset())])
-                own = Extends(argument.at, extends.base, said)
-                text = ClassText(argument.at, name, inherited.text.restriction, elements=[own], short=True)
-                made = self.made[key] = Space(text, self)
-                made.made[_key(own)] = inherited
-        return self.made.get(key) or inherited
+                    modification = Modification(
+                        argument.at, [Argument(argument.at, argument.name[1:], modification, frozenset())]
+                    )
+                clause = Extends(argument.at, extends.base, modification)
+                text = ClassText(argument.at, name, inherited.text.restriction, elements=[clause], short=True)
+                short_class = self.resolved[key] = Space(text, self)
+                short_class.resolved[_key(clause)] = inherited
+        return self.resolved.get(key) or inherited
 
     @property
     def bounds(self) -> tuple[tuple[Modification, Space], ...]:
-        """Modifications behind constrainedby, which hold for whatever takes the place of this class."""
+        """Constrainedby modifications, which apply to every class that replaces this one."""
         written = self.text.constraint
         if written is not None and written.modification is not None and self.outer is not None:
             return ((written.modification, self.outer),)
@@ -196,24 +206,24 @@ class Space:
 
     @property
     def interface(self) -> Space:
-        """The class of which whatever takes the place of this one is a subtype."""
+        """The constraining class: every class that replaces this one must be a subtype of it."""
         if self.text.constraint is not None and self.outer is not None:
             return self.outer.find(self.text.constraint.base)
         return self if self.limit is None else self.limit
 
     def member(self, name: str, skip: Extends | None = None) -> Space | None:
-        """A class of this one, declared or inherited; where this one is inherited itself, as it is there."""
-        own = self._member(name, skip)
-        if own is None or self.derived is None or name in self.replaced:
-            return own
-        return self.derived._member(name) or own
+        """Return a local class, declared or inherited; with the modifications of the class that inherits this one."""
+        local = self._member(name, skip)
+        if local is None or self.derived is None or name in self.replaced:
+            return local
+        return self.derived._member(name) or local
 
     def _member(self, name: str, skip: Extends | None = None) -> Space | None:
         if name in self.replaced:
             return self.replaced[name]
-        if (own := self.own(name)) is not None:
-            return own
-        if name in self._busy or skip is not None:  # what is extended is not looked for in what is inherited
+        if (local := self.local_class(name)) is not None:
+            return local
+        if name in self._busy or skip is not None:  # a base class is not looked up among inherited classes
             return None
         self._busy.add(name)
         try:
@@ -230,14 +240,14 @@ class Space:
         for item in self.text.imports:
             if item.name == name:
                 return self.root.absolute(item.reference)
-        everything = [i for i in self.text.imports if not i.name]
-        there = [c for i in everything if (c := self.root.absolute(i.reference).member(name)) is not None]
-        if len({id(c.text) for c in there}) > 1:
-            raise ModelicaError(f"'{name}' is imported from several packages", everything[0].at)
-        return there[0] if there else None
+        wildcards = [i for i in self.text.imports if not i.name]
+        candidates = [c for i in wildcards if (c := self.root.absolute(i.reference).member(name)) is not None]
+        if len({id(c.text) for c in candidates}) > 1:
+            raise ModelicaError(f"'{name}' is imported from several packages", wildcards[0].at)
+        return candidates[0] if candidates else None
 
     def lookup(self, name: str, skip: Extends | None = None) -> Space | None:
-        """A class by the first word of its name, from here outwards."""
+        """Look up the first part of a class name in this and all enclosing scopes; None if there is none."""
         space: Space | None = self
         while space is not None:
             known = space.member(name, skip if space is self else None) or space.imported(name)
@@ -250,23 +260,46 @@ class Space:
         return None
 
     def find(self, reference: Reference, skip: Extends | None = None) -> Space:
-        """The class that a reference means. Raises ModelicaError where there is none."""
+        """Return the class that a reference names. Raises ModelicaError if there is none."""
         if reference.absolute:
             return self.root.absolute(reference)
         first = reference.parts[0].name
         space = self.lookup(first, skip)
         if space is None:
-            raise ModelicaError(f"there is no class '{first}'{near(first, self.names())}", reference.at)
+            hint = self._inherited_import(first) or near(first, self.names())
+            raise ModelicaError(f"there is no class '{first}'{hint}", reference.at)
         try:
             return space.inside(reference, 1)
         except ModelicaError:
-            # public files name a package from inside it where a class of its own, or one of those that are imported,
-            # has the same name
+            # public files use the name of an enclosing package although a local or imported class hides it
             farther = self.outer.lookup(first) if self.outer is not None else None
-            for other in (farther, self.root.own(first)):
+            for other in (farther, self.root.local_class(first)):
                 if other is not None and other is not space:
                     return other.inside(reference, 1)
             raise
+
+    def _inherited_import(self, name: str) -> str:
+        """The advice for a name that only a base class, or what is around that one, imports."""
+        try:
+            left = [base for base, _ in self.bases()]
+            seen: list[Space] = []
+            while left:
+                around: Space | None = left.pop()
+                if around in seen:
+                    continue
+                left += [base for base, _ in around.bases()]
+                while around is not None:
+                    seen.append(around)
+                    for item in around.text.imports:
+                        if item.name == name:
+                            return (
+                                f"; imports are not inherited: {around.name} imports it in line {item.at.line}; write "
+                                f"import {name} = {item.reference}; in {self.name} too"
+                            )
+                    around = around.outer
+        except ModelicaError:
+            pass  # of an extends clause, which is told where it is read
+        return ""
 
     def absolute(self, reference: Reference) -> Space:
         return self.root.inside(reference, 0)
@@ -275,21 +308,22 @@ class Space:
         space = self
         for part in reference.parts[begin:]:
             following = space.member(part.name)
-            if following is None and space.name == "Modelica.Icons":  # pictures alone
-                following = space.made[part.name] = Space(ClassText(space.text.at, part.name, "class"), space)
+            if following is None and space.name == "Modelica.Icons":  # contains graphics only
+                following = space.resolved[part.name] = Space(ClassText(space.text.at, part.name, "class"), space)
             if following is None:
-                if refused := multibody.refusal(space.name, part.name):
-                    raise ModelicaError(refused, reference.at)
-                inside = space.name or "the files that were read"
-                names = [*space.text.classes, *(space.made if space.outer is None else ())]
-                raise ModelicaError(
-                    f"there is no class '{part.name}' in {inside}{near(part.name, names)}", reference.at
-                )
+                if reason := multibody.refusal(space.name, part.name):
+                    raise ModelicaError(reason, reference.at)
+                where = space.name or "the parsed files"
+                names = [*space.text.classes, *(space.resolved if space.outer is None else ())]
+                hint = near(part.name, names)
+                if not hint and space.text.at.source.path == str(_BUILT_IN):
+                    hint = NOT_LOADED
+                raise ModelicaError(f"there is no class '{part.name}' in {where}{hint}", reference.at)
             space = following
         return space
 
     def names(self) -> list[str]:
-        """Names of classes that can be written here."""
+        """Return the names of classes visible here, for suggestions."""
         result: list[str] = [*PREDEFINED]
         space: Space | None = self
         while space is not None:
@@ -298,13 +332,13 @@ class Space:
         return result
 
     def with_replaced(self, replaced: dict[str, Space], instance: Any) -> Space:
-        """This class, of one instance, with others in place of some of its own."""
-        own = {**self.replaced, **replaced}
-        return replace(self, replaced=own, made={}, _busy=set(), package=instance)
+        """Return this class for one instance, with some local classes replaced."""
+        classes = {**self.replaced, **replaced}
+        return replace(self, replaced=classes, resolved={}, _busy=set(), package=instance)
 
-    def with_said(self, said: Modifier) -> Space:
-        """This class with a modification from outside."""
-        return replace(self, made={}, _busy=set(), said=merged(said, self.said))
+    def with_modifier(self, modifier: Modifier) -> Space:
+        """Return this class with a modification from outside."""
+        return replace(self, resolved={}, _busy=set(), modifier=merged(modifier, self.modifier))
 
 
 def _key(extends: Extends) -> str:
@@ -312,33 +346,35 @@ def _key(extends: Extends) -> str:
 
 
 def library(paths: Iterable[str | os.PathLike[str]]) -> Space:
-    """The outermost scope: classes of the files and of the libraries' folders, later ones looked at first, and what is
-    built in where no library has a Modelica of its own. Raises ModelicaError for a path that holds nothing."""
+    """Return the root scope: classes of files and library folders, of which later ones hide earlier ones.
+
+    Built-in classes are added if no library declares them. Raises ModelicaError for a path without classes.
+    """
     at = Place(reader.Source("", ""), 1, 1)
     root = Space(ClassText(at, "", "package"), None)
     for path in paths:
         _add(root, Path(path))
-    _enter(root, [c for c in reader.read(_BUILT_IN) if c.name not in root.waiting and root.own(c.name) is None])
+    _enter(root, [c for c in reader.read(_BUILT_IN) if c.name not in root.waiting and root.local_class(c.name) is None])
     return root
 
 
 def files_of(root: Space) -> list[Path]:
-    """The files whose classes were read so far, but for what is built in."""
+    """Return the files whose classes were parsed so far, without the built-in file."""
     files: set[Path] = set()
-    seen: set[int] = set()
-    left = [root]
-    while left:
-        space = left.pop()
-        if id(space) not in seen:
-            seen.add(id(space))
-            left += [s for s in space.made.values() if s is not None]
+    visited: set[int] = set()
+    pending = [root]
+    while pending:
+        space = pending.pop()
+        if id(space) not in visited:
+            visited.add(id(space))
+            pending += [s for s in space.resolved.values() if s is not None]
             if path := space.text.at.source.path:
                 files.add(Path(path))
     return sorted(files - {_BUILT_IN})
 
 
 def of_text(text: str, paths: Iterable[str | os.PathLike[str]] = (), path: str = "") -> tuple[Space, list[ClassText]]:
-    """As `library`, with the classes of a text in it, and these."""
+    """Return the root scope as `library`, with the classes of a text added, and these classes."""
     root = library(paths)
     classes = reader.known(text, path)
     _enter(root, classes)
@@ -353,11 +389,11 @@ def of_text(text: str, paths: Iterable[str | os.PathLike[str]] = (), path: str =
 
 
 def _wait(root: Space, files: list[Path]) -> list[Path]:
-    """Classes of files are read when their names are asked for; the files that belong to packages are given back."""
+    """Register files, to be parsed when one of their classes is looked up; return the files with a within clause."""
     others: list[Path] = []
     for file in files:
         text = reader.content_of(file)
-        if _WITHIN.match(text):  # of another package, which then is to have it
+        if _WITHIN.match(text):  # its classes belong to another package
             others.append(file)
             continue
         for name in dict.fromkeys(_CLASS.findall(text)):
@@ -367,16 +403,16 @@ def _wait(root: Space, files: list[Path]) -> list[Path]:
 
 def _add(root: Space, path: Path) -> None:
     if path.is_dir():
-        inside = [p for p in (path, *sorted(path.iterdir())) if (p / "package.mo").is_file()]
-        files = [] if inside and inside[0] == path else sorted(path.glob("*.mo"))
-        if not inside and not files:
-            raise ModelicaError(f"the library folder {path} holds no package.mo and no .mo file")
-        for folder in inside[:1] if inside and inside[0] == path else inside:
+        packages = [p for p in (path, *sorted(path.iterdir())) if (p / "package.mo").is_file()]
+        files = [] if packages and packages[0] == path else sorted(path.glob("*.mo"))
+        if not packages and not files:
+            raise ModelicaError(f"the library folder {path} contains no package.mo and no .mo file")
+        for folder in packages[:1] if packages and packages[0] == path else packages:
             name = folder.name.split(" ")[0]
-            root.made[name] = _loaded(folder, root, name)
-        read = [reader.read(file) for file in _wait(root, files)]
-        for classes in sorted(read, key=lambda classes: len(classes[0].within) if classes else 0):
-            _enter(root, classes)  # packages before what stands in them
+            root.resolved[name] = _loaded(folder, root, name)
+        parsed = [reader.read(file) for file in _wait(root, files)]
+        for classes in sorted(parsed, key=lambda classes: len(classes[0].within) if classes else 0):
+            _enter(root, classes)  # packages before the classes in them
     elif path.is_file():
         _enter(root, reader.read(path))
     else:
@@ -387,20 +423,20 @@ def _enter(root: Space, classes: list[ClassText]) -> None:
     for text in classes:
         space = root
         for name in text.within:
-            following = space.own(name)
+            following = space.local_class(name)
             if following is None:
-                following = space.made[name] = Space(ClassText(text.at, name, "package", scope=space.text), space)
+                following = space.resolved[name] = Space(ClassText(text.at, name, "package", scope=space.text), space)
             space = following
         text.scope = space.text if space.text.name else None
         before = space.text.classes.get(text.name)
         if before is not None and before is not text and before.at.source is text.at.source:
             raise ModelicaError(f"'{text.name}' is declared twice, first in line {before.at.line}", text.at)
         space.text.classes[text.name] = text
-        space.made[text.name] = Space(text, space)
+        space.resolved[text.name] = Space(text, space)
 
 
 def _in_folder(folder: Path, name: str) -> Path | None:
-    """Where a package in folders keeps a class of its own."""
+    """Return the folder or file of a class of a package that is stored in a folder; None if there is none."""
     if not name.replace("_", "a").isalnum():
         return None
     if (folder / name / "package.mo").is_file():
@@ -413,6 +449,6 @@ def _loaded(path: Path, outer: Space, name: str) -> Space:
     classes = reader.read(file)
     text = next((c for c in classes if c.name == name), classes[0] if classes else None)
     if text is None:
-        raise ModelicaError(f"{file} holds no class")
+        raise ModelicaError(f"{file} contains no class")
     text.scope = outer.text if outer.text.name else None
     return Space(text, outer, folder=path if path.is_dir() else None)

@@ -1,4 +1,4 @@
-"""From the rules of the grammar to the tree: one method for each rule."""
+"""Transformer of lark's parse tree into syntax nodes: one method for each rule of the grammar."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from lark.visitors import Transformer_NonRecursive
 from . import syntax as s
 from .syntax import Argument, ClassText, Component, ModelicaError, Place, Source, SyntaxNode
 
-# annotations that no equation depends on, and that are most of a library's text
+# annotations without effect on equations, most of the text of a library
 PICTURES = {("Icon",), ("Diagram",), ("Documentation",)}
 _SOURCE: ContextVar[Source] = ContextVar("source")
 
 
 @contextmanager
 def of_source(source: Source) -> Iterator[None]:
-    """What is shaped inside belongs to this file."""
+    """Context in which the transformer creates nodes of this file."""
     before = _SOURCE.set(source)
     try:
         yield
@@ -36,7 +36,7 @@ def _place(meta: Any) -> Place:
 
 
 class Several(list[Any]):
-    """What a rule without a node of its own gives back."""
+    """Result of a rule that has no syntax node of its own."""
 
     def __init__(self, kind: str, items: list[Any], at: Place | None = None) -> None:
         super().__init__(items)
@@ -45,7 +45,7 @@ class Several(list[Any]):
 
 
 def _of(children: list[Any], kind: str) -> Any:
-    """The first child of a kind; None without one."""
+    """Return the first child of a kind; None if there is none."""
     return next((c for c in children if isinstance(c, Several) and c.kind == kind), None)
 
 
@@ -62,14 +62,14 @@ def _name(token: str) -> str:
 
 
 def text_of(token: str) -> str:
-    """The characters that a text between quotation marks stands for."""
-    inside = str(token)[1:-1]
-    if "\\" not in inside:
-        return inside
+    """Return the value of a string literal, with escapes replaced."""
+    content = str(token)[1:-1]
+    if "\\" not in content:
+        return content
     try:
-        return str(ast.literal_eval('"""' + inside.replace('"', '\\"').replace('\\\\"', '\\"') + '"""'))
+        return str(ast.literal_eval('"""' + content.replace('"', '\\"').replace('\\\\"', '\\"') + '"""'))
     except (SyntaxError, ValueError):
-        return inside
+        return content
 
 
 def _keep(kind: str) -> Any:
@@ -81,7 +81,7 @@ def _keep(kind: str) -> Any:
 
 @v_args(meta=True)
 class Shaping(Transformer_NonRecursive[Any, Any]):
-    """Without recursion: a sum of a thousand terms is a thousand deep."""
+    """The transformer, not recursive: a sum of a thousand terms is nested a thousand deep."""
 
     # files and classes
 
@@ -119,12 +119,12 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
         return Several("composition", children, _place(meta))
 
     def _sections(self, meta: Meta, children: list[Any], kind: str) -> Several:
-        """A section's equations or statements, and an annotation that stands among them."""
+        """Return the equations or statements of a section, and an annotation among them."""
         if children and isinstance(children[0], Token) and str(children[0]) == "initial":
             kind = f"initial_{kind}"
         body = [c for c in children if isinstance(c, SyntaxNode)]
-        said = [c for c in children if isinstance(c, Several) and c.kind == "annotation"]
-        return Several("composition", [Several(kind, body), *said], _place(meta))
+        annotations = [c for c in children if isinstance(c, Several) and c.kind == "annotation"]
+        return Several("composition", [Several(kind, body), *annotations], _place(meta))
 
     def equation_section(self, meta: Meta, children: list[Any]) -> Several:
         return self._sections(meta, children, "equations")
@@ -145,7 +145,8 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
         item.at = _place(meta)
         if item.header is not None and item.restriction != "optimization" and "extends" not in item.prefixes:
             raise ModelicaError(
-                f"{item.restriction} {item.name} has attributes behind its name; only an optimization has", item.at
+                f"{item.restriction} {item.name} has attributes after its name; only an optimization can have them",
+                item.at,
             )
         return item
 
@@ -161,7 +162,7 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
 
     def class_extends(self, meta: Meta, children: list[Any]) -> ClassText:
         item = self.long_class(meta, children)
-        item.header, item.refused = None, "it extends its namesake; write it under a name of its own"
+        item.header, item.unsupported = None, "it is a class extends clause; declare it under another name"
         return item
 
     def short_class(self, meta: Meta, children: list[Any]) -> ClassText:
@@ -182,8 +183,8 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
         return str(children[0])
 
     def der_class(self, meta: Meta, children: list[Any]) -> ClassText:
-        refused = "it is declared as the derivative of another function; write it out"
-        return ClassText(_place(meta), _name(children[0]), "", refused=refused)
+        reason = "it is declared as a derivative with der(); write out its algorithm"
+        return ClassText(_place(meta), _name(children[0]), "", unsupported=reason)
 
     # elements
 
@@ -202,8 +203,8 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
     def import_several(self, meta: Meta, children: list[Any]) -> Several:
         package, at = children[0], _place(meta)
         names = [str(c) for c in children[1:] if isinstance(c, Token)]
-        inside = [s.Reference(at, (*package.parts, s.ReferencePart(n, None))) for n in names]
-        return Several("imports", [s.Import(at, n, r) for n, r in zip(names, inside, strict=True)])
+        references = [s.Reference(at, (*package.parts, s.ReferencePart(n, None))) for n in names]
+        return Several("imports", [s.Import(at, n, r) for n, r in zip(names, references, strict=True)])
 
     def name_star(self, meta: Meta, children: list[Any]) -> s.Reference:
         return self._reference(meta, [c for c in children if isinstance(c, Token) and c.type == "IDENT"])
@@ -227,8 +228,8 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
         return s.Extends(_place(meta), children[0], _typed(children[1:], s.Modification))
 
     def declaration(self, meta: Meta, children: list[Any]) -> Several:
-        inside = _typed(children, ClassText)
-        declared: Several = _of(children, "components") if inside is None else Several("classes", [inside])
+        local_class = _typed(children, ClassText)
+        declared: Several = _of(children, "components") if local_class is None else Several("classes", [local_class])
         for item in declared:
             item.prefixes |= _words(children, "prefix")
             item.constraint = _typed(_of(children, "constraint") or [], s.Extends)
@@ -278,8 +279,8 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
         return Several("texts", ["".join(text_of(c) for c in children)])
 
     def annotation(self, meta: Meta, children: list[Any]) -> Several:
-        for said in children:
-            said.arguments = [a for a in said.arguments if a.name not in PICTURES]
+        for modification in children:
+            modification.arguments = [a for a in modification.arguments if a.name not in PICTURES]
         return Several("annotation", children, _place(meta))
 
     # equations and statements
@@ -305,8 +306,8 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
 
     def when_equation(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         body = [c for c in children[1:] if isinstance(c, SyntaxNode)]
-        more = [(c[0], list(c[1:])) for c in children if isinstance(c, Several) and c.kind == "else_when"]
-        return s.WhenEquation(_place(meta), [(children[0], body), *more])
+        else_branches = [(c[0], list(c[1:])) for c in children if isinstance(c, Several) and c.kind == "else_when"]
+        return s.WhenEquation(_place(meta), [(children[0], body), *else_branches])
 
     def connect(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         return s.Connect(_place(meta), children[0], children[1])
@@ -329,8 +330,8 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
     # expressions
 
     def conditional(self, meta: Meta, children: list[Any]) -> SyntaxNode:
-        more = [(c[0], c[1]) for c in children[2:-1]]
-        return s.Conditional(_place(meta), [(children[0], children[1]), *more], children[-1])
+        else_branches = [(c[0], c[1]) for c in children[2:-1]]
+        return s.Conditional(_place(meta), [(children[0], children[1]), *else_branches], children[-1])
 
     def range(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         parts = [c for c in children if isinstance(c, SyntaxNode)]
@@ -346,7 +347,9 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
         text = str(children[0])
         value = int(text) if text.isdigit() and len(text) < 16 else float(text)
         if math.isinf(value):
-            raise ModelicaError(f"{text} is larger than any number; leave a bound out, or write 1e60", _place(meta))
+            raise ModelicaError(
+                f"{text} is larger than the largest number; omit the bound, or write 1e60", _place(meta)
+            )
         return s.Literal(_place(meta), value)
 
     def string(self, meta: Meta, children: list[Any]) -> SyntaxNode:
@@ -374,18 +377,18 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
     def der_call(self, meta: Meta, children: list[Any]) -> s.FunctionCall:
         return self._call(meta, s.Reference(_place(meta), (s.ReferencePart("der", None),)), children[1])
 
-    def _call(self, meta: Meta, reference: s.Reference, given: Several) -> s.FunctionCall:
-        if given.kind == "comprehension":
-            return s.FunctionCall(_place(meta), reference, [given[0]], {}, list(given[1]))
+    def _call(self, meta: Meta, reference: s.Reference, call_arguments: Several) -> s.FunctionCall:
+        if call_arguments.kind == "comprehension":
+            return s.FunctionCall(_place(meta), reference, [call_arguments[0]], {}, list(call_arguments[1]))
         named: dict[str, SyntaxNode] = {}
         arguments: list[SyntaxNode] = []
-        for a in given:
+        for a in call_arguments:
             if isinstance(a, tuple):
                 if a[0] in named:
-                    raise ModelicaError(f"argument '{a[0]}' of {reference}() is given twice", _place(meta))
+                    raise ModelicaError(f"argument '{a[0]}' of {reference}() is specified twice", _place(meta))
                 named[a[0]] = a[1]
             elif named:
-                raise ModelicaError(f"an argument without a name of {reference}() comes after one with", _place(meta))
+                raise ModelicaError(f"a positional argument of {reference}() follows a named one", _place(meta))
             else:
                 arguments.append(a)
         return s.FunctionCall(_place(meta), reference, arguments, named)
@@ -420,7 +423,7 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
 
 
 def _fill(item: ClassText, composition: Several) -> None:
-    """Elements and sections into a class, in the order of the text. Raises ModelicaError for a name declared twice."""
+    """Add elements and sections to a class in order. Raises ModelicaError for a name declared twice."""
     names: dict[str, Place] = {}
 
     def enter(name: str, at: Place) -> None:

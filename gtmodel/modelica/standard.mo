@@ -1,4 +1,4 @@
-// What public optimization files use of the Modelica Standard Library, by its names, for those who name no library.
+// Classes of the Modelica Standard Library that public optimization files use; used if no library is given.
 within;
 type StateSelect = enumeration(never, avoid, default, prefer, always);
 type AssertionLevel = enumeration(warning, error);

@@ -1,4 +1,4 @@
-"""Where an iteration may start: from a simulation, as users of Optimica did by hand."""
+"""Initial guesses by simulation, as Optimica users made them by hand."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..simulation.run import simulate
 
 
 def first_guess(problem: Optimization) -> Trajectory | None:
-    """Of a problem of free time a `simulated_guess`; None where the horizon is given.
+    """Return a `simulated_guess` for a problem with free time; None if the horizon is fixed.
 
     >>> class Fastest(gt.Optimization):
     ...     final_time = gt.free(2.0, min=0.1, unit="s")
@@ -32,8 +32,9 @@ def first_guess(problem: Optimization) -> Trajectory | None:
 
 
 def simulated_guess(problem: Optimization) -> Trajectory | None:
-    """A simulation over the horizon, or its guess, with inputs held at their start values; None where it does not get
-    to the end.
+    """Simulate over the horizon, free times at their guesses, with inputs held at their start values within bounds.
+
+    Returns None if the simulation fails or ends early, or if a value is not finite.
 
     >>> class Rest(gt.Optimization):
     ...     x = gt.variable(start=1.0, fixed=True)
@@ -60,7 +61,7 @@ def simulated_guess(problem: Optimization) -> Trajectory | None:
 
 
 def held_inputs(model: Model) -> dict[str, float]:
-    """The inputs of a model with their start values, 0 where none is declared: what other Modelica tools simulate with.
+    """Return the inputs of a model with their start values, by default 0, as other Modelica tools simulate them.
 
     >>> class Cart(gt.Model):
     ...     x = gt.variable(start=1.0, fixed=True)
@@ -87,7 +88,7 @@ def _is_input(item: Any) -> bool:
 
 
 def _held(item: Any) -> float:
-    """The start value of an input, within its bounds."""
+    """Return the start value of an input, clipped to its bounds."""
     low, high, start = (item.attributes.get(name) for name in ("min", "max", "start"))
     value = float(start) if isinstance(start, (int, float)) else 0.0
     if isinstance(low, (int, float)):

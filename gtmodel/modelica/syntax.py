@@ -1,4 +1,4 @@
-"""What a Modelica text says, as a tree: classes, their elements, equations, statements and expressions."""
+"""Syntax tree of a Modelica text: classes, their elements, equations, statements and expressions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..lang.source import ModelError, SourceLocation, of_frame
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """One file of text; an empty path stands for text that lies in no file."""
+    """One file of text; the path is empty for text without a file."""
 
     path: str
     text: str
@@ -24,7 +24,7 @@ class Source:
 
     @cached_property
     def lines(self) -> list[str]:
-        # as the parser counts, to which a form feed is no end of a line
+        # as lark counts lines: a form feed does not end a line
         return [line.removesuffix("\r") for line in self.text.removesuffix("\n").split("\n")]
 
     @property
@@ -32,12 +32,12 @@ class Source:
         return Path(self.path).parent
 
     def line(self, number: int) -> str:
-        """One line from 1, without blanks around it; "" beyond the end."""
+        """Return a line, counted from 1, without surrounding blanks; "" beyond the end."""
         return self.lines[number - 1].strip() if 0 < number <= len(self.lines) else ""
 
 
 class Place(NamedTuple):
-    """Where something stands in a text: line and column from 1."""
+    """A position in a text: line and column from 1."""
 
     source: Source
     line: int
@@ -48,11 +48,11 @@ class Place(NamedTuple):
         return of_frame(self.source.name, self.line)
 
 
-SHOWN = 100  # characters of a line of text in a sentence
+SHOWN = 100  # characters of a text line in an error message
 
 
 class ModelicaError(ModelError):
-    """A Modelica text is wrong, or says what gtmodel does not take: a sentence with file, line and the line itself."""
+    """Error in a Modelica text, or a construct that gtmodel does not support; shows file, line number and line."""
 
     def __init__(self, sentence: str, place: Place | None = None) -> None:
         self.sentence, self.place = sentence, place
@@ -67,7 +67,7 @@ class ModelicaError(ModelError):
 
 @dataclass(eq=False, slots=True)
 class SyntaxNode:
-    """A part of the text and its place."""
+    """A node of the syntax tree with its place in the text."""
 
     at: Place
 
@@ -81,7 +81,7 @@ class Literal(SyntaxNode):
 
 
 class ReferencePart(NamedTuple):
-    """One word of a reference with its subscripts: `x[1, :]`."""
+    """One name of a reference with its subscripts: `x[1, :]`."""
 
     name: str
     subscripts: tuple[SyntaxNode, ...] | None
@@ -89,7 +89,7 @@ class ReferencePart(NamedTuple):
 
 @dataclass(eq=False, slots=True)
 class Reference(SyntaxNode):
-    """`a.b[2].c`; absolute with a dot in front."""
+    """`a.b[2].c`; absolute with a leading dot."""
 
     parts: tuple[ReferencePart, ...]
     absolute: bool = False
@@ -165,7 +165,7 @@ class EndIndex(SyntaxNode):
 
 @dataclass(eq=False, slots=True)
 class Outputs(SyntaxNode):
-    """`(a, , b)`: several results of a function, some of them left out."""
+    """`(a, , b)`: outputs of a function, some omitted."""
 
     items: list[SyntaxNode | None]
 
@@ -187,7 +187,7 @@ class Equal(SyntaxNode):
 
 @dataclass(eq=False, slots=True)
 class Calls(SyntaxNode):
-    """A call, or in a constraint a relation, that stands alone."""
+    """A call as an equation or statement, or a relation as a constraint."""
 
     expression: SyntaxNode
 
@@ -263,7 +263,7 @@ class Component(SyntaxNode):
     condition: SyntaxNode | None
     description: str
     protected: bool = False
-    constraint: Extends | None = None  # behind constrainedby
+    constraint: Extends | None = None  # of constrainedby
 
 
 @dataclass(eq=False, slots=True)
@@ -275,7 +275,7 @@ class Extends(SyntaxNode):
 
 @dataclass(eq=False, slots=True)
 class Import(SyntaxNode):
-    """name: what it is called here, "" for all names of `reference`."""
+    """name: the local name; "" for all names of `reference`."""
 
     name: str
     reference: Reference
@@ -283,7 +283,7 @@ class Import(SyntaxNode):
 
 @dataclass(eq=False)
 class ClassText(SyntaxNode):
-    """A class as it is written."""
+    """A class definition."""
 
     name: str
     restriction: str
@@ -300,14 +300,14 @@ class ClassText(SyntaxNode):
     constraints: list[SyntaxNode] = field(default_factory=list)
     literals: list[str] | None = None
     external: SyntaxNode | None = None
-    refused: str = ""  # why a class of this form is not taken, said where it is used
-    # of `class A = B[3](...)`: the element is an Extends of B
+    unsupported: str = ""  # why a class of this form is not supported, for the error when it is used
+    # for `class A = B[3](...)`; its only element is an Extends of B
     dimensions: tuple[SyntaxNode, ...] = ()
     type_prefixes: frozenset[str] = frozenset()
     short: bool = False
     annotation: Modification | None = None
-    constraint: Extends | None = None  # behind constrainedby
-    redeclares: bool = False  # a class inside
+    constraint: Extends | None = None  # of constrainedby
+    redeclares: bool = False  # True if it redeclares a local class
     scope: ClassText | None = None
     within: tuple[str, ...] = ()
 
@@ -316,7 +316,7 @@ class ClassText(SyntaxNode):
         return f"{self.scope.full_name}.{self.name}" if self.scope is not None and self.scope.name else self.name
 
     def walk(self) -> Iterator[ClassText]:
-        """This class and those inside, in the order of the text."""
+        """Yield this class and all local classes, in the order of the text."""
         yield self
         for inner in self.classes.values():
             yield from inner.walk()

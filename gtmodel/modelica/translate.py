@@ -1,4 +1,4 @@
-"""From a class of a text to a Python class: the way in from Python and from the command line."""
+"""Translation of a Modelica class to a Python class: the entry points for Python and the command line."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ SOLVED = ("optimization", "model", "class", "block")
 
 @dataclass(frozen=True, eq=False)
 class Translation:
-    """A class of a text in Python.
+    """A Modelica class translated to Python.
 
     Attributes:
         model: the class; call it for a model.
         optimization: whether it is an optimization.
         stop_time: of its `experiment` annotation [s]; None without one.
-        warnings: sentences with file and line: units that do not fit, assertions that are not watched.
-        units: whether the text's units are used.
-        file, name: where the text lies, and the dotted name of the class in it.
-        flat_file: the flat text that another flattener wrote; lines of errors are of this one.
-        libraries: the other files that classes were read from.
+        warnings: sentences with file and line: inconsistent units, assertions that are not monitored.
+        units: whether the units of the text are used.
+        file, name: path of the file, and the dotted name of the class in it.
+        flat_file: the flat text of another flattener; errors refer to its lines.
+        libraries: the other files from which classes were read.
     """
 
     model: type[Model]
@@ -56,7 +56,7 @@ class Translation:
 
 @dataclass(frozen=True, eq=False)
 class Text:
-    """A file that was read, with its libraries."""
+    """A parsed file with its libraries."""
 
     root: Space
     classes: list[ClassText]
@@ -73,7 +73,7 @@ def opened(path: str | os.PathLike[str], libraries: Iterable[str | os.PathLike[s
 
 
 def solvable(text: Text) -> dict[str, ClassText]:
-    """Classes of the file itself that can be solved or simulated, by dotted name, in the order of the text."""
+    """Return the classes of the file that can be solved or simulated, by dotted name, in the order of the text."""
     result: dict[str, ClassText] = {}
     for top in text.classes:
         for item in top.walk():
@@ -83,8 +83,10 @@ def solvable(text: Text) -> dict[str, ClassText]:
 
 
 def chosen(text: Text, name: str) -> tuple[str, Space]:
-    """The class of a name, whose last part is enough where it is the only one; without a name the only optimization,
-    else the only model. Raises ModelicaError, naming those there are."""
+    """Return a class and its full name; the last part of a dotted name is enough if it is unique.
+
+    Without a name: the only optimization, or else the only model. Raises ModelicaError, listing the candidates.
+    """
     there = solvable(text)
     optimizations = [n for n, c in there.items() if c.restriction == "optimization"]
     file = Path(text.path).name
@@ -95,19 +97,21 @@ def chosen(text: Text, name: str) -> tuple[str, Space]:
             raise ModelicaError(f"{partial.name} is partial; name a class that extends it", partial.at)
         if len(candidates) != 1:
             listed = ", ".join(candidates) or "none"
-            raise ModelicaError(f"{file} holds {len(candidates)} classes; name one as {file}:Class, of {listed}")
+            raise ModelicaError(
+                f"{file} contains {len(candidates)} such classes; select one as {file}:Class, from {listed}"
+            )
         name = candidates[0]
     everything = {item.full_name: item for top in text.classes for item in top.walk()}
     if name not in everything:
         tails = [n for n in everything if n.rpartition(".")[2] == name or n.endswith(f".{name}")]
         if len(tails) > 1:
-            raise ModelicaError(f"{file} holds several classes '{name}': {', '.join(tails)}")
-        if not tails:  # of a package in folders
+            raise ModelicaError(f"{file} contains several classes '{name}': {', '.join(tails)}")
+        if not tails:  # a class of a package that is stored in a folder
             inside = (name, *(f"{top.full_name}.{name}" for top in text.classes))
             tails = [n for n in inside if _at(text.root, n) is not None]
         if not tails:
             close = near(name, there) or f"; it has {', '.join(there) or 'none'}"
-            raise ModelicaError(f"{file} holds no class '{name}'{close}")
+            raise ModelicaError(f"{file} contains no class '{name}'{close}")
         name = tails[0]
     space = _at(text.root, name)
     assert space is not None
@@ -115,15 +119,15 @@ def chosen(text: Text, name: str) -> tuple[str, Space]:
 
 
 def _at(root: Space, name: str) -> Space | None:
-    """The class of a dotted name that is declared, or lies in a folder, there."""
+    """Return the class of a dotted name from the root, declared or stored in a folder; None if there is none."""
     space: Space | None = root
     for word in name.split("."):
-        space = space.own(word) if space is not None else None
+        space = space.local_class(word) if space is not None else None
     return space
 
 
 def _said(parameters: Mapping[str, Any]) -> Modifier:
-    """Values from Python or a problem file as modifications from outside."""
+    """Return values of Python or of a problem file as modifications from outside."""
     place = Place(Source("", ""), 1, 1)
     tree: dict[str, Any] = {}
     for name, value in parameters.items():
@@ -132,9 +136,9 @@ def _said(parameters: Mapping[str, Any]) -> Modifier:
         for word in path:
             below = below.setdefault(word, {})
             if not isinstance(below, dict):
-                raise ModelicaError(f"parameters say two things about '{'.'.join(path)}'; found '{name}' too")
+                raise ModelicaError(f"parameters specify two things for '{'.'.join(path)}': a value, and '{name}'")
         if last in below:
-            raise ModelicaError(f"parameters say two things about '{name}'")
+            raise ModelicaError(f"parameters specify two things for '{name}': a value, and values of its components")
         below[last] = value
 
     def node(value: Any) -> Any:
@@ -143,7 +147,7 @@ def _said(parameters: Mapping[str, Any]) -> Modifier:
         if isinstance(value, (list, tuple)):
             return Array(place, [node(v) for v in value])
         if not isinstance(value, (int, float, bool, str)):
-            raise ModelicaError(f"a parameter takes numbers; found {value!r}")
+            raise ModelicaError(f"a parameter must be a number, Boolean, string or array of these; found {value!r}")
         return Literal(place, value)
 
     def of(value: Any) -> Modifier:
@@ -158,7 +162,7 @@ _EMPTY: Any = None
 
 
 def stop_time_of(text: ClassText) -> float | None:
-    """StopTime of a class's own experiment annotation, where it is a number."""
+    """Return StopTime of the experiment annotation of a class; None if it is missing or not a literal number."""
     for argument in text.annotation.arguments if text.annotation is not None else ():
         if argument.name == ("experiment",) and argument.modification is not None:
             for item in argument.modification.arguments:
@@ -175,7 +179,7 @@ def translated(
     parameters: Mapping[str, Any] | None = None,
     flattener: str = "gtmodel",
 ) -> Translation:
-    """The class that `file.mop:Class` names; see `load`."""
+    """Translate the class that `file.mop:Class` names; see `load`."""
     if flattener not in FLATTENERS:
         raise ModelicaError(f"there is no flattener '{flattener}'; expected {' or '.join(FLATTENERS)}")
     path, name = split(str(reference))
@@ -188,13 +192,14 @@ def translated(
 
         written = flat_file(path, space, library, parameters or {})
         flat = of_flat_file(written, space)
-        flat.warnings.append(f"{name} was flattened by rumoca {version()}; lines of it are those of {written.name}")
+        flat.warnings.append(f"{name} was flattened by rumoca {version()}; errors refer to lines of {written.name}")
     else:
         flat = shown(flattened(space, _said(parameters or {})))
     cls, units, warnings = fitted(flat)
     cls._static = flat.static  # type: ignore[attr-defined]
     others = tuple(file for file in files_of(text.root) if file != Path(text.path))
     remarks = *flat.warnings, *warnings
+    cls._notes = remarks
     return Translation(cls, flat.optimization, stop, remarks, units, text.path, name, flat, written, others)
 
 
@@ -205,18 +210,20 @@ def load(
     parameters: Mapping[str, Any] | None = None,
     flattener: str = "gtmodel",
 ) -> Any:
-    """A class of a Modelica or Optimica text as a gtmodel class, whose errors name the lines of the text.
+    """Translate a class of a Modelica or Optimica file to a gtmodel class, whose errors name the lines of the text.
 
     Args:
-        reference: "file.mop:Class", where the last part of a dotted name is enough if it is the only one, and no name
-            at all if the file holds one optimization.
-        library: files and folders with further classes, such as the Modelica Standard Library's.
-        parameters: values by name, "tank.A" of a component, before anything is decided by them.
-        flattener: "rumoca" for the package of that name in place of gtmodel's own, for a model: errors then name lines
-            of the flat text that it wrote, and say where that lies.
+        reference: "file.mop:Class". The last part of a dotted name is enough if it is unique; the class can be
+            omitted if the file contains one optimization, or no optimization and one model.
+        library: files and folders with further classes, for example the folder of the Modelica Standard Library.
+        parameters: values by dotted name, such as "tank.A"; they modify the class before it is flattened, so that
+            structural parameters can be set.
+        flattener: "rumoca" to flatten a model with that package instead of gtmodel's own flattener. Errors then name
+            lines of its flat text, and the path of that text.
 
-    Returns a subclass of gt.Optimization or gt.Model. Names of results are those of the text, `tank[2].x`, counted from
-    1. Raises ModelicaError, which is a ModelError, with file, line and the line itself.
+    Returns a subclass of gt.Optimization or gt.Model. Results have the names of the text, such as `tank[2].x`, counted
+    from 1. Notes, such as units that do not match, are in `notes` of its solutions and studies. Raises ModelicaError, a
+    ModelError, with file, line number and the line itself.
 
     >>> from pathlib import Path
     >>> import tempfile
@@ -243,9 +250,9 @@ def python_of(
     library: Iterable[str | os.PathLike[str]] = (),
     parameters: Mapping[str, Any] | None = None,
 ) -> str:
-    """The class that `file.mop:Class` names as the text of a Python module, flattened: the way out of Modelica.
+    """Return the flattened class that `file.mop:Class` names as the text of a Python module, to leave Modelica.
 
-    Arguments and errors as of `load`. A name such as `tank[2].x` becomes tank_2_x.
+    Arguments and errors as for `load`. A name such as `tank[2].x` becomes tank_2_x.
 
     >>> from pathlib import Path
     >>> import tempfile
@@ -273,10 +280,10 @@ def flat_of_text(
     library: Iterable[str | os.PathLike[str]] = (),
     parameters: Mapping[str, Any] | None = None,
 ) -> str:
-    """The class that `file.mop:Class` names as flat Modelica text: without components, in scalars, with numbers where
-    parameters decide; it reads back as the same class, with the same names.
+    """Return the class that `file.mop:Class` names as flat Modelica text: scalars without components.
 
-    Arguments and errors as of `load`. A name such as `tank[2].x` becomes `'tank[2].x'`, which Modelica allows.
+    Structural parameters are replaced by numbers. `load` gives the same class, with the same names, from this text.
+    Arguments and errors as for `load`. A name such as `tank[2].x` becomes `'tank[2].x'`, which Modelica allows.
 
     >>> from pathlib import Path
     >>> import tempfile
@@ -295,7 +302,7 @@ def flat_of_text(
 
 
 def listing(path: str | os.PathLike[str], library: Iterable[str | os.PathLike[str]] = ()) -> dict[str, dict[str, str]]:
-    """What can be solved or simulated in a file: name -> {"what": "optimization", "description": ...}.
+    """List the classes of a file that can be solved or simulated: name -> {"what": "optimization", "line": ..., ...}.
 
     Raises ModelicaError.
 

@@ -1,5 +1,4 @@
-"""Trees of texts as plain lists, which JSON takes, and those of files that were parsed before, in the user's cache
-folder."""
+"""Syntax trees as plain lists for JSON, and a cache of the trees of parsed files in the user's cache folder."""
 
 from __future__ import annotations
 
@@ -21,7 +20,7 @@ from ..compiler.toolchain import CompilerMissing, cache_folder, exposed
 from . import syntax as s
 from .syntax import ClassText, Place, ReferencePart, Source, SyntaxNode
 
-# by name, so that the numbers do not hang on the order of definition
+# sorted by name, so that the numbers do not depend on the order of definition
 _NODES: list[type[Any]] = sorted(
     (c for c in vars(s).values() if isinstance(c, type) and issubclass(c, SyntaxNode) and c is not SyntaxNode),
     key=lambda c: c.__name__,
@@ -29,14 +28,17 @@ _NODES: list[type[Any]] = sorted(
 _NUMBERS = {c: n for n, c in enumerate(_NODES)}
 _CLASS = _NUMBERS[ClassText]
 _FIELDS = {c: [f.name for f in fields(c) if f.name not in ("at", "scope")] for c in _NODES}
-# levels; a third of the files of the Modelica Standard Library 4.0 go to 71
+# levels; files of the Modelica Standard Library 4.0 have up to 71
 DEEPEST = 150
 _LIST, _TUPLE, _WORDS, _NAMES, _PART = -1, -2, -3, -4, -5
 
 
 def packed(x: Any, depth: int = 0) -> Any:
-    """A tree, or a list of them, in lists, words and numbers. A class's `scope`, what is around it, follows from where
-    it stands. Raises TypeError for what is no part of a tree, RecursionError for what is deeper than DEEPEST."""
+    """Return a tree, or a list of trees, as lists, strings and numbers.
+
+    The `scope` of a class, its enclosing class, is omitted, since the position determines it. Raises TypeError for
+    other objects, RecursionError for a tree deeper than DEEPEST.
+    """
     if x is None or isinstance(x, (bool, int, float)):
         return x
     if isinstance(x, str):
@@ -55,11 +57,11 @@ def packed(x: Any, depth: int = 0) -> Any:
         return [_WORDS, *sorted(cast("frozenset[str]", x))]
     if isinstance(x, dict):
         return [_NAMES, *[e for k, v in cast("dict[str, Any]", x).items() for e in (str(k), packed(v, depth + 1))]]
-    raise TypeError(f"{type(x).__name__} is no part of a tree")
+    raise TypeError(f"{type(x).__name__} is not part of a syntax tree")
 
 
 def unpacked(plain: Any, source: Source) -> Any:
-    """What `packed` took, as the tree of a file. Raises an exception for what is none."""
+    """Return the tree from which `packed` made a list, for a file. Raises an exception for invalid data."""
 
     def tree(x: list[Any]) -> Any:
         kind = x[0]
@@ -77,8 +79,8 @@ def unpacked(plain: Any, source: Source) -> Any:
         return items if kind == _LIST else tuple(items)
 
     def of_class(x: list[Any], scope: ClassText | None = None) -> ClassText:
-        given = zip(_FIELDS[ClassText], x[3:], strict=True)
-        inside: dict[str, Any] = {n: tree(e) if type(e) is list and n != "classes" else e for n, e in given}
+        values = zip(_FIELDS[ClassText], x[3:], strict=True)
+        inside: dict[str, Any] = {n: tree(e) if type(e) is list and n != "classes" else e for n, e in values}
         item = ClassText(Place(source, x[1], x[2]), **inside, scope=scope)
         item.classes = _Inner(inside["classes"], lambda inner: of_class(inner, item))
         return item
@@ -87,11 +89,11 @@ def unpacked(plain: Any, source: Source) -> Any:
 
 
 class _Inner(dict[str, ClassText]):
-    """Classes inside another, each made when it is first asked for: of a package of a thousand few are."""
+    """Local classes of a class, each unpacked when first accessed: few of a large package are used."""
 
-    def __init__(self, plain: list[Any], made: Callable[[list[Any]], ClassText]) -> None:
+    def __init__(self, plain: list[Any], unpack: Callable[[list[Any]], ClassText]) -> None:
         super().__init__(zip(plain[1::2], plain[2::2], strict=True))
-        self._made = made
+        self._made = unpack
 
     def __getitem__(self, name: str) -> ClassText:
         item: Any = super().__getitem__(name)
@@ -109,18 +111,18 @@ class _Inner(dict[str, ClassText]):
         return [(name, self[name]) for name in self]
 
 
-# characters; what is shorter is parsed faster than its tree is found
+# characters; a shorter text is parsed faster than its tree is loaded
 SHORTEST = 2_000
-# bytes of all trees; those of a whole Modelica Standard Library take 5 MB
+# bytes of all trees; the whole Modelica Standard Library needs 5 MB
 LARGEST = 64_000_000
-# seconds after which a tree that is used counts as newly used
+# seconds after which use of a tree updates its time
 TOUCHED = 3600.0
 _ENDING = ".tree"
 _DEFINED_BY = ("grammar.lark", "reader.py", "shape.py", "syntax.py", "trees.py")
 
 
 def folder() -> Path | None:
-    """Where trees and the grammar's tables are kept; None where there is no folder that only this user can write."""
+    """Return the folder of trees and parser tables; None if there is no folder that only this user can write."""
     try:
         place = cache_folder() / "modelica"
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -135,7 +137,7 @@ def folder() -> Path | None:
 
 @cache
 def version() -> str:
-    """Changes with gtmodel, with lark, with the grammar and with what makes trees of it."""
+    """Return a hash of the versions of gtmodel and lark, the grammar, and the modules that make trees."""
     parts = [__version__.encode(), importlib.metadata.version("lark").encode()]
     parts += [Path(__file__).with_name(name).read_bytes() for name in _DEFINED_BY]
     return hashlib.sha256(b"\0".join(parts)).hexdigest()
@@ -150,7 +152,7 @@ def _place(text: str) -> Path | None:
 
 
 def tree(source: Source) -> list[ClassText] | None:
-    """The classes of a text that was parsed before; None for one that was not, or whose tree is not whole."""
+    """Return the classes of a text from the cache; None if they are not there, or if their file is damaged."""
     place = _place(source.text)
     if place is None:
         return None
@@ -158,8 +160,8 @@ def tree(source: Source) -> list[ClassText] | None:
         if exposed(place):
             return None
         content = place.read_bytes()
-        said, _, body = content.partition(b"\n")
-        if hashlib.sha256(body).hexdigest().encode() != said:
+        digest, _, body = content.partition(b"\n")
+        if hashlib.sha256(body).hexdigest().encode() != digest:
             return None
         result: Any = unpacked(json.loads(zlib.decompress(body)), source)
         if time.time() - place.stat().st_mtime > TOUCHED:
@@ -170,7 +172,7 @@ def tree(source: Source) -> list[ClassText] | None:
 
 
 def keep(source: Source, classes: list[ClassText]) -> None:
-    """Keep the classes of a text, whole or not at all; silent where nothing can be written."""
+    """Store the classes of a text in the cache, completely or not at all; silent if it cannot be written."""
     place = _place(source.text)
     if place is None:
         return
@@ -180,7 +182,7 @@ def keep(source: Source, classes: list[ClassText]) -> None:
         return
     beside = ""
     try:
-        # beside the target, then renamed: another process sees a whole tree or none
+        # write beside the target, then rename: another process sees a complete tree or none
         with tempfile.NamedTemporaryFile(dir=place.parent, prefix="new-", suffix=_ENDING, delete=False) as file:
             beside = file.name
             file.write(hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
@@ -192,14 +194,14 @@ def keep(source: Source, classes: list[ClassText]) -> None:
 
 
 def bound(where: Path) -> None:
-    """Take away the trees and flat texts that were not used for longest, until the others take less than LARGEST."""
+    """Delete the least recently used trees and flat texts until the others need at most LARGEST."""
     entries: list[tuple[float, int, str]] = []
     with os.scandir(where) as files:
         for file in files:
             if file.name.endswith((_ENDING, ".mo")):
                 try:
                     entry = file.stat()
-                except FileNotFoundError:  # by another process
+                except FileNotFoundError:  # deleted by another process
                     continue
                 entries.append((entry.st_mtime, entry.st_size, file.path))
     total = sum(size for _, size, _ in entries)

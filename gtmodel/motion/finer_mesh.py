@@ -81,7 +81,7 @@ def refinement_note(given: int, used: int, failed: Iterable[str]) -> str:
     """Return the addition to the message if the mesh was refined: the checks that failed on the given one."""
     if used == given:
         return ""
-    return f" on {used} elements: on the given {given} {' and '.join(failed)} failed"
+    return f" on {used} elements, because on the given {given} {' and '.join(failed)} failed"
 
 
 def how(solution: Any) -> str:

@@ -227,15 +227,20 @@ class PathParametrization:
         s = np.linspace(0.0, 1.0, samples)
         T = self.path(s)[0]
         joints, tips, status = link_ends(self.problem.robot, T)
-        least_along = np.min(along_guideways(self.problem.robot, tips, joints), axis=1, initial=np.inf)
+        along = along_guideways(self.problem.robot, tips, joints)
         bad = np.flatnonzero(status != Status.OK)
         least = self.problem.limits.link_along_guideway
         for k in range(samples):
             place = f"({', '.join(f'{x:.4g}' for x in T[k])}) m, {100 * s[k]:.0f} % of the way"
             if bad.size and k == bad[0]:
                 return f"the path leaves the workspace at {place}"
-            if least_along[k] < least:
-                return f"the path reaches the workspace boundary at {place}: link_along_guideway {least_along[k]:.3g} m"
+            if np.any(along[k] < least):
+                i = int(np.argmin(along[k]))
+                link = link_names(self.problem.robot)[i].removesuffix(".rod.a.r")
+                return (
+                    f"the path reaches the workspace boundary at {place}: the component of {link} along its guideway "
+                    f"is {along[k, i]:.3g} m, less than limits.link_along_guideway_m = {least:g}"
+                )
         margins = motion_function(self.problem.robot, self.guard).along(T)[-2] if self.guard.margins else None
         broken = None if margins is None else self.guard.broken(margins)
         return f"the path {broken[1]}, {100 * s[broken[0]]:.0f} % of the way" if broken else ""

@@ -153,6 +153,13 @@ def _carrier(robot: gt.Model, end: str, start: np.ndarray) -> Carrier | None:
 
 def _check_robot(robot: gt.Model) -> None:
     flat = flat_of(robot)
+    motors = flat.groups.get("tau", ((), []))[0]
+    if motors[1:] == () and motors not in ((), (3,)):
+        raise ArgumentError(
+            f"has {motors[0]} motors ('tau'), but this study is for robots with 3; use kind axis_trajectory for an F1, "
+            "and write a gt.Optimization for a serial arm, see docs/howto/urdf.md",
+            "robot",
+        )
     for name in ("T", "tau"):
         if flat.groups.get(name, ((), []))[0] != (3,):
             raise ArgumentError(f"must declare '{name}' as a vector of 3; it has {flat.top()}", "robot")

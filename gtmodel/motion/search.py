@@ -175,7 +175,7 @@ class MotionSearch:
     ) -> Solution:
         """Make one attempt; barrier: used if the problem's strategy is "auto"."""
         own_control = control == self.problem.mesh.control
-        stage = "optimising" if own_control else "bounding the force between the nodes"
+        stage = "optimising" if own_control else "optimising with bounds on the force between the nodes"
         mesh, solver = self.problem.mesh, self.problem.solver
         self.work.progress("collocation")
         solution = collocate(

@@ -229,7 +229,7 @@ def _relations_of(link: Link, name: str, before: PhaseEnd, after: PhaseEnd) -> l
 
 
 def _sized(row: ConstraintRow) -> ConstraintRow:
-    """Divide a row by its size if its derivatives per nominal are small; continuity rows are already scaled."""
+    """Scale a row whose derivatives by the scaled unknowns are small; continuity rows are already scaled."""
     unknowns = ca.vertcat(*ca.symvar(row.expression))
     if row.scale != 1.0 or not unknowns.numel():
         return row

@@ -38,15 +38,22 @@ class OptimizationStudy(Study):
     violation_between_nodes: Annotated[
         float | None,
         Quantity(
-            "", "largest excess over a bound or path constraint at any instant, in the unit of its row"
+            "", "largest excess over a bound or path constraint at any instant, in the unit of its row `violated`"
         ),
     ] = None  # fmt: skip
-    cost_error: Annotated[float | None, Quantity("", "re-simulated minus collocated integral cost")] = None
+    cost_error: Annotated[
+        float | None, Quantity("", "re-simulated minus collocated integral cost, in the unit of the objective")
+    ] = None
+    violated: Annotated[str | None, Quantity("", "variable or constraint of violation_between_nodes")] = None
+    violated_at: Annotated[float | None, Quantity("s", "instant of violation_between_nodes")] = None
+    violation_unit: Annotated[str | None, Quantity("", "unit of violation_between_nodes; null if unknown")] = None
 
     @property
     def rows(self) -> list[Row]:
         """The table for people."""
         rows = [Row("objective", self.objective), Row("final time", self.final_time, "s")]
         rows += [Row(name, value) for name, value in self.free.items() if name != "final_time"]
+        units = {"defect": "nominal", "violation_between_nodes": self.violation_unit or ""}
         resimulated = ((name, getattr(self, name)) for name in TRIED)
-        return rows + [Row(name.replace("_", " "), value) for name, value in resimulated if value is not None]
+        rows += [Row(n.replace("_", " "), value, units.get(n, "")) for n, value in resimulated if value is not None]
+        return rows + ([Row("violated", f"{self.violated} at {self.violated_at:.4g} s")] if self.violated else [])

@@ -72,7 +72,7 @@ class Phases:
         for what in (self.free, self.links):
             for name in what:
                 if name not in later:
-                    raise ModelError(f"'{name}' is not a phase after the first; these are: {', '.join(later)}")
+                    raise ModelError(f"'{name}' is not among the phases after the first, {', '.join(later)}")
 
     def guesses(self) -> Sequence[Mapping[str, Trajectory | Solution]]:
         """Return default guesses, each by name of the phase, for a solve without a guess."""

@@ -13,6 +13,7 @@ from .._lazy import hint
 from ..lang.scope import derivative_name
 from ..lang.source import SourceLocation
 from ..results.check import Check
+from ..results.refusal import ArgumentError
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
 from .formulation.dynamic import DynamicProblem
@@ -67,8 +68,16 @@ class Solution:
         return self.nlp.problem
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes on a model from Modelica text, such as units that were not checked."""
+        return type(self.problem.flat.root)._notes
+
+    @property
     def parameters(self) -> dict[str, float]:
-        """Values of the tunable parameters in this solve."""
+        """Values of the parameters that `gt.transcribe(..., parameters=[...])` made tunable, by name, in SI units.
+
+        Empty after `gt.solve`, where every parameter has the value of the model; `free` has the optimised constants.
+        """
         values = constants(self.nlp, self.x)[len(self.problem.free_names) :]
         return dict(zip(self.problem.tunable, values.tolist(), strict=True))
 
@@ -173,8 +182,19 @@ class Solution:
         return float(self.trajectory.time[-1])
 
     def sample(self, s: np.ndarray) -> Trajectory:
-        """Evaluate every named quantity on the collocation polynomials at increasing fractions s of the horizon."""
-        return evaluate(self.nlp, self.x, np.asarray(s, float))
+        """Evaluate every named quantity on the collocation polynomials at increasing fractions s, 0 to 1, of the
+        horizon.
+
+        Raises ArgumentError for other fractions. For instants in seconds use `trajectory.resample`.
+        """
+        s = np.asarray(s, float)
+        outside = s[~((s >= -ROUND_OFF) & (s <= 1 + ROUND_OFF))]
+        if outside.size:
+            raise ArgumentError(
+                f"sample takes fractions of the horizon, 0 to 1; found {outside.flat[np.argmax(np.abs(outside))]:.6g} "
+                "(for instants in seconds use trajectory.resample)"
+            )
+        return evaluate(self.nlp, self.x, s)
 
 
 def _matching_labels(name: str, labels: tuple[str, ...]) -> set[str]:

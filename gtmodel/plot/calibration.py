@@ -41,32 +41,54 @@ MANY = 40  # labels that can be read on an axis at normal size
 
 @styled
 def pose_errors_figure(
-    errors: dict[str, np.ndarray], title: str = "", worst: int | None = None, quantity: str = "positioning error [mm]"
-) -> Figure:
+    errors: dict[str, np.ndarray], title: str = "", worst: int | None = None, quantity: str = "positioning error [mm]",
+    *, lines: np.ndarray | None = None, held_out: np.ndarray | None = None,
+) -> Figure:  # fmt: skip
     """Absolute positioning error per pose (Dressler 2012, Fig. 5.1).
 
     Args:
         errors: name -> (N,) [m], one panel each on one scale, which is logarithmic if means differ by more than ten.
         worst: pose of the first ones to be marked.
         quantity: what they are errors of, along the axis.
+        lines: (N,) of the file, along the axis; pose numbers if left out.
+        held_out: (N,) poses that the fit did not use, drawn with a marker of their own.
     """
     figure, panels = with_panels(8.0, 0.8 + 2.3 * len(errors), len(errors), title=title, sharex=True, sharey=True)
     means = [float(np.nanmean(e)) for e in errors.values()]
     logarithmic = max(means) > 10 * min(means) > 0
     for n, (axes, (name, e)) in enumerate(zip(panels, errors.items(), strict=True)):
-        axes.plot(np.arange(1, len(e) + 1), 1e3 * e, ".-", color=COLOURS[n % len(COLOURS)], linewidth=0.6, markersize=4)
-        axes.axhline(1e3 * float(np.nanmean(e)), color="0.4", linestyle="--", linewidth=0.8)
+        at = np.arange(1, len(e) + 1) if lines is None else lines
+        averages = []
+        for word, chosen, colour, marker in _groups(held_out, len(e), COLOURS[n % len(COLOURS)]):
+            if not np.any(np.isfinite(e[chosen])):
+                continue
+            mean = 1e3 * float(np.nanmean(e[chosen]))
+            order = np.flatnonzero(chosen)[np.argsort(at[chosen], kind="stable")]
+            axes.plot(at[order], 1e3 * e[order], marker, linestyle="-", color=colour, linewidth=0.6, markersize=4,
+                      label=word or "_")  # fmt: skip
+            axes.axhline(mean, color=colour if word else "0.4", linestyle="--", linewidth=0.8)
+            averages.append(f"{mean:.3g} mm {word}".strip())
+        said = f"{name}: mean {', '.join(averages)} (dashed)"
         axes.set(ylabel=quantity, yscale="log" if logarithmic else "linear")
-        said = f"{name}: mean {1e3 * float(np.nanmean(e)):.3g} mm (dashed)"
         if n == 0 and worst is not None:
-            axes.plot(worst + 1, 1e3 * e[worst], "o", markersize=8, markerfacecolor="none", markeredgecolor="black")
-            said += f", largest {1e3 * float(e[worst]):.3g} mm (circle)"
-        axes.set_title(said, loc="left")
+            axes.plot(at[worst], 1e3 * e[worst], "o", markersize=10, markerfacecolor="none", markeredgecolor="black")
+            place = "pose" if lines is None else "line"
+            said += f"; largest {1e3 * float(e[worst]):.3g} mm, {place} {at[worst]} (ring)"
+        axes.set_title(said, loc="left", fontsize="medium")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     if not logarithmic:
         panels[0].set_ylim(bottom=0.0)
-    panels[-1].set_xlabel("pose, in the order of the data")
+    panels[-1].set_xlabel("pose, in the order of the data" if lines is None else "line of the file")
+    if held_out is not None:
+        key_below(figure, panels[0])
     return figure
+
+
+def _groups(held_out: np.ndarray | None, N: int, colour: str) -> list[tuple[str, np.ndarray, str, str]]:
+    """Word, poses, colour and marker of fitted and held-out poses; one group without a word if not told apart."""
+    if held_out is None:
+        return [("", np.ones(N, bool), colour, ".")]
+    return [("fitted", ~held_out, BLUE, "o"), ("held out", held_out, ORANGE, "s")]
 
 
 @styled
@@ -87,22 +109,30 @@ def length_errors_figure(residuals: np.ndarray, labels: Sequence[str], title: st
         mean = f"mean size {1e3 * float(np.mean(np.abs(known))):.3g} mm" if known.size else "no errors"
         missing = f", {len(residuals) - known.size} left out" if known.size < len(residuals) else ""
         axes.set_title(f"{labels[k]}: {mean}{missing}", fontsize="small")
-        axes.set_xlabel("length error [mm]")
+        axes.set_xlabel("error [mm]")
         if k % columns == 0:
             axes.set_ylabel("number of poses")
     return figure
 
 
 @styled
-def workspace_errors_figure(positions: np.ndarray, sizes: np.ndarray, title: str = "") -> Figure:
-    """Draw errors (N,) [m] at positions (N, 3) [m], projected along each axis, or (N, 2); the largest are on top."""
+def workspace_errors_figure(
+    positions: np.ndarray, sizes: np.ndarray, title: str = "", *, held_out: np.ndarray | None = None
+) -> Figure:
+    """Draw errors (N,) [m] at positions (N, 3) [m], projected along each axis, or (N, 2); the largest are on top.
+
+    held_out: (N,) poses that the fit did not use, drawn as squares."""
     order = np.argsort(np.nan_to_num(sizes, nan=-1.0), kind="stable")
     pairs = list(combinations(range(positions.shape[1]), 2))
     figure, panels = with_panels(11.0 if len(pairs) > 1 else 5.5, 4.2, columns=len(pairs), title=title)
     top = 1e3 * float(np.nanmax(sizes))
     drawn: PathCollection | None = None
     for axes, (a, b) in zip(panels, pairs, strict=True):
-        drawn = axes.scatter(positions[order, a], positions[order, b], c=1e3 * sizes[order], s=22, zorder=2)
+        for word, chosen, _, marker in _groups(held_out, len(sizes), BLUE):
+            rows = order[chosen[order]]
+            drawn = axes.scatter(positions[rows, a], positions[rows, b], c=1e3 * sizes[rows], s=22, zorder=2,
+                                 vmin=1e3 * float(np.nanmin(sizes)), vmax=top, marker=marker if word else "o",
+                                 label=word or "_")  # fmt: skip
         worst = order[-1]
         axes.plot(positions[worst, a], positions[worst, b], "o", markerfacecolor="none", markeredgecolor=ORANGE, ms=12,
                   markeredgewidth=1.5, clip_on=False, label=f"largest: {top:.3g} mm")  # fmt: skip

@@ -24,9 +24,8 @@ def radius_figure(curves: Mapping[str, tuple[np.ndarray, np.ndarray, float]], *,
         if np.isfinite(limit):
             panel.axvline(limit, color=ORANGE, linewidth=1.2, label=f"limit {limit:.3g}")
             key_beside(panel)
-        panel.set(ylabel="largest |pole| [1]", title=f"along {name}")
+        panel.set(xlabel="gain P [1]", ylabel="largest |pole| [1]", title=f"along {name}")
         panel.margins(x=0.0)
-    panels[-1].set_xlabel("gain P [1]")
     return figure
 
 
@@ -42,9 +41,8 @@ def box_figure(drawn: Mapping[str, tuple[np.ndarray, float, float, float]], *, t
         panel.axvline(nominal, color=BLACK, linewidth=1.0, label=f"nominal {nominal:.3g}")
         panel.axvline(worst, color=ORANGE, linewidth=1.2, label=f"worst {worst:.3g}")
         panel.axvline(recommended, color=GREEN, linewidth=1.2, linestyle="--", label=f"recommended {recommended:g}")
-        panel.set(ylabel="number of points", title=f"along {name}")
+        panel.set(xlabel="gain limit [1]", ylabel="number of points", title=f"along {name}")
         key_beside(panel)
-    panels[-1].set_xlabel("gain limit [1]")
     return figure
 
 
@@ -52,7 +50,7 @@ def box_figure(drawn: Mapping[str, tuple[np.ndarray, float, float, float]], *, t
 def runs_figure(runs: Mapping[str, tuple[Sequence[Any], float]], beside: float, *, title: str = "") -> Figure:
     """Draw synthetic deviations at gains just below and just above the limit, two panels per axis."""
     count = 2 * len(runs)
-    figure, panels = with_panels(WIDTH, 1.0 + 1.9 * count, count, title=title)
+    figure, panels = with_panels(WIDTH, 1.0 + 1.9 * count, count, title=title, sharex=True)
     for k, (name, (pair, limit)) in enumerate(runs.items()):
         for j, (run, share) in enumerate(zip(pair, (1 - beside, 1 + beside), strict=True)):
             panel = panels[2 * k + j]

@@ -74,7 +74,7 @@ WIDTH = 9.0  # inches
 SHORT = 25  # samples averaged per point of the comparison
 COARSE = 50  # samples averaged per point of the normalised innovations
 BAND = 0.999
-LINES = {"slope of four": SKY, "tracker alone": ORANGE, "fused": BLUE, "smoothed": GREEN}
+LINES = {"slope of four positions": SKY, "tracker alone": ORANGE, "fused": BLUE, "smoothed": GREEN}
 
 
 @styled

@@ -191,7 +191,7 @@ def information_figure(
 
 
 def _bar(k: int, count: int, room: float) -> tuple[float, float]:
-    """Return the offset of bar k of count from the middle of its group, and its width; room: width of the group."""
+    """Return the offset of bar k from the middle of its group of `count` bars, and its width; room: of the group."""
     width = room / count
     return (k - (count - 1) / 2) * width, width
 

@@ -58,6 +58,7 @@ def filter_figure(
         panel.loglog(f, contraction[1:], color=ORANGE, label="|1 - L T|, worst model")
         panel.axhline(1.0, **LIMIT)
         panel.set(title=name, xlabel="frequency [Hz]", xlim=(0.5, f[-1]), ylim=(0.05, 1 / SMALLEST))
+    panels[0].set_ylabel("magnitude [1]")
     key_below(figure, *panels, columns=2)
     return figure
 

@@ -66,7 +66,7 @@ def draw_steps(axes: Axes, time: np.ndarray, steps: np.ndarray) -> None:
 
 
 MOST_SIGNALS = 8
-SIGNAL_HEIGHT = 1.9  # inches of a panel
+SIGNAL_HEIGHT = 2.1  # inches of a panel
 DETAIL = 40  # rows of the enlarged detail
 
 
@@ -98,19 +98,17 @@ def resampled_figure(
                 axes.plot(
                     np.insert(even.time, breaks, np.nan), smooth[:, k], **curve(k + 1), linewidth=2.0, label=label
                 )
-            axes.set_ylabel(f"{name} [{even.unit(name)}]")
+            axes.set(xlabel="time of the reference clock [s]", ylabel=f"{name} [{even.unit(name)}]")
         whole[0].margins(x=0.0)
         inside = (rows.time >= low) & (rows.time <= high)
         values = np.asarray(rows[name])[inside]
         margin = 0.1 * max(float(np.ptp(values)), 1e-12 * float(np.abs(values).max()))
         whole[1].set(xlim=(low, high), ylim=(float(values.min()) - margin, float(values.max()) + margin))
-        whole[1].set_title("detail at the longest gap")
+        whole[1].set_title(f"{name}: detail at the longest gap")
         on_grid = np.asarray(even[name]).reshape(len(even), -1)
         whole[1].plot(even.time, on_grid, "o", color=BLUE, markersize=3.5, markerfacecolor="none")
         whole[1].lines[-1].set_label("resampled")
         key_beside(whole[1])
-    for axes in stack[-2:]:
-        axes.set_xlabel("time of the reference clock [s]")
     return figure
 
 

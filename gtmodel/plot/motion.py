@@ -207,7 +207,7 @@ def swing_figure(
     return figure
 
 
-MOST_PANELS, MOST_CURVES = 5, 8
+MOST_PANELS, MOST_CURVES, MOST_NAMED = 5, 8, 6
 
 
 @styled
@@ -231,15 +231,21 @@ def optimum_figure(
     drawn = [key for key in order if key[0] == "controls"][:2]
     rest = [key for key in order if key not in drawn]
     drawn = rest[: MOST_PANELS - len(drawn)] + drawn
-    missing = len(order) - len(drawn)
-    heading = title + (f"\nquantities in {missing} other units are not drawn" if missing else "")
+    left_out = [f"{n} [{unit or '1'}]" for key in order if key not in drawn for unit in [key[1]] for n in panels[key]]
+    more = f" and {len(left_out) - MOST_NAMED} more" if len(left_out) > MOST_NAMED else ""
+    heading = title + (f"\nnot drawn: {', '.join(left_out[:MOST_NAMED])}{more}" if left_out else "")
     figure, stack = with_panels(
         8.5, 1.2 + PANEL_HEIGHT * max(1, len(drawn)), max(1, len(drawn)), title=heading, sharex=True
     )
+    titled: set[str] = set()
     for axes, (role, unit) in zip(stack, drawn, strict=False):
         _curves(axes, trajectory.time, panels[role, unit], bounds, steps=steps and role == "controls")
         count = len(panels[role, unit])
-        axes.set_title(role + (f": {MOST_CURVES} largest of {count} in {unit or '1'}" if count > MOST_CURVES else ""))
+        if count > MOST_CURVES:
+            axes.set_title(f"{role}: {MOST_CURVES} largest of {count} in {unit or '1'}")
+        elif role not in titled:
+            axes.set_title(role)
+        titled.add(role)
         axes.set_ylabel(called(list(dict.fromkeys(n.partition("[")[0] for n in panels[role, unit])), unit))
         axes.margins(x=0.0)
         key_beside(axes)

@@ -38,7 +38,8 @@ class Call:
         return self
 
     def __call__(self, **work: Any) -> Any:
-        """Run the study. Raises ArgumentError if an argument is missing that a file cannot state, such as a folder."""
+        """Run the study. Raises ArgumentError if the caller must pass an argument, such as a folder, that no key
+        sets."""
         try:
             inspect.signature(self.study).bind(*self.arguments, **self.options, **work)
         except TypeError as error:
@@ -84,6 +85,11 @@ class Problem(FileSection):
     kind: str = pydantic.Field(description="kind of the problem; gtmodel schema lists the kinds")
     title: str = pydantic.Field(default="", description="one line for tables and pictures")
 
+    @property
+    def heading(self) -> str:
+        """The title, or the kind if the file has none."""
+        return self.title or self.kind
+
     @pydantic.field_validator("title")
     @classmethod
     def _one_line(cls, title: str) -> str:
@@ -109,6 +115,7 @@ class Context(RunClock):
     notes: sentences that `note` added to the result.
     distrusted: names of files among `inputs` that are marked as not to be used.
     models: models that the problem names; remarks about them go to the notes of the result.
+    full: whether `explain` of a kind lists everything, or a summary of about 40 lines.
     """
 
     name: str = "problem"
@@ -119,6 +126,7 @@ class Context(RunClock):
     notes: list[str] = field(default_factory=list)
     distrusted: list[str] = field(default_factory=list)
     models: list[Any] = field(default_factory=list)
+    full: bool = True
 
     def note(self, sentence: str) -> None:
         """Print one sentence and add it to the notes of the result, once."""
@@ -172,7 +180,6 @@ class Context(RunClock):
 class Kind(Protocol):
     """Interface of the module of a kind; see `registry`."""
 
-    NAME: str
     Schema: type[Problem]
 
     def call(self, problem: Any, context: Context) -> Call: ...
@@ -188,19 +195,6 @@ class Generating(Protocol):
 
 
 __all__ = [
-    "TRAJECTORY",
-    "Check",
-    "Context",
-    "FileSection",
-    "Generating",
-    "InputError",
-    "Kind",
-    "Problem",
-    "Progress",
-    "Row",
-    "Source",
-    "at_least",
-    "at_most",
-    "silent",
-    "unnoticed",
-]
+    "TRAJECTORY", "Check", "Context", "FileSection", "Generating", "InputError", "Kind", "Problem",
+    "Progress", "Row", "Source", "at_least", "at_most", "silent", "unnoticed",
+]  # fmt: skip

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 from gtmodel.compiler.causal import compile_causal, flat_of
@@ -18,9 +18,6 @@ from .load import load
 from .robot_file import is_robot_file
 from .robots import resolve
 
-# a numbered block of a certificate, and its details: six blanks
-_BLOCK = re.compile(r" {2,4}\d+ (explicit  |[\w ]+, \d+ unknowns?: )| {6}(?!root of )")
-
 
 def of(
     what: str,
@@ -32,33 +29,22 @@ def of(
 ) -> str:
     """Return the text for a robot (see `robots.resolve`) or for a problem file.
 
-    known, targets, prefer: names; one text may contain several, separated by commas. full: with every block. Raises
+    known, targets, prefer: names; one text may contain several, separated by commas. full: False for a summary. Raises
     InputError, and ModelError with file and line for a causality that does not exist.
     """
-    text = _text(what, split(known), split(targets), split(prefer), settings)
-    return text if full else summary(text)
-
-
-def _text(what: str, known: list[str], targets: list[str], prefer: list[str], settings: Iterable[str]) -> str:
+    known, targets, prefer = split(known), split(targets), split(prefer)
     if _is_problem(what) or (is_reference(what) and not (known or targets or prefer)):
         if known or targets or prefer:
             raise InputError("a problem file states what is known; leave --known, --targets and --prefer out")
         loaded = load(what, settings)
-        return run.explain(loaded, run.context_of(loaded))
+        return run.explain(loaded, replace(run.context_of(loaded), full=full))
     context = Context()
     model = resolve(whole(what) if is_reference(what) else what, context, key="")
     if not targets and isinstance(model, SerialArm):
         return description(model)
     if not targets:
         raise InputError(f"name its --targets; top-level names are {flat_of(model).top()}")
-    return "\n".join([compile_causal(model, known, targets, prefer).explain(), *context.notes])
-
-
-def summary(text: str) -> str:
-    """Return certificates without their numbered blocks; the signs of roots and conditions on known values stay."""
-    lines = text.splitlines()
-    short = [line for line in lines if not _BLOCK.match(line)] if "\n  blocks: " in text else lines
-    return text if short == lines else "\n".join([*short, "add --full to list every block with its source lines"])
+    return "\n".join([compile_causal(model, known, targets, prefer).explain(full), *context.notes])
 
 
 def printed(what: str, flat: bool, *options: Iterable[str]) -> str:

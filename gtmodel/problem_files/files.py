@@ -199,6 +199,8 @@ def of(what: str = "all") -> dict[str, Any]:
     Raises InputError for another word."""
     if is_reference(what):
         return {"classes": modelica.listing(what)}
+    if what in ("kind", "kinds"):
+        raise InputError("the kinds of problems are listed by: gtmodel schema")
     if what not in ("all", "robots", "problems"):
         hint = meant(what, ("robots", "problems"), "expected 'robots' or 'problems'")
         raise InputError(f"there is no list of '{what}'; {hint}")

@@ -181,12 +181,19 @@ _ENTRY = re.compile(r"(.*?)((?:\[\d+\])?)")
 
 
 def key_of(schema: type[pydantic.BaseModel], argument: str, renamed: Mapping[str, str]) -> str:
-    """Return the dotted key of an argument: ("map.step", {"map": "section"}) gives "section.step_m" if that key exists.
+    """Return the dotted key of an argument; an argument without a key keeps its own name.
 
-    renamed: arguments, or the first parts of them, that have another name in the file; the longest match counts. An
-    argument without a key keeps its own name. An entry of a list keeps its index: "cases[1].length" gives
-    "cases[1].length_um", also if the list has another name in the file. {"poses": "pose"} applies to "poses[1]" too,
-    {"rows[].at": ""} to every row, and {"poses[].values": "tables[].signals"} gives the table of the same index.
+    renamed: arguments, or the first parts of them, that have another name in the file, "" for none; the longest match
+    counts.
+
+        argument            renamed                              key, if the schema has it
+        "force"             {}                                   "force_N"
+        "map.step"          {"map": "section"}                   "section.step_m"
+        "springs.links"     {"springs": ""}                      "links"
+        "cases[1].length"   {}                                   "cases[1].length_um"
+        "poses[1]"          {"poses": "pose"}                    "pose[1]"
+        "rows[2].at"        {"rows[].at": ""}                    ""
+        "poses[1].values"   {"poses[].values": "tables[].data"}  "tables[1].data"
     """
     parts = argument.split(".")
     for n in range(len(parts), 0, -1):

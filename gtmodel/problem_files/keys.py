@@ -33,7 +33,9 @@ class FrictionSection(FileSection):
         default=None, description="smoothing of the sign of the velocity; tanh for robots of the catalogue"
     )
     velocity_scale_m_s: PositiveFloat | None = Field(
-        default=None, description="velocity over which the sign changes; 0.1 for robots of the catalogue"
+        default=None,
+        description="velocity over which the sign changes, in m/s, and in rad/s at revolute joints; "
+        "0.1 for robots of the catalogue",
     )
 
 

@@ -20,8 +20,8 @@ from gtmodel.results.read_bounds import TooDeepError, not_deep, toml_of
 
 from .base import InputError, Kind, Problem
 from .files import find, parse, parts_of, read
-from .from_options import Key, keys_of, tables_of
-from .registry import get
+from .from_options import REQUIRED, Key, keys_of, tables_of
+from .registry import get, schema_of
 
 _EXPECTED = {
     "float_type": "a number",
@@ -39,6 +39,7 @@ _EXPECTED = {
     "list_type": "a list",
 }
 _LISTS = {"list_type", "tuple_type", "too_short", "too_long"}
+_WORD = {"extra_forbidden": "unknown", "missing": "missing"}
 _FIRST = {"extra_forbidden": 0, "missing": 2}  # an unknown key is often the misspelt missing one
 
 
@@ -51,17 +52,19 @@ def sentence_for(
         faults.setdefault(_place(fault["loc"], data, fault["type"]), []).append(fault)
     ordered = sorted(faults, key=lambda place: _FIRST.get(faults[place][0]["type"], 1))
     guessed: set[str] = set()
-    sentences: list[tuple[str, str]] = []
+    sentences: list[tuple[str, str, str]] = []
     for place in ordered:
         key = dotted(place)
-        if faults[place][0]["type"] == "missing" and key in guessed:
+        kind = faults[place][0]["type"]
+        if kind == "missing" and key in guessed:
             continue
         sentence, meant = _sentence(place, faults[place], schema, data)
         guessed |= {meant}
-        sentences.append((key, sentence))
-    key, sentence = sentences[0]
-    if len(sentences) > 1:
-        sentence += f"; also wrong: {', '.join(k for k, _ in sentences[1:])}"
+        sentences.append((key, sentence, _WORD.get(kind, "wrong")))
+    key, sentence, _ = sentences[0]
+    for word in ("unknown", "missing", "wrong"):
+        if others := [k for k, _, its in sentences[1:] if its == word]:
+            sentence += f"; also {word}: {', '.join(others)}"
     return InputError(sentence, key)
 
 
@@ -99,7 +102,9 @@ def _sentence(
     known = _known(place, schema)
     about = f" ({known.description})" if known and known.description else ""
     if kind == "missing":
-        value = _of(known, [a(known.type)]) if known else "a value"
+        needed = [k.name for k in keys_of(schema) if k.parent == dotted(place) and k.default.startswith(REQUIRED)]
+        table = f"a table with {', '.join(needed)}" if needed else "a table"
+        value = _of(known, [a(known.type)]) if known else table
         return f"is missing; expected {value}{about}", ""
     if kind == "too_short" and isinstance(_value_at(place, data), dict):
         return f"is empty; expected at least one entry{about}", ""
@@ -298,6 +303,8 @@ class Loaded:
 
     def placed(self, error: InputError) -> InputError:
         """Return the error with its line in the file."""
+        if self.path.suffix in (".mo", ".mop") and error.key in ("model", "robot"):  # nobody wrote this key
+            return InputError(error.message, file=error.file, line=error.line)
         return error.within("", content=_unchanged(self.content, self.settings, error.key))
 
 
@@ -338,7 +345,7 @@ def check(data: Mapping[str, Any]) -> tuple[Kind, Problem]:
         kind = get(data["kind"])
     except InputError as error:
         raise error.within("", "kind") from None
-    return kind, validate(kind.Schema, data)
+    return kind, validate(schema_of(data["kind"]), data)
 
 
 def validate(schema: type[S], data: Mapping[str, Any]) -> S:

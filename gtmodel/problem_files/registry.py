@@ -3,7 +3,6 @@ into options of a study and into its call. It defines
 
     Schema    a `Problem` subclass: every key of the file with a description, and its unit in its name
     RESULT    dotted name of the result class, whose quantities are ``values``; several if tables of the file choose
-    NAME      its name in a problem file, ``kind = "..."``
     ARGUMENTS keys of the study's arguments, if they differ from the argument's name: "map" -> "section";
               a function `arguments` (problem) if they depend on the problem
     call      (problem, context) -> Call
@@ -60,7 +59,7 @@ _KINDS = {
     "lead_through": "hand guiding with two force sensors: contact force, limits, energy at the handle, peg in hole",
     "wrench_calibration": "bias, mass and centre of mass of the load on a force sensor, from poses, with intervals",
     "learning_control": "iterative learning control: predicted rate and floor, simulated runs, the next input",
-    "friction": "friction of the actuators and the mass they carry, from constant-velocity runs",
+    "friction": "friction of carts that carry a plate, and the mass that they carry, from constant-velocity runs",
 }
 
 
@@ -77,14 +76,30 @@ def get(name: str) -> Kind:
 
 def schema_of(name: str) -> type[Problem]:
     """Return the schema of a kind. Raises InputError with close matches."""
-    return _module(name, "keys").Schema
+    return _defined(name, "Schema")
 
 
 def results_of(name: str) -> list[type[Study]]:
     """Return the result classes of a kind. Raises InputError with close matches."""
-    classes = _module(name, "keys").RESULT
-    places = [place.rpartition(".") for place in ([classes] if isinstance(classes, str) else classes)]
-    return [getattr(import_module(library), study) for library, _, study in places]
+    places, classes = _defined(name, "RESULT"), []
+    for place in [places] if isinstance(places, str) else places:
+        package, _, study = place.rpartition(".")
+        if not hasattr(library := import_module(package), study):
+            own = _file(_module(name, "keys"))
+            raise InputError(f"{own}: RESULT names {place}, which {_file(library)} does not export")
+        classes.append(getattr(library, study))
+    return classes
+
+
+def _defined(kind: str, name: str) -> Any:
+    module = _module(kind, "keys")
+    if not hasattr(module, name):
+        raise InputError(f"{_file(module)} defines no {name}; the registry's docstring lists the names of a kind")
+    return getattr(module, name)
+
+
+def _file(module: Any) -> str:
+    return f"{module.__name__.replace('.', '/')}{'/__init__' if hasattr(module, '__path__') else ''}.py"
 
 
 def _module(name: str, file: str) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import tempfile
 import time
@@ -20,7 +21,7 @@ from gtmodel.results.written import for_machines, pictured, record, sha256, sha2
 from . import start as earlier
 from .base import Call, Context, Generating, InputError
 from .from_options import key_of
-from .load import Loaded, load
+from .load import Loaded, dotted, load
 from .noted import noted
 
 
@@ -136,10 +137,13 @@ def answer(loaded: Loaded, context: Context) -> Study:
 
 
 def call_of(path: str | Path, settings: Iterable[str] = ()) -> Call:
-    """Return the call that a problem file describes. Raises InputError."""
+    """Return the call that a problem file describes; its study has the notes too. Raises InputError."""
     loaded = load(path, settings)
+    context = context_of(loaded)
     with keyed(loaded):
-        return loaded.kind.call(loaded.problem, context_of(loaded))
+        call = loaded.kind.call(loaded.problem, context)
+    finish = call.finish
+    return call.then(lambda study: noted(study if finish is None else finish(study), context))
 
 
 @contextmanager
@@ -200,11 +204,21 @@ def generate(
 
 
 def explain(loaded: Loaded, context: Context) -> str:
-    """Return the kind's explanation of a problem; its checked keys if the kind has none."""
+    """Return the kind's explanation of a problem; its title and one key per line if the kind has none."""
     explanation = getattr(loaded.kind, "explain", None)
     if explanation is not None:
         with keyed(loaded):
             return str(explanation(loaded.problem, context))
-    import tomli_w
+    keys = loaded.problem.model_dump(mode="json", exclude_none=True, exclude={"kind", "title"})
+    return "\n".join([loaded.problem.heading, *(f"  {line}" for line in _lines(keys))])
 
-    return tomli_w.dumps(loaded.problem.model_dump(mode="json", exclude_none=True)).rstrip()
+
+def _lines(value: Any, place: tuple[str | int, ...] = ()) -> Iterator[str]:
+    """Dotted keys with their values, one a line; no line for an empty table."""
+    if isinstance(value, list) and any(isinstance(entry, Mapping) for entry in value):
+        value = dict(enumerate(value))
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield from _lines(inner, (*place, name))
+    else:
+        yield f"{dotted(place)} = {json.dumps(value, ensure_ascii=False)}"

@@ -78,7 +78,8 @@ def verdict(failed: Mapping[str, Check], count: int) -> str:
     """Return one sentence: the failed ones of `count` checks with value and bound, and what to do."""
     failures = ", ".join(f"{name} ({_numbers(name, check)})" for name, check in failed.items())
     text = f"{len(failed)} of {count} checks failed: {failures}"
-    advice = list(dict.fromkeys(check.advice for check in failed.values() if check.advice))
+    parts = (part for check in failed.values() if check.advice for part in check.advice.split("; "))
+    advice = dict.fromkeys(parts)  # each once
     return "; ".join([text, *advice])
 
 

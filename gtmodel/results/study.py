@@ -6,7 +6,7 @@ import copy
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, get_type_hints
 
 from .._lazy import hint
 from .check import Check, failed_of, verdict
@@ -58,6 +58,9 @@ class Study:
     >>> study.message
     '1 of 1 checks failed: residual_m (0.002 m, at most 0.001 m); measure again'
     """
+
+    done: ClassVar[str] = SolveStatus.SOLVED.value
+    """Word for the status SOLVED in the table; a study that solves nothing has another one."""
 
     status: SolveStatus
     message: str = ""

@@ -12,6 +12,7 @@ import numpy as np
 from .check import Check, bound_in_words
 from .plain_table import plain
 from .quantity import split
+from .status import SolveStatus
 from .written import png
 
 if TYPE_CHECKING:
@@ -27,7 +28,8 @@ def cells(study: Study, brief: bool = False) -> list[tuple[str, str, str, str]]:
 
     brief: count the checks that passed in one row and list only those that failed.
     """
-    rows = [("status", study.status.value, "", "")]
+    status = study.done if study.status is SolveStatus.SOLVED else study.status.value
+    rows = [("status", status, "", "")]
     if study.iterations is not None:
         rows.append(("iterations", str(study.iterations), "", ""))
     for label, value, *unit in study.rows or _of_values(study):

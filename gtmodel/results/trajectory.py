@@ -383,6 +383,8 @@ class Trajectory:
             return place
         match = COLUMN.fullmatch(name) if isinstance(name, str) else None
         value = self._values.get(match["base"]) if match else None
+        if name == "time":
+            raise UnknownNameError("the times are no signal; use the attribute .time")
         if not match or value is None or value.ndim == 1:
             raise UnknownNameError(unknown(name, self._values, "there is no signal"))
         base = match["base"]

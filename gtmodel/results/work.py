@@ -65,7 +65,10 @@ class Work:
     began: float = field(default_factory=time.monotonic)
 
     def keep(self, so_far: Callable[[], Any]) -> None:
-        """Set the function that makes the result if the study ends early from now on."""
+        """Set the function that makes the result if the study ends early from now on, with the values computed so far.
+
+        The last one set counts; the study calls it when a `step` is interrupted, and may compute then.
+        """
         KEPT.get([]).append(so_far)
 
     def step(self, stage: str, fraction: float | None = None) -> None:
@@ -196,7 +199,7 @@ def ended(kind: type[R], message: str, title: str = "") -> R:
 
 
 def study_function(function: Callable[P, R]) -> Callable[P, R]:
-    """Decorate a study: check its arguments against their annotations, with types, words, `Long` and `Within`.
+    """Decorate a study, to check its arguments: type, allowed words, length (`Long`), range (`Within`).
 
     The study takes the arguments of `Work` as `**work_options: Unpack[WorkOptions]`; `inspect.signature` and
     `get_type_hints` list them separately. Other annotations are evaluated at the first call. Raises ArgumentError for a

@@ -191,5 +191,7 @@ def small_states(
     check = Check(worst, BOUND, f"declare the nominal size of '{worst_name}', or use a smaller tolerance")
     if check.passed:
         return {"small_states": check}, ""
-    sentence = f"'{worst_name}' stays so small that {worst:.2g} of it is the integrator's error, more than {BOUND:g}"
+    sentence = (
+        f"'{worst_name}' is so small that the integrator's error is {worst:.2g} of its value, more than {BOUND:g}"
+    )
     return {"small_states": check}, f"{sentence}: {check.advice}"

@@ -148,10 +148,11 @@ def explain_simulation(
     prefer: Sequence[str] | str = (),
     tolerance: float = 1e-9,
     method: str = "bdf",
+    full: bool = True,
 ) -> str:
     """Explain how `simulate` runs a model: its states, their start values, and how their rates are computed.
 
-    Arguments and errors as for `simulate`. Returns a text.
+    Arguments and errors as for `simulate`. full: with every block of equations. Returns a text.
 
     >>> class Ball(gt.Model):
     ...     height = gt.variable(unit="m", start=2.0, fixed=True)
@@ -187,4 +188,4 @@ def explain_simulation(
         return text
     rates = [flat.symbol_name(i, k + 1) for i, k in system.plan.states]
     states = list(dict.fromkeys(flat.variables[i].name for i, _ in system.plan.states))
-    return text + "\n" + compile_causal(flat, known, rates, states).explain()
+    return text + "\n" + compile_causal(flat, known, rates, states).explain(full)

@@ -72,7 +72,7 @@ def simulation_study(
         if error.argument:
             raise ArgumentError(str(error), error.argument) from error
         raise
-    return _study_of(simulation, work.title)
+    return _study_of(simulation, work.title).with_(notes=getattr(type(model), "_notes", ()))
 
 
 def refuse_unknown(model: Model, **lists: Mapping[str, Any] | Sequence[str]) -> None:

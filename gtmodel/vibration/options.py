@@ -121,7 +121,7 @@ class Sampling(Options):
     gtmodel.results.refusal.ArgumentError: samples: must be at least 2; found 1
     """
 
-    seed: Annotated[int, Within(least=0), "of the noise, and of the pseudo-random force"]
+    seed: Annotated[int, Within(least=0), "seed of the noise and of the pseudo-random force"]
     noise: Annotated[float, Unit("m"), Within(least=0.0), "white noise on the positions, standard deviation"]
     samples: Annotated[int, Within(least=2), "of each recording"]
     sample_time: Annotated[float, Unit("s"), Within(above=0.0), "between samples"] = 0.004

@@ -170,7 +170,7 @@ def _predict(
 
 
 class _Symmetric:
-    """Cholesky factors, each entry relative to its start."""
+    """M, D and K as Cholesky factors, which keep them positive definite; entries are scaled by their start values."""
 
     def __init__(self, start: SecondOrder) -> None:
         self.p = len(start.M)

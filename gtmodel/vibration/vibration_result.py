@@ -26,7 +26,9 @@ class VibrationStudy(Study):
     ] = None
     damping: Annotated[Sequence[float] | Array | None, "ratio by mode"] = None
     damping_interval: Annotated[Sequence[Sequence[float]] | None, "95 % intervals by mode, if fitted"] = None
-    distance: Annotated[Array | None, "of neighbouring resonances in half-power widths; below 1 they overlap"] = None
+    distance: Annotated[
+        Array | None, "distance of neighbouring resonances in half-power widths; below 1 they overlap"
+    ] = None
     order: Annotated[int | None, "number of states"] = None
     order_by_gap: Annotated[int | None, "order after which the singular values fall most"] = None
     singular_values: Annotated[Array | None, "of the weighted projection"] = None
@@ -37,7 +39,7 @@ class VibrationStudy(Study):
     residual: Annotated[Sequence[float] | Array | None, Quantity("m", "rms by output")] = None
     poles: Annotated[
         Sequence[Sequence[float]] | None,
-        Quantity("1/s", "of the model in continuous time, real and imaginary part"),
+        Quantity("1/s", "poles of the model in continuous time, real and imaginary part"),
     ] = None
     M_inv_K: Annotated[
         Array | None, Quantity("1/s2", "of the physical form, row by row", key="M_inv_K_1_s2")  # K is no kelvin

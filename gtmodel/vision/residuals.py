@@ -131,8 +131,8 @@ def gross_errors(table: Corners, residuals: np.ndarray, gross: float) -> GrossEr
     """Find gross errors in residuals (n, 2) [pixel].
 
     Wrong pictures are found first, with the noise from the median of all lengths, which tolerates up to half of the
-    corners being wrong. Then come corners that are too far off for any view. Other corners are judged by the noise of
-    their own view, which grows with tilt and distance: an outlier is improbable among clean corners and at least
+    corners being wrong. Then come corners that are too far off for any view. Other corners are compared with the noise
+    of their own view, which grows with tilt and distance: an outlier is improbable among clean corners and at least
     `gross` standard deviations off.
 
     >>> board = gt.vision.BoardPictures(width_pixel=640, height_pixel=480, columns=9, rows=6)

@@ -1,4 +1,4 @@
-"""From how far away calibrations converge: 100 random starts for each size, as docs/kinds/calibration.md prints them.
+"""Convergence of calibrations from distant starts: 100 random starts per size, for docs/kinds/calibration.md.
 
 python -m tests.bench.basin_calibrate
 """

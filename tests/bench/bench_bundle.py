@@ -74,13 +74,13 @@ def main() -> int:
     else:
         begun = time.process_time()
         theirs = colmap()
-        print(f"| COLMAP (Ceres), its data made and solved | {time.process_time() - begun:.2f} | | |")
+        print(f"| COLMAP (Ceres), data construction and solution | {time.process_time() - begun:.2f} | | |")
         mean = float(np.mean(np.linalg.norm(fit.residuals["pixels"], axis=1)))
         print(f"mean error of an observation: COLMAP {theirs:.6f} pixel, gtmodel {mean:.6f}")
     ratio = times["SciPy"] / times["gtmodel"]
     apart = abs(fit.cost - tight.cost) / tight.cost
     behind = (cost - tight.cost) / tight.cost
-    print(f"\nto the last digits gtmodel takes {tight.iterations} iterations: cost {tight.cost:.6f}")
+    print(f"\nto convergence within round-off gtmodel needs {tight.iterations} iterations: cost {tight.cost:.6f}")
     print(f"SciPy ends {behind:.1e} above it, gtmodel at the same tolerance {apart:.1e}")
     good = ratio >= FASTER and max(apart, abs(behind)) <= SAME and tight.iterations <= STEPS
     print(f"{'pass' if good else 'FAIL'}: {ratio:.1f} times faster than SciPy, at least {FASTER:g}")

@@ -154,7 +154,7 @@ def growth(sizes: list[int]) -> bool:
         )
         alone, whole, rows, columns = times["alone"], times["whole"], times["rows"], times["columns"]
         met &= n < 100_000 or alone <= SLOWEST * rows
-        print(f"{n:7d} poses: {1e3 * alone:6.1f} ms, {1e6 * alone / n:.2f} us a pose; with confidence "
+        print(f"{n:7d} poses: {1e3 * alone:6.1f} ms, {1e6 * alone / n:.2f} us per pose; with confidence "
               f"{1e3 * whole:6.1f} ms; by hand on rows {1e3 * rows:5.1f} ms, {alone / rows:.2f} times; on columns "
               f"{1e3 * columns:5.1f} ms, {alone / columns:.2f} times")  # fmt: skip
     return met

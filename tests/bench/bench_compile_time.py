@@ -1,4 +1,4 @@
-"""How long compiling takes: the causalities of the Gantry-Tau, an answer from the cache, and chains of pendulums.
+"""Compile time: the causalities of the Gantry-Tau, a request answered from the cache, and chains of pendulums.
 
 Prints Markdown. Times are processor time, the best of some repetitions where that is cheap: other load on the machine
 disturbs them little, but they are no instruction counts, and no test rests on them.
@@ -78,7 +78,7 @@ def measure(make: Callable[[], gt.Model], compile: Compile) -> Measured:
 
 
 def robots() -> None:
-    print("| robot | function | operations | compiling [s] | limit [s] | | a second time [us] |")
+    print("| robot | function | operations | compiling [s] | limit [s] | | from cache [us] |")
     print("|---|---|---:|---:|---:|---|---:|")
     makers: dict[str, Callable[[], gt.Model]] = {"three-link": lambda: gt.robots.gantry_tau("l1_tape")}
     six = six_link()
@@ -112,7 +112,7 @@ def robots() -> None:
 
 
 def six_link() -> Callable[[], gt.Model] | None:
-    """A nominal six-link L1: the three-link set with plate joints of our own."""
+    """A nominal six-link L1: the three-link set with our own plate joints."""
     try:
         from gtmodel.robots.six_link import ARM, SixLink
     except ImportError:
@@ -135,10 +135,10 @@ def chains() -> None:
     print("|---|" + "---:|" * (len(LENGTHS) + 2))
     for title, (make, compile) in CHAINS.items():
         found = [measure(partial(_configured, make, n), compile) for n in LENGTHS]
-        for what, times in ((title, [m.total for m in found]), ("- flattening", [m.flattening for m in found])):
-            size = _size(found[-1].function) if what == title else ""
+        for row, times in ((title, [m.total for m in found]), ("- flattening", [m.flattening for m in found])):
+            size = _size(found[-1].function) if row == title else ""
             shown = " | ".join(f"{t:.2f}" for t in times)
-            print(f"| {what} | {shown} | {growth(times):.1f} | {size} |", flush=True)
+            print(f"| {row} | {shown} | {growth(times):.1f} | {size} |", flush=True)
 
 
 def _configured(make: Callable[[int], type[gt.Model]], n: int) -> gt.Model:

@@ -1,4 +1,4 @@
-"""Excitations of many settings from two trees: where each search ends, and whether IPOPT betters our answers.
+"""Excitations for many settings from two trees: optima of each search, and whether IPOPT improves them.
 
 OMP_NUM_THREADS=1 python tests/bench/bench_excitation.py [--other TREE] [--starts N] [--ipopt] [SETTING ...]
 
@@ -138,7 +138,7 @@ def main() -> int:
     parser.add_argument("--ipopt", action="store_true", help="start IPOPT from our answers")
     parser.add_argument("settings", nargs="*", default=list(SETTINGS))
     options = parser.parse_args()
-    print("| setting | start | cost | condition | seconds | before: cost | condition | seconds | IPOPT betters by |")
+    print("| setting | start | cost | condition | seconds | before: cost | condition | seconds | IPOPT lower by |")
     print("|---|---:|---:|---:|---:|---:|---:|---:|---:|", flush=True)
     pairs, bettered, good = [], [], True
     for name in options.settings:
@@ -162,7 +162,7 @@ def main() -> int:
             f"{np.sum(cost > 0.01)}; condition number times {np.exp(np.mean(log)):.3f} in the geometric mean"
         )
     if bettered:
-        print(f"\nIPOPT betters our answers by at most {max(bettered):.1e} of the cost")
+        print(f"\nIPOPT improves our optima by at most {max(bettered):.1e} of the cost")
     return 0 if good else 1
 
 

@@ -29,7 +29,7 @@ AT_MOST = 3.0  # of filterpy's time
 APART = 1e-2  # standard deviations, between the two: the rival's F is to the second order of the step
 
 
-def roads() -> dict[str, Callable[[], Any]]:
+def methods() -> dict[str, Callable[[], Any]]:
     """Each filters the same log."""
     t = H * np.arange(round(SECONDS / H) + 1)
     log, start, d = body.noisy(t, SEED), body.beginning(), body.DEVIATIONS
@@ -49,21 +49,21 @@ def roads() -> dict[str, Callable[[], Any]]:
 
 def main() -> int:
     try:
-        made = roads()
-        x, spread = made["filterpy"]()
+        all_methods = methods()
+        x, spread = all_methods["filterpy"]()
     except ImportError as error:
         print(f"filterpy is not installed ({error}): pip install 'gtmodel[oracle]'")
         return 0
-    ours = made["gtmodel"]()
-    times: dict[str, list[float]] = {name: [] for name in made}
+    ours = all_methods["gtmodel"]()
+    times: dict[str, list[float]] = {name: [] for name in all_methods}
     for _ in range(TURNS):
-        for name, road in made.items():
+        for name, method in all_methods.items():
             begin = time.process_time()
-            road()
+            method()
             times[name].append(time.process_time() - begin)
     per_step = {name: statistics.median(each) / len(x) for name, each in times.items()}
     base = per_step["filterpy"]
-    print("| 18 states, 12 readings, 5 s at 1 kHz | processor time a step [us] | times filterpy's |\n|---|---:|---:|")
+    print("| 18 states, 12 readings, 5 s at 1 kHz | processor time per step [us] | times filterpy's |\n|---|---:|---:|")
     for name, each in per_step.items():
         print(f"| {name} | {1e6 * each:.0f} | {each / base:.2f} |")
     difference = np.abs(ours.system.space.minus(x, ours.x[:, 0])) / ours.deviations[:, 0]

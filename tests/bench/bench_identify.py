@@ -1,4 +1,4 @@
-"""What identification costs: 60 s at 250 Hz read from a CSV file against the algebra; 200 seeds in processes.
+"""Time of an identification: reading 60 s at 250 Hz from a CSV file against the algebra; 200 seeds in processes.
 
 Prints Markdown. Both in one process, processor times, the best of some repetitions. Issue 6, point 6.
 """
@@ -44,7 +44,7 @@ def main() -> int:
     rows = rows_of(read, regressor())
     fitting = seconds(lambda: identify(rows, nonnegative=False, test=[]))
     print(f"60 s at 250 Hz, {len(t)} rows, a CSV file of {size:.1f} MB; {len(rows)} rows fitted.\n")
-    print("| what | ms |\n|---|---:|")
+    print("| step | time [ms] |\n|---|---:|")
     print(f"| reading the file | {1e3 * reading:.0f} |")
     print(f"| regressor alone, 15,000 rows of 3 x 13 | {1e3 * evaluate:.0f} |")
     print(f"| filters, regressor and rows | {1e3 * preparing:.0f} |")

@@ -80,7 +80,7 @@ def main() -> None:
                 rival_s[tolerance] += time.process_time() - begin
                 rival_error[tolerance] = max(rival_error[tolerance], abs(found / best - 1))
     poses = 12 * len(ANGLES)
-    print("| way | poses run | s for all 4332 | largest relative error of the index | ratio |")
+    print("| method | poses run | time for all 4332 [s] | largest relative error of the index | time ratio |")
     print("|---|---:|---:|---:|---:|")
     print(f"| exact discretisation, 20 kHz, linear hold | {poses} | {exact_s:.1f} | {exact_error:.1e} | 1 |")
     for tolerance in TOLERANCES:
@@ -94,8 +94,8 @@ def main() -> None:
     loosest = max(good) if good else min(TOLERANCES)
     ratio = rival_s[loosest] / sample * poses / exact_s
     fastest = min(rival_s.values()) / sample * poses / exact_s
-    said = "met" if ratio >= WANTED else "NOT met"
-    print(f"\nAt the same accuracy {ratio:.0f} times faster (wanted {WANTED:g}): {said}")
+    verdict = "met" if ratio >= WANTED else "NOT met"
+    print(f"\nAt the same accuracy {ratio:.0f} times faster (at least {WANTED:g}): {verdict}")
     print(f"Against the loosest integrator, which is less accurate, {fastest:.0f} times.")
 
 

@@ -1,4 +1,4 @@
-"""What reading Modelica text costs: parsing with a cached grammar, flattening many components, refusing nonsense.
+"""Time and memory to read Modelica text: parsing with a cached grammar, flattening, rejecting invalid text.
 
 Also how much faster a model of library components is read the second time, when the trees of the library's files are
 kept: components of a library that is written here, and of the Modelica Standard Library where MODELICAPATH names it.
@@ -86,7 +86,7 @@ def refused() -> float:
     tracemalloc.start()
     try:
         parse(text)
-        raise AssertionError("10 MB of brackets were taken")
+        raise AssertionError("10 MB of brackets were accepted")
     except ModelError:
         return tracemalloc.get_traced_memory()[1] / 1e6
     finally:
@@ -94,7 +94,7 @@ def refused() -> float:
 
 
 def first_and_again(reference: str, library: list[str]) -> tuple[float, float]:
-    """Processor times [s] of reading a class with an empty cache, and the least of three with what that left."""
+    """Processor times [s] to read a class: with an empty cache, and the least of three runs with the cache filled."""
     gc.collect()
     before = os.environ.get("GTMODEL_CACHE")
     with tempfile.TemporaryDirectory() as folder:
@@ -109,7 +109,7 @@ def first_and_again(reference: str, library: list[str]) -> tuple[float, float]:
 
 
 def many_classes(folder: Path) -> tuple[str, list[str]]:
-    """A class that takes one of a library of 400, and that library."""
+    """A class that uses two classes of a library of 400, and that library."""
     package = folder / "Many"
     package.mkdir()
     for part in range(4):
@@ -130,7 +130,7 @@ def many_classes(folder: Path) -> tuple[str, list[str]]:
 
 
 def of_libraries() -> list[tuple[str, float, float]]:
-    """Names, and processor times of the first and of a later time."""
+    """Names, and processor times of a first and a later read."""
     with tempfile.TemporaryDirectory() as folder:
         rows = [("two of 400 classes in files of 100", *first_and_again(*many_classes(Path(folder))))]
     if folders := libraries():
@@ -149,17 +149,17 @@ def main() -> int:
     rows = [
         (f"parse {len(text.splitlines())} lines", least(lambda: parse(text), 5), PARSED, "s"),
         (f"flatten {COMPONENTS} components, to a class", flat, FLATTENED, "s"),
-        ("refuse 10 MB of brackets", refused(), REFUSED_MB, "MB"),
+        ("memory to reject 10 MB of brackets", refused(), REFUSED_MB, "MB"),
     ]
-    print("| Modelica text | taken | at most |\n|---|---|---|")
-    for what, taken, bound, unit in rows:
-        print(f"| {what} | {taken:.3g} {unit} | {bound:g} {unit} |")
+    print("| operation | measured | limit |\n|---|---|---|")
+    for operation, measured, bound, unit in rows:
+        print(f"| {operation} | {measured:.3g} {unit} | {bound:g} {unit} |")
     again = of_libraries()
-    print("\n| With a library | first | again | faster by | at least |\n|---|---|---|---|---|")
-    for what, first, later in again:
-        print(f"| {what} | {first:.3g} s | {later:.3g} s | {first / later:.1f} | {FASTER:g} |")
+    print("\n| class of a library | first read | from cache | speed-up | at least |\n|---|---|---|---|---|")
+    for name, first, later in again:
+        print(f"| {name} | {first:.3g} s | {later:.3g} s | {first / later:.1f} | {FASTER:g} |")
     slow = any(first < FASTER * later for _, first, later in again)
-    return int(slow or any(taken > bound for _, taken, bound, _ in rows))
+    return int(slow or any(measured > bound for _, measured, bound, _ in rows))
 
 
 if __name__ == "__main__":

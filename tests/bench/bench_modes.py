@@ -1,4 +1,4 @@
-"""How long all assembly modes take, and how the paths behave: Dietmaier's platform, the F1, random and special ones.
+"""Time for all assembly modes and statistics of the paths: Dietmaier's platform, the F1, random and special ones.
 
 Prints Markdown. Times are processor time per pose; besides them stand counts that are the same at every run.
 """
@@ -42,7 +42,7 @@ def cases() -> dict[str, Legs]:
 
 def main() -> None:
     assembly_modes_batch(DIETMAIER_A, DIETMAIER_B, DIETMAIER_L)  # reads the start systems
-    print("| platforms | poses | settled | finite | real | steps mean / most | retries | condition | ms a pose |")
+    print("| platforms | poses | complete | finite | real | steps mean / max | retries | condition | ms per pose |")
     print("|---|---:|---:|---|---|---:|---:|---:|---:|")
     for name, legs in cases().items():
         start = time.process_time()

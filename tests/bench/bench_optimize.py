@@ -1,6 +1,6 @@
 """Time-optimal motion of the L1 prototype: gtmodel's collocation beside plain CasADi, rockit and Pyomo.dae.
 
-Prints Markdown. One process, one thread, processor times, runs interleaved, medians; all roads have the same points,
+Prints Markdown. One process, one thread, processor times, runs interleaved, medians; all methods have the same points,
 guess, tolerance and IPOPT options, and a ratio is given only where the optimum is the same to SAME. Ends with 1 where a
 ratio misses its target. A rival that is not installed (`pip install '.[bench]'`) is named in a sentence and left out.
 """
@@ -24,16 +24,16 @@ from unittest.mock import patch
 from gtmodel.compiler import toolchain
 from gtmodel.compiler.columns import kernel
 from gtmodel.compiler.tape.machine import interpreter
-from tests.bench.rivals.gtmodel_road import compile_seconds, declared, solve_blocks
 from tests.bench.rivals.l1_by_hand import Motion
 from tests.bench.rivals.plain_casadi import solve_mx, solve_sx
 from tests.bench.rivals.timing import Result
+from tests.bench.rivals.with_gtmodel import compile_seconds, declared, solve_blocks
 from tests.bench.rivals.with_pyomo import solve_pyomo
 from tests.bench.rivals.with_rockit import solve_rockit
 
 ELEMENTS, WEIGHTS, RUNS = 50, (0.0, 0.001, 0.01), 5
 MESHES = (25, 50, 100, 200, 400)
-SAME = 1e-4  # relative, of the cost: two local optima lie nearer than a road's own error only by chance
+SAME = 1e-4  # relative, of the cost: two local optima lie nearer than a method's own error only by chance
 # (rival, ours) -> at least, the median over the weights, and at each of them
 TARGETS = {("SX", "vm"): 1.8, ("rockit", "vm constant"): 4.0, ("SX", "C"): 2.5, ("rockit", "C constant"): 6.0}
 EACH = {("SX", "vm"): 2.2, ("SX", "C"): 3.0}
@@ -57,13 +57,13 @@ RIVALS = {
     "C constant": ("rockit",),
 }
 OVER = {"vm": "over gtmodel", "bare": "over no compiler", "C": "over C"}
-Road = Callable[[int], Result]
+Method = Callable[[int], Result]
 
 
-def roads(motion: Motion) -> dict[str, Road]:
-    """Everyone's road from the number of elements to a result."""
+def methods(motion: Motion) -> dict[str, Method]:
+    """Everyone's method from the number of elements to a result."""
     model = declared(motion)
-    found: dict[str, Road] = {}
+    found: dict[str, Method] = {}
     for control, suffix in (("polynomial", ""), ("constant", " constant")):
         for name, machine_code in (("vm", False), ("C", True)):
             if machine_code and isinstance(toolchain.find(), str):
@@ -71,9 +71,9 @@ def roads(motion: Motion) -> dict[str, Road]:
             found[name + suffix] = partial(_ours, motion, model, control, machine_code)
     found["bare"] = partial(_without_compiler, motion, model)
     found |= {"SX": partial(solve_sx, motion), "MX": partial(solve_mx, motion)}
-    for module, name, road in (("pyomo", "pyomo", solve_pyomo), ("rockit", "rockit", solve_rockit)):
+    for module, name, method in (("pyomo", "pyomo", solve_pyomo), ("rockit", "rockit", solve_rockit)):
         if importlib.util.find_spec(module):
-            found[name] = partial(road, motion)
+            found[name] = partial(method, motion)
     return found
 
 
@@ -116,17 +116,17 @@ def spread(values: list[float]) -> str:
 
 
 def compare(weight: float, runs: int, met: dict[tuple[str, str], list[float]]) -> None:
-    """One table: all roads at one weight of the energy."""
+    """One table: all methods at one weight of the energy."""
     motion = Motion(weight)
     assert len(motion.guess.time)  # robot and guess are made before any clock runs
     model_seconds = compile_seconds(motion)
     found: dict[str, list[Result]] = {}
     with quiet():
-        all_roads = roads(motion)
-        compiled = sum(all_roads[name](ELEMENTS).compile for name in ("C", "C constant") if name in all_roads)
+        all_methods = methods(motion)
+        compiled = sum(all_methods[name](ELEMENTS).compile for name in ("C", "C constant") if name in all_methods)
         for _ in range(runs):
-            for name, road in all_roads.items():
-                found.setdefault(name, []).append(road(ELEMENTS))
+            for name, method in all_methods.items():
+                found.setdefault(name, []).append(method(ELEMENTS))
     columns = ("cost", "iterations", "set-up [s]", "solve [s]", "total [s]", *OVER.values())
     print(f"\n| weight {weight:g}, {ELEMENTS} elements | {' | '.join(columns)} |")
     print(f"|---|{'---:|' * len(columns)}")
@@ -168,11 +168,13 @@ def peak_memory() -> float:
 def _measured(weight: float, name: str, elements: int) -> tuple[Result, float]:
     """In a process of its own: the result, and how far the memory rose [MB]."""
     motion = Motion(weight)
-    road = {"vm": partial(_ours, motion, declared(motion), "polynomial", False), "SX": partial(solve_sx, motion)}[name]
-    road(2)
+    method = {"vm": partial(_ours, motion, declared(motion), "polynomial", False), "SX": partial(solve_sx, motion)}[
+        name
+    ]
+    method(2)
     before = peak_memory()
     with quiet():
-        result = road(elements)
+        result = method(elements)
     return result, peak_memory() - before
 
 
@@ -214,7 +216,7 @@ def verdicts(met: dict[tuple[str, str], list[float]], setup: float | None) -> bo
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--runs", type=int, default=RUNS, help="interleaved runs of each road")
+    parser.add_argument("--runs", type=int, default=RUNS, help="interleaved runs of each method")
     parser.add_argument("--no-curve", action="store_true", help="leave out the curve over the mesh")
     options = parser.parse_args()
     for module, title in (("rockit", "rockit"), ("pyomo", "Pyomo")):

@@ -1,4 +1,4 @@
-"""The fastest motion along a straight line: squared speeds over the path (optimize/path.py) beside plain SX Radau.
+"""Fastest motion along a straight line: squared speeds over the path (optimize/path.py) against plain SX Radau.
 
 Prints Markdown. Each road takes the smallest of its meshes whose final time is within WITHIN of the reference, there
 and on the next finer one; the reference is our own road on FINE intervals, and Radau on its finest mesh must agree.
@@ -67,7 +67,7 @@ def main() -> int:
         f"Final time {reference:.7f} s ({FINE} intervals); Radau on {ELEMENTS[-1]} elements differs by {agreed:.0e}.\n"
     )
     if any(n is None for _, n in sizes.values()):
-        print(f"No mesh within {WITHIN:g}: {[name for name, (_, n) in sizes.items() if n is None]}.")
+        print(f"No mesh reaches an error of {WITHIN:g}: {[name for name, (_, n) in sizes.items() if n is None]}.")
         return 1
     results: dict[str, list[Result]] = {name: [] for name in sizes}
     for _ in range(RUNS):

@@ -1,8 +1,8 @@
-"""What a million rows cost: the vectorised functions of the L1 prototype beside NumPy by hand on contiguous columns.
+"""Time for a million rows: the vectorised functions of the L1 prototype beside NumPy by hand on contiguous columns.
 
 Prints Markdown. One process, interleaved, processor time, the median of the ratios run by run. gtmodel takes and gives
 rows (n, 3); the rival columns (3, n), which spares it two transpositions. Both give a status for every row. The bounds
-are for whole columns by hand; what the same lines cost in blocks of 4,096 stands beside them. The F1's forward
+are for whole columns by hand; the time of the same code in blocks of 4,096 is printed beside them. The F1's forward
 kinematics, by Newton, stands beside CasADi's own way of the same evaluations: mapped functions on DM matrices and
 singular values of every row.
 """
@@ -121,7 +121,7 @@ def f1_rows(rows: int, times: int) -> bool:
     runs = interleaved([partial(f, q), partial(before, f, q)], max(times // 2, 1))
     us = [1e6 * statistics.median(r[k] for r in runs) / rows for k in range(2)]
     ratio = statistics.median(r[1] / r[0] for r in runs)
-    print(f"\nF1, forward kinematics by Newton, {rows} rows: {us[0]:.1f} us a row; CasADi's map and singular values")
+    print(f"\nF1, forward kinematics by Newton, {rows} rows: {us[0]:.1f} us per row; CasADi's map and singular values")
     print(f"{us[1]:.1f} us, {ratio:.1f} times as long, at least {F1:.0f}: {'pass' if ratio >= F1 else 'FAIL'}")
     return ratio >= F1
 
@@ -146,7 +146,7 @@ def main() -> int:
     parser.add_argument("--times", type=int, default=TIMES)
     options = parser.parse_args()
     print(f"{options.size} rows.\n")
-    print("| what | gtmodel by | us a row | by hand, columns | ratio | at least | | by hand, blocks | ratio |")
+    print("| function | gtmodel runs | us per row | by hand, columns | ratio | at least | | by hand, blocks | ratio |")
     print("|---|---|---:|---:|---:|---:|---|---:|---:|")
     make = machine.Prospect.make
     machine.Prospect.make = lambda self, build: False

@@ -1,4 +1,4 @@
-"""A law at 4 ms around the L1: how many times faster than real time a simulation of the loop is.
+"""A controller at 4 ms for the L1: speed of a closed-loop simulation relative to real time.
 
 By hand is what one would write without gtmodel's sampled blocks: SciPy's DOP853, anew from each sample, on the forward
 dynamics and the law as CasADi functions, with the forces of two samples before. Processor times of one process,
@@ -25,7 +25,7 @@ FROM, BY = np.array([0.5, -0.9, 0.3]), np.array([0.2, 0.1, 0.1])
 AT_MOST = 1e-8  # m, between the two
 
 
-def roads() -> dict[str, Callable[[], np.ndarray]]:
+def methods() -> dict[str, Callable[[], np.ndarray]]:
     """Each gives the positions at the samples."""
     robot = gt.robots.gantry_tau("l1_tape", "model_2")
     law = ComputedTorque(robot, stiffness=900.0, damping=60.0)
@@ -40,8 +40,8 @@ def roads() -> dict[str, Callable[[], np.ndarray]]:
 
         def run() -> np.ndarray:
             given = {"reference": (reference, "cubic")}
-            made = gt.simulate(loop, SECONDS, inputs=given, start=start, step=PERIOD, tolerance=TOLERANCE)
-            return made.samples["law"]["position"]
+            simulation = gt.simulate(loop, SECONDS, inputs=given, start=start, step=PERIOD, tolerance=TOLERANCE)
+            return simulation.samples["law"]["position"]
 
         return run
 
@@ -69,13 +69,13 @@ def roads() -> dict[str, Callable[[], np.ndarray]]:
 
 
 def main() -> int:
-    made = roads()
-    positions = {name: road() for name, road in made.items()}
-    times: dict[str, list[float]] = {name: [] for name in made}
+    all_methods = methods()
+    positions = {name: method() for name, method in all_methods.items()}
+    times: dict[str, list[float]] = {name: [] for name in all_methods}
     for _ in range(TURNS):
-        for name, road in made.items():
+        for name, method in all_methods.items():
             begin = time.process_time()
-            road()
+            method()
             times[name].append(time.process_time() - begin)
     print("| L1 under computed torque, 4 ms, 8 ms late | processor time for 1 s [s] | times faster than real time |")
     print("|---|---:|---:|")

@@ -1,6 +1,6 @@
-"""What a simulation costs beside CVODES by hand, with the same rows out: first run, repeated runs, sweeps.
+"""Time of a simulation against CVODES by hand with the same output rows: first run, repeated runs, sweeps.
 
-Prints Markdown. Processor times of one process, medians of interleaved turns; the error of every road is measured
+Prints Markdown. Processor times of one process, medians of interleaved turns; the error of every method is measured
 against CVODES by hand at a much finer tolerance, so that equal tolerances can be seen to buy equal errors.
 """
 
@@ -38,7 +38,7 @@ SEED = 18
 @dataclass(frozen=True, eq=False)
 class Case:
     """A motion in gtmodel and by hand. `arguments` of a number of cases, the first for 0; `fresh` makes a model that
-    shares nothing with another one; `states` are those columns that both roads have."""
+    shares nothing with another one; `states` are the columns that both methods have."""
 
     name: str
     fresh: Callable[[], gt.Model]
@@ -123,8 +123,8 @@ def bench(case: Case, turns: int, sweep: int) -> None:
         }  # fmt: skip
         for name, times in lines.items():
             table.setdefault(name, []).append(list(times))
-    roads: list[Callable[[int], Any]] = [lambda n: ours(kept, n), lambda n: theirs(rival, n), scipys]
-    sweeping = [cpu(lambda run=run: [run(n) for n in range(sweep)]) / sweep for run in roads]
+    methods: list[Callable[[int], Any]] = [lambda n: ours(kept, n), lambda n: theirs(rival, n), scipys]
+    sweeping = [cpu(lambda run=run: [run(n) for n in range(sweep)]) / sweep for run in methods]
     rows = {name: [statistics.median(t) for t in zip(*times, strict=True)] for name, times in table.items()}
     rows["sweep"] = sweeping
     for name, (mine, hand, *more) in rows.items():
@@ -214,7 +214,7 @@ def main() -> None:
     for case in known:
         bench(case, given.turns, given.sweep)
     columns = ("`with_` [ms]", "`parameters=`, first run [ms]", "later runs [ms]", "mean [ms]", "by hand [ms]")
-    print(f"\n| {' | '.join(('sweep over', *columns, 'mean / hand', 'at most', '', 'apart'))} |")
+    print(f"\n| {' | '.join(('sweep over', *columns, 'mean / hand', 'at most', '', 'difference'))} |")
     print("|---|---:|---:|---:|---:|---:|---:|---:|---|---:|")
     for sweep in parameter_sweeps({c.name: c for c in known}, given.masses):
         bench_parameters(sweep, given.masses)

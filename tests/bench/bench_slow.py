@@ -1,4 +1,4 @@
-"""The slow problems from two trees, interleaved: what a person waits for beside what he waited for before.
+"""The slow problems from two trees, interleaved: waiting time of a user now and before.
 
 OMP_NUM_THREADS=1 python tests/bench/bench_slow.py [--other TREE] [--runs N] [PROBLEM ...]
 

@@ -1,4 +1,4 @@
-"""What a command costs before it computes: processor seconds of new processes, beside the least that could do it.
+"""Start-up time of commands: processor seconds of new processes against the smallest comparable program.
 
 Prints Markdown; ends with 1 if a ratio is above its limit. Runs are interleaved; the least of each is taken.
 """
@@ -48,7 +48,7 @@ def main() -> int:
                 theirs[name].append(seconds(words, folder))
             for name, (words, _) in pairs.items():
                 ours[name].append(seconds(words, folder))
-    print("| command | CPU [s] | beside | CPU [s] | ratio | at most | |\n|---|---:|---|---:|---:|---:|---|")
+    print("| command | CPU [s] | reference | CPU [s] | ratio | at most | |\n|---|---:|---|---:|---:|---:|---|")
     good = True
     for name, (_, rival) in pairs.items():
         a, b = min(ours[name]), min(theirs[rival])

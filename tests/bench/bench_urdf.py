@@ -69,14 +69,14 @@ def main() -> int:
     if not paths:
         print("No public URDF: pip install example-robot-data, or name a folder of them in $GTMODEL_URDFS.")
         return 0
-    print("| file | tip | joints | place, turn | efforts | s |\n|---|---|---|---|---|---|")
+    print("| file | tip | joints | pose error | effort error | time [s] |\n|---|---|---|---|---|---|")
     worst, refused, seen = 0.0, 0, 0
     for path in paths:
         try:
             urdf = read_urdf(path)
         except gt.ModelError as error:
             refused += 1
-            print(f"| {path.name} | refused: {str(error).partition(': ')[2][:90]} | | | | |")
+            print(f"| {path.name} | rejected: {str(error).partition(': ')[2][:90]} | | | | |")
             continue
         lengths = {tip: len(_Chain(urdf, tip).moving) for tip in tips_of(urdf)}
         tips = sorted((t for t in lengths if 0 < lengths[t] <= LONGEST), key=lambda t: (-lengths[t], t))[:CHAINS]
@@ -89,7 +89,7 @@ def main() -> int:
                 f"| {path.name} | {tip} | {n} | {off:.1e} | {effort:.1e} | {time.process_time() - begun:.1f} |",
                 flush=True,
             )
-    print(f"\n{len(paths)} files, {refused} refused, {seen} chains; worst difference {worst:.1e}")
+    print(f"\n{len(paths)} files, {refused} rejected, {seen} chains; worst difference {worst:.1e}")
     return int(worst > AGREEMENT)
 
 

@@ -1,4 +1,4 @@
-"""What mapping a grid costs: a million tool centre points in chunks against a Python loop over the same function.
+"""Time to map a grid: a million tool centre points in chunks against a Python loop over the same function.
 
 Prints Markdown. Both run in one process, the loop on a sample; processor times, the best of some repetitions of the
 loop, so that the ratio is no gift of a busy machine.
@@ -46,7 +46,7 @@ def main() -> int:
         ("reachability with limits", lambda: map_grid(reach, million), lambda: [reach(T) for T in sample]),
     ]
     print(f"L1 prototype, {million.size} points, Python loop on {len(sample)} of them.\n")
-    print("| what | loop [us per point] | vectorised [us per point] | ratio | at least | |")
+    print("| function | loop [us per point] | vectorised [us per point] | ratio | at least | |")
     print("|---|---:|---:|---:|---:|---|")
     good = True
     for name, vectorised, loop in rows:

@@ -1,4 +1,4 @@
-"""Instructions per call of C functions, counted by callgrind: the same number at every run, whatever else runs.
+"""Instructions per call of C functions, counted by callgrind: reproducible, independent of other processes.
 
 One program calls each function at given points from a caller of its own; what callgrind books on the way from that
 caller to the function, with all that it calls, is the cost. Start of the program, loop and call are not in it.

@@ -1,4 +1,4 @@
-"""Chains of n pendulums built from parts, in two coordinates: how the compiler's work grows with n is seen on them."""
+"""Chains of n pendulums built from parts, in two coordinates, to measure the growth of compile time with n."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draw sentences of pages, docstrings and messages for readers who have never seen gtmodel.
+"""Sample sentences of pages, docstrings and messages for readers who have never seen gtmodel.
 
 python tests/bench/draw_sentences.py SEED [TREE]
 

@@ -1,4 +1,4 @@
-"""Where fusion of tracker and inertial unit stops being of use: docs/kinds/sensor_fusion.md beside Table 10.
+"""Limits of the benefit of fusing tracker and inertial unit: docs/kinds/sensor_fusion.md against Table 10.
 
 python tests/bench/fusion_limits.py [3] [5]; some minutes for both. All readings are synthetic, seed 1.
 """

@@ -1,4 +1,4 @@
-"""Results of all shipped problems, to be compared between two trees: what a change of structure must leave equal.
+"""Results of all shipped problems, for comparison between two trees: a refactoring must not change them.
 
 python tests/bench/shipped_results.py OUT [PROBLEM ...]     solve into OUT/PROBLEM, what was printed beside it
 python tests/bench/shipped_results.py --compare A B         exit 1 where any file but run.toml differs

@@ -1,4 +1,4 @@
-"""The pairs that are compared: a generated function of the three-link Gantry-Tau, and its peer in C by hand.
+"""Compared pairs: a generated function of the three-link Gantry-Tau, and its counterpart in hand-written C.
 
 Both get the same regular poses. The peer takes parameters as inputs; the generated code has them folded in.
 """

@@ -10,7 +10,7 @@ from gtmodel.cli import main
 from gtmodel.problem_files import Context, InputError
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.robots import resolve
-from gtmodel.problem_files.run import answer
+from gtmodel.problem_files.run import answer, explain
 from tests.support import arm_poses
 
 PROBLEM = arm_poses.PROBLEMS / "calibrate_arm.toml"
@@ -32,12 +32,17 @@ def test_the_data_are_those_of_the_stated_seed() -> None:
 
 
 def test_the_problem_frees_what_can_be_determined(study) -> None:
-    """And says why the others stay."""
+    """And names the others in one note."""
     model = [n for n in study.estimate.names if not n.startswith("T.device")]
     assert sorted(model) == sorted(arm_poses.free())
     notes = "; ".join(study.notes)
-    assert "beta[1] is free instead" in notes
-    assert "d[0] stays fixed: its effect is a combination of the frame's shift along z" in notes
+    assert "7 parameters cannot be seen" in notes and "d[1], a[5], alpha[5], d[0]" in notes and "explain" in notes
+
+
+def test_explain_says_why_the_others_stay() -> None:
+    said = explain(load(PROBLEM), Context(folder=arm_poses.PROBLEMS))
+    assert "beta[1] is free instead" in said
+    assert "d[0] stays fixed: its effect is a combination of the frame's shift along z" in said
 
 
 def test_true_numbers_are_found(study) -> None:

@@ -48,10 +48,11 @@ def test_two_directions_in_one_sentence_are_one_note() -> None:
         estimate=SimpleNamespace(notes=(said, said)), x=np.zeros(0), values={}, problem=problem,
         status=SolveStatus.SOLVED,
     )  # fmt: skip
-    silent = SimpleNamespace(reasons=(), notes=())
+    silent = SimpleNamespace(reasons=(), notes=(), coloured=False)
     nothing_else = {
         "priors": [],
         "outliers": [],
+        "suspect": "",
         "parts": (),
         "refitted": None,
         "far": [],
@@ -115,7 +116,7 @@ def test_few_poses_are_said_to_be_untested(tmp_path: Path) -> None:
     v = solved("l1", written(tmp_path, "l1", rows=slice(None, None, 5))).values
     assert v["poses"]["fitted"] == 20 and not v["colour_tested"] and v["intervals_hold"]
     assert any("20 fitted poses are too few to test whether residuals are coloured" in s for s in v["notes"])
-    assert any("95 % intervals include noise of this recording; 20 poses are too few" in s for s in v["verdict"])
+    assert any("95 % intervals cover the noise of this recording; 20 poses are too few" in s for s in v["verdict"])
 
 
 def test_what_is_undetermined_is_said_with_the_movement_that_was_seen() -> None:

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 import gtmodel as gt
+from gtmodel.fmu.process import UnitProcess
 from gtmodel.results import ArgumentError
 from tests.support.wild_units import COMMANDS, POSITIONS, How, described, packed, starts, wild
 
@@ -194,3 +195,9 @@ def test_a_damaged_archive_is_a_sentence(path):
     path.write_bytes(data)
     with pytest.raises(ArgumentError, match="cannot be unpacked"):
         gt.fmu.RunningUnit(path)
+
+
+def test_a_system_without_poll_gets_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr("select.poll")  # as on Windows
+    with pytest.raises(OSError, match="not on Windows"):
+        UnitProcess(tmp_path, 1.0)

@@ -165,5 +165,5 @@ def test_learning_control_on_a_unit_that_is_not_its_model(tmp_path):
     again = experiment.run(np.zeros_like(experiment.reference))
     assert all(np.array_equal(first[s], again[s]) for s in first)
     study = learning.study(robot, path, learning.LearningDesign(case="3", iterations=5), experiment=experiment)
-    assert "unit" in study.trajectory.synthetic
+    assert "FMU" in study.trajectory.synthetic
     assert max(study.tool_share) < 0.3

@@ -111,6 +111,7 @@ def test_scale_and_delay_of_an_input_are_estimated_like_those_of_any_signal(log:
     s = gt.identify.study(Pushed(), raw, list(TRUE), fitting=WITH, processing=PROCESSING, signals=read)
     assert s.corrections["push.scale"] == pytest.approx(1.3, rel=0.01)
     assert s.corrections["push.delay"] == pytest.approx(0.006, abs=5e-4)
+    assert next(row.unit for row in s.rows if row.label == "push.delay") == "s"
 
 
 def test_values_and_rates_of_an_input_count() -> None:

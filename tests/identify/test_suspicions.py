@@ -67,6 +67,7 @@ def test_a_sound_log_raises_no_suspicion():
 def test_wrong_efforts(tau: Any, fails: set[str], said: str):
     outcome = solve(tau=tau)
     assert fails <= failed(outcome) and "name the alarm in accept" in outcome.message
+    assert outcome.message.count("the notes say") == 1
     assert any(re.search(said, s) for s in outcome.notes), outcome.notes
     # each has a key that overrides it; it is said all the same
     names = tuple(name.removesuffix("_J") for name in fails)

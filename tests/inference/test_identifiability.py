@@ -122,5 +122,5 @@ def test_every_combination_is_counted_once_by_the_number_that_decides(sizes, see
     first, *others = found.notes
     assert first.startswith(f"{wanted[0]} of {n} parameters or combinations are determined")
     assert ("no better than they were known" in first) == (wanted[1] > 0) == any("no better" in s for s in others)
-    numbers = [int(w) for w in first.partition(" (rank")[0].replace(",", "").split() if w.isdigit()]
+    numbers = [int(w) for w in first.partition("; the rank")[0].replace(",", "").split() if w.isdigit()]
     assert numbers == [wanted[0], n, *[w for w in wanted[1:] if w]]

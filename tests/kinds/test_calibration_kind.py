@@ -93,6 +93,12 @@ class TestShippedProblems:
         done = Commands(capsys)("explain", PROBLEMS / "calibrate_l1.toml")
         assert done.code == 0 and "21 unknowns" in done.out and "21 of 21 parameters" in done.out
 
+    def test_the_summary_of_many_unknowns_is_short(self, capsys: pytest.CaptureFixture[str]) -> None:
+        done = Commands(capsys)("explain", PROBLEMS / "simulate_f1.toml")
+        assert len(done.out.splitlines()) <= 40
+        assert "A[1,0] to A[5,2] [m]: 15 unknowns" in done.out and "--full" in done.out
+        assert "with 1e-02 instead, it would be 41" in done.out
+
     def test_a_users_own_mechanism(self, tmp_path: Path) -> None:
         (tmp_path / "slider.py").write_text(f"import gtmodel as gt\n\n\n{inspect.getsource(Slider)}")
         phi = np.linspace(-1.5, 1.5, 40)

@@ -147,7 +147,7 @@ def test_nothing_free_judges_a_file():
     as_it_is = gt.load(PROBLEMS / "calibrate_l1.toml", "free=[]", "accuracy_mm=20.0")()
     assert as_it_is.status.ok and not as_it_is.unknowns and as_it_is.iterations == 0
     assert as_it_is.held_out == pytest.approx(as_it_is.a_priori)
-    assert as_it_is.verdict[0] == "nothing was fitted: the robot is judged as it is" and as_it_is.prediction_proven
+    assert as_it_is.verdict[0] == "nothing was fitted: the robot is evaluated as it is" and as_it_is.prediction_proven
     wanted = gt.load(PROBLEMS / "calibrate_l1.toml", "free=[]", "accuracy_mm=1.0")()
     assert not wanted.checks["mean_error_mm"].passed and wanted.prediction_proven is False
 

@@ -16,18 +16,17 @@ import pytest
 import gtmodel as gt
 from gtmodel.kinematics.assembly_modes.six_links import Hands
 from gtmodel.problem_files.load import load
+from gtmodel.problem_files.registry import schema_of
 from gtmodel.problem_files.run import answer, context_of
 from tests.support import recordings
 
 PROBLEMS = sorted((Path(__file__).parents[2] / "problems").glob("*.toml"))
 SOLVED = [path for path in PROBLEMS if tomllib.loads(path.read_text(encoding="utf-8"))["kind"] != "codegen"]
 """Those that give values; of the others tests/cgen compares the folders."""
-NO_ROBOT = (
-    "delay", "resampling", "sensor_fusion", "stereo", "vibration", "dynamic_stiffness", "axis_trajectory",
-    "trajectory_table", "codegen", "learning_control", "delayed_feedback", "lead_through", "wrench_calibration",
-    "filtering",
-)  # fmt: skip
-"""Kinds of records, of linear plants, of compiled systems, of one machine axis after another, and of several robots."""
+SEVERAL = ("axis_trajectory", "trajectory_table", "codegen")
+"""Kinds of one machine axis after another, of several robots, and of compiled systems."""
+WITHOUT_ROBOT = ("optimization", "modes")
+"""Kinds of a model that has another key than `robot`."""
 
 
 def _parts(value: Any, path: str = "", seen: set[int] | None = None) -> Iterator[tuple[str, Any]]:
@@ -59,8 +58,11 @@ def test_a_problem_file_means_a_call_on_objects(path: Path, tmp_path: Path) -> N
         module = type(value).__module__
         assert not isinstance(value, (pydantic.BaseModel, Path)), name
         assert not module.startswith(("gtmodel.kinds", "gtmodel.problem_files")), name
-    if load(path).problem.kind not in NO_ROBOT:
-        assert any(isinstance(value, (gt.Model, Hands)) for _, value in _parts(call.arguments))
+    kind = load(path).problem.kind
+    robot = schema_of(kind).model_fields.get("robot")
+    if kind in WITHOUT_ROBOT or (robot is not None and robot.is_required() and kind not in SEVERAL):
+        models = [value for _, value in _parts(call.arguments) if isinstance(value, (gt.Model, Hands))]
+        assert models, f"the call of kind '{kind}' passes no model: pass problem.model(context)"
 
 
 @pytest.mark.proof

@@ -59,7 +59,7 @@ def test_a_schema_is_one_of_draft_7_with_what_taplo_reads(kind: str) -> None:
         if "properties" in node:
             assert node["additionalProperties"] is False
             for name, key in node["properties"].items():
-                assert key["title"] and (key["description"] or name == "title"), name
+                assert key["title"] and (key["description"] or name == "title"), f"key '{name}' has no description"
 
 
 @pytest.mark.parametrize("kind", names())
@@ -97,6 +97,7 @@ def test_defaults_of_a_table_stand_at_its_keys() -> None:
 @pytest.mark.parametrize("kind", [*names(), ROBOT])
 def test_shipped_schemas_are_current(kind: str) -> None:
     path = PROBLEMS / "schemas" / f"{kind}.schema.json"
+    assert path.is_file(), f"problems/schemas/{path.name} is missing: run `make schemas`"
     assert path.read_text(encoding="utf-8") == text_of(kind), "run `make schemas`"
 
 

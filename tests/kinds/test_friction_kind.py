@@ -16,6 +16,7 @@ from gtmodel.problem_files.load import Loaded, load, validate
 from gtmodel.problem_files.run import answer, explain
 from gtmodel.results import SolveStatus, as_json
 
+EMPS = str(Path("problems/models/emps.py").resolve()) + ":Emps"  # one axis
 PATTERN = [-176.9, -14.6, 191.5]
 TRUTH = {
     "coulomb_plus_N": [189.12, 262.59, 239.06],
@@ -111,6 +112,12 @@ def test_refusals_name_the_key(changes: dict[str, Any], key: str) -> None:
     with pytest.raises(InputError) as caught:
         solved(**changes)
     assert caught.value.key == key and "\n" not in str(caught.value)
+
+
+def test_a_robot_without_a_plate_is_led_to_identification() -> None:
+    for pose in ({}, {"tcp_m": [0.5, -0.9, 0.3]}, {"holding_N": [0.0] * 3, "holding_mass_kg": 22.4}):
+        with pytest.raises(InputError, match=r'holding_N.*kind = "identification"'):
+            solved(robot=EMPS, pose=[pose])
 
 
 def test_the_explanation_shows_the_pattern() -> None:

@@ -85,6 +85,16 @@ def test_further_faults_are_named_behind_the_first() -> None:
     assert caught.value.key == "limits.mass"
 
 
+def test_unknown_missing_and_wrong_keys_are_told_apart() -> None:
+    with pytest.raises(InputError, match=r"; also unknown: weight; also missing: limits.force_N; also wrong: count"):
+        validate(Schema, {"kind": "test", "weight": 1, "limits": {"mass": 3}, "count": "no"})
+
+
+def test_a_missing_table_names_the_keys_that_it_needs() -> None:
+    with pytest.raises(InputError, match=r"^limits: is missing; expected a table with force_N$"):
+        validate(Schema, {"kind": "test"})
+
+
 def test_a_misspelt_key_is_not_missing_as_well() -> None:
     with pytest.raises(InputError) as caught:
         validate(Schema, {"kind": "test", "limits": {"force_kN": 1.0}})
@@ -135,7 +145,7 @@ def test_the_kind_must_be_named(data: dict[str, Any], sentence: str) -> None:
 def test_a_faulty_file_is_named_as_it_was_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.toml").write_text("kind = 'trajectory'\nrobot = 3\n")
-    with pytest.raises(InputError, match=r"^mine\.toml: robot: expected a text; found 3; also wrong: start, goal"):
+    with pytest.raises(InputError, match=r"^mine\.toml: robot: expected a text; found 3; also missing: start, goal"):
         LOAD("mine.toml")
     with pytest.raises(InputError, match=r"^\.: is a folder; name a TOML file$"):
         LOAD(".")

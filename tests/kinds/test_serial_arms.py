@@ -108,6 +108,6 @@ def test_explain_shows_an_arm(context: Context) -> None:
     text = explaining.of(str(context.folder / "telescope.urdf:tool_point"))
     lines = text.splitlines()
     assert lines[0] == "telescope: q (4), from floor to tool_point"
-    assert " ".join(lines[3].split()) == "q[2] extend_1 prismatic 0 to 600 mm moves stage_1, 9 kg"
+    assert " ".join(lines[3].split()) == "q[2] extend_1 prismatic 0 to 600 mm 300 mm/s 800 N moves stage_1, 9 kg"
     assert "0.8 q[2] +0.05" in lines[4] and "joint 'grip' is not on the chain" in lines[-2]
     assert "SerialArm: T from q" in explaining.of(str(context.folder / "scara.toml"), ["q"], ["T"])

@@ -238,8 +238,8 @@ GRAMMAR = "expected symbols joined by '.', '*', a space or '/', with powers such
         (
             "parsec",
             "unit 'parsec' has the unknown symbol 'parsec'; known symbols: kg, m, s, A, K, mol, cd, rad, N, "
-            "Pa, J, W, C, V, Ohm, S, F, Wb, H, T, Hz, um, mm, km, ns, us, ms, min, g, deg, rev, urad, rpm, kN, MN, kPa, "
-            "MPa, GPa, bar, kHz, kW, mA, mV, mH, uF, kOhm",
+            "Pa, J, W, C, V, Ohm, S, F, Wb, H, T, Hz, um, mm, km, ns, us, ms, min, g, deg, rev, urad, rpm, kN, MN, "
+            "kPa, MPa, GPa, bar, kHz, kW, mA, mV, mH, uF, kOhm",
         ),
         (
             "J/kg.K",

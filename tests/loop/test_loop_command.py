@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from gtmodel import _loop_command
 from gtmodel.cli import main
-from gtmodel.problem_files import loop_run
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import Finished, context_of, generate
@@ -42,7 +42,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run(folder: Path, place: Path, motion: Path, peer: str = "rsi", job: Context | None = None) -> Finished:
     """A run of rest only."""
-    return loop_run.run(
+    return _loop_command.run(
         folder, place, job or Context(), reference=motion, peer=peer, seconds=0.2, law="trajectory", in_lockstep=True
     )
 
@@ -86,7 +86,7 @@ def test_a_wrong_option_is_one_sentence(
 def test_options_are_refused_before_any_folder(motion: Path, tmp_path: Path, option: str, value: object) -> None:
     asked = {"peer": "egm", "seconds": 1.0, "law": "trajectory", "in_lockstep": True} | {option: value}
     with pytest.raises(InputError, match=f"^--{option} "):
-        loop_run.run(Path("nothing"), tmp_path / "out", Context(), reference=motion, **asked)
+        _loop_command.run(Path("nothing"), tmp_path / "out", Context(), reference=motion, **asked)
     assert not (tmp_path / "out").exists()
 
 

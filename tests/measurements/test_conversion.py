@@ -122,7 +122,7 @@ def test_wrong_factors_are_named(wrong: dict, word: str) -> None:
 @pytest.mark.parametrize("name", ["scale", "offset", "gear_ratio", "motor_constant", "coupling"])
 def test_another_number_of_factors_is_named(name: str) -> None:
     value = ((1.0, 0.0), (0.0, 1.0)) if name == "coupling" else (1.0, 2.0)
-    with pytest.raises(LogError, match=f"{name} has 2"):
+    with pytest.raises(LogError, match=f"{name}: has 2"):
         replace(Conversion(), **{name: value}).apply(np.ones((5, 3)), ["A" if name == "motor_constant" else "m"])
 
 

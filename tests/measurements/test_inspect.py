@@ -12,6 +12,7 @@ from gtmodel.cli import main
 from gtmodel.measurements import InspectionStudy, LogError, LogForm, inspect
 from gtmodel.measurements.inspection.columns import ColumnScan, quantum
 from gtmodel.results import SolveStatus
+from gtmodel.results.table import cells
 from tests.support.picture_faults import faults
 
 N = 3000
@@ -48,7 +49,9 @@ NOISE = np.random.default_rng(5).standard_normal((N, 3))  # synthetic: seed 5
         ("tcp_x", 0.5 * WAVE, "m"),
         ("gyro_x", 200 * WAVE, "deg/s"),
         ("gyro_x", 3 * WAVE, "rad/s"),
-        ("current", 3 * WAVE, ""),
+        ("current", 3 * WAVE, "A"),
+        ("motor_current_2", 3 * WAVE, "A"),
+        ("current_limit", 3 * WAVE, ""),
         ("force", 3 * WAVE, ""),
     ],
 )
@@ -295,6 +298,8 @@ def test_bad_input_is_one_sentence_and_exit_code_2(
         ("%%%\n  VERSION:1\n  LANGUAGE:ENGLISH\n%%%\n! a, b\nMODULE Data(SYSMODULE)\nENDMODULE\n", "RAPID"),
         ("module m\n const num a:=1;\nendmodule\n", "RAPID"),
         ("LOCAL PROC main()\n MoveL p10,v100,z1,tool0;\n MoveL p10,v100,z1,tool0;\nENDPROC\n", "RAPID"),
+        ("def prog():\n  movej([0.1, -1.57], a=1.4)\nend\n", "URScript"),
+        ("/PROG  MOVE1\n/ATTR\nOWNER = A;\n/MN\n", "TP"),
         ("&ACCESS RVP\n&REL 1\nDEF main( )\nINI\nPTP HOME\nEND\n", "KRL"),
     ],
 )
@@ -314,3 +319,108 @@ def test_a_tree_is_no_table(tmp_path: Path, text: str, kind: str) -> None:
     (tmp_path / "log.txt").write_text(text)
     with pytest.raises(LogError, match=f"is {kind}, a text without a table"):
         inspect(tmp_path / "log.txt")
+
+
+# -- files as they come from the machine ----
+
+RIG = "Rig, axis X\nDate: 12.11.2026   Drive: 400\nNote: three sines\n"
+
+
+def rig(head: str = RIG, time: str = "{k}", count: int = 40) -> str:
+    """A table with decimal commas below lines of a program. synthetic: a straight line."""
+    rows = [f"{time.format(k=k)};{0.5 * k:.3f};{3.0 - k:.2f}".replace(".", ",") for k in range(count)]
+    return head + "Zeit [ms];Position [mm];Kraft [N]\n" + "\n".join(rows) + "\n"
+
+
+@pytest.mark.parametrize(("head", "line"), [(RIG, 4), ("Rig\n", 2), ("Rig; axis\nmade; today\n", 3), ("", 0)])
+def test_the_header_and_the_decimal_commas_are_found(tmp_path: Path, head: str, line: int) -> None:
+    (tmp_path / "log.csv").write_text(rig(head))
+    study = inspect(tmp_path / "log.csv")
+    (stream,) = study.inspected
+    assert [c.name for c in stream.columns] == ["Zeit", "Position", "Kraft"] and stream.rows == 40
+    assert stream.columns[1].most == 19.5 and stream.clock is not None
+    said = "\n".join(study.notes)
+    assert stream.clock.sampling.rate == pytest.approx(1000.0)
+    assert 'decimal = "comma"' in said and (f"header = {line}" in said) == bool(line)
+    assert "seem" not in said and "no numbers" not in said
+
+
+def test_rows_of_decimal_commas_are_no_header(tmp_path: Path) -> None:
+    for rows in ("0,0;1,5\n0,1;2,5\n0,2;3,5\n", "0;1,5\n1;2,5\n2;3,5\n"):
+        (tmp_path / "log.csv").write_text(rows)
+        (stream,) = inspect(tmp_path / "log.csv").inspected
+        assert [c.name for c in stream.columns] == ["1", "2"] and stream.columns[1].least == 1.5
+
+
+def test_a_declared_header_of_numbers_is_doubted(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("0.0,1.0\n0.1,1.2\n0.2,1.3\n")
+    assert "header = 0" in "\n".join(inspect(tmp_path / "log.csv", LogForm(header=1)).notes)
+    assert "header = 0" not in "\n".join(inspect(tmp_path / "log.csv").notes)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ((RIG + "Prüfer\nt;x\n0;1\n").encode("cp1252"), "--encoding cp1252"),
+        (b"one\nt;x\n0;1\n1;2\n", "give --header 2"),
+    ],
+)
+def test_the_command_names_its_options(
+    tmp_path: Path, content: bytes, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "log.csv").write_bytes(content)
+    assert main(["inspect", str(tmp_path / "log.csv"), "--quiet"]) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "This is prose.\nIt has some words, and lines.\nNo number at all, really, none.\nEnd.\nMore.\n",
+        "one\ntwo\nthree\nfour\n",
+    ],
+)
+def test_a_text_without_a_table_is_said_to_be_one(tmp_path: Path, text: str) -> None:
+    (tmp_path / "log.txt").write_text(text)
+    with pytest.raises(LogError, match="a text without a table"):
+        inspect(tmp_path / "log.txt")
+
+
+def test_poses_are_no_recording(tmp_path: Path) -> None:
+    """The tool position T was a time that went back 43 times."""
+    rng = np.random.default_rng(3)  # synthetic: seed 3
+    columns = {f"T[{k}]": 1000 * rng.standard_normal(90) for k in range(3)}
+    study = inspect(log(tmp_path, **{"point": np.arange(1.0, 91.0)}, **columns))
+    (stream,) = study.inspected
+    said = "\n".join(study.notes)
+    assert not stream.clocks and "90 rows and no time column" in said and "goes back" not in said
+    assert stream.guesses[0].unit == "1" and "an index" in stream.guesses[0].why
+    assert not any(row.label.startswith("time") for row in study.rows)
+
+
+def test_alike_columns_share_a_note(tmp_path: Path) -> None:
+    names = ("knee", "hip", "elbow", "wrist")
+    study = inspect(log(tmp_path, t=T, **{f"{n}_angle": (k + 30) * WAVE for k, n in enumerate(names)}))
+    (note,) = (note for note in study.notes if "named like an angle" in note)
+    assert all(n in note for n in names) and "33" in note
+
+
+def test_a_short_topic_is_shown(tmp_path: Path) -> None:
+    """A bag of ten messages was said to be empty."""
+    rosbag1 = pytest.importorskip("rosbags.rosbag1")
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    kind = "std_msgs/msg/Float64"
+    with rosbag1.Writer(tmp_path / "log.bag") as writer:
+        for name, count in (("/x", 10), ("/y", 5)):
+            topic = writer.add_connection(name, kind, typestore=store)
+            for k in range(count):
+                writer.write(topic, 10**18 + 10**7 * k, store.serialize_ros1(store.types[kind](float(k)), kind))
+    study = inspect(tmp_path / "log.bag")
+    assert {name: stream["rows"] for name, stream in study.streams.items()} == {"/x": 10, "/y": 5}
+
+
+def test_the_table_says_read_and_the_result_solved(tmp_path: Path) -> None:
+    study = inspect(log(tmp_path, t=T, x=WAVE))
+    assert study.status is SolveStatus.SOLVED and cells(study)[0][:2] == ("status", "read")

@@ -384,6 +384,18 @@ def test_dates_are_seconds_after_the_first(tmp_path: Path, between: str, end: st
     assert len(session.trajectory) == 39
 
 
+@pytest.mark.parametrize("point", [".", ","])
+def test_dates_with_the_day_first_are_seconds_too(tmp_path: Path, point: str) -> None:
+    days = [f"{day} {clock}{point}{k}" for day, clock in (("31.12.2026", "23:59:59"), ("1.1.2027", "00:00:00"))
+            for k in range(10)]  # fmt: skip
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(["Zeitstempel;x", *(f"{day};{k},5" for k, day in enumerate(days))]) + "\n")
+    time, form = Column("Zeitstempel", "s"), LogForm(decimal="comma")
+    (session,) = read_log(path, {"x": Column("x", "m")}, time=time, form=form)
+    np.testing.assert_allclose(session.trajectory.time, 0.1 * np.arange(20), atol=1e-9)
+    assert session.trajectory["x"][-1] == 19.5
+
+
 # -- time ----
 
 
@@ -415,7 +427,7 @@ def test_late_and_repeated_rows(tmp_path: Path) -> None:
 def test_rows_without_a_number(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_text("t,x,y\n0,1,7\n1,,7\n2,nan,7\n3,4,\n4,5,7\n5,6,-\n")
-    with pytest.raises(LogError, match="line 3, column 'x': found nothing"):
+    with pytest.raises(LogError, match="line 3, column 'x': the cell is empty"):
         read_log(path, {"x": Column("x", "m")}, time=Column("t", "s"))
     (session,) = read_log(path, {"x": Column("x", "m")}, time=Column("t", "s"), uneven=True, empty_rows="drop")
     assert session.trajectory["x"].tolist() == [1, 4, 5, 6] and session.trajectory.time.tolist() == [0, 3, 4, 5]

@@ -40,7 +40,7 @@ TEXTS: dict[str, tuple[str | bytes, list[str], dict[str, Any]]] = {
     "another unit": (GOOD.replace("[mm]", "[m]"), ["log.csv line 1", "'x'", "in m here"], {}),
     "a unit that is none": (GOOD.replace("[mm]", "[furlong]"), ["log.csv line 1", "'x'", "furlong"], {}),
     "a word for a number": (changed("0.3,3", "0.3,off"), ["log.csv line 5", "'x'", "'off'"], {}),
-    "an empty cell": (changed("0.3,3", "0.3,"), ["log.csv line 5", "'x'", "nothing", 'empty_rows = "drop"'], {}),
+    "an empty cell": (changed("0.3,3", "0.3,"), ["log.csv line 5", "'x'", "empty", 'empty_rows = "drop"'], {}),
     "nan": (changed("0.3,3", "0.3,nan"), ["log.csv line 5", "'x'", "'nan'", 'empty_rows = "drop"'], {}),
     "infinity": (changed("0.3,3", "0.3,-inf"), ["log.csv line 5", "'x'", "'-inf'"], {}),
     "an overflow": (changed("0.3,3", "0.3,1e999"), ["log.csv line 5", "'x'", "'1e999'"], {}),
@@ -50,6 +50,11 @@ TEXTS: dict[str, tuple[str | bytes, list[str], dict[str, Any]]] = {
     "a unit behind a number": (changed("0.3,3", "0.3,3 mm"), ["log.csv line 5", "'x'", "'3 mm'"], {}),
     "a date for a time": (changed("0.3,3", "2026-11-23T00:00:01,3"), ["log.csv line 5", "'t'", "date"], {}),
     "a clock for a time": (changed("0.3,3", "00:01.5,3"), ["log.csv line 5", "'t'", "date"], {}),
+    "a day of another order": (changed("0.3,3", "11/23/2026 08:14:27,3"), ["log.csv line 5", "'t'", "2026-11-12T"], {}),
+    "a date among decimal commas": (
+        GOOD.replace(",", ";").replace(".", ",").replace("0,3", "23.11.2026"), ["line 5", "'t'", "it is a date"],
+        {"form": LogForm(decimal="comma")},
+    ),
     "a decimal comma": (
         GOOD.replace(",", ";").replace("0.3", "0,3"), ["log.csv line 5", "'t'", "'0,3'", 'decimal = "comma"'], {}
     ),
@@ -69,9 +74,17 @@ TEXTS: dict[str, tuple[str | bytes, list[str], dict[str, Any]]] = {
     "a program's lines above": (
         "Rate\nAxis;3\nmade;today\n" + GOOD.replace("t [s],x", "t [s],x"), ["log.csv line 1", "header = 4"], {}
     ),
+    "lines above words and numbers": (
+        "Rate\nmade today\n" + "t;x;y;state\n" + "".join(f"{k},5;1;2,5;runs\n" for k in range(9)),
+        ["log.csv line 1", "header = 3"], {},
+    ),
+    "prose": ("Prose, in lines.\nOf words\nand, of, commas\nthat\nend.\n", ["log.csv", "text without a table"], {}),
     "a header that is not there": (GOOD, ["log.csv", "'t'"], {"form": LogForm(header=0)}),
     "a header below the end": (GOOD, ["log.csv"], {"form": LogForm(header=99)}),
-    "no UTF-8": (changed("0.3", "\udcff").encode("utf-8", "surrogateescape"), ["log.csv line 5", "UTF-8"], {}),
+    "no UTF-8": (
+        changed("0.3", "\udcff").encode("utf-8", "surrogateescape"),
+        ["log.csv line 5", "UTF-8", 'encoding = "cp1252"'], {},
+    ),
     "half of a UTF-16 sign": (GOOD.encode("utf-16")[:-1], ["log.csv line", "UTF-16"], {}),
     "a zero byte": (changed("0.3", "0.\0"), ["log.csv line 5", "zero byte"], {}),
     "a carriage return within": (changed("0.3,3", "0.3\r,3"), ["log.csv line 5", "carriage return"], {}),

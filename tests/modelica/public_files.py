@@ -1,4 +1,4 @@
-"""Solve every optimization class of the `.mop` files in a folder, and write what became of each as a table.
+"""Solve every optimization class of the `.mop` files in a folder, and write the outcome of each as a table.
 
     python tests/modelica/public_files.py FOLDER [--library FOLDER] [--rows rows.jsonl] [--table rows.md]
 

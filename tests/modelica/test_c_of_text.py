@@ -1,4 +1,4 @@
-"""C of a model in text against Python that is made of the same text: what is loaded, and what is printed and run."""
+"""Generated C of a model in text against Python, both loaded and printed from the same text."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def functions_of(model: Any, causalities: Mapping[str, Any], naming: Any = str) 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CAUSALITIES)
-def test_c_of_a_text_is_its_python_bit_for_bit(name: str, tmp_path: Path) -> None:
+def test_c_of_a_text_equals_its_python_bit_for_bit(name: str, tmp_path: Path) -> None:
     (tmp_path / "leg.mo").write_text(LEG)
     reference = f"{MODELS / 'gantry_tau.mop' if name == 'Robot' else tmp_path / 'leg.mo'}:{name}"
     functions = functions_of(gt.modelica.load(reference)(), CAUSALITIES[name])
@@ -94,7 +94,7 @@ equation tank[1].q = q; tank[2].q = tank[1].out; out = tank[2].out; end Tank;
 """
 
 
-def test_names_in_units_count_from_one_once(tmp_path: Path) -> None:
+def test_indices_in_names_of_units_count_from_one(tmp_path: Path) -> None:
     file = tmp_path / "tank.mo"
     file.write_text(TANK)
 

@@ -1,4 +1,4 @@
-"""Each keyword, bracket and semicolon of a text taken away in turn: a sentence with its place, or the same optimum."""
+"""Deletion of each keyword, bracket and semicolon of a text: an error with its place, or the same optimum."""
 
 from __future__ import annotations
 

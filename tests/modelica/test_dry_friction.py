@@ -1,4 +1,4 @@
-"""Dry friction of a text with a stuck mode, whose torque decides on the mode: the sides are unknowns of the instant."""
+"""Dry friction with a stuck mode, which depends on the unknown torque of the same instant."""
 
 from __future__ import annotations
 

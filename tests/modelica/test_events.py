@@ -1,4 +1,4 @@
-"""Events of a text: Modelica's meaning of each construct, against what paper says."""
+"""Events of a text: the Modelica semantics of each construct, against results by hand."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def after(simulation: Any, name: str, times: np.ndarray) -> np.ndarray:
     return np.array([v[np.searchsorted(t, one, side="right") - 1] for one in times])
 
 
-def test_conditions_in_a_vector_act_each_on_its_own_and_elsewhen_has_less_precedence(tmp_path: Path) -> None:
+def test_conditions_in_a_vector_act_independently_and_elsewhen_has_less_precedence(tmp_path: Path) -> None:
     text = f"""model M Integer n(start = 0); discrete Real y(start = 0); {CLOCK}
       when {{x > 0.5, x > 0.2}} then n = pre(n) + 1; y = x;
       elsewhen 2*x > 1 then n = 100;
@@ -51,7 +51,7 @@ def test_conditions_in_a_vector_act_each_on_its_own_and_elsewhen_has_less_preced
     assert simulation.trajectory["y"][-1] == pytest.approx(0.5, abs=1e-12)
 
 
-def test_what_follows_at_one_instant_follows_in_its_order(tmp_path: Path) -> None:
+def test_dependent_events_of_one_instant_are_in_order(tmp_path: Path) -> None:
     """A counter that starts anew: the branch of pre(n) acts in the next round of the same event."""
     text = f"""model M Integer n(start = 0); Integer laps(start = 0); {CLOCK}
       when sample(0.1, 0.1) then n = pre(n) + 1; elsewhen pre(n) >= 3 then n = 0; end when;
@@ -60,7 +60,7 @@ def test_what_follows_at_one_instant_follows_in_its_order(tmp_path: Path) -> Non
     assert simulation.trajectory["laps"][-1] == 3 and simulation.trajectory["n"][-1] == 0
 
 
-def test_a_sampled_controller_is_that_of_the_matrix_exponential(tmp_path: Path) -> None:
+def test_a_sampled_controller_agrees_with_the_matrix_exponential(tmp_path: Path) -> None:
     text = """model M parameter Real T = 0.2; parameter Real k = 1.5; Real y(start = 1, fixed = true);
       discrete Real u(start = 0); discrete Real sum(start = 0);
       equation der(y) = -y + u;
@@ -109,7 +109,7 @@ def test_change_and_edge_of_a_condition(tmp_path: Path) -> None:
     assert [round(t * 12, 6) for t, _ in history(simulation, "up")] == [1.0, 13.0]
 
 
-def test_whole_numbers_jump_where_they_do(tmp_path: Path) -> None:
+def test_integer_functions_jump_at_the_exact_time(tmp_path: Path) -> None:
     text = """model M Real f = floor(2*time - 0.7); Integer k = integer(3*time) + 1; Real m = mod(time, 0.3);
       Real c = ceil(-2.5*time); Real d = div(0.35 - time, 0.25); Real r = rem(0.35 - time, 0.25);
       Real s = floor(3*sin(6*time)); end M;"""
@@ -128,7 +128,7 @@ def test_whole_numbers_jump_where_they_do(tmp_path: Path) -> None:
     assert np.allclose(rows["r"][inside], np.fmod(0.35 - rows.time, 0.25)[inside], rtol=0, atol=1e-12)
 
 
-def test_whole_numbers_of_an_instant_are_those_of_the_instant(tmp_path: Path) -> None:
+def test_integer_functions_in_actions_use_values_at_the_instant(tmp_path: Path) -> None:
     text = f"""model M Integer n(start = 0); Real parity(start = 0); Boolean odd(start = false);
       Integer third(start = 0); {CLOCK}
       when sample(0.1, 0.1) then n = pre(n) + 1; parity = mod(n, 2); odd = n <> 2 and mod(n, 2) == 1;
@@ -139,7 +139,7 @@ def test_whole_numbers_of_an_instant_are_those_of_the_instant(tmp_path: Path) ->
     assert history(simulation, "third") == [(0.3, 2), (0.5, 12)]
 
 
-def test_a_choice_in_an_action_takes_the_side_of_the_instant(tmp_path: Path) -> None:
+def test_an_if_expression_in_an_action_uses_the_condition_at_the_instant(tmp_path: Path) -> None:
     text = f"""model M Integer side(start = 0); {CLOCK}
       when {{x > 0.25, x > 0.5}} then side = if x >= 0.5 then 2 else 1; end when; end M;"""
     assert history(run(tmp_path, text), "side") == [(0.25, 1), (0.5, 2)]
@@ -158,7 +158,7 @@ def test_states_of_an_enumeration(tmp_path: Path) -> None:
     assert simulation.trajectory["x"][-1] == pytest.approx(0.4, abs=1e-9)
 
 
-def test_algorithms_with_when_count_from_what_was_before(tmp_path: Path) -> None:
+def test_when_statements_read_previous_values(tmp_path: Path) -> None:
     text = f"""model M Integer n(start = 0); Real y[2](start = {{0, 0}}); Boolean big(start = false);
       {CLOCK}
       algorithm
@@ -188,7 +188,7 @@ def test_a_run_ends_by_terminate_and_by_assert(tmp_path: Path) -> None:
     assert at_once.status is gt.SolveStatus.FAILED and at_once.trajectory.time[-1] < 1e-9
     warned = f'model M {CLOCK} assert(x <= 0.7, "hm", AssertionLevel.warning); end M;'
     assert run(tmp_path, warned).status.ok
-    assert "warns only" in translated(f"{tmp_path / 'm.mo'}:M").warnings[0]
+    assert "level warning" in translated(f"{tmp_path / 'm.mo'}:M").warnings[0]
 
 
 def test_starts_of_discrete_variables(tmp_path: Path) -> None:
@@ -201,7 +201,7 @@ def test_starts_of_discrete_variables(tmp_path: Path) -> None:
     assert history(simulation, "b") == [(0.5, 1)]
 
 
-def test_initial_beside_other_conditions_is_true_at_the_start_alone(tmp_path: Path) -> None:
+def test_initial_with_other_conditions_is_true_only_at_the_start(tmp_path: Path) -> None:
     """A brake that slides at the start, as the standard library's frictions say it: 1 - 2 t until it rests."""
     text = """model M Real w(start = 1, fixed = true); Boolean forward(start = false, fixed = true);
       Integer mode(start = 3, fixed = true); Boolean first = initial() and w > 0; equation
@@ -213,7 +213,7 @@ def test_initial_beside_other_conditions_is_true_at_the_start_alone(tmp_path: Pa
     assert simulation.trajectory["mode"][-1] == 1
 
 
-def test_what_was_zero_before_an_event_may_be_a_denominator_after_it(tmp_path: Path) -> None:
+def test_a_variable_that_is_zero_before_an_event_can_be_a_denominator_after_it(tmp_path: Path) -> None:
     """The library's point-to-point source: s is 0 before the event, and another name of m after it."""
     text = """model M parameter Real q = 2; Real aux, m, T, s, x(start = 0, fixed = true); equation
       aux = q; m = 1/aux; T = sqrt(1/m); s = if time < 0.5 then 0 else if time < T then m else 0; der(x) = s; end M;"""
@@ -243,7 +243,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_cannot_be_followed_exactly_is_refused_with_its_line(tmp_path: Path, case: str) -> None:
+def test_unsupported_events_are_rejected_with_their_line(tmp_path: Path, case: str) -> None:
     clause, word = REFUSED[case]
     more = "Real z(start = 0);" if "z" in clause else ""
     declared = {"n": "Integer n(start = 0);", "k": "Integer k(start = 0);", "y": "discrete Real y(start = 0);"}
@@ -271,7 +271,7 @@ def test_flat_text_of_events_reads_back(tmp_path: Path) -> None:
     assert history(gt.simulate(namespace["M"](), 2.0), "on") == history(simulation, "on")
 
 
-def test_an_output_that_chooses_between_states_jumps_and_they_go_on(tmp_path: Path) -> None:
+def test_an_output_that_switches_between_states_jumps_but_the_states_continue(tmp_path: Path) -> None:
     text = """model M Real a(start = 0, fixed = true); Real b(start = 3, fixed = true); Real y; Real z; output Real w;
       equation der(a) = 1; der(b) = -b; y = if a > 1 then b else a;
       if a > 1 then z = -a; else z = b; end if;
@@ -286,7 +286,7 @@ def test_an_output_that_chooses_between_states_jumps_and_they_go_on(tmp_path: Pa
         np.testing.assert_allclose(simulation.trajectory[name], exact, atol=1e-8)
 
 
-def test_what_events_remember_for_themselves_is_no_result(tmp_path: Path) -> None:
+def test_internal_variables_of_events_are_not_results(tmp_path: Path) -> None:
     """initial(), floor() and pre() of an Integer make variables that only a person who asks for them sees."""
     text = """model M Real x(start = 1, fixed = true); Integer mode(start = 0, fixed = true); Boolean b; equation
       der(x) = -floor(x + time); b = initial() and x > 0.5; mode = if b then 3 else pre(mode); end M;"""

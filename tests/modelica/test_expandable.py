@@ -55,7 +55,7 @@ def test_a_signal_goes_from_bus_to_bus(tmp_path: Path) -> None:
     assert "bus.spare" not in s.trajectory.names
 
 
-def test_connectors_with_flows_join_over_a_bus(tmp_path: Path) -> None:
+def test_connectors_with_flows_connect_through_a_bus(tmp_path: Path) -> None:
     text = """model Resistor Pin a; parameter Real R = 1; equation a.v = R*a.i; end Resistor;
     model Load Bus bus; Resistor r(R = 2); equation connect(bus.pin, r.a); end Load;
     model Source Pin p; equation p.v = 3; end Source;
@@ -68,14 +68,14 @@ def test_connectors_with_flows_join_over_a_bus(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("equations", "said"),
     [
-        ("Bus b[2]; Sensor s; equation connect(b[1].w, s.w);", "an array of expandable connectors is not taken"),
-        ("Bus a, b; equation connect(a.w, b.w);", "nothing says what 'a.w' is"),
-        ("Bus a; Pin p; equation connect(a, p);", "'a' is an expandable connector and 'p' is none"),
+        ("Bus b[2]; Sensor s; equation connect(b[1].w, s.w);", "array of expandable connectors"),
+        ("Bus a, b; equation connect(a.w, b.w);", "the type of 'a.w' is unknown"),
+        ("Bus a; Pin p; equation connect(a, p);", "'a' is an expandable connector and 'p' is not"),
         ("Bus a; Sensor s; equation connect(a.w[2], s.w);", "a part is connected; declare 'w' in Bus"),
-        ("Bus a; Pin p; Sensor s; equation connect(a.w, p); connect(a.w, s.w);", "connect() takes"),
+        ("Bus a; Pin p; Sensor s; equation connect(a.w, p); connect(a.w, s.w);", "connect() needs"),
     ],
 )
-def test_what_a_bus_does_not_take_is_said_with_its_line(tmp_path: Path, equations: str, said: str) -> None:
+def test_invalid_connections_of_a_bus_name_the_line(tmp_path: Path, equations: str, said: str) -> None:
     with pytest.raises(gt.ModelError) as error:
         _loaded(tmp_path, f"model M\n{equations} end M;")
     assert said in str(error.value) and "bus.mo:26" in str(error.value)

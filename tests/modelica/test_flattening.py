@@ -1,4 +1,4 @@
-"""What a text means: each construct against the same written by hand."""
+"""Flattening: each construct against the same model written by hand."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ model M V v; Both both; R alone; G g; equation
     assert values(tmp_path, text, "v.p.i", "both.a.p.i", "both.p.i", "alone.p.i") == [-6.0, 2.0, 6.0, 0.0]
 
 
-def test_units_that_do_not_fit_are_warnings_of_their_lines(tmp_path: Path) -> None:
+def test_inconsistent_units_are_warnings_with_their_lines(tmp_path: Path) -> None:
     file = tmp_path / "units.mo"
     file.write_text("""model M
   Real x(unit = "m"); Real t(unit = "s"); Real y[2](each unit = "m"); Real z(unit = "kg");
@@ -155,7 +155,7 @@ end M;""")
     assert translated(str(file)).units and not translated(str(file)).warnings
 
 
-def test_parameters_from_outside_decide_sizes_too(tmp_path: Path) -> None:
+def test_parameters_from_outside_can_set_sizes(tmp_path: Path) -> None:
     file = tmp_path / "n.mo"
     file.write_text(
         "model M parameter Integer n = 2; parameter Real k = 1; Real x[n] = k*(1:n); Real s = sum(x); end M;"
@@ -195,7 +195,7 @@ end Ball;"""
 
 @settings(max_examples=25, deadline=None)
 @given(st.lists(st.floats(0.1, 3.0), min_size=2, max_size=5), st.integers(0, 2**31))
-def test_a_drawn_model_printed_and_read_again_has_equal_residuals(
+def test_a_random_model_printed_and_read_again_has_equal_residuals(
     tmp_path_factory: pytest.TempPathFactory, numbers: list[float], seed: int
 ) -> None:
     """x[k] as products and sums of those before: the text, the class, and the printed class agree."""
@@ -222,7 +222,7 @@ def test_a_drawn_model_printed_and_read_again_has_equal_residuals(
     assert read == again
 
 
-def test_a_delayed_input_is_the_language_s(tmp_path: Path) -> None:
+def test_a_delayed_input_equals_gt_delayed(tmp_path: Path) -> None:
     file = tmp_path / "late.mop"
     file.write_text(
         "optimization Late(objectiveIntegrand = x^2 + u^2, finalTime = 2) Real x(start = 1, fixed = true); "

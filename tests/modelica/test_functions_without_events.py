@@ -1,4 +1,4 @@
-"""An if inside a function makes no events (Modelica 3.6, section 12.2), unless a side of it may be undefined."""
+"""An if inside a function makes no events (Modelica 3.6, section 12.2), unless a branch of it may be undefined."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ def test_a_bisection_makes_no_events(tmp_path: Path) -> None:
     assert not s.events and s.trajectory["q"][-1] == pytest.approx(exact, rel=1e-6)  # the default tolerance
 
 
-def test_a_side_that_may_be_undefined_stays_an_event(tmp_path: Path) -> None:
+def test_a_branch_that_may_be_undefined_keeps_its_event(tmp_path: Path) -> None:
     body = "Real x(start = 0, fixed = true), q(start = 0, fixed = true); equation der(x) = 1; der(q) = guarded(x);"
     s = _run(tmp_path, body, 1.25)
     assert [round(e.time, 9) for e in s.events] == [0.25]
     assert s.trajectory["q"][-1] == pytest.approx(1.25 * np.log(1.25) - 1.25 - 0.25 * np.log(0.25) + 0.25, abs=1e-6)
 
 
-def test_an_equation_that_asks_for_a_value_that_jumps_switches_when_it_does(tmp_path: Path) -> None:
+def test_an_equation_with_a_discontinuous_value_switches_at_the_jump(tmp_path: Path) -> None:
     """On both ways over the jump, and with a count that an Integer keeps."""
     body = """Real x(start = 0, fixed = true), q(start = 0, fixed = true); Integer n;
     equation der(x) = cos(time); der(q) = if level(x) > 1 then 1 else 0; n = count(x);"""

@@ -49,7 +49,7 @@ def control_loop(t: float, y: np.ndarray) -> list[float]:
         ("ControlLoop", control_loop, [0.0] * 3, 3.0, ["controller.x", "plant.y"]),
     ],
 )
-def test_a_model_of_library_components_moves_as_its_equations(
+def test_a_model_of_library_components_agrees_with_its_equations(
     name: str, rates: Callable[[float, np.ndarray], list[float]], start: list[float], end: float, names: list[str]
 ) -> None:
     run = gt.modelica.load(f"{EXAMPLES}:{name}", library=FOLDERS)().simulate(end)

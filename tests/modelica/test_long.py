@@ -1,4 +1,4 @@
-"""Long expressions: what a function's loop repeats, and sums of thousands of terms."""
+"""Long expressions: repeated subexpressions in loops of functions, and sums of thousands of terms."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TURNS = {
 
 @pytest.mark.parametrize("n", [20, 100])
 @pytest.mark.parametrize("body", TURNS)
-def test_a_loop_that_reads_what_it_sets_several_times(tmp_path: Path, body: str, n: int) -> None:
+def test_a_loop_that_reads_its_own_variables_repeatedly(tmp_path: Path, body: str, n: int) -> None:
     y = 0.7
     for i in range(1, n + 1):
         y = TURNS[body](y, i)
@@ -35,7 +35,7 @@ def test_a_loop_that_reads_what_it_sets_several_times(tmp_path: Path, body: str,
     assert simulation.trajectory["y"][0] == pytest.approx(y, rel=ROUND_OFF)
 
 
-def test_what_sixty_turns_double_is_written_in_sixty_lines(tmp_path: Path) -> None:
+def test_sixty_doublings_are_written_in_sixty_lines(tmp_path: Path) -> None:
     text = LOOP.format(n=60, body="y := 0.5*y + 0.5*y;") + " model M Real u = 3; Real y = f(u); end M;"
     (tmp_path / "m.mo").write_text(text)
     printed = gt.modelica.python_of(tmp_path / "m.mo")
@@ -48,7 +48,7 @@ def test_what_sixty_turns_double_is_written_in_sixty_lines(tmp_path: Path) -> No
         gt.modelica.flat_of_text(tmp_path / "m.mo")
 
 
-def test_units_that_do_not_fit_inside_a_long_statement_are_told_and_left_out(tmp_path: Path) -> None:
+def test_inconsistent_units_in_a_long_statement_give_a_warning_and_are_ignored(tmp_path: Path) -> None:
     text = LOOP.format(n=20, body="y := y + 0.01*y*y;")
     text += '\nmodel M Real u(unit = "m") = 0.7; Real v(unit = "s") = 2;\n  Real y = f(u);\nend M;'
     (tmp_path / "m.mo").write_text(text)

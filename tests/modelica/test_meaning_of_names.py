@@ -1,4 +1,4 @@
-"""Which class and which value a name means: inherited scopes, redeclarations, constrainedby, records, final."""
+"""Lookup of classes and values: inherited scopes, redeclarations, constrainedby, records, final."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ TWO = "".join(
          "model D extends B; extends C; end D;", 1),
     ],
 )  # fmt: skip
-def test_what_a_name_means(tmp_path: Path, expression: str, before: str, around: str, value: float) -> None:
+def test_lookup_of_names(tmp_path: Path, expression: str, before: str, around: str, value: float) -> None:
     assert one(tmp_path, expression, before, around) == value
 
 
@@ -100,30 +100,30 @@ def test_what_a_name_means(tmp_path: Path, expression: str, before: str, around:
         ("c.b.k", "C c(b(k = 3));", "model B parameter Real k = 1; end B; model C final B b(k = 2); end C;", "final"),
         ("c.k", "C c(k(min = 3));", "model C final parameter Real k(min = 1) = 5; end C;", "final"),
         ("d.x", "D d;", "model A parameter Real x = 1; end A; model B extends A(x = 2); end B;"
-         "model C extends A(x = 3); end C; model D extends B; extends C; end D;", "two ways"),
+         "model C extends A(x = 3); end C; model D extends B; extends C; end D;", "inherited twice"),
         ("e.x", "P.E e;", "package P constant Real c = 1; encapsulated model E Real x = c; end E; end P;", "'c'"),
         ("h.y", "H h;", "model H A3 a; redeclare A4 a; end H;" + REPLACED, "declared twice"),
         ("h.y", "H h;", "model H redeclare A4 a; Real y = 1; end H;" + REPLACED, "redeclare"),
-        ("P.k", "", "package P Real k = 1; end P;", "no constant"),
-        ("a.y", "inner W w; A a;", OUTER.replace("W w;", "W w(g = 5);"), "inner is"),
-        ("a.y", "inner W w; A a(w(g = 5));", OUTER, "inner is"),
-        ("a.y", "inner W w; A a;", OUTER.replace("outer", "inner outer"), "at once"),
+        ("P.k", "", "package P Real k = 1; end P;", "not a constant"),
+        ("a.y", "inner W w; A a;", OUTER.replace("W w;", "W w(g = 5);"), "inner declaration"),
+        ("a.y", "inner W w; A a(w(g = 5));", OUTER, "inner declaration"),
+        ("a.y", "inner W w; A a;", OUTER.replace("outer", "inner outer"), "both inner and outer"),
         ("x", "Real x(value = 3) = 1;", "", "value"),
         ("P.k", "", "package P constant Real k = 1; end P; package P constant Real k = 2; end P;", "declared twice"),
         ("k", "import P.k; import Q.k;", TWO, "imported twice"),
         ("k", "import P.*; import Q.*;", TWO, "several"),
         ("f()", "import P.*; import Q.*;", TWO, "several"),
-        ("p", "parameter Real p = time;", "", "moves"),
-        ("p", "Real x = 1; parameter Real q = x; parameter Real p = q;", "", "moves"),
-        ("H.k", "", "model H parameter Real k = 1; end H;", "no constant"),
+        ("p", "parameter Real p = time;", "", "varies"),
+        ("p", "Real x = 1; parameter Real q = x; parameter Real p = q;", "", "varies"),
+        ("H.k", "", "model H parameter Real k = 1; end H;", "not a constant"),
     ],
 )  # fmt: skip
-def test_what_no_name_means(tmp_path: Path, expression: str, before: str, around: str, word: str) -> None:
+def test_invalid_names_and_modifications(tmp_path: Path, expression: str, before: str, around: str, word: str) -> None:
     with pytest.raises(gt.modelica.ModelicaError, match=word):
         one(tmp_path, expression, before, around)
 
 
-def test_files_of_a_folder_that_say_within(tmp_path: Path) -> None:
+def test_files_of_a_folder_with_within_clauses(tmp_path: Path) -> None:
     files = {
         "a.mo": "within P.Q; model X Real y = z + k; end X;", "b.mo": "within P; package Q constant Real z = 6; end Q;",
         "c.mo": "package P constant Real k = 1; end P;", "d.mo": "operator record C Real re; Real im; end C;",

@@ -1,4 +1,4 @@
-"""MultiBody in text: motions against Lagrange's equations written by hand, and what is refused."""
+"""MultiBody in text: motions against Lagrange's equations written by hand, and unsupported components."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_a_double_pendulum_with_a_box_a_damper_and_a_motor() -> None:
     assert differing(ours, expected) == []
 
 
-def test_a_slide_on_a_ramp_is_its_closed_form() -> None:
+def test_a_slide_on_a_ramp_agrees_with_its_closed_form() -> None:
     ours = simulated("Ramp")
     limit, lag = (20 - 3 * G / 2) / 4, 3 / 4
     v, travel = limit * (1 - np.exp(-1 / lag)), 0.1 + limit * (1 - lag * (1 - np.exp(-1 / lag)))
@@ -85,7 +85,7 @@ def test_a_slide_on_a_ramp_is_its_closed_form() -> None:
     assert differing(ours, {"body.r_0[1]": x, "body.r_0[2]": y}) == []
 
 
-def test_a_spherical_pendulum_is_euler_s_equation() -> None:
+def test_a_spherical_pendulum_agrees_with_euler_s_equation() -> None:
     """Inertia about the pivot; quaternion, scalar first, from the body to the world."""
     c, gravity = np.array([0.1, -0.4, 0.05]), np.array([0.0, -G, 0.0])
     inertia = np.diag([0.03, 0.02, 0.04]) + 2 * (c @ c * np.eye(3) - np.outer(c, c))
@@ -113,7 +113,7 @@ def test_a_spherical_pendulum_is_euler_s_equation() -> None:
     assert np.ptp(ours["energy.stored"]) <= KEPT
 
 
-def test_a_four_bar_linkage_moves_as_its_one_coordinate() -> None:
+def test_a_four_bar_linkage_agrees_with_its_one_coordinate_model() -> None:
     def energies(q: Any, v: Any) -> tuple[Any, Any]:
         crank = ca.vertcat(ca.cos(q[0]), ca.sin(q[0]))
         left, right = 0.3 * crank, ca.DM([0.7, 0.0])
@@ -136,7 +136,7 @@ def test_a_four_bar_linkage_moves_as_its_one_coordinate() -> None:
 
 
 @pytest.mark.proof
-def test_a_loop_in_space_moves_as_its_one_coordinate() -> None:
+def test_a_spatial_loop_agrees_with_its_one_coordinate_model() -> None:
     """A crank about x, a rod between a ball and a fork, and a slider along x: seven coordinates, one loop."""
 
     def slider(q: Any) -> tuple[Any, Any, Any]:
@@ -162,7 +162,7 @@ def test_a_loop_in_space_moves_as_its_one_coordinate() -> None:
     assert np.ptp(ours["energy.stored"]) <= KEPT
 
 
-def test_a_hollow_box_and_a_pipe_weigh_what_the_library_says() -> None:
+def test_mass_of_a_hollow_box_and_a_pipe_agree_with_the_library() -> None:
     text = gt.modelica.python_of(f"{MODELS}:Solids")
     box = 7700 * 0.5 * (0.1 * 0.08 - 0.05 * 0.04)
     pipe = 2700 * np.pi * 0.4 * (0.1**2 - 0.08**2) / 4
@@ -204,7 +204,7 @@ def test_a_swing_up_is_the_same_as_text_and_as_printed_python(tmp_path: Path) ->
     assert again.objective == pytest.approx(solved.objective, rel=1e-9)
 
 
-def test_a_body_on_a_spring_and_a_damper_is_its_closed_form() -> None:
+def test_a_body_on_a_spring_and_a_damper_agrees_with_its_closed_form() -> None:
     ours = simulated("Hung")
     rest, fade = 0.5 + 2 * G / 150, 3 / 4
     turn = np.sqrt(150 / 2 - fade**2)
@@ -244,7 +244,7 @@ class Furuta(gt.Optimization):
             yield x.at(end) == value
 
 
-def test_the_shipped_furuta_pendulum_is_lagrange_s_equations() -> None:
+def test_the_shipped_furuta_pendulum_agrees_with_lagrange_s_equations() -> None:
     text = gt.modelica.load(f"{MODELS.parents[2]}/problems/models/furuta_pendulum.mop:SwingUp")
     mesh = gt.Mesh(20)
     solved = gt.solve(text(), mesh, throw=False)
@@ -256,7 +256,7 @@ def test_the_shipped_furuta_pendulum_is_lagrange_s_equations() -> None:
     assert np.max(np.abs(again)) < 1e-4  # rad: a flat optimum to the square root of the tolerance
 
 
-def test_torques_that_move_it_are_asked_of_the_same_text(capsys: pytest.CaptureFixture[str]) -> None:
+def test_inverse_dynamics_of_the_same_text(capsys: pytest.CaptureFixture[str]) -> None:
     """The pendulum of the tests at rest, level: what the motor holds, and where a frame is."""
     file = f"{MODELS}:SwingUp"
     assert main(["explain", file, "--known", "arm.joint.phi", "--targets", "u", "--full"]) == 0
@@ -275,7 +275,7 @@ def test_forces_of_a_frame_are_those_on_its_component() -> None:
     assert differing(ours, {"below": 5 * G, "by_joint": -5 * G, "link[3].frame_b.r_0[2]": -0.9}) == []
 
 
-def test_a_planar_loop_without_its_constraint_is_refused() -> None:
+def test_a_planar_loop_without_its_constraint_is_rejected() -> None:
     with pytest.raises(gt.modelica.ModelicaError, match="RevolutePlanarLoopConstraint"):
         gt.modelica.load(f"{MODELS}:Redundant")
 
@@ -292,7 +292,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("line", "said", "where"), REFUSED)
-def test_what_is_not_taken_is_a_sentence_with_its_line(tmp_path: Path, line: str, said: str, where: int) -> None:
+def test_unsupported_components_are_rejected_with_their_line(tmp_path: Path, line: str, said: str, where: int) -> None:
     file = tmp_path / "text.mo"
     file.write_text(f"model M\n  inner Modelica.Mechanics.MultiBody.World world(g = 9.81);\n  {line}\nend M;\n")
     with pytest.raises(gt.ModelError, match=said) as error:
@@ -300,7 +300,7 @@ def test_what_is_not_taken_is_a_sentence_with_its_line(tmp_path: Path, line: str
     assert f"text.mo:{where}" in str(error.value)
 
 
-def test_other_gravity_than_uniform_and_a_missing_world_are_refused(tmp_path: Path) -> None:
+def test_point_gravity_and_a_missing_world_are_rejected(tmp_path: Path) -> None:
     file = tmp_path / "text.mo"
     multibody = "Modelica.Mechanics.MultiBody"
     file.write_text(
@@ -316,7 +316,7 @@ def test_other_gravity_than_uniform_and_a_missing_world_are_refused(tmp_path: Pa
     assert "text.mo:2" in str(error.value)
 
 
-def test_gravity_that_the_text_leaves_open_is_said() -> None:
+def test_default_gravity_gives_a_warning() -> None:
     (note,) = translated(f"{MODELS}:Open").warnings
     assert "9.81" in note and "multibody.mo" in note
     assert differing(simulated("Open", 0.5), {"body.r_0[2]": -G * 0.5**2 / 2}) == []

@@ -1,4 +1,4 @@
-"""Statements whose optima are known, written in Optimica: on the same mesh the same numbers."""
+"""Optima of known problems, written in Optimica: the same numbers on the same mesh."""
 
 from __future__ import annotations
 
@@ -65,12 +65,12 @@ def test_marine_population(tmp_path: Path) -> None:
     assert solution.objective == pytest.approx(2.0368686e7, rel=SAME_MESH)
 
 
-def test_quadratic_forms_are_what_they_say(tmp_path: Path) -> None:
+def test_quadratic_forms(tmp_path: Path) -> None:
     forms = optimum(tmp_path, texts.LINEAR, "Forms").objective
     assert forms == pytest.approx(optimum(tmp_path, texts.LINEAR, "Written").objective, rel=1e-10)
 
 
-def test_a_jump_is_refused_with_its_line(tmp_path: Path) -> None:
+def test_a_discontinuity_is_rejected_with_its_line(tmp_path: Path) -> None:
     with pytest.raises(gt.modelica.ModelicaError, match=r"solve_phases.*if w > 0.*\(.*statement\.mop:10\)"):
         optimum(tmp_path, texts.FRICTION)
 
@@ -144,7 +144,7 @@ def test_a_file_and_a_class_by_hand_give_the_same_bits(reference: str, by_hand: 
     assert text.objective == hand.objective and text.iterations == hand.iterations
 
 
-def test_four_ways_of_saying_it_are_one_problem() -> None:
+def test_four_formulations_are_one_problem() -> None:
     """As one class, by extends and modification, as a component: bit for bit; the cost as a state: to the mesh."""
     file = MODELS / "van_der_pol.mop"
     names = ("Quiet", "QuietExtended", "QuietComponent", "QuietState")

@@ -1,4 +1,4 @@
-"""What events remember, in the Python that a text is printed as; and what stands in place of a delay."""
+"""Variables of events in printed Python, and the approximation that replaces a delay."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ end M;
 """
 
 
-def test_printed_python_runs_as_its_text_and_says_what_its_helpers_are(tmp_path: Path) -> None:
+def test_printed_python_runs_as_its_text_and_describes_its_helpers(tmp_path: Path) -> None:
     file = tmp_path / "m.mo"
     file.write_text(TEXT, encoding="utf-8")
     printed = gt.modelica.python_of(f"{file}:M")
@@ -45,12 +45,12 @@ def test_printed_python_runs_as_its_text_and_says_what_its_helpers_are(tmp_path:
     assert "pre_k = gt.discrete(0.0, description='k before the event')" in printed
 
 
-def test_the_chain_that_stands_in_place_of_a_delay_is_one(tmp_path: Path) -> None:
+def test_the_pade_approximation_of_the_message_delays(tmp_path: Path) -> None:
     """The refusal's own text, of sin(2 t) by 0.2 s: Pade's phase is wrong by (w T)^5/720, its gain is 1."""
     file = tmp_path / "m.mo"
     head = "model M Real x, v, y(start = 0, fixed = true)"
     file.write_text(f"{head}; equation x = sin(2*time); der(y) = v; v = delay(x, 0.2); end M;", encoding="utf-8")
-    with pytest.raises(gt.ModelError, match="Pade chain") as refused:
+    with pytest.raises(gt.ModelError, match="Pade approximation") as refused:
         gt.modelica.load(f"{file}:M")
     declared, *chain = re.search(r"Real (p.*?\)), (q.*?\)); (.*?v = x - q)", str(refused.value)).groups()  # type: ignore[union-attr]
     start = declared.replace("x0", "0")

@@ -1,4 +1,4 @@
-"""Drawn models as text, read: their residuals are those that plain Python computes; so are those of what is printed."""
+"""Random models as text: their residuals, also after printing, agree with plain Python."""
 
 from __future__ import annotations
 
@@ -67,19 +67,19 @@ def misread(drawn: Drawn, folder: Path) -> list[str]:
     max_examples=12, derandomize=True, phases=[Phase.generate], deadline=None, suppress_health_check=list(HealthCheck)
 )
 @given(models())
-def test_a_drawn_model_means_what_it_says(tmp_path_factory: pytest.TempPathFactory, drawn: Drawn) -> None:
+def test_residuals_of_a_random_model(tmp_path_factory: pytest.TempPathFactory, drawn: Drawn) -> None:
     assert misread(drawn, tmp_path_factory.mktemp("drawn")) == [], drawn.source()
 
 
 @pytest.mark.proof
 @settings(max_examples=400, deadline=None, suppress_health_check=list(HealthCheck))
 @given(models())
-def test_many_drawn_models_mean_what_they_say(tmp_path_factory: pytest.TempPathFactory, drawn: Drawn) -> None:
+def test_residuals_of_many_random_models(tmp_path_factory: pytest.TempPathFactory, drawn: Drawn) -> None:
     assert misread(drawn, tmp_path_factory.mktemp("drawn")) == [], drawn.source()
 
 
 @pytest.mark.parametrize(("relation", "value"), [("<", 2.0), ("<=", 1.0), (">", 2.0), (">=", 1.0)])
-def test_where_both_sides_are_equal_a_strict_relation_is_false(tmp_path: Path, relation: str, value: float) -> None:
+def test_a_strict_relation_of_equal_sides_is_false(tmp_path: Path, relation: str, value: float) -> None:
     file = tmp_path / "equal.mop"
     file.write_text(
         "optimization M(objective = y(finalTime)) Real x(start = 1, fixed = true); Real y; equation der(x) = -1; "

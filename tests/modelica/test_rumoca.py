@@ -1,4 +1,4 @@
-"""rumoca as flattener: what its flat text moves like, and what it would leave out is refused."""
+"""rumoca as flattener: simulations of its flat text, and classes that it would truncate."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def test_models_of_library_components(name: str, end: float, names: list[str]) -
     ],
     ids=["when", "fixed", "no value", "initial algorithm", "its own sentence", "optimization"],
 )  # fmt: skip
-def test_what_its_text_would_leave_out_is_refused(tmp_path: Path, text: str, words: str) -> None:
+def test_classes_that_the_flat_text_would_truncate_are_rejected(tmp_path: Path, text: str, words: str) -> None:
     pytest.importorskip("rumoca", reason=NEEDED)
     file = tmp_path / "m.mop"
     file.write_text(text)
@@ -131,7 +131,7 @@ def test_errors_name_the_flat_text(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         gt.modelica.load(file, flattener="rumoca")
 
 
-def test_the_flat_text_and_the_version_stay_with_the_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_result_contains_the_flat_text_and_the_version(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("rumoca", reason=NEEDED)
     (tmp_path / "plant.mo").write_text(PLANT)
     problem = tmp_path / "ladder.toml"
@@ -147,7 +147,7 @@ def test_the_flat_text_and_the_version_stay_with_the_result(tmp_path: Path, caps
     assert main(["solve", str(problem)]) == 2 and "flattener" in capsys.readouterr().err
 
 
-def test_without_the_package_its_command_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_package_the_error_names_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     real = builtins.__import__
 
     def none(name: str, *rest: Any, **more: Any) -> Any:
@@ -164,7 +164,7 @@ def test_without_the_package_its_command_is_named(tmp_path: Path, monkeypatch: p
         gt.modelica.load(file, flattener="omc")
 
 
-def test_names_of_components_are_marked_and_nothing_else() -> None:
+def test_only_names_of_components_are_quoted() -> None:
     text = """class M "a.b"
   parameter Real a[1].b(start = 1, stateSelect = StateSelect.Prefer) = 2 "of a[1].b";
   Real[3] c.d;

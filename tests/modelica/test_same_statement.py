@@ -1,4 +1,4 @@
-"""One statement as one class, by extends and modification, and as a component: the same flat equations."""
+"""One problem as one class, by extends and modification, and as a component: the same flat equations."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def residuals(reference: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", STATEMENTS)
-def test_three_ways_to_say_it_give_the_same_flat_equations(tmp_path: Path, name: str) -> None:
+def test_three_formulations_have_the_same_flat_equations(tmp_path: Path, name: str) -> None:
     file = tmp_path / "statement.mop"
     file.write_text(text_of(name))
     texts = [flat_text(translated(f"{file}:{way}.P").flat, bare) for way in ("Whole", "Extended", "Part")]

@@ -41,7 +41,7 @@ def test_a_parameter_is_fitted_to_two_steady_states(tmp_path: Path, mesh: gt.Mes
     assert s.trajectory["one.h"][-1] == pytest.approx(1.1, rel=1e-7) and abs(s.trajectory["der(two.h)"][-1]) < 1e-9
 
 
-def test_what_no_equation_determines_is_chosen_and_bounds_have_multipliers(tmp_path: Path) -> None:
+def test_undetermined_variables_are_optimized_and_bounds_have_multipliers(tmp_path: Path) -> None:
     text = f"""{TANK}optimization O(objective = (t.h - 4)^2 + 0*t.q, static = true)
       Tank t(q(max = 1.5, min = 0, start = 1)); initial equation der(t.h) = 0; end O;"""
     s = solved(tmp_path, text)  # h = q^2 = 2.25; d/dq (q^2 - 4)^2 = 4 q (q^2 - 4) = -10.5
@@ -62,7 +62,7 @@ def test_fixed_starts_rates_time_and_constraints(tmp_path: Path) -> None:
     assert s.trajectory["x"][-1] == 2.0 and s.trajectory["der(x)"][-1] == pytest.approx(3 - 10 / 6, rel=1e-6)
 
 
-def test_equations_of_chosen_quantities_alone_are_constraints(tmp_path: Path) -> None:
+def test_equations_of_free_variables_only_are_constraints(tmp_path: Path) -> None:
     text = """optimization O(objective = a^2 + b^2, static = true)
       parameter Real a(free = true); parameter Real b(free = true); initial equation a + 2*b = 5; end O;"""
     s = solved(tmp_path, text)
@@ -95,6 +95,6 @@ def test_a_static_optimization_at_the_command_line(capsys: pytest.CaptureFixture
         ("optimization O(objective = x, static = 1) Real x; equation x = 1; end O;", "true or false"),
     ],
 )
-def test_what_is_not_static_is_refused_with_its_line(tmp_path: Path, text: str, word: str) -> None:
+def test_non_static_features_are_rejected_with_their_line(tmp_path: Path, text: str, word: str) -> None:
     with pytest.raises(gt.ModelError, match=rf"{word}.*static\.mop:1"):
         solved(tmp_path, text)

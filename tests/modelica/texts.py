@@ -1,4 +1,4 @@
-"""Statements with known optima as Optimica texts, of our own writing."""
+"""Problems with known optima as Optimica texts, written for these tests."""
 
 QUIET = """
 optimization Quiet(objectiveIntegrand = {integrand}, objective = {objective}, startTime = 0, finalTime = 20)

@@ -138,7 +138,7 @@ def coarse():
 def test_a_coarse_mesh_is_refined_until_the_checks_hold(coarse):
     o = studied(free(mesh=AxisMesh(3), cost=SMOOTH, earlier=coarse.trajectory))
     assert o.status is SolveStatus.SOLVED and (o.elements or 0) > 3, o.message
-    assert f"on {o.elements} elements: on the given 3 end_error_m" in o.message
+    assert f"on {o.elements} elements, because on the given 3 end_error_m" in o.message
     assert coarse.status is SolveStatus.CHECK_FAILED and coarse.elements == 3
     assert o.rows[-1].value == o.elements and len(coarse.rows) == len(o.rows) - 1
 

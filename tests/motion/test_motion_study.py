@@ -83,7 +83,7 @@ class TestNumbersOfTheIssue:
         o = solution(cost__energy=0.01, mesh__elements=5)
         assert o.status is SolveStatus.SOLVED and all(check.passed for check in o.checks.values())
         assert 5 < o.elements <= 400
-        assert f"on {o.elements} elements: on the given 5 " in o.message and "end_error_m failed" in o.message
+        assert f"on {o.elements} elements, because on the given 5 " in o.message and "end_error_m failed" in o.message
         assert min(abs(o.objective / expected - 1) for expected in OPTIMA[0.01]) < 2e-3
         assert o.iterations > o.attempt_iterations  # those of all attempts on all meshes
 

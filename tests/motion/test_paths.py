@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -204,6 +206,11 @@ class TestRefusals:
         error = refused(path=Polyline([[0.4, -3.0, 0.3]]))
         assert error.argument == "path" and error.message.startswith("the path leaves the workspace at (")
         assert error.message.endswith("% of the way")
+
+    def test_a_path_to_the_boundary_of_the_workspace_names_the_link(self):
+        error = refused(path=Polyline([[0.4, -1.7, 0.3]]), limits__link_along_guideway=0.5)
+        assert error.argument == "path"
+        assert re.search(r"the component of arm\[\d\] along its guideway is 0\.[0-4]\d* m, less than", error.message)
 
     def test_an_obstacle_on_the_path(self):
         error = refused(path=Line(), limits__obstacles=[Obstacle([0.45, -0.9, 0.275], [0.1, 0.1, 0.1])])

@@ -202,9 +202,9 @@ WRONG = {
     "one phase": (lambda: Phases({"a": Fall()}), "at least two phases; found 1"),
     "unknown phase": (
         lambda: Phases({"a": Fall(), "b": Rise()}, free={"c": ["v"]}),
-        "'c' is not a phase after the first; these are: b",
+        "'c' is not among the phases after the first, b",
     ),
-    "first phase": (lambda: Phases({"a": Fall(), "b": Rise()}, links={"a": lambda x, y: []}), "'a' is not a phase"),
+    "first phase": (lambda: Phases({"a": Fall(), "b": Rise()}, links={"a": lambda x, y: []}), "'a' is not among"),
     "no state": (
         lambda: solve_phases(Phases({"a": Fall(), "b": Rise()}, free={"b": ["der(v)"]})),
         r"'der\(v\)' may jump into phase 'b', but is not a state there; states are q, der\(q\)",

@@ -7,10 +7,10 @@ import pytest
 
 from gtmodel.compiler.causal import compile_causal
 from tests.bench.bench_path import solve_squares, symbolic
-from tests.bench.rivals.gtmodel_road import declared, solve_blocks
 from tests.bench.rivals.l1_by_hand import Motion, data, forward_dynamics, inverse_dynamics
 from tests.bench.rivals.line_in_sx import solve_line
 from tests.bench.rivals.plain_casadi import solve_mx, solve_sx
+from tests.bench.rivals.with_gtmodel import declared, solve_blocks
 
 ELEMENTS = 8
 SAME = 1e-6  # one discrete optimum by two NLPs, IPOPT's tolerance 1e-8
@@ -19,7 +19,7 @@ CLOSE = 2e-3  # of the final time on the line: two discretisations, coarse
 
 @pytest.fixture(scope="module")
 def motion():
-    return Motion(1.0)  # much energy: one optimum, which every road finds
+    return Motion(1.0)  # much energy: one optimum, which every method finds
 
 
 def test_equations_by_hand(motion):
@@ -32,13 +32,13 @@ def test_equations_by_hand(motion):
 
 def test_the_same_optimum(motion):
     ours = solve_blocks(motion, declared(motion), ELEMENTS, "polynomial", False)
-    for road in (solve_sx, solve_mx):
-        found = road(motion, ELEMENTS)
+    for method in (solve_sx, solve_mx):
+        found = method(motion, ELEMENTS)
         assert found.converged and ours.converged
         assert found.objective == pytest.approx(ours.objective, rel=SAME)
 
 
-def test_the_line_by_two_roads(motion):
+def test_the_line_by_two_methods(motion):
     squares, radau = solve_squares(symbolic(motion), 100), solve_line(motion, 30)
     assert squares.converged and radau.converged
     assert squares.objective == pytest.approx(radau.objective, rel=CLOSE)

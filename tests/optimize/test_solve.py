@@ -248,7 +248,7 @@ class TestStops:
         assert solution.objective == pytest.approx(objective, rel=1e-6)
         assert solution.checks["constraint_violation"].value == pytest.approx(violation, rel=1e-6)
         assert f"returned iterate {number}, which has the smallest violation" in solution.message
-        assert "stopped early, by the user or by its time limit" in solution.message
+        assert "stopped by the caller" in solution.message
         again = solve(StirredTank(), Mesh(20, 3), guess=solution)
         assert again.status.converged
 

@@ -192,7 +192,7 @@ def test_a_small_state_beside_a_large_one_with_events(size, status):
     assert len(run.events) == 8
     assert run.status.value == status
     assert (error < 0.01) == run.checks["small_states"].passed
-    assert ("stays so small" in run.message) != run.checks["small_states"].passed
+    assert ("is so small that" in run.message) != run.checks["small_states"].passed
 
 
 def test_a_state_that_rests_but_for_the_integrator_is_no_motion():

@@ -223,7 +223,7 @@ def recognise(data: SplitPoses, witness: Witness, inspection: Inspection) -> tup
         return best.suspicion(misfit_text, length(best.left))
 
     signals = [OtherReading("exchanged_signals", f"'{data.actuators}' and '{pose.position}' look exchanged",
-                       "if each is read from the columns of the other")]  # fmt: skip
+                       "if their columns are exchanged")]  # fmt: skip
     inspection.refuse(other(signals if q.shape == T.shape else []), at_actuators)
     inspection.refuse(stuck_columns(names, data.q, before, witness.size), at_actuators)
     if len(good) >= REACHED * len(q) and len(good) > 3:
@@ -288,7 +288,7 @@ def a_priori(
 
 
 def misread_by_lengths(data: SplitPoses, prepared: CalibrationProblem, witness: Witness) -> Suspicion | None:
-    """Another reading of the columns, judged by the nominal lengths, for robots without forward kinematics."""
+    """Another interpretation of the columns, compared by the nominal lengths, for robots without forward kinematics."""
     if witness.forward is not None or prepared.implicit:
         return None
     alone = _alone(prepared)
@@ -301,7 +301,7 @@ def misread_by_lengths(data: SplitPoses, prepared: CalibrationProblem, witness: 
 def misread_after(data: SplitPoses, prepared: CalibrationProblem, c: Calibration, witness: Witness) -> Suspicion | None:
     """After a fit: look for another reading of the columns.
 
-    Robots without forward kinematics are judged by their nominal lengths, which no fit has adapted to the data. If a
+    For robots without forward kinematics, the test uses the nominal lengths, which no fit has adapted to the data. If a
     fit leaves length errors, fits with other orders of the actuators' columns are compared by their residuals. None if
     the errors are small for the robot's size or as large as the stated noise, and if chance may explain the difference
     because few degrees of freedom are left.

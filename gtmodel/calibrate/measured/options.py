@@ -62,7 +62,8 @@ class MeasuredSignal(Options):
     ] = None  # fmt: skip
     representation: Annotated[
         str | None,
-        "of an orientation: quaternion w x y z (default), quaternion x y z w, rotation vector, matrix, KUKA A B C, "
+        "representation of an orientation: quaternion w x y z (default), quaternion x y z w, rotation vector, "
+        "matrix, KUKA A B C, "
         "intrinsic zyx or extrinsic xyz with any axes; of a position: matrix, the last column of a pose's 12 or 16",
     ] = None  # fmt: skip
 
@@ -201,7 +202,9 @@ class Measured(Options):
     ] = False  # fmt: skip
     target_per_session: Annotated[bool, "whether the target moved on the end-effector between sessions"] = False
     sag: Annotated[Sag | None, "sag of the tool under a payload; none if left out"] = None
-    target_start: Annotated[FrameStart, "of the robot's tool frame in the target's"] = field(default_factory=FrameStart)
+    target_start: Annotated[FrameStart, "start value of the robot's tool frame in the target's"] = field(
+        default_factory=FrameStart
+    )
     points: Annotated[dict[str, MeasuredPoint], "measured points by the names of their signals"] = field(
         default_factory=dict
     )
@@ -209,11 +212,14 @@ class Measured(Options):
         list[str], "unmeasured variables, estimated pose by pose; those that signals need are added automatically"
     ] = field(default_factory=list)  # fmt: skip
     name: Annotated[str, "name of these measurements among others; by default their file's"] = ""
+    leave_out: Annotated[
+        list[int], "lines of the file whose poses are not read, such as outliers; the result counts them"
+    ] = field(default_factory=list)  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Refit(Options):
-    """Parameters specific to a held-out recording: fitted on some of its poses, judged on the others.
+    """Parameters specific to a held-out recording: fitted on some of its poses, validated on the others.
 
     >>> gt.calibrate.Refit(["offset", "device"], every=4).every  # the first of every four poses refits them
     4
@@ -223,7 +229,9 @@ class Refit(Options):
         list[Literal["offset", "scale", "device", "target"]],
         "offset and scale of the actuators, as after a new homing; frame of the device; place of the target",
     ]
-    every: Annotated[int, Within(least=2), "the first of every n held-out poses is for the refit, the rest judge"] = 2
+    every: Annotated[
+        int, Within(least=2), "the first of every n held-out poses is for the refit, the rest for validation"
+    ] = 2
 
 
 @dataclass(frozen=True, eq=False)

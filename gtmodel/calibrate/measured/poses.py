@@ -29,6 +29,7 @@ class MeasuredPoses:
     lines: (N,) of their files; numbered from 1 if left out. held_out: (N,) poses that no fit uses; None leaves the
         choice to the study. columns: signal -> names and units in the file.
     known: parameters of the measurement with given values, such as "T.sag", which no fit changes.
+    left_out: lines of the file that were not read, as `Measured.leave_out` says.
     synthetic: seed and noise of a synthetic file. truth: the robot with known errors. files: further synthetic files.
     """
 
@@ -41,6 +42,7 @@ class MeasuredPoses:
     synthetic: str | None = None
     truth: Model | None = None
     files: Mapping[str, str] = field(default_factory=dict)
+    left_out: Sequence[int] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +68,7 @@ class SplitPoses:
 
     @property
     def position(self) -> str:
-        """The signal by which the robot is judged: the measured position, or else the first of `judged`."""
+        """The signal by which the robot is evaluated: the measured position, or else the first of `judged`."""
         return self.pose.position if self.whole else self.judged[0]
 
     @property
@@ -91,7 +93,7 @@ class SplitPoses:
 
     @property
     def T(self) -> np.ndarray:
-        """The measured positions (N, k) [m], or the other signal by which the robot is judged."""
+        """The measured positions (N, k) [m], or the other signal by which the robot is evaluated."""
         return np.asarray(self.all.values[self.position])
 
     @property
@@ -108,7 +110,7 @@ class SplitPoses:
         return self.all.part(self.held_out) if self.held_out.any() else None
 
     def refitted_by(self, refit: Refit) -> SplitPoses:
-        """Move the first of every few held-out poses to `refitting`. Raises ArgumentError if none are held out."""
+        """Move the first of every few held-out poses to `refitting`. Raises ArgumentError if no pose is held out."""
         held = np.flatnonzero(self.held_out)
         if not len(held):
             raise ArgumentError("there are no held-out poses to refit on", "refit")

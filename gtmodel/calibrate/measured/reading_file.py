@@ -13,6 +13,7 @@ from ...lang.units import parse_unit
 from ...measurements import Conversion, LogError, LogForm, signal_table
 from ...measurements.orientations import MATRIX, UNIT_LENGTH, in_angles, quaternions
 from ...measurements.signal_table import SignalTable
+from ...measurements.streams.form import NoNumberError
 from ...results import ArgumentError
 from ...results.disk import path_of
 from ...results.refusal import naming
@@ -54,7 +55,7 @@ def read_poses(
            [ 0.503, -0.601, 0.502]])
     """
     sources = [path_of(path)]
-    tables = [_table(sources[0], measured, form)]
+    tables = [_table(sources[0], measured, form, leave_out=measured.leave_out)]
     mask = None
     if held_out is not None:
         sources.append(path_of(held_out, "held_out"))
@@ -67,10 +68,15 @@ def read_poses(
     columns = {n: c for n, c in tables[0].columns.items() if n in plain}
     has_sag = measured.sag is not None and measured.sag.compliance != ESTIMATE
     known = [f"{measured.position}.sag"] if has_sag else []
-    return MeasuredPoses(measurements, measured.actuators, lines, mask, columns, known, notes[0] if notes else None)
+    return MeasuredPoses(
+        measurements, measured.actuators, lines, mask, columns, known, notes[0] if notes else None,
+        left_out=sorted(set(measured.leave_out)),
+    )  # fmt: skip
 
 
-def _table(path: Path, measured: Measured, form: LogForm, key: str = "measured.file") -> SignalTable:
+def _table(
+    path: Path, measured: Measured, form: LogForm, key: str = "measured.file", leave_out: Sequence[int] = ()
+) -> SignalTable:
     columns: dict[str, tuple[str | Sequence[str], str | Sequence[str]]] = {}
     if len(measured.signals) < 2:
         names = ", ".join(measured.signals) or "none"
@@ -80,7 +86,7 @@ def _table(path: Path, measured: Measured, form: LogForm, key: str = "measured.f
         columns[name] = (s.column, s.unit)
         if isinstance(s.scale, str) and s.coupling is not None:
             raise ArgumentError("cannot be estimated with a coupling; give numbers", f"{argument}.scale")
-        with naming({"scale": f"{argument}.scale", "": argument}, LogError):
+        with naming(f"{argument}.", LogError):
             conversion_of(s)
         if s.delay != 0.0:
             if s.rate is None:
@@ -97,9 +103,12 @@ def _table(path: Path, measured: Measured, form: LogForm, key: str = "measured.f
     if measured.session is None and (measured.device_per_session or measured.target_per_session):
         raise ArgumentError("is missing; name the column with the recording of each row", "measured.session")
     try:
-        return signal_table.read(path, columns, measured.session, form)
+        return signal_table.read(path, columns, measured.session, form, leave_out=leave_out)
     except ArgumentError as error:
-        raise ArgumentError(error.message, f"measured.{error.argument}" if error.argument else key) from error
+        advice = ""
+        if isinstance(error, NoNumberError) and key == "measured.file":
+            advice = f"; fill in the cell, or leave the row out: leave_out = {sorted({*leave_out, error.line})}"
+        raise ArgumentError(error.message + advice, f"measured.{error.argument}" if error.argument else key) from error
 
 
 def _partial_signals(measured: Measured) -> list[str]:
@@ -181,7 +190,7 @@ def _read_through(name: str, s: MeasuredSignal, values: dict[str, np.ndarray], c
     rate = values.pop(f"der({name})", None)
     rows = values[name] if rate is None or free["delay"] else values[name] + float(s.delay) * rate
     conversion = conversion_of(s)
-    with naming(f"measured.signals.{name}", LogError):
+    with naming(f"measured.signals.{name}.", LogError):
         values[name] = conversion.apply(rows, _SI)
         if free["delay"] and rate is not None:
             values[f"der({name})"] = replace(conversion, offset=0.0).apply(rate, _SI)

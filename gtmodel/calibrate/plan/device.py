@@ -42,7 +42,7 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class Measuring:
-    """The robot and the device of a task. `model`: with the device's variable; `latent`: unmeasured variables.
+    """A planning task with its device. `model`: robot and the device's variable; `latent`: unmeasured variables.
 
     `limits`: where the device sees. `at`: its position, None for a plane. `earlier`: the problem once it is prepared.
     """

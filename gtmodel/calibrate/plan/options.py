@@ -44,7 +44,7 @@ class Room(Options):
 class Safety(Options):
     """Distances kept because the robot is not yet calibrated."""
 
-    edge: Annotated[float, Unit("m"), Within(least=0.0), "from the edge of the measurable workspace"] = 0.1
+    edge: Annotated[float, Unit("m"), Within(least=0.0), "distance from the edge of the measurable workspace"] = 0.1
     obstacles: Annotated[float, Unit("m"), Within(least=0.0), "around obstacles and beams"] = 0.05
     cone: Annotated[float, Unit("rad", written="deg"), Within(least=0.0), "subtracted from limits.cone_deg"] = 0.0
     stroke: Annotated[float, Unit("m"), Within(least=0.0), "at both ends of limits.actuators_m"] = 0.05
@@ -329,8 +329,10 @@ class PlanStudy(Study):
         if self.curve:
             enough = self.enough_poses
             rows.append(Row("sufficient number of poses", "more than tried" if enough is None else enough))
-        for curve, kind in ((self.curve, "selected poses"), (self.grid_curve, "grid poses")):
-            rows += [Row(f"error with {p['poses']} {kind}", 1e3 * p["predicted_error_m"], "mm") for p in curve]
+        for curve, kind in ((self.curve, "selected poses"), (self.grid_curve, "poses of a regular grid")):
+            rows += [
+                Row(f"predicted rms error with {p['poses']} {kind}", 1e3 * p["predicted_error_m"], "mm") for p in curve
+            ]
         if self.rank != self.parameters or self.determined_no_better:
             rows += [Row("undetermined", sentence) for sentence in self.identifiability[1:]]
         return rows + [Row("assumed", sentence) for sentence in self.assumptions]

@@ -227,7 +227,8 @@ def pattern(c: Calibration, held_out: Sequence[CalibrationProblem] = ()) -> Verd
 
     The test fails if smooth functions of the actuators explain more of the errors than chance does. The functions are
     waves cos(pi k u) over each actuator's range u, with k up to 6 (fewer for few poses, at least 2), for each equation
-    of a pose. They are fitted with the unknowns to the errors of all poses, and an F test judges. The errors are those
+    of a pose. They are fitted with the unknowns to the errors of all poses, and an F test decides whether they are
+    significant. The errors are those
     of against_noise(), or length errors if the noise is not stated; these are correlated within a pose, so that p is
     only approximate and must be below 0.1 % instead of 1 %. None for too few poses, for several measurements, and for
     partially measured poses without noise.

@@ -9,7 +9,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from ...inference import BetweenRecordings, HeldOut, Identifiability, OverNoise, Verdict, over_noise
-from ...inference.covariance import RANK
+from ...inference.covariance import RANK, listed
 from ...lang import ModelError
 from ...lang.units import parse_unit
 from ...measurements.inspection.data_tests import Data, tested
@@ -26,12 +26,15 @@ from ..problem import CalibrationProblem, noise_covariance
 from ..sensitivity import Sensitivity, sensitivity
 from ..variants import cost_of, too_few
 from .diagnostics import Shift, against_noise, between_sessions, contradicted_priors, pattern, shift_of
+from .far_poses import FarPose, far_poses, sentence as far_sentence
 from .intervals import Confidence, weighed_over_noise
 from .movement import WIDTH, moved_too_far, near_start, undetermined
 
 FAR = 30.0  # times the stated noise: the readings are probably wrong
 ITERATIONS = 400  # of a fit; few poses leave flat valleys with slow convergence
 HUBER = 1.345  # standard deviations: 95 % efficiency for normal errors
+GROSS = 5.0  # times the median error
+METRES = 0.1  # m, median error of the fitted poses: the robot and the coordinates do not belong together
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +43,10 @@ class CalibrationFindings:
     of the calibrated model on these poses; `a_priori`: of the nominal robot on the held-out poses or, without any, the
     fitted ones. Empty if no pose closes. `repeatability`: rms distance [m] of poses at the same actuators from their
     mean, or None. `beside`: findings of other measurements fitted together with these. `refitted`: the calibration
-    with the parameters specific to the held-out recording; `kept`: its poses, read with these. `left_out`: the
+    with the parameters specific to the held-out recording; `kept`: the poses of that recording, with these parameters.
+    `left_out`: the
     cross-validation, if any; `held_out` are then its errors, of all poses. `near`: unknowns held near their start
-    values because some poses did not close otherwise.
+    values because some poses did not close otherwise. `variant`: of the fit.
     """
 
     problem: CalibrationProblem
@@ -62,6 +66,7 @@ class CalibrationFindings:
     kept: Measurements | None = None
     left_out: PosesLeftOut | None = None
     near: tuple[str, ...] = ()
+    variant: str | None = None
 
     @property
     def parts(self) -> tuple[CalibrationFindings, ...]:
@@ -71,6 +76,39 @@ class CalibrationFindings:
     @property
     def after(self) -> Identifiability | None:
         return self.calibration.identifiability
+
+    @cached_property
+    def far_poses(self) -> list[FarPose]:
+        """Outlying poses, fitted or held out, the farthest first."""
+        return far_poses(self)
+
+    @property
+    def gross(self) -> list[FarPose]:
+        """Outlying poses so far off that they may spoil the fit or its tests; errors of a model are smaller."""
+        return [p for p in self.far_poses if p.size > GROSS * p.others]
+
+    @cached_property
+    def suspect(self) -> str:
+        """Words on outliers as a cause of a failed test; empty if there are none."""
+        if not self.gross:
+            return ""
+        one = len(self.gross) == 1
+        them, outlier = ("it", "outlier") if one else ("them", "outliers")
+        return f"the {outlier} may cause this: repeat the calibration without {them} before you doubt the model"
+
+    @cached_property
+    def unseen_frame(self) -> str:
+        """A question about the frame of the coordinates if the fit misses the poses by far; empty otherwise."""
+        fitted = self.fitted.get(self.position)
+        if not self.data.whole or self.data.pose.device or fitted is None or not len(self.calibration.x):
+            return ""
+        error = float(np.nanmedian(fitted.sizes))
+        if error < METRES:
+            return ""
+        return (
+            f"the fitted robot misses half of the poses by more than {error:.2g} m: do the coordinates come from a "
+            'tracker at an unknown place? Set measurements.frame = "device"'
+        )
 
     @cached_property
     def priors(self) -> list[str]:
@@ -207,7 +245,7 @@ def findings_of(
     fit: Fit, data: Sequence[SplitPoses], prepared: CalibrationProblem, a_priori: Sequence[Prediction | None],
     stop: Callable[[], bool], inspection: Inspection, refit: Refit | None = None, folds: Sequence[np.ndarray] = (),
 ) -> CalibrationFindings:  # fmt: skip
-    """Fit the parameters and judge the fit.
+    """Fit the parameters and test the fit.
 
     `a_priori`: errors of the nominal robot at all poses, per measurements; `stop`: see calibrate(); `folds` for
     cross-validation. Raises ArgumentError if cost or loss does not fit the measurements."""
@@ -277,7 +315,7 @@ def _of_part(
         {} if kept is None else _predicted(held, kept, data),
         prior, outliers(c.residuals, _basis(c, fit.loss), _length_noise(c, fit.loss)), _sensitivity(fit, c),
         _repeatability(data), fit.loss, inspection,
-        (), None if held is c else held, kept,
+        (), None if held is c else held, kept, variant=fit.variant,
     )  # fmt: skip
 
 
@@ -310,8 +348,10 @@ def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool
     sound, sentences = c.status.ok, []
     if not sound:
         return False, None, [f"not solved: {c.message}"]
+    sentences += [s for s in (findings.unseen_frame or far_sentence(findings, findings.gross),) if s]
     if not len(c.x):
-        return _as_it_is(findings, accuracy)
+        sound, proven, others = _as_it_is(findings, accuracy)
+        return sound, proven, [*sentences, *others]
     assert findings.after is not None
     sentences.append(f"numerics sound: {c.message}, {findings.after.counts}" if c.estimate is not None else c.message)
     sentences += too_few(c.problem)
@@ -372,21 +412,26 @@ def _of_held_out(findings: CalibrationFindings, accuracy: float | None) -> tuple
     noisy = over is not None and not over.passed
     if judged.passed and not noisy and (accuracy is None or outside.mean <= accuracy):
         return True, (
-            f"prediction proven on {kept}: {sizes}; valid within their box, load and units; "
-            "a scale error common to all readings is not detected"
+            f"prediction proven on {kept}: {sizes}; this holds between these poses and at their load; an error of the "
+            "device that makes all readings too long or too short by the same factor stays hidden"
         )
     if accuracy is not None and outside.mean > accuracy:
-        return False, f"prediction misses the required {1e3 * accuracy:.3g} mm on {kept}: {sizes}"
+        missed = f"prediction misses the required {1e3 * accuracy:.3g} mm on {kept}: {sizes}"
+        return False, f"{missed}; {findings.suspect}" if findings.suspect else missed
     shifted = "" if findings.shift is None else findings.shift.message
     if judged.passed and over is not None:
         return False, (
             f"prediction not proven on {kept} ({sizes}): residuals are {over.ratio:.3g} times the stated noise, for a "
             f"sound model at most {over.bound:.3g} times; "
-            + (shifted or "the model error may be larger elsewhere: held-out poses are measured like the fitted ones")
+            + (
+                findings.suspect
+                or shifted
+                or "the model error may be larger elsewhere: held-out poses are measured like the fitted ones"
+            )
         )
     return False, (
         f"prediction not proven on {kept} ({sizes}): {judged.message}; "
-        + (shifted or "measure more poses or free fewer parameters")
+        + (findings.suspect or shifted or "measure more poses or free fewer parameters")
     )
 
 
@@ -412,17 +457,24 @@ def of_noise(findings: CalibrationFindings) -> str:
 def _of_unstated_noise(findings: CalibrationFindings) -> str:
     places = [(part.problem.measurements.noise, part.problem.reading.places) for part in findings.parts]
     lacking = list(dict.fromkeys(name for noise, names in places for name in names if name not in noise))
-    suffix = f" of {', '.join(lacking)}" if any(name in noise for noise, names in places for name in names) else ""
-    both = "an error of the model that fitted and held-out poses share cannot be told from noise"
-    message = f"noise{suffix} was not stated: {both}"
+    message = (
+        f"the deviation of {listed(lacking)} is not stated, so the errors were not compared with the noise of the "
+        "readings: an error of the model that is the same in fitted and held-out poses can pass for noise"
+    )
     if findings.pattern is not None and not findings.pattern.passed:
-        return f"{message} by its size, but {findings.pattern.message}"
-    return f"{message}, but residuals are coloured, unlike noise" if findings.confidence.coloured else message
+        found = findings.pattern.message
+    elif findings.confidence.coloured:
+        found = "residuals are coloured, unlike noise"
+    else:
+        return message
+    return f"{message}; {found}" + (f"; {findings.suspect}" if findings.suspect else "")
 
 
 def _probable_cause(findings: CalibrationFindings) -> str:
-    """Probable cause of errors larger than the stated noise, judged by their pattern."""
+    """Probable cause of errors larger than the stated noise, inferred from their pattern."""
     pattern, coloured = findings.pattern, findings.confidence.coloured
+    if findings.suspect:
+        return findings.suspect
     if pattern is not None and not pattern.passed:
         return f"{pattern.message}: the model lacks an effect"
     if coloured:
@@ -444,7 +496,7 @@ def written(part: CalibrationFindings, name: str) -> tuple[float, str]:
 def _as_it_is(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool, bool | None, list[str]]:
     """The verdict if nothing was fitted; fitted and held-out poses are then equivalent."""
     errors = findings.headline[0]
-    sentences = ["nothing was fitted: the robot is judged as it is"]
+    sentences = ["nothing was fitted: the robot is evaluated as it is"]
     if findings.shift is not None:
         sentences.append(findings.shift.message)
     if findings.position not in errors:

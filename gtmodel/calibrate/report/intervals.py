@@ -258,12 +258,12 @@ class Confidence:
         """Scope of the intervals, for the verdict."""
         if not self.holds:
             return "parameters: no valid 95 % intervals, see the notes"
-        covered = f"parameters: 95 % intervals include noise of {self._recorded}"
+        covered = f"parameters: the 95 % intervals cover the noise of {self._recorded}"
         if self._few:
             return f"{covered}; {len(self.calibration.residuals)} poses are too few to test for coloured residuals"
         if self._smooth is not None:
             return f"{covered} and smooth errors of the carts, but not drift, load or scale"
-        return f"{covered}; the test found no coloured residuals"
+        return f"{covered}; they assume that the errors of successive poses are independent, and the test agrees"
 
     @property
     def _recorded(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,22 +12,60 @@ from ...results import ArgumentError, Quantity, Row, Study
 
 WORST_ROWS = 5
 SHOWN_WEAK = 3
+SHOWN_DEPENDENT = 12
+PARTS = {"fitted": "fitted poses", "held out": "held-out poses"}
 WEAK = "determined no better than"  # of a combination, in words
 NO_LENGTH = re.compile(r"( [xyz\d]+|^\w+\[\d+\])$")  # names of coordinates and numbered equations
 
 
-def rows_of(values: Mapping[str, Any]) -> list[Row]:
-    """The printed table."""
-    rows = []
+def rows_of(values: Mapping[str, Any], degrees: bool = False) -> list[Row]:
+    """The printed table: the verdict first. `degrees`: of angles, which are in rad otherwise."""
+    noted = values.get("notes", ())  # notes have their own rows
+    rows = [Row("verdict", s) for s in values["verdict"] if s not in noted]
+    rows += [Row("outlier", _of_outlier(o)) for o in values["outliers"][:WORST_ROWS]]
+    rows += _of_errors(values)
     for u in values["unknowns"]:
-        rows.append(Row(u["name"], u["value"], u["unit"]))
-        if u["interval_95"] is not None:
-            low, high = u["interval_95"]
-            rows.append(Row("  95 % interval", f"{low:.7g} to {high:.7g}", u["unit"]))
-        elif u["std"] is None:
-            rows.append(Row("  95 % interval", "not determined by these poses"))
-        else:
-            rows.append(Row("  std if residuals were white noise", u["std"], u["unit"]))
+        rows += _of_unknown(u, degrees)
+    if values["identifiability_after"]:
+        sentences = values["identifiability_after"]["notes"]
+        dependent = [s for s in sentences[1:] if WEAK not in s]
+        shown = [*sentences[:1], *(dependent if len(dependent) <= SHOWN_DEPENDENT else ())]
+        rows += [Row("identifiability", s) for s in shown]
+        if len(dependent) > SHOWN_DEPENDENT:
+            rows.append(Row("identifiability", f"{len(dependent)} parameters move with others; see result.json"))
+        weak = sum(WEAK in s for s in sentences)
+        if values["recordings"] is not None and weak <= SHOWN_WEAK:
+            rows += [Row("identifiability", s) for s in sentences if WEAK in s]
+        elif weak:
+            rows.append(Row("identifiability", f"{weak} combinations are {WEAK} they were known; see result.json"))
+    if values["synthetic"]:
+        rows.append(Row("synthetic", values["synthetic"].partition(";")[0]))
+    return rows
+
+
+def _of_unknown(u: Mapping[str, Any], degrees: bool) -> list[Row]:
+    """Value before and after, and the interval."""
+    factor, unit = (180 / math.pi, "deg") if degrees and u["unit"] == "rad" else (1.0, u["unit"])
+    rows = [Row(u["name"], f"{factor * u['start']:.6g} -> {factor * u['value']:.6g}", unit)]
+    if u["interval_95"] is not None:
+        low, high = u["interval_95"]
+        rows.append(Row("  95 % interval", f"{factor * low:.7g} to {factor * high:.7g}", unit))
+    elif u["std"] is None:
+        rows.append(Row("  95 % interval", "not determined by these poses"))
+    else:
+        rows.append(Row("  std if residuals were white noise", factor * u["std"], unit))
+    return rows
+
+
+def _of_outlier(o: Mapping[str, Any]) -> str:
+    if "column" not in o:
+        return f"line {o['line']}, {o['link']}: {o['residual_mm']:.3g} mm, {o['times']:.1f} std"
+    return f"{o['pose']}: {o['column']} off by {o['off_mm']:.3g} mm, other poses by {o['others_mm']:.2g} mm"
+
+
+def _of_errors(values: Mapping[str, Any]) -> list[Row]:
+    """Rows on the errors of the poses."""
+    rows = []
     if values["recordings"] is None:
         for n, v in values["link_errors_mm"].items():
             rows.append(Row(f"mean {'' if NO_LENGTH.search(n) else 'length '}error of {n}", v, "mm"))
@@ -37,31 +76,15 @@ def rows_of(values: Mapping[str, Any]) -> list[Row]:
         if values[key]:
             rows.append(Row(f"positioning error, {label}: mean", values[key]["mean"], "mm"))
             rows.append(Row("  largest", values[key]["max"], "mm"))
-    if values["worst"]:
-        w = values["worst"]
+    for w in values["largest"] or ():
         place = ", ".join(f"{x:.3f}" for x in w["position_m"])
-        rows.append(Row("largest error", f"at ({place}) m, line {w['line']}: {w['error_mm']:.3g} mm"))
+        text = f"line {w['line']}: {w['error_mm']:.3g} mm, most in {w['column']} ({w['off_mm']:.3g} mm), at ({place}) m"
+        rows.append(Row(f"largest error, {PARTS[w['part']]}", text))
     if values["principal"]:
         for size, d in zip(values["principal"]["rms_mm"], values["principal"]["directions"], strict=True):
             rows.append(Row(f"rms error along ({', '.join(f'{x:.2f}' for x in d)})", size, "mm"))
     if values["repeatability_mm"] is not None:
         rows.append(Row("repeatability, rms", values["repeatability_mm"], "mm"))
-    if values["identifiability_after"]:
-        sentences = values["identifiability_after"]["notes"]
-        rows += [Row("identifiability", s) for s in sentences if WEAK not in s]
-        weak = sum(WEAK in s for s in sentences)
-        if values["recordings"] is not None and weak <= SHOWN_WEAK:
-            rows += [Row("identifiability", s) for s in sentences if WEAK in s]
-        elif weak:
-            rows.append(Row("identifiability", f"{weak} combinations are {WEAK} they were known; see result.json"))
-    rows += [
-        Row("outlier", f"line {o['line']}, {o['link']}: {o['residual_mm']:.3g} mm, {o['times']:.1f} std")
-        for o in values["outliers"][:WORST_ROWS]
-    ]
-    noted = values.get("notes", ())  # notes have their own rows
-    rows += [Row("verdict", s) for s in values["verdict"] if s not in noted]
-    if values["synthetic"]:
-        rows.append(Row("synthetic", values["synthetic"].partition(";")[0]))
     return rows
 
 
@@ -97,9 +120,11 @@ class CalibrationStudy(Study):
     """Calibrated parameters with their intervals, errors on fitted and held-out poses, and the verdict in words.
 
     withheld: why `interval` refuses, in a sentence, empty if intervals are valid; otherwise `estimate` is None.
+    degrees: whether the printed table has angles in degrees, as the file does.
     """
 
     withheld: str = ""
+    degrees: bool = False
 
     parameters: Annotated[Numbers, Quantity("",
         "all geometric parameters in the closure equations by name, calibrated and fixed, in SI units",
@@ -119,7 +144,7 @@ class CalibrationStudy(Study):
         "estimated frames, scales, offsets and delays of the measurement by name, in SI units",
     )] = None  # fmt: skip
     poses: Annotated[Mapping[str, int] | None, Quantity("",
-        "number of poses fitted and held out, and of places measured more than once",
+        "number of poses fitted and held out, of places measured more than once, and left_out if `leave_out` names any",
     )] = None  # fmt: skip
     link_errors: Annotated[Numbers, Quantity("m",
         "mean length error of each link over the fitted poses (Dressler 2012, eq. (5.13)); for arms, mean error of "
@@ -139,7 +164,12 @@ class CalibrationStudy(Study):
         "angle between predicted and measured orientation of held-out poses; null if not measured", written="deg",
     )] = None  # fmt: skip
     worst: Annotated[Table, Quantity("",
-        "the pose with the largest error: line, measured position_m, error_mm and whether it was held_out",
+        "the held-out pose with the largest error, without any the fitted one: line, measured position_m, error_mm and "
+        "whether it was held_out",
+    )] = None  # fmt: skip
+    largest: Annotated[Tables, Quantity("",
+        "the largest error of each part (fitted, held out): line, measured position_m, error_mm, and the column with "
+        "the largest error off_mm, predicted less measured",
     )] = None  # fmt: skip
     principal: Annotated[Table, Quantity("",
         "rms error rms_mm along each principal direction, the smallest first, and the directions",
@@ -154,8 +184,9 @@ class CalibrationStudy(Study):
         "pairs of unknowns that correlate by more than 0.95",
     )] = None  # fmt: skip
     outliers: Annotated[Tables, Quantity("",
-        "residuals far beyond the others of their link, or the largest of a pose that is off as a whole: line, link, "
-        "residual_mm, times (in standard deviations)",
+        "poses far beyond the others: line, whether held_out, the column with the largest error off_mm (predicted "
+        "less measured), error_mm, the median error others_mm of the other poses, the link with its largest "
+        "residual_mm, and times (in standard deviations)",
     )] = None  # fmt: skip
     repeatability: Annotated[float | None, Quantity("m",
         "rms distance of poses at the same actuators from their mean; null without any", written="mm",
@@ -179,7 +210,7 @@ class CalibrationStudy(Study):
 
     @property
     def values(self) -> Mapping[str, Any]:
-        """As in result.json; joint stiffness under the names of its own study."""
+        """Return the fields of result.json; those of joint stiffness have the names of the joint stiffness study."""
         values = dict(super().values)
         if self.joint_stiffness is not None:
             values["joint_stiffness"] = {n: v for n, v in self.joint_stiffness.values.items() if n not in ABOVE}
@@ -188,8 +219,8 @@ class CalibrationStudy(Study):
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
         """Return the confidence interval of an unknown [SI], infinite if the poses do not determine it.
 
-        With joint stiffness that of its own study. Raises ArgumentError if intervals are not valid, with the reason,
-        and for an unknown name."""
+        For joint stiffness it is the interval of the joint stiffness study. Raises ArgumentError if intervals are not
+        valid, with the reason, and for an unknown name."""
         if self.withheld:
             raise ArgumentError(self.withheld, "name")
         return (self.joint_stiffness or super()).interval(name, level)
@@ -199,4 +230,4 @@ class CalibrationStudy(Study):
         """The printed table."""
         if self.joint_stiffness is not None:
             return self.joint_stiffness.rows
-        return [] if self.parameters is None else rows_of(self.values)
+        return [] if self.parameters is None else rows_of(self.values, self.degrees)

@@ -9,11 +9,14 @@ import numpy as np
 
 from ...compiler.causal import flat_of
 from ...inference import Identifiability
+from ...inference.covariance import listed
 from ...results import Check, at_most
 from ...results.table import csv_text
 from ..prediction import Prediction
+from ..variants import SERIAL
+from .far_poses import MANY, columns_of, largest, named
 from .findings import CalibrationFindings, verdict, written
-from .movement import drifted
+from .movement import OPEN, drifted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -96,20 +99,28 @@ def pictures(findings: CalibrationFindings, title: str) -> Mapping[str, Callable
                 of_parts, f"{title}: errors by pose", None, "error [mm]"
             )
     elif name in headline:
-        T = findings.data.T[findings.unseen if held else ~findings.data.held_out]
-        errors = {f"{what}, calibrated": headline[name].sizes}
+        data = findings.data
+        sizes, before = np.full(len(data.lines), np.nan), np.full(len(data.lines), np.nan)
+        for part, prediction in _parts(findings):
+            sizes[part] = prediction[name].sizes if name in prediction else np.nan
+        held_out = data.held_out if findings.left_out is None and data.held_out.any() else None
+        errors = {"calibrated": sizes}
         if name in findings.a_priori:
-            errors[f"{what}, before calibration"] = findings.a_priori[name].sizes
+            before[findings.unseen if data.held_out.any() else ~data.held_out] = findings.a_priori[name].sizes
+            errors["before calibration"] = before
+        lines = data.lines if data.all.places is not None and len(set(data.lines)) == len(data.lines) else None
+        worst = int(np.nanargmax(sizes))
+        whose = "fitted and held-out poses" if held_out is not None else what
         figures["pose_errors"] = lambda: _plot().pose_errors_figure(
-            errors, f"{title}: errors by pose", headline[name].worst
+            errors, f"{title}: errors of {whose}", worst, lines=lines, held_out=held_out
         )
-        if T.shape[1] > 1:
+        if data.T.shape[1] > 1:
             figures["workspace_errors"] = lambda: _plot().workspace_errors_figure(
-                T, headline[name].sizes, f"{title}: errors by place, {what}"
+                data.T, sizes, f"{title}: errors by place, {whose}", held_out=held_out
             )
     if not parts:
         figures["length_errors"] = lambda: _plot().length_errors_figure(
-            c.residuals, findings.problem.labels, f"{title}: length errors of the fitted poses"
+            c.residuals, findings.problem.labels, f"{title}: errors of the fitted poses"
         )
     estimate, after = findings.confidence.estimate, findings.after
     if estimate is not None and after is not None:
@@ -144,7 +155,10 @@ def _plot() -> Any:
 
 LOOK = "see the verdict in the table"
 SHOWN_PAIRS = 20
-MANY = 0.1  # of the poses: more outliers are seldom chance
+SHOWN_NAMES = 4
+FEW_NOTES = 3  # most sentences on undetermined parameters that are shown one by one
+APART, KEPT = "the data do not determine ", " stays fixed: "  # in notes on parameters
+DH = {"theta", "d", "a", "alpha"}  # parameters of a serial arm
 
 
 def values_of(findings: CalibrationFindings, accuracy: float | None) -> dict[str, Any]:
@@ -166,7 +180,8 @@ def values_of(findings: CalibrationFindings, accuracy: float | None) -> dict[str
         "measurement": {n: v for n, v in c.values.items() if n not in names} | _refitted(findings),
         "poses": {
             "fitted": len(findings.lines), "held_out": len(findings.lines_held_out), "repeated": len(data.repeated),
-        } | ({} if data.refitting is None else {"refitting": len(data.refitting)}),
+        } | ({} if data.refitting is None else {"refitting": len(data.refitting)})
+        | ({"left_out": len(data.source.left_out)} if data.source.left_out else {}),
         "link_errors": dict(c.link_errors),
         "held_out_link_rms": _link_rms(findings),
         "held_out": _sizes(findings.held_out.get(findings.position)) if whole else None,
@@ -174,15 +189,12 @@ def values_of(findings: CalibrationFindings, accuracy: float | None) -> dict[str
         "a_priori": _sizes(findings.a_priori.get(findings.position)) if whole else None,
         "orientation": _sizes(errors.get(data.pose.orientation or "")),
         "worst": None if head is None else _worst(findings, head, lines, held),
+        "largest": _largest(findings) if whole else None,
         "principal": None if head is None else _principal(head),
         "identifiability_before": None if findings.before is None else _identifiability(findings.before),
         "identifiability_after": None if findings.after is None else _identifiability(findings.after),
         "correlated": [] if findings.after is None else [list(p) for p in findings.after.correlated[:SHOWN_PAIRS]],
-        "outliers": [
-            {"line": int(findings.lines[o.pose]), "link": findings.problem.error_labels[o.link],
-             "residual_mm": 1e3 * o.residual, "times": o.times}
-            for o in findings.outliers
-        ],
+        "outliers": _outliers(findings),
         "repeatability": findings.repeatability,
         "recordings": _recordings(findings),
         "sensitivity": _sensitivity(findings),
@@ -192,6 +204,7 @@ def values_of(findings: CalibrationFindings, accuracy: float | None) -> dict[str
         "notes": _notes(findings),
         "truth": _truth(findings),
         "synthetic": data.synthetic,
+        "degrees": _in_degrees(findings),
     }  # fmt: skip
 
 
@@ -247,9 +260,97 @@ def _notes(findings: CalibrationFindings) -> list[str]:
     intervals = [*findings.confidence.reasons, *findings.confidence.notes]
     drift = [] if findings.after is None else drifted(c, findings.after)
     drift += [] if findings.apart is None else [findings.apart.message]
-    notes = [*findings.priors, *c.estimate.notes, *drift, *intervals, *_crowded(findings), *findings.far]
+    suspect = (
+        [f"residuals are coloured: {findings.suspect}"] if findings.suspect and findings.confidence.coloured else []
+    )
+    notes = [*findings.priors, *_gathered(findings), *drift, *suspect, *intervals, *_crowded(findings), *findings.far]
     notes += [*findings.left[1], *findings.inspection.notes, *absent]
+    notes += [s for part in findings.parts for s in _left_out(part)]
     return list(dict.fromkeys(notes))  # two null directions may move the same names: one sentence
+
+
+def _gathered(findings: CalibrationFindings) -> list[str]:
+    """Notes of the estimate; many sentences on undetermined parameters, and those on kept ones, become one each."""
+    c = findings.calibration
+    assert c.estimate is not None
+    notes = list(dict.fromkeys(c.estimate.notes))
+    apart, kept = ([s for s in notes if word in s] for word in (APART, KEPT))
+    gathered = [s for s in notes if s not in apart and s not in kept]
+    if len(apart) > FEW_NOTES:
+        assert findings.after is not None
+        of = [
+            n for n, share in zip(findings.after.names, findings.after.determined_by, strict=True) if share < 1 - OPEN
+        ]
+        serial = findings.variant != SERIAL and set(findings.problem.closure.flat.bindings) >= DH
+        advice = (
+            f'set variant = "{SERIAL}", which frees only parameters that such poses determine'
+            if serial
+            else "fix some of them, or give priors; result.json lists the combinations (identifiability_after)"
+        )
+        names = (
+            f"{', '.join(of[:SHOWN_NAMES])} and {len(of) - SHOWN_NAMES} others" if len(of) > SHOWN_NAMES else listed(of)
+        )
+        gathered.insert(0, f"the poses do not determine {len(of)} parameters apart from each other ({names}): {advice}")
+    else:
+        gathered = apart + gathered
+    if kept:
+        names = ", ".join(s.partition(KEPT)[0] for s in kept)
+        one = len(kept) == 1
+        gathered.append(
+            f"{len(kept)} parameter{'' if one else 's'} cannot be seen with this set-up and {'was' if one else 'were'} "
+            f"kept: {names} (gtmodel explain says why)"
+        )
+    return gathered
+
+
+def _left_out(part: CalibrationFindings) -> list[str]:
+    lines = part.data.source.left_out
+    if not lines:
+        return []
+    of = f" of {part.data.name}" if part.calibration.problem.reading.ending else ""
+    many, numbers = ("" if len(lines) == 1 else "s"), ", ".join(map(str, lines))
+    return [f"leave_out: {len(lines)} pose{many}{of} not read (line{many} {numbers})"]
+
+
+def _in_degrees(findings: CalibrationFindings) -> bool:
+    """Whether the file has angles in degrees."""
+    return any("deg" in c.units for part in findings.parts for c in part.data.columns.values())
+
+
+def _outliers(findings: CalibrationFindings) -> list[dict[str, Any]]:
+    """The outlying poses, one entry each; of partial measurements the outliers of each signal."""
+    if not findings.data.whole:
+        return [
+            {"line": int(findings.lines[o.pose]), "link": findings.problem.error_labels[o.link],
+             "residual_mm": 1e3 * o.residual, "times": o.times}
+            for o in findings.outliers
+        ]  # fmt: skip
+    entries = []
+    held = findings.data.held_out
+    for p in findings.far_poses:
+        residuals = findings.held_out_residuals if p.held_out else findings.calibration.residuals
+        assert residuals is not None
+        lengths = residuals[int(np.count_nonzero(held[: p.row] == held[p.row]))]
+        link = int(np.nanargmax(np.abs(lengths)))
+        entries.append(
+            {"line": int(findings.data.lines[p.row]), "link": findings.problem.labels[link],
+             "residual_mm": 1e3 * float(lengths[link]), "times": p.times, "held_out": p.held_out,
+             "pose": named(findings, [p.row]), "column": columns_of(findings)[p.worst],
+             "off_mm": 1e3 * float(p.error[p.worst]), "error_mm": 1e3 * p.size, "others_mm": 1e3 * p.others}
+        )  # fmt: skip
+    return entries
+
+
+def _largest(findings: CalibrationFindings) -> list[dict[str, Any]]:
+    entries = []
+    for part, row, error in largest(findings):
+        worst = int(np.argmax(np.abs(error)))
+        entries.append(
+            {"part": part, "line": int(findings.data.lines[row]), "position_m": findings.data.T[row].tolist(),
+             "error_mm": 1e3 * float(np.linalg.norm(error)), "column": columns_of(findings)[worst],
+             "off_mm": 1e3 * float(error[worst])}
+        )  # fmt: skip
+    return entries
 
 
 def _refitted(findings: CalibrationFindings) -> dict[str, float]:

@@ -92,8 +92,8 @@ def cart_points(
 ) -> tuple[np.ndarray, list[np.ndarray]]:  # fmt: skip
     """Coordinates (n,) [m] over the range of the poses and, per cart, reflector positions (n, 3) [m] with device noise.
 
-    The reflector positions are in a separate frame. The tool centre point does not move across the guideways, so that
-    the load of the poses shifts no cart; only the stated `cart_drift` does."""
+    The reflector positions are in a separate frame. During this recording the tool centre point does not move across
+    the guideways, so the load, whose effect depends on the pose, shifts no cart; only `cart_drift` does."""
     coordinates = np.round(np.linspace(q[:, :3].min() - MARGIN, q[:, :3].max() + MARGIN, number), 7)
     R = scipy.spatial.transform.Rotation.from_euler("ZYZ", s.cart_device_zyz)
     rng = np.random.default_rng(np.random.SeedSequence([s.seed, STREAM + 1]))

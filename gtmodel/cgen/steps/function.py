@@ -155,8 +155,8 @@ class StepFunction(ABC):
     def facts(self) -> Mapping[str, Any]:
         """Return the data from which it was made, for manifest and hash: numbers exact to the last bit."""
 
-    def explain(self) -> str:
-        """Return a description of the function and of its statuses."""
+    def explain(self, full: bool = True) -> str:
+        """Return a description of the function and of its statuses; `full` changes nothing."""
         return "\n".join([self.title, *self.notes()])
 
     def notes(self) -> Sequence[str]:

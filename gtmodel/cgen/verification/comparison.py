@@ -123,7 +123,9 @@ def compare(library: ctypes.CDLL, face: Interface, points: int, seed: int) -> tu
 
 
 def call(library: ctypes.CDLL, face: Interface, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return outputs (rows, m), HELD if not written, and statuses (rows,) of the C function.
+    """Call the C function for each row; return its outputs (rows, m) and statuses (rows,).
+
+    An output that the function did not write is HELD, the value before the call.
 
     The start state follows the inputs, and the new state follows the outputs: HELD if a failed call left it unchanged.
     """

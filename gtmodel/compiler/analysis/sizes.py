@@ -1,7 +1,7 @@
 """Limits of the size of inputs: round-off must stay small relative to the lengths in the closure equations.
 
-In |T - A - q v|^2 = L^2 with q a million times L, one of thirteen digits of L remains. For inputs that pass no closure
-equation, such as rates and forces, the limit is far beyond any practical value.
+In |T - A - q v|^2 = L^2 with q a million times L, one of thirteen digits of L remains. For inputs that occur in no
+closure equation, such as rates and forces, the limit is far beyond any practical value.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ class Noise(Options):
     """
 
     position: Annotated[float, Unit("m"), Within(above=0), "of each coordinate, at tool and wrist centre"] = 2e-5
-    rotation: Annotated[float, Unit("rad"), Within(above=0), "of each rotation; 20 um on a base of 0.25 m"] = 1e-4
+    rotation: Annotated[float, Unit("rad"), Within(above=0), "of each rotation; 20 um on a base of 0.2 m"] = 1e-4
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class GravityCompensator(Options):
     False
     """
 
-    base: Annotated[float, Unit("m"), Within(above=0), "from axis 2 to the hinge on the preceding link"]
-    lever: Annotated[float, Unit("m"), Within(above=0), "from axis 2 to the hinge on the following link"]
+    base: Annotated[float, Unit("m"), Within(above=0), "distance from axis 2 to the hinge on the preceding link"]
+    lever: Annotated[float, Unit("m"), Within(above=0), "distance from axis 2 to the hinge on the following link"]
     rate: Annotated[float, Unit("N/m"), Within(above=0), "spring rate; start value if it is estimated"]
     rest: Annotated[float, Unit("m"), Within(least=0), "length of the unloaded spring"]
     angle: Annotated[float, Unit("rad", written="deg"), "angle of joint 2 at which the spring is longest"] = 0.0
@@ -91,6 +91,9 @@ class LoadTests(Options):
     rotation: Annotated[LoadTestColumn, "rotation of the tool, as a rotation vector"]
     wrist: Annotated[LoadTestColumn | None, "displacement of a target at the wrist centre; default from the pose"] = (
         None
+    )
+    leave_out: Annotated[list[int], "lines of the file whose tests are not read, such as outliers"] = field(
+        default_factory=list
     )
 
 

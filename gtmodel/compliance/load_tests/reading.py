@@ -138,7 +138,7 @@ def read_load_tests(path: Path | str, tests: LoadTests) -> MeasuredTests:
     """
     columns = {n: (c.column, c.unit) for n in UNITS if (c := getattr(tests, n)) is not None}
     try:
-        table = signal_table.read(path_of(path), columns)
+        table = signal_table.read(path_of(path), columns, leave_out=tests.leave_out)
     except ArgumentError as error:
         argument = error.argument.removeprefix("signals.") if error.argument else "file"
         raise ArgumentError(error.message, f"tests.{argument}") from error

@@ -319,7 +319,9 @@ def worst_case(
         raise ArgumentError(f"expected 1 to {MOST_SIDES} parameters; found {len(box)}", "box")
     for name, (low, high) in box.items():
         if not (np.isfinite(low) and np.isfinite(high) and low <= high):
-            raise ArgumentError(f"expected a finite range for '{name}'; found {low:g} to {high:g}", "box")
+            raise ArgumentError(
+                f"the range of '{name}' is {low:g} to {high:g}; expected finite numbers, the smaller first", "box"
+            )
     if draws < 1:
         raise ArgumentError(f"expected at least 1; found {draws}", "draws")
     names, low, high = list(box), np.array([b[0] for b in box.values()]), np.array([b[1] for b in box.values()])

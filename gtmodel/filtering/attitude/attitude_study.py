@@ -56,11 +56,11 @@ def attitude_study(
     judging: AttitudeJudging | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> AttitudeStudy:
-    """Test how well a gyro bridges gaps between reference orientations: calibrate on one part, judge on the rest.
+    """Test how well a gyro bridges gaps between reference orientations: calibrate on one part, test on the rest.
 
     Args:
         recording: of the gyro and the references; or options of a synthetic recording.
-        judging: end of the calibration, and gaps to judge; gaps of 0.5 and 1 s if left out.
+        judging: end of the calibration, and gaps to test; gaps of 0.5 and 1 s if left out.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
     The unit of the gyro and the order and direction of the quaternion are found by maximum likelihood, and checked with
@@ -194,7 +194,7 @@ def _clock(
     o: AttitudeJudging,
     ask: Callable[[], None],
 ) -> tuple[list[Convention], np.ndarray, str]:
-    """Conventions with the more likely instants of the gyro; these instants, and a sentence."""
+    """Return candidate conventions, with the gyro's stamps or even instants, whichever are likelier; instants; why."""
     tried = conventions(stamps, rate, at, quaternion, rate_units=units, longest_offset=o.longest_offset)
     if o.sample_period is None:
         return tried, stamps, "as stamped"
@@ -287,7 +287,7 @@ def _judged(
     judged = []
     for gap in gaps:
         errors = gap_errors(at, turned, path, c.noise, c.estimate.covariance, gap, ask)
-        assert errors is not None, "gaps that are too long are refused earlier"
+        assert errors is not None, "gaps that are too long raise an error earlier"
         judged.append(errors)
     return judged
 

@@ -25,7 +25,7 @@ PART_UNITS = ("rad",) * 3 + ("1",) * 3 + ("rad",) * 3 + ("rad/s",) * 3 + ("s",)
 
 
 def parts(numbers: np.ndarray) -> np.ndarray:
-    """Mount (3,), scale (3,), misalignment (3,), bias (3,) and offset from the thirteen numbers of a correction.
+    """Convert the 13 numbers of a correction to mount (3,), scale (3,), misalignment (3,), bias (3,) and clock offset.
 
     matrix = turn * stretch, the polar decomposition: `mount` is the rotation vector of the turn from the sensor to the
     body; the stretch is symmetric, with scales on its diagonal and the misalignments yz, zx, xy of the sensor's axes

@@ -1,4 +1,4 @@
-"""Options of the attitude study: judging of a recording, a synthetic recording; and its result."""
+"""Options of the attitude study: test on a recording, a synthetic recording; and its result."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ...results.study import Study, to_inherit
 
 @dataclass(frozen=True)
 class AttitudeJudging(Options):
-    """The part of a recording that calibrates a gyro, and the gaps between references that judge it on the rest.
+    """The part of a recording that calibrates a gyro, and the gaps between references that test it on the rest.
 
     >>> gt.filtering.AttitudeJudging(gaps=(0.2,)).longest_offset
     0.5
@@ -48,12 +48,12 @@ class SyntheticAttitude(Options):
     duration: Annotated[float, Unit("s"), Within(least=6.0), "of the recording"] = 17.8
     sample_period: Annotated[float, Unit("s"), Within(above=0), "of the gyro"] = 0.009963
     reference_period: Annotated[float, Unit("s"), Within(above=0), "of the references, without pauses"] = 0.0725
-    resolution: Annotated[float, Unit("s"), Within(above=0), "of the stamps of the references"] = 0.01
+    resolution: Annotated[float, Unit("s"), Within(above=0), "resolution of the time stamps of the references"] = 0.01
     offset: Annotated[float, Unit("s"), "of the reference's clock"] = 0.002
     relative: Annotated[float, Within(least=0), "deviation of the gyro's error over the rate; persists for 2 s"] = 0.006
-    noise: Annotated[float, Unit("rad/s"), Within(least=0), "of one reading of the gyro"] = 7e-4
+    noise: Annotated[float, Unit("rad/s"), Within(least=0), "noise of one reading of the gyro"] = 7e-4
     lost: Annotated[int, Within(least=0), "missing rows"] = 5
-    seed: Annotated[int, Within(least=0), "of the motion and of all noise"] = 0
+    seed: Annotated[int, Within(least=0), "seed of the motion and of all noise"] = 0
 
 
 METHODS: Mapping[str, str] = {
@@ -85,7 +85,7 @@ class AttitudeStudy(Study):
     log_likelihood: Annotated[Sequence[float], "of each candidate"] = ()
     clock: Annotated[str, Quantity("", "more likely instants of the gyro, and the gain in likelihood", "clock")] = ""
     gravity: Annotated[str, Quantity("", "reading of the accelerometer at rest", "accelerometer")] = ""
-    names: Annotated[Sequence[str], "of the calibrated numbers, in the order of all fields below"] = ()
+    names: Annotated[Sequence[str], "names of the calibrated numbers, in the order of all fields below"] = ()
     numbers: Annotated[Sequence[float], "calibrated on the first part, in SI"] = ()
     first_interval: Annotated[Sequence[Sequence[float]], "95 % intervals of the first part, in SI"] = ()
     second_interval: Annotated[Sequence[Sequence[float]], "95 % intervals of the second part, in SI"] = ()
@@ -93,14 +93,15 @@ class AttitudeStudy(Study):
     relative: Annotated[Sequence[float], "deviation of the gyro's error relative to its rotations, both parts"] = ()
     persistence: Annotated[Sequence[float], Quantity("s", "correlation time of that error, both parts")] = ()
     gaps: Annotated[Sequence[float], Quantity("s", "lengths of time without a reference")] = ()
-    starts: Annotated[Sequence[int], "number of judged gaps of each length"] = ()
+    starts: Annotated[Sequence[int], "number of tested gaps of each length"] = ()
     methods: Annotated[Sequence[str], "methods that bridge a gap"] = ()
     error: Annotated[
-        Sequence[Sequence[float]], Quantity("rad", "mean at hidden references of the second part", written="deg")
+        Sequence[Sequence[float]], Quantity("rad", "mean error at the hidden references of the second part",
+    written="deg")
     ] = ()  # fmt: skip
     exchanged: Annotated[
         Sequence[Sequence[float]],
-        Quantity("rad", "the same, calibrated on the second part and judged on the first", written="deg"),
+        Quantity("rad", "the same, calibrated on the second part and tested on the first", written="deg"),
     ] = ()  # fmt: skip
     below_slerp: Annotated[Sequence[Sequence[float]], "error of slerp over the errors of carried and corrected"] = ()
     below_spline: Annotated[Sequence[float], "error of the rotation spline over the error of corrected"] = ()
@@ -146,7 +147,7 @@ class AttitudeStudy(Study):
                 for j, method in enumerate(self.methods)
             ]
             run = f"{np.degrees(self.filtered[i]):.3f}, {np.degrees(self.smoothed[i]):.3f}  (NIS {self.nis[i]:.2f})"
-            rows.append(Row(f"gap of {gap:g} s: error-state filter, its smoother", run, "deg"))
+            rows.append(Row(f"gap of {gap:g} s: error of the error-state filter, of its smoother", run, "deg"))
             carried, corrected = self.below_slerp[i]
             times = f"carried {carried:.1f} times, corrected {corrected:.1f}; corrected {self.below_spline[i]:.1f}"
             rows.append(Row(f"gap of {gap:g} s: below slerp, below spline", times))

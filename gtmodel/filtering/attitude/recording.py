@@ -17,9 +17,9 @@ from .options import SyntheticAttitude
 def sampled_instants(stamps: np.ndarray, period: float) -> np.ndarray:
     """Estimate the sampling instants (n,) of an evenly sampled sensor from arrival stamps (n,), up to the least delay.
 
-    A sample was taken at least one period before the next one, and each one before it arrived: so none was taken later
-    than any later arrival minus the periods in between. The result is the latest instants that satisfy this. They are
-    even while samples wait in a buffer, and jump where samples were lost.
+    Samples are one period apart, and each arrives after its sampling instant, so no sampling instant is later than any
+    later arrival minus the periods in between. The result is the latest instants that satisfy this condition. The
+    instants are even while samples wait in a buffer, and jump where samples were lost.
 
     period: of the sensor by its own clock [s]; a slightly short value does no harm. Raises ArgumentError if it is not
     above zero, and for stamps that go back.

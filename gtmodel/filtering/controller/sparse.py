@@ -119,7 +119,7 @@ class EntryProduct:
 
     @cached_property
     def slots(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """First terms of all entries, second ones, ...: (entries, left, right)."""
+        """Return the first terms of the sums of all entries, then the second terms, ...: (entries, left, right)."""
         sizes = np.diff(self.start)
         slots = []
         for k in range(int(sizes.max(initial=0))):

@@ -38,17 +38,22 @@ class FusionSensors(Options):
     acceleration_noise: Annotated[
         float, Unit("m/s2", key="acceleration_noise_m_s2_rtHz"), Within(above=0.0), "density of the accelerometer"
     ] = 0.00039
-    acceleration_bias: Annotated[float, Unit("m/s2"), "of each axis of the accelerometer"] = 0.00025
+    acceleration_bias: Annotated[float, Unit("m/s2"), "bias of each axis of the accelerometer"] = 0.00025
     rate_noise: Annotated[
         float, Unit("rad/s", written="deg/s", key="rate_noise_deg_s_rtHz"), Within(above=0.0), "density of the gyro"
     ] = np.radians(0.0016)
-    rate_bias: Annotated[float, Unit("rad/s", written="deg/s"), "of each axis of the gyro"] = np.radians(0.0008)
+    rate_bias: Annotated[float, Unit("rad/s", written="deg/s"), "bias of each axis of the gyro"] = np.radians(0.0008)
     sample_time: Annotated[float, Unit("s", written="ms"), Within(above=0.0), "sampling period of all sensors"] = 0.001
     arm: Annotated[
-        tuple[float, ...], Unit("m", written="mm"), Long(3), "from the target to the unit, in the axes of the body"
+        tuple[float, ...],
+        Unit("m", written="mm"),
+        Long(3),
+        "lever arm from the target to the inertial unit, in the axes of the body",
     ] = (0.18, 0.1, -0.12)
-    arm_error: Annotated[float, Unit("m", written="mm"), "of the arm along z, unknown to the filter"] = 0.0
-    misalignment: Annotated[float, Unit("rad", written="deg"), "of the unit about z, unknown to the filter"] = 0.0
+    arm_error: Annotated[float, Unit("m", written="mm"), "error of the arm along z, unknown to the filter"] = 0.0
+    misalignment: Annotated[
+        float, Unit("rad", written="deg"), "misalignment of the inertial unit about z, unknown to the filter"
+    ] = 0.0
     gravity: Annotated[bool, "whether the accelerometer measures gravity; the thesis leaves it out"] = False
     outlier_share: Annotated[
         float, Within(least=0.0, most=0.5), "share of the tracker's positions that are off by twenty times its noise"
@@ -72,11 +77,13 @@ class FusionFilter(Options):
     """
 
     kind: Annotated[FilterKind, "extended, iterated, unscented or particle"] = "extended"
-    particles: Annotated[int, Within(least=2), "of the particle filter, which marginalises the position"] = 1000
+    particles: Annotated[int, Within(least=2), "particles of the particle filter, which marginalises the position"] = (
+        1000
+    )
     printed: Annotated[bool, "use the covariance of Appendix B, equations (21) and (24) as printed"] = False
     exact_step: Annotated[bool, "with `printed`: insert the factor 1/2 that (21) lacks"] = False
     jerk_density: Annotated[
-        tuple[float, ...], Unit("m2/s5"), Long(3), Within(least=0.0), "of white jerk along x, y, z"
+        tuple[float, ...], Unit("m2/s5"), Long(3), Within(least=0.0), "density of white jerk along x, y, z"
     ] = (0.1, 1e-6, 0.1)
     angular_jerk_density: Annotated[float, Unit("rad2/s5"), Within(least=0.0), "of white angular jerk"] = 1e2
     fast_jerk_density: Annotated[
@@ -92,7 +99,10 @@ class FusionFilter(Options):
     ] = None
     smooth: Annotated[bool, "whether to smooth over the whole log too (fixed interval)"] = False
     tracker_jerk_density: Annotated[
-        float, Unit("m2/s5"), Within(above=0.0), "of the filter on the tracker alone, the second baseline"
+        float,
+        Unit("m2/s5"),
+        Within(above=0.0),
+        "jerk noise density of the filter that uses the tracker alone, the second baseline",
     ] = 10.0
 
 
@@ -263,7 +273,7 @@ class FusionStudy(Study):
     )
     printed: Annotated[
         Mapping[str, Sequence[float | None]],
-        "if the thesis has the same numbers: printed mean errors of one sensor and of fusion, SI, metric not stated",
+        "if the thesis has the same case: its printed mean errors of one sensor and of fusion, SI, metric not stated",
     ] = field(default_factory=dict)
     printed_in: Annotated[str, "table of these numbers"] = ""
     nis: Annotated[float | None, "mean normalised innovation squared per instant"] = None
@@ -283,9 +293,11 @@ class FusionStudy(Study):
     sweep_values: Annotated[Sequence[float], "SI"] = ()
     sweep_fused: Annotated[Sequence[float], Quantity("m/s", "velocity error of fusion", written="mm/s")] = ()
     sweep_tracker: Annotated[
-        Sequence[float], Quantity("m/s", "of the filter on the tracker alone", written="mm/s")
+        Sequence[float], Quantity("m/s", "velocity error of the filter that uses the tracker alone", written="mm/s")
     ] = ()
-    sweep_slope: Annotated[Sequence[float], Quantity("m/s", "of the slope of four positions", written="mm/s")] = ()
+    sweep_slope: Annotated[
+        Sequence[float], Quantity("m/s", "velocity error of the slope of four positions", written="mm/s")
+    ] = ()
     sweep_consistent: Annotated[Sequence[bool], "whether the innovations are in their band"] = ()
     limit_tracker: Annotated[float | None, "swept value at which fusion is no better than the tracker's filter"] = None
     limit_slope: Annotated[float | None, "swept value at which fusion is no better than the slope"] = None

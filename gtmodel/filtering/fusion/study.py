@@ -102,7 +102,7 @@ def _answer(
     scene: Scene, path: TrackedPath, sensors: FusionSensors, sweep: FusionSweep | None, seed: int, title: str,
     filtered: _Fused, swept: dict[str, Any] | None = None, preferred: float | None = None, *, stopped: bool = True,
 ) -> FusionStudy:  # fmt: skip
-    """Study of the rows filtered, smoothed and judged so far."""
+    """Return the study of the rows that are filtered, smoothed and tested so far."""
     swept, c = swept or {}, filtered.consistency
     synthetic = (
         f"SYNTHETIC: seed {seed}, tracker {1e3 * sensors.position_noise:.3g} mm, accelerometer "
@@ -160,7 +160,7 @@ def _filtered(
     blame: bool = True,
     keep: Callable[[_Fused], object] | None = None,
 ) -> _Fused:
-    """Filter a scene; keep: called with the result before smoothing and judging."""
+    """Filter a scene; keep: called with the result before it is smoothed and tested."""
     systems = systems_of(scene, design)
     report, smoothing = work.fractions("filtering"), design.smooth
     run = filter_of(systems, design).run(scene.log, scene.initial, truth=scene.truth, keep=smoothing, progress=report)
@@ -192,7 +192,7 @@ def _three(values: Any) -> dict[str, Any]:
 
 
 def settled(scene: Scene) -> float:
-    """Time from which errors count [s]: the slope of four needs four positions."""
+    """Time from which errors count [s]: the slope needs four positions."""
     return max(SETTLED, 4 * scene.sensors.sample_time)
 
 
@@ -436,7 +436,11 @@ def _baselines_figure(scene: Scene, f: _Fused, title: str) -> Any:
 def _velocity_errors(scene: Scene, filtered: _Fused) -> dict[str, np.ndarray]:
     """Velocity errors by method (n, 3) [m/s]."""
     n = len(filtered.run.time)
-    estimates = {"slope of four": filtered.slope, "tracker alone": filtered.tracker["v"], "fused": filtered.run["v"]}
+    estimates = {
+        "slope of four positions": filtered.slope,
+        "tracker alone": filtered.tracker["v"],
+        "fused": filtered.run["v"],
+    }
     if filtered.smoothed is not None:
         estimates["smoothed"] = filtered.smoothed["v"]
     return {name: v[:n] - scene.motion.v[:n] for name, v in estimates.items() if len(v) >= n}
@@ -458,7 +462,7 @@ def _sweep_figure(swept: dict[str, Any], title: str) -> Any:
     from ...plot.filters import sweep_figure
 
     lines = {
-        "slope of four": swept["sweep_slope"],
+        "slope of four positions": swept["sweep_slope"],
         "tracker alone": swept["sweep_tracker"],
         "fused": swept["sweep_fused"],
     }

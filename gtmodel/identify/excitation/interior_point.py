@@ -105,7 +105,7 @@ def interior_point(
         late = stop_at is not None and time.monotonic() > stop_at
         result = best.x, best.f, best.h
         if stopped or late:
-            word = "stopped by the caller" if stopped else "time limit"
+            word = "the run was stopped by the caller" if stopped else "the run reached its time limit"
             return _run(result, iteration, SolveStatus.INTERRUPTED, word)
         if iteration == max_iterations:
             return _run(result, iteration, SolveStatus.ITERATION_LIMIT)
@@ -245,6 +245,7 @@ def _run(result: tuple[Array, float, Array], iterations: int, status: SolveStatu
     x, f, h = result
     violation = _violation(h)
     message = "solved" if status.ok else f"{status.message} ({word})" if word else status.message
+    message = word if status is SolveStatus.INTERRUPTED else message
     if violation > KEPT and not status.ok:
         message += (
             f"; no feasible point was found, the least infeasible one violates a row by {violation:.2g} of its size"

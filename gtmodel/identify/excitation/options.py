@@ -22,7 +22,9 @@ class Family(Options):
     """
 
     family: Annotated[Literal["fourier", "spline"], "finite Fourier series or spline"] = "fourier"
-    period: Annotated[float, Unit("s"), Within(above=0.0), "of the motion; it can be repeated"] = field(kw_only=True)
+    period: Annotated[float, Unit("s"), Within(above=0.0), "period of the motion, which can be repeated"] = field(
+        kw_only=True
+    )
     harmonics: Annotated[int, Within(least=2, most=30), "fourier: number of harmonics"] = 5
     intervals: Annotated[int, Within(least=2, most=60), "spline: number of polynomial pieces"] = 12
     place_low: Annotated[
@@ -127,7 +129,7 @@ class ExcitationStudy(Study):
     ] = None
     singular_values: Annotated[
         Mapping[str, Array] | None,
-        "of the scaled regressor over the square root of samples, largest first: optimised and random",
+        "singular values of the scaled regressor over the square root of samples, largest first: optimised and random",
     ] = None
     limits: Annotated[
         Mapping[str, float] | None,
@@ -135,7 +137,7 @@ class ExcitationStudy(Study):
     ] = None
     coefficients: Annotated[
         Mapping[str, Array] | None,
-        "of the optimised motion: place_m, cosine_m and sine_m (harmonics, 3); controls_m for a spline",
+        "coefficients of the optimised motion: place_m, cosine_m and sine_m (harmonics, 3); controls_m for a spline",
     ] = None
     unknowns: Annotated[Array | None, "unknowns of the motion, for --start"] = None
     draws: Annotated[int | None, "number of random motions"] = None

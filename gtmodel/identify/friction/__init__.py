@@ -1,4 +1,4 @@
-"""Friction of the actuators and the mass they carry, from runs at constant velocity."""
+"""Friction of carts that carry a plate, and the mass that they carry, from runs at constant velocity."""
 
 from typing import TYPE_CHECKING
 

@@ -17,6 +17,11 @@ from ...results.trajectory_checks import Array
 from .options import HeldPose
 
 Weighed = Callable[[Sequence[float]], np.ndarray]
+SINGLE_AXIS = '; if no carts carry a plate, as with a single axis, use kind = "identification"'
+NO_LOAD = (
+    "one kilogram at the tool loads no cart, so that no force determines the mass; check tcp_m, holding_N and the "
+    f"direction of gravity{SINGLE_AXIS}"
+)
 PLATE = "m_p"  # mass of the plate, payload included, in all robots of the library
 
 
@@ -44,13 +49,17 @@ def gravity_pattern(robot: Model, poses: Sequence[HeldPose]) -> np.ndarray:
 
 def _holding(pose: HeldPose, argument: str, weigh: Callable[[], Weighed]) -> np.ndarray:
     if (pose.tcp is None) == (pose.holding is None):
-        raise ArgumentError("expected either tcp or holding with holding_mass", argument)
+        raise ArgumentError(
+            "expected either a tool centre point (key tcp_m), or printed forces with the mass that they hold (keys "
+            f"holding_N and holding_mass_kg){SINGLE_AXIS}",
+            argument,
+        )
     if pose.tcp is not None:
         weighed = weigh()
         with naming(f"{argument}.tcp", ValueError):
             return weighed(pose.tcp)
     if pose.holding_mass is None:
-        raise ArgumentError("is missing; expected the mass that `holding` holds, in kg", f"{argument}.holding_mass")
+        raise ArgumentError("is missing; expected the mass in kg that holding_N holds", f"{argument}.holding_mass")
     return np.array(pose.holding) / pose.holding_mass
 
 
@@ -59,14 +68,14 @@ def _by_geometry(robot: Model) -> Weighed:
     masses = {p.name: p.value for p in flat_of(robot).parameters}
     if masses.get(PLATE) is None:
         raise ArgumentError(
-            f"has no mass '{PLATE}' of its plate, so that its model cannot compute the holding forces; "
-            "set `holding` in the poses",
+            f"has no mass '{PLATE}' of its plate, so that its model cannot compute the holding forces; give each pose "
+            f"printed forces with the mass that they hold (keys holding_N and holding_mass_kg){SINGLE_AXIS}",
             "robot",
         )
     try:
         inverse = [m.causal(known="T", targets="tau") for m in (robot, robot.with_(**{PLATE: masses[PLATE] + 1.0}))]
     except ModelError as error:
-        message = f"its tool centre point does not determine its pose, as it does with three links ({error})"
+        message = f"the tool centre point does not determine the robot's pose; use a three-link robot ({error})"
         raise ArgumentError(message, "robot") from error
 
     def weighed(tcp: Sequence[float]) -> np.ndarray:
@@ -121,7 +130,7 @@ def mass_by_norm(middle: Array, pattern: Array) -> MassByNorm:
     if not (np.isfinite(c).all() and np.isfinite(g).all()):
         raise ArgumentError("middle or pattern has a number that is not finite", "middle")
     if not np.any(g):
-        raise ArgumentError("one kilogram loads no cart, so that no force determines the mass", "pattern")
+        raise ArgumentError(NO_LOAD, "pattern")
     c, g = c.ravel(), g.ravel()
     return MassByNorm(float(c @ g / (g @ g)), _weighted_median(c, g), _minimax(c, g))
 

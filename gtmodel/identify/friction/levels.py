@@ -17,7 +17,7 @@ from ...results.suspicion import Inspection, Suspicion
 from ...results.trajectory_checks import Array
 from ..checks import columns_compared, leaves
 from .constant_velocity import Runs
-from .gravity import PARALLEL, Gravity, MassByNorm, mass_by_norm
+from .gravity import NO_LOAD, PARALLEL, Gravity, MassByNorm, mass_by_norm
 from .options import FrictionAlarm
 
 
@@ -38,10 +38,7 @@ def check(runs: Runs, pattern: Array, inspection: Inspection) -> None:
                 "runs",
             )
     if not np.any(pattern):
-        raise ArgumentError(
-            "one kilogram loads no cart, so that no force determines the mass; check the direction of gravity",
-            "pattern",
-        )
+        raise ArgumentError(NO_LOAD, "pattern")
     if np.any((runs.pose < 0) | (runs.pose >= poses)):
         raise ArgumentError(f"a run has pose {int(np.max(runs.pose)) + 1}; the pattern has {poses} poses", "runs")
     columns = {"velocity": runs.velocity, "force": runs.force, "position": runs.position}

@@ -51,7 +51,7 @@ class ConstantVelocity(Options):
 
     cutoff: Annotated[
         float, Unit("Hz"), Within(above=0.0),
-        "of the low pass that detects rows at constant velocity; means are of unfiltered rows",
+        "cut-off of the low pass that detects rows at constant velocity; means use unfiltered rows",
     ] = CUTOFF_HZ  # fmt: skip
     slowest: Annotated[float, Unit("m/s"), Within(least=0.0), "slower runs are dropped"] = 0.0
     steady_acceleration: Annotated[
@@ -115,7 +115,7 @@ LABELS = {
 class FrictionStudy(Study):
     """Friction by actuator and direction of motion, and the mass held; None if stopped before the fit."""
 
-    mass: Annotated[float | None, Quantity("kg", "plate and half the links, as the carts' forces hold them")] = None
+    mass: Annotated[float | None, Quantity("kg", "mass that the cart forces hold: plate and half of the links")] = None
     mass_interval: Annotated[
         Sequence[float] | None, Quantity("kg", "95 % interval; if the runs do not determine the mass, of the choice")
     ] = None

@@ -123,7 +123,7 @@ def friction_study(
 
 
 def check_widths(coefficients: FrictionCoefficients, carts: int, argument: str) -> None:
-    """Raise ArgumentError for coefficients of another number of carts."""
+    """Raise ArgumentError unless every friction coefficient has one number for each cart."""
     for name in LABELS:
         count = len(getattr(coefficients, name))
         if count != carts:

@@ -71,8 +71,8 @@ def normal_equations(s: Structure, rows: list[Linearised]) -> BlockNormal:
 class ReducedEquations:
     """Equations of the shared unknowns only: S (columns, columns), dense or sparse, and the gradient `g`.
 
-    roots: B (locals, l, l) with V^-1 = B B'. Y: W B by width. weak: basis (locals, l, k) of the null space of V, None
-    if V is regular. scale: lengths of the columns of J (columns,).
+    roots: B (locals, l, l) with V^-1 = B B'. Y: the products W B, by number of columns. weak: basis
+    (locals, l, k) of the null space of V, None if V is regular. scale: lengths of the columns of J (columns,).
     """
 
     s: Structure

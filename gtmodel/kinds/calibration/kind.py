@@ -22,7 +22,6 @@ from gtmodel.results.refusal import naming
 from . import page
 from .keys import JointStiffness, MeasuredSection, Schema
 
-NAME = "calibration"
 STIFFNESS = "joint_stiffness"
 ARGUMENTS = {
     "fit": "", "poses.values": "measurements.signals", "poses[].values": "measurements[].signals",
@@ -49,7 +48,7 @@ def call(problem: Schema, context: Context) -> Call:
     reference, before = robots.in_python(problem.robot, context)
     external = python_models.is_reference(reference) or python_models.is_urdf(reference)
     origin = Origin(problem.robot, reference if external else "", merged(before, problem.parameters))
-    title = problem.title or f"{NAME} of {problem.robot}"
+    title = problem.title or f"{problem.kind} of {problem.robot}"
     split = problem.held_out
     refit = Refit(split.refit, split.refit_every) if split.refit else None
     return Call(
@@ -64,9 +63,9 @@ def explain(problem: Schema, context: Context) -> str:
     if problem.joint_stiffness is not None:
         lines = fitted_rows(_tests(_stiffness(problem), robot, context))
     else:
-        carts, poses = _carts(problem, context), _poses(problem, robot, context)
-        lines = explained(robot, poses, problem.options(), problem.held_out.every, carts, problem.held_out.method)
-    name = NAME if problem.joint_stiffness is None else STIFFNESS
+        held, carts, poses = problem.held_out, _carts(problem, context), _poses(problem, robot, context)
+        lines = explained(robot, poses, problem.options(), held.every, carts, held.method, context.full)
+    name = problem.kind if problem.joint_stiffness is None else STIFFNESS
     return "\n".join([f"{problem.title or name}: {lines[0]}", *lines[1:]])
 
 

@@ -28,8 +28,8 @@ STYLE = (
 )
 CAPTIONS = {
     "pose_errors": "Positioning error per pose (compare Dressler 2012, Fig. 5.1); dashed: mean; ring: largest error.",
-    "workspace_errors": "Positioning error over the workspace; ring: largest error.",
-    "length_errors": "Length errors of each link in the fitted poses.",
+    "workspace_errors": "Positioning error over the workspace; squares: held-out poses; ring: largest error.",
+    "length_errors": "Errors of each link, or coordinate of the tool, in the fitted poses.",
     "deviations": "Standard deviation of each unknown.",
     "correlation": "Correlation of the unknowns.",
     "stiffness": "Stiffness of each joint with 95 % confidence intervals, for both methods.",
@@ -123,10 +123,20 @@ def _accuracy(values: Mapping[str, Any]) -> str:
     if values["orientation_deg"]:
         o = values["orientation_deg"]
         page += f"<p>Orientation error: mean {o['mean']:.3g}, max {o['max']:.3g} degrees.</p>"
-    if values["worst"]:
-        w = values["worst"]
-        position = ", ".join(f"{x:.3f}" for x in w["position_m"])
-        page += f"<p>Largest error: {w['error_mm']:.3g} mm at ({position}) m, line {w['line']}.</p>"
+    if values["largest"]:
+        rows = [
+            (
+                w["part"],
+                w["line"],
+                w["error_mm"],
+                w["column"],
+                w["off_mm"],
+                ", ".join(f"{x:.3f}" for x in w["position_m"]),
+            )
+            for w in values["largest"]
+        ]
+        heads = ("largest error", "line", "error [mm]", "worst column", "error in it [mm]", "at [m]")
+        page += table(heads, rows)
     if values["principal"]:
         p = values["principal"]
         rows = [(f"({', '.join(f'{x:.2f}' for x in d)})", s) for s, d in zip(p["rms_mm"], p["directions"], strict=True)]
@@ -173,8 +183,12 @@ def _identifiability(values: Mapping[str, Any]) -> str:
 def _outliers(values: Mapping[str, Any]) -> str:
     if not values["outliers"]:
         return "<h2>Outliers</h2><p>None.</p>"
-    rows = [(o["line"], o["link"], o["residual_mm"], f"{o['times']:.1f}") for o in values["outliers"]]
-    return "<h2>Outliers</h2>" + table(("line", "link", "length error [mm]", "robust deviations"), rows)
+    if "column" not in values["outliers"][0]:
+        rows = [(o["line"], o["link"], o["residual_mm"], f"{o['times']:.1f}") for o in values["outliers"]]
+        return "<h2>Outliers</h2>" + table(("line", "signal", "error [mm]", "standard deviations"), rows)
+    rows = [(o["pose"], o["column"], o["off_mm"], o["error_mm"], o["others_mm"]) for o in values["outliers"]]
+    heads = ("pose", "worst column", "error in it [mm]", "error [mm]", "other poses [mm]")
+    return "<h2>Outliers</h2>" + table(heads, rows)
 
 
 def _sensitivity(values: Mapping[str, Any], problem: Schema) -> str:

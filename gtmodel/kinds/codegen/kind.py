@@ -19,7 +19,6 @@ from gtmodel.results.refusal import naming
 
 from .keys import FilterSection, Schema, keys_of_units
 
-NAME = "codegen"
 arguments = keys_of_units
 VERSIONS = {"3": (3,), "2": (2,), "both": (3, 2)}
 
@@ -88,7 +87,7 @@ def _units(problem: Schema, context: Context, out: Path, fmu: str, verify: bool,
 
 def explain(problem: Schema, context: Context) -> str:
     """Return the certificate of every function."""
-    return "\n\n".join(f"{name}\n{f.explain()}" for name, f in functions_of(problem, context).items())
+    return "\n\n".join(f"{name}\n{f.explain(context.full)}" for name, f in functions_of(problem, context).items())
 
 
 def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction | StepFunction]:

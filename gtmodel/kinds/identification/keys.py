@@ -29,7 +29,9 @@ class SharpFriction(FileSection):
         default=None, description="for catalogue robots and robot files; sign, exact except at standstill, if left out"
     )
     velocity_scale_m_s: PositiveFloat | None = Field(
-        default=None, description="velocity over which a smoothed sign changes; 0.1 for robots of the catalogue"
+        default=None,
+        description="velocity over which a smoothed sign changes, in m/s, and in rad/s at revolute joints; "
+        "0.1 for robots of the catalogue",
     )
 
 

@@ -16,7 +16,6 @@ from gtmodel.problem_files.base import Call, Context, InputError
 
 from .keys import IdentificationLogSection, Schema, SyntheticLogSection
 
-NAME = "identification"
 ARGUMENTS = {
     "fitting": "",
     "processing": "filter",

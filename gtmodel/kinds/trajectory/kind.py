@@ -12,7 +12,6 @@ from gtmodel.problem_files.keys import PATH_ARGUMENTS
 
 from .keys import Schema
 
-NAME = "trajectory"
 ARGUMENTS = {**PATH_ARGUMENTS, "earlier": "--start"}
 
 
@@ -24,10 +23,10 @@ def call(problem: Schema, context: Context) -> Call:
 
 def explain(problem: Schema, context: Context) -> str:
     """Describe the optimisation: states, controls, bounds, and the certificate of the inverse dynamics."""
-    return explained(problem.motion(context), problem)
+    return explained(problem.motion(context), problem, context.full)
 
 
-def explained(task: MotionProblem, problem: Schema) -> str:
+def explained(task: MotionProblem, problem: Schema, full: bool) -> str:
     """Return the description of the optimisation for a motion and the problem it comes from."""
     plan, mesh, force = plan_of(task), task.mesh, task.limits.force
     built = build(motion(task, plan.guard, plan.path))
@@ -42,4 +41,4 @@ def explained(task: MotionProblem, problem: Schema) -> str:
         head.append(f"  along: {problem.path.shape} of {plan.path.length:.4g} m")
     if plan.guard.margins:
         head.append(f"  further limits: {', '.join(dict.fromkeys(m.key for m in plan.guard.margins))}")
-    return "\n".join(head) + "\n" + compile_causal(task.robot, known="T", targets="tau").explain()
+    return "\n".join(head) + "\n" + compile_causal(task.robot, known="T", targets="tau").explain(full)

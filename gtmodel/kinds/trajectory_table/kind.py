@@ -9,7 +9,6 @@ from gtmodel.problem_files.keys import PATH_ARGUMENTS
 from ..trajectory.kind import explained
 from .keys import Schema
 
-NAME = "trajectory_table"
 ARGUMENTS = {**PATH_ARGUMENTS, "rows[].problem.path.points": "path.file", "rows[].problem": "", "rows": "row"}
 
 
@@ -23,4 +22,4 @@ def call(problem: Schema, context: Context) -> Call:
 def explain(problem: Schema, context: Context) -> str:
     """Return the description of each row."""
     rows = zip(problem.rows(context), problem.problems(), strict=True)
-    return "\n\n".join(f"{row.name}\n{explained(row.problem, keys)}" for row, keys in rows)
+    return "\n\n".join(f"{row.name}\n{explained(row.problem, keys, context.full)}" for row, keys in rows)

@@ -62,7 +62,7 @@ class Conditions:
         return scaled, int(np.sum(changed))
 
     def _are_lengths(self, k: int) -> bool:
-        """Whether input k has conditions that all unit vectors satisfy."""
+        """Return whether input k is a unit quaternion: all unit vectors satisfy the model's conditions on it."""
         pairs = set(self._inputs[k].pairs)
         conditions = [n for n, p in enumerate(self._symbols) if pairs.issuperset(p)]  # without conditions on rates
         if self._inputs[k].shape != (4,) or not conditions:

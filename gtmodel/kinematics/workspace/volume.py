@@ -158,8 +158,8 @@ def _corner_area(ring: Array, present: Array) -> float:
 
 
 def _loops(ring: Array, present: Array, edges: Array, split: Array) -> tuple[Array, ...]:
-    """Join the boundary segments of all cells into polygons. A segment leads from the edge where the path around the
-    cell leaves the region to the edge where it enters the region again."""
+    """Join the boundary segments of all cells into polygons. On the way around a cell, a segment begins at the edge
+    where the way leaves the region and ends where it comes back."""
     following: dict[int, int] = {}
     crossings: dict[int, Array] = {}
     for points, exists, numbers, is_split in zip(ring, present, edges, split, strict=True):

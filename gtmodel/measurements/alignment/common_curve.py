@@ -129,10 +129,10 @@ class Warp:
 
 @dataclass(frozen=True, eq=False)
 class CurveFit:
-    """A fitted common curve. `border` (rows, parameters): Jacobian of the parameters after elimination of the curve,
-    and `residuals`: both over the noise, for each series first the reference, then the other recording. `noise`
-    (series, 2): standard deviations. `curve`: number of coefficients. `simulated` (rows, PROBES): residuals of white
-    noise."""
+    """A fitted common curve. `border` (rows, parameters): Jacobian by the parameters after elimination of the curve.
+    `residuals` (rows,). Both are divided by the noise; the rows of each series are those of the reference, then those
+    of the other recording. `noise` (series, 2): standard deviations. `curve`: number of coefficients. `simulated`
+    (rows, PROBES): residuals of white noise."""
 
     warp: Warp
     spacing: float

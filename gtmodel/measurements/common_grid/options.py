@@ -75,7 +75,7 @@ class ResamplingStudy(Study):
     rows_left_out: Annotated[
         Sequence[int], "per clock: rows dropped because they lack a number, are late or repeat"
     ] = ()
-    rate: Annotated[Sequence[float], Quantity("Hz", "per clock: 1 / median step")] = ()
+    rate: Annotated[Sequence[float], Quantity("Hz", "per clock: sampling rate, 1 / median step")] = ()
     jitter: Annotated[Sequence[float], "per clock: spread of the steps over the median step"] = ()
     gaps: Annotated[Sequence[int], "per clock: number of gaps"] = ()
     longest_gap: Annotated[Sequence[float], Quantity("s", "per clock: longest step")] = ()

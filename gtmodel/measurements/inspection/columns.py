@@ -307,8 +307,10 @@ def quantum(values: Array) -> float:
 
 
 G = 9.81  # m/s2
+BACKWARD = 0.2  # largest share of backward steps of a time, from late rows
 TURN_RAD, TURN_DEG = 3.2, 7.0  # angles below the first are probably in rad, above the second in deg
 _FORCES = r"force|torque|effort|tau|moment|drehm|load"
+_CURRENTS = r"(current|strom|curr)s?(_?\d+)?$|^i_?[dquvw]$"
 _ANGLES = r"angle|joint|axis|motor|enc|rot|phi|theta|psi|roll|pitch|yaw|winkel|achse|^q\d*$|^q\[|^j\d+$"
 _RATES = r"gyr|omega|angular_vel|rate"
 _PLACES = r"pos|tcp|place|coord|travel|stroke|height|length|leg|^[xyz]\d*$|(^|[._])[xyz]$|cart"
@@ -330,6 +332,17 @@ def is_time(name: str) -> bool:
     return re.search(_TIMES, name.lower()) is not None
 
 
+def is_clock(name: str, values: Array) -> bool:
+    """Return whether a column named like a time runs forward, apart from resets and late rows."""
+    steps = np.diff(values[np.isfinite(values)])
+    return is_time(name) and bool(np.mean(steps < 0) <= BACKWARD if len(steps) else True)
+
+
+def counts_rows(values: Array) -> bool:
+    """Return whether a column counts the rows, as 1, 2, 3 do: an index, which is not a time."""
+    return len(values) > 2 and values[0] % 1 == 0 and bool(np.all(np.diff(values) == 1.0))
+
+
 def unit_guess(facts: ColumnFacts, stated: str, head: Array, group: Array | None) -> UnitGuess:
     """Return the unit of a column from the header, its name, or its numbers.
 
@@ -346,10 +359,14 @@ def unit_guess(facts: ColumnFacts, stated: str, head: Array, group: Array | None
     lower, size = name.lower(), max(abs(facts.least), abs(facts.most))
     if re.search(_NOTHING, lower) and np.all(head[np.isfinite(head)] % 1 == 0):
         return UnitGuess("1", "whole numbers: a count or a state")
-    if is_time(name):
+    if is_clock(name, head):
         return _of_time(facts, head)
+    if counts_rows(head):
+        return UnitGuess("1", "counts the rows: an index")
     if group is not None and (known := _of_vector(lower, group)) is not None:
         return known
+    if re.search(_CURRENTS, lower):
+        return UnitGuess("A", "named like a current")
     if re.search(_RATES, lower):
         if size > 35.0:
             return UnitGuess("deg/s", f"named like an angular velocity, up to {size:.3g}: too fast for rad/s")

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Unpack
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Unpack
 
 import numpy as np
 
@@ -18,10 +18,11 @@ from ...results.trajectory_checks import Array
 from ...results.trajectory_files import PathLike
 from ...results.work import Work, WorkOptions, study_function
 from ..sampling import SamplingReport
-from ..streams.form import LogError, LogForm, shown
+from ..streams.form import FormError, LogError, LogForm, shown
 from ..streams.matlab import MatFile
 from ..streams.opening import content_of
 from ..streams.stream import MOST_SHOWN, Stream
+from ..streams.text import TextStream
 from .columns import (
     Clock,
     ClockPair,
@@ -30,18 +31,22 @@ from .columns import (
     Envelope,
     UnitGuess,
     clock_of,
-    is_time,
+    counts_rows,
+    is_clock,
     pairs,
     unit_guess,
     unit_of_name,
 )
 
-SHORTEST = 16  # rows of a stream; shorter ones beside longer ones are parameters
+if TYPE_CHECKING:
+    from ..streams.bags import Bag
+
+SHORTEST = 16  # samples of a stream of a MATLAB file; shorter ones beside others are parameters
 MOST_CLOCKS = 4
 MOST_GAPS = 20  # gaps listed
 MOST_NAMES = 12
 MOST_WORDS = 4  # columns with words among their numbers listed
-_COMPONENT = re.compile(r"(?P<base>.+?)(?:\[\d+\]|[_.](?:[xyzw]|\d+)|(?<=[^\d\W])\d+)")
+_COMPONENT = re.compile(r"(?P<base>.+?)(?:\[\d+\]|[_. ](?:[xyzw]|\d+)|(?<=[^\d\W])\d+)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +73,7 @@ class InspectedStream:
 class InspectionStudy(Study):
     """Contents of a log: `streams` by name as plain data, `inspected` as objects; the notes list peculiarities."""
 
+    done: ClassVar[str] = "read"
     streams: Annotated[
         dict[str, Any],
         Quantity(description="per stream: rows, clocks, and columns with range, unit and the reason for the unit"),
@@ -94,7 +100,8 @@ def inspect(
         title: title of the table and the picture.
         progress, max_seconds, stop: see `Work`. A stopped study describes the rows read so far.
 
-    Units that the header does not state are marked as guesses. Raises LogError for a file that cannot be read.
+    Units that the header does not state are marked as guesses. A header below other lines and decimal commas are
+    recognised; a note states the keys that other readers need. Raises LogError for a file that cannot be read.
 
     >>> from pathlib import Path
     >>> lines = [f"{4 * k},{0.5 * k % 2},{300 + k}" for k in range(40) if k != 20]
@@ -109,8 +116,7 @@ def inspect(
     (250.0, 1)
     """
     work = Work(**work_options)
-    content = content_of(path, form)
-    notes: list[str] = []
+    content, form, notes = _opened(path, form)
     all_streams = [content] if isinstance(content, Stream) else list(content.streams())
     streams = [s for s in all_streams if not form.stream or s.name == form.stream]
     if not streams:
@@ -124,7 +130,7 @@ def inspect(
     work.keep(partial(_answer, title, tables, notes, True))
     for stream in streams:
         notes += [_on(stream, remark) for remark in stream.remarks]
-        inspected, ended = _inspected(stream, work, others=len(streams) > 1)
+        inspected, ended = _inspected(stream, work, others=len(streams) > 1 and isinstance(content, MatFile))
         tables += [] if inspected is None else [inspected]
         notes += [_on(stream, sentence) for sentence in _left_out(stream)]
         if ended:
@@ -132,10 +138,33 @@ def inspect(
             break
     if not tables and not ended:
         raise LogError(f"{streams[0].heads.where} has a header but no rows; expected at least one row of numbers")
+    empty = not any(c.rows for stream in tables for c in stream.columns)
+    if empty and not ended and isinstance(content, TextStream) and not content.layout.commas:
+        raise LogError(f"{shown(path)} is a text without a table: none of its {tables[0].rows} lines holds a number")
     notes += [sentence for stream in tables for sentence in _remarkable(stream, len(tables) > 1)]
     if isinstance(content, MatFile):
         notes += _parameters(content)
     return _answer(title, tables, notes, ended)
+
+
+def _opened(path: PathLike, form: LogForm) -> tuple[Stream | MatFile | Bag, LogForm, list[str]]:
+    """Open a log, with the line of the header and the decimal commas recognised; return them in the form and as notes.
+
+    Other readers need them declared: a number read wrongly would spoil a result.
+    """
+    notes = list[str]()
+    while True:
+        try:
+            content = content_of(path, form)
+            commas = isinstance(content, TextStream) and content.layout.sign != "," and content.layout.commas
+            if not commas:
+                return content, form, notes
+            detected: dict[str, Any] = {"decimal": "comma"}
+        except FormError as error:
+            detected = error.form
+        form = replace(form, **detected)
+        notes += [f"the table begins at line {line}: header = {line}" for line in [detected.get("header")] if line]
+        notes += ['the numbers have decimal commas: decimal = "comma"'] if "decimal" in detected else []
 
 
 def _answer(title: str, tables: list[InspectedStream], notes: list[str], ended: bool) -> InspectionStudy:
@@ -207,9 +236,10 @@ def _places(names: Sequence[str], name: str) -> str:
 
 def _clock_names(stream: Stream, names: list[str], values: Array) -> list[str]:
     """Return the time columns by name; if there are none, the columns that increase with every row."""
-    named = [name for name in names if name == stream.clock or is_time(name)]
+    columns = list(zip(names, values.T, strict=True))
+    named = [name for name, column in columns if name == stream.clock or is_clock(name, column)]
     if not named and len(values) > 2:
-        named = [name for j, name in enumerate(names) if np.all(np.diff(values[:, j]) > 0)]
+        named = [name for name, column in columns if np.all(np.diff(column) > 0) and not counts_rows(column)]
     return named[:MOST_CLOCKS]
 
 
@@ -246,14 +276,22 @@ def _remarkable(stream: InspectedStream, several: bool) -> list[str]:
     """Return notes on peculiarities to check before the log is used."""
     lead = f"{stream.name}: " if several else ""
     notes: list[str] = []
+    guessed = dict[tuple[str, str], list[tuple[str, float, str]]]()  # unit, reason without numbers -> columns
     for group in stream.groups:
         guess, name = stream.guesses[group[0]], _group_name([stream.columns[j] for j in group])
         if guess.stated and (suffix := unit_of_name(name)) not in ("", guess.unit):
             notes.append(
                 f"{lead}the header says {guess.unit} of '{name}', whose name ends in {suffix}; {guess.unit} counts"
             )
-        if guess.why and not guess.stated and not guess.why.startswith("the name") and len(notes) < MOST_NAMES:
-            notes.append(f"{lead}{name}: {f'{guess.unit}? ' if guess.unit else ''}{guess.why}")
+        for guess, facts in ((stream.guesses[j], stream.columns[j]) for j in group):
+            if guess.why and not guess.stated and not guess.why.startswith("the name"):
+                alike = (guess.unit, re.sub(r"\d[\d.e+-]*", "", guess.why))
+                guessed.setdefault(alike, []).append((name, max(abs(facts.least), abs(facts.most)), guess.why))
+    for (unit, _), columns in list(guessed.items())[:MOST_NAMES]:
+        _, _, why = max(columns, key=lambda column: column[1])
+        notes.append(
+            f"{lead}{_listed([*dict.fromkeys(name for name, _, _ in columns)])}: {f'{unit}? ' if unit else ''}{why}"
+        )
     for clock in stream.clocks:
         s, unit = clock.sampling, "s" if clock.unit else "of its unit"
         if clock.resets:
@@ -270,7 +308,9 @@ def _remarkable(stream: InspectedStream, several: bool) -> list[str]:
         if not clock.unit:
             notes.append(f"{lead}the unit of the time '{clock.name}' is unknown")
     if not stream.clocks:
-        notes.append(f"{lead}there is no time column: reading a recording needs the sample time")
+        notes.append(
+            f"{lead}{stream.rows} rows and no time column: a table of poses? reading a recording needs the sample time"
+        )
     for pair in stream.pairs:
         notes.append(
             f"{lead}'{pair.other}' is {1e3 * pair.offset:.4g} ms ahead of '{pair.first}' at the first row and gains "

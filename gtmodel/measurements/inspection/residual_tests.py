@@ -53,7 +53,7 @@ def outliers(residuals: np.ndarray, basis: np.ndarray | None = None, groups: np.
 
     For normal errors, a squared deleted residual has an F distribution with k degrees of freedom and those of the rest
     of its group; the p-value is that of any of n residuals (Bonferroni). The largest residuals are deleted one by one
-    and judged from last to first, so that one outlier does not mask another. Sources: Cook and Weisberg 1982,
+    and tested from last to first, so that one outlier does not mask another. Sources: Cook and Weisberg 1982,
     "Residuals and influence in regression", section 2.2; Rosner 1983, Technometrics 25; Smyth 2004, Stat. Appl. Genet.
     Mol. Biol. 3 (1), section 6.2.
 
@@ -89,7 +89,7 @@ def outliers(residuals: np.ndarray, basis: np.ndarray | None = None, groups: np.
         judged = remaining & regular & (rest > 0) & (deleted[group] + k <= budget[group])
         usual, weight = _alike(total, spare)
         degrees, size = rest + weight, np.zeros(n)
-        others = np.maximum(total[group[judged]] - square[judged], 0.0)
+        others = np.maximum(_without(e, U, M, covariance, group, remaining, judged, total, square), 0.0)
         size[judged] = (others + weight * usual) / degrees[judged]
         with np.errstate(divide="ignore", invalid="ignore"):
             F = np.where(judged, np.nan_to_num(square / size / k, nan=0.0, posinf=np.inf), 0.0)
@@ -116,6 +116,26 @@ def outliers(residuals: np.ndarray, basis: np.ndarray | None = None, groups: np.
     for worst, chance in reversed(deletions):  # a residual deleted before an outlier showed is an outlier, too
         least[group[worst]] = p[worst] = min(least[group[worst]], chance)
     return Outliers(p, times)
+
+
+def _without(
+    e: np.ndarray, U: np.ndarray, M: np.ndarray, covariance: np.ndarray, group: np.ndarray, remaining: np.ndarray,
+    judged: np.ndarray, total: np.ndarray, square: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Sum of squares of each judged residual's group in a fit without it; `square`: its part of the sum of all groups.
+
+    A deletion moves residuals of other groups too, by U a with a = M u' z and z the deleted residual."""
+    if len(total) == 1 or not U.shape[2]:
+        return total[group[judged]] - square[judged]
+    z = np.linalg.solve(covariance[judged], e[judged][:, :, None])[:, :, 0]
+    a, of = np.einsum("nka,nk->na", U[judged], z) @ M, group[judged]
+    without = np.empty(len(a))
+    for g in np.unique(of):
+        rows, mine = U[remaining & (group == g)].reshape(-1, U.shape[2]), of == g
+        along = rows.T @ e[remaining & (group == g)].reshape(-1)
+        moved = 2 * a[mine] @ along + np.sum((a[mine] @ (rows.T @ rows)) * a[mine], axis=1)
+        without[mine] = total[g] + moved - np.sum(z[mine] ** 2, axis=1)
+    return without
 
 
 def _alike(total: np.ndarray, spare: np.ndarray) -> tuple[float, float]:

@@ -30,8 +30,18 @@ class LogError(TrajectoryError):
     """
 
 
+class FormError(LogError):
+    """A file that seems to have another format than declared. form: the fields of `LogForm` that it seems to have."""
+
+    def __init__(self, message: str, **form: str | int) -> None:
+        super().__init__(message)
+        self.form = form
+
+
 class NoNumberError(LogError):
-    """A cell without a measurement: empty or nan."""
+    """A cell without a measurement: empty or nan, in the row at `line`."""
+
+    line: int = 0
 
 
 @dataclass(frozen=True)

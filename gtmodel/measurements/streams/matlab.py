@@ -124,7 +124,7 @@ def _element(read: Read, kind: int, length: int, order: str, depth: int) -> None
 
 
 def _class_of(flags: bytes, order: str) -> tuple[int, int]:
-    """Return the class of an array and its least number of elements: flags, size, name, real and imaginary parts."""
+    """Return the class of a MATLAB array, and how many elements its record has at least: flags, size, name, data."""
     word = struct.unpack(f"{order}I", flags[:4])[0]
     array = word & 0xFF
     if array not in CLASSES:

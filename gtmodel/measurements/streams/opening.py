@@ -28,6 +28,8 @@ _PROGRAMS = {  # recognised from the first line that is not a comment
         rb"\A\xef?\xbb?\xbf?(\s|![^\n]*\n|%%%.*?%%%)*(MODULE\s+\w+\s*(\(|\n|\r|!|$)|((LOCAL|GLOBAL)\s+)?PROC\s+\w+\s*\()",
         re.S | re.I,
     ),
+    "URScript": re.compile(rb"\A\s*(#[^\n]*\n\s*)*def\s+\w+\s*\([^\n]*\)\s*:"),
+    "TP": re.compile(rb"\A\s*/PROG\s+\w+"),
     "KRL": re.compile(rb"\A\s*(&\w+[^\n]*\n\s*|;[^\n]*\n\s*)*(DEF\s+\w+\s*\(|DEFDAT\s+\w+|DEFFCT\s+\w+)", re.I),
 }
 _TREES = {  # text formats without a table, recognised from their beginning

@@ -142,12 +142,15 @@ class Stream(ABC):
     def no_number(self, line: int, column: str, cell: object, advice: str = "") -> LogError:
         """Return the error for a cell without a finite number."""
         text = str(cell).strip()
-        kind = NoNumberError if text.lower() in ("", "nan", "nothing") else LogError
-        text = repr(text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}...") if text else "nothing"
-        return kind(
-            f"{self.source} {self.row} {line}, {self.cell} '{column}': found {text}; "
+        absent = text.lower() in ("", "nan", "nothing")
+        found = f"found {text[:MOST_SHOWN]!r}" if len(text) <= MOST_SHOWN else f"found {text[:MOST_SHOWN] + '...'!r}"
+        error = (NoNumberError if absent else LogError)(
+            f"{self.source} {self.row} {line}, {self.cell} '{column}': {found if text else 'the cell is empty'}; "
             f"expected a finite number such as 1.5e-3{advice}"
         )
+        if isinstance(error, NoNumberError):
+            error.line = line
+        return error
 
 
 class ArrayStream(Stream):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from .form import SIGNS, Delimiter, LogError, LogForm, shown
+from .form import SIGNS, Delimiter, FormError, LogError, LogForm, shown
 from .heads import MOST_NAMES, Heads, is_unit, spelled
 from .stream import RowBlock, Stream
 from .text_lines import Chunk, chunks, encoding_of, is_row
@@ -26,7 +26,8 @@ _ABSENT = {"", "nan", "na", "n/a", "#n/a", "null", "none", "nil", "-", "--", "?"
 _NOTES = ("title", "synthetic", "provenance", "scalar")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _WITH_COMMA = re.compile(r"[+-]?\d+(,\d+)?([eE][+-]?\d+)?")
-_STAMP = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d{1,9})?)?Z?")
+_STAMP = re.compile(r"(\d{4}-\d\d-\d\d|\d{1,2}\.\d{1,2}\.\d{4})[T ]\d\d:\d\d(:\d\d([.,]\d{1,9})?)?Z?")
+_DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})(?=[T ])")  # 12.11.2026
 _DATE = re.compile(r"\d{4}-\d\d-\d\d.*|\d{1,2}[./]\d{1,2}[./]\d{2,4}.*|\d{1,2}:\d\d([:.]\d.*)?")
 
 
@@ -122,7 +123,7 @@ class TextStream(Stream):
         """Return a column of dates in seconds after the first date. Raises ValueError for a cell that is not a date."""
         sign = self.layout.sign
         cells = (line.split(None if sign == " " else sign, place + 1)[place] for line in lines)
-        stamps = np.array([cell.strip().removesuffix("Z") for cell in cells], dtype="datetime64[ns]")
+        stamps = np.array([_iso(cell) for cell in cells], dtype="datetime64[ns]")
         return np.where(np.isnat(stamps), np.nan, (stamps.astype(np.int64) - self.layout.stamps[place]) * 1e-9)
 
     def _slow(
@@ -163,16 +164,24 @@ class TextStream(Stream):
                     f"{where}: the file ends within this row, with {len(cells)} of {width} cells; delete the line"
                 )
             count = "one cell" if len(cells) == 1 else f"{len(cells)} cells"
-            raise LogError(f"{where}: found {count}; expected {width}, one for each column of the header")
+            other = ""
+            if width == 1 and all(_like_number(cell, self.layout) for cell in cells):
+                other = "; if the table begins here without column names, begin the lines above it with #"
+            elif width == 1:
+                other = f"; if line {n} holds the column names, set header = {n}"
+            raise LogError(f"{where}: found {count}; expected {width}, one for each column of the header{other}")
         return cells
 
     def _advice(self, cell: str) -> str:
         if not self.layout.decimal_comma and _DECIMAL_COMMA.fullmatch(cell.strip()):
             return '; if the file has decimal commas, set decimal = "comma"'
+        if _DATE.fullmatch(cell.strip()):
+            return (
+                "; it is a date or a time of day: write seconds or dates such as 2026-11-12T08:14:27, or set the "
+                "sample time instead of the column"
+            )
         if self.layout.decimal_comma and re.fullmatch(r"[+-]?\d+\.\d+.*", cell.strip()):
             return '; decimal = "comma" is set, but this number has a point'
-        if _DATE.fullmatch(cell.strip()):
-            return "; it is a date or a time of day: write seconds, or set the sample time instead of the column"
         return ""
 
 
@@ -188,6 +197,7 @@ class _Layout:
     first_row: int = 1  # line of the first row
     stamps: dict[int, int] = field(default_factory=dict)  # columns of dates -> first date [ns since 1970]
     words: set[int] = field(default_factory=set)  # columns without numbers
+    commas: list[str] = field(default_factory=list)  # columns that seem to contain decimal commas
     remarks: list[str] = field(default_factory=list)
     comments: dict[str, list[str]] = field(default_factory=lambda: {key: [] for key in _NOTES})
 
@@ -229,8 +239,11 @@ def _layout(path: Path, form: LogForm) -> _Layout:
     has_header = not _numeric(cells, layout.decimal_comma) if form.header is None else form.header > 0
     if has_header and form.header is None:
         _refuse_row_of_words(tables, layout, path)
+        _refuse_preamble(tables, layout, path)
+        _refuse_prose(tables, layout, path)
     if has_header:
-        _refuse_preamble(tables, layout, path, form)
+        if all(_like_number(cell, layout) for cell in cells):
+            layout.remarks.append(f"the column names in line {n} are numbers; if the line is a row, set header = 0")
         units, layout.first_row = [], n + 1
         if len(tables) > 1 and (units := _units(tables[1][1], len(cells))):
             layout.first_row = tables[1][0] + 1
@@ -255,7 +268,6 @@ def _layout(path: Path, form: LogForm) -> _Layout:
 
 def _recognise_cells(rows: Sequence[list[str]], layout: _Layout) -> None:
     """Recognise columns of dates, which are read as seconds after the first date, and columns of words."""
-    commas = list[str]()
     for place, name in enumerate(layout.heads.names):
         cells = [row[place] for row in rows if len(row) > place and row[place]]
         dated = [_STAMP.fullmatch(cell) is not None for cell in cells]
@@ -265,19 +277,30 @@ def _recognise_cells(rows: Sequence[list[str]], layout: _Layout) -> None:
             layout.remarks.append(f"the dates in '{name}' are read as seconds after the first date")
         elif cells and not any(_numeric([cell], layout.decimal_comma) for cell in cells):
             layout.words.add(place)
-            if not layout.decimal_comma and all(_DECIMAL_COMMA.fullmatch(cell) for cell in cells):
-                commas.append(name)
-    if commas:
+            if all(map(_DATE.fullmatch, cells)):
+                layout.remarks.append(
+                    f"'{name}' holds dates or times of day that are not read; dates are read as 2026-11-12T08:14:27 or "
+                    "12.11.2026 08:14:27"
+                )
+        if not layout.decimal_comma and "," in "".join(cells) and all(map(_WITH_COMMA.fullmatch, cells)):
+            layout.commas.append(name)
+    if commas := layout.commas:
         names = ", ".join(f"'{name}'" for name in commas[:MOST_NAMES]) + (", ..." if len(commas) > MOST_NAMES else "")
         layout.remarks.append(f'{names} seem to contain decimal commas; if they do, set decimal = "comma"')
 
 
 def _nanoseconds(cell: str, zero: int = 0) -> int:
     """Return the time from `zero` to a date [ns]. Raises ValueError if the cell is not a date."""
-    stamp = np.datetime64(cell.strip().removesuffix("Z"), "ns")
+    stamp = np.datetime64(_iso(cell), "ns")
     if np.isnat(stamp):
         raise ValueError(f"'{cell}' is not a date")
     return int(stamp.astype(np.int64)) - zero
+
+
+def _iso(cell: str) -> str:
+    """Return a date in the order of ISO 8601: 12.11.2026 08:14:27,5 becomes 2026-11-12 08:14:27.5."""
+    text = cell.strip().removesuffix("Z").replace(",", ".")
+    return _DAY_FIRST.sub(lambda m: f"{m[3]}-{m[2]:0>2}-{m[1]:0>2}", text, count=1)
 
 
 def _head(path: Path, layout: _Layout, form: LogForm) -> tuple[list[tuple[int, str]], tuple[int, str] | None]:
@@ -302,23 +325,27 @@ def _head(path: Path, layout: _Layout, form: LogForm) -> tuple[list[tuple[int, s
 
 
 def _sign(lines: list[str], form: LogForm, layout: _Layout) -> str:
-    """Return the declared delimiter, else the first of tab, semicolon, comma and bar that occurs in most lines, else
-    the blank."""
+    """Return the declared delimiter, else the first of tab, semicolon, comma and bar that occurs in most lines, at best
+    as often in each as in the first line, else the blank."""
     if form.delimiter is not None:
         return SIGNS[form.delimiter]
     plain = [re.sub(r'"[^"]*"', "", line) for line in lines]
     candidates: list[Delimiter] = ["tab", "semicolon", "comma", "bar"]
     if layout.decimal_comma:
         candidates.remove("comma")
-    for name in candidates:
-        counts = [line.count(SIGNS[name]) for line in plain]
-        if counts[0] and 2 * sum(map(bool, counts)) > len(counts):
-            if name != "comma":
-                layout.remarks.append(f"the columns are separated by a {name}")
-            return SIGNS[name]
-    for name in candidates:  # the first line may be of another kind
-        if 2 * sum(SIGNS[name] in line for line in plain) > len(plain):
-            return SIGNS[name]
+    counts: dict[Delimiter, list[int]] = {name: [line.count(SIGNS[name]) for line in plain] for name in candidates}
+    tests: list[Callable[[list[int]], int]] = [
+        lambda count: bool(count[0]) * count.count(count[0]),
+        lambda count: max(count.count(k) for k in {*count} - {0}),  # the first line may be of another kind
+        lambda count: bool(count[0]) * sum(map(bool, count)),
+        lambda count: sum(map(bool, count)),
+    ]
+    for test in tests:
+        for name, count in counts.items():
+            if any(count) and 2 * test(count) > len(plain):
+                if name != "comma":
+                    layout.remarks.append(f"the columns are separated by a {name}")
+                return SIGNS[name]
     below = plain[1:] or plain
     if 2 * sum(len(line.split()) > 1 for line in below) > len(below):
         layout.remarks.append("the columns are separated by blanks")
@@ -355,9 +382,10 @@ def _refuse_blanks_and_commas(lines: list[str], layout: _Layout, path: Path, for
     parts = [line.split() for line in lines]
     matches = [len(row) > 1 and all(_WITH_COMMA.fullmatch(cell) for cell in row) for row in parts]
     if 2 * sum(matches) > len(lines):
-        raise LogError(
+        raise FormError(
             f"{shown(path)}: blanks seem to separate numbers with decimal commas, as in "
-            f'\'{lines[matches.index(True)].strip()[:40]}\'; if so, set decimal = "comma", else delimiter = "comma"'
+            f'\'{lines[matches.index(True)].strip()[:40]}\'; if so, set decimal = "comma", else delimiter = "comma"',
+            decimal="comma",
         )
 
 
@@ -367,6 +395,11 @@ def _refuse_row_of_words(tables: Sequence[tuple[int, list[str]]], layout: _Layou
     kinds = [_kind(cell, layout.decimal_comma) for cell in cells]
     matches = [row for row in rest if [_kind(cell, layout.decimal_comma) for cell in row] == kinds]
     if "number" in kinds and rest and len(matches) == len(rest):
+        if layout.sign != "," and all(map(_WITH_COMMA.fullmatch, filter(None, cells))):
+            raise FormError(
+                f'{shown(path)} line {n}: the numbers seem to have decimal commas; if so, set decimal = "comma"',
+                decimal="comma",
+            )
         raise LogError(
             f"{shown(path)} line {n}: {kinds.count('word')} words and {kinds.count('number')} numbers are arranged as "
             f"in the rows below; if it is a row, set header = 0; if it holds the column names, set header = {n}"
@@ -383,15 +416,34 @@ def _units(cells: Sequence[str], width: int) -> list[str]:
     return units if all(bracketed) or not any(cell.isdigit() for cell in cells) else []
 
 
-def _refuse_preamble(tables: Sequence[tuple[int, list[str]]], layout: _Layout, path: Path, form: LogForm) -> None:
-    """Raise LogError if lines of another kind precede the header."""
+def _refuse_preamble(tables: Sequence[tuple[int, list[str]]], layout: _Layout, path: Path) -> None:
+    """Raise FormError if lines of another kind precede the header."""
     (n, cells), rest = tables[0], tables[1:]
-    if form.header is not None or 2 * sum(len(row) == len(cells) for _, row in rest) >= len(rest):
+    if 2 * sum(len(row) == len(cells) for _, row in rest) >= len(rest):
         return
     for (line, names), *below in (islice(rest, k, k + 1 + LIKE) for k in range(len(rest))):
         matches = len(below) == LIKE and len(names) > 1 and all(len(row) == len(names) for _, row in below)
-        if matches and not _numeric(names, layout.decimal_comma) and _numeric(below[-1][1], layout.decimal_comma):
-            raise LogError(
-                f"{shown(path)} line {n}: found {len(cells)} cells above a table of {len(names)} columns; if line "
-                f"{line} is its header, set header = {line}"
+        holds_numbers = all(any(_like_number(cell, layout) for cell in row) for _, row in below)
+        if matches and holds_numbers and not any(_like_number(cell, layout) for cell in names):
+            count = "one cell" if len(cells) == 1 else f"{len(cells)} cells"
+            raise FormError(
+                f"{shown(path)} line {n}: found {count} above a table of {len(names)} columns; if line {line} is its "
+                f"header, set header = {line}",
+                header=line,
             )
+
+
+def _refuse_prose(tables: Sequence[tuple[int, list[str]]], layout: _Layout, path: Path) -> None:
+    """Raise LogError if hardly any line consists of numbers, and the lines differ in their number of cells."""
+    rows = ["\0".join(cells).rstrip("\0").split("\0") for _, cells in tables]
+    of_numbers = sum(3 * sum(not cell or _like_number(cell, layout) for cell in row) >= 2 * len(row) for row in rows)
+    if len(rows) > LIKE and 4 * of_numbers < len(rows) and len({len(row) for row in rows}) > 1:
+        count = {0: "none consists", 1: "one consists"}.get(of_numbers, f"{of_numbers} consist")
+        raise LogError(
+            f"{shown(path)} is a text without a table: of its first {len(rows)} lines {count} of numbers; name "
+            "the log, or give the line of its column names as header"
+        )
+
+
+def _like_number(cell: str, layout: _Layout) -> bool:
+    return _kind(cell, layout.decimal_comma) == "number" or _WITH_COMMA.fullmatch(cell) is not None

@@ -53,7 +53,7 @@ def chunks(path: Path, encoding: str, size: int = BLOCK) -> Iterator[Chunk]:
                 line = number + rest.count("\n") + data[: error.start].count(b"\n")
                 raise LogError(
                     f"{shown(path)} line {line} is not {encoding.removesuffix('-sig').upper()} text ({error.reason}); "
-                    "save it as UTF-8 or name its encoding, such as cp1252"
+                    'save it as UTF-8, or, if an older Windows program wrote it, set encoding = "cp1252"'
                 ) from error
             if "\0" in text:
                 raise LogError(

@@ -1,1 +1,1 @@
-"""Modelica.Mechanics.MultiBody on gt.mechanics: its joints, bodies and forces as parts of ours."""
+"""Modelica.Mechanics.MultiBody on gt.mechanics: joints, bodies and forces become parts of gt.mechanics."""

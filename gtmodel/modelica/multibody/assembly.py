@@ -1,5 +1,5 @@
-"""Frames joined to one another, what is connected, where a loop closes, which bodies move, and quantities of parts
-in expressions of the text."""
+"""Assembly of MultiBody parts: connections of frames, loop closures, free bodies, and quantities of parts in
+expressions."""
 
 from __future__ import annotations
 
@@ -18,34 +18,34 @@ from ..syntax import FunctionCall, Literal, ModelicaError, Place
 from .library import NAME, is_own, part_name
 from .parts import ROUND_OFF, MappedComponent, MechanicsPart, component, in_turn, is_frame, kind, numbers, values
 
-PART = "part"  # the operation: name of the part, path inside it, indices
+PART = "part"  # operation with arguments: name of the part, path in it, indices
 
 
 def quantity(part: str, path: str, indices: tuple[int, ...], at: Place | None) -> Scalar:
-    """One scalar of a part, such as ("joint.part", "a.r", (0,))."""
+    """Return one scalar of a part, such as ("joint.part", "a.r", (0,)), as an operation."""
     return Operation(PART, (part, path, ",".join(map(str, indices))), at)
 
 
 def called(node: FunctionCall, scope: Any) -> Values:
-    """__mechanics("part.shaft.phi"), with its length where it is a vector: for the texts of MultiBody alone."""
+    """Return the value of __mechanics("part.shaft.phi"), with a length for a vector; only for multibody.mo."""
     instance = scope.instance
     if instance is None or not part_name(scope.space.text):
         raise ModelicaError(f"there is no function '{node.reference}'", node.at)
     path, *length = [a.value for a in node.arguments if isinstance(a, Literal)]
-    part, _, inside = str(path).partition(".")
+    part, _, port_path = str(path).partition(".")
     name = instance.full(part)
     if not length:
-        return scalar(quantity(name, inside, (), node.at))
-    return array([quantity(name, inside, (i,), node.at) for i in range(int(length[0]))], (int(length[0]),))
+        return scalar(quantity(name, port_path, (), node.at))
+    return array([quantity(name, port_path, (i,), node.at) for i in range(int(length[0]))], (int(length[0]),))
 
 
 def vector(part: str, path: str, at: Place | None) -> Values:
-    """A vector of a part, in coordinates of the world."""
+    """Return a vector of a part in world coordinates."""
     return array([quantity(part, path, (i,), at) for i in range(3)], (3,))
 
 
 def turned(part: str, port: str, path: str, at: Place | None) -> Values:
-    """A vector of a part's frame in coordinates of the frame: R' v."""
+    """Return a vector of a part in coordinates of its frame: R' v."""
     result = np.empty(3, object)
     for j in range(3):
         terms = [
@@ -56,14 +56,14 @@ def turned(part: str, port: str, path: str, at: Place | None) -> Values:
     return result
 
 
-PARALLEL = 1e-9  # of unit vectors: what round-off leaves of a direction
+PARALLEL = 1e-9  # tolerance for products of unit vectors
 _CLOSING = ("Spherical", "PlanarLoopClosure")
-# what nobody asks for may be left out
+# variables that may be omitted if nothing reads them
 OPTIONAL = {"a", "tau", "f", "angle", "r_0", "v_0", "a_0", "w_a", "z_a"}
 
 
 class Assembly:
-    """Frames of MultiBody and the parts that stand behind them."""
+    """Connected MultiBody frames and the parts to which they belong."""
 
     def __init__(self) -> None:
         self._joined: list[tuple[Instance, Instance, Place]] = []
@@ -74,7 +74,7 @@ class Assembly:
         self._joined.append((a, b, at))
 
     def settle(self, instances: list[Instance], places: dict[int, Place], out: Flattened, model: Any) -> None:
-        """Parts, connections and the meaning of the frames' variables. Raises ModelicaError."""
+        """Add parts and connections to `out`, and expressions of the variables of frames. Raises ModelicaError."""
         frames = [i for i in instances if is_frame(i)]
         mapped = [i for i in instances if kind(i)]
         if not frames and not mapped:
@@ -85,7 +85,7 @@ class Assembly:
         for part in parts:
             for name, port in part.frames.items():
                 assert part.instance is not None
-                self._ports[id(part.instance.elements[name].made)] = (part, port)
+                self._ports[id(part.instance.elements[name].component)] = (part, port)
         closures = self._graph(parts, out)
         out.parts = [*parts, *closures]
         for c in components:
@@ -95,28 +95,30 @@ class Assembly:
             self._mean(frame, places.get(id(frame), frame.at))
         out.optional |= {
             id(f) for i in instances for n, e in i.elements.items()
-            if is_own(e.text.at.source.path) and isinstance(e.made, Declared) for f in e.made.flats
+            if is_own(e.text.at.source.path) and isinstance(e.component, Declared) for f in e.component.flats
             if n in OPTIONAL or f.kind == "parameter"
         }  # fmt: skip
         self._record(frames, out)
         for i in instances:
             for element in i.elements.values():
-                if id(i) in places and isinstance(element.made, Declared) and is_own(element.text.at.source.path):
-                    for flat in element.made.flats:
+                if id(i) in places and isinstance(element.component, Declared) and is_own(element.text.at.source.path):
+                    for flat in element.component.flats:
                         flat.at = places[id(i)]
-        library = instances[0].space.root.own("Modelica")
+        library = instances[0].space.root.local_class("Modelica")
         if library is not None and library.folder is not None:
-            model.warn("parts of MultiBody are those of gt.mechanics; the library's own are not read", out.at)
+            model.warn(
+                "MultiBody components are replaced by parts of gt.mechanics; those of the library are not used", out.at
+            )
 
     @staticmethod
     def _check_world(components: list[MappedComponent], at: Place) -> None:
         worlds = [c for c in components if kind(c.instance) == "World"]
         if len(worlds) > 1:
             names = " and ".join(f"'{c.instance.path}'" for c in worlds)
-            raise ModelicaError(f"a model has one World; found {names}: write outer in the inner one",
+            raise ModelicaError(f"a model must have one World; found {names}: declare all others as outer",
                                 worlds[1].parts[0].at)  # fmt: skip
         if components and not worlds:
-            raise ModelicaError(f"a model with parts of MultiBody declares `inner {NAME}.World world;`",
+            raise ModelicaError(f"a model with MultiBody components must declare `inner {NAME}.World world;`",
                                 components[0].parts[0].at)  # fmt: skip
 
     # the graph of orientations
@@ -127,7 +129,7 @@ class Assembly:
         return frame
 
     def _unite(self, a: int, b: int) -> bool:
-        """False where they were in one set already."""
+        """Unite two sets; False if both frames are in one set already."""
         p, q = self._set(a), self._set(b)
         self._above[q] = p
         return p != q
@@ -135,23 +137,25 @@ class Assembly:
     def _graph(self, parts: list[MechanicsPart], out: Flattened) -> list[MechanicsPart]:
         for a, b, _ in self._joined:
             self._unite(id(a), id(b))
-        sets = dict(self._above)  # what is connected; from here on, what turns together or by a joint
+        sets = dict(self._above)  # connections only; the union below also follows rigid parts and joints
         closures: list[MechanicsPart] = []
         edges = [p for p in parts if p.edge]
         fixed = [self._first(p) for p in parts if p.root and p.frames]
-        for a, b in pairwise(fixed):  # all stand in the world
+        for a, b in pairwise(fixed):  # all are fixed in the world
             self._unite(a, b)
         for part in sorted(edges, key=_rank):
             assert part.instance is not None
-            a, b = (id(part.instance.elements[n].made) for n in ("frame_a", "frame_b"))
+            a, b = (id(part.instance.elements[n].component) for n in ("frame_a", "frame_b"))
             if self._unite(a, b):
                 continue
             if part.rigid:
-                raise ModelicaError(f"'{part.instance.path}' holds rigidly together what is rigid already", part.at)
+                raise ModelicaError(
+                    f"'{part.instance.path}' rigidly connects frames that are rigidly connected already", part.at
+                )
             if _planar(edges):
                 raise ModelicaError(
-                    f"'{part.instance.path}' closes a loop in a plane, which constrains it three times over; make one "
-                    "joint of the loop a Joints.RevolutePlanarLoopConstraint",
+                    f"'{part.instance.path}' closes a planar loop, which has three redundant constraints; replace one "
+                    "joint of the loop by Joints.RevolutePlanarLoopConstraint",
                     part.at,
                 )
             closures.append(
@@ -165,11 +169,11 @@ class Assembly:
 
     def _is_loop(self, part: MechanicsPart) -> bool:
         assert part.instance is not None
-        a, b = (self._set(id(part.instance.elements[n].made)) for n in ("frame_a", "frame_b"))
+        a, b = (self._set(id(part.instance.elements[n].component)) for n in ("frame_a", "frame_b"))
         return a == b
 
     def _roots(self, parts: list[MechanicsPart], out: Flattened) -> None:
-        """Where no joint leads to the world, a body moves freely."""
+        """Make one body of each group that is not connected to the world a free body."""
         rooted: dict[int, MechanicsPart] = {}
         for part in parts:
             if part.root and part.frames:
@@ -181,8 +185,8 @@ class Assembly:
                 for name in ("angles_fixed", "w_0_fixed"):
                     if _true(part, name):
                         raise ModelicaError(
-                            f"{name} of '{part.instance.path}' is not taken, since joints lead to it from another "
-                            "body or the world; give start values to them",
+                            f"{name} of '{part.instance.path}' is not supported, since joints connect it to another "
+                            "body or the world; set start values of these joints",
                             part.at,
                         )
                 continue
@@ -192,21 +196,24 @@ class Assembly:
         for part in parts:
             if part.frames and self._set(self._first(part)) not in rooted:
                 assert part.instance is not None
-                raise ModelicaError(f"no body and no joint gives '{part.instance.path}' an orientation", part.at)
+                raise ModelicaError(
+                    f"the orientation of '{part.instance.path}' is undetermined: no body and no joint defines it",
+                    part.at,
+                )
 
     def _first(self, part: MechanicsPart) -> int:
         assert part.instance is not None
-        return id(part.instance.elements[next(iter(part.frames))].made)
+        return id(part.instance.elements[next(iter(part.frames))].component)
 
     def _take_root(self, rooted: dict[int, MechanicsPart], part: MechanicsPart) -> None:
         rooted.setdefault(self._set(self._first(part)), part)
 
-    # what is written
+    # output
 
     def _connections(
         self, frames: list[Instance], closures: list[MechanicsPart], places: dict[int, Place], out: Flattened
     ) -> None:
-        by_frame = {id(c.instance.elements["frame_b"].made): c for c in closures if c.instance is not None}
+        by_frame = {id(c.instance.elements["frame_b"].component): c for c in closures if c.instance is not None}
         at = {id(x): place for a, b, place in self._joined for x in (a, b)}
         sets: dict[int, list[tuple[str, Place]]] = {}
         for frame in frames:
@@ -223,37 +230,43 @@ class Assembly:
             out.joined += [(first, other, place) for other, place in members[1:]]
 
     def _mean(self, frame: Instance, at: Place) -> None:
-        """Variables of a frame as quantities of the part behind it, or of one it is connected to."""
-        own = self._ports.get(id(frame))
-        behind = [own] if own is not None else self._behind(frame)
-        known = own or next((p for key, p in self._ports.items() if self._set(key) == self._set(id(frame))), None)
-        R: Any = frame.elements["R"].made
-        inside = {n: frame.elements[n].made for n in ("r_0", "f", "t")} | {n: R.elements[n].made for n in ("T", "w")}
-        for name, made in inside.items():
-            assert isinstance(made, Declared)
-            if known is None or (not behind and name in ("f", "t")):
-                why = "nothing is connected to it" if known is None else "ask a part behind it"
-                for flat in made.flats:
-                    flat.replaced = Operation("refused", (f"'{flat.name}' has no value here: {why}",), at)
+        """Replace the variables of a frame by quantities of its part, or of a part connected to it."""
+        own_port = self._ports.get(id(frame))
+        behind = [own_port] if own_port is not None else self._behind(frame)
+        source = own_port or next((p for key, p in self._ports.items() if self._set(key) == self._set(id(frame))), None)
+        R: Any = frame.elements["R"].component
+        variables = {n: frame.elements[n].component for n in ("r_0", "f", "t")} | {
+            n: R.elements[n].component for n in ("T", "w")
+        }
+        for name, variable in variables.items():
+            assert isinstance(variable, Declared)
+            if source is None or (not behind and name in ("f", "t")):
+                reason = (
+                    "nothing is connected to it" if source is None else "read the force at a component connected to it"
+                )
+                for flat in variable.flats:
+                    flat.replaced = Operation("refused", (f"'{flat.name}' has no value here: {reason}",), at)
                 continue
-            part, port = known
+            part, port = source
             if name == "r_0":
-                given = list(vector(part.name, f"{port}.r", at))
+                expressions = list(vector(part.name, f"{port}.r", at))
             elif name == "T":
-                given = [quantity(part.name, f"{port}.R", (j, i), at) for i in range(3) for j in range(3)]
+                expressions = [quantity(part.name, f"{port}.R", (j, i), at) for i in range(3) for j in range(3)]
             elif name == "w":
-                given = list(turned(part.name, port, f"{port}.w", at))
+                expressions = list(turned(part.name, port, f"{port}.w", at))
             else:
                 forces = [turned(p.name, x, f"{x}.{name}", at) for p, x in behind]
-                given = [
+                expressions = [
                     reduce(lambda a, b: operation("+", (a, b), at), column) for column in zip(*forces, strict=True)
                 ]
-            for flat, value in zip(made.flats, given, strict=True):
+            for flat, value in zip(variable.flats, expressions, strict=True):
                 flat.replaced = value
 
     def _behind(self, frame: Instance) -> list[tuple[MechanicsPart, str]]:
-        """Ports inside the component of a frame that are connected to it: what acts on it acts on them. None where
-        another frame of the component is connected to the same, so that the force passes by."""
+        """Return the ports in the component of a frame that are connected to it, on which its force acts.
+
+        Empty if another frame of the component is in the same connection set: then the force is not determined.
+        """
         owner = frame.parent
         if owner is None or sum(self._set(id(f)) == self._set(id(frame)) for f in _frames_of(owner)) > 1:
             return []
@@ -264,17 +277,19 @@ class Assembly:
         ]
 
     def _record(self, frames: list[Instance], out: Flattened) -> None:
-        """Positions of the frames under their names in the text."""
+        """Add the positions of frames to the results, under their names in the text."""
         for frame in frames:
-            made, owner = frame.elements["r_0"].made, frame.parent
-            inside = owner is not None and owner.parent is not None and bool(part_name(owner.parent.space.text))
-            if not inside and isinstance(made, Declared):
-                out.shown += [f for f in made.flats if f.replaced.name == PART]
+            positions, owner = frame.elements["r_0"].component, frame.parent
+            in_library_part = (
+                owner is not None and owner.parent is not None and bool(part_name(owner.parent.space.text))
+            )
+            if not in_library_part and isinstance(positions, Declared):
+                out.shown += [f for f in positions.flats if f.replaced.name == PART]
 
 
 def _frames_of(owner: Instance) -> list[Instance]:
-    made = [e.made for e in owner.elements.values()]
-    return [x for m in made for x in (m.ravel() if isinstance(m, np.ndarray) else [m])
+    components = [e.component for e in owner.elements.values()]
+    return [x for m in components for x in (m.ravel() if isinstance(m, np.ndarray) else [m])
             if isinstance(x, Instance) and is_frame(x)]  # fmt: skip
 
 
@@ -287,31 +302,31 @@ def _inside(instance: Instance | None, owner: Instance) -> bool:
 
 
 def _rank(part: MechanicsPart) -> tuple[int, int]:
-    """Which edges the tree takes first: what is rigid, joints whose coordinates are chosen as states or fixed."""
+    """Sort key of edges for the spanning tree: rigid parts first, then joints with preferred or fixed coordinates."""
     if part.rigid:
         return 0, 0
     assert part.instance is not None
     name = "phi" if part.cls == "Revolute" else "s"
-    (flat,) = part.instance.elements[name].made.flats
+    (flat,) = part.instance.elements[name].component.flats
     choice = flat.get("stateSelect")
     return 1, -int(getattr(choice, "name", "") == "always") - int(flat.get("fixed") is True)
 
 
 def _follow(joints: list[MechanicsPart]) -> None:
-    """Joints of a loop follow those that have a start value in the text: the library's own, 0, is no guess there."""
+    """Remove default start values of joints in loops: 0 is a bad guess, values in the text are kept."""
     for part in joints:
         for name in ("phi", "w", "s", "v"):
             element = part.instance.elements.get(name) if part.instance is not None else None
-            if element is None or not isinstance(element.made, Declared):
+            if element is None or not isinstance(element.component, Declared):
                 continue
-            given = element.said.get("start").value
-            if given is not None and part_name(given.scope.space.text):
-                for flat in element.made.flats:
+            start = element.modifier.get("start").value
+            if start is not None and part_name(start.scope.space.text):
+                for flat in element.component.flats:
                     flat.cache["start"] = None
 
 
 def _planar(edges: list[MechanicsPart]) -> bool:
-    """Do all joints move in parallel planes, whatever their coordinates?"""
+    """True if all joints move in parallel planes."""
     axes = [np.array(p.options["axis"]) for p in edges if p.cls == "Revolute"]
     slides = [np.array(p.options["v"]) for p in edges if p.cls == "Prismatic"]
     if not axes or any(p.cls == "Fixed" for p in edges):
@@ -328,7 +343,7 @@ def _true(part: MechanicsPart, name: str) -> bool:
 
 
 def _starts(part: MechanicsPart, out: Flattened) -> None:
-    """Where a free body begins."""
+    """Set the initial orientation and angular velocity of a free body."""
     body = part.instance
     assert body is not None
     R = in_turn(numbers(body, "sequence_start"), numbers(body, "angles_start"))
@@ -336,7 +351,7 @@ def _starts(part: MechanicsPart, out: Flattened) -> None:
     e[np.abs(e) < ROUND_OFF] = 0.0
     part.options["attitude"] = {"e": {"start": e.tolist()}}
     if _true(part, "angles_fixed"):
-        for k in np.argsort(np.abs(e))[:3]:  # the largest follows
+        for k in np.argsort(np.abs(e))[:3]:  # the largest component is determined by the norm
             out.initial.append(ScalarEquation(quantity(part.name, "attitude.e", (int(k),), part.at), float(e[k]),
                                               part.at))  # fmt: skip
     if _true(part, "w_0_fixed") or not out.optimization:
@@ -345,16 +360,16 @@ def _starts(part: MechanicsPart, out: Flattened) -> None:
 
 
 def declared_places(instances: list[Instance]) -> dict[int, Place]:
-    """Where each component is declared in the text of whoever uses the library."""
-    result: dict[int, Place] = {}
+    """Return the place in the user's text at which each component, also of a library part, is declared."""
+    places: dict[int, Place] = {}
     for owner in instances:
-        outside = result.get(id(owner))
+        user_place = places.get(id(owner))
         for element in owner.elements.values():
             if "outer" in element.text.prefixes:
                 continue
-            at = outside if outside is not None and part_name(element.scope.space.text) else element.text.at
-            made = element.made
-            for item in made.ravel() if isinstance(made, np.ndarray) else [made]:
+            at = user_place if user_place is not None and part_name(element.scope.space.text) else element.text.at
+            component = element.component
+            for item in component.ravel() if isinstance(component, np.ndarray) else [component]:
                 if isinstance(item, Instance):
-                    result[id(item)] = at
-    return result
+                    places[id(item)] = at
+    return places

@@ -1,4 +1,4 @@
-"""What of the parts' variables is written: all that the text names them, or what the text asks for."""
+"""Selection of variables of parts: all with names in the text, or only those that are used."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from ..scalars import Flat, Symbol, symbols
 
 
 def shown(flat: Flattened) -> Flattened:
-    """With positions of frames as variables of their own, under their names in the text."""
+    """Return a flattened class with the positions of frames as variables, under their names in the text."""
     if not flat.parts:
         return flat
-    made: list[Flat] = []
+    positions: list[Flat] = []
     equations: list[Any] = []
     for item in flat.shown:
-        own = replace(item, replaced=None, kind="variable", bound=lambda: None, cache={})
-        made.append(own)
-        equations.append(ScalarEquation(Symbol(own), item.replaced, item.at))
-    optional = flat.optional | {id(f) for f in made}
-    return replace(flat, flats=[*flat.flats, *made], equations=[*flat.equations, *equations], optional=optional)
+        variable = replace(item, replaced=None, kind="variable", bound=lambda: None, cache={})
+        positions.append(variable)
+        equations.append(ScalarEquation(Symbol(variable), item.replaced, item.at))
+    optional = flat.optional | {id(f) for f in positions}
+    return replace(flat, flats=[*flat.flats, *positions], equations=[*flat.equations, *equations], optional=optional)
 
 
 def lean(flat: Flattened) -> Flattened:
-    """Without variables and parameters of the parts that nothing else asks for."""
+    """Return a flattened class without variables and parameters of parts that nothing else uses."""
     if not flat.parts:
         return flat
-    equations, gone = list(flat.equations), set[int]()
+    equations, removed = list(flat.equations), set[int]()
     while True:
         used = Counter(id(f) for e in equations for x in _sides(e) for f in symbols(x))
         used.update(id(f) for x in _others(flat) for f in symbols(x))
@@ -41,17 +41,17 @@ def lean(flat: Flattened) -> Flattened:
         }  # fmt: skip
         if not dropped:
             break
-        gone |= set(dropped.values())
+        removed |= set(dropped.values())
         equations = [e for n, e in enumerate(equations) if n not in dropped]
     read = _read([x for e in equations for x in _sides(e)] + list(_others(flat)))
-    silent = {id(f) for f in flat.flats if f.kind == "parameter" and not f.free} & flat.optional - read
-    kept = [f for f in flat.flats if id(f) not in gone | silent]
+    unused = {id(f) for f in flat.flats if f.kind == "parameter" and not f.free} & flat.optional - read
+    kept = [f for f in flat.flats if id(f) not in removed | unused]
     return replace(flat, flats=kept, equations=equations)
 
 
-def _read(given: list[Any]) -> set[int]:
-    """Variables and parameters in expressions, and in what parameters are bound to."""
-    read, waiting = set[int](), given
+def _read(expressions: list[Any]) -> set[int]:
+    """Return ids of variables and parameters in expressions and, recursively, in bindings of parameters."""
+    read, waiting = set[int](), expressions
     while waiting:
         for f in symbols(waiting.pop()):
             if id(f) not in read:

@@ -1,4 +1,4 @@
-"""Where the names of Modelica.Mechanics lead: to texts of our own, whatever a library's folder holds of MultiBody."""
+"""Built-in texts for Modelica.Mechanics; MultiBody is always the built-in one, even if a library contains it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _LINE = (
     "length_a diameter_b length_b color_a color_b specularCoefficient lengthFraction fixedRotationAtFrame_a "
     "fixedRotationAtFrame_b s_small"
 )
-# parameters that concern pictures, or the choice of states alone
+# parameters for animation, or for the selection of states
 _PICTURES = {
     "World": "enableAnimation animateWorld animateGravity animateGround label1 label2 axisLength axisDiameter "
     "axisShowLabels axisColor_x axisColor_y axisColor_z gravityArrowTail gravityArrowLength gravityArrowDiameter "
@@ -58,8 +58,10 @@ _PICTURES = {
 
 
 def own_text(package: str, name: str, there: bool) -> ClassText | None:
-    """The text of ours for a name in a package; None for other names, and for what a library has (`there`), but for
-    MultiBody."""
+    """Return the built-in text of a class in Modelica.Mechanics; None for other names.
+
+    there: whether a library contains the class; then only MultiBody is built in.
+    """
     if package != HERE or name not in _FILES or (there and name != "MultiBody"):
         return None
     return next(text for text in _read(_FILES[name]) if text.name == name)
@@ -75,24 +77,24 @@ def _read(file: str) -> list[ClassText]:
 
 
 def is_own(path: str) -> bool:
-    """Is it the file of our texts of MultiBody?"""
+    """True for the path of the built-in MultiBody file."""
     return path == _OWN
 
 
 def part_name(text: ClassText) -> str:
-    """The name of one of our texts inside MultiBody, "Joints.Revolute"; "" for other classes."""
+    """Return the name of a built-in MultiBody class, such as "Joints.Revolute"; "" for other classes."""
     if not is_own(text.at.source.path) or not text.full_name.startswith(f"{NAME}."):
         return ""
     return text.full_name.removeprefix(f"{NAME}.")
 
 
 def pictures(text: ClassText) -> set[str]:
-    """Parameters of one of our texts that are taken and mean nothing here."""
+    """Return the parameters of a built-in MultiBody class that are accepted and ignored."""
     return set(_PICTURES.get(part_name(text), "").split())
 
 
 def refusal(space: str, name: str) -> str:
-    """Why there is no such class in MultiBody; "" for a space elsewhere."""
+    """Return why MultiBody has no class of this name, with the available ones; "" outside of MultiBody."""
     if (space != NAME and not space.startswith(f"{NAME}.")) or space.startswith(f"{NAME}.Examples"):
         return ""
-    return f"{space}.{name} is not taken; of MultiBody there are {', '.join(_PICTURES)}"
+    return f"{space}.{name} is not supported; the supported MultiBody classes are {', '.join(_PICTURES)}"

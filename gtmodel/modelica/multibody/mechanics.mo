@@ -1,5 +1,5 @@
-// What joints of MultiBody are driven by, for those who name no Modelica library: its basic parts of Rotational and
-// Translational, in words of our own.
+// Basic components of Rotational and Translational, which drive joints of MultiBody: used if no Modelica library is
+// given, and written independently of it.
 within Modelica.Mechanics;
 package Rotational
   package Interfaces

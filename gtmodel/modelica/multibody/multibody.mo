@@ -1,6 +1,6 @@
-// What is taken of Modelica.Mechanics.MultiBody: the parameters and variables of its parts, in words of our own.
-// __mechanics("part.shaft.phi") is a quantity of the part of gt.mechanics that stands for the component; parts.py
-// says which one that is, and joins their frames.
+// The supported classes of Modelica.Mechanics.MultiBody: parameters and variables, written independently of it.
+// __mechanics("part.shaft.phi") is a quantity of the part of gt.mechanics that replaces the component; parts.py
+// maps components to parts, and assembly.py connects them.
 within Modelica.Mechanics;
 package MultiBody
   model World "the frame of the world, and gravity"
@@ -332,7 +332,7 @@ package MultiBody
       Modelica.Blocks.Interfaces.RealOutput r[3](each unit = "m");
       parameter Types.ResolveInFrameA resolveInFrame = Types.ResolveInFrameA.frame_a;
     equation
-      assert(resolveInFrame <> Types.ResolveInFrameA.frame_resolve, "a sensor takes no further frame to resolve in");
+      assert(resolveInFrame <> Types.ResolveInFrameA.frame_resolve, "a sensor with resolveInFrame = frame_resolve is not supported; use world or frame_a");
       r = if resolveInFrame == Types.ResolveInFrameA.world then frame_a.r_0 else frame_a.R.T*frame_a.r_0;
     end AbsolutePosition;
 
@@ -341,7 +341,7 @@ package MultiBody
       Modelica.Blocks.Interfaces.RealOutput v[3](each unit = "m/s");
       parameter Types.ResolveInFrameA resolveInFrame = Types.ResolveInFrameA.frame_a;
     equation
-      assert(resolveInFrame <> Types.ResolveInFrameA.frame_resolve, "a sensor takes no further frame to resolve in");
+      assert(resolveInFrame <> Types.ResolveInFrameA.frame_resolve, "a sensor with resolveInFrame = frame_resolve is not supported; use world or frame_a");
       v = if resolveInFrame == Types.ResolveInFrameA.world then der(frame_a.r_0) else frame_a.R.T*der(frame_a.r_0);
     end AbsoluteVelocity;
 
@@ -350,7 +350,7 @@ package MultiBody
       Modelica.Blocks.Interfaces.RealOutput w[3](each unit = "rad/s");
       parameter Types.ResolveInFrameA resolveInFrame = Types.ResolveInFrameA.frame_a;
     equation
-      assert(resolveInFrame <> Types.ResolveInFrameA.frame_resolve, "a sensor takes no further frame to resolve in");
+      assert(resolveInFrame <> Types.ResolveInFrameA.frame_resolve, "a sensor with resolveInFrame = frame_resolve is not supported; use world or frame_a");
       w = if resolveInFrame == Types.ResolveInFrameA.world then transpose(frame_a.R.T)*frame_a.R.w else frame_a.R.w;
     end AbsoluteAngularVelocity;
   end Sensors;

@@ -1,4 +1,4 @@
-"""Which parts of gt.mechanics stand for a component of MultiBody, with what values, and as Python's syntax tree."""
+"""Mapping of MultiBody components to parts of gt.mechanics with their options, and their Python syntax trees."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ STANDARD_GRAVITY = 9.80665  # default of the library from version 4; before it 9
 class MechanicsPart:
     """One part: `name = gt.part(gt.mechanics.cls, **options)`.
 
-    options: arrays of scalars, or numbers, lists and dictionaries as they are. frames: which port each frame of the
-    component is. edge: it passes the orientation on, from port to port; root: it gives the orientation of its frame.
+    options: arrays of scalars, or numbers, lists and dictionaries. frames: frame of the component -> port of the part.
+    edge: it connects the orientations of its two frames; root: it determines the orientation of its frame.
     """
 
     name: str
@@ -43,7 +43,7 @@ class MechanicsPart:
 
 @dataclass(eq=False)
 class MappedComponent:
-    """The parts of one component, and ports of them that are joined: ("part.shaft", "drive.shaft")."""
+    """The parts of one component, and its connected ports, such as ("part.shaft", "drive.shaft")."""
 
     instance: Instance
     parts: list[MechanicsPart]
@@ -51,7 +51,7 @@ class MappedComponent:
 
 
 def kind(instance: Instance) -> str:
-    """Which of the mapped classes a component is, or extends; "" for others."""
+    """Return the mapped class that a component is or extends; "" for others."""
     return next((k for s in instance.sections if (k := part_name(s.text)) in PARTS), "")
 
 
@@ -60,21 +60,21 @@ def is_frame(instance: Instance) -> bool:
 
 
 def component(instance: Instance, at: Place) -> MappedComponent:
-    """Its parts. Raises ModelicaError for values that are not taken, at the line `at` of the text."""
+    """Map a component to its parts. Raises ModelicaError, at the place `at`, for unsupported values."""
     return PARTS[kind(instance)](instance, at)
 
 
 def values(instance: Instance, name: str) -> Values:
-    made = instance.elements[name].made
-    assert isinstance(made, Declared)
-    return made.symbols
+    component = instance.elements[name].component
+    assert isinstance(component, Declared)
+    return component.symbols
 
 
 def numbers(instance: Instance, name: str) -> np.ndarray:
-    """Values that must be known at once."""
+    """Return the values of a parameter, which must be known at translation."""
     path = instance.full(name)
-    given: Any = each(lambda x: number_of(x, None, f"'{path}'"), values(instance, name))
-    return np.array(given.tolist(), float)
+    known_values: Any = each(lambda x: number_of(x, None, f"'{path}'"), values(instance, name))
+    return np.array(known_values.tolist(), float)
 
 
 def literal(instance: Instance, name: str) -> str:
@@ -86,18 +86,18 @@ def literal(instance: Instance, name: str) -> str:
 def _unit(instance: Instance, name: str, at: Place) -> np.ndarray:
     n = numbers(instance, name)
     if not np.any(n):
-        raise ModelicaError(f"'{instance.full(name)}' is a direction; found {{0, 0, 0}}", at)
+        raise ModelicaError(f"'{instance.full(name)}' must be a direction; found {{0, 0, 0}}", at)
     return n / np.linalg.norm(n)
 
 
 def rotation(axis: np.ndarray, angle: float) -> np.ndarray:
-    """From coordinates of the turned frame to those of the one it was turned from."""
+    """Return the rotation matrix from coordinates of the rotated frame to the original frame."""
     R = rotation_about(axis, angle)
     return np.where(np.abs(R) < ROUND_OFF, 0.0, R)
 
 
 def in_turn(sequence: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Rotations about the axes 1, 2, 3 of the frame as it is turned."""
+    """Return the product of successive rotations about axes 1, 2, 3 of the rotated frame."""
     turns = [rotation((X, Y, Z)[int(n) - 1], float(a)) for n, a in zip(sequence, angles, strict=True)]
     return reduce(np.matmul, turns)
 
@@ -108,20 +108,22 @@ def _between(instance: Instance, cls: str, at: Place, **given: Any) -> Mechanics
 
 
 def _world(instance: Instance, at: Place) -> MappedComponent:
-    how = literal(instance, "gravityType")
-    if how == "PointGravity":
-        raise ModelicaError("PointGravity is not taken; UniformGravity and NoGravity are", at)
+    gravity_type = literal(instance, "gravityType")
+    if gravity_type == "PointGravity":
+        raise ModelicaError("PointGravity is not supported; use UniformGravity or NoGravity", at)
     n = _unit(instance, "n", at)
-    element = instance.elements["g"].made
+    element = instance.elements["g"].component
     assert isinstance(element, Declared)
     (g,) = element.flats
-    said = element.said.value
-    if how == "UniformGravity" and said is not None and part_name(said.scope.space.text):  # of our own text
-        library = instance.space.root.own("Modelica")
-        if library is not None and library.folder is not None and library.own("Units") is not None:
+    gravity_binding = element.modifier.value
+    if (
+        gravity_type == "UniformGravity" and gravity_binding is not None and part_name(gravity_binding.scope.space.text)
+    ):  # the default of the built-in text
+        library = instance.space.root.local_class("Modelica")
+        if library is not None and library.folder is not None and library.local_class("Units") is not None:
             g.cache["binding"] = STANDARD_GRAVITY
         instance.model.warn(f"gravity is {number_of(g.binding)} m/s2; set it as {instance.path}(g = ...)", at)
-    strength = values(instance, "g")[()] if how == "UniformGravity" else 0
+    strength = values(instance, "g")[()] if gravity_type == "UniformGravity" else 0
     weight = array([operation("*", (strength, float(x)), at) if x else 0.0 for x in n], (3,))
     gravity = MechanicsPart(instance.full("gravity"), "World", at, {"g": weight})
     ground = MechanicsPart(
@@ -167,8 +169,10 @@ def _fixed(instance: Instance, at: Place) -> MappedComponent:
 
 
 def _translation(instance: Instance, at: Place) -> MappedComponent:
-    given = {"d": values(instance, "r")}
-    return MappedComponent(instance, [_between(instance, "FixedTranslation", at, options=given, edge=True, rigid=True)])
+    options = {"d": values(instance, "r")}
+    return MappedComponent(
+        instance, [_between(instance, "FixedTranslation", at, options=options, edge=True, rigid=True)]
+    )
 
 
 def _rotation(instance: Instance, at: Place) -> MappedComponent:
@@ -183,33 +187,36 @@ def _rotation(instance: Instance, at: Place) -> MappedComponent:
         R = np.stack([x, np.cross(z, x), z], axis=1)
     else:
         R = in_turn(numbers(instance, "sequence"), np.radians(numbers(instance, "angles")))
-    given = {"d": values(instance, "r"), "R": _plain(R)}
-    return MappedComponent(instance, [_between(instance, "Fixed", at, options=given, edge=True, rigid=True)])
+    options = {"d": values(instance, "r"), "R": _plain(R)}
+    return MappedComponent(instance, [_between(instance, "Fixed", at, options=options, edge=True, rigid=True)])
 
 
 def _body(instance: Instance, at: Place) -> MappedComponent:
     i = {k: values(instance, f"I_{k}")[()] for k in (11, 22, 33, 21, 31, 32)}
     inertia = array([i[11], i[21], i[31], i[21], i[22], i[32], i[31], i[32], i[33]], (3, 3))
-    given = {"m": values(instance, "m"), "c": values(instance, "r_CM"), "I": inertia}
+    options = {"m": values(instance, "m"), "c": values(instance, "r_CM"), "I": inertia}
     if instance.parent is not None and any(part_name(s.text) == "Parts.Solid" for s in instance.parent.sections):
-        given = {k: each(lambda x: number_of(x, None, f"'{instance.path}'"), v) for k, v in given.items()}
-    return MappedComponent(instance, [MechanicsPart(instance.full("part"), "RigidBody", at, given, {"frame_a": "frame"},
-                                     instance=instance)])  # fmt: skip
+        options = {k: each(lambda x: number_of(x, None, f"'{instance.path}'"), v) for k, v in options.items()}
+    frames = {"frame_a": "frame"}
+    part = MechanicsPart(instance.full("part"), "RigidBody", at, options, frames, instance=instance)
+    return MappedComponent(instance, [part])
 
 
 def _load(instance: Instance, at: Place) -> MappedComponent:
-    how = literal(instance, "resolveInFrame")
-    if how == "frame_resolve":
-        raise ModelicaError(f"'{instance.path}' resolved in a further frame is not taken; world and frame_b are", at)
+    resolve_in = literal(instance, "resolveInFrame")
+    if resolve_in == "frame_resolve":
+        raise ModelicaError(
+            f"'{instance.path}' with resolveInFrame = frame_resolve is not supported; use world or frame_b", at
+        )
     return MappedComponent(instance, [MechanicsPart(instance.full("part"), "AppliedLoad", at, {}, {"frame_b": "frame"},
                                      instance=instance)])  # fmt: skip
 
 
 def _line_force(instance: Instance, at: Place) -> MappedComponent:
     if "m" in instance.elements and np.any(numbers(instance, "m")):
-        raise ModelicaError(f"the mass m of the spring '{instance.path}' is not taken; let a body carry it", at)
-    given = {"k": values(instance, "c"), "d": values(instance, "d"), "length0": values(instance, "s_unstretched")}
-    part = MechanicsPart(instance.full("part"), "SpringDamper", at, given)
+        raise ModelicaError(f"the mass m of the spring '{instance.path}' is not supported; use a body instead", at)
+    options = {"k": values(instance, "c"), "d": values(instance, "d"), "length0": values(instance, "s_unstretched")}
+    part = MechanicsPart(instance.full("part"), "SpringDamper", at, options)
     ends = [
         MechanicsPart(instance.full(f"end_{x}"), "PointOnFrame", at, {}, {f"frame_{x}": "frame"}, instance=instance)
         for x in "ab"
@@ -232,17 +239,17 @@ PARTS: dict[str, Callable[[Instance, Place], MappedComponent]] = {
 
 
 class PartWriter:
-    """Names of parts in the class, none of which is a variable's, and what is written of them."""
+    """Writes parts as Python: unique names, declarations, connections and quantities."""
 
     def __init__(
         self, parts: Iterable[MechanicsPart], naming: Callable[[str], str], taken: Iterable[str], units: bool
     ) -> None:
-        self._names, seen, self._units = dict[str, str](), set(taken), units
+        self._names, used, self._units = dict[str, str](), set(taken), units
         for part in parts:
             name = naming(part.name)
-            while name in seen:
+            while name in used:
                 name += "_"
-            seen.add(name)
+            used.add(name)
             self._names[part.name] = name
 
     def declared(
@@ -251,7 +258,7 @@ class PartWriter:
         """`name = gt.part(gt.mechanics.Revolute, axis=[0.0, 0.0, 1.0])`."""
 
         def option(value: Any) -> ast.expr:
-            """Numbers, or a function of the model where parameters decide."""
+            """Return the option as numbers, or as a function of the model if it depends on parameters."""
             if not hasattr(value, "ravel"):
                 return ast.parse(repr(value), mode="eval").body
             items = [resolved(x, part.at) for x in value.ravel()]
@@ -260,8 +267,10 @@ class PartWriter:
                 rows = [ast.List(rows[k : k + n], ast.Load()) for k in range(0, len(rows), n)]
             if all(is_literal(x) for x in items):
                 return rows[0]
-            given = ast.arguments(posonlyargs=[], args=[ast.arg("self")], kwonlyargs=[], kw_defaults=[], defaults=[])
-            return ast.Lambda(given, rows[0])
+            arguments = ast.arguments(
+                posonlyargs=[], args=[ast.arg("self")], kwonlyargs=[], kw_defaults=[], defaults=[]
+            )
+            return ast.Lambda(arguments, rows[0])
 
         options = [ast.keyword(k, option(v)) for k, v in part.options.items()]
         value = ast.Call(_attributes("gt", "part"), [_attributes("gt", "mechanics", part.cls)], options)

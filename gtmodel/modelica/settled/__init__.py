@@ -1,1 +1,1 @@
-"""Passes over a flattened class: events as the language has them, and static optimizations."""
+"""Passes over a flattened class: events in gtmodel's forms, static optimizations, and units."""

@@ -1,5 +1,5 @@
-"""Events of a flattened model in the forms that the language has: memories of pre(), Boolean variables for what
-their equations say, whole numbers."""
+"""Events of a flattened model in the forms of gtmodel: discrete variables for pre() and for functions such as floor(),
+and expressions in place of Boolean variables."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from .instants import settle_instants
 
 
 def settle_macros(out: Flattened) -> None:
-    """Each gets what stands for it everywhere, in `replaced`; those that events set stay.
+    """Set `replaced` of Boolean, String and enumeration variables to their defining expression, except discrete ones.
 
-    Raises ModelicaError for one without an equation, or with two.
+    Raises ModelicaError for a variable without such an equation, or with two.
     """
     set_by_events = {id(a.left.flat) for e in out.equations if isinstance(e, ScalarWhen) for a in e.actions}
     for flat in out.flats:
         if flat.kind == "discrete" and id(flat) not in set_by_events:
-            flat.kind = "variable"  # discrete because what it follows from is
+            flat.kind = "variable"  # declared discrete, but defined by an equation
     kept: list[Any] = []
     waiting: list[ScalarEquation] = []
     for e in out.equations:
@@ -57,12 +57,12 @@ def settle_macros(out: Flattened) -> None:
                 raise ModelicaError(f"'{name}' has two equations", e.at)
         if len(later) == len(waiting):
             flat = later[0].left.flat
-            raise ModelicaError(f"'{flat.name}' is {flat.base} and has no equation of its own", flat.at)
+            raise ModelicaError(f"'{flat.name}' is {flat.base} and has no equation {flat.name} = ...", flat.at)
         waiting = later
     out.equations = kept
     for flat in out.flats:
         if _of_values(flat) and flat.replaced is None and flat.kind == "variable":
-            raise ModelicaError(f"'{flat.name}' is {flat.base} and has no equation of its own", flat.at)
+            raise ModelicaError(f"'{flat.name}' is {flat.base} and has no equation {flat.name} = ...", flat.at)
 
 
 def _of_values(flat: Flat) -> bool:
@@ -70,7 +70,7 @@ def _of_values(flat: Flat) -> bool:
 
 
 def _stands(x: Any) -> bool:
-    """Is it a variable that something stands for, or an event sets?"""
+    """True for a Boolean, String or enumeration variable, replaced by an expression or set by events."""
     return isinstance(x, Symbol) and _of_values(x.flat) and x.flat.kind in ("variable", "input", "discrete")
 
 
@@ -79,14 +79,14 @@ def _open(x: Any) -> bool:
 
 
 _RELATIONS = ("<", "<=", ">", ">=")
-LONGEST_NAME = 200  # words of an expression that names a variable of gtmodel's own
+LONGEST_NAME = 200  # size of an expression in the name of a variable of gtmodel
 _WHOLE = ("floor", "ceil", "integer", "mod", "div", "rem")
-_OF_WHOLE = ("+", "-", "*", "neg", "min", "max", "abs", "pre", "mod", "rem")  # of whole numbers, and whole
+_OF_WHOLE = ("+", "-", "*", "neg", "min", "max", "abs", "pre", "mod", "rem")  # Integer for Integer arguments
 _LOGICAL = (*_RELATIONS, "==", "<>", "and", "or", "not", "initial", "sample", "edge", "change")
 
 
 def settle_events(out: Flattened) -> None:
-    """What changes at instants, in the language's forms. Raises ModelicaError for what it cannot follow exactly."""
+    """Rewrite events in the forms of gtmodel. Raises ModelicaError for events that it cannot follow exactly."""
     sides = [x for e in out.equations if isinstance(e, ScalarEquation) for x in (e.left, e.right)]
     eventful = any(isinstance(e, (ScalarWhen, ScalarIf)) for e in out.equations)
     eventful = eventful or any(f.replaced is not None for f in out.flats)
@@ -127,7 +127,7 @@ class _Settling:
                     equations.append(ScalarIf(condition, then, other, e.at))
             elif (when := self._when(e)) is not None:
                 equations.append(when)
-        for flat in list(out.flats):  # what remembers itself is shown, whether it is read or not
+        for flat in list(out.flats):  # a Boolean with memory is in results, whether it is read or not
             remembers = flat.base == "Boolean" and any(o.name == "pre" for o in operations(flat.replaced))
             if remembers and id(flat) not in self.memories:
                 self._remember(flat)
@@ -136,13 +136,13 @@ class _Settling:
         settle_instants(out, {id(f) for f in self.memories.values()})
         if not any(f.kind == "variable" and is_declared(f) for f in out.flats):
             clock = Flat("clock", "variable", "Real", out.at, lambda _: None, lambda: None, description="time")
-            out.flats.append(clock)  # a model of events alone has nothing that moves
+            out.flats.append(clock)  # a model with events only has no continuous variable
             out.equations.append(ScalarEquation(Symbol(clock), Operation("time", (), out.at), out.at))
 
     def _starts(self) -> None:
-        """Initial equations of what events set are start values; where they are no numbers, an event there too."""
+        """Use initial equations of discrete variables as start values, or as actions at the start if not constant."""
         kept: list[ScalarEquation] = []
-        given: list[ScalarEquation] = []
+        actions: list[ScalarEquation] = []
         for e in self.out.initial:
             x = e.left.arguments[0] if isinstance(e.left, Operation) and e.left.name == "pre" else e.left
             if not isinstance(x, Symbol) or (x.flat.kind != "discrete" and x is e.left):
@@ -153,23 +153,25 @@ class _Settling:
                 x.flat.cache["start"] = number_of(right, e.at, f"the start of '{x.flat.name}'")
             elif x.flat.kind == "discrete":
                 x.flat.cache["start"] = self._at_start(right)
-                given.append(ScalarEquation(x, self.value(right, e.at), e.at))
+                actions.append(ScalarEquation(x, self.value(right, e.at), e.at))
             else:
-                raise ModelicaError(f"pre({x.flat.name}) begins with a number; write a when initial() clause", e.at)
+                raise ModelicaError(
+                    f"the initial value of pre({x.flat.name}) must be a number; write a when initial() clause", e.at
+                )
         self.out.initial = kept
-        if given:
-            at = given[0].at
+        if actions:
+            at = actions[0].at
             self.whens.append(
-                ScalarWhen((WhenBranch(Operation("initial", (), at), tuple(given), (), None, at),), at, True)
+                ScalarWhen((WhenBranch(Operation("initial", (), at), tuple(actions), (), None, at),), at, True)
             )
 
     def _equation(self, e: ScalarEquation) -> ScalarEquation:
         return ScalarEquation(self.now(e.left, e.at), self.now(e.right, e.at), e.at, e.relation)
 
-    # what holds at every time
+    # continuous expressions
 
     def now(self, x: Any, at: Place) -> Any:
-        """An expression outside of actions: pre() is what the variable had when this round of the event began."""
+        """Rewrite an expression outside of actions; pre() is the value at the begin of this iteration of the event."""
         x = self.resolved(x, at)
         if not any(map(_speaks, operations(x))):
             return x
@@ -190,7 +192,7 @@ class _Settling:
             condition = self.condition(x.arguments[0], at)
             return operation("if", (condition, *(self._now(a, at) for a in x.arguments[1:])), at)
         if x.name in _LOGICAL:
-            raise ModelicaError("a condition stands where a number is expected", at)
+            raise ModelicaError("expected a number; found a condition", at)
         arguments = tuple(self._now(a, at) for a in x.arguments)
         if x.name in _WHOLE:
             return self._whole(x.name, arguments, at)
@@ -198,7 +200,7 @@ class _Settling:
             x.name, arguments, x.at)  # fmt: skip
 
     def condition(self, x: Any, at: Place) -> Any:
-        """A resolved condition: relations of numbers, and, or, not, initial, sample; or True or False."""
+        """Rewrite a resolved condition to relations of numbers, and, or, not, initial, sample, True or False."""
         if not isinstance(x, Operation):
             return self._condition(x, at)
         if id(x) not in self._conditions_known:
@@ -211,7 +213,7 @@ class _Settling:
         if isinstance(x, Symbol):
             return self._is_true(x, at)
         if not isinstance(x, Operation):
-            raise ModelicaError(f"a condition is true or false; found {x}", at)
+            raise ModelicaError(f"a condition must be Boolean; found {x}", at)
         at = x.at or at
         if x.name in _RELATIONS:
             return operation(x.name, tuple(self._now(a, at) for a in x.arguments), at)
@@ -231,36 +233,36 @@ class _Settling:
         if x.name == "sample":
             return x
         if x.name in ("edge", "change"):
-            raise ModelicaError(f"{x.name}() is taken as the whole condition of a when clause alone", at)
-        raise ModelicaError(f"a condition is true or false; found {x.name}()", at)
+            raise ModelicaError(f"{x.name}() is only supported as the whole condition of a when clause", at)
+        raise ModelicaError(f"a condition must be Boolean; found {x.name}()", at)
 
     @staticmethod
     def _is_true(x: Any, at: Place) -> Any:
-        own = x.arguments[0] if isinstance(x, Operation) and x.name == "earlier" else x
-        if isinstance(own, Symbol):
-            if own.flat.base != "Boolean":
-                raise ModelicaError(f"'{own.flat.name}' is no condition but {own.flat.base}", at)
-            if own.flat.kind == "input":
-                raise ModelicaError(f"'{own.flat.name}' is a Boolean input, and inputs are Real", at)
+        variable = x.arguments[0] if isinstance(x, Operation) and x.name == "earlier" else x
+        if isinstance(variable, Symbol):
+            if variable.flat.base != "Boolean":
+                raise ModelicaError(f"'{variable.flat.name}' is {variable.flat.base}; a condition must be Boolean", at)
+            if variable.flat.kind == "input":
+                raise ModelicaError(f"'{variable.flat.name}' is a Boolean input; only Real inputs are supported", at)
             return Operation(">=", (x, 0.5), at)
         return x
 
     def _same(self, a: Any, b: Any, at: Place) -> Any:
-        """Equality, which has a meaning between what has steps."""
+        """Return the condition that two Boolean, Integer or enumeration expressions are equal."""
         if all(map(_is_boolean, (a, b))):
             a, b = (self.condition(x, at) for x in (a, b))
             both, none = operation("and", (a, b), at), operation("and", (_no(a, at), _no(b, at)), at)
             return operation("or", (both, none), at)
         if not all(map(_is_whole, (a, b))):
-            raise ModelicaError("== and <> of Real variables have no meaning at an instant; write <= or >=", at)
+            raise ModelicaError("== and <> of Real variables are not allowed in events; write <= or >=", at)
         a, b = (_number(self._now(x, at)) for x in (a, b))
         above, below = operation("+", (b, 0.5), at), operation("-", (b, 0.5), at)
         return Operation("and", (Operation(">=", (a, below), at), Operation("<=", (a, above), at)), at)
 
-    # memories
+    # pre()
 
     def _memory(self, x: Any, at: Place) -> Any:
-        """What a variable had before: of one that events set itself, of another one what events remember of it."""
+        """Return pre() of a variable: for a discrete variable itself, otherwise its memory variable."""
         if is_literal(x):
             return x
         if isinstance(x, Symbol) and x.flat.kind in ("parameter", "constant"):
@@ -270,13 +272,13 @@ class _Settling:
         if isinstance(x, Symbol) and x.flat.kind == "discrete":
             return Operation("earlier", (x,), at)
         if not isinstance(x, Symbol) or (x.flat.base != "Integer" and x.flat.replaced is None):
-            raise ModelicaError("pre() is taken of a variable that changes at events alone", at)
+            raise ModelicaError("pre() needs a variable that changes only at events", at)
         if id(x.flat) not in self.memories:
             self._remember(x.flat)
         return Symbol(self.memories[id(x.flat)])
 
     def _initially(self) -> Symbol:
-        """initial() beside other conditions: a variable that begins at 1, and that the event at the start makes 0."""
+        """Return a variable for initial() in other conditions: it starts at 1, and the initial event sets it to 0."""
         if self._initial is None:
             at = self.out.at
             self._initial = flat = Flat(
@@ -287,26 +289,29 @@ class _Settling:
             self.out.flats.append(flat)
             action = ScalarEquation(Symbol(flat), 0.0, at)
             branch = WhenBranch(Operation("initial", (), at), (action,), (), None, at)
-            self.whens.append(ScalarWhen((branch,), at, own=True))
+            self.whens.append(ScalarWhen((branch,), at, internal=True))
         return Symbol(self._initial)
 
     def _remember(self, flat: Flat) -> None:
         if flat.base not in ("Boolean", "Integer"):
-            raise ModelicaError(f"pre() of '{flat.name}', which is {flat.base}, is not taken", flat.at)
+            raise ModelicaError(f"pre() of '{flat.name}', which is {flat.base}, is not supported", flat.at)
         memory = Flat(
             flat.name if flat.base == "Boolean" else f"pre({flat.name})", "discrete", flat.base, flat.at,
             flat.attribute, lambda: None, helper=flat.base == "Integer",
             description=flat.description if flat.base == "Boolean" else f"{flat.name} before the event",
         )  # fmt: skip
         memory.cache["start"] = flat.get("start")
-        flat.cache["fixed"] = None  # which says what pre() begins with
+        flat.cache["fixed"] = None  # fixed concerns the initial value of pre()
         self.memories[id(flat)] = memory
         self.out.flats.append(memory)
         where = flat.at
         if flat.base == "Integer":
-            own, old = Symbol(flat), Symbol(memory)
-            conditions = [(Operation(">=", (own, Operation("+", (old, 0.5), where)), where), own),
-                          (Operation("<=", (own, Operation("-", (old, 0.5), where)), where), own)]  # fmt: skip
+            current, previous = Symbol(flat), Symbol(memory)
+            low, high = (Operation(sign, (previous, 0.5), where) for sign in "-+")
+            conditions = [
+                (Operation(">=", (current, high), where), current),
+                (Operation("<=", (current, low), where), current),
+            ]
         else:
             truth = self.condition(self.resolved(flat.replaced, flat.at), flat.at)
             if isinstance(truth, bool):
@@ -318,25 +323,25 @@ class _Settling:
                        (ScalarEquation(Symbol(memory), v, where),), (), None, where)
             for first in (True, False) for c, v in conditions
         ]  # fmt: skip
-        self.whens.append(ScalarWhen(tuple(branches), where, own=True))
+        self.whens.append(ScalarWhen(tuple(branches), where, internal=True))
 
-    # whole numbers
+    # floor() and related functions
 
-    def _whole(self, name: str, given: tuple[Any, ...], at: Place) -> Any:
-        """floor() and what follows from it, by a variable that counts."""
-        if all(is_constant(x) for x in given):
-            return Operation(name, given, at)
+    def _whole(self, name: str, arguments: tuple[Any, ...], at: Place) -> Any:
+        """Return floor() or a related function by discrete variables that events count up and down."""
+        if all(is_constant(x) for x in arguments):
+            return Operation(name, arguments, at)
         if name in ("floor", "integer"):
-            return self._floor(given[0], at)
+            return self._floor(arguments[0], at)
         if name == "ceil":
-            return operation("neg", (self._floor(_minus(given[0], at), at),), at)
-        x, y = given
-        share = operation("/", (x, y), at)
+            return operation("neg", (self._floor(_minus(arguments[0], at), at),), at)
+        x, y = arguments
+        quotient = operation("/", (x, y), at)
         if name == "mod":
-            whole = self._floor(share, at)
+            whole = self._floor(quotient, at)
             return operation("-", (x, operation("*", (whole, y), at)), at)
-        up = operation("neg", (self._floor(_minus(share, at), at),), at)
-        whole = Operation("if", (Operation(">=", (share, 0.0), at), self._floor(share, at), up), at)
+        up = operation("neg", (self._floor(_minus(quotient, at), at),), at)
+        whole = Operation("if", (Operation(">=", (quotient, 0.0), at), self._floor(quotient, at), up), at)
         return whole if name == "div" else operation("-", (x, operation("*", (whole, y), at)), at)
 
     def _floor(self, x: Any, at: Place) -> Any:
@@ -349,40 +354,40 @@ class _Settling:
             flat.cache["start"] = math.floor(self._at_start(x))  # an event at the start corrects it
             self.wholes[name] = flat
             self.out.flats.append(flat)
-            own = Symbol(flat)
-            next_one = Operation("+", (own, 1.0), at)
-            above, below = Operation(">=", (x, next_one), at), Operation("<", (x, own), at)
-            earlier = Operation("pre", (own,), at)
+            counter = Symbol(flat)
+            next_one = Operation("+", (counter, 1.0), at)
+            above, below = Operation(">=", (x, next_one), at), Operation("<", (x, counter), at)
+            earlier = Operation("pre", (counter,), at)
             whole = Operation("whole", (x,), at)
             up = Operation("max", (Operation("+", (earlier, 1.0), at), whole), at)
             down = Operation("min", (Operation("-", (earlier, 1.0), at), whole), at)
             branches = [
                 WhenBranch(c if not first else Operation("and", (Operation("initial", (), at), c), at),
-                           (ScalarEquation(own, v, at),), (), None, at)
+                           (ScalarEquation(counter, v, at),), (), None, at)
                 for first in (True, False) for c, v in ((above, up), (below, down))
             ]  # fmt: skip
-            self.whens.append(ScalarWhen(tuple(branches), at, own=True))
+            self.whens.append(ScalarWhen(tuple(branches), at, internal=True))
         return Symbol(self.wholes[name])
 
     def _at_start(self, x: Any) -> float:
-        """What an expression is at a start at 0 s by declared start values, as far as they say; else 0."""
+        """Return the value of an expression at time 0 by declared start values, 0 by default; 0 if it has no value."""
         frozen = [f for f in self.out.flats if f.frozen]
 
-        done: dict[int, Any] = {}
+        values: dict[int, Any] = {}
 
-        def known(e: Any) -> Any:
+        def evaluated(e: Any) -> Any:
             if isinstance(e, Symbol):
                 constant = e.flat.kind in ("parameter", "constant")
-                given = value_of(e.flat) if constant else e.flat.get("start")
-                return known(self.resolved(0.0 if given is None else given, e.flat.at))
+                start = value_of(e.flat) if constant else e.flat.get("start")
+                return evaluated(self.resolved(0.0 if start is None else start, e.flat.at))
             if not isinstance(e, Operation):
                 return e
-            if id(e) not in done:
-                done[id(e)] = 0.0 if e.name == "time" else operation(e.name, tuple(map(known, e.arguments)), e.at)
-            return done[id(e)]
+            if id(e) not in values:
+                values[id(e)] = 0.0 if e.name == "time" else operation(e.name, tuple(map(evaluated, e.arguments)), e.at)
+            return values[id(e)]
 
         try:
-            value = number_of(known(x))
+            value = number_of(evaluated(x))
         except ModelicaError:
             value = 0.0
         for f in self.out.flats:
@@ -396,37 +401,40 @@ class _Settling:
     def _when(self, e: ScalarWhen) -> ScalarWhen | None:
         branches = []
         for b in e.branches:
-            if not (e.own or _is_initial(b.condition)) and any(map(_is_initial, operations(b.condition))):
-                raise ModelicaError("initial() stands alone as a condition of when, or in a vector of them", b.at)
+            if not (e.internal or _is_initial(b.condition)) and any(map(_is_initial, operations(b.condition))):
+                raise ModelicaError(
+                    "initial() can only be used alone as a when condition, or as an entry of a vector of conditions",
+                    b.at,
+                )
             try:
-                conditions = self._conditions(self.resolved(b.condition, b.at), b.at, e.own)
+                conditions = self._conditions(self.resolved(b.condition, b.at), b.at, e.internal)
             except ModelicaError as error:
-                if not e.own:
+                if not e.internal:
                     raise
-                self.out.warnings.append(f"this assert() is not watched: {error.sentence} ({b.at.where})")
+                self.out.warnings.append(f"this assert() is not monitored: {error.sentence} ({b.at.where})")
                 return None
             actions = tuple(ScalarEquation(a.left, self.value(self.resolved(a.right, a.at), a.at), a.at)
                             for a in b.actions)  # fmt: skip
             restarts = tuple((self.resolved(x, b.at), self.value(self.resolved(v, b.at), b.at)) for x, v in b.restarts)
             branches += [WhenBranch(c, actions, restarts, b.end, b.at) for c in conditions if not isinstance(c, bool)]
-        return ScalarWhen(tuple(branches), e.at, e.own) if branches else None
+        return ScalarWhen(tuple(branches), e.at, e.internal) if branches else None
 
-    def _conditions(self, x: Any, at: Place, own: bool) -> list[Any]:
-        """Of one branch; a change is two of them. own: gtmodel's, which may join initial() with others."""
+    def _conditions(self, x: Any, at: Place, internal: bool) -> list[Any]:
+        """Return the conditions of one branch; change() has two. internal: initial() may be combined with others."""
         if isinstance(x, Operation) and x.name in ("edge", "change"):
-            inside = x.arguments[0]
-            if not _is_boolean(inside):
-                raise ModelicaError(f"{x.name}() is taken of Boolean variables alone; write relations", x.at or at)
-            truth = self.condition(inside, at)
+            argument = x.arguments[0]
+            if not _is_boolean(argument):
+                raise ModelicaError(f"{x.name}() is only supported for Boolean variables; write relations", x.at or at)
+            truth = self.condition(argument, at)
             return [truth] if x.name == "edge" else [truth, _no(truth, at)]
         if _is_initial(x):
             return [x]
-        if own and x.name == "and" and _is_initial(x.arguments[0]):
+        if internal and x.name == "and" and _is_initial(x.arguments[0]):
             return [operation("and", (x.arguments[0], self.condition(x.arguments[1], at)), at)]
         return [self.condition(x, at)]
 
     def value(self, x: Any, at: Place) -> Any:
-        """The right side of an action as a number: true is 1. Relations are those of the instant."""
+        """Rewrite the right side of an action as a number (true is 1); relations are evaluated at the instant."""
         if isinstance(x, bool):
             return 1.0 if x else 0.0
         if isinstance(x, EnumerationLiteral):
@@ -439,66 +447,66 @@ class _Settling:
 
     def _value(self, x: Operation, at: Place) -> Any:
         if x.name == "pre":
-            inside = x.arguments[0]
-            moves = isinstance(inside, Symbol) and inside.flat.kind in ("variable", "input")
-            if moves and inside.flat.base == "Real":
+            argument = x.arguments[0]
+            moves = isinstance(argument, Symbol) and argument.flat.kind in ("variable", "input")
+            if moves and argument.flat.base == "Real":
                 return x
-            before = self._memory(inside, at)
+            before = self._memory(argument, at)
             before = before.arguments[0] if isinstance(before, Operation) else before
             return Operation("pre", (before,), at) if isinstance(before, Symbol) else self.value(before, at)
         if x.name == "initial":
             return Operation("pre", (self._initially(),), at)
         if x.name in ("sample", "edge", "change"):
-            raise ModelicaError(f"{x.name}() belongs into the condition of a when clause", at)
+            raise ModelicaError(f"{x.name}() is only allowed in the condition of a when clause", at)
         if x.name == "if":
             condition, then, other = x.arguments
             if not _of_events(condition):
                 return Operation("if", (self.condition(condition, at), self.value(then, at), self.value(other, at)), at)
-            share = self.value(condition, at)
-            left = operation("*", (share, self.value(then, at)), at)
-            right = operation("*", (operation("-", (1.0, share), at), self.value(other, at)), at)
+            weight = self.value(condition, at)
+            left = operation("*", (weight, self.value(then, at)), at)
+            right = operation("*", (operation("-", (1.0, weight), at), self.value(other, at)), at)
             return operation("+", (left, right), at)
         if x.name in _RELATIONS and not _of_events(x):
             return Operation("if", (self.condition(x, at), 1.0, 0.0), at)
-        given = tuple(self.value(a, at) for a in x.arguments)
+        arguments = tuple(self.value(a, at) for a in x.arguments)
         if x.name in _RELATIONS:
-            a, b = given if x.name in (">=", "<") else reversed(given)
+            a, b = arguments if x.name in (">=", "<") else reversed(arguments)
             step = Operation("step", (a, b), at)
             return step if x.name.endswith("=") else operation("-", (1.0, step), at)
         if x.name in ("==", "<>"):
-            same = self._equal(x.arguments, given, at)
+            same = self._equal(x.arguments, arguments, at)
             return same if x.name == "==" else operation("-", (1.0, same), at)
         if x.name in ("and", "or"):
-            return operation("min" if x.name == "and" else "max", given, at)
+            return operation("min" if x.name == "and" else "max", arguments, at)
         if x.name == "not":
-            return operation("-", (1.0, *given), at)
+            return operation("-", (1.0, *arguments), at)
         if x.name in _WHOLE:
-            return self._whole_value(x.name, given, at)
-        return operation(x.name, given, at)
+            return self._whole_value(x.name, arguments, at)
+        return operation(x.name, arguments, at)
 
     @staticmethod
-    def _equal(written: tuple[Any, ...], given: tuple[Any, ...], at: Place) -> Any:
+    def _equal(written: tuple[Any, ...], numbers: tuple[Any, ...], at: Place) -> Any:
         if not all(_is_whole(x) or _is_boolean(x) for x in written):
-            raise ModelicaError("== and <> of Real variables have no meaning at an instant; write <= or >=", at)
-        a, b = given
+            raise ModelicaError("== and <> of Real variables are not allowed in events; write <= or >=", at)
+        a, b = numbers
         low, high = operation("-", (b, 0.5), at), operation("+", (b, 0.5), at)
         return Operation("min", (Operation("step", (a, low), at), Operation("step", (high, a), at)), at)
 
     @staticmethod
-    def _whole_value(name: str, given: tuple[Any, ...], at: Place) -> Any:
+    def _whole_value(name: str, arguments: tuple[Any, ...], at: Place) -> Any:
         def whole(x: Any) -> Any:
             return Operation("whole", (x,), at)
 
         if name in ("floor", "integer"):
-            return whole(given[0])
+            return whole(arguments[0])
         if name == "ceil":
-            return operation("neg", (whole(operation("neg", given, at)),), at)
-        x, y = given
-        share = operation("/", (x, y), at)
+            return operation("neg", (whole(operation("neg", arguments, at)),), at)
+        x, y = arguments
+        ratio = operation("/", (x, y), at)
         if name == "mod":
-            return operation("-", (x, operation("*", (whole(share), y), at)), at)
-        size = Operation("abs", (share,), at)
-        sign = operation("-", (operation("*", (2.0, Operation("step", (share, 0.0), at)), at), 1.0), at)
+            return operation("-", (x, operation("*", (whole(ratio), y), at)), at)
+        size = Operation("abs", (ratio,), at)
+        sign = operation("-", (operation("*", (2.0, Operation("step", (ratio, 0.0), at)), at), 1.0), at)
         quotient = operation("*", (sign, whole(size)), at)
         return quotient if name == "div" else operation("-", (x, operation("*", (quotient, y), at)), at)
 
@@ -520,7 +528,7 @@ def _number(x: Any) -> Any:
 
 
 def _of_events(x: Any) -> bool:
-    """Does it hold what changes at events?"""
+    """True if an expression contains a discrete variable or pre()."""
     return any(f.kind == "discrete" for f in symbols(x)) or any(o.name == "pre" for o in operations(x))
 
 
@@ -535,8 +543,8 @@ def _is_boolean(x: Any) -> bool:
 
 
 def _is_whole(x: Any) -> bool:
-    """Is it a whole number, or a literal of an enumeration?"""
-    stack, seen = [x], set[int]()
+    """True if an expression is Integer or of an enumeration type."""
+    stack, visited = [x], set[int]()
     while stack:
         e = stack.pop()
         if isinstance(e, Symbol):
@@ -545,8 +553,8 @@ def _is_whole(x: Any) -> bool:
         elif isinstance(e, Operation):
             if e.name not in _OF_WHOLE and e.name not in ("if", "integer", "sign", "div", "share"):
                 return False
-            if id(e) not in seen and e.name in (*_OF_WHOLE, "if"):
-                seen.add(id(e))
+            if id(e) not in visited and e.name in (*_OF_WHOLE, "if"):
+                visited.add(id(e))
                 stack += e.arguments[1:] if e.name == "if" else e.arguments
         elif not isinstance(e, EnumerationLiteral) and not (isinstance(e, (int, float)) and float(e).is_integer()):
             return False
@@ -554,14 +562,14 @@ def _is_whole(x: Any) -> bool:
 
 
 def text_of(x: Any) -> str:
-    """A short text of an expression, for a name."""
+    """Return a short text of an expression for the name of a variable."""
     if isinstance(x, Symbol):
         return x.flat.name
     if isinstance(x, Operation):
-        inside = [text_of(a) for a in x.arguments]
+        arguments = [text_of(a) for a in x.arguments]
         if x.name == "neg":
-            return f"-{inside[0]}"
-        if len(inside) == 2 and not x.name.isalpha():
-            return f"({inside[0]}{x.name}{inside[1]})"
-        return x.name + (f"({','.join(inside)})" if inside else "")
+            return f"-{arguments[0]}"
+        if len(arguments) == 2 and not x.name.isalpha():
+            return f"({arguments[0]}{x.name}{arguments[1]})"
+        return x.name + (f"({','.join(arguments)})" if arguments else "")
     return f"{x:.9g}" if isinstance(x, float) else str(x)

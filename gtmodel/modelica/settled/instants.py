@@ -1,4 +1,4 @@
-"""What happens at one instant in Modelica and in rounds here: where both are the same, and what is written for it."""
+"""Event semantics: Modelica solves all equations of an instant together, gtmodel iterates; this pass handles that."""
 
 from __future__ import annotations
 
@@ -13,28 +13,29 @@ from .static import augmented
 
 
 def settle_instants(out: Flattened, memories: set[int]) -> None:
-    """Actions read what follows from new values of the same instant; what would come a round late is refused.
+    """Substitute in actions variables that depend on discrete variables; reject clauses that would act too late.
 
-    In Modelica the equations of an instant hold together: a variable that follows from a discrete one has its new value
-    in every action. Here actions read continuous variables as they were, discrete ones as they become. So what follows
-    from discrete variables without a state in between is written out in them. A condition that discrete variables make
-    true acts in the next round, which is the same unless somebody reads what it sets, or pre() of what made it true.
+    In Modelica all equations of an instant hold simultaneously: a variable that depends on a discrete variable has its
+    new value in every action. In gtmodel actions read the previous values of continuous variables and the new values
+    of discrete ones. Therefore a variable that depends algebraically on discrete variables is replaced in actions by
+    its expression in them. A condition that discrete variables make true acts in the next iteration of the event. The
+    result is the same unless an action reads a variable that this clause sets, or pre() of one that made it true.
 
-    memories: ids of variables that events remember for pre(). Raises ModelicaError.
+    memories: ids of the discrete variables that hold values of pre(). Raises ModelicaError.
     """
     whens = [e for e in out.equations if isinstance(e, ScalarWhen)]
-    if not any(not w.own for w in whens):
+    if not any(not w.internal for w in whens):
         return
     instants = _Instants(out, memories)
-    out.equations = [instants.written(e) if isinstance(e, ScalarWhen) and not e.own else e for e in out.equations]
-    instants.check([e for e in out.equations if isinstance(e, ScalarWhen) and not e.own])
+    out.equations = [instants.written(e) if isinstance(e, ScalarWhen) and not e.internal else e for e in out.equations]
+    instants.check([e for e in out.equations if isinstance(e, ScalarWhen) and not e.internal])
 
 
 class _Instants:
     def __init__(self, out: Flattened, memories: set[int]) -> None:
         self.out = out
-        own = [e for e in out.equations if isinstance(e, ScalarWhen) and not e.own]
-        self.set = {id(a.left.flat) for w in own for a in w.actions} - memories
+        clauses = [e for e in out.equations if isinstance(e, ScalarWhen) and not e.internal]
+        self.set = {id(a.left.flat) for w in clauses for a in w.actions} - memories
         self.equations = [e for e in out.equations if not isinstance(e, ScalarWhen)]
         self.states = {id(f) for e in self.equations for x in _sides(e) for f in _under_der(x)}
         self._group: dict[int, int] = {}
@@ -44,7 +45,7 @@ class _Instants:
         self._definitions: dict[int, Any] | None = None
         self._written: dict[int, tuple[Any, Any]] = {}
 
-    # what follows from what
+    # dependencies
 
     def _root(self, key: int) -> int:
         while self._group.setdefault(key, key) != key:
@@ -56,10 +57,10 @@ class _Instants:
         return f.kind in ("variable", "input") and f.replaced is None and id(f) not in self.states
 
     def _join(self, e: Any) -> None:
-        """Variables of one equation follow from each other and from its discrete ones, as far as anybody knows."""
-        inside = [f for x in _sides(e) for f in symbols(x)]
-        roots = {self._root(id(f)) for f in inside if self._moving(f)}
-        read = {id(f) for f in inside if id(f) in self.set}
+        """Assume that the variables of one equation depend on each other and on its discrete variables."""
+        variables = [f for x in _sides(e) for f in symbols(x)]
+        roots = {self._root(id(f)) for f in variables if self._moving(f)}
+        read = {id(f) for f in variables if id(f) in self.set}
         if not roots:
             return
         first = min(roots)
@@ -69,11 +70,11 @@ class _Instants:
         self._follows[first] = self._follows.get(first, set()) | read
 
     def follows(self, f: Flat) -> set[int]:
-        """Ids of what events set and a continuous variable may follow from without a state in between."""
+        """Return the ids of discrete variables on which a continuous variable may depend algebraically."""
         return self._follows.get(self._root(id(f)), set()) if self._moving(f) else set()
 
     def read(self, x: Any) -> set[int]:
-        """Ids of what events set and an expression reads as it is now."""
+        """Return the ids of discrete variables whose current values an expression reads."""
         result: set[int] = set()
         for f in _now(x):
             result |= {id(f)} & self.set
@@ -83,7 +84,7 @@ class _Instants:
     # actions
 
     def written(self, when: ScalarWhen) -> ScalarWhen:
-        """With what follows from discrete variables written out in the actions."""
+        """Return a when clause with variables that depend on discrete ones substituted in its actions."""
         branches = []
         for b in when.branches:
             actions = tuple(ScalarEquation(a.left, self._out(a.right, a.at), a.at) for a in b.actions)
@@ -98,8 +99,8 @@ class _Instants:
             if id(x.flat) in busy or id(x.flat) not in self.definitions():
                 names = ", ".join(sorted(f.name for f in self.out.flats if id(f) in self.follows(x.flat)))
                 raise ModelicaError(
-                    f"this action reads '{x.flat.name}', which follows at the same instant from {names}; that needs an "
-                    f"equation {x.flat.name} = ... of its own, or write what is meant with pre()",
+                    f"this action reads '{x.flat.name}', which depends at the same instant on {names}; write an "
+                    f"explicit equation {x.flat.name} = ..., or use pre() in the action",
                     at,
                 )
             return self._out(self.definitions()[id(x.flat)], at, (*busy, id(x.flat)))
@@ -135,43 +136,45 @@ class _Instants:
                             self._definitions[key] = b
         return self._definitions
 
-    # rounds
+    # iterations of an event
 
     def check(self, whens: list[ScalarWhen]) -> None:
-        """Raises ModelicaError for a clause that would act a round later than in Modelica, and show it."""
+        """Raises ModelicaError for a clause that acts one iteration late with a result different from Modelica."""
         setters: dict[int, set[int]] = {}
         for n, w in enumerate(whens):
             for a in w.actions:
                 setters.setdefault(id(a.left.flat), set()).add(n)
         for n, w in enumerate(whens):
-            own = {id(a.left.flat) for a in w.actions}
-            late = [self.read(b.condition) for b in w.branches]
-            for k, (b, made) in enumerate(zip(w.branches, late, strict=True)):
-                if not made:
+            assigned = {id(a.left.flat) for a in w.actions}
+            reads = [self.read(b.condition) for b in w.branches]
+            for k, (b, triggers) in enumerate(zip(w.branches, reads, strict=True)):
+                if not triggers:
                     continue
-                if made & own:
+                if triggers & assigned:
                     raise ModelicaError(
-                        f"this condition reads {self._names(made & own)}, which its clause sets; write pre(...)", b.at
+                        f"this condition reads {self._names(triggers & assigned)}, which its own clause sets; "
+                        "write pre(...)",
+                        b.at,
                     )
-                if any(one != made for one in late[k + 1 :]):
+                if any(one != triggers for one in reads[k + 1 :]):
                     raise ModelicaError(
-                        f"{self._names(made)} of this instant decides on a branch with others behind it, whose "
-                        "precedence gtmodel cannot keep; write pre(...), or a clause of its own",
+                        f"this condition depends on {self._names(triggers)} of the same instant; gtmodel cannot keep "
+                        "the precedence over its elsewhen branches; write pre(...), or a separate when clause",
                         b.at,
                     )
                 if earlier := {f for f in _earlier(b) if setters.get(id(f), set()) - {n}}:
                     raise ModelicaError(
-                        f"pre({min(f.name for f in earlier)}) is read at the instant at which {self._names(made)} "
-                        "makes the condition true; write both into one when clause",
+                        f"pre({min(f.name for f in earlier)}) is read at the instant at which {self._names(triggers)} "
+                        "makes the condition true; combine both in one when clause",
                         b.at,
                     )
                 for m, other in enumerate(whens):
                     for c in other.branches if m != n else ():
-                        taken = {i for x in _values(c) for i in self.read(x)} & own
-                        if taken and not self.read(c.condition) & own:
+                        shared = {i for x in _values(c) for i in self.read(x)} & assigned
+                        if shared and not self.read(c.condition) & assigned:
                             raise ModelicaError(
-                                f"this action reads {self._names(taken)}, which {self._names(made)} may set at the "
-                                f"same instant, in line {w.at.line}; write pre(...), or both into one clause",
+                                f"this action reads {self._names(shared)}, which {self._names(triggers)} may set at "
+                                f"the same instant, in line {w.at.line}; write pre(...), or combine both clauses",
                                 c.at,
                             )
 
@@ -190,19 +193,19 @@ def _values(b: WhenBranch) -> list[Any]:
 
 
 def _under_der(x: Any) -> Iterator[Flat]:
-    """Variables that are differentiated."""
+    """Yield variables under der()."""
     for o in operations(x):
         if o.name == "der":
             yield from symbols(o.arguments[0])
 
 
 def _now(x: Any) -> Iterator[Flat]:
-    """Variables that stand in an expression outside pre(), which outside of actions is called earlier."""
+    """Yield the variables of an expression that are not in pre(); conditions write it as "earlier"."""
     return (e.flat for e in nodes(x, closed=("pre", "earlier")) if isinstance(e, Symbol))
 
 
 def _earlier(b: WhenBranch) -> Iterator[Flat]:
-    """Variables whose values before the event the actions read."""
+    """Yield variables in pre() of the actions."""
     for x in _values(b):
         for e in operations(x):
             if e.name == "pre":

@@ -1,4 +1,4 @@
-"""Units of a text: checked where they fit, and told where they do not, one line at a time."""
+"""Units of a text: lines with inconsistent units are reported and lose their units, all others are checked."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from ..classes import class_of, exact
 from ..constraints import Flattened
 from ..python import Writer
 
-# declarations whose attributes do not fit their units, one after the other
+# most declarations that lose their units, one after another
 MOST = 50
 
 
 def fitted(flat: Flattened) -> tuple[type[Model], bool, list[str]]:
-    """A class of a flattened text, whether it has units, and what they were told of.
+    """Return the Python class of a flattened class, whether it has units, and warnings about units.
 
-    Where units do not fit in an equation, or in a declaration, that line alone goes without: `flat.bare` and
-    `flat.without_unit` say so, for whoever writes the class again.
+    An equation or declaration with inconsistent units loses its units; the others keep theirs. `flat.bare` and
+    `flat.without_unit` record these lines for later calls of the Writer.
     """
     if not any(f.get("unit") for f in flat.flats):
         return class_of(Writer(flat, exact, units=False).write()), False, []
-    said: list[str] = []
-    refused: Exception | None = None
+    warnings: list[str] = []
+    fault: Exception | None = None
     for _ in range(MOST):
         writer = Writer(flat, exact, units=True)
         written = writer.write()
@@ -39,30 +39,30 @@ def fitted(flat: Flattened) -> tuple[type[Model], bool, list[str]]:
         try:
             _checked(cls)
         except (ModelError, UnitError) as error:
-            refused = error
+            fault = error
         else:
-            return cls, True, [*writer.warnings, *dict.fromkeys(said)]
-        if not isinstance(refused, UnitError):
-            break  # who solves it says so
+            return cls, True, [*writer.warnings, *dict.fromkeys(warnings)]
+        if not isinstance(fault, UnitError):
+            break  # the error is reported when the class is used
         errors = _complaints(written)
         flat.bare |= set(errors)
-        said += [f"not checked: {error}" for error in errors.values()]
+        warnings += [f"units not checked: {error}" for error in errors.values()]
         if not errors:
-            own = {id(f) for f in flat.flats if f.at.where == getattr(refused, "where", None)} - flat.without_unit
-            if not own:
+            variables = {id(f) for f in flat.flats if f.at.where == getattr(fault, "where", None)} - flat.without_unit
+            if not variables:
                 break
-            flat.without_unit |= own
-            said.append(f"unit left out: {refused}")
+            flat.without_unit |= variables
+            warnings.append(f"unit ignored: {fault}")
     plain = class_of(Writer(flat, exact, units=False).write())
     try:
         _checked(plain)
     except (ModelError, UnitError):
-        return plain, False, []  # who solves it says so
-    return plain, False, [f"units are not used: {refused}"]
+        return plain, False, []  # the error is reported when the class is used
+    return plain, False, [f"units are not used: {fault}"]
 
 
 def _complaints(written: Any) -> dict[tuple[str, str, int], Exception]:
-    """The first error of units in each line, by method, file and line."""
+    """Return the first unit error of each line, by method, file and line."""
     errors: dict[tuple[str, str, int], Exception] = {}
 
     def attempt(with_units: Callable[[], Any], without: Callable[[], Any], method: str, path: str, line: int) -> Any:
@@ -72,8 +72,8 @@ def _complaints(written: Any) -> dict[tuple[str, str, int], Exception]:
             errors.setdefault((method, path, line), error)
             return without()
 
-    trial = _copied(written)
-    for method, statements in trial.methods.items():
+    instrumented = _copied(written)
+    for method, statements in instrumented.methods.items():
         for place, statement in statements:
             holder: Any = statement if isinstance(statement, (ast.Return, ast.Assign)) else statement.value
             value: ast.expr = holder.value
@@ -86,13 +86,13 @@ def _complaints(written: Any) -> dict[tuple[str, str, int], Exception]:
                 node.lineno = node.end_lineno = place.line  # type: ignore[attr-defined]
                 node.col_offset = node.end_col_offset = 0  # type: ignore[attr-defined]
             holder.value = call
-    with suppress(ModelError, UnitError):  # of a declaration; the statements up to there are known
-        _checked(class_of(trial, {"attempt": attempt}))
+    with suppress(ModelError, UnitError):  # an error of a declaration ends it; the errors before are known
+        _checked(class_of(instrumented, {"attempt": attempt}))
     return errors
 
 
 def _copied(written: Any) -> Any:
-    """The same statements at the same places, to be changed."""
+    """Return a deep copy of the statements, to be changed."""
     return replace(
         written, body=[(at, deepcopy(s)) for at, s in written.body],
         methods={name: [(at, deepcopy(s)) for at, s in lines] for name, lines in written.methods.items()},
@@ -105,7 +105,7 @@ def _lambda(value: ast.expr) -> ast.expr:
 
 
 def _checked(cls: type[Model]) -> None:
-    """Flatten it, with its objective and constraints. Raises ModelError for units that do not fit, among others."""
+    """Flatten a class with its objective and constraints. Raises ModelError or UnitError, also for other faults."""
     model: Any = cls()
     root: Any = flat_of(model).root
     if issubclass(cls, Optimization):

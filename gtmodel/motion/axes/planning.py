@@ -64,7 +64,7 @@ def plan_of(problem: AxisProblem) -> AxisPlan:
     if not isinstance(robot, F1):
         raise ArgumentError(
             f"is a {type(robot).__name__}, but axis_trajectory needs an F1; use kind trajectory for three-link and "
-            "six-link robots",
+            "six-link robots, and write a gt.Optimization for a serial arm, see docs/howto/urdf.md",
             "robot",
         )
     if problem.degrees_of_freedom not in COUPLING:

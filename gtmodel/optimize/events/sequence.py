@@ -105,9 +105,9 @@ def side_after(
 ) -> int | None:
     """Return the side (1 or -1) of a quantity after it has crossed its threshold and the event has acted.
 
-    It continues to the side it was heading for, unless its value or rate jumps; this follows from the equations of both
-    modes and the jump. None if it depends on where the event happens. numbers: discrete variables before the event,
-    None for optimised ones; side: the side it reaches.
+    The quantity stays on the side it crossed to, unless its value or rate jumps; the equations of both modes decide.
+    None if the side depends on the state at the event. numbers: discrete variables before the event, None for optimised
+    ones; side: the side that the quantity crosses to.
     """
     if not jump.moves:
         return side

@@ -86,7 +86,8 @@ def shares(flat: FlatModel, modes: Sequence[Sequence[bool]]) -> list[Share]:
         )
     if scope.misfits:
         raise ModelError(
-            f"{flat.title}: the instants of gt.misfit cannot be assigned to phases in advance; use gt.Phases directly",
+            f"{flat.title}: a model with events has phases of unknown length, so gt.misfit cannot tell which phase a "
+            "measurement belongs to; build the problem with gt.Phases",
             line_of(type(root).objective),
         )
     whole = _Whole(flat, list(scope.instants))

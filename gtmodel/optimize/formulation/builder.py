@@ -263,7 +263,11 @@ def cost_of(
         terms.instants.append(PointValue(instant.symbol, q, 1.0))
         sizes_of[instant.symbol.element_hash()] = length * integrand
     at_points = [b.P, *(i.symbol for i in terms.instants)]
-    b.require(cost, at_points, "objective() contains", "; use a value .at(...) or gt.integral(...)")
+    if getattr(type(b.flat.root), "_counts_from_one", False):  # of Modelica
+        words = "objective contains", "; use a value at an instant, x(finalTime), or objectiveIntegrand"
+    else:
+        words = "objective() contains", "; use a value .at(...) or gt.integral(...)"
+    b.require(cost, at_points, *words)
     terms.mayer = cost
     terms.misfits = [Misfit(b.numbers(m.residual), m.known) for m in b.flat.scope.misfits]
     for r in points:

@@ -24,14 +24,17 @@ class Bounds:
 
     low: np.ndarray
     high: np.ndarray
+    origins: dict[int, list[str]] = field(default_factory=dict)  # by entry: who set its bounds
 
     @classmethod
     def free(cls, n: int) -> Bounds:
         return cls(np.full(n, -np.inf), np.full(n, np.inf))
 
-    def tighten(self, i: int, low: float, high: float) -> None:
+    def tighten(self, i: int, low: float, high: float, origin: str = "") -> None:
         self.low[i] = max(self.low[i], low)
         self.high[i] = min(self.high[i], high)
+        if origin:
+            self.origins.setdefault(i, []).append(origin)
 
 
 @dataclass(eq=False)

@@ -27,6 +27,15 @@ def names_of(flat: FlatModel, alias: AliasResult, pair: Pair) -> list[tuple[str,
     return [(own_name, 1)] + [(n, sign) for n, sign in _by_symbol(flat, alias).get(pair, []) if n != own_name]
 
 
+def declared_name(flat: FlatModel, alias: AliasResult, pair: Pair) -> tuple[str, SourceLocation]:
+    """Return the name of a variable that equals a state, else one such as "der(x)", and the line of the declaration."""
+    equal = {name for name, sign in names_of(flat, alias, pair) if sign > 0}
+    own = flat.variables[pair[0]]
+    variable = next((v for v in (own, *flat.variables) if v.name in equal), own)
+    name = variable.name if variable.name in equal else flat.symbol_name(*pair)
+    return name, variable.where
+
+
 def _by_symbol(flat: FlatModel, alias: AliasResult) -> dict[Pair, list[tuple[str, int]]]:
     """Return names and signs of all variables and their derivatives by kept variable; cached with alias."""
     cached = alias.names
@@ -286,6 +295,12 @@ def point_values(flat: FlatModel, h: Horizon, instants: Sequence[Instant], param
             free = {q.name for q in flat.parameters if q.free}
             tuned = sorted({v.name() for v in ca.symvar((time - h.t0) / h.length)} - free)
             hint = f", or leave {', '.join(tuned)} out of transcribe(parameters=...)" if tuned else ""
+            if getattr(type(flat.root), "_counts_from_one", False):  # of Modelica
+                raise ModelError(
+                    f"{flat.title}: a value of {instant.expression} is asked for at the time {time}, but startTime or "
+                    f"finalTime is free; use {instant.expression}(finalTime), or a fraction such as "
+                    f"{instant.expression}(0.5*(startTime + finalTime))"
+                )
             raise ModelError(f"{flat.title}: an instant of .at() is not fixed in the horizon; use its ends{hint}")
         if not -ROUND_OFF <= first <= 1 + ROUND_OFF:
             name = f"the instant {float(time):g} s" if time.is_constant() else "an instant"

@@ -11,7 +11,7 @@ import numpy as np
 from ...lang.source import ModelError, SourceLocation
 from .builder import ProblemBuilder
 from .dynamic import Bounds
-from .horizon import ConstraintRow, Horizon, Pair, PointValue, as_bound
+from .horizon import ConstraintRow, Horizon, Pair, PointValue, as_bound, declared_name
 
 # tolerance, relative to the row's scale, for constraints on values fixed at the start: as in IPOPT
 START_SLACK = 1e-6
@@ -42,12 +42,12 @@ def limits_of(
     n = len(b.states)
     bounds = TrajectoryBounds(Bounds.free(n), Bounds.free(b.u.numel()), Bounds.free(n), Bounds.free(n))
 
-    def bounded(pair: Pair, low: float, high: float) -> bool:
+    def bounded(pair: Pair, low: float, high: float, origin: str = "") -> bool:
         if pair in position:
-            bounds.x.tighten(position[pair], low, high)
+            bounds.x.tighten(position[pair], low, high, origin)
         elif pair in place:
             n, sign = place[pair]
-            bounds.u.tighten(n, *((low, high) if sign > 0 else (-high, -low)))
+            bounds.u.tighten(n, *((low, high) if sign > 0 else (-high, -low)), origin)
         return pair in position or pair in place
 
     for v in flat.variables:
@@ -74,7 +74,7 @@ def limits_of(
         bound = as_bound(rewritten, row, flat, b.parameters) if all(row.ends) else None
         if bound is not None and np.any(np.isnan(bound[1:])):
             raise ModelError(f"{flat.title}: the bound of {row.label} is not a number", row.where)
-        if bound is None or not bounded(*bound):
+        if bound is None or not bounded(*bound, row.label):
             bounds.path.append(row)
     _initial(b, position, bounds.start, apart)
     return bounds
@@ -101,7 +101,7 @@ def _end_bound(
     bound = as_bound(inner, row, b.flat, b.parameters)
     if bound is None or bound[0] not in position:
         return False
-    (start if value.s == 0.0 else end).tighten(position[bound[0]], bound[1], bound[2])
+    (start if value.s == 0.0 else end).tighten(position[bound[0]], bound[1], bound[2], row.label)
     return True
 
 
@@ -117,11 +117,12 @@ def _initial(b: ProblemBuilder, position: dict[Pair, int], start: Bounds, apart:
                 f"{', '.join(b.flat.symbol_name(*p) for p in b.states)}",
                 v.where,
             )
-        start.tighten(position[(kept, order)], sign * v.start, sign * v.start)
+        origin = f"the fixed start of '{v.name}' ({v.where})"
+        start.tighten(position[(kept, order)], sign * v.start, sign * v.start, origin)
 
 
 def check_bounds(b: ProblemBuilder, x: Bounds, u: Bounds, P: Bounds, start: Bounds, end: Bounds) -> None:
-    states = [(b.flat.symbol_name(*p), b.flat.variables[p[0]].where) for p in b.states]
+    states = [declared_name(b.flat, b.plan.alias, p) for p in b.states]
     controls = [(b.flat.symbol_name(*p), b.flat.variables[p[0]].where) for p in b.input_pairs]
     free = [(q.name, q.where) for q in b.flat.parameters if q.free]
     groups: list[tuple[str, list[tuple[str, SourceLocation]], tuple[Bounds, ...]]] = [
@@ -132,9 +133,10 @@ def check_bounds(b: ProblemBuilder, x: Bounds, u: Bounds, P: Bounds, start: Boun
         for n, (name, where) in enumerate(names):
             low, high = max(c.low[n] for c in bounds), min(c.high[n] for c in bounds)
             if low > high:
+                by = " and ".join(dict.fromkeys(o for c in bounds for o in c.origins.get(n, ())))
                 raise ModelError(
                     f"{b.flat.title}: the bounds of '{name}' contradict each other{place}: at least {low:g} and at "
-                    f"most {high:g}",
+                    f"most {high:g}{f', from {by}' if by else ''}",
                     where,
                 )
 

@@ -24,8 +24,25 @@ def ended(run: SolverRun, nlp: Nlp) -> Remark:
     if run.status.ok:
         return Remark(solved_word(run), objective_place(nlp.problem) if run.reservation else None)
     causes = [surplus(nlp), not_finite(nlp, run.x), runaway(nlp, run.x) or worst(nlp, run)]
+    if run.status is SolveStatus.INFEASIBLE:
+        causes.append(free_end(nlp, run.at_best().x))
     place = class_place(nlp.problem)
     return failure(run, causes, place if run.status in LIMITS or all(r.where is None for r in causes if r) else None)
+
+
+def free_end(nlp: Nlp, x: np.ndarray) -> Remark:
+    """Return the remark on a free final time: at its max, or the advice to start from a longer one."""
+    names = nlp.problem.free_names
+    if "final_time" not in names:
+        return Remark("")
+    k = nlp.constants + names.index("final_time")
+    time, longest = (v[k] * nlp.p_scale[k - nlp.constants] for v in (x, nlp.ubx))
+    text = getattr(type(nlp.problem.flat.root), "_counts_from_one", False)  # of Modelica
+    if time >= longest * (1 - SMALL):
+        end = "finalTime" if text else "final_time"
+        return Remark(f"{end} is at its max, {longest:.4g} s: raise it if the motion may take longer")
+    advice = "a longer initialGuess for finalTime" if text else "a longer guess of final_time"
+    return Remark(f"the final time is free: try {advice}")
 
 
 def solved_word(run: SolverRun) -> str:
@@ -42,7 +59,8 @@ def failure(run: SolverRun, more: list[Remark], where: SourceLocation | None = N
     if run.other is not None:
         other_barrier, word = run.other
         tries = f"{tries} with the {run.barrier} barrier strategy, {_word(word)} with the {other_barrier} one"
-    text = f"{run.status.message} ({tries})"
+    stopped = run.status is SolveStatus.INTERRUPTED  # the word of the run says by whom
+    text = f"the run ended early: {tries}" if stopped else f"{run.status.message} ({tries})"
     iterate = f"returned iterate {run.best.number}, which has the smallest violation" if run.best else ""
     return joined([Remark(text, where), Remark(iterate), *more])
 

@@ -148,9 +148,9 @@ def refine(
         options: options of `solve`.
 
     Each pass starts from the last solution and splits elements into up to four. With throw=False, a failed pass ends
-    the refinement; the result has its solution and a message that names the pass. Models with delayed inputs are
-    rejected, since their mesh edges must follow the delay. Raises what solve() raises, and ValueError for a tolerance
-    that is not positive or a mesh with blocks.
+    the refinement: `solution` of the result is that pass's, and `solution.message` names the pass. Models
+    with delayed inputs are rejected, since their mesh edges must follow the delay. Raises what solve() raises, and
+    ValueError for a tolerance that is not positive or a mesh with blocks.
 
     >>> class Stiff(gt.Optimization):  # a fast decay, then hardly anything
     ...     x = gt.variable(start=1.0, fixed=True)

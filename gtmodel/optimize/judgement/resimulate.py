@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import comb
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -74,9 +75,13 @@ class Resimulation:
     trajectory: from the integrator; None if it did not reach the end.
     end_error: integrated minus collocated value at the end (SI units), by state name.
     defect: largest difference at any mesh edge, in nominals.
-    violation: largest violation of a bound or path constraint, also between the nodes (SI units); `violated`: its name.
+    violation: the excess over a bound or path constraint, also between the nodes (SI units), that is largest relative
+        to the row's range; `violated`: the row's name.
     cost_error: integrated minus collocated cost.
     control_range: exact lowest and highest value of each control over all instants, by name.
+    violation_unit, violation_time: unit of the row ("" if unknown) and instant of its excess [s].
+    violation_share: the excess over the row's range: the distance of its bounds; with one bound only, the bound's size
+        or the nominal, whichever is larger.
     """
 
     status: SolveStatus
@@ -88,6 +93,9 @@ class Resimulation:
     violated: str
     cost_error: float
     control_range: dict[str, tuple[float, float]]
+    violation_unit: str = ""
+    violation_time: float = np.nan
+    violation_share: float = 0.0
 
 
 def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> Resimulation:
@@ -144,7 +152,7 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
         xd, u = system.at(x[None], _external_inputs(nlp, solution.x, np.array([local]))[k], z[None], P, np.array([t]))
         return x, xd[0], u[0], np.array(t)
 
-    violation, name = _violation(problem, xs, rates, us, times, P, low, high)
+    excess = _violation(problem, xs, rates, us, times, P, low, high)
     # from here on one row per instant: at an edge that of the left element
     unique = np.delete(np.arange(len(s)), np.arange(1, mesh.elements) * len(fine))
     s, xs, us, times, rates = s[unique], xs[unique], us[unique], times[unique], rates[unique]
@@ -160,8 +168,9 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     trajectory = named(problem, xs, rates, us, times, P, sums)
     cost_error = cost + _mayer(solution, integrated, P) + _steps(nlp, solution.x) - float(nlp.nlp(solution.x, [])[0])
     return Resimulation(
-        SolveStatus.SOLVED, "re-simulated", trajectory, end, defect, violation, name, cost_error, ranges
-    )
+        SolveStatus.SOLVED, "re-simulated", trajectory, end, defect, excess.value, excess.name, cost_error, ranges,
+        excess.unit, excess.time, excess.share,
+    )  # fmt: skip
 
 
 def _external_inputs(nlp: Nlp, x: np.ndarray, local: np.ndarray) -> np.ndarray:
@@ -299,21 +308,46 @@ def _polynomials(control: str, mesh: Mesh, s: ca.SX) -> list[ca.SX]:
     return values
 
 
+class _Excess(NamedTuple):
+    """The excess of a row over its bound [SI units], its unit, its instant [s], and its share of the row's range."""
+
+    name: str
+    value: float
+    unit: str
+    time: float
+    share: float
+
+
 def _violation(
     problem: DynamicProblem, xs: np.ndarray, rates: np.ndarray, us: np.ndarray, times: np.ndarray, P: np.ndarray,
     u_low: np.ndarray, u_high: np.ndarray,
-) -> tuple[float, str]:  # fmt: skip
+) -> _Excess:  # fmt: skip
+    """Return the excess with the largest share."""
     path = on_rows(pointwise(problem), (xs, rates, us), P, times)[2].T
-    nu = len(u_low)  # the controls' extremes are exact, the rest is sampled
-    lowest, highest = (
-        np.concatenate([f(xs, axis=0), u, f(us[:, nu:], axis=0), f(path, axis=0) if path.size else []])
-        for f, u in ((np.min, u_low), (np.max, u_high))
-    )
+    values = np.hstack([xs, us, path.reshape(len(times), -1)])
+    lowest, highest = np.min(values, axis=0), np.max(values, axis=0)
+    nx, nu = xs.shape[1], len(u_low)  # the controls' extremes are exact, the rest is sampled
+    lowest[nx : nx + nu], highest[nx : nx + nu] = u_low, u_high
     low = np.concatenate([problem.x_bounds.low, problem.u_bounds.low, [r.low for r in problem.path]])
     high = np.concatenate([problem.x_bounds.high, problem.u_bounds.high, [r.high for r in problem.path]])
     names = [*problem.state_names, *problem.control_names, *problem.point_names, *(r.label for r in problem.path)]
     if not names:
-        return 0.0, ""
-    excess = np.maximum(low - lowest, highest - high)
-    worst = int(np.argmax(excess))
-    return max(0.0, float(excess[worst])), names[worst]
+        return _Excess("", 0.0, "", np.nan, 0.0)
+    nominals = np.concatenate([problem.x_scale, problem.u_scale, [r.scale for r in problem.path]])
+    excess = np.maximum(np.maximum(low - lowest, highest - high), 0.0)
+    shares = excess / _ranges(low, high, nominals)
+    n = int(np.argmax(shares))
+    over = np.maximum(low[n] - values[:, n], values[:, n] - high[n])
+    pairs = [*problem.state_pairs, *problem.input_pairs]
+    unit = problem.flat.unit_of(*pairs[n]) if n < len(pairs) else ""
+    unit = "" if unit == "?" else unit
+    return _Excess(names[n], float(excess[n]), unit, float(times[np.argmax(over)]), float(shares[n]))
+
+
+def _ranges(low: np.ndarray, high: np.ndarray, nominals: np.ndarray) -> np.ndarray:
+    """Return the distance of two bounds; the size of a single one, or the nominal, whichever is larger."""
+    both = np.isfinite(low) & np.isfinite(high) & (high > low)
+    sizes = [np.where(np.isfinite(b), np.abs(b), 0.0) for b in (low, high)]
+    single = np.maximum(np.maximum(*sizes), nominals)
+    with np.errstate(invalid="ignore"):
+        return np.where(both, high - low, single)

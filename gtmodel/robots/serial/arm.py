@@ -82,6 +82,18 @@ class SerialArm(gt.Model):
         limits = self.structure.limits()
         return limits if np.any(np.isfinite(limits)) else None
 
+    @property
+    def speed_limits(self) -> np.ndarray:
+        """Largest speeds of q (n,) [rad/s, m/s], infinite for joints without a limit. No kind or solver applies them:
+        write them as constraints of an Optimization."""
+        return self.structure.speed_limits()
+
+    @property
+    def effort_limits(self) -> np.ndarray:
+        """Largest efforts tau (n,) [N.m, N], infinite for joints without a limit. No kind or solver applies them:
+        write them as constraints of an Optimization."""
+        return self.structure.effort_limits()
+
     def joint_unit(self, entry: str) -> str:
         """Return the unit of an entry such as "q[2]", "tau[2]" or "viscous[2]", "" for other names. The array itself
         has no unit if revolute and prismatic joints share it."""
@@ -257,7 +269,8 @@ def arm_class(structure: ArmStructure) -> type[SerialArm]:
 
 
 def description(arm: SerialArm) -> str:
-    """Return the text of `gtmodel explain arm.urdf`: one line for each joint, in degrees or mm.
+    """Return the text of `gtmodel explain arm.urdf`: one line for each joint, in degrees or mm, with its limits of
+    speed and effort if any joint has one.
 
     >>> arm = gt.robots.serial_arm(a=[0.3, 0.2], alpha=0.0, m=[3.0, 2.0], limits=[[-1.0, 1.0], [-2.0, 2.0]])
     >>> print(gt.robots.description(arm).splitlines()[1])
@@ -266,6 +279,7 @@ def description(arm: SerialArm) -> str:
     s = arm.structure
     lines = [f"{s.name}: q ({len(s.leaders)}), from {s.base} to {s.tool}"]
     wide = max(len(joint.name) for joint in s.joints) + 3
+    limited = any(np.isfinite(x) for joint in s.joints for x in (joint.velocity, joint.effort))
     for k, joint in enumerate(s.joints):
         place, multiplier, offset = s.coordinate(k)
         factor, unit = (np.degrees(1.0), "deg") if joint.kind == "revolute" else (1e3, "mm")
@@ -274,6 +288,11 @@ def description(arm: SerialArm) -> str:
         if joint.leader is not None:
             limits = f"{multiplier:g} q[{place}] {offset:+g}"
         entry = f"q[{place}]" if joint.leader is None else "    "
+        if limited:
+            most = [(factor * joint.velocity, f"{unit}/s"), (joint.effort, JOINT_UNITS[joint.kind]["tau"])]
+            limits = f"{limits:22s}"
+            for value, its in most:
+                limits += f"  {f'{value:.4g} {its}' if np.isfinite(value) else '-':12s}"
         mass = float(np.asarray(arm.m)[k])
         lines.append(
             f"  {entry}  {joint.name:{wide}s} {joint.kind:10s}  {limits:22s}  moves {joint.link}, {mass:.4g} kg"

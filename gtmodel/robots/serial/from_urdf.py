@@ -28,9 +28,15 @@ def from_urdf(
     Args:
         path: of the file, or its text.
         tip: link at the end of the chain, whose frame is the tool; by default the end of the only moving chain.
-        smoothing: of friction, "tanh", "piecewise_linear", "sign" or "stiction".
-        payload: point mass at the tip's origin [kg].
-        modifiers: parameters of `SerialArm` that replace those of the file.
+        smoothing: of Coulomb friction. "tanh", the default, is coulomb * tanh(velocity / velocity_scale);
+            "piecewise_linear" rises linearly up to velocity_scale; "sign" is exact except at standstill; "stiction" is
+            exact and can stick, with events.
+        payload: point mass at the tip's origin [kg]; 0 by default.
+        modifiers: parameters of `SerialArm` that replace those of the file, such as velocity_scale, by default 0.1
+            rad/s (m/s for prismatic joints).
+
+    `<limit>` becomes `joint_limits`, `speed_limits` and `effort_limits` of the arm; speeds and efforts are not enforced
+    unless you write them as constraints. `<dynamics>` becomes `viscous` and `coulomb`.
 
     Supported joints are revolute, continuous, prismatic and fixed. A mimic joint follows its leader in q, and its
     effort is part of the leader's tau. Links fixed to the chain are merged into its links. A moving side branch is

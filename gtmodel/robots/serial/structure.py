@@ -83,6 +83,19 @@ class ArmStructure:
             low[place], high[place] = max(low[place], ends[0]), min(high[place], ends[1])
         return np.column_stack([low, high])
 
+    def speed_limits(self) -> np.ndarray:
+        """Return the largest speeds of q (n,), including those that mimic joints impose on their leaders."""
+        most = np.full(len(self.leaders), np.inf)
+        for k, joint in enumerate(self.joints):
+            place, multiplier, _ = self.coordinate(k)
+            if multiplier != 0.0:
+                most[place] = min(most[place], joint.velocity / abs(multiplier))
+        return most
+
+    def effort_limits(self) -> np.ndarray:
+        """Return the largest efforts tau (n,): those of the leaders alone, which drive their followers."""
+        return np.array([self.joints[k].effort for k in self.leaders])
+
 
 Array = np.ndarray
 # entries xx, xy, xz, yy, yz, zz of a symmetric tensor

@@ -40,7 +40,9 @@ class ModalFitting(Options):
     modes: Annotated[int | None, Within(above=0), "number of modes; default: selected by information criterion"] = None
     most: Annotated[int, Within(least=1, most=5), "largest number of modes to try"] = 3
     relative_noise: Annotated[
-        float | None, Within(above=0.0), "of a receptance; default: from repeated hits, else from the residuals"
+        float | None,
+        Within(above=0.0),
+        "relative noise of a receptance; default: from repeated hits, else from the residuals",
     ] = None
     estimator: Annotated[Literal["H1", "H2"], "H1 for noise on the response, H2 on the force"] = "H1"
     force_window: Annotated[
@@ -67,7 +69,7 @@ class Process(Options):
     periodic: Annotated[bool, "whether A has a period of 360 degrees"] = True
     shared: Annotated[bool, "whether m, c and k of a direction share their lengths"] = True
     starts: Annotated[int, Within(above=0), "of the search for hyperparameters"] = 4
-    seed: Annotated[int, "of these starts and of the held-out folds"] = 0
+    seed: Annotated[int, "seed of these starts and of the held-out folds"] = 0
 
 
 @dataclass(frozen=True)
@@ -103,12 +105,12 @@ class SyntheticArm(Options):
     records: Annotated[Literal["hits", "receptance"], "measured quantity"] = "hits"
     hits: Annotated[int, Within(least=2), "of each experiment"] = 5
     noise: Annotated[
-        float, Unit("m/s2"), Within(above=0.0), "of the acceleration in records of hits"
+        float, Unit("m/s2"), Within(above=0.0), "noise of the acceleration in records of hits"
     ] = 0.05  # fmt: skip
     relative_noise: Annotated[float, Within(above=0.0), "of receptances"] = 0.05
     sample_rate: Annotated[float, Unit("Hz"), Within(above=0.0), "of records of hits"] = 1024.0
     duration: Annotated[
-        float, Unit("s"), Within(above=0.0), "of each record; its inverse is the frequency step of receptances"
+        float, Unit("s"), Within(above=0.0), "duration of each record; its inverse is the frequency step of receptances"
     ] = 4.0  # fmt: skip
 
 
@@ -126,7 +128,7 @@ class DynamicStiffnessStudy(Study):
     ]  # fmt: skip
     direction: Annotated[Sequence[str], "x, y or z of each experiment"]
     mass: Annotated[
-        Array, Quantity("kg", "of the most compliant mode, by experiment; null if no mode was found")
+        Array, Quantity("kg", "mass of the most compliant mode, by experiment; null if no mode was found")
     ]  # fmt: skip
     damping: Annotated[Array, Quantity("N.s/m", "of this mode, by experiment", key="damping_N_s_m")]
     stiffness: Annotated[Array, Quantity("N/m", "of this mode, by experiment")]
@@ -134,7 +136,7 @@ class DynamicStiffnessStudy(Study):
     damping_ratio: Annotated[Array, "of this mode, by experiment"]
     relative_std: Annotated[
         Sequence[Sequence[float] | None],
-        "of m, c, k, fn and zeta by experiment, from the noise of its own records",
+        "relative standard deviation of m, c, k, fn and zeta by experiment, from the noise of its own records",
     ]
     modes: Annotated[Sequence[int], "number of fitted modes, by experiment"]
     next_mode: Annotated[
@@ -154,7 +156,7 @@ class DynamicStiffnessStudy(Study):
     ] = None
     lengths: Annotated[
         Sequence[Any] | None,
-        "of the processes relative to their scales; x, y, z, A for m, c, k of each direction in order",
+        "lengths of the Gaussian processes relative to their scales; x, y, z, A for m, c, k of each direction in order",
     ] = None  # fmt: skip
     inflation: Annotated[
         Sequence[float] | None,

@@ -103,7 +103,9 @@ class FiveSquares(Options):
     """
 
     side: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "of each square"] = 0.04
-    centres: Annotated[list[list[float]] | None, "of each square, in sides; the example layout if left out"] = None
+    centres: Annotated[
+        list[list[float]] | None, "centres of the squares, in sides of a square; the example layout if left out"
+    ] = None
 
     def __post_init__(self) -> None:
         if self.centres is None:

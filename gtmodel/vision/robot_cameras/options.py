@@ -26,7 +26,9 @@ class CameraStart(Options):
     width_pixel: Annotated[float, Within(above=0.0), "of the picture"]
     height_pixel: Annotated[float, Within(above=0.0), "of the picture"]
     focal_pixel: Annotated[float | None, Within(above=0.0), "focal length; the width if left out"] = None
-    principal_point_pixel: Annotated[list[float] | None, Long(2), "the middle of the picture if left out"] = None
+    principal_point_pixel: Annotated[
+        list[float] | None, Long(2), "principal point; the middle of the picture if left out"
+    ] = None
     distortion: Annotated[list[float], Long(5), "k1, k2, p1, p2, k3 as OpenCV orders them"] = field(
         default_factory=lambda: [0.0] * 5
     )
@@ -97,13 +99,13 @@ class SyntheticRobotCameras(Options):
     centre: Annotated[list[float], Unit("m"), Long(3), "of the volume"] = field(
         default_factory=lambda: [1.42, -0.44, 0.97]
     )
-    size: Annotated[list[float], Unit("m"), Long(3), "of the volume along x, y, z"] = field(
+    size: Annotated[list[float], Unit("m"), Long(3), "size of the volume along x, y, z"] = field(
         default_factory=lambda: [1.2, 0.8, 1.0]
     )
     counts: Annotated[list[int], Within(least=2, most=30), Long(3), "grid points along x, y, z"] = field(
         default_factory=lambda: [8, 6, 6]
     )
-    poses: Annotated[int | None, Within(least=8), "of the grid, drawn at random; all if left out"] = None
+    poses: Annotated[int | None, Within(least=8), "poses of the grid, drawn at random; all if left out"] = None
     cameras: Annotated[int, Within(least=1, most=2), "number of cameras"] = 2
     mounted: Annotated[
         Literal["fixed", "plate"], "fixed: fixed cameras, target on the tool; plate: cameras on the plate, fixed target"
@@ -115,7 +117,7 @@ class SyntheticRobotCameras(Options):
         default_factory=lambda: [-0.1, 0.05, 2e-4, -3e-4, 0.0]
     )
     baseline: Annotated[float, Unit("m"), Within(above=0.0), "distance of the two cameras, along y"] = 1.5
-    distance: Annotated[float, Unit("m"), Within(above=0.0), "of the cameras from the middle, along x"] = 3.2
+    distance: Annotated[float, Unit("m"), Within(above=0.0), "distance of the cameras from the middle, along x"] = 3.2
     side: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "of each square"] = 0.04
     pixel_noise: Annotated[float, Within(least=0.0), "standard deviation of a corner's coordinate, pixel"] = 0.1
     actuator_noise: Annotated[float, Unit("m", written="um"), Within(least=0.0), "standard deviation"] = 13e-6
@@ -127,15 +129,15 @@ class SyntheticRobotCameras(Options):
         list[int], "indices of poses, from 0, whose left picture is counted from the other end"
     ] = field(default_factory=list)
     wrong_corners: Annotated[float, Within(least=0.0, below=0.5), "share of corners that are 2 to 20 pixels off"] = 0.0
-    delay: Annotated[float, Unit("s", written="ms"), "of the pictures relative to the actuator readings"] = 0.0
+    delay: Annotated[float, Unit("s", written="ms"), "delay of the pictures relative to the actuator readings"] = 0.0
     speed: Annotated[float, Unit("m/s"), Within(least=0.0), "standard deviation of the actuators' rates"] = 0.0
     second_device: Annotated[
         int, Within(least=0), "number of poses measured by a second device, with a noise of 10 um"
     ] = 0
     seed: Annotated[int, Within(least=0), "of robot, grid and noise"] = 1
-    noise_seed: Annotated[int | None, Within(least=0), "of the noise alone, for repeated runs with the same robot"] = (
-        None
-    )
+    noise_seed: Annotated[
+        int | None, Within(least=0), "seed of the noise alone, for repeated runs with the same robot"
+    ] = None
 
     @property
     def words(self) -> str:
@@ -157,7 +159,7 @@ class CameraPlaces(Options):
     baselines: Annotated[list[float], Unit("m"), Within(above=0.0), "distances of the two cameras"] = field(
         default_factory=lambda: [0.5, 1.0, 1.5, 2.0]
     )
-    distances: Annotated[list[float], Unit("m"), Within(above=0.0), "of the cameras from the middle"] = field(
+    distances: Annotated[list[float], Unit("m"), Within(above=0.0), "distances of the cameras from the middle"] = field(
         default_factory=lambda: [2.4, 3.2, 4.0]
     )
 
@@ -193,7 +195,8 @@ class RobotCamerasStudy(Study):
         "the frame", written="mm",
     )] = None  # fmt: skip
     two_step: Annotated[Numbers, Quantity("m",
-        "in two steps: mean error of the intersected target (centres) and of held-out positions (held_out), and "
+        "calibration in two steps: mean error of the intersected target (centres) and of held-out positions "
+        "(held_out), and "
         "both after also fitting their scale to the true positions (centres_scaled, held_out_scaled)", written="mm",
     )] = None  # fmt: skip
     delay: Annotated[Numbers, Quantity("s",
@@ -206,7 +209,8 @@ class RobotCamerasStudy(Study):
     picture_radius: Annotated[Numbers, "by camera: p-value of the test for a radial pattern of the residuals"] = None
     picture_quadratic: Annotated[Numbers, "by camera: p-value of the test for a quadratic map in u and v"] = None
     places: Annotated[Table, Quantity("",
-        "of a plan: baseline_m, distance_m, predicted rms_mm and max_mm, focal_std_pixel, and why if there is no "
+        "places of a plan: baseline_m, distance_m, predicted rms_mm and max_mm, focal_std_pixel, and why if "
+        "there is no "
         "prediction; the best first",
     )] = None  # fmt: skip
     synthetic: Annotated[str | None, "seed and noise of synthetic pictures; null for measured ones"] = None

@@ -56,9 +56,10 @@ def aligned_errors(positions: np.ndarray, truth: np.ndarray, scale: bool = False
 class PictureMap:
     """p-values (K,) of the residuals of each camera having no pattern over the picture.
 
-    `radius`: test of the radial component for a polynomial 1, r, r^2, r^3. `quadratic`: test of both components for
-    polynomials 1, u, v, u^2, uv, v^2. `coefficients` (K, 6, 2): of the latter [pixel], with u and v from -1 to 1 over
-    the corners. A wrong principal point shows in the second, but not always in the first.
+    `radius`: tests whether the radial component follows a cubic polynomial of the radius. `quadratic`: tests whether
+    both components follow quadratic polynomials of u and v, with `coefficients` (K, 6, 2) [pixel] of 1, u, v, u^2, uv,
+    v^2, where u and v range from -1 to 1 over the corners. A wrong principal point lowers the p-value `quadratic`, but
+    not always `radius`.
     """
 
     cameras: tuple[str, ...]

@@ -225,7 +225,8 @@ LEFT = 3  # pictures that a fit needs
 
 
 def uneven(table: CornerTable, residuals: np.ndarray) -> bool:
-    """Return whether a picture has much larger residuals than most, so that a robust fit is needed to judge it."""
+    """Return whether a picture has much larger residuals than most, so that only a robust fit can show whether it is
+    wrong."""
     length = np.linalg.norm(residuals, axis=1)
     size = [float(np.median(length[table.picture == p])) for p in np.unique(table.picture)]
     return max(size) > SPREAD * float(np.median(size))
@@ -255,7 +256,7 @@ def without_gross_errors(
 ) -> tuple[CameraStarts, GrossErrors]:
     """Return the result of robust fits, repeated until the noise settles, and the gross errors.
 
-    Suspect pictures are judged only after the cameras have been calibrated with the other pictures.
+    Suspect pictures are tested only after the cameras have been calibrated with the other pictures.
     """
     away = suspects(table, start)
     rest = [p for p in range(len(table.pictures)) if p not in away]

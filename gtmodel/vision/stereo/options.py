@@ -31,7 +31,7 @@ class BoardPictures(Options):
     ] = None
     lengths: Annotated[
         Literal["as_known", "metres", "squares"],
-        "unit of the result; as_known: metres if the side of a square is known; metres are refused without it",
+        "unit of the result; as_known: metres if the side of a square is known; metres without it are an error",
     ] = "as_known"
     identified: Annotated[bool, "corners are identified individually, as on a ChArUco board"] = False
 

@@ -1,4 +1,4 @@
-"""A typer app of two commands that do nothing: what any command line of this kind costs before it says its help."""
+"""A typer app of two commands that do nothing: the least time of any such command line to print its help."""
 
 import typer
 

@@ -1,4 +1,4 @@
-"""What every road is asked for: the optimum, and the processor time of set-up and solve."""
+"""Result of every method: the optimum, and the processor time of set-up and solve."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def of_size(unknowns: int) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Result:
-    """Cost, iterations, and seconds of set-up and solve; a road that did not converge is no road.
+    """Cost, iterations, and seconds of set-up and solve; a method that did not converge is no method.
 
     check: seconds of an estimate of the discretisation's error, which no total holds: the rivals make none.
     """

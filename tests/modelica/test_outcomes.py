@@ -1,4 +1,4 @@
-"""Every end of an optimization of a text that is not "solved" names file and line of the text, in words and as data."""
+"""Every outcome of an optimization other than "solved" names file and line of the text, as text and as data."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_the_line_of_the_text(
     ],
     ids=["adrift", "bounds cross", "outside", "backwards"],
 )
-def test_refused_with_the_line_of_the_text(tmp_path: Path, changes: dict[str, str], line: int) -> None:
+def test_rejections_name_the_line_of_the_text(tmp_path: Path, changes: dict[str, str], line: int) -> None:
     model = gt.modelica.load(problem(tmp_path, **changes))()
     with pytest.raises(gt.ModelError) as caught:
         gt.solve(model, gt.Mesh(4))
@@ -99,7 +99,7 @@ def test_coefficients_of_very_different_size_are_not_singular(tmp_path: Path) ->
     assert end["n"][-1] == pytest.approx(0.5 * (1 - np.exp(-2.0)), rel=1e-5)  # the integrator keeps 1e-9 a step
 
 
-def test_equations_that_are_singular_stay_refused(tmp_path: Path) -> None:
+def test_singular_equations_are_rejected(tmp_path: Path) -> None:
     file = tmp_path / "singular.mo"
     file.write_text(
         "model M Real x(start=1, fixed=true); Real y; Real z;\n"

@@ -1,4 +1,4 @@
-"""Texts at the command line and in problem files."""
+"""Entry points: Modelica texts at the command line and in problem files."""
 
 from __future__ import annotations
 
@@ -37,10 +37,11 @@ def _values(record: dict[str, Any], name: str) -> Iterator[Any]:
 
 def test_a_class_is_solved(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     out_folder = tmp_path / "out"
-    code, out, _ = said(capsys, "solve", f"{VDP}:Fast", "--out", out_folder, "--set", "mesh.elements=20")
-    assert code == 0 and "started from a simulation" in out
+    code, out, _ = said(capsys, "solve", f"{VDP}:Fast", "--out", out_folder, "--set", "mesh.elements=20",
+                        "--set", "mesh.control=linear")  # fmt: skip
+    assert code == 0 and "the first guess is a simulation from 0 s to 2 s" in out
     result = json.loads((out_folder / "result.json").read_text())
-    assert result["values"]["final_time_s"] == pytest.approx(2.2811587, rel=1e-3)
+    assert result["values"]["final_time_s"] == pytest.approx(2.2811587, rel=2e-3)  # of 20 elements
     code, out, _ = said(capsys, "solve", f"{VDP}:Quiet", "--json", "--set", "mesh.elements=20")
     quiet = json.loads(out)["objective"]
     code, out, _ = said(capsys, "solve", f"{VDP}:VanDerPol.QuietExtended", "--json", "--set", "mesh.elements=20",
@@ -57,7 +58,7 @@ def test_a_model_is_simulated_until_its_stop_time(capsys: pytest.CaptureFixture[
     assert stored["trajectory"]["time_s"][-1] == 2.0
 
 
-def test_what_a_file_holds(capsys: pytest.CaptureFixture[str]) -> None:
+def test_listing_of_a_file(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = said(capsys, "list", VDP)
     assert code == 0 and "VanDerPol.Fast" in out and "to rest in least time" in out
     code, _, err = said(capsys, "solve", VDP)
@@ -123,7 +124,7 @@ def test_problem_files_name_texts_libraries_and_a_guess(
     )
 
 
-def test_a_gantry_tau_in_text_is_the_catalogue_s(tmp_path: Path) -> None:
+def test_a_gantry_tau_in_text_equals_the_catalogue(tmp_path: Path) -> None:
     """Forward and inverse kinematics of the three-link robot, by both, at poses around home."""
     import numpy as np
 
@@ -195,7 +196,7 @@ def test_a_class_of_a_package_in_folders_is_named_by_its_file(tmp_path: Path) ->
         assert model.causal(targets="x")()[0] == 2.0
 
 
-def test_a_text_finds_the_classes_of_the_files_beside_it(tmp_path: Path) -> None:
+def test_classes_of_neighbouring_files_are_found(tmp_path: Path) -> None:
     """Its own class of a name has precedence over one of a file beside it."""
     text = "model Plant Real x = k; parameter Real k = 3; end Plant; model Own Real x = 0; end Own;"
     (tmp_path / "plant.mo").write_text(text)

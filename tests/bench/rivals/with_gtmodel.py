@@ -1,4 +1,4 @@
-"""gtmodel's own road, from the compiled model to the solution read back by name."""
+"""gtmodel itself, from the compiled model to the solution read back by name."""
 
 from __future__ import annotations
 

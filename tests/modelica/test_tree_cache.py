@@ -1,4 +1,4 @@
-"""Trees of files that were parsed before: the same tree, from a folder that is this user's, whole or not at all."""
+"""Cache of syntax trees: the same tree, from a folder that only this user can write, complete or not at all."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def trees(cache: Path) -> list[Path]:
 
 
 @pytest.mark.parametrize("name", TEXTS)
-def test_the_tree_that_comes_back_is_the_tree_that_went(cache: Path, name: str) -> None:
+def test_a_cached_tree_equals_the_original(cache: Path, name: str) -> None:
     parsed = reader.parse(TEXTS[name], name)
     assert reader.known(TEXTS[name], name) is not parsed and len(trees(cache)) == 1
     source = reader.Source("elsewhere", TEXTS[name])
@@ -67,7 +67,7 @@ def test_another_text_grammar_or_version_is_another_tree(cache: Path, monkeypatc
 
 
 @pytest.mark.parametrize("damage", [b"", b"{}", b"0" * 64 + b"\nnothing", None], ids=["empty", "short", "hash", "cut"])
-def test_a_damaged_tree_is_made_anew(cache: Path, damage: bytes | None) -> None:
+def test_a_damaged_tree_is_replaced(cache: Path, damage: bytes | None) -> None:
     reader.known(texts.TANK, "a.mop")
     (file,) = trees(cache)
     whole = file.read_bytes()
@@ -78,7 +78,7 @@ def test_a_damaged_tree_is_made_anew(cache: Path, damage: bytes | None) -> None:
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="this system has no owners of files")
-def test_what_others_may_have_written_is_not_read(cache: Path) -> None:
+def test_a_folder_that_others_can_write_is_not_used(cache: Path) -> None:
     reader.known(texts.TANK, "a.mop")
     source = reader.Source("a.mop", texts.TANK)
     (file,) = trees(cache)
@@ -92,7 +92,7 @@ def test_what_others_may_have_written_is_not_read(cache: Path) -> None:
     assert len(trees(cache)) == 1
 
 
-def test_without_a_folder_to_write_texts_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_texts_are_read_without_a_writable_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("GTMODEL_CACHE", str(tmp_path / "file"))
     assert kept.folder() is None and reader.known(texts.TANK, "a.mop")
@@ -109,7 +109,7 @@ def test_all_trees_together_are_bounded(cache: Path, monkeypatch: pytest.MonkeyP
     assert len(trees(cache)) == 3 and files[3].exists() and not files[0].exists() and not files[1].exists()
 
 
-def test_many_write_and_read_at_once(cache: Path) -> None:
+def test_concurrent_reads_and_writes(cache: Path) -> None:
     """Every reader sees a whole tree or none, and nothing is left over."""
     source, wrong = reader.Source("a.mop", texts.TANK), []
     parsed = reader.parse(texts.TANK, "a.mop")
@@ -132,7 +132,7 @@ def test_many_write_and_read_at_once(cache: Path) -> None:
     gc.collect()
 
 
-def test_only_files_that_hold_a_class_of_the_name_are_read(cache: Path, tmp_path: Path) -> None:
+def test_only_files_with_a_class_of_the_name_are_parsed(cache: Path, tmp_path: Path) -> None:
     """A folder of files without package.mo: one that is broken does no harm to who needs others."""
     folder = tmp_path / "library"
     folder.mkdir()

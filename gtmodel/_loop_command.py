@@ -17,14 +17,14 @@ from gtmodel.results.agreement import agree
 from gtmodel.results.disk import is_marked, scratch
 from gtmodel.results.folder import Held, unfinished
 
-from . import run as output
-from .base import Context, InputError
-from .files import parse
-from .from_options import options_of
-from .load import load, validate
-from .noted import noted
-from .registry import get
-from .run import Finished, answer
+from .problem_files import run as output
+from .problem_files.base import Context, InputError
+from .problem_files.files import parse
+from .problem_files.from_options import options_of
+from .problem_files.load import load, validate
+from .problem_files.noted import noted
+from .problem_files.registry import get
+from .problem_files.run import Finished, answer
 
 MARK = "loop.json"
 REFERENCE = "reference.csv"
@@ -46,7 +46,7 @@ def run(
         out: folder for sources, logs and the picture. It changes only at the end, when all files are written or none;
             no other run may write there in the meantime.
         reference: CSV file of the motion; the time-optimal motion of l1_min_time if None.
-        plant, plant_timeout: unit for the problem's table [plant] and time limit of a call [s]; the table's if None.
+        plant, plant_timeout: FMU and time limit of its calls [s]; None: those of the problem's table [plant].
         arguments: further arguments of the study.
 
     Raises InputError with one sentence.
