@@ -12,7 +12,8 @@ from gtmodel.control import lead_through
 from gtmodel.control.lead_through.options import Drift, SyntheticReadings, WrenchAlarm
 from gtmodel.control.lead_through.scenes import SyntheticSensor
 from gtmodel.lang.units import UnitError
-from gtmodel.measurements import Column, Match, joined, read_log, read_recording
+from gtmodel.measurements import Column, LogError, Match, joined, read_log, read_recording
+from gtmodel.measurements.log import TIME
 from gtmodel.measurements.orientations import FIRST, VECTOR, WORDS, rotation_vectors
 from gtmodel.measurements.streams.opening import stream_of
 from gtmodel.problem_files.base import Call, Context, FileSection, InputError, Problem
@@ -140,7 +141,7 @@ def _read(keys: ReadingsSection, name: str, poses: str | None, part: str, contex
     path = context.file(name, key, "readings" if not part else key, source=keys.source)
     try:
         columns = {signal: _column(keys, signal, path) for signal in ("force", "moment")}
-        if keys.signals.temperature is not None:
+        if keys.signals.temperature is not None and not part:
             columns["temperature"] = keys.signals.temperature.recorded()
         if keys.session is not None and not part:
             columns["session"] = Column(keys.session, "1")
@@ -171,13 +172,20 @@ def _joined(
         clock = _time(keys, path)
         theirs = _time(keys, other) if apart.time is None else Column(apart.time.column, apart.time.unit)
         placed = {n: c._replace(file=str(path), time=clock) for n, c in columns.items()}
-        placed["turn"] = turn._replace(file=str(other), time=theirs)
+        placed["turn"] = turn._replace(file=str(other), time=turn.time or theirs)
         recording = read_recording(
-            [path, other], placed, late_rows=keys.late_rows, empty_rows=keys.empty_rows, form=keys.form()
+            list(dict.fromkeys([path, other])),
+            placed,
+            late_rows=keys.late_rows,
+            empty_rows=keys.empty_rows,
+            form=keys.form(),
         )
         readings, poses = (next(t for t in recording.values() if n in t.names) for n in ("force", "turn"))
+        if other_clock := sorted(set(columns) - set(readings.names)):
+            raise InputError("must have the clock of the force", f"readings.signals.{other_clock[0]}")
+        poses = poses.select("turn")
         return joined(
-            readings, _quaternions(keys, poses), apart.match, tolerance=apart.tolerance_s,
+            readings.select(list(columns)), _quaternions(keys, poses), apart.match, tolerance=apart.tolerance_s,
             natures={("turn",): "quaternion"},
         )  # fmt: skip
     more = dict[str, Column]()
@@ -192,6 +200,11 @@ def _joined(
 
 def _rows(keys: ReadingsSection, path: Path, columns: dict[str, Column], session: str | None) -> Trajectory:
     """Return the rows of all sessions; a clock that restarts continues one period after the last row."""
+    for name, column in columns.items():
+        if column.time or column.stream or column.file:
+            key = "orientation" if name == "turn" else name
+            raise InputError("has its own time, stream or file; that needs [readings.poses] with a match in time",
+                             f"readings.signals.{key}")  # fmt: skip
     time = _time(keys, path) if keys.time.column else None
     step = 1.0 if time is None and keys.sample_time_s is None else keys.sample_time_s
     parts = read_log(
@@ -225,7 +238,10 @@ def _column(keys: ReadingsSection, name: str, path: Path) -> Column:
 def _time(keys: ReadingsSection, path: Path) -> Column:
     if "time" in keys.model_fields_set:
         return Column(keys.time.column, keys.time.unit)
-    heads = stream_of(path, keys.form()).heads
+    try:
+        heads = stream_of(path, keys.form()).heads
+    except LogError:  # a bag with several streams; its times are in s
+        return TIME
     unit = heads.units[heads.place("time")] if "time" in heads.names else ""
     return Column("time", unit or "s")
 

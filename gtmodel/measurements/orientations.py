@@ -12,27 +12,29 @@ from ..results.refusal import ArgumentError
 LAST, VECTOR, MATRIX, KUKA = "quaternion x y z w", "rotation vector", "matrix", "KUKA A B C"
 FIRST = "quaternion w x y z"
 EULER = re.compile(r"(intrinsic|extrinsic) ([xyz]{3})$")
-WORDS = f"{FIRST}, {LAST}, {VECTOR}, {MATRIX}, {KUKA}, intrinsic zyx or extrinsic xyz (any axes)"
+NAMED = {"ABC": "intrinsic zyx", KUKA: "intrinsic zyx", "RPY": "extrinsic xyz"}
+WORDS = f"{FIRST}, {LAST}, {VECTOR}, {MATRIX}, {KUKA}, ABC, RPY, intrinsic zyx or extrinsic xyz (any axes)"
 UNIT_LENGTH = 1e-3  # tolerance of a measured quaternion's length; printed digits stay below it
 SQUARE = 1e-3  # tolerance of a matrix's orthogonality; printed digits stay below it
 
 
 def in_angles(representation: str) -> bool:
     """Whether its columns are angles. Raises ArgumentError for an unknown representation."""
-    axes = EULER.match(representation)
+    axes = EULER.match(NAMED.get(representation, representation))
     if axes is not None and any(a == b for a, b in zip(axes[2], axes[2][1:], strict=False)):
         raise ArgumentError(f"turns about one axis twice in a row: '{representation}'; name three axes such as zyx")
-    if axes is None and representation not in (FIRST, LAST, VECTOR, MATRIX, KUKA):
+    if axes is None and representation not in (FIRST, LAST, VECTOR, MATRIX):
         raise ArgumentError(f"expected one of {WORDS}; found '{representation}'")
-    return axes is not None or representation in (VECTOR, KUKA)
+    return axes is not None or representation == VECTOR
 
 
 def quaternions(rows: np.ndarray, representation: str) -> np.ndarray:
     """Return quaternions (N, 4), scalar first, from rows in a representation, with angles in rad.
 
     "intrinsic zyx" turns about z, the new y and the newest x, in the order of the columns; "extrinsic xyz" about x, y
-    and z of the frame. KUKA's A, B, C are intrinsic zyx. A matrix is written row by row: 9 numbers, or the 12 or 16 of
-    a pose. Raises ArgumentError for a wrong number of columns, and for a matrix that is not a rotation.
+    and z of the frame. KUKA's A, B, C ("ABC") are intrinsic zyx; "RPY" are roll, pitch and yaw, extrinsic xyz. A matrix
+    is written row by row: 9 numbers, or the 12 or 16 of a pose. Raises ArgumentError for a wrong number of columns, and
+    for a matrix that is not a rotation.
 
     >>> from gtmodel.measurements.orientations import quaternions
     >>> quaternions(np.array([[np.pi / 2, 0.0, 0.0]]), "KUKA A B C").round(4)
@@ -52,7 +54,7 @@ def quaternions(rows: np.ndarray, representation: str) -> np.ndarray:
     elif representation == VECTOR:
         turn = Rotation.from_rotvec(rows)
     else:
-        kind, axes = ("intrinsic", "zyx") if representation == KUKA else representation.split()
+        kind, axes = NAMED.get(representation, representation).split()
         turn = Rotation.from_euler(axes.upper() if kind == "intrinsic" else axes, rows)
     return turn.as_quat(canonical=True, scalar_first=True)
 

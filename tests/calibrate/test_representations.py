@@ -41,6 +41,14 @@ def test_kuka_turns_about_z_then_the_new_y_then_the_new_x():
     np.testing.assert_allclose(R, about("z", A) @ about("y", B) @ about("x", C), atol=SAME)
 
 
+def test_roll_pitch_and_yaw_turn_about_the_axes_of_the_frame_in_this_order():
+    roll, pitch, yaw = 0.3, -0.7, 1.1
+    (R,) = matrices(quaternions(np.array([[roll, pitch, yaw]]), "RPY"))
+    np.testing.assert_allclose(R, about("z", yaw) @ about("y", pitch) @ about("x", roll), atol=SAME)
+    (R,) = matrices(quaternions(np.array([[yaw, pitch, roll]]), "ABC"))
+    np.testing.assert_allclose(R, about("z", yaw) @ about("y", pitch) @ about("x", roll), atol=SAME)
+
+
 def test_vectors_matrices_and_both_orders_of_a_quaternion_are_one_rotation():
     q = np.array([[0.8, 0.36, -0.48, 0.0]])
     (R,) = matrices(q)

@@ -40,6 +40,8 @@ REPRESENTATIONS = {
     "matrix": (TURNS.as_matrix().reshape(-1, 9), "1"),
     "KUKA A B C": (TURNS.as_euler("ZYX", degrees=True), "deg"),
     "intrinsic zyx": (TURNS.as_euler("ZYX"), "rad"),
+    "ABC": (TURNS.as_euler("ZYX", degrees=True), "deg"),
+    "RPY": (TURNS.as_euler("xyz"), "rad"),
     "extrinsic xyz": (TURNS.as_euler("xyz", degrees=True), "deg"),
 }
 
@@ -209,7 +211,7 @@ def test_pushes_are_read_as_the_poses_are(tmp_path: Path) -> None:
     ("change", "key"),
     [
         ('representation = "quaternion w x y z"', "readings.signals.orientation.representation"),
-        ('representation = "RPY"', "readings.signals.orientation.representation"),
+        ('representation = "yaw pitch roll"', "readings.signals.orientation.representation"),
         ('representation = "KUKA A B C"', "readings.signals.orientation.representation"),
     ],
 )
@@ -246,3 +248,46 @@ def test_the_shipped_file_is_that_of_its_seed_and_its_drift_is_named_and_estimat
     left_out = answer(load(problem, ['readings.drift="none"']), Context(folder=problem.parent))
     assert not left_out.checks["force_drift"].passed
     assert any("drift by 2" in note and 'drift = "linear"' in note for note in left_out.notes), left_out.notes
+
+
+def write_bag(path: Path) -> None:
+    """The readings and poses as topics, the poses a millisecond later."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    types, start = store.types, 1_700_000_000_000_000_000
+    vector = types["geometry_msgs/msg/Vector3"]
+    with Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as bag:
+        wrench = bag.add_connection("/wrench", "geometry_msgs/msg/Wrench", typestore=store)
+        pose = bag.add_connection("/turn", "geometry_msgs/msg/Quaternion", typestore=store)
+        for k, q in enumerate(TURNS.as_quat()):
+            stamp = start + round(1e9 * TIME[k])
+            one = types["geometry_msgs/msg/Wrench"](vector(*F[k].tolist()), vector(*M[k].tolist()))
+            bag.write(wrench, stamp, store.serialize_cdr(one, "geometry_msgs/msg/Wrench"))
+            other = types["geometry_msgs/msg/Quaternion"](*q.tolist())
+            bag.write(pose, stamp + 1_000_000, store.serialize_cdr(other, "geometry_msgs/msg/Quaternion"))
+
+
+BAG = """file = "log"
+[readings.signals]
+orientation = { column = ["x", "y", "z", "w"], unit = "1", representation = "quaternion x y z w", stream = "/turn" }
+force = { column = ["force.x", "force.y", "force.z"], unit = "N", stream = "/wrench" }
+moment = { column = ["torque.x", "torque.y", "torque.z"], unit = "N.m", stream = "/wrench" }
+"""
+
+
+def test_topics_of_a_bag(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    write_bag(tmp_path / "log")
+    assert same(solved(tmp_path, BAG + '[readings.poses]\nfile = "log"\ntolerance_s = 0.002\n'))
+    apart = '[readings.poses]\nfile = "log"\ntolerance_s = {}\n'
+    other_clock = BAG.replace('"N.m", stream = "/wrench"', '"N.m", stream = "/turn"')
+    for text, key in (
+        (BAG, "readings.signals.force"),
+        (BAG + apart.format(0.0005), "readings.file"),
+        (other_clock + apart.format(1.0), "readings"),
+    ):
+        with pytest.raises(InputError) as caught:
+            solved(tmp_path, text)
+        assert key in str(caught.value)
