@@ -39,7 +39,7 @@ def drawn(kind: str, k: int, *, sweep: bool = False) -> Set:
     if sweep:
         s, start = np.linspace(0, 2 * np.pi, POSES)[:, None], rng.uniform(0, 2 * np.pi, 3)
         angles = s * [1.0, 1.5, 1.0] + start
-        turns = Rotation.from_euler("ZYX", np.pi * np.column_stack([angles[:, 0], np.sin(angles[:, 1:])])).as_matrix()
+        turns = Rotation.from_euler("ZYX", np.column_stack([angles[:, 0], np.pi * np.sin(angles[:, 1:])])).as_matrix()
     mass = float(rng.uniform(0.5, 5.0))
     sensor = L.SyntheticSensor(
         mass=mass, centre=tuple(rng.uniform(-0.2, 0.2, 3)), force_noise=0.05, moment_noise=0.003,
@@ -103,7 +103,7 @@ def test_a_random_walk_is_named_and_intervals_by_blocks_hold(sweep: bool, count:
         off += not abs(c.force.value("mass") - s.mass) < WITHIN * s.mass
     assert mass >= least_hits(count)
     assert bias.sum() >= least_hits(3 * count)
-    assert sweep or off <= 0.15 * count
+    assert sweep or off <= 0.05 * count + 1
 
 
 TEMPERATURE = 293.0 + 8.0 * (1 - np.exp(-np.arange(POSES) / 20.0)) + np.sin(np.arange(POSES) / 6.0)
