@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from pydantic import Field
 
 from gtmodel import filtering
@@ -10,10 +11,12 @@ from gtmodel.filtering import paths
 from gtmodel.filtering.attitude import options as attitude
 from gtmodel.filtering.fusion import options
 from gtmodel.measurements import sampling_of
+from gtmodel.measurements.orientations import WORDS, rotation_vectors
 from gtmodel.problem_files.base import Call, Context, FileSection, InputError, Problem
 from gtmodel.problem_files.from_options import Made, options_of
 from gtmodel.problem_files.keys import RecordedSignalSection, RecordingFiles
 from gtmodel.results import ArgumentError, Trajectory
+from gtmodel.results.refusal import naming
 
 RESULT = ("gtmodel.filtering.FusionStudy", "gtmodel.filtering.AttitudeStudy")
 
@@ -21,7 +24,12 @@ RESULT = ("gtmodel.filtering.FusionStudy", "gtmodel.filtering.AttitudeStudy")
 class OrientationSection(FileSection):
     """Orientations from another device, with its own clock."""
 
-    quaternion: RecordedSignalSection = Field(description="four columns; the study finds their order and direction")
+    quaternion: RecordedSignalSection = Field(
+        description="four columns, whose order and direction the study finds; other columns with a representation"
+    )
+    representation: str | None = Field(
+        default=None, description=f"if the columns are no quaternion, or its order is known: {WORDS}"
+    )
     row: RecordedSignalSection | None = Field(
         default=None,
         description="if every row of the gyro has a quaternion: column with the row numbers of the true references",
@@ -129,7 +137,7 @@ def _recording(log: AttitudeLogSection, context: Context) -> filtering.AttitudeR
     if any(by_name[name] is not gyro for name in moving):
         raise InputError("must have the same clock as the rate", "log.acceleration")
     if rows is None:
-        return _checked(gyro.select(moving), by_name["quaternion"].select(["quaternion"]))
+        return _checked(gyro.select(moving), _quaternions(log, by_name["quaternion"].select(["quaternion"])))
     references, every = by_name["row"], _every_row(log, context)
     numbers = np.rint(references["row"]).astype(int) - log.reference.first_row
     index = {int(n): k for k, n in enumerate(np.rint(every.time).astype(int))}
@@ -145,7 +153,18 @@ def _every_row(log: AttitudeLogSection, context: Context) -> Trajectory:
     section = log.reference.quaternion.model_copy(update={"time": None})
     rows = log.model_copy(update={"time": log.time.model_copy(update={"column": ""}), "sample_time_s": 1.0})
     (trajectory,) = rows.recording({"quaternion": section}, context).values()
-    return trajectory
+    return _quaternions(log, trajectory)
+
+
+def _quaternions(log: AttitudeLogSection, reference: Trajectory) -> Trajectory:
+    """The references as quaternions, scalar first, if their representation is declared. Raises InputError."""
+    representation = log.reference.representation
+    if representation is None:
+        return reference
+    with naming("log.reference.representation", refusal=InputError):
+        turn = rotation_vectors(reference["quaternion"], representation, reference.units["quaternion"])
+    rows = scipy.spatial.transform.Rotation.from_rotvec(turn).as_quat(scalar_first=True)
+    return reference.with_values({"quaternion": rows}, units={"quaternion": "1"})
 
 
 def _checked(gyro: Trajectory, reference: Trajectory) -> filtering.AttitudeRecording:

@@ -30,6 +30,8 @@ Clocks
     smooth            unwrap angles and remove sign jumps of quaternions
     EvenGrid          the grid: sample time, method, gaps, time interval
     AlignBy           a pair of signals that aligns two clocks
+    joined            join two recordings: nearest or interpolated in time, by row number, or by order
+    Match             the ways to join
     align             estimate offset and drift between two clocks from a signal that both record
     Alignment         the result of align
     delay_study       estimate the delay between two signals
@@ -82,6 +84,7 @@ if TYPE_CHECKING:
     )
     from .inspection.data_tests import Stretch as Stretch, copied_stretch as copied_stretch, copies as copies
     from .inspection.inspection_study import InspectionStudy as InspectionStudy, inspect as inspect
+    from .joining import Match as Match, joined as joined
     from .log import (
         Column as Column,
         LogError as LogError,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate import Measured, MeasuredSignal, read_poses
-from gtmodel.calibrate.measured.reading_file import quaternions
 from gtmodel.geometry.rotations import matrices
+from gtmodel.measurements.orientations import quaternions
 from gtmodel.results import ArgumentError
 
 AXES = {"x": 0, "y": 1, "z": 2}
@@ -39,6 +39,14 @@ def test_kuka_turns_about_z_then_the_new_y_then_the_new_x():
     A, B, C = 0.3, -0.7, 1.1
     (R,) = matrices(quaternions(np.array([[A, B, C]]), "KUKA A B C"))
     np.testing.assert_allclose(R, about("z", A) @ about("y", B) @ about("x", C), atol=SAME)
+
+
+def test_roll_pitch_and_yaw_turn_about_the_axes_of_the_frame_in_this_order():
+    roll, pitch, yaw = 0.3, -0.7, 1.1
+    (R,) = matrices(quaternions(np.array([[roll, pitch, yaw]]), "RPY"))
+    np.testing.assert_allclose(R, about("z", yaw) @ about("y", pitch) @ about("x", roll), atol=SAME)
+    (R,) = matrices(quaternions(np.array([[yaw, pitch, roll]]), "ABC"))
+    np.testing.assert_allclose(R, about("z", yaw) @ about("y", pitch) @ about("x", roll), atol=SAME)
 
 
 def test_vectors_matrices_and_both_orders_of_a_quaternion_are_one_rotation():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy
 
 import gtmodel as gt
 from gtmodel.filtering import SyntheticAttitude, synthetic_attitude
@@ -105,6 +106,29 @@ def test_the_recording_is_calibrated_and_judged(log: str) -> None:
     assert set(study.values) <= {*schema_values("sensor_fusion"), "notes"}
     assert np.shape(study.values["error_deg"]) == (1, 5) and study.error[0][1] < study.error[0][0]
     assert "SYNTHETIC" not in str(study)  # a file that does not say so is taken for measured
+
+
+def test_references_are_read_in_any_representation(tmp_path) -> None:
+    made = synthetic_attitude(SyntheticAttitude(seed=3, duration=8.0)).recording
+    turns = scipy.spatial.transform.Rotation.from_quat(made.reference["quaternion"], scalar_first=True)
+    gyro = np.column_stack([made.gyro.time, made.gyro["rate"]])
+    np.savetxt(tmp_path / "gyro.txt", gyro, fmt="%.15g")
+    np.savetxt(
+        tmp_path / "robot.txt", np.column_stack([made.reference.time, turns.as_euler("ZYX", degrees=True)]), fmt="%.15g"
+    )
+    columns = {"rate": (["2", "3", "4"], "rad/s"), "reference.quaternion": (["2", "3", "4"], "deg")}
+    tables = "".join(
+        f'[log.{name}]\ncolumn = {column}\nunit = "{unit}"\nfile = "{file}"\ntime = {{ column = "1", unit = "s" }}\n'
+        for (name, (column, unit)), file in zip(columns.items(), ("gyro.txt", "robot.txt"), strict=True)
+    )
+    text = 'kind = "sensor_fusion"\n[log]\nfiles = ["gyro.txt", "robot.txt"]\nheader = 0\n' + tables
+    (tmp_path / "p.toml").write_text(text + '[log.reference]\nrepresentation = "KUKA A B C"\n')
+    reference = gt.load(tmp_path / "p.toml").arguments[0].reference["quaternion"]
+    np.testing.assert_allclose(np.abs(np.sum(reference * made.reference["quaternion"], axis=1)), 1.0, atol=1e-6)
+    (tmp_path / "p.toml").write_text(text + '[log.reference]\nrepresentation = "matrix"\n')
+    with pytest.raises(InputError) as caught:
+        gt.load(tmp_path / "p.toml")
+    assert "log.reference.representation" in str(caught.value)
 
 
 def test_the_synthetic_recording_is_the_call_of_the_library() -> None:

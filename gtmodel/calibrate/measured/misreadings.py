@@ -28,6 +28,7 @@ from ...measurements.inspection.misread_columns import (
     scalar_last,
     thousands,
 )
+from ...measurements.orientations import MATRIX, quaternions
 from ...results import ArgumentError
 from ...results.suspicion import Inspection, Suspicion
 from ..calibration import Calibration, calibrate
@@ -48,7 +49,6 @@ from .column_checks import (
     too_many_turns,
 )
 from .poses import SplitPoses
-from .reading_file import MATRIX, quaternions
 
 STEPS = 20  # of each fit; a few unknowns near their start values need fewer
 POSES = 40  # number of poses checked: enough to distinguish one order from another

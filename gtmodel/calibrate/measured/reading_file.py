@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import scipy
 
 from ...lang import ModelError
 from ...lang.units import parse_unit
 from ...measurements import Conversion, LogError, LogForm, signal_table
+from ...measurements.orientations import MATRIX, UNIT_LENGTH, in_angles, quaternions
 from ...measurements.signal_table import SignalTable
 from ...measurements.streams.form import NoNumberError
 from ...results import ArgumentError
@@ -22,52 +21,6 @@ from ..measurements import Correction, FixedPoint, Measurements, Pose
 from .options import ESTIMATE, Measured, MeasuredSignal, Sag
 from .poses import MeasuredPoses
 
-LAST, VECTOR, MATRIX, KUKA = "quaternion x y z w", "rotation vector", "matrix", "KUKA A B C"
-FIRST = "quaternion w x y z"
-EULER = re.compile(r"(intrinsic|extrinsic) ([xyz]{3})$")
-WORDS = f"{FIRST}, {LAST}, {VECTOR}, {MATRIX}, {KUKA}, intrinsic zyx or extrinsic xyz (any axes)"
-SQUARE = 1e-3  # tolerance of a matrix's orthogonality; printed digits stay below it
-
-
-def in_angles(representation: str) -> bool:
-    """Whether its columns are angles. Raises ArgumentError for an unknown representation."""
-    axes = EULER.match(representation)
-    if axes is not None and any(a == b for a, b in zip(axes[2], axes[2][1:], strict=False)):
-        raise ArgumentError(f"turns about one axis twice in a row: '{representation}'; name three axes such as zyx")
-    if axes is None and representation not in (FIRST, LAST, VECTOR, MATRIX, KUKA):
-        raise ArgumentError(f"expected one of {WORDS}; found '{representation}'")
-    return axes is not None or representation in (VECTOR, KUKA)
-
-
-def quaternions(rows: np.ndarray, representation: str) -> np.ndarray:
-    """Return quaternions (N, 4), scalar first, from rows in a representation, with angles in rad.
-
-    "intrinsic zyx" turns about z, the new y and the newest x, in the order of the columns; "extrinsic xyz" about x, y
-    and z of the frame. KUKA's A, B, C are intrinsic zyx. A matrix is written row by row: 9 numbers, or the 12 or 16 of
-    a pose. Raises ArgumentError for a wrong number of columns, and for a matrix that is not a rotation.
-
-    >>> from gtmodel.calibrate.measured.reading_file import quaternions
-    >>> quaternions(np.array([[np.pi / 2, 0.0, 0.0]]), "KUKA A B C").round(4)
-    array([[0.7071, 0.    , 0.    , 0.7071]])
-    """
-    angles = in_angles(representation)
-    expected = (9, 12, 16) if representation == MATRIX else (3,) if angles else (4,)
-    if rows.shape[1] not in expected:
-        raise ArgumentError(f"'{representation}' has {' or '.join(map(str, expected))} columns; found {rows.shape[1]}")
-    if representation == FIRST:
-        return rows
-    if representation == LAST:
-        return np.roll(rows, 1, axis=1)
-    Rotation = scipy.spatial.transform.Rotation
-    if representation == MATRIX:
-        turn = Rotation.from_matrix(_orthogonal(rows))
-    elif representation == VECTOR:
-        turn = Rotation.from_rotvec(rows)
-    else:
-        kind, axes = ("intrinsic", "zyx") if representation == KUKA else representation.split()
-        turn = Rotation.from_euler(axes.upper() if kind == "intrinsic" else axes, rows)
-    return turn.as_quat(canonical=True, scalar_first=True)
-
 
 def positions(rows: np.ndarray) -> np.ndarray:
     """The last column (N, 3) of pose matrices, written row by row as 12 or 16 numbers."""
@@ -76,20 +29,6 @@ def positions(rows: np.ndarray) -> np.ndarray:
     return rows[:, 3:12:4]
 
 
-def _orthogonal(rows: np.ndarray) -> np.ndarray:
-    R = rows.reshape(len(rows), 3, 3) if rows.shape[1] == 9 else rows[:, :12].reshape(len(rows), 3, 4)[:, :, :3]
-    deviation = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    invalid = np.flatnonzero((deviation > SQUARE) | (np.linalg.det(R) < 0))
-    if invalid.size:
-        k = int(invalid[0])
-        what = "is mirrored" if deviation[k] <= SQUARE else f"deviates from orthogonality by {deviation[k]:.3g}"
-        raise ArgumentError(
-            f"the matrix of pose {k + 1} is not a rotation: it {what}; are its rows and columns exchanged?"
-        )
-    return R
-
-
-UNIT_LENGTH = 1e-3  # tolerance of a measured quaternion's length; printed digits stay below it
 GRAVITY = 9.81  # m/s2
 IDENTITY = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 

@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     )
     from .options import (
         ConeComparison as ConeComparison,
+        Drift as Drift,
         GuideSetup as GuideSetup,
         HandRange as HandRange,
         LeadThroughStudy as LeadThroughStudy,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 import scipy
@@ -18,7 +18,8 @@ from ...measurements.inspection.data_tests import Data, tested
 from ...measurements.inspection.misread_columns import NEARER, OtherReading, compared
 from ...results import ArgumentError, Estimate, naming
 from ...results.suspicion import Suspicion, alarms, suspicion_checks
-from .options import WrenchAlarm
+from .drift import BiasDrift, Word, bias_drift
+from .options import Drift, WrenchAlarm
 from .scenes import GRAVITY
 from .wrench import WrenchStatus, axes, rows_of, sigma_of, turns_of, vector_of
 
@@ -36,7 +37,7 @@ class FittedReadings:
     """A linear fit of readings `values` (poses, 3) with the regressor J (poses, 3, n), in SI. `load`: columns of the
     load; `load_of`: computes them from gravity in the sensor's frame (poses, 3)."""
 
-    word: str
+    word: Word
     estimate: Estimate
     sigma: float | None
     J: np.ndarray
@@ -55,17 +56,11 @@ class FittedReadings:
         return ROUNDING * float(np.abs(self.values).max())
 
 
-def suspicions_of(part: FittedReadings, turns: np.ndarray, time: np.ndarray, gravity: np.ndarray) -> list[Suspicion]:
-    """Run all tests of the forces or of the moments; `time` (poses,) may be the index of the pose."""
+def suspicions_of(part: FittedReadings, turns: np.ndarray, drift: BiasDrift, gravity: np.ndarray) -> list[Suspicion]:
+    """Run all tests of the forces or of the moments."""
     word, e, J, rest = part.word, part.estimate, part.J, part.rest
-    unit = e.units[0]
-    drift = "estimate the drift (drift = true), let the sensor warm up, or take poses in random order"
     outcomes = [
-        residual_tests.drifts(J, rest, time, drift, name=f"{word}_drift", unit=unit, least=part.least),
-        residual_tests.coloured(
-            J, rest, "estimate a drift, or average longer in each pose; the intervals allow for it",
-            name=f"{word}_coloured", least=part.least,
-        ),
+        *drift.suspicions(word, e.units[0], J, rest, part.least),
         residual_tests.one_far_off(J, rest, LOOK, name=f"{word}_largest_residual", least=part.least),
         _held_out(part),
         _other_frame(part, turns, gravity),
@@ -252,7 +247,9 @@ def calibrate_wrench(
     sigma_force: float | None = None,
     sigma_moment: float | None = None,
     time: ArrayLike | None = None,
-    drift: bool = False,
+    drift: bool | Drift | Sequence[Drift] = "none",
+    session: ArrayLike | None = None,
+    temperature: ArrayLike | None = None,
     accept: Collection[str] = (),
 ) -> WrenchCalibration:
     """Fit bias, mass and centre of mass of a force sensor's load, ten parameters, by linear least squares.
@@ -261,10 +258,10 @@ def calibrate_wrench(
     the sensor's frame; readings are the wrench *on* the load. The two equations share no parameter and are fitted
     separately. Handle and tool sensor are each calibrated with their own readings.
 
-    The readings are tested for drift, coloured residuals, a large single residual, prediction of the last poses from
-    the first ones, other frames and axes, moments in N mm, and residuals above the stated noise or, without a stated
-    noise, above a fifth of the weight. Clean readings raise an alarm in 1 % of all calibrations. With coloured
-    residuals the intervals are widened (`gt.inference.newey_west`).
+    The readings are tested for drift over time, sessions and temperature, coloured residuals, a large single residual,
+    prediction of the last poses from the first ones, other frames and axes, moments in N mm, and residuals above the
+    stated noise or, without a stated noise, above a fifth of the weight. Clean readings raise an alarm in 1 % of all
+    calibrations. With coloured residuals the intervals are widened (`gt.inference.newey_west`).
 
     Args:
         turns: (poses, 3, 3) rotation matrices whose columns are the sensor's axes in the world frame. In the sensor's
@@ -272,9 +269,14 @@ def calibrate_wrench(
         forces, moments: (poses, 3) readings [N], [N m] about the sensor's origin, in its frame.
         gravity: (3,) [m/s2] in the world frame.
         sigma_force, sigma_moment: standard deviation of one reading [N], [N m]; by default from the residuals.
-        time: (poses,) [s], increasing, of each reading; by default the index of the pose.
-        drift: also estimate linear drifts of the biases, drift_force_x, ... [N/s] and drift_moment_x, ... [N m/s]; the
-            biases are then those at the last reading.
+        time: (poses,) [s], increasing in each session, of each reading; by default the index of the pose.
+        drift: drifts of the biases to estimate, one or several: "linear" in time, drift_force_x, ... [N/s] and
+            drift_moment_x, ... [N m/s]; "session", with a bias for each; "temperature", thermal_force_x, ... [N/K];
+            "blocks" alone, with a bias for each of up to 10 blocks of poses, for an irregular drift: its intervals
+            come from the scatter of the blocks and hold for residuals of any colour. True is "linear", False "none".
+            The biases are then those at the last reading.
+        session: (poses,) number of the recording of each reading; a session is contiguous.
+        temperature: (poses,) [K] of the sensor at each reading.
         accept: names of alarms that do not change the status, such as "force_coloured".
 
     The interval of the centre is that of a quotient to first order, from Student's distribution with the degrees of
@@ -298,15 +300,13 @@ def calibrate_wrench(
     sigma_of(sigma_force, "sigma_force")
     sigma_of(sigma_moment, "sigma_moment")
     g = R.transpose(0, 2, 1) @ down
-    t = np.arange(float(len(R))) if time is None else _rising(time, len(R))
-    if drift and time is None:
-        raise ArgumentError("is needed to estimate a drift", "time")
+    drifts = bias_drift(drift, len(R), time, session, temperature)
     with naming("turns"):
-        of_force = _fitted("force", "mass", f, g, t, sigma_force, drift)
-        of_moment = _fitted("moment", axes("first_moment"), m, g, t, sigma_moment, drift)
-    outcomes = [*suspicions_of(of_force, R, t, down), *suspicions_of(of_moment, R, t, down)]
+        of_force = _fitted("force", "mass", f, g, sigma_force, drifts)
+        of_moment = _fitted("moment", axes("first_moment"), m, g, sigma_moment, drifts)
+    outcomes = [*suspicions_of(of_force, R, drifts, down), *suspicions_of(of_moment, R, drifts, down)]
     outcomes += tested(Data({"turn": R, "force": f, "moment": m}, row="pose"))
-    force, moment = (_with_colour(part, outcomes) for part in (of_force, of_moment))
+    force, moment = (_with_colour(part, outcomes, drifts) for part in (of_force, of_moment))
     low, high = force.interval("mass", LEVEL)
     status = WrenchStatus.OK if low > 0 else WrenchStatus.WRONG_SIGN if high < 0 else WrenchStatus.NO_FORCE
     unsure = float(force.std[3] * np.linalg.norm(down))  # [N]
@@ -329,10 +329,9 @@ def calibrate_wrench(
 
 
 def _fitted(
-    word: Literal["force", "moment"], load: str | Sequence[str], values: np.ndarray, g: np.ndarray, time: np.ndarray,
-    sigma: float | None, drift: bool,
-) -> FittedReadings:  # fmt: skip
-    """Fit readings (poses, 3) with a bias, the load and, with `drift`, a drift relative to the last reading."""
+    word: Word, load: str | Sequence[str], values: np.ndarray, g: np.ndarray, sigma: float | None, drift: BiasDrift
+) -> FittedReadings:
+    """Fit readings (poses, 3) with a bias, the load and drifts relative to the last reading."""
     force = word == "force"
     unit = "N" if force else "N m"
     names, units = list(axes(f"bias_{word}")), [unit] * 3
@@ -343,29 +342,23 @@ def _fitted(
         return g[:, :, None] if force else -cross_matrix(g)
 
     one = np.broadcast_to(np.eye(3), (len(g), 3, 3))
-    columns = [one, load_of(g)]
-    if drift:
-        columns.append((time - time[-1])[:, None, None] * one)
-        names += axes(f"drift_{word}")
-        units += [f"{unit}/s"] * 3
-    J = np.concatenate(columns, axis=2)
-    estimate = linear_fit(J.reshape(values.size, -1), values.reshape(-1), names, sigma=sigma, units=units)
+    drifts = [column[:, None, None] * one for _, _, column in drift.columns()]
+    more = drift.names(word, unit)
+    J = np.concatenate([one, load_of(g), *drifts], axis=2)
+    estimate = linear_fit(
+        J.reshape(values.size, -1), values.reshape(-1), names + more[0], sigma=sigma, units=units + more[1]
+    )
     return FittedReadings(word, estimate, sigma, J, values, slice(3, 4 if force else 6), load_of)
 
 
-def _with_colour(part: FittedReadings, outcomes: Sequence[Suspicion]) -> Estimate:
-    """The estimate, with a Newey-West covariance if the residuals are coloured."""
+def _with_colour(part: FittedReadings, outcomes: Sequence[Suspicion], drift: BiasDrift) -> Estimate:
+    """The estimate, with the covariance by blocks, or that of Newey and West if the residuals are coloured."""
+    e = part.estimate
+    if "blocks" in drift.kinds:
+        covariance = drift.by_blocks(part.J, part.values, e.values, part.load)
+        return replace(e, covariance=covariance, degrees_of_freedom=float(drift.blocks[-1]), known_noise=False)
     p = next(s.p for s in outcomes if s.name == f"{part.word}_coloured")
-    if not p < SMALL_P:
-        return part.estimate
-    return replace(part.estimate, covariance=newey_west(part.J, part.rest))
-
-
-def _rising(time: ArrayLike, count: int) -> np.ndarray:
-    t = np.asarray(time, float)
-    if t.shape != (count,) or not np.all(np.isfinite(t)) or not np.all(np.diff(t) > 0):
-        raise ArgumentError(f"expected {count} finite, increasing numbers, one per pose", "time")
-    return t
+    return replace(e, covariance=newey_west(part.J, part.rest, starts=drift.starts)) if p < SMALL_P else e
 
 
 def _centre(force: Estimate, moment: Estimate) -> Estimate:

@@ -27,10 +27,13 @@ else:
 
 # alarms of the tests of readings at rest; each can be accepted
 WrenchAlarm = Literal[
-    "force_drift", "force_coloured", "force_largest_residual", "force_held_out", "force_frame", "force_axes",
-    "force_over_noise", "force_unexplained_share", "moment_drift", "moment_coloured", "moment_largest_residual",
-    "moment_held_out", "moment_frame", "moment_axes", "moment_over_noise", "moment_unit", EveryAlarm,
+    "force_drift", "force_coloured", "force_temperature", "force_session", "force_largest_residual", "force_held_out",
+    "force_frame", "force_axes", "force_over_noise", "force_unexplained_share", "moment_drift", "moment_coloured",
+    "moment_temperature", "moment_session", "moment_largest_residual", "moment_held_out", "moment_frame", "moment_axes",
+    "moment_over_noise", "moment_unit", EveryAlarm,
 ]  # fmt: skip
+# drifts of the bias that can be estimated
+Drift = Literal["none", "linear", "session", "temperature", "blocks"]
 Between = tuple[float, float]
 HANDS_BY = ("mass", "damping", "stiffness")
 
@@ -256,10 +259,24 @@ class WrenchStudy(Study):
     force_bias: Annotated[Sequence[float], Quantity("N", "reading without force", "bias of the force")] = ()
     moment_bias: Annotated[Sequence[float], Quantity("N.m", "reading without moment", "bias of the moment")] = ()
     force_drift: Annotated[
-        Sequence[float] | None, Quantity("N/s", "of the bias, with drift = true", "drift of the force")
+        Sequence[float] | None, Quantity("N/s", "of the bias, with a linear drift", "drift of the force")
     ] = None
     moment_drift: Annotated[
-        Sequence[float] | None, Quantity("N.m/s", "of the bias, with drift = true", "drift of the moment")
+        Sequence[float] | None, Quantity("N.m/s", "of the bias, with a linear drift", "drift of the moment")
+    ] = None
+    force_thermal: Annotated[
+        Sequence[float] | None, Quantity("N/K", "of the bias with temperature", "thermal drift of the force")
+    ] = None
+    moment_thermal: Annotated[
+        Sequence[float] | None, Quantity("N.m/K", "of the bias with temperature", "thermal drift of the moment")
+    ] = None
+    force_changes: Annotated[
+        Mapping[str, Sequence[float]] | None,
+        Quantity("N", "bias of each earlier session or block minus the last", "changes of the force's bias"),
+    ] = None
+    moment_changes: Annotated[
+        Mapping[str, Sequence[float]] | None,
+        Quantity("N.m", "bias of each earlier session or block minus the last", "changes of the moment's bias"),
     ] = None
     arm: Annotated[Sequence[float] | None, Quantity("m", "to the point of the pushes", "lever arm", "mm", "", "mm")] = (
         None

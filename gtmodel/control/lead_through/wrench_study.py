@@ -17,7 +17,7 @@ from ...results.options import Within
 from ...results.suspicion import suspicion_checks
 from ...results.work import WorkOptions, study_function
 from .calibration import WrenchCalibration, calibrate_wrench, ends_of_range
-from .options import SyntheticReadings, WrenchAlarm, WrenchStudy
+from .options import Drift, SyntheticReadings, WrenchAlarm, WrenchStudy
 from .wrench import WrenchStatus, axes, rows_of, sigma_of, turns_of
 
 ABOVE_NOISE = 50.0  # least ratio of forces to their noise, which then biases the arm by at most 1/2500
@@ -118,7 +118,7 @@ def wrench_study(
     *,
     force_noise: Annotated[float | None, Within(above=0.0)] = None,
     moment_noise: Annotated[float | None, Within(above=0.0)] = None,
-    drift: bool = False,
+    drift: bool | Drift | Sequence[Drift] = "none",
     accept: Sequence[WrenchAlarm] = (),
     **work_options: Unpack[WorkOptions],
 ) -> WrenchStudy:
@@ -126,11 +126,12 @@ def wrench_study(
 
     Args:
         readings: "turn" (rotation vector of the sensor's axes in the world frame) [rad], "force" [N], "moment" [N m],
-            a row for each pose at rest without contact; or options of synthetic readings.
+            a row for each pose at rest without contact, and, if known, "session" (number of the recording) and
+            "temperature" [K]; or options of synthetic readings.
         pushes: the same signals during pushes against a fixed point.
         force_noise [N], moment_noise [N m]: standard deviation of a reading; required with pushes, otherwise by
             default from the residuals.
-        drift: also estimate a linear drift of the biases over the recording; the biases are then those at its end.
+        drift: drifts of the biases to estimate, as in `calibrate_wrench`; the biases are then those at the end.
         accept: names of alarms of the readings that become notes and fail no check, as in `calibrate_wrench`.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
@@ -146,7 +147,7 @@ def wrench_study(
     title, notes = work.title, list[str]()
     if isinstance(readings, SyntheticReadings):
         for value, name in ((pushes, "pushes"), (drift, "drift"), (accept, "accept")):
-            if value:
+            if value and value != "none":
                 raise ArgumentError("applies only to measured readings; leave it out", name)
         sensor, seed = readings.sensor, readings.seed
         noise = max(sensor.force_noise, 1e-9), max(sensor.moment_noise, 1e-9)
@@ -154,11 +155,14 @@ def wrench_study(
         title = _marked(work.title or "wrench calibration")
         notes.append(f"synthetic: seed {seed}, noise {sensor.force_noise:g} N and {sensor.moment_noise:g} N m")
     else:
+        if readings.synthetic is not None:
+            title = _marked(work.title or "wrench calibration")
+            notes.append(f"synthetic: {readings.synthetic}")
         noise = force_noise, moment_noise
         rows = [_signal(readings, name, "readings") for name in SIGNALS]
         known = calibrate_wrench(
             rotation_by(rows[0]), *rows[1:], sigma_force=noise[0], sigma_moment=noise[1], time=readings.time,
-            drift=drift, accept=accept,
+            drift=drift, accept=accept, **_conditions(readings),
         )  # fmt: skip
         arm = _measured_arm(known, pushes, force_noise, moment_noise)
         notes += ends_of_range(rows[1], "force") + ends_of_range(rows[2], "moment")
@@ -195,14 +199,31 @@ def wrench_study(
         poses=len(rest[0]), mass=known.force.value("mass"), force_bias=bias.tolist(), moment_bias=moment.tolist(),
         centre=None if known.centre is None else known.centre.values.tolist(),
         force_drift=_drift(known.force), moment_drift=_drift(known.moment),
+        force_thermal=_drift(known.force, "thermal_"), moment_thermal=_drift(known.moment, "thermal_"),
+        force_changes=_changes(known.force), moment_changes=_changes(known.moment),
         arm=None if arm is None or arm.estimate is None else arm.estimate.values.tolist(),
         half_widths={name: float(np.diff(part.interval(name, LEVEL))[0] / 2) for part, name in names}, **answers,
     )  # fmt: skip
 
 
-def _drift(estimate: Estimate) -> list[float] | None:
-    values = [estimate.value(name) for name in estimate.names if name.startswith("drift_")]
+def _conditions(readings: Trajectory) -> dict[str, np.ndarray]:
+    if "temperature" in readings.names and readings.units["temperature"] != "K":
+        raise ArgumentError(f"'temperature' is in {readings.units['temperature']}; expected K", "readings")
+    return {name: readings[name] for name in ("session", "temperature") if name in readings.names}
+
+
+def _drift(estimate: Estimate, prefix: str = "drift_") -> list[float] | None:
+    values = [estimate.value(name) for name in estimate.names if name.startswith(prefix)]
     return values or None
+
+
+def _changes(estimate: Estimate) -> dict[str, list[float]] | None:
+    """Bias of each earlier session or block minus the last, "session_1" or "block_1"."""
+    changes = dict[str, list[float]]()
+    for name in estimate.names:
+        if name.startswith(("session_", "block_")):
+            changes.setdefault("_".join(name.split("_")[:2]), []).append(estimate.value(name))
+    return changes or None
 
 
 def _signal(readings: Trajectory, name: str, argument: str) -> np.ndarray:

@@ -212,8 +212,10 @@ def drifts(
     name: str = "drift",
     unit: str = "",
     least: float = 0.0,
+    over: str = "the recording",
 ) -> Suspicion:
-    """Test for a linear drift of the readings with `time` (rows,), with a slope for each channel."""
+    """Test for a linear drift of the readings with `time` (rows,), with a slope for each channel; `over` names the
+    range of `time`, which may be another condition, such as a temperature."""
     rows = _rows(r)
     t = np.asarray(time, float)
     span = float(np.ptp(t))
@@ -223,7 +225,7 @@ def drifts(
         return Suspicion(name, f"drift: {TOO_FEW}", np.nan, remedy)
     size = float(np.linalg.norm(_drifts(J, rows, line)))
     return Suspicion(
-        name, f"the readings drift by {size:.3g}{unit and f' {unit}'} over the recording ({shown_p(test.p)})", test.p,
+        name, f"the readings drift by {size:.3g}{unit and f' {unit}'} over {over} ({shown_p(test.p)})", test.p,
         remedy,
     )  # fmt: skip
 
