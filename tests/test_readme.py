@@ -72,7 +72,7 @@ def test_the_log_of_the_page_on_logs_is_one_of_a_problem() -> None:
     (text,) = fences("toml", page)
     given = tomllib.loads(text)["log"]
     assert isinstance(IdentificationLogSection(**given).effort, MeasuredSignalSection)
-    keys = re.findall(r"`([\w.]+) = ([^`]+)`", page.partition("| key | for |")[2].partition("## In Python")[0])
+    keys = re.findall(r"`([\w.]+) = ([^`]+)`", page.partition("| key | for |")[2].partition("Tables of poses")[0])
     assert len(keys) > 10
     for key, value in keys:
         more = tomllib.loads(f"{key} = {value}")

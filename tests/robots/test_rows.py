@@ -51,5 +51,5 @@ def test_cut_loose_and_pickled_it_stays_the_same() -> None:
 
 
 def test_newton_stays_with_its_model() -> None:
-    with pytest.raises(gt.ModelError, match=r"Newton block.* needs its model"):
+    with pytest.raises(gt.ModelError, match=r"Newton.*call the CausalFunction"):
         RowFunction(six_link_gantry_tau().causal("q", "T"))

@@ -17,7 +17,7 @@ from matplotlib.text import Text
 from gtmodel.plot.style import COLOURS, HIGHLIGHT, SHADES
 
 # what has no unit: names along an axis, and numbers of things
-COUNTED = ("pose", "row", "point", "joint", "test", "order", "parameter", "unknown", "equation", "iteration",
+COUNTED = ("pose", "row", "point", "line", "joint", "test", "order", "parameter", "unknown", "equation", "iteration",
            "number of")  # fmt: skip
 UNIT = re.compile(r"\[[^\]]+\]")
 PALETTE = np.array([to_rgb(c) for c in (*COLOURS, *SHADES, HIGHLIGHT)])

@@ -143,9 +143,11 @@ class Stream(ABC):
         """Return the error for a cell without a finite number."""
         text = str(cell).strip()
         absent = text.lower() in ("", "nan", "nothing")
-        cells = f"found {text[:MOST_SHOWN]!r}" if len(text) <= MOST_SHOWN else f"found {text[:MOST_SHOWN] + '...'!r}"
+        description = (
+            f"found {text[:MOST_SHOWN]!r}" if len(text) <= MOST_SHOWN else f"found {text[:MOST_SHOWN] + '...'!r}"
+        )
         error = (NoNumberError if absent else LogError)(
-            f"{self.source} {self.row} {line}, {self.cell} '{column}': {cells if text else 'the cell is empty'}; "
+            f"{self.source} {self.row} {line}, {self.cell} '{column}': {description if text else 'the cell is empty'}; "
             f"expected a finite number such as 1.5e-3{advice}"
         )
         if isinstance(error, NoNumberError):
