@@ -14,7 +14,7 @@ import gtmodel as gt
 from gtmodel.filtering import AttitudeJudging, AttitudeRecording, ReferenceNoise, SyntheticAttitude, smooth
 from gtmodel.filtering.attitude import between_references, conventions as reading, gyro_calibration
 from gtmodel.filtering.attitude.between_references import Bridge, HiddenStretch, gaps_of
-from gtmodel.filtering.attitude.gyro_path import RateCorrection, gyro_path
+from gtmodel.filtering.attitude.gyro_path import NoiseChain, RateCorrection, gyro_path
 from gtmodel.filtering.attitude.recording import sampled_instants, synthetic_attitude
 from gtmodel.results.refusal import ArgumentError
 from tests.support.recordings import recording
@@ -324,3 +324,17 @@ def test_stamps_of_arrival_that_do_not_belong_to_the_references_are_refused() ->
     with pytest.raises(ArgumentError, match="its stamps do not match") as caught:
         gt.filtering.attitude_study(AttitudeRecording(made.gyro.select(["rate"]), made.reference), AttitudeJudging(9.0))
     assert caught.value.argument == "judging.sample_period"
+
+
+@pytest.mark.parametrize("noise", [(3e-3, 1e-2, 1e-4, 0.3), (1e-5, 1e-5, 0.1, 10.0), (0.02, 0.1, 1e-5, 5.0)])
+def test_the_banded_likelihood_is_that_of_the_full_covariance(noise: tuple[float, float, float, float]) -> None:
+    draw = np.random.default_rng(11)
+    time = np.cumsum(draw.uniform(0.05, 0.1, 61))
+    turn, rate = Rotation.from_rotvec(draw.normal(0, 0.1, (60, 3))), draw.normal(0, 1, (61, 3))
+    rows, size = draw.normal(size=(180, 14)), ReferenceNoise(*noise)
+    full = size.covariance(turn, rate, time)
+    expected = rows.T @ np.linalg.solve(full, rows)
+    gram, log_determinant = NoiseChain.of(turn, rate, time).gram(size, rows)
+    close = 1e-14 * np.trace(full) / size.floor**2  # round-off of the inversion lemma
+    assert np.allclose(gram, expected, rtol=0, atol=max(1e-12, close) * np.abs(expected).max())
+    assert log_determinant == pytest.approx(np.linalg.slogdet(full)[1], abs=max(1e-9, 180 * close))

@@ -201,6 +201,67 @@ def whitened(roots: Sequence[np.ndarray], rows: np.ndarray) -> np.ndarray:
     return np.concatenate(parts)
 
 
+@dataclass(frozen=True, eq=False)
+class NoiseChain:
+    """The residuals as a Markov chain, for `ReferenceNoise.covariance` at a cost linear in the number of intervals.
+
+    Each of k intervals has three gyro errors, an Ornstein-Uhlenbeck process with unit deviation, and each reference an
+    error of its stamp. They are ordered stamp, gyro, stamp, gyro, ..., stamp: their precision, and that after the
+    residuals are known, has four bands beside the diagonal.
+
+    angle: rotation over each interval (k,). step: time between the middles (k - 1,) [s]. before, after: derivative of a
+    residual by the stamp errors before and after it (k, 3).
+    """
+
+    angle: np.ndarray
+    step: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+
+    @classmethod
+    def of(cls, turn: Rotation, rate: np.ndarray, time: np.ndarray) -> NoiseChain:
+        """Arguments as in `ReferenceNoise.covariance`."""
+        middle = (time[1:] + time[:-1]) / 2
+        return cls(turn.magnitude(), np.diff(middle), -turn.inv().apply(rate[:-1]), rate[1:])
+
+    def gram(self, noise: ReferenceNoise, rows: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return rows' C^-1 rows (m, m) of rows (3 k, m), and log det C, for the covariance C of the residuals.
+
+        By the matrix inversion lemma on the banded precision. The relative error is about round-off times the ratio of
+        C to floor^2. Raises LinAlgError if C is not positive definite.
+        """
+        k, gyro = len(self.angle), slice(1, None)
+        a = self.angle * noise.relative / noise.floor
+        before, after = (noise.timing / noise.floor * d for d in (self.before, self.after))
+        scaled = rows.reshape(k, 3, -1) / noise.floor
+        memory = np.exp(-self.step / noise.persistence)
+        fresh = 1 - memory**2
+        bands = np.zeros((5, 4 * k + 1))  # bands[d, i] is the entry (i + d, i)
+        per_interval = bands[:, :-1].reshape(5, k, 4)  # stamp before it, then its three gyro errors
+        per_interval[0, :, 0] = 1 + np.sum(before**2, axis=1)
+        bands[0, -1] = 1.0
+        bands[0, 4::4] += np.sum(after**2, axis=1)
+        process = np.ones(k)
+        process[1:] = 1 / fresh
+        process[:-1] += memory**2 / fresh
+        per_interval[0, :, gyro] = (process + a**2)[:, None]
+        per_interval[4, :-1, gyro] = (-memory / fresh)[:, None]
+        per_interval[4, :, 0] = np.sum(before * after, axis=1)
+        for axis in range(3):
+            per_interval[1 + axis, :, 0] = a * before[:, axis]
+            per_interval[3 - axis, :, 1 + axis] = a * after[:, axis]
+        root = scipy.linalg.cholesky_banded(bands, lower=True, overwrite_ab=True, check_finite=False)
+        seen = np.zeros((4 * k + 1, rows.shape[1]))  # derivatives of the residuals, transposed, times the rows
+        by_interval = seen[:-1].reshape(k, 4, -1)
+        by_interval[:, 0] = np.einsum("ka,kam->km", before, scaled)
+        by_interval[:, gyro] = a[:, None, None] * scaled
+        seen[4::4] += np.einsum("ka,kam->km", after, scaled)
+        explained = seen.T @ scipy.linalg.cho_solve_banded((root, True), seen, check_finite=False)
+        flat = scaled.reshape(3 * k, -1)
+        log_determinant = 2 * np.log(root[0]).sum() + 3 * np.log(fresh).sum() + 6 * k * np.log(noise.floor)
+        return flat.T @ flat - explained, float(log_determinant)
+
+
 def likeliest_noise(
     residual: np.ndarray,
     J: np.ndarray,
@@ -218,18 +279,19 @@ def likeliest_noise(
     """
     low, high = np.log(np.array(LIMITS)).T
     rows = np.column_stack([J, residual])
+    size = np.linalg.norm(rows, axis=0)
+    rows, chain = rows / size, NoiseChain.of(turn, rate, time)
 
     def cost(x: np.ndarray) -> float:
         if np.any(x < low) or np.any(x > high):
             return np.inf
         ask()
         try:
-            roots = factors(ReferenceNoise(*np.exp(x)), turn, rate, time)
+            gram, log_determinant = chain.gram(ReferenceNoise(*np.exp(x)), rows)
+            root = np.diag(np.linalg.cholesky(gram)) * size
         except np.linalg.LinAlgError:
             return np.inf
-        R = np.linalg.qr(whitened(roots, rows), mode="r")
-        size = np.abs(np.diag(R))
-        squares, logs = size[-1] ** 2, np.log(size[:-1]).sum() + sum(np.log(np.diag(L)).sum() for L in roots)
+        squares, logs = root[-1] ** 2, np.log(root[:-1]).sum() + 0.5 * log_determinant
         return float(0.5 * squares + logs + 0.5 * (len(rows) - J.shape[1]) * np.log(2 * np.pi))
 
     start = (guess.timing, guess.relative, guess.floor, guess.persistence)
