@@ -16,7 +16,7 @@ from ...results.work import Progress, silent
 from ..alignment.delay_study import RELATED
 from ..log import Column, LogError, Session, session_of
 from ..recording import matching, read_recording
-from .joining import Joined, join
+from .joining import JoinedClocks, join
 from .options import AlignBy, EvenGrid
 
 JOINED = "joined"  # key of the provenance: sentences about the clocks
@@ -72,9 +72,11 @@ def _recordings(paths: Sequence[Path], columns: Mapping[str, Column]) -> list[tu
     if any(c.file == "" for c in columns.values()) and rest:
         counts["the other signals"] = max(len(rest), 1) if max(counts.values()) > 1 else 1
     if min(counts.values()) == 0 or len(set(counts.values())) > 1:
-        found = ", ".join(f"{count} for {name}" for name, count in counts.items())
+        numbers = ", ".join(f"{count} for {name}" for name, count in counts.items())
         names = ", ".join(path.name for path in paths) or "none"
-        raise LogError(f"a recording needs one file for each pattern of a signal; found {found}, in the files {names}")
+        raise LogError(
+            f"a recording needs one file for each pattern of a signal; found {numbers}, in the files {names}"
+        )
     recordings = []
     for k in range(counts[patterns[0]]):
         own = {pattern: group[k] for pattern, group in groups.items()}
@@ -84,7 +86,7 @@ def _recordings(paths: Sequence[Path], columns: Mapping[str, Column]) -> list[tu
     return recordings
 
 
-def _notes(recording: Mapping[str, Trajectory], joined: Joined, align_by: Sequence[AlignBy]) -> list[str]:
+def _notes(recording: Mapping[str, Trajectory], joined: JoinedClocks, align_by: Sequence[AlignBy]) -> list[str]:
     """Return a sentence about each clock other than the reference, with its alignment or overlap."""
     notes, reference = list[str](), joined.reference
     clock_of = {name: clock for clock, rows in recording.items() for name in rows.names}

@@ -21,7 +21,7 @@ FEWEST = 3  # rows on the grid
 
 
 @dataclass(frozen=True, eq=False)
-class Joined:
+class JoinedClocks:
     """Signals of several clocks at their common times, on the clock `reference`.
 
     `rows`: all signals, and "session" if gaps split them; `stretch` numbers the stretches, from 0. `fits`: alignment of
@@ -32,7 +32,7 @@ class Joined:
     stretch: np.ndarray
     reference: str
     fits: Mapping[str, Alignment]
-    parts: Sequence[Part]
+    parts: Sequence[ClockRows]
     even: Sequence[Resampled]
     step: float
 
@@ -40,7 +40,7 @@ class Joined:
 def join(
     clocks: Mapping[str, Trajectory], grid: EvenGrid | None, align_by: Sequence[AlignBy],
     delays: Mapping[str, float], work: Work,
-) -> Joined:  # fmt: skip
+) -> JoinedClocks:  # fmt: skip
     """Join signals of several clocks; arguments and errors as in `resampling_study`.
 
     grid: None for the rows of the reference clock, which do not change; the other signals are interpolated there.
@@ -64,21 +64,21 @@ def join(
     if grid.start is None and grid.end is None:
         _refuse_apart(parts)
     rows, stretch = _joined(even, step, start, grid, work.title, at)
-    return Joined(rows, stretch, reference, fits, parts, even, step)
+    return JoinedClocks(rows, stretch, reference, fits, parts, even, step)
 
 
 @dataclass(frozen=True)
-class Part:
+class ClockRows:
     """Signals of one clock with equal delays, which are removed."""
 
     clock: str
     rows: Trajectory
 
-    def on(self, fit: Alignment | None) -> Part:
-        return self if fit is None else Part(self.clock, fit.bring(self.rows))
+    def on(self, fit: Alignment | None) -> ClockRows:
+        return self if fit is None else ClockRows(self.clock, fit.bring(self.rows))
 
 
-def _parts(clocks: Mapping[str, Trajectory], delays: Mapping[str, float]) -> list[Part]:
+def _parts(clocks: Mapping[str, Trajectory], delays: Mapping[str, float]) -> list[ClockRows]:
     if not clocks:
         raise ArgumentError("there is no signal", "recording")
     clock_of = dict[str, str]()
@@ -101,7 +101,7 @@ def _parts(clocks: Mapping[str, Trajectory], delays: Mapping[str, float]) -> lis
         late: dict[float, list[str]] = {}
         for name in trajectory.names:
             late.setdefault(float(delays.get(name, 0.0)), []).append(name)
-        parts += [Part(clock, _shifted(trajectory.select(names), -delay)) for delay, names in late.items()]
+        parts += [ClockRows(clock, _shifted(trajectory.select(names), -delay)) for delay, names in late.items()]
     return parts
 
 
@@ -115,7 +115,7 @@ def _shifted(trajectory: Trajectory, by: float) -> Trajectory:
     )  # fmt: skip
 
 
-def _clock_of(parts: Sequence[Part], name: str, place: str) -> Part:
+def _clock_of(parts: Sequence[ClockRows], name: str, place: str) -> ClockRows:
     for part in parts:
         if name in part.rows:
             return part
@@ -123,7 +123,7 @@ def _clock_of(parts: Sequence[Part], name: str, place: str) -> Part:
     raise ArgumentError(f"there is no signal '{name}'; there are {names}", place)
 
 
-def _reference(parts: Sequence[Part], align_by: Sequence[AlignBy]) -> str:
+def _reference(parts: Sequence[ClockRows], align_by: Sequence[AlignBy]) -> str:
     """Return the reference clock: that of the first pair, else the first clock. Raises ArgumentError."""
     chosen, aligned = "", dict[str, str]()
     for n, pair in enumerate(align_by):
@@ -150,7 +150,9 @@ def _reference(parts: Sequence[Part], align_by: Sequence[AlignBy]) -> str:
     return chosen or parts[0].clock
 
 
-def _aligned(parts: Sequence[Part], align_by: Sequence[AlignBy], reference: str, work: Work) -> dict[str, Alignment]:
+def _aligned(
+    parts: Sequence[ClockRows], align_by: Sequence[AlignBy], reference: str, work: Work
+) -> dict[str, Alignment]:
     fits = dict[str, Alignment]()
     for n, pair in enumerate(align_by):
         first, other = (_clock_of(parts, name, "") for name in (pair.reference, pair.other))
@@ -169,7 +171,7 @@ def _aligned(parts: Sequence[Part], align_by: Sequence[AlignBy], reference: str,
     return fits
 
 
-def _refuse_apart(parts: Sequence[Part]) -> None:
+def _refuse_apart(parts: Sequence[ClockRows]) -> None:
     """Raise ArgumentError if two signals have no time in common."""
     late, early = max(parts, key=lambda p: p.rows.time[0]), min(parts, key=lambda p: p.rows.time[-1])
     if late.rows.time[0] > early.rows.time[-1]:
@@ -184,7 +186,7 @@ def _refuse_apart(parts: Sequence[Part]) -> None:
         )
 
 
-def _even(part: Part, step: float, start: float, grid: EvenGrid, at: Array | None) -> Resampled:
+def _even(part: ClockRows, step: float, start: float, grid: EvenGrid, at: Array | None) -> Resampled:
     try:
         return resample(
             part.rows, step, method=grid.method, longest_gap=grid.longest_gap, start=start, name=part.clock, at=at

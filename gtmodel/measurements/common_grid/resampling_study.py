@@ -21,7 +21,7 @@ from ..inspection.data_tests import Data, tested
 from ..log import LEFT_OUT
 from ..resampling import Resampled
 from ..sampling import SamplingReport, sampling_of
-from .joining import SESSION, Joined, Part, join
+from .joining import SESSION, ClockRows, JoinedClocks, join
 from .options import AlignBy, EvenGrid, ResamplingStudy
 
 COARSER = 1.5  # median steps: a longer sample time of the grid causes aliasing
@@ -68,7 +68,7 @@ def resampling_study(
 
 
 def _study(
-    clocks: Mapping[str, Trajectory], joined: Joined, grid: EvenGrid, title: str
+    clocks: Mapping[str, Trajectory], joined: JoinedClocks, grid: EvenGrid, title: str
 ) -> ResamplingStudy:  # fmt: skip
     rows, reference, parts, fits, even = joined.rows, joined.reference, joined.parts, joined.fits, joined.even
     step = joined.step
@@ -165,7 +165,7 @@ def _named(title: str, synthetic: str | None) -> str:
     return f"{title} (synthetic)" if synthetic and "synthetic" not in title.lower() else title
 
 
-def _signals(title: str, parts: Sequence[Part], rows: Trajectory, stretch: np.ndarray) -> Any:
+def _signals(title: str, parts: Sequence[ClockRows], rows: Trajectory, stretch: np.ndarray) -> Any:
     from ...plot.log import resampled_figure
 
     raw = {name: part.rows.select([name]) for part in parts for name in part.rows.names}
