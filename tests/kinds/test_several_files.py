@@ -11,6 +11,7 @@ import pytest
 import gtmodel as gt
 from gtmodel.kinds.friction import FrictionLogSection
 from gtmodel.kinds.identification.keys import IdentificationLogSection
+from gtmodel.kinds.vibration import MeasurementsSection
 from gtmodel.measurements import Session
 from gtmodel.problem_files.base import Context, InputError
 from tests.support.commands import CLONE
@@ -155,6 +156,26 @@ def test_two_clocks_in_one_file_and_the_files_of_a_pose(tmp_path: Path) -> None:
     signals = {"q": section.position_m.signal("log.position_m"), "force": section.force_N.signal("log.force_N")}
     (session,) = section.read(["log.mat"], signals, Context(folder=tmp_path), "pose[0].files", table="log")
     assert session.trajectory["force"] == pytest.approx(effort(session.trajectory.time), abs=1e-4)
+
+
+def test_a_gap_in_one_file_splits_the_recording(tmp_path: Path) -> None:
+    kept = (T < 3.0) | (T > 3.5)
+    written(tmp_path / "positions.csv", "t,q", T, motion(T))
+    written(tmp_path / "currents.csv", "t,f", T[kept], effort(T[kept]))
+    sessions, _ = read(tmp_path, **IN_TWO)
+    assert [len(s.trajectory) for s in sessions] == [np.sum(T < 3.0), np.sum(T > 3.5)]
+    assert all(s.sample_time == pytest.approx(STEP) for s in sessions)
+
+
+def test_records_of_kind_vibration(tmp_path: Path) -> None:
+    written(tmp_path / "positions.csv", "t,q", T, motion(T))
+    written(tmp_path / "forces.csv", "t_ms,f", 1e3 * T[100:], effort(T[100:]))
+    force = {"column": "f", "unit": "N", "file": "forces.csv", "time": {"column": "t_ms", "unit": "ms"}}
+    section = MeasurementsSection.model_validate(
+        {"time": {"column": "t"}, "position_m": {"column": "q", "unit": "m", "file": "positions.csv"}, "force_N": force}
+    )
+    (record,) = section.records("subspace", Context(folder=tmp_path))
+    assert record.y[:, 0] == pytest.approx(motion(T[100:])) and record.u[:, 0] == pytest.approx(effort(T[100:]))
 
 
 def test_a_shipped_problem_with_its_log_in_two_files_has_the_same_result(tmp_path: Path) -> None:

@@ -43,7 +43,7 @@ def join(
 ) -> JoinedClocks:  # fmt: skip
     """Join signals of several clocks; arguments and errors as in `resampling_study`.
 
-    grid: None for the rows of the reference clock, which do not change; the other signals are interpolated there.
+    grid: None for the rows of the reference clock, as they are; the other signals are interpolated there.
     """
     parts = _parts(clocks, dict(delays))
     reference = _reference(parts, align_by)
