@@ -109,7 +109,8 @@ def _logs(problem: Schema, context: Context) -> list[tuple[Session, ...]]:
     signals = {"q": log.position_m.signal("log.position_m"), "force": log.force_N.signal("log.force_N")}
     logs = []
     for n, pose in enumerate(problem.pose):
-        raw = log.read(pose.files, signals, context, f"pose[{n}].files")
+        called = {"position_m": "q", "force_N": "force"}
+        raw = log.read(pose.files, signals, context, f"pose[{n}].files", called, "log")
         with naming("log", refusal=InputError):
             logs.append(Corrections(signals, raw).apply())
     return logs

@@ -29,7 +29,7 @@ class Schema(Problem):
     align: list[Made[options.AlignBy]] = Field(default=[], description="clocks to align, one table for each")
 
 
-ARGUMENTS = {"recording": "log", "align_by": "align", "delays": "signals"}
+ARGUMENTS = {"recording": "log", "recording.time": "log", "align_by": "align", "delays": "signals"}
 
 
 def call(problem: Schema, context: Context) -> Call:

@@ -59,7 +59,7 @@ class MeasurementsSection(LogFiles):
                         "a black-box model cannot estimate it; give a number", f"measurements.{name}.{what}"
                     )
         signals = {name: signal.signal(f"measurements.{name}") for name, signal in sections.items()}
-        raw = self.read(self.files, signals, context, "measurements.files")
+        raw = self.sessions(signals, context, key="measurements.files")
         records = []
         try:
             for session in Corrections(signals, raw).apply():

@@ -30,7 +30,7 @@ class Column(NamedTuple):
     vector: `Column(("x", "y", "z"), "mm")`. Components of different units have one unit each: `Column("q", ("deg",
     "mm"))`. A member of a MATLAB struct is "rec.q", a field of a message "pose.position.x".
 
-    time, stream, file: time column, stream and file of this column, for `read_recording` only.
+    time, stream, file: time column, stream and file (name, path or pattern) of this column, for `read_recording` only.
     conversion: from the columns to the quantity; default: the columns are the quantity.
     """
 
@@ -54,11 +54,13 @@ class Session(NamedTuple):
     sample_time: float
 
 
-def session_of(trajectory: Trajectory, name: str = "log", *, jitter: float = JITTER) -> Session:
+def session_of(
+    trajectory: Trajectory, name: str = "log", *, jitter: float = JITTER, sample_time: float | None = None
+) -> Session:
     """Return a recording in memory as a session.
 
-    jitter: largest deviation of a step from the sample time, as a share of it. Raises LogError if the rows are not
-    evenly sampled.
+    jitter: largest deviation of a step from the sample time, as a share of it. sample_time: expected sample time [s].
+    Raises LogError if the rows are not evenly sampled.
 
     >>> log = gt.Trajectory([0.0, 0.1, 0.2], {"q": [0.0, 0.1, 0.4]}, {"q": "m"})
     >>> round(gt.measurements.session_of(log).sample_time, 6)  # s
@@ -66,7 +68,7 @@ def session_of(trajectory: Trajectory, name: str = "log", *, jitter: float = JIT
     """
     lines = Lines()
     lines.extend(np.arange(1, len(trajectory.time) + 1))
-    return Session(name, trajectory, _sample_time(trajectory.time, f"'{name}' row", lines, 0, None, jitter))
+    return Session(name, trajectory, _sample_time(trajectory.time, f"'{name}' row", lines, 0, sample_time, jitter))
 
 
 def read_log(

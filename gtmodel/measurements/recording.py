@@ -77,10 +77,15 @@ def read_recording(
     return trajectories
 
 
+def matching(files: Sequence[Path], name: str) -> list[Path]:
+    """Return the files with this name, path or pattern."""
+    return [file for file in files if name in (str(file), file.name) or file.match(name)]
+
+
 def _file_of(name: str, column: Column, files: Sequence[Path], form: LogForm) -> Path:
     """Return the file that holds a column. Raises LogError if there is not exactly one."""
     if column.file:
-        matches = [file for file in files if column.file in (str(file), file.name)]
+        matches = matching(files, column.file)
         if len(matches) != 1:
             file_names = ", ".join(file.name for file in files)
             raise LogError(f"'{column.file}', the file of '{name}', is not in the recording; its files: {file_names}")

@@ -67,6 +67,7 @@ def resample(
     longest_gap: float | None = None,
     start: float | None = None,
     name: str = "log",
+    at: Array | None = None,
 ) -> Resampled:
     """Resample a recording with uneven rows on an even grid.
 
@@ -77,6 +78,7 @@ def resample(
             apply a low-pass filter first if the grid is much coarser than the rows.
         longest_gap: longest gap that is bridged [s]; default: five median steps. A longer gap splits the recording.
         start: first time of the grid [s]; default: the time of the first row. All stretches share this grid.
+        at: times of the rows to make [s], increasing, such as those of another recording, instead of a grid.
 
     Quaternions, rotation matrices and directions are recognised and remain valid between the rows; the sign of a
     quaternion does not jump. Wrapped angles are unwrapped in each stretch separately.
@@ -121,16 +123,20 @@ def resample(
                 "longest_gap",
             )
         first, last = np.ceil((time[begin] - origin) / step - 1e-9), np.floor((time[end - 1] - origin) / step + 1e-9)
-        grid = np.clip(origin + step * np.arange(first, last + 1), time[begin], time[end - 1])
+        grid = origin + step * np.arange(first, last + 1)
+        if at is not None:
+            grid = at[(at >= time[begin] - 1e-9 * step) & (at <= time[end - 1] + 1e-9 * step)]
+        inside = np.clip(grid, time[begin], time[end - 1])
+        grid = inside if at is None else grid
         if len(grid) < 3:
             raise LogError(
                 f"'{name}': a sample time of {step:g} s leaves {len(grid)} rows; expected at least 3", "sample_time"
             )
         values, stretch = dict[str, Array](), smooth(_rows(trajectory, part), kinds)
-        straight = stretch.resample(grid) if method == "linear" else None
+        straight = stretch.resample(inside) if method == "linear" else None
         for signal in trajectory.names:
             y = np.asarray(stretch[signal], float)
-            values[signal] = straight[signal] if straight is not None else _curve(method)(time[part], y)(grid)
+            values[signal] = straight[signal] if straight is not None else _curve(method)(time[part], y)(inside)
             misses.setdefault(signal, []).append(_misses(method, time[part], y))
         values = rotations_again(values, kinds)
         label = name if not len(breaks) else f"{name} from {time[begin]:.6g} s"

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
+from .._lazy import hint
 from ..inference.nonlinear import by_differences, nonlinear_fit
 from ..results.interpolation import natures, rotations_again, smooth
 from ..results.trajectory import Trajectory
@@ -15,6 +16,12 @@ from ..results.trajectory_checks import Array
 from ..results.trajectory_files import PathLike
 from .conversion import Conversion, Matrix, Numbers
 from .log import JITTER, TIME, Column, LogError, Session, read_log
+
+if TYPE_CHECKING:
+    from .common_grid.options import AlignBy, EvenGrid
+else:
+    AlignBy = hint("gtmodel.measurements.common_grid.options", "AlignBy")
+    EvenGrid = hint("gtmodel.measurements.common_grid.options", "EvenGrid")
 
 Estimate = Literal["estimate"]
 ESTIMATE: Estimate = "estimate"
@@ -36,6 +43,7 @@ class Signal:
         quantity_unit: SI unit of the quantity; default: the unit of the column.
         per_session: which of the estimated corrections have a value for each session.
         gear_ratio, motor_constant, coupling: of the drives, see `Conversion`.
+        time, stream, file: own time column, stream and file, as of a `Column`; see `read_signals`.
 
     Numbers fix scale, offset or delay; ESTIMATE leaves it to be estimated, see `Corrections`. Raises LogError if column
     and quantity differ in dimension and there is no scale.
@@ -56,6 +64,9 @@ class Signal:
     gear_ratio: Numbers | None = None
     motor_constant: Numbers | None = None
     coupling: Matrix | None = None
+    time: Column | None = None
+    stream: str = ""
+    file: str = ""
 
     def __post_init__(self) -> None:
         if not self.units:
@@ -230,12 +241,24 @@ def read_signals(
     session: str | None = None,
     sample_time: float | None = None,
     jitter: float = JITTER,
+    grid: EvenGrid | None = None,
+    align_by: Sequence[AlignBy] = (),
+    curves: Mapping[str, Column] | None = None,
     **more: Any,
 ) -> tuple[Session, ...]:
     r"""Read the columns of the signals from one or several files as sessions, without corrections.
 
-    signals: quantity -> its `Signal`; `Corrections` applies scale, offset and delay afterwards. Other arguments and
-    errors as in `read_log`.
+    Args:
+        paths: files; each is a recording, unless signals name their files.
+        signals: quantity -> its `Signal`; `Corrections` applies scale, offset and delay afterwards. Signals with their
+            own time, stream or file are joined on the rows of the first signal, which must be even, or on `grid`. A
+            signal's file may be a pattern, "*_currents.csv": the n-th file of each pattern belongs to recording n.
+        grid: even grid on which uneven rows are resampled.
+        align_by, curves: pairs that align the clocks, as in `resampling_study`; further columns for them alone. Without
+            a pair a clock must have the time origin of the first signal. The key "joined" of the `provenance` of a
+            joined session holds sentences about its clocks.
+
+    Other arguments and errors as in `read_log`; raises ArgumentError if clocks have no times in common.
 
     >>> from pathlib import Path
     >>> written = Path("run.csv").write_text("time,volts\n0.0,1.0\n0.1,1.5\n0.2,1.0\n")
@@ -244,9 +267,28 @@ def read_signals(
     >>> session.trajectory["force"].tolist(), session.trajectory.unit("force")
     ([1.0, 1.5, 1.0], 'V')
     """
-    columns = {name: Column(signal.column, signal.unit) for name, signal in signals.items()}
+    columns = {n: Column(s.column, s.unit, s.time, s.stream, s.file) for n, s in signals.items()}
+    if align_by or curves or any(c.time or c.stream or c.file for c in columns.values()):
+        from .common_grid.joined_log import read_joined  # here: logs with one clock need no alignment
+
+        if session is not None:
+            raise LogError(
+                f"the column '{session}' tells the recordings of one clock apart, but signals have their own clocks; "
+                "give each recording its own files"
+            )
+        return read_joined(
+            paths, columns, time=time, sample_time=sample_time, jitter=jitter, grid=grid, align_by=align_by,
+            curves=curves or {}, **more,
+        )  # fmt: skip
     options = {"time": time, "session": session, "sample_time": sample_time, "jitter": jitter, **more}
-    return tuple(part for path in paths for part in read_log(path, columns, **options))
+    if grid is None:
+        return tuple(part for path in paths for part in read_log(path, columns, **options))
+    from .resampling import resample
+
+    uneven = [part for path in paths for part in read_log(path, columns, uneven=True, **options)]
+    how = {"method": grid.method, "longest_gap": grid.longest_gap}
+    even = [resample(s.trajectory, grid.sample_time, name=s.name, **how) for s in uneven]
+    return tuple(part for one in even for part in one.sessions)
 
 
 def offset_columns(rows: Sequence[int], width: int = 1, *, per_session: bool = True) -> Array:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, PositiveFloat, PositiveInt
 
 from gtmodel.lang.units import UnitError
-from gtmodel.measurements import Column, Conversion, EvenGrid, LogForm, Session, Signal, read_recording
+from gtmodel.measurements import AlignBy, Column, Conversion, EvenGrid, LogForm, Session, Signal, read_recording
 from gtmodel.measurements.log import JITTER
-from gtmodel.measurements.resampling import resample
 from gtmodel.measurements.sampling import EmptyRows, LateRows
 from gtmodel.measurements.signals import read_signals
 from gtmodel.motion.options import Arc, Line, Polyline, Shape, Spline, Taught
@@ -20,7 +20,7 @@ from gtmodel.results.quantity import unit_of
 from gtmodel.results.refusal import naming
 
 from .base import Context, FileSection, InputError, Problem, Source
-from .from_options import Made, made_from
+from .from_options import Made, key_of, made_from, options_of
 
 if TYPE_CHECKING:
     from gtmodel.lang import Model
@@ -157,6 +157,20 @@ class ColumnSection(FileSection):
         description="square matrix from the columns, after scale and gear ratio, to the quantity, such as for a wrist "
         "whose joint 6 moves with joint 5; efforts have the inverse transpose of the positions' matrix",
     )
+    time: TimeColumn | None = Field(
+        default=None, description="time column of this signal; the log's time column if left out"
+    )
+    stream: str = Field(default="", description="stream of this signal, such as the topic of a bag")
+    file: str = Field(
+        default="",
+        description="file of this signal, or a pattern for several recordings, *_currents.csv; if left out, the log "
+        "file that has the column",
+    )
+
+    def clock(self) -> dict[str, Any]:
+        """Return the signal's own time column, stream and file as `gtmodel.measurements` expects them."""
+        time = None if self.time is None else Column(self.time.column, self.time.unit)
+        return {"time": time, "stream": self.stream, "file": self.file}
 
     def shown(self) -> tuple[str | tuple[str, ...], str | tuple[str, ...]]:
         """Return names and units as `gtmodel.measurements` expects them."""
@@ -197,7 +211,7 @@ class MeasuredSignalSection(ColumnSection):
         free = tuple(dict.fromkeys(self.per_session))
         try:
             scale, offset, delay = (fixed(x) for x in (self.scale, self.offset, self.delay_s))
-            return Signal(*self.shown(), scale, offset, delay, unit, free, **self.drives())
+            return Signal(*self.shown(), scale, offset, delay, unit, free, **self.drives(), **self.clock())
         except (TrajectoryError, UnitError) as error:
             raise InputError(str(error), key) from error
 
@@ -212,19 +226,13 @@ class RecordedSignalSection(ColumnSection):
         default=0.0, description="reading when the quantity is zero, in the quantity's SI unit"
     )
     quantity_unit: str = Field(default="", description="SI unit of the quantity, if the scale changes the dimension")
-    time: TimeColumn | None = Field(
-        default=None, description="time column of this signal; the log's time column if left out"
-    )
-    stream: str = Field(default="", description="stream of this signal, such as the topic of a bag")
-    file: str = Field(default="", description="file of this signal; if left out, the log file that has the column")
 
     def recorded(self) -> Column:
         """Return the column for `gtmodel.measurements`. Raises LogError."""
-        time = None if self.time is None else Column(self.time.column, self.time.unit)
         conversion = Conversion(
             fixed(self.scale), fixed(self.offset), quantity_unit=self.quantity_unit, **self.drives()
         )
-        return Column(*self.shown(), time, self.stream, self.file, conversion)
+        return Column(*self.shown(), conversion=conversion, **self.clock())
 
 
 @made_from(LogForm)
@@ -239,14 +247,6 @@ class FormSection(Made):
 @made_from(EvenGrid, "start", "end")
 class ResampleSection(Made):
     """Resampling of uneven rows on an even grid, before any other step."""
-
-    def even(self, sessions: Sequence[Session], key: str) -> list[Session]:
-        """Return the resampled sessions. Raises InputError."""
-        try:
-            return [even for s in sessions for even in resample(s.trajectory, name=s.name, **self.given()).sessions]
-        except ArgumentError as error:
-            argument = {"sample_time": ".sample_time_s", "longest_gap": ".longest_gap_s"}.get(error.argument, "")
-            raise InputError(error.message, key + argument) from error
 
 
 class LogReading(FormSection):
@@ -277,43 +277,68 @@ class LogSampling(LogReading):
         default=None, description="for logs with uneven rows or gaps; if left out, the rows must be even"
     )
 
-    def read(self, names: list[str], signals: Mapping[str, Signal], context: Context, key: str) -> tuple[Session, ...]:
+    align: list[Made[AlignBy]] = Field(
+        default=[], description="clocks to align, if signals have files or times with different origins"
+    )
+    curves: dict[str, RecordedSignalSection] = Field(
+        default={}, description="further signals, by name, that only align clocks"
+    )
+
+    def read(
+        self, names: list[str], signals: Mapping[str, Signal], context: Context, key: str,
+        called: Mapping[str, str] | None = None, table: str = "",
+    ) -> tuple[Session, ...]:  # fmt: skip
         """Return the columns of the signals from these files, unchanged; `key` is the key of the file names.
 
+        called: key of a signal -> its name in `signals`, for `align`. table: this section, if not that of `key`.
         Raises InputError with the key of the file that is missing or wrong.
         """
-        sessions: list[Session] = []
         if not names:
             raise InputError("is empty; name a log file", key)
+        section = key.rpartition(".")[0]
+        table, called = table or section, called or {}
         if not self.time.column and self.sample_time_s is None:
-            section = key.rpartition(".")[0]
             raise InputError("is missing; a log without a time column needs it", f"{section}.sample_time_s")
-        for n, name in enumerate(names):
-            place = f"{key}[{n}]"
-            path = context.file(name, place, source=self.source)
-            try:
-                sessions += read_signals(
-                    [path],
-                    signals,
-                    time=Column(self.time.column, self.time.unit) if self.time.column else None,
-                    session=self.session,
-                    sample_time=self.sample_time_s,
-                    jitter=self.jitter,
-                    uneven=self.resample is not None,
-                    late_rows=self.late_rows,
-                    empty_rows=self.empty_rows,
-                    form=self.form(),
-                    progress=context.progress,
-                )
-            except (TrajectoryError, UnitError) as error:
-                # the sentence names the file; a wrong column may be the fault of the section or of the file
-                raise InputError(str(error), key.rpartition(".")[0]) from error
-        if self.resample is not None:
-            sessions = self.resample.even(sessions, f"{key.rpartition('.')[0]}.resample")
+        try:
+            sessions = read_signals(
+                [context.file(name, f"{key}[{n}]", source=self.source) for n, name in enumerate(names)],
+                signals,
+                time=Column(self.time.column, self.time.unit) if self.time.column else None,
+                session=self.session,
+                sample_time=self.sample_time_s,
+                jitter=self.jitter,
+                grid=None if self.resample is None else self.resample.options(),
+                align_by=[
+                    replace(a, reference=called.get(a.reference, a.reference), other=called.get(a.other, a.other))
+                    for a in options_of(self, "align")["align"]
+                ],
+                curves={name: curve.recorded() for name, curve in self.curves.items()},
+                late_rows=self.late_rows,
+                empty_rows=self.empty_rows,
+                form=self.form(),
+                progress=context.progress,
+            )
+        except (ArgumentError, UnitError) as error:
+            argument = error.argument if isinstance(error, ArgumentError) else ""
+            name = argument.replace("align_by", "align").removeprefix("grid.")
+            name = f"resample.{name}" if name in ("sample_time", "longest_gap") else name
+            if isinstance(error, ArgumentError) and name.startswith(("align[", "resample.")):
+                raise InputError(error.message, f"{table}.{key_of(type(self), name, {})}") from error
+            if isinstance(error, ArgumentError) and argument == "recording.time":
+                raise InputError(f"{error.message}: declare a pair in [[{table}.align]]", table) from error
+            # the sentence names the file; a wrong column may be the fault of the section or of the file
+            raise InputError(str(error), section) from error
+        for sentence in dict.fromkeys(line for s in sessions for line in s.trajectory.provenance.get("joined", [])):
+            context.note(sentence)
         widths = {tuple(s.trajectory[name].shape[1:] for name in signals) for s in sessions}
         if len(widths) > 1:
             raise InputError("the files have signals of different widths; name logs of one robot", key)
-        return tuple(sessions)
+        return sessions
+
+
+def files_of(files: list[str], signals: Mapping[str, Any]) -> list[str]:
+    """Return the files of a log; if there are none, those that its signals name."""
+    return files or list(dict.fromkeys(s.file for s in signals.values() if s.file))
 
 
 class RecordingFiles(LogReading):
@@ -325,9 +350,9 @@ class RecordingFiles(LogReading):
         self, signals: Mapping[str, RecordedSignalSection], context: Context, key: str = "log"
     ) -> dict[str, Trajectory]:
         """Return the signals by clock, in SI units, with uneven rows; see `read_recording`. Raises InputError."""
-        if not self.files:
+        if not (files := files_of(self.files, signals)):
             raise InputError("is empty; name a log file", f"{key}.files")
-        paths = [context.file(f, f"{key}.files[{n}]", source=self.source) for n, f in enumerate(self.files)]
+        paths = [context.file(f, f"{key}.files[{n}]", source=self.source) for n, f in enumerate(files)]
         time = Column(self.time.column, self.time.unit) if self.time.column else None
         try:
             columns = {name: signal.recorded() for name, signal in signals.items()}
@@ -345,7 +370,8 @@ class LogFiles(LogSampling):
     files: list[str] = FILES
 
     def sessions(
-        self, signals: Mapping[str, Signal], context: Context, *, files: list[str] | None = None, key: str = "log.files"
-    ) -> tuple[Session, ...]:
+        self, signals: Mapping[str, Signal], context: Context, *, files: list[str] | None = None,
+        key: str = "log.files", called: Mapping[str, str] | None = None,
+    ) -> tuple[Session, ...]:  # fmt: skip
         """Read `files`, or the files of the section, with `read`."""
-        return self.read(self.files if files is None else files, signals, context, key)
+        return self.read(files_of(self.files, signals) if files is None else files, signals, context, key, called)

@@ -66,9 +66,18 @@ class MeasuredSignal(Options):
         "matrix, KUKA A B C, "
         "intrinsic zyx or extrinsic xyz with any axes; of a position: matrix, the last column of a pose's 12 or 16",
     ] = None  # fmt: skip
+    file: Annotated[
+        str | None, "file of this signal, if not that of the poses, such as of the tracker; path from its folder"
+    ] = None  # fmt: skip
+    join: Annotated[
+        str | None,
+        "column in both files that names the pose of a row; if left out, row n of both files is pose n",
+    ] = None  # fmt: skip
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.join is not None and self.file is None:
+            raise ArgumentError("joins the rows of two files; name the file of this signal too", "join")
         for name in ("deviation", "noise"):
             value = getattr(self, name)
             if value is None:

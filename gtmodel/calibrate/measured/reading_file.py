@@ -19,6 +19,7 @@ from ...results.disk import path_of
 from ...results.refusal import naming
 from ..measurements import Correction, FixedPoint, Measurements, Pose
 from .options import ESTIMATE, Measured, MeasuredSignal, Sag
+from .other_files import Wanted, file_of, with_other_files
 from .poses import MeasuredPoses
 
 
@@ -55,12 +56,14 @@ def read_poses(
            [ 0.503, -0.601, 0.502]])
     """
     sources = [path_of(path)]
-    tables = [_table(sources[0], measured, form, leave_out=measured.leave_out)]
+    columns = _columns(measured)
+    tables = [_table(sources[0], columns, measured, form, leave_out=measured.leave_out)]
     mask = None
     if held_out is not None:
         sources.append(path_of(held_out, "held_out"))
-        tables.append(_table(sources[1], measured, form, "held_out.file"))
+        tables.append(_table(sources[1], columns, measured, form, "held_out.file"))
         mask = np.repeat([False, True], [len(t.lines) for t in tables])
+    tables = with_other_files(tables, sources, columns, measured, form)
     measurements = _measurements(tables, measured, sources)
     lines = np.concatenate([t.lines for t in tables])
     notes = [t.synthetic for t in tables if t.synthetic]
@@ -74,10 +77,9 @@ def read_poses(
     )  # fmt: skip
 
 
-def _table(
-    path: Path, measured: Measured, form: LogForm, key: str = "measured.file", leave_out: Sequence[int] = ()
-) -> SignalTable:
-    columns: dict[str, tuple[str | Sequence[str], str | Sequence[str]]] = {}
+def _columns(measured: Measured) -> Wanted:
+    """Return the columns and units of all signals, and of rates and payloads. Raises ArgumentError."""
+    columns: Wanted = {}
     if len(measured.signals) < 2:
         names = ", ".join(measured.signals) or "none"
         raise ArgumentError(f"expected at least two signals, such as q and T; found {names}", "measured.signals")
@@ -102,8 +104,19 @@ def _table(
         columns[f"load({measured.position})"] = (measured.sag.payload, "kg")
     if measured.session is None and (measured.device_per_session or measured.target_per_session):
         raise ArgumentError("is missing; name the column with the recording of each row", "measured.session")
+    return columns
+
+
+def _table(
+    path: Path, columns: Wanted, measured: Measured, form: LogForm, key: str = "measured.file",
+    leave_out: Sequence[int] = (),
+) -> SignalTable:  # fmt: skip
+    """Read the signals that name no file of their own."""
+    own = {name: pair for name, pair in columns.items() if file_of(name, measured) is None}
+    if not own:
+        raise ArgumentError("every signal names a file of its own; leave `file` out of one", "measured.signals")
     try:
-        return signal_table.read(path, columns, measured.session, form, leave_out=leave_out)
+        return signal_table.read(path, own, measured.session, form, leave_out=leave_out)
     except ArgumentError as error:
         advice = ""
         if isinstance(error, NoNumberError) and key == "measured.file":

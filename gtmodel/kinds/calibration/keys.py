@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag
@@ -11,7 +12,7 @@ from gtmodel.calibrate.options import Fit
 from gtmodel.calibrate.synthetic import options as synthetic_options
 from gtmodel.compliance.load_tests import options as load_tests
 from gtmodel.compliance.options import Load
-from gtmodel.problem_files.base import FileSection, Source
+from gtmodel.problem_files.base import Context, FileSection, Source
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.keys import FormSection, RobotProblem
 
@@ -27,6 +28,16 @@ class MeasuredSection(FormSection):
         default=None, description="held-out poses in a file with the same columns, for this table"
     )
     source: Source = ""
+
+    def measured(self, key: str, context: Context) -> measured.Measured:
+        """Return the options, with the paths of all files. Raises InputError."""
+        options = self.options()
+        signals = dict(options.signals)
+        for name, signal in signals.items():
+            if signal.file is not None:
+                file = context.file(signal.file, f"{key}.signals.{name}.file", source=self.source)
+                signals[name] = replace(signal, file=str(file.resolve()))
+        return replace(options, signals=signals)
 
 
 Measurements = Annotated[

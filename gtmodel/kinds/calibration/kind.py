@@ -91,7 +91,7 @@ def _read(keys: MeasuredSection, key: str, held_out: Path | None, context: Conte
         held_out = context.file(keys.held_out_file, f"{key}.held_out_file", source=keys.source)
     path = context.file(keys.file, f"{key}.file", source=keys.source)
     try:
-        return calibrate.read_poses(path, keys.options(), held_out, keys.form())
+        return calibrate.read_poses(path, keys.measured(key, context), held_out, keys.form())
     except ArgumentError as error:
         held_out_key = f"{key}.held_out_file" if keys.held_out_file else "held_out.file"
         argument_key = f"{key}.{error.argument.removeprefix('measured.')}"

@@ -48,9 +48,12 @@ def call(problem: Schema, context: Context) -> Call:
     log, loop = problem.log, problem.closed_loop
     assert log is not None
     signals = _signals(problem, log, model, context)
-    held_out = log.sessions(signals, context, files=log.held_out, key="log.held_out") if log.held_out else ()
+    called = {"position": problem.fitting().known, "effort": problem.fitting().targets}
+    held_out = (
+        log.sessions(signals, context, files=log.held_out, key="log.held_out", called=called) if log.held_out else ()
+    )
     return Call(
-        study, model, log.sessions(signals, context), free, held_out=held_out, signals=signals,
+        study, model, log.sessions(signals, context, called=called), free, held_out=held_out, signals=signals,
         closed_loop=None if loop is None else loop.loop(problem.parameters, context), **common,
     )  # fmt: skip
 

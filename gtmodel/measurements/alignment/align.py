@@ -80,7 +80,8 @@ class Alignment:
     @property
     def message(self) -> str:
         low, high = self.interval("offset")
-        text = f"add {self.offset:.6g} s ({low:.6g} to {high:.6g}) to the times of the other clock"
+        places = max(0, 2 - int(np.floor(np.log10(max(high - low, 1e-12)))))  # show the width of the interval
+        text = f"add {self.offset:.{places}f} s ({low:.{places}f} to {high:.{places}f}) to the times of the other clock"
         if "drift" in self.estimate.names:
             half = 0.5 * float(np.diff(self.interval("drift"))[0])
             text += f", which runs {-1e6 * self.drift:.3g} ppm fast (+- {1e6 * half:.2g})"

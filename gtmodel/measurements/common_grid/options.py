@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -42,12 +42,19 @@ class EvenGrid(Options):
     ] = None
 
 
+Curve = Literal["values", "length", "speed"]
+
+
 @dataclass(frozen=True)
 class AlignBy(Options):
     """Two signals of one motion on different clocks; the clock of the second is aligned with the clock of the first.
 
+    Lengths and speeds do not depend on the frames of the sensors: the speed of a quaternion is the angular speed, and
+    equals the length of a gyroscope's rates on the same body.
+
     >>> gt.measurements.AlignBy("angle", "tracker_angle").drift
     True
+    >>> by = gt.measurements.AlignBy("orientation", "gyro", reference_curve="speed", other_curve="length")
     """
 
     reference: Annotated[str, "signal on the reference clock, which is the same in all pairs"]
@@ -58,6 +65,17 @@ class AlignBy(Options):
     offset_range: Annotated[
         list[float] | None, Unit("s"), Long(2),
         "search range of the offset; default: all offsets at which half of the shorter recording overlaps",
+    ] = None  # fmt: skip
+    reference_curve: Annotated[
+        Curve,
+        "the common curve: values of the signal; length of a vector, such as a gyroscope's; or speed: length of its "
+        "derivative, for a quaternion or rotation matrix the angular speed",
+    ] = "values"
+    other_curve: Annotated[Curve, "the same for the other signal"] = "values"
+    window: Annotated[
+        float | None, Unit("s"), Within(above=0),
+        "time over which vectors and derivatives are averaged before their length is taken, and step of the curve; if "
+        "left out, four steps of the slower clock if one curve is a speed, else nothing is averaged",
     ] = None  # fmt: skip
 
 

@@ -3,29 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, Unpack
 
 import numpy as np
 
-from ...results import ArgumentError, SolveStatus, Work, at_least
+from ...results import SolveStatus, Work, at_least
 from ...results.estimate import Estimate
 from ...results.interpolation import said
 from ...results.suspicion import suspicion_checks
 from ...results.trajectory import Trajectory
 from ...results.trajectory_checks import Array
 from ...results.work import WorkOptions, study_function
-from ..alignment.align import Alignment, align
+from ..alignment.align import Alignment
 from ..alignment.delay_study import RELATED
 from ..inspection.data_tests import Data, tested
 from ..log import LEFT_OUT
-from ..resampling import Resampled, resample
+from ..resampling import Resampled
 from ..sampling import SamplingReport, sampling_of
+from .joining import SESSION, ClockRows, JoinedClocks, join
 from .options import AlignBy, EvenGrid, ResamplingStudy
 
-SESSION = "session"  # the signal that numbers the stretches between gaps
-FEWEST = 3  # rows on the grid
 COARSER = 1.5  # median steps: a longer sample time of the grid causes aliasing
 
 
@@ -65,190 +63,17 @@ def resampling_study(
     work = Work(**work_options)
     grid = grid or EvenGrid()
     clocks = {"log": recording} if isinstance(recording, Trajectory) else dict(recording)
-    parts = _parts(clocks, dict(delays or {}))
-    reference = _reference(parts, align_by)
-    work.step("aligning clocks", 0.05)
-    fits = _aligned(parts, align_by, reference, work)
-    parts = [part.on(fits.get(part.clock)) for part in parts]
-    work.step("resampling", 0.8)
-    step = grid.sample_time or sampling_of(clocks[reference].time).step
-    if not step > 0:
-        raise ArgumentError(f"'{reference}' has fewer than two different times; expected more", "recording")
-    first = max(float(part.rows.time[0]) for part in parts)
-    start = first if grid.start is None else grid.start
-    even = [_even(part, step, start, grid) for part in parts]
-    joined = _joined(even, step, start, grid, work.title)
-    return _study(clocks, reference, parts, fits, even, joined, step, grid, work.title)
-
-
-@dataclass(frozen=True)
-class _Part:
-    """Signals of one clock with equal delays, which are removed."""
-
-    clock: str
-    rows: Trajectory
-
-    def on(self, fit: Alignment | None) -> _Part:
-        return self if fit is None else _Part(self.clock, fit.bring(self.rows))
-
-
-@dataclass(frozen=True)
-class _Joined:
-    """All signals on the grid; `stretch` numbers the stretches between gaps, from 0."""
-
-    rows: Trajectory
-    stretch: np.ndarray
-
-
-def _parts(clocks: Mapping[str, Trajectory], delays: Mapping[str, float]) -> list[_Part]:
-    if not clocks:
-        raise ArgumentError("there is no signal", "recording")
-    clock_of = dict[str, str]()
-    for clock, trajectory in clocks.items():
-        for name in trajectory.names:
-            if name in clock_of:
-                raise ArgumentError(
-                    f"'{name}' is a signal of '{clock_of[name]}' and of '{clock}'; rename one of them", "recording"
-                )
-            clock_of[name] = clock
-        if len(trajectory) < 2:
-            raise ArgumentError(f"'{clock}' has one row; expected more", "recording")
-    for name in delays:
-        if name not in clock_of:
-            raise ArgumentError(f"there is no signal '{name}'; there are {', '.join(clock_of)}", "delays")
-    if SESSION in clock_of:
-        raise ArgumentError(f"the name '{SESSION}' is reserved for the result; rename the signal", "recording")
-    parts = []
-    for clock, trajectory in clocks.items():
-        late: dict[float, list[str]] = {}
-        for name in trajectory.names:
-            late.setdefault(float(delays.get(name, 0.0)), []).append(name)
-        parts += [_Part(clock, _shifted(trajectory.select(names), -delay)) for delay, names in late.items()]
-    return parts
-
-
-def _shifted(trajectory: Trajectory, by: float) -> Trajectory:
-    if not by:
-        return trajectory
-    values = {name: trajectory[name] for name in trajectory.names}
-    return Trajectory(
-        trajectory.time + by, values, trajectory.units, title=trajectory.title, provenance=trajectory.provenance,
-        synthetic=trajectory.synthetic,
-    )  # fmt: skip
-
-
-def _clock_of(parts: Sequence[_Part], name: str, place: str) -> _Part:
-    for part in parts:
-        if name in part.rows:
-            return part
-    names = ", ".join(n for part in parts for n in part.rows.names)
-    raise ArgumentError(f"there is no signal '{name}'; there are {names}", place)
-
-
-def _reference(parts: Sequence[_Part], align_by: Sequence[AlignBy]) -> str:
-    """Return the reference clock: that of the first pair, else the first clock. Raises ArgumentError."""
-    chosen, aligned = "", dict[str, str]()
-    for n, pair in enumerate(align_by):
-        first = _clock_of(parts, pair.reference, f"align_by[{n}].reference").clock
-        other = _clock_of(parts, pair.other, f"align_by[{n}].other").clock
-        chosen = chosen or first
-        if first != chosen:
-            raise ArgumentError(
-                f"'{pair.reference}' has the clock '{first}', but the reference clock of earlier pairs is '{chosen}'; "
-                "align all clocks with one reference",
-                f"align_by[{n}].reference",
-            )
-        if other == chosen:
-            raise ArgumentError(
-                f"'{pair.other}' is on the reference clock '{chosen}'; use the kind delay to estimate a delay between "
-                "signals of one clock",
-                f"align_by[{n}].other",
-            )
-        if other in aligned:
-            raise ArgumentError(
-                f"'{aligned[other]}' aligns the clock '{other}' already; name one pair", f"align_by[{n}].other"
-            )
-        aligned[other] = pair.other
-    return chosen or parts[0].clock
-
-
-def _aligned(parts: Sequence[_Part], align_by: Sequence[AlignBy], reference: str, work: Work) -> dict[str, Alignment]:
-    fits = dict[str, Alignment]()
-    for n, pair in enumerate(align_by):
-        first, other = (_clock_of(parts, name, "") for name in (pair.reference, pair.other))
-        work.step(f"aligning clock {other.clock} with {reference}", 0.1 + 0.6 * n / len(align_by))
-        range_ = pair.offset_range
-        try:
-            fits[other.clock] = align(
-                first.rows.select([pair.reference]), other.rows.select([pair.other]), {pair.reference: pair.other},
-                drift=pair.drift, scale=pair.scale, shift=pair.shift,
-                within=None if range_ is None else (range_[0], range_[1]),
-            )  # fmt: skip
-        except ArgumentError as error:
-            field = ".offset_range" if error.argument == "within" else ""
-            raise ArgumentError(error.message, f"align_by[{n}]{field}") from error
-    return fits
-
-
-def _even(part: _Part, step: float, start: float, grid: EvenGrid) -> Resampled:
-    try:
-        return resample(
-            part.rows, step, method=grid.method, longest_gap=grid.longest_gap, start=start, name=part.clock
-        )  # fmt: skip
-    except ArgumentError as error:
-        place = {"sample_time": "grid.sample_time", "longest_gap": "grid.longest_gap"}.get(error.argument)
-        raise ArgumentError(error.message, place or "grid") from error
-
-
-def _joined(even: Sequence[Resampled], step: float, start: float, grid: EvenGrid, title: str) -> _Joined:
-    """Return all signals at their common times. Raises ArgumentError if there are too few."""
-    numbers = [np.concatenate([_numbers(s.trajectory.time, start, step) for s in one.sessions]) for one in even]
-    common = numbers[0]
-    for more in numbers[1:]:
-        common = np.intersect1d(common, more, assume_unique=True)
-    if grid.start is not None:
-        common = common[common >= 0]
-    if grid.end is not None:
-        common = common[common <= np.floor((grid.end - start) / step + 1e-9)]
-    if len(common) < FEWEST:
-        spans = ", ".join(
-            f"{', '.join(one.sessions[0].trajectory.names)} from {one.sessions[0].trajectory.time[0]:.6g} to "
-            f"{one.sessions[-1].trajectory.time[-1]:.6g} s"
-            for one in even
-        )
-        interval = "" if grid.start is None and grid.end is None else " between start and end of the grid"
-        raise ArgumentError(
-            f"{len(common)} times are common to all signals{interval}; expected at least {FEWEST}: {spans}",
-            "grid" if interval else "recording",
-        )
-    values, units = dict[str, Array](), dict[str, str]()
-    for one, instants in zip(even, numbers, strict=True):
-        rows = np.searchsorted(instants, common)
-        for name in one.sessions[0].trajectory.names:
-            values[name] = np.concatenate([s.trajectory[name] for s in one.sessions])[rows]
-            units[name] = one.sessions[0].trajectory.unit(name)
-    stretch = np.concatenate([[0], np.cumsum(np.diff(common) > 1)])
-    if stretch[-1]:
-        values, units = {SESSION: stretch.astype(float), **values}, {SESSION: "1", **units}
-    notes = list(dict.fromkeys(s.trajectory.synthetic for one in even for s in one.sessions if s.trajectory.synthetic))
-    trajectory = Trajectory(
-        start + step * common, values, units, title=title,
-        provenance={"resampled": grid.method, "sample_time_s": step}, synthetic="; ".join(notes) or None,
-    )  # fmt: skip
-    return _Joined(trajectory, stretch)
-
-
-def _numbers(time: Array, start: float, step: float) -> np.ndarray:
-    return np.round((time - start) / step).astype(np.int64)
+    joined = join(clocks, grid, align_by, delays or {}, work)
+    return _study(clocks, joined, grid, work.title)
 
 
 def _study(
-    clocks: Mapping[str, Trajectory], reference: str, parts: Sequence[_Part], fits: Mapping[str, Alignment],
-    even: Sequence[Resampled], joined: _Joined, step: float, grid: EvenGrid, title: str,
+    clocks: Mapping[str, Trajectory], joined: JoinedClocks, grid: EvenGrid, title: str
 ) -> ResamplingStudy:  # fmt: skip
+    rows, reference, parts, fits, even = joined.rows, joined.reference, joined.parts, joined.fits, joined.even
+    step = joined.step
     order = [reference, *(clock for clock in clocks if clock != reference)]
     sampling = {clock: sampling_of(clocks[clock].time) for clock in order}
-    rows = joined.rows
     error = {name: one.error[name] for one in even for name in one.error}
     checks = {}
     if fits:
@@ -340,7 +165,7 @@ def _named(title: str, synthetic: str | None) -> str:
     return f"{title} (synthetic)" if synthetic and "synthetic" not in title.lower() else title
 
 
-def _signals(title: str, parts: Sequence[_Part], rows: Trajectory, stretch: np.ndarray) -> Any:
+def _signals(title: str, parts: Sequence[ClockRows], rows: Trajectory, stretch: np.ndarray) -> Any:
     from ...plot.log import resampled_figure
 
     raw = {name: part.rows.select([name]) for part in parts for name in part.rows.names}
