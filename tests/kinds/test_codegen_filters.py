@@ -96,6 +96,14 @@ def test_noise_and_start_come_from_a_result(estimated: Path) -> None:
     assert context.inputs["filters[0].from_result"].name == "result.json"
 
 
+def test_code_from_a_failed_result_is_not_written(estimated: Path) -> None:
+    path = estimated.parent / "result" / "result.json"
+    path.write_text(path.read_text().replace('"solved"', '"not_finite"'))
+    with pytest.raises(InputError, match=r"result\.json"):
+        write(load(estimated).problem, Context(folder=estimated.parent), estimated.parent / "out")
+    assert not (estimated.parent / "out" / "gt_belt.c").exists()
+
+
 @pytest.mark.parametrize(
     ("setting", "key"),
     [

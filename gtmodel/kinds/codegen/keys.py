@@ -186,6 +186,9 @@ def _values(context: Context, name: str, key: str) -> Mapping[str, Any]:
         raise InputError(f"expected a result of kind 'filtering'; '{name}' is of kind '{kind}'", key)
     if not isinstance(values, Mapping) or not values.get("start"):
         raise InputError(f"the filter of '{name}' did not run to its end (status {status}); solve it again", key)
+    if status != "solved":
+        context.note(f"{name} has the status {status}, so its numbers are not to be used")
+        context.distrusted.append(path.name)
     return values
 
 
