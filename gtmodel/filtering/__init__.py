@@ -17,6 +17,7 @@ consistency, Consistency, chi_squared_band    innovations against exact bands, w
 judged, JudgedErrors    errors of many runs against the filter's own covariance
 find_faults, FaultSearch    the offset, scale, delay, parameter or noise that explains a log best
 tune, Tuned      maximum-likelihood noise densities and standard deviations
+estimate_noise, NoiseEstimate, RestingLog    noise and initial state from a log: from its rest, and by likelihood
 filter_study     any filter over a log or synthetic readings: estimates, pictures and a verdict; takes
                  MeasuredQuantity, FilterStart, DrawnReadings
 fusion_study     accuracy that an inertial unit adds to a laser tracker along a known path
@@ -87,6 +88,7 @@ if TYPE_CHECKING:
     from .fusion.study import fusion_study as fusion_study
     from .manifold import Manifold as Manifold, StatePart as StatePart
     from .moving_horizon import HorizonEstimate as HorizonEstimate, MovingHorizon as MovingHorizon
+    from .noise_estimate import NoiseEstimate as NoiseEstimate, estimate_noise as estimate_noise
     from .options import (
         DrawnReadings as DrawnReadings,
         FilterStart as FilterStart,
@@ -95,6 +97,7 @@ if TYPE_CHECKING:
     )
     from .paths import BodyMotion as BodyMotion, TrackedPath as TrackedPath
     from .process import ProcessModel as ProcessModel
+    from .resting import RestingLog as RestingLog
     from .sensors import Sensor as Sensor
     from .smoother import Smoothed as Smoothed, fixed_lag as fixed_lag, smooth as smooth
     from .synthetic import Drawn as Drawn, draw as draw, synthetic_readings as synthetic_readings

@@ -106,10 +106,10 @@ class Filtered(Estimates):
 
     time: of the instants [s]. status, message: SOLVED, or why the run ended early; earlier instants are kept.
     innovations: sensor -> (K, m, size), normalised by their standard deviations: white noise of variance 1 for a
-        consistent filter; NaN if nothing was read or used. nis, count: normalised innovation squared of each instant
-        and its number of components, (K, m). log_likelihood: of the log (m,). A reading beyond its gate counts as one
-        at its edge; an outlier with less weight counts by Huber's loss, or with its larger noise for interacting
-        models and particles.
+        consistent filter; NaN if nothing was read or used. innovation_deviations: these standard deviations.
+    nis, count: normalised innovation squared of each instant and its number of components, (K, m). log_likelihood: of
+        the log (m,). A reading beyond its gate counts as one at its edge; an outlier with less weight counts by Huber's
+        loss, or with its larger noise for interacting models and particles.
     gated: sensor -> number of readings that its gate left out (m,). weighed: sensor that weighs outliers -> number of
         readings with less weight (m,); their innovations are cut at Huber's k, and `consistency` accounts for this.
     nees: normalised estimation error squared (K, m), if the truth was given; chi-squared with `dimension` degrees of
@@ -137,6 +137,7 @@ class Filtered(Estimates):
     effective: np.ndarray | None = None
     weighed: Mapping[str, np.ndarray] = field(default_factory=dict)
     replay: Replay | None = None
+    innovation_deviations: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def covariances(self) -> np.ndarray:
@@ -227,12 +228,13 @@ class RunRecord:
                 message = f"the model has no finite value for '{sensor}' {where}: the estimate is outside its range"
         white = self.residuals[:n] / np.sqrt(self.expected[:n])
         cut = {name: white[:, :, columns] for name, columns in self.columns.items()}
+        spread = {name: np.sqrt(self.expected[:n, :, columns]) for name, columns in self.columns.items()}
         kept = None if self.kept is None else tuple(self.kept)
         nees, errors = (None, None) if self.errors is None or self.nees is None else (self.nees[:n], self.errors[:n])
         return Filtered(
             self.system, self.time[:n], self.x[:n], np.sqrt(self.variances[:n]), errors, status, message, cut,
             self.nis[:n], self.count[:n], self.log_likelihood, self.gated, nees, kept, self._notes(),
-            weighed=self.weighed, replay=self.replay,
+            weighed=self.weighed, replay=self.replay, innovation_deviations=spread,
             **{name: np.array(values) for name, values in self.details.items()},
         )  # fmt: skip
 

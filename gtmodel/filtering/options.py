@@ -29,7 +29,10 @@ class MeasuredQuantity(Options):
 
     signal: Annotated[str, "measured variable of the model; the sensor's name if left out"] = ""
     deviation: Annotated[
-        Numbers | None, Within(above=0.0), "standard deviation of one reading, a number or one per component"
+        Numbers | Literal["estimate"] | None,
+        Within(above=0.0),
+        'standard deviation of one reading, a number or one per component; or "estimate": from a log at rest if there '
+        "is one, else by maximum likelihood",
     ] = None
     density: Annotated[
         Numbers | None,
@@ -49,11 +52,13 @@ class MeasuredQuantity(Options):
     outliers: Annotated[Literal["huber"] | None, "readings far off count less, with Huber's weights"] = None
 
     def sensor(self, name: str) -> Sensor:
-        """Return the sensor with that name. Raises ArgumentError if its noise is stated twice or not at all."""
+        """Return the sensor with that name; a deviation to estimate is 1 at first. Raises ArgumentError if its noise is
+        stated twice or not at all."""
         from .sensors import Sensor
 
+        deviation = 1.0 if self.deviation == "estimate" else self.deviation
         return Sensor(
-            name, self.signal, self.deviation, self.density, self.period, self.kind, self.delay,
+            name, self.signal, deviation, self.density, self.period, self.kind, self.delay,
             gate=self.gate, outliers=self.outliers,
         )  # fmt: skip
 
@@ -69,9 +74,12 @@ class FilterStart(Options):
     mean: Annotated[Mapping[str, Numbers], "state -> value; zero for states that are not named"] = field(
         default_factory=dict
     )
-    deviation: Annotated[Mapping[str, Numbers], "state -> standard deviation of its error, for every state"] = field(
-        default_factory=dict
-    )
+    deviation: Annotated[
+        Mapping[str, Numbers],
+        "state -> standard deviation of its error, for every state; with from_rest, only for those that the rest does "
+        "not show",
+    ] = field(default_factory=dict)
+    from_rest: Annotated[bool, "the states at rest, from the mean readings of a log at rest"] = False
 
 
 @dataclass(frozen=True)
@@ -93,7 +101,8 @@ class DrawnReadings(Options):
 class FilterStudy(Study):
     """Filtered log: estimates with standard deviations, and whether the innovations are consistent with them.
 
-    The trajectory has each state, its "NAME.deviation", and with smoothing "NAME.smoothed".
+    The trajectory has each state, its "NAME.deviation", and with smoothing "NAME.smoothed". The file innovations.csv
+    has each sensor's innovation with its standard deviation, in SI, and the NIS of each instant.
     """
 
     filter: Annotated[str, "its name", "filter"] = ""
@@ -115,11 +124,35 @@ class FilterStudy(Study):
     smoothed_rms_error: Annotated[Mapping[str, Sequence[float]], "of the smoothed states"] = field(default_factory=dict)
     synthetic: Annotated[str, "origin of synthetic readings"] = ""
     units: Mapping[str, str] = field(default_factory=dict)
+    noise: Annotated[
+        Mapping[str, Sequence[float]], "estimated noise: NOISE.density and SENSOR.deviation, per component, SI"
+    ] = field(default_factory=dict)
+    noise_low: Annotated[Mapping[str, Sequence[float]], "lower ends of their 95 % intervals"] = field(
+        default_factory=dict
+    )
+    noise_high: Annotated[Mapping[str, Sequence[float]], "upper ends, infinite if the log does not show them"] = field(
+        default_factory=dict
+    )
+    noise_source: Annotated[Mapping[str, str], "rest or likelihood, by noise"] = field(default_factory=dict)
+    noise_undetermined: Annotated[Sequence[str], "noise that the log does not determine, alone or together"] = ()
+    start: Annotated[Mapping[str, Sequence[float]], "each state at the start, SI"] = field(default_factory=dict)
+    start_deviation: Annotated[Mapping[str, Sequence[float]], "their deviations"] = field(default_factory=dict)
+    faults: Annotated[str, "result of the search for faults"] = ""
+    fault_sizes: Annotated[
+        Mapping[str, Sequence[float]], "change from the declared value that fits the log best, alone; of noise a factor"
+    ] = field(default_factory=dict)
+    fault_deviations: Annotated[Mapping[str, Sequence[float]], "their standard deviations"] = field(
+        default_factory=dict
+    )
+    fault_p: Annotated[Mapping[str, float], "p-value of each fault; small: the log shows it"] = field(
+        default_factory=dict
+    )
 
     @property
     def rows(self) -> list[Row]:
         """Readings, estimates and the verdict."""
         rows = [Row(f"readings of {name}", self._counted(name, n)) for name, n in self.readings.items()]
+        rows += [Row(f"estimated {name}", self._estimated(name)) for name in self.noise]
         for name, values in self.final.items():
             pairs = zip(values, self.final_deviation[name], strict=True)
             text = ", ".join(f"{value:.6g} +- {deviation:.2g}" for value, deviation in pairs)
@@ -134,7 +167,14 @@ class FilterStudy(Study):
             low, high = self.nis_band
             text = f"{self.nis:.4g}, expected {self.nis_numbers:.3g}, band {low:.4g} to {high:.4g}"
             rows += [Row("innovations squared (NIS)", text), Row("  verdict", self.verdict)]
+        rows += [Row("faults", self.faults)] if self.faults else []
         return rows + ([Row("SYNTHETIC", self.synthetic)] if self.synthetic else [])
+
+    def _estimated(self, name: str) -> str:
+        ends = zip(self.noise[name], self.noise_low[name], self.noise_high[name], strict=True)
+        numbers = ", ".join(f"{value:.4g} ({low:.3g} to {high:.3g})" for value, low, high in ends)
+        undetermined = "; not determined by this log" if name in self.noise_undetermined else ""
+        return f"{numbers}, from {self.noise_source[name]}{undetermined}"
 
     def _counted(self, name: str, n: int) -> str:
         out = self.left_out.get(name, 0)

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from ..results.refusal import ArgumentError
 from ..results.trajectory import Trajectory
-from .belief import SAME_INSTANT, Belief, InitialState
+from .belief import SAME_INSTANT, Belief, InitialState, Readings, instants, readings_of
 from .error_state import ErrorState
+from .manifold import Manifold
 from .system import System, agree_in_shape
 from .transition import Advance
 
 TOLERANCE = 0.02  # of the logarithm of a density; far below its confidence interval on any log
 STEP = 0.1  # of the logarithm, for the curvature of the likelihood
+LOOSE = 1.0  # standard deviation of a logarithm above which it is undetermined: a 95 % interval of a factor of 50
+DROP = 1.92  # of the log-likelihood at the ends of a 95 % interval of one parameter: half of chi-squared's 3.84
+FARTHEST = 64.0  # of the logarithm, from the best
+SHARES = 0.3  # of the largest component of a flat direction: names with less do not count
+COARSE = 400  # instants for a first guess: a decade shows within a hundred
+GUESS_STEPS = (4.6, 2.3, 1.0)  # of the logarithms: two decades, one, half of one
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +32,9 @@ class Tuned:
 
     system: with this noise. values: name -> density or deviation, the declared one times its factor. factors: name ->
     factor. intervals: name -> its 95 % interval from the curvature of the likelihood, infinite if the log does not
-    determine it. log_likelihood: of the log; improvement: its increase over the declared noise.
+    determine it. log_likelihood: of the log; improvement: its increase over the declared noise. curvature: second
+    derivatives of the negative log-likelihood with respect to the logarithms of the factors (n, n), in the order of
+    `values`. undetermined: names that the log does not determine, alone or together. notes: sentences about them.
     """
 
     system: System
@@ -34,6 +43,9 @@ class Tuned:
     intervals: dict[str, tuple[float, float]]
     log_likelihood: float
     improvement: float
+    curvature: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    undetermined: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def tune(
@@ -77,14 +89,6 @@ def tune(
     if not names:
         raise ArgumentError("name at least one noise to tune", "names")
 
-    def with_factors(exponents: np.ndarray) -> System:
-        factors = dict(zip(names, np.exp(exponents), strict=True))
-        noise = {
-            n[:-8]: np.asarray(system.process.noise[n[:-8]]) * f for n, f in factors.items() if n.endswith(".density")
-        }
-        deviations = {n[:-10]: system.deviations[n[:-10]] * f for n, f in factors.items() if n.endswith(".deviation")}
-        return system.with_(noise, deviations)
-
     calls, stopped = 0, False
 
     def loss(exponents: np.ndarray) -> float:
@@ -93,7 +97,7 @@ def tune(
         stopped = stopped or (progress is not None and progress(min(0.99, calls / (60 * len(names)))))
         if stopped and calls > 1:
             return 1e300
-        run = ErrorState(with_factors(np.asarray(exponents))).run(log, initial, inputs=inputs, keep=False)
+        run = ErrorState(_scaled(system, names, np.asarray(exponents))).run(log, initial, inputs=inputs, keep=False)
         total = -float(run.log_likelihood.sum())
         return total if run.status.ok and np.isfinite(total) else 1e300
 
@@ -111,22 +115,179 @@ def tune(
     if best.fun >= declared:  # stopped before anything else was tried
         best.x, best.fun = zero, declared
     variance = np.full(len(names), np.nan)
-    try:
-        curvature = _curvature(loss, best.x, float(best.fun))
-        if not stopped:
-            variance = np.diag(np.linalg.inv(curvature)).copy()
-    except np.linalg.LinAlgError:
-        pass
-    variance[~(variance > 0)] = np.inf
+    curvature = _curvature(loss, best.x, float(best.fun))
+    groups = [] if stopped else [*flat_directions(names, curvature)]
+    if not stopped:
+        variance = _variances(names, curvature, groups)
     half = 1.959963984540054 * np.sqrt(variance)
-    tuned = with_factors(best.x)
+    tuned = _scaled(system, names, best.x)
     values = {n: tuned.process.noise[n[:-8]] if n.endswith(".density") else tuned.deviations[n[:-10]] for n in names}
     factors = {n: float(np.exp(x)) for n, x in zip(names, best.x, strict=True)}
     with np.errstate(over="ignore"):
         intervals = {
             n: (float(np.exp(x - h)), float(np.exp(x + h))) for n, x, h in zip(names, best.x, half, strict=True)
         }
-    return Tuned(tuned, values, factors, intervals, -float(best.fun), declared - float(best.fun))
+    notes = []
+    for group in groups:
+        if len(group) != 1:
+            intervals |= dict.fromkeys(group, (0.0, np.inf))
+            notes.append(
+                f"{' and '.join(group)} cannot be told apart: the log determines only a combination of them; give the "
+                f"value of {'one' if len(group) == 2 else 'some'} of them"
+            )
+            continue
+        k, value = names.index(group[0]), float(np.max(values[group[0]]))
+        low, high = (_bound(loss, best.x, float(best.fun), k, sign) for sign in (-1.0, 1.0))
+        intervals[group[0]] = low * factors[group[0]], high * factors[group[0]]
+        shown = [f"at least {value * low:.3g}"] if low > 0 else []
+        shown += [f"at most {value * high:.3g}"] if np.isfinite(high) else []
+        notes.append(
+            f"the likelihood is flat in {group[0]}: the log "
+            + (f"only shows that it is {' and '.join(shown)}" if shown else "does not show it at all")
+            + "; give its value, or a log that shows it"
+        )
+    undetermined = tuple(dict.fromkeys(name for group in groups for name in group))
+    return Tuned(
+        tuned, values, factors, intervals, -float(best.fun), declared - float(best.fun), curvature, undetermined,
+        tuple(notes),
+    )  # fmt: skip
+
+
+def flat_directions(names: Sequence[str], curvature: np.ndarray) -> tuple[tuple[str, ...], ...]:
+    """Return the groups of names that a log does not determine; names of one group cannot be told apart.
+
+    curvature: second derivatives of the negative log-likelihood with respect to the logarithms of the factors (n, n).
+    An eigenvector along which the standard deviation of the logarithm exceeds `LOOSE` is a flat direction, and the
+    names of its large components are a group.
+
+    >>> from gtmodel.filtering.tuning import flat_directions
+    >>> flat_directions(["a.density", "b.density", "c.density"], 50 * np.array([[1, 1, 0], [1, 1, 0], [0, 0, 1.0]]))
+    (('a.density', 'b.density'),)
+    """
+    values, vectors = np.linalg.eigh((curvature + curvature.T) / 2)
+    groups = []
+    for value, v in zip(values, vectors.T, strict=True):
+        if value < LOOSE**-2:
+            large = np.abs(v) > SHARES * np.abs(v).max()
+            groups.append(tuple(n for n, is_large in zip(names, large, strict=True) if is_large))
+    return tuple(dict.fromkeys(groups))
+
+
+def _variances(names: Sequence[str], curvature: np.ndarray, groups: Sequence[tuple[str, ...]]) -> np.ndarray:
+    """Variances of the logarithms of the factors (n,); infinite if the log does not determine a name."""
+    try:
+        variance = np.diag(np.linalg.inv(curvature)).copy()
+    except np.linalg.LinAlgError:
+        variance = np.full(len(names), np.nan)
+    wrong = ~(variance > 0)
+    if wrong.any():
+        values, vectors = np.linalg.eigh((curvature + curvature.T) / 2)
+        firm = values >= LOOSE**-2
+        variance[wrong] = np.sum(vectors[:, firm] ** 2 / values[firm], axis=1)[wrong]
+        flat = {name for group in groups for name in group}
+        variance[[n in flat and w for n, w in zip(names, wrong, strict=True)]] = np.inf
+        variance[~(variance > 0)] = np.inf
+    return variance
+
+
+def _bound(loss: Callable[[np.ndarray], float], best: np.ndarray, least: float, k: int, sign: float) -> float:
+    """The factor of noise k, below or above the best, at which the likelihood alone excludes it at 95 %: its logarithm
+    is 1.92 below the largest. 0 or infinite if there is none within `FARTHEST`."""
+
+    def excess(e: float) -> float:
+        x = best.copy()
+        x[k] += sign * e
+        return loss(x) - least - DROP
+
+    low, high = 0.0, 1.0
+    while excess(high) < 0:
+        low, high = high, 2 * high
+        if high > FARTHEST:
+            return np.inf if sign > 0 else 0.0
+    for _ in range(6):
+        middle = (low + high) / 2
+        low, high = (low, middle) if excess(middle) > 0 else (middle, high)
+    return float(np.exp(sign * high))
+
+
+def first_guess(
+    system: System,
+    log: Mapping[str, Any],
+    initial: InitialState,
+    names: Sequence[str],
+    *,
+    inputs: Trajectory | None = None,
+) -> System:
+    """Return the system with a rough guess of these noises, from nothing but the log.
+
+    A sensor starts from the second differences of its readings. All densities start from the decade with the largest
+    likelihood of the first `COARSE` instants; a pattern search on the logarithms follows. Raises ArgumentError if no
+    noise gives a finite likelihood, and for a sensor whose readings do not change.
+    """
+    readings = readings_of(system, log)
+    deviations = {}
+    for name in (n.removesuffix(".deviation") for n in names if n.endswith(".deviation")):
+        if name not in readings:
+            raise ArgumentError(f"the log has no readings of '{name}', whose deviation is to be estimated", "log")
+        values = readings[name].values[np.isfinite(readings[name].values).all(axis=-1)]
+        space = Manifold([system.readings[name]])
+        errors = space.minus(values, np.broadcast_to(values[:1], values.shape))
+        guess = np.sqrt(np.mean(np.diff(errors, n=2, axis=0) ** 2, axis=0) / 6) if len(values) > 2 else np.zeros(1)
+        if not np.all(guess > 0):
+            raise ArgumentError(
+                f"the readings of '{name}' do not change enough to estimate its deviation; give it", "log"
+            )
+        deviations[name] = guess
+    system = system.with_(deviations=deviations)
+    short = shortened(system, readings, COARSE)
+
+    def loss(exponents: np.ndarray) -> float:
+        run = ErrorState(_scaled(system, names, exponents)).run(short, initial, inputs=inputs, keep=False)
+        total = -float(run.log_likelihood.sum())
+        return total if run.status.ok and np.isfinite(total) else 1e300
+
+    noises = np.array([1.0 if n.endswith(".density") else 0.0 for n in names])
+    tried = [(loss(e * noises), e) for e in np.log(10) * np.arange(-12, 13, 2)] if noises.any() else [(1e300, 0.0)]
+    best = min(tried)[1] * noises
+    least = loss(best)
+    for step in GUESS_STEPS:
+        moved, rounds = True, 0
+        while moved and rounds < 8:
+            moved, rounds = False, rounds + 1
+            for k in range(len(names)):
+                for sign in (1, -1):
+                    other = best.copy()
+                    other[k] += sign * step
+                    if (value := loss(other)) < least - 1e-3:
+                        best, least, moved = other, value, True
+                        break
+    if least >= 1e300:
+        raise ArgumentError(
+            "no noise gives the log a finite likelihood; check the model, the units of the readings and the start",
+            "log",
+        )
+    return _scaled(system, names, best)
+
+
+def shortened(system: System, readings: Mapping[str, Readings], count: int) -> dict[str, Readings]:
+    """Return the readings of the first `count` instants."""
+    plan = instants(system, readings)
+    if len(plan) <= count:
+        return dict(readings)
+    end, short = plan[count - 1].time + SAME_INSTANT, {}
+    for name, r in readings.items():
+        rows = r.time - system.sensors[name].lag <= end
+        if rows.any():
+            short[name] = Readings(r.time[rows], r.values[..., rows, :])
+    return short
+
+
+def _scaled(system: System, names: Sequence[str], exponents: np.ndarray) -> System:
+    """The system with these noises multiplied by the exponentials of these numbers."""
+    factors = dict(zip(names, np.exp(exponents), strict=True))
+    noise = {n[:-8]: np.asarray(system.process.noise[n[:-8]]) * f for n, f in factors.items() if n.endswith(".density")}
+    deviations = {n[:-10]: system.deviations[n[:-10]] * f for n, f in factors.items() if n.endswith(".deviation")}
+    return system.with_(noise, deviations)
 
 
 def _curvature(loss: Callable[[np.ndarray], float], x: np.ndarray, least: float) -> np.ndarray:

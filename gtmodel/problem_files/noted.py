@@ -46,6 +46,6 @@ def refuse_distrusted(context: Context, what: str) -> None:
     """Raises InputError if `what`, which a machine would execute, rests on a file marked as not to be used."""
     if context.distrusted:
         raise InputError(
-            f"the first line of {context.distrusted[0]} says that it is not to be used, and {what} would rest on it; "
+            f"{context.distrusted[0]} says that it is not to be used, and {what} would rest on it; "
             "create it again, or use --write-failed, which writes all files with a mark"
         )

@@ -10,6 +10,7 @@ import scipy
 
 import gtmodel as gt
 from gtmodel.results import ArgumentError
+from tests.support import belt_drive
 from tests.support.commands import CLONE, Commands
 
 F = gt.filtering
@@ -170,3 +171,81 @@ def test_other_filters_of_nearly_linear_motion_say_the_same(name: str) -> None:
     study, usual = gt.load(SHIPPED, f'filter="{name}"', "smoothing=false")(), gt.load(SHIPPED)()
     assert study.trajectory["angle"] == pytest.approx(usual.trajectory["angle"], abs=1e-3)  # a third of its deviation
     assert study.smoothed_rms_error == {} and set(study.rms_error) == {"angle", "rate"}
+
+
+BELT = CLONE / "problems" / "filter_belt_drive.toml"
+
+
+def test_the_shipped_belt_drive_is_estimated_and_started_from_its_rest(gtmodel: Commands, tmp_path: Path) -> None:
+    done = gtmodel("solve", BELT, "--json", "--out", tmp_path / "out")
+    assert done.code == 0, done.err
+    values = done.json["values"]
+    for name, truth in belt_drive.TRUTH.items():
+        assert values["noise_low"][name][0] < truth < values["noise_high"][name][0]
+    assert values["noise_source"] == {
+        "encoder.deviation": "rest", "scale.deviation": "rest", "push.density": "likelihood"
+    }  # fmt: skip
+    # what was used for the start is not filtered again
+    count = np.count_nonzero(belt_drive.torque().time > 0.39)
+    assert values["readings"]["encoder"] == count
+    assert values["nis_band"][0] < values["nis"] < values["nis_band"][1]
+    assert "none of the suspects" in values["faults"] and min(values["fault_p"].values()) > 1e-4
+    rows = np.genfromtxt(tmp_path / "out" / "innovations.csv", delimiter=",", names=True, deletechars="")
+    assert len(rows) == count and rows["count"].sum() == 2 * count
+    assert rows["nis"].mean() == pytest.approx(values["nis"], rel=1e-9)
+    white = rows["encoder.innovation"] / rows["encoder.deviation"]
+    assert white.std() == pytest.approx(1.0, abs=0.15)
+
+
+def test_an_offset_in_the_log_is_named(gtmodel: Commands, tmp_path: Path) -> None:
+    """The same log with the scale 0.5 degrees off, from a start with wide deviations: that at rest holds the offset."""
+    table = np.loadtxt(belt_drive.FILE, delimiter=",", skiprows=2)
+    table[:, 3] += 0.5
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="time,torque,encoder,scale", comments="")
+    done = gtmodel(
+        "solve", BELT, "--json", "--out", tmp_path / "out", "--set", f'log.files=["{tmp_path / "log.csv"}"]',
+        "--set", 'faults={"scale.offset" = 0.02, "encoder.deviation" = 1.0}', "--set", "noise.push=1e-3",
+        "--set", "start={deviation={motor=0.5, load=0.5, motor_rate=1.0, load_rate=1.0}}",
+    )  # fmt: skip
+    values = done.json["values"]
+    assert "scale.offset explains the log best" in values["faults"]
+    assert abs(values["fault_sizes"]["scale.offset"][0]) == pytest.approx(np.radians(0.5), rel=0.2)
+    assert "agree with the filter" not in values["verdict"]
+
+
+def test_a_log_at_rest_in_a_file_of_its_own_gives_the_deviation(folder: Path, gtmodel: Commands) -> None:
+    rng = np.random.default_rng(9)  # synthetic: seed 9
+    rows = np.column_stack([STEP * np.arange(300), 400 + 20 * rng.standard_normal(300), np.zeros(300)])
+    np.savetxt(folder / "rest.csv", rows, delimiter=",", header="time,tape,force", comments="", fmt="%.17g")
+    text = (folder / "p.toml").read_text().replace("deviation = 0.02", 'deviation = "estimate"')
+    (folder / "p.toml").write_text(text.replace("[log]", '[log]\nrest = "rest.csv"'))
+    done = gtmodel("solve", folder / "p.toml", "--json", "--out", folder / "out")
+    assert done.code == 0, done.err
+    assert done.json["values"]["noise"]["tape.deviation"] == pytest.approx([np.std(rows[:, 1], ddof=1) / 1e3])
+    assert {"rest.csv", "log.csv"} <= {p.name for p in folder.iterdir()}
+    assert "rest.csv" in (folder / "out" / "run.toml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("settings", "key"),
+    [
+        (['sensors.tape.deviation="estimate"', "log.rest_s=[0.0, 1.0]", 'log.rest="log.csv"'], "log.rest_s"),
+        (['sensors.tape.deviation="estimate"', "log.rest_s=[1.0]"], "log.rest_s"),
+        (['sensors.tape.deviation="estimate"', "log.rest_s=[100.0, 101.0]"], "log.rest_s"),
+        (['sensors.tape.deviation="estimate"', 'log.rest="none.csv"'], "log.rest"),
+        (["start.from_rest=true"], "start.from_rest"),
+        (['noise.a="guess"'], "noise.a"),
+        (["faults={tape.offset=0.0}"], "faults"),
+        (['faults={"tap.offset"=0.1}'], "faults"),
+    ],
+)
+def test_a_wrong_rest_or_estimate_names_its_key(folder: Path, gtmodel: Commands, settings: list[str], key: str) -> None:
+    options = [word for setting in settings for word in ("--set", setting)]
+    done = gtmodel("solve", folder / "p.toml", "--out", folder / "out", *options)
+    assert done.code == 2 and f"p.toml: {key}" in done.err, done.err
+
+
+@pytest.mark.parametrize("setting", ['noise.push="estimate"', 'sensors.angle.deviation="estimate"'])
+def test_synthetic_readings_need_noise(gtmodel: Commands, tmp_path: Path, setting: str) -> None:
+    done = gtmodel("solve", SHIPPED, "--out", tmp_path / "out", "--set", setting)
+    assert done.code == 2 and f"filter_pendulum.toml: {setting.partition('=')[0]}: " in done.err, done.err

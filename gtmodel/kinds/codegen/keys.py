@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field, PositiveFloat
 
@@ -14,9 +15,11 @@ from gtmodel.fmu.plant_unit import PlantUnit
 from gtmodel.loop.lead_through.options import Guiding
 from gtmodel.problem_files.base import Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, made_from
-from gtmodel.problem_files.keys import RobotProblem
+from gtmodel.problem_files.keys import Free, RobotProblem
+from gtmodel.results.reading import document
 from gtmodel.results.refusal import naming
 
+ESTIMATE: Free = "estimate"
 RESULT = "gtmodel.cgen.CodeStudy"
 
 
@@ -62,8 +65,10 @@ class FilterSensorSection(FileSection):
 
     name: str = Field(min_length=1, description="name of the sensor; reading and flag NAME_valid are inputs in C")
     signal: str = Field(default="", description="measured variable; the sensor's name if empty")
-    deviation: float | list[float] | None = Field(
-        default=None, description="standard deviation of one reading, in the unit of the signal, for angles in rad"
+    deviation: float | list[float] | Free | None = Field(
+        default=None,
+        description='standard deviation of one reading, in the unit of the signal, for angles in rad; "estimate": that '
+        "of from_result",
     )
     density: float | list[float] | None = Field(
         default=None, description="instead of deviation: deviation times the root of the period [unit / sqrt(Hz)]"
@@ -96,14 +101,22 @@ class FilterSection(FileSection):
 
     name: str = Field(min_length=1, description="C name: gt_<name>_<this>_init and _step")
     period_s: PositiveFloat = Field(description="period of the loop that calls it")
-    noise: dict[str, float | list[float]] = Field(
-        description="input = density of its white noise, in its unit squared times seconds"
+    from_result: str = Field(
+        default="",
+        description='result.json, or its folder, of kind "filtering": the noise that is "estimate" here, and the start '
+        "if it is left out",
+    )
+    noise: dict[str, float | list[float] | Free] = Field(
+        description='input = density of its white noise, in its unit squared times seconds; "estimate": that of '
+        "from_result"
     )
     states: list[str] = Field(default=[], description="states; the model chooses if empty")
     inputs: list[str] = Field(default=[], description="known inputs of the model")
     quaternions: list[str] = Field(default=[], description="states that are unit quaternions, scalar first")
     sensors: list[FilterSensorSection] = Field(min_length=1, description="sensors, one table for each")
-    start: FilterStartSection = Field(description="start of the filter")
+    start: FilterStartSection | None = Field(
+        default=None, description="start of the filter; left out only with from_result"
+    )
 
     def key_of(self, argument: str) -> str:
         """Return the key of an argument; "NAME.deviation" of a sensor gives "sensors[n].deviation"."""
@@ -113,6 +126,70 @@ class FilterSection(FileSection):
         if what and owner in places:
             return f"sensors[{places[owner]}].{units.get(what, what)}"
         return units.get(argument, argument)
+
+
+def from_result(section: FilterSection, context: Context, key: str) -> FilterSection:
+    """Return the section with the numbers of its `from_result` in place of "estimate" and of a start that is left out.
+
+    Raises InputError if a number is missing, and for a file that is not a usable result of kind "filtering".
+    """
+    free = {f"{name}.density": f"noise.{name}" for name, value in section.noise.items() if value == ESTIMATE}
+    sensors = [(n, s.name) for n, s in enumerate(section.sensors) if s.deviation == ESTIMATE]
+    free |= {f"{name}.deviation": f"sensors[{n}].deviation" for n, name in sensors}
+    if not section.from_result:
+        if free:
+            place = next(iter(free.values()))
+            raise InputError(
+                'is "estimate"; name the result of kind "filtering" with the estimate in from_result', f"{key}.{place}"
+            )
+        if section.start is None:
+            raise InputError("is missing; give the deviation of every state, or from_result", f"{key}.start")
+        return section
+    values = _values(context, section.from_result, f"{key}.from_result")
+    noise = values.get("noise") or {}
+    for name, place in free.items():
+        if name not in noise:
+            estimates = ", ".join(noise) or "none"
+            raise InputError(f"the result holds no estimate of {name}; its estimates are {estimates}", f"{key}.{place}")
+    for name in values.get("noise_undetermined") or ():
+        if name in free:
+            context.note(f"{section.from_result}: the log did not determine {name}, which the C code uses")
+    start = section.start
+    if start is None:
+        start = FilterStartSection(mean=values["start"], deviation=values["start_deviation"])
+    return section.model_copy(
+        update={
+            "noise": {n: _one(noise[f"{n}.density"]) if v == ESTIMATE else v for n, v in section.noise.items()},
+            "sensors": [
+                s.model_copy(update={"deviation": _one(noise[f"{s.name}.deviation"])}) if s.deviation == ESTIMATE else s
+                for s in section.sensors
+            ],
+            "start": start,
+        }
+    )
+
+
+def _one(numbers: list[float]) -> float | list[float]:
+    return numbers[0] if len(numbers) == 1 else numbers
+
+
+def _values(context: Context, name: str, key: str) -> Mapping[str, Any]:
+    """Values of a result.json, or of the result.json in a folder."""
+    folder = next((p for p in (context.folder / name, Path(name)) if p.is_dir()), None)
+    path = context.file(f"{name}/result.json" if folder else name, key, what="result")
+    try:
+        data = document(path.read_bytes())
+        kind, values, status = data["kind"], data["values"], data["status"]
+    except (OSError, ValueError, KeyError, TypeError):
+        raise InputError(f"'{name}' is not a result.json of gtmodel", key) from None
+    if kind not in ("filtering", None):  # a study that Python wrote names no kind
+        raise InputError(f"expected a result of kind 'filtering'; '{name}' is of kind '{kind}'", key)
+    if not isinstance(values, Mapping) or not values.get("start"):
+        raise InputError(f"the filter of '{name}' did not run to its end (status {status}); solve it again", key)
+    if status != "solved":
+        context.note(f"{name} has the status {status}, so its numbers are not to be used")
+        context.distrusted.append(path.name)
+    return values
 
 
 @made_from(PlantUnit, "file")

@@ -17,7 +17,7 @@ from gtmodel.problem_files.noted import doubts, refuse_distrusted
 from gtmodel.results import ArgumentError
 from gtmodel.results.refusal import naming
 
-from .keys import FilterSection, Schema, keys_of_units
+from .keys import FilterSection, Schema, from_result, keys_of_units
 
 arguments = keys_of_units
 VERSIONS = {"3": (3,), "2": (2,), "both": (3, 2)}
@@ -114,7 +114,7 @@ def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction 
             break
         context.progress(f"deriving {section.name}", n / len(problem.filters))
         try:
-            functions[section.name] = _filter(section, model)
+            functions[section.name] = _filter(from_result(section, context, f"filters[{n}]"), model)
         except ArgumentError as error:
             key = section.key_of(error.argument)
             raise InputError(error.message, f"filters[{n}].{key}" if key else f"filters[{n}]") from error
@@ -126,7 +126,7 @@ def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction 
 def _filter(section: FilterSection, model: Model) -> ControllerFilter:
     """The filter of one table."""
     process = ProcessModel(
-        model, section.noise, inputs=section.inputs, states=section.states, quaternions=section.quaternions
+        model, dict(section.noise), inputs=section.inputs, states=section.states, quaternions=section.quaternions
     )
     sensors: list[Sensor] = []
     for s in section.sensors:
@@ -139,5 +139,5 @@ def _filter(section: FilterSection, model: Model) -> ControllerFilter:
             )  # fmt: skip
     stale = {s.name: s.stale_cycles for s in section.sensors if s.stale_cycles is not None}
     closed = {s.name: s.closed_cycles for s in section.sensors if s.closed_cycles is not None}
-    start = InitialState(section.start.mean, section.start.deviation)
+    start = InitialState(section.start.mean, section.start.deviation) if section.start else InitialState({}, {})
     return ControllerFilter(System(process, sensors), section.period_s, start, stale=stale, closed=closed)
