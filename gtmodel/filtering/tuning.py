@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..linear.roots import bisected
 from ..results.refusal import ArgumentError
 from ..results.trajectory import Trajectory
 from .belief import SAME_INSTANT, Belief, InitialState, Readings, instants, readings_of
@@ -119,7 +120,7 @@ def tune(
     groups = [] if stopped else [*flat_directions(names, curvature)]
     if not stopped:
         variance = _variances(names, curvature, groups)
-    half = 1.959963984540054 * np.sqrt(variance)
+    half = np.nan_to_num(1.959963984540054 * np.sqrt(variance), nan=np.inf)
     tuned = _scaled(system, names, best.x)
     values = {n: tuned.process.noise[n[:-8]] if n.endswith(".density") else tuned.deviations[n[:-10]] for n in names}
     factors = {n: float(np.exp(x)) for n, x in zip(names, best.x, strict=True)}
@@ -204,10 +205,7 @@ def _bound(loss: Callable[[np.ndarray], float], best: np.ndarray, least: float, 
         low, high = high, 2 * high
         if high > FARTHEST:
             return np.inf if sign > 0 else 0.0
-    for _ in range(6):
-        middle = (low + high) / 2
-        low, high = (low, middle) if excess(middle) > 0 else (middle, high)
-    return float(np.exp(sign * high))
+    return float(np.exp(sign * bisected(lambda e: excess(e) <= 0, low, high, 6)[1]))
 
 
 def first_guess(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy
 from pydantic import Field
 
 from gtmodel import filtering
@@ -11,7 +10,7 @@ from gtmodel.filtering import paths
 from gtmodel.filtering.attitude import options as attitude
 from gtmodel.filtering.fusion import options
 from gtmodel.measurements import sampling_of
-from gtmodel.measurements.orientations import WORDS, rotation_vectors
+from gtmodel.measurements.orientations import WORDS, orientation_vectors
 from gtmodel.problem_files.base import Call, Context, FileSection, InputError, Problem
 from gtmodel.problem_files.from_options import Made, options_of
 from gtmodel.problem_files.keys import RecordedSignalSection, RecordingFiles
@@ -162,7 +161,9 @@ def _quaternions(log: AttitudeLogSection, reference: Trajectory) -> Trajectory:
     if representation is None:
         return reference
     with naming("log.reference.representation", refusal=InputError):
-        turn = rotation_vectors(reference["quaternion"], representation, reference.units["quaternion"])
+        turn = orientation_vectors(reference["quaternion"], representation, reference.units["quaternion"])
+    import scipy  # here: the keys alone need no engine
+
     rows = scipy.spatial.transform.Rotation.from_rotvec(turn).as_quat(scalar_first=True)
     return reference.with_values({"quaternion": rows}, units={"quaternion": "1"})
 

@@ -14,7 +14,7 @@ from gtmodel.control.lead_through.scenes import SyntheticSensor
 from gtmodel.lang.units import UnitError
 from gtmodel.measurements import Column, LogError, Match, joined, read_log, read_recording
 from gtmodel.measurements.log import TIME
-from gtmodel.measurements.orientations import FIRST, VECTOR, WORDS, rotation_vectors
+from gtmodel.measurements.orientations import FIRST, VECTOR, WORDS, orientation_vectors
 from gtmodel.measurements.streams.opening import stream_of
 from gtmodel.problem_files.base import Call, Context, FileSection, InputError, Problem
 from gtmodel.problem_files.from_options import Made, made_from, options_of
@@ -253,7 +253,7 @@ def _representation(keys: ReadingsSection) -> str:
 def _turned(rows: Trajectory, representation: str) -> Trajectory:
     """Return the rows with rotation vectors."""
     with naming("readings.signals.orientation.representation", refusal=InputError):
-        turn = rotation_vectors(rows["turn"], representation, rows.units["turn"])
+        turn = orientation_vectors(rows["turn"], representation, rows.units["turn"])
     return rows.with_values({"turn": turn}, units={"turn": "rad"})
 
 

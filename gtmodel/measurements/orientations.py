@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 
 import numpy as np
-import scipy
 
 from ..results.refusal import ArgumentError
 
@@ -48,7 +47,8 @@ def quaternions(rows: np.ndarray, representation: str) -> np.ndarray:
         return rows
     if representation == LAST:
         return np.roll(rows, 1, axis=1)
-    Rotation = scipy.spatial.transform.Rotation
+    from scipy.spatial.transform import Rotation  # here: keys of problems need the words alone
+
     if representation == MATRIX:
         turn = Rotation.from_matrix(_orthogonal(rows))
     elif representation == VECTOR:
@@ -59,12 +59,12 @@ def quaternions(rows: np.ndarray, representation: str) -> np.ndarray:
     return turn.as_quat(canonical=True, scalar_first=True)
 
 
-def rotation_vectors(rows: np.ndarray, representation: str, unit: str) -> np.ndarray:
+def orientation_vectors(rows: np.ndarray, representation: str, unit: str) -> np.ndarray:
     """Return rotation vectors (N, 3) [rad] from rows in a representation, see `quaternions`; `unit`: SI unit of the
     rows. Raises ArgumentError, also for angles in another unit than rad, and for a quaternion whose length is not 1.
 
-    >>> from gtmodel.measurements.orientations import rotation_vectors
-    >>> rotation_vectors(np.array([[0.8, 0.0, 0.0, 0.6]]), "quaternion w x y z", "1").round(4)
+    >>> from gtmodel.measurements.orientations import orientation_vectors
+    >>> orientation_vectors(np.array([[0.8, 0.0, 0.0, 0.6]]), "quaternion w x y z", "1").round(4)
     array([[0.   , 0.   , 1.287]])
     """
     rows = np.array(rows, float).reshape(len(rows), -1)  # scipy needs writable rows
@@ -77,7 +77,9 @@ def rotation_vectors(rows: np.ndarray, representation: str, unit: str) -> np.nda
     if np.any(off > UNIT_LENGTH):
         k = int(np.argmax(off))
         raise ArgumentError(f"expected quaternions of length 1; pose {k + 1} has the length {np.linalg.norm(q[k]):.4g}")
-    return scipy.spatial.transform.Rotation.from_quat(q, scalar_first=True).as_rotvec()
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_quat(q, scalar_first=True).as_rotvec()
 
 
 def _orthogonal(rows: np.ndarray) -> np.ndarray:

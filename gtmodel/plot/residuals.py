@@ -53,8 +53,13 @@ def residuals_figure(
         mean, deviation = float(np.mean(r)), float(np.std(r, ddof=1))
         histogram.hist(r, BINS, density=True, color=SKY)
         span = np.linspace(r.min(), r.max(), 200)
-        histogram.plot(span, scipy.stats.norm.pdf(span, mean, deviation), color="black", linewidth=1.2)
-        quantiles = scipy.stats.norm.ppf((np.arange(len(r)) + 0.5) / len(r))
+        histogram.plot(
+            span,
+            np.exp(-(((span - mean) / deviation) ** 2) / 2) / (np.sqrt(2 * np.pi) * deviation),
+            color="black",
+            linewidth=1.2,
+        )
+        quantiles = scipy.special.ndtri((np.arange(len(r)) + 0.5) / len(r))
         normal.plot(quantiles[::step], np.sort(r)[::step], ".", color="0.4", markersize=3)
         ends = quantiles[[0, -1]]
         normal.plot(ends, mean + deviation * ends, color="black", linewidth=1.2)
