@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import scipy
 from pydantic import Field, PositiveFloat
 
 from gtmodel.control import lead_through
@@ -259,7 +258,9 @@ def _turned(rows: Trajectory, representation: str) -> Trajectory:
 
 def _quaternions(keys: ReadingsSection, poses: Trajectory) -> Trajectory:
     """Return the orientations as quaternions, scalar first."""
-    turn = scipy.spatial.transform.Rotation.from_rotvec(np.array(_turned(poses, _representation(keys))["turn"]))
+    from scipy.spatial.transform import Rotation  # here: the keys alone need no engine
+
+    turn = Rotation.from_rotvec(np.array(_turned(poses, _representation(keys))["turn"]))
     return poses.with_values({"turn": turn.as_quat(scalar_first=True)}, units={"turn": "1"})
 
 
