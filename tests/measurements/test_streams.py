@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from gtmodel.measurements import Column, LogError, LogForm, open_log, read_log, read_recording, sampling_of
+from gtmodel.measurements import Column, LogError, LogForm, inspect, open_log, read_log, read_recording, sampling_of
 from gtmodel.measurements.signal_table import read as read_table
 from gtmodel.measurements.streams.stream import Lines
 
@@ -382,6 +382,17 @@ def test_dates_are_seconds_after_the_first(tmp_path: Path, between: str, end: st
         read_log(path, {"x": Column("x", "m")})
     (session,) = read_log(path, {"x": Column("x", "m")}, empty_rows="drop", uneven=True)
     assert len(session.trajectory) == 39
+
+
+@pytest.mark.parametrize("end", ["7", "7,", "7,0.5", "7,0.5,"])
+def test_an_unfinished_last_row_may_be_dropped(tmp_path: Path, end: str) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("t,x,y,z\n" + "".join(f"{k},0.5,2,3\n" for k in range(7)) + end)
+    (session,) = read_log(path, {"x": Column("x", "m")}, time=Column("t", "s"), empty_rows="drop")
+    assert len(session.trajectory) == 7 and session.trajectory.provenance["rows without a number"] == 1
+    assert any("line 9" in note and "ends within" in note for note in inspect(path).notes)
+    with pytest.raises(LogError, match=r'line 9: the file ends within.*empty_rows = "drop"'):
+        read_log(path, {"x": Column("x", "m")}, time=Column("t", "s"))
 
 
 @pytest.mark.parametrize("point", [".", ","])

@@ -68,7 +68,7 @@ TEXTS: dict[str, tuple[str | bytes, list[str], dict[str, Any]]] = {
     "a cell too few": (changed("0.3,3,9", "0.3,3"), ["log.csv line 5", "2 cells", "expected 3"], {}),
     "one cell": (changed("0.3,3,9", "end"), ["log.csv line 5", "one cell;", "expected 3"], {}),
     "a cell too many": (changed("0.3,3,9", "0.3,3,9,7"), ["log.csv line 5", "4 cells", "expected 3"], {}),
-    "cut off in a row": (GOOD.rstrip()[: -len(",49")], ["log.csv line 9", "ends within"], {}),
+    "cut off in a row": (GOOD.rstrip()[: -len(",49")], ["log.csv line 9", "ends within", 'empty_rows = "drop"'], {}),
     "a quote that is not closed": (changed("0.3,3", '0.3,"3'), ["log.csv line 5", "quote"], {}),
     "a second header": (changed("0.4,", "t [s],x [mm],y\n0.4,"), ["log.csv line 6", "'t'", "'t [s]'"], {}),
     "a program's lines above": (

@@ -130,7 +130,9 @@ def inspect(
     work.keep(partial(_answer, title, tables, notes, True))
     for stream in streams:
         notes += [_on(stream, remark) for remark in stream.remarks]
+        opened = len(stream.remarks)
         inspected, ended = _inspected(stream, work, others=len(streams) > 1 and isinstance(content, MatFile))
+        notes += [_on(stream, remark) for remark in stream.remarks[opened:]]
         tables += [] if inspected is None else [inspected]
         notes += [_on(stream, sentence) for sentence in _left_out(stream)]
         if ended:

@@ -132,7 +132,7 @@ class TextStream(Stream):
         """Parse rows one by one. Raises LogError for the first cell that is not a number."""
         values = np.empty((len(lines), len(places)))
         for k, (line, n) in enumerate(zip(lines, numbers.tolist(), strict=True)):
-            cells = self._split(line, n, cut and k == len(lines) - 1)
+            cells = self._split(line, n, cut and k == len(lines) - 1, gaps)
             for j, place in enumerate(places):
                 try:
                     if place in self.layout.stamps:
@@ -150,8 +150,11 @@ class TextStream(Stream):
                         raise self.no_number(n, columns[j], cells[place], self._advice(cells[place]))
         return values
 
-    def _split(self, line: str, n: int, cut: bool = False) -> list[str]:
-        """Return the cells of a row. Raises LogError for a wrong number of cells."""
+    def _split(self, line: str, n: int, cut: bool = False, gaps: bool = False) -> list[str]:
+        """Return the cells of a row. Raises LogError for a wrong number of cells.
+
+        cut: the file may end within the row. gaps: cells may be empty, and all cells of an unfinished row are.
+        """
         width, where = self.layout.width, f"{self.source} line {n}"
         cells = split(line, self.layout.sign, where)
         if len(cells) == width + 1 and not cells[-1]:
@@ -159,10 +162,12 @@ class TextStream(Stream):
         if len(cells) == width - 1 and not self.heads.names[-1]:
             cells.append("")
         if len(cells) != width:
+            ends = f"the file ends within this row, with {len(cells)} of {width} cells"
+            if cut and gaps and len(cells) < width:
+                self.remarks.append(f"line {n}: {ends}; they count as empty")
+                return [""] * width
             if cut:
-                raise LogError(
-                    f"{where}: the file ends within this row, with {len(cells)} of {width} cells; delete the line"
-                )
+                raise LogError(f'{where}: {ends}; delete the line, or set empty_rows = "drop"')
             count = "one cell" if len(cells) == 1 else f"{len(cells)} cells"
             other = ""
             if width == 1 and all(_like_number(cell, self.layout) for cell in cells):
