@@ -84,8 +84,9 @@ class Conversion:
             quantity = self._quantity(unit)
             differs = parse_unit(quantity).dimension != parse_unit(self._driven(unit)).dimension
             if differs and self.scale == 1.0:
+                named = f"column '{column}' is" if isinstance(column, str) else f"columns {', '.join(column)} are"
                 raise LogError(
-                    f"the column '{column}' is in {unit} and the quantity in {quantity}; "
+                    f"the {named} in {unit} and the quantity in {quantity}; "
                     f'give the scale in {quantity} per {unit}, or scale = "estimate"'
                 )
 

@@ -83,6 +83,8 @@ def test_a_scale_counts_in_the_declared_unit(tmp_path: Path) -> None:
 def test_a_quantity_of_another_dimension_needs_a_scale() -> None:
     with pytest.raises(LogError, match=r"the column 'vir' is in V and the quantity in N; give the scale in N per V"):
         Signal("vir", "V", quantity_unit="N")
+    with pytest.raises(LogError, match=r"the columns u_1, u_2 are in V and the quantity in N"):
+        Signal(("u_1", "u_2"), "V", quantity_unit="N")
 
 
 def test_offsets_as_columns_of_a_regressor() -> None:

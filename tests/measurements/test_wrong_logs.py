@@ -74,6 +74,9 @@ TEXTS: dict[str, tuple[str | bytes, list[str], dict[str, Any]]] = {
     "a program's lines above": (
         "Rate\nAxis;3\nmade;today\n" + GOOD.replace("t [s],x", "t [s],x"), ["log.csv line 1", "header = 4"], {}
     ),
+    "lines above names and units": (
+        "Rate\nAxis;3\n" + "t;x;y\ns;mm;mm\n" + "0;1;2\n" * 9, ["log.csv line 1", "header = 3"], {}
+    ),
     "lines above words and numbers": (
         "Rate\nmade today\n" + "t;x;y;state\n" + "".join(f"{k},5;1;2,5;runs\n" for k in range(9)),
         ["log.csv line 1", "header = 3"], {},

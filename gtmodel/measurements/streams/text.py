@@ -7,7 +7,6 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import islice
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -426,10 +425,14 @@ def _refuse_preamble(tables: Sequence[tuple[int, list[str]]], layout: _Layout, p
     (n, cells), rest = tables[0], tables[1:]
     if 2 * sum(len(row) == len(cells) for _, row in rest) >= len(rest):
         return
-    for (line, names), *below in (islice(rest, k, k + 1 + LIKE) for k in range(len(rest))):
+    for k, (line, names) in enumerate(rest):
+        below = rest[k + 1 : k + 1 + LIKE]
         matches = len(below) == LIKE and len(names) > 1 and all(len(row) == len(names) for _, row in below)
         holds_numbers = all(any(_like_number(cell, layout) for cell in row) for _, row in below)
         if matches and holds_numbers and not any(_like_number(cell, layout) for cell in names):
+            above = rest[k - 1] if k else (line, names)
+            if len(above[1]) == len(names) and _units(names, len(names)):
+                line = above[0]  # the units stand below the column names
             count = "one cell" if len(cells) == 1 else f"{len(cells)} cells"
             raise FormError(
                 f"{shown(path)} line {n}: found {count} above a table of {len(names)} columns; if line {line} is its "
