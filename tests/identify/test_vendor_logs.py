@@ -45,53 +45,58 @@ def hits(result: Any, truth: Truth) -> list[bool]:
     return [n in intervals and intervals[n][0] <= truth.parameters[n] <= intervals[n][1] for n in NAMES]
 
 
-def clean_draw(gtmodel: Commands, vendor: str, count: int, folder: Path) -> None:
-    """All of `count` clean logs are read and solved; the intervals hold within the binomial 99 % band."""
-    found = []
+def clean_faults(gtmodel: Commands, vendor: str, count: int, folder: Path) -> list[Any]:
+    """Clean logs that do not get in, and parameters whose intervals hit outside the binomial 99 % band."""
+    faults, found = list[Any](), []
     for k in range(count):
         truth = clean(vendor, FIRST + k, folder / str(k))
         code, result = solved(gtmodel, truth, folder / str(k))
-        assert code == 0, (vendor, FIRST + k, result["message"])
-        found.append(hits(result, truth))
-    low, high = binom.ppf([0.005, 0.995], count, 0.95)
-    for name, hit in zip(NAMES, map(sum, zip(*found, strict=True)), strict=True):
-        assert low <= hit <= high, (vendor, name, hit)
+        if code:
+            faults.append((vendor, truth.seed, result["message"]))
+        else:
+            found.append(hits(result, truth))
+    low, high = binom.ppf([0.005, 0.995], len(found), 0.95)
+    counts = zip(NAMES, map(sum, zip(*found, strict=True)), strict=True)
+    return faults + [(vendor, name, hit) for name, hit in counts if not low <= hit <= high]
 
 
-def slip_draw(gtmodel: Commands, slip: str, count: int, folder: Path) -> None:
-    """Each slip fails a check that concerns it; gravity of the other sign only stops at its bound, in a note."""
+def silent(gtmodel: Commands, slip: str, count: int, folder: Path) -> list[Any]:
+    """Slips that fail no check that concerns them; gravity of the other sign fails none, but stops at its bound, and
+    a note says so."""
+    unnamed = []
     for k in range(count):
         truth = slipped(READ[k % len(READ)], FIRST + k, folder / str(k), slip)
         code, result = solved(gtmodel, truth, folder / str(k))
-        where = truth.vendor, truth.seed, truth.slip_in_words
-        if slip == "frame":  # solved, with exit code 0
-            assert code == 0 and "mgl" in result["values"]["at_bound"], where
-            assert any(note.startswith("mgl is at its bound") for note in result["values"]["notes"]), where
-            continue
         failed = {name for name, check in result["checks"].items() if not check["passed"]}
-        assert code == 1 and failed & FAILED[slip], (*where, failed)
+        if slip == "frame":
+            named = code == 0 and any(note.startswith("mgl is at its bound") for note in result["values"]["notes"])
+        else:
+            named = code == 1 and bool(failed & FAILED[slip])
+        if not named:
+            unnamed.append((truth.vendor, truth.seed, truth.slip_in_words, failed))
+    return unnamed
 
 
 @pytest.mark.parametrize("vendor", READ)
 def test_clean_logs_get_in(gtmodel: Commands, vendor: str, tmp_path: Path) -> None:
-    clean_draw(gtmodel, vendor, 2, tmp_path)
+    assert clean_faults(gtmodel, vendor, 2, tmp_path) == []
 
 
 @pytest.mark.proof
 @pytest.mark.parametrize("vendor", READ)
 def test_clean_logs_get_in_and_intervals_hold(gtmodel: Commands, vendor: str, tmp_path: Path) -> None:
-    clean_draw(gtmodel, vendor, 30, tmp_path)
+    assert clean_faults(gtmodel, vendor, 30, tmp_path) == []
 
 
 @pytest.mark.parametrize("slip", SLIPS)
 def test_a_slip_is_named(gtmodel: Commands, slip: str, tmp_path: Path) -> None:
-    slip_draw(gtmodel, slip, 1, tmp_path)
+    assert silent(gtmodel, slip, 1, tmp_path) == []
 
 
 @pytest.mark.proof
 @pytest.mark.parametrize("slip", SLIPS)
 def test_slips_are_named(gtmodel: Commands, slip: str, tmp_path: Path) -> None:
-    slip_draw(gtmodel, slip, 10, tmp_path)
+    assert silent(gtmodel, slip, 10, tmp_path) == []
 
 
 ABB = """kind = "identification"
