@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -178,19 +178,46 @@ def _rows(values: Any, name: str) -> np.ndarray:
 
 def _require_still(rows: np.ndarray, period: float, still: float, name: str, unit: str) -> None:
     """Raise ArgumentError if the mean of a block differs from the mean of the log by `still` more than its noise."""
-    noise = np.sqrt(np.mean(np.diff(rows, axis=0) ** 2, axis=0) / 2)  # of one sample; slow motion cancels
-    blocks = np.array_split(rows, BLOCKS)
-    difference = np.array([b.mean(axis=0) for b in blocks]) - rows.mean(axis=0)
-    excess = np.abs(difference) - ROUNDS * noise / np.sqrt(len(blocks[-1]))
-    n, k = np.unravel_index(int(np.argmax(excess)), excess.shape)
-    if excess[n, k] > still:
-        begin = period * sum(len(b) for b in blocks[:n])
+    motion, _ = motion_at_rest(rows, still)
+    if motion is not None:
         raise ArgumentError(
-            f"the log is not at rest: from {begin:.3g} to {begin + period * len(blocks[n]):.3g} s the {name} reads "
-            f"{difference[n, k]:+.3g} {unit} off its mean along {AXES[k]}, more than its noise plus {still:g} {unit}; "
-            "cut the log",
+            f"the log is not at rest: from {period * motion.begin:.3g} to {period * motion.end:.3g} s the {name} reads "
+            f"{motion.difference:+.3g} {unit} off its mean along {AXES[motion.component]}, more than its noise plus "
+            f"{still:g} {unit}; cut the log",
             name,
         )
+
+
+class MovedBlock(NamedTuple):
+    """Rows `begin` to `end` of a log, whose mean is off the mean of the log by `difference` in a component.
+
+    noise: standard deviation of one row in this component.
+    """
+
+    begin: int
+    end: int
+    component: int
+    difference: float
+    noise: float
+
+
+def motion_at_rest(
+    rows: np.ndarray, allowed: float = 0.0, allowed_deviations: float = 0.0
+) -> tuple[MovedBlock | None, np.ndarray]:
+    """Return the block of rows (n, k) that moves most, None if the log is at rest, and the means of all blocks (b, k).
+
+    A block moves if its mean is off the mean of the log by more than its noise plus `allowed`, in the unit of the rows,
+    plus `allowed_deviations` standard deviations of one row. The means are relative to that of the log.
+    """
+    noise = np.sqrt(np.mean(np.diff(rows, axis=0) ** 2, axis=0) / 2)  # of one row; slow motion cancels
+    blocks = np.array_split(rows, min(BLOCKS, len(rows) // 4))
+    means = np.array([b.mean(axis=0) for b in blocks]) - rows.mean(axis=0)
+    excess = np.abs(means) - ROUNDS * noise / np.sqrt(len(blocks[-1])) - allowed_deviations * noise
+    b, k = (int(i) for i in np.unravel_index(int(np.argmax(excess)), excess.shape))
+    if excess[b, k] <= allowed:
+        return None, means
+    begin = sum(len(block) for block in blocks[:b])
+    return MovedBlock(begin, begin + len(blocks[b]), k, float(means[b, k]), float(noise[k])), means
 
 
 def _attitude(up: np.ndarray, heading: float) -> np.ndarray:

@@ -13,13 +13,12 @@ from ..inference.chance import chi_squared_bound, chi_squared_chance, chi_square
 from ..inference.residuals import autocorrelation, portmanteau
 from ..results.refusal import ArgumentError
 from ..results.trajectory import Trajectory
+from .at_rest import motion_at_rest
 from .belief import InitialState, Readings
 from .manifold import Manifold
 from .system import System
 
 LEAST = 20  # readings of a sensor at rest: their deviation is then known to a third
-BLOCKS = 16  # parts of the log whose means are compared
-ROUNDS = 4.5  # standard deviations of a block mean: one of 16 white ones exceeds this once in 10,000 logs
 MOVES = 1.0  # standard deviations of one reading: a block mean that is further off, beyond its noise, shows a motion
 LAGS = 20
 COLOURED = 1e-3  # p-value of the Ljung-Box test below which noise at rest is coloured
@@ -86,17 +85,12 @@ def sensor_at_rest(system: System, rest: RestingLog, name: str) -> SensorAtRest:
             "its resolution divided by the square root of 12",
             "rest",
         )
-    fast = np.sqrt(np.mean(np.diff(errors, axis=0) ** 2, axis=0) / 2)  # of one reading; slow motion cancels
-    blocks = np.array_split(slow, min(BLOCKS, n // 4))
-    means = np.array([b.mean(axis=0) for b in blocks])
-    excess = np.abs(means) - ROUNDS * fast / np.sqrt(len(blocks[-1])) - MOVES * fast
-    b, k = np.unravel_index(int(np.argmax(excess)), excess.shape)
-    if excess[b, k] > 0:
-        first = sum(len(block) for block in blocks[:b])
+    motion, means = motion_at_rest(errors, allowed_deviations=MOVES)
+    if motion is not None:
         raise ArgumentError(
-            f"the log is not at rest: from {time[first]:.4g} to {time[first + len(blocks[b]) - 1]:.4g} s the mean of "
-            f"'{name}' is {means[b, k]:+.3g} {part.error_unit} off its mean over the whole rest, "
-            f"{abs(means[b, k]) / fast[k]:.2g} deviations of one reading; choose a shorter rest",
+            f"the log is not at rest: from {time[motion.begin]:.4g} to {time[motion.end - 1]:.4g} s the mean of "
+            f"'{name}' is {motion.difference:+.3g} {part.error_unit} off its mean over the whole rest, "
+            f"{abs(motion.difference) / motion.noise:.2g} deviations of one reading; choose a shorter rest",
             "rest",
         )
     notes, effective = [], np.full(len(deviation), float(n - 1))
@@ -111,7 +105,7 @@ def sensor_at_rest(system: System, rest: RestingLog, name: str) -> SensorAtRest:
                 "filter takes it as white, so its innovations may be coloured too"
             )
     ends = np.array([chi_squared_ends(LEVEL, k) for k in effective]) / effective[:, None]
-    slow_mean = np.std(means, axis=0, ddof=1) / np.sqrt(len(blocks))
+    slow_mean = np.std(means, axis=0, ddof=1) / np.sqrt(len(means))
     return SensorAtRest(
         mean[0], deviation, deviation / np.sqrt(ends[:, 1]), deviation / np.sqrt(ends[:, 0]),
         np.maximum(deviation / np.sqrt(n), slow_mean), tuple(notes),

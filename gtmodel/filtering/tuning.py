@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..linear.roots import bisected
+from ..results.estimate import half_width
 from ..results.refusal import ArgumentError
 from ..results.trajectory import Trajectory
 from .belief import SAME_INSTANT, Belief, InitialState, Readings, instants, readings_of
@@ -120,7 +121,7 @@ def tune(
     groups = [] if stopped else [*flat_directions(names, curvature)]
     if not stopped:
         variance = _variances(names, curvature, groups)
-    half = np.nan_to_num(1.959963984540054 * np.sqrt(variance), nan=np.inf)
+    half = np.nan_to_num(half_width(0.95) * np.sqrt(variance), nan=np.inf)
     tuned = _scaled(system, names, best.x)
     values = {n: tuned.process.noise[n[:-8]] if n.endswith(".density") else tuned.deviations[n[:-10]] for n in names}
     factors = {n: float(np.exp(x)) for n, x in zip(names, best.x, strict=True)}

@@ -194,3 +194,25 @@ def test_true_and_false_keep_their_meaning_and_a_clock_may_restart_with_a_sessio
     for old, new in ((True, "linear"), (False, "none"), (True, ["linear"])):
         assert str(calibrated(s, drift=old)) == str(calibrated(s, drift=new))
     assert calibrated(drawn("none", 0), session=np.repeat([1, 2], 50), time=np.r_[TIME[:50], TIME[:50]]).status.ok
+
+
+def table(count: int) -> None:
+    """The table of docs/kinds/wrench_calibration.md."""
+    for sweep in (False, True):
+        for drift in ("none", "linear", "blocks"):
+            rows = []
+            for k in range(count):
+                s = drawn("walk", k, sweep=sweep)
+                estimate = calibrated(s, drift=drift).force
+                low, high = estimate.interval("mass")
+                rows.append((s.mass, estimate.value("mass") - s.mass, (high - low) / 2))
+            mass, error, half = np.array(rows).T
+            print(
+                f"{'slow sweep' if sweep else 'random':<11}{drift:<7}rms {1e3 * np.sqrt(np.mean(error**2)):5.2g} g, "
+                f"half-width {1e3 * np.mean(half):5.3g} g, {100 * np.mean(np.abs(error) <= half):.0f} % hit, "
+                f"{100 * np.mean(np.abs(error) >= WITHIN * mass):.0f} % off"
+            )
+
+
+if __name__ == "__main__":
+    table(MANY)
