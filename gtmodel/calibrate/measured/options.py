@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from ...lang.units import UnitError, parse_unit
+from ...measurements.joining import Clock, RowJoin
 from ...results.options import Long, Options, Unit, Within
 from ...results.refusal import ArgumentError, renamed
 
@@ -70,8 +71,9 @@ class MeasuredSignal(Options):
         str | None, "file of this signal, if not that of the poses, such as of the tracker; path from its folder"
     ] = None  # fmt: skip
     join: Annotated[
-        str | None,
-        "column in both files that names the pose of a row; if left out, row n of both files is pose n",
+        str | RowJoin | None,
+        "column in both files that names the pose of a row, or a table such as { match = \"at_rest\" }; if left out, "
+        "row n of both files is pose n",
     ] = None  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -195,6 +197,7 @@ class Measured(Options):
         "by the model's variables: q, T, e; components: T[2]; points; distances; of a row's second pose: q@2",
     ]  # fmt: skip
     session: Annotated[str | None, "column that names the recording of a row"] = None
+    time: Annotated[Clock | None, "time column of the poses, for a join in time and for a drift"] = None
     actuators: Annotated[str, "variable that the drives measure"] = "q"
     position: Annotated[str, "variable that the device measures"] = "T"
     orientation: Annotated[str | None, "its quaternion, scalar first, if measured"] = None

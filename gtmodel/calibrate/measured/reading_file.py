@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from ...results.disk import path_of
 from ...results.refusal import naming
 from ..measurements import Correction, FixedPoint, Measurements, Pose
 from .options import ESTIMATE, Measured, MeasuredSignal, Sag
-from .other_files import Wanted, file_of, with_other_files
+from .other_files import PoseFile, Wanted, file_of, with_other_files
 from .poses import MeasuredPoses
 
 
@@ -63,7 +64,12 @@ def read_poses(
         sources.append(path_of(held_out, "held_out"))
         tables.append(_table(sources[1], columns, measured, form, "held_out.file"))
         mask = np.repeat([False, True], [len(t.lines) for t in tables])
-    tables = with_other_files(tables, sources, columns, measured, form)
+    left_out = [measured.leave_out, ()]
+    files = [
+        PoseFile(source, table, partial(signal_table.read, source, form=form, leave_out=lines))
+        for source, table, lines in zip(sources, tables, left_out, strict=False)
+    ]
+    tables = with_other_files(files, columns, measured, form)
     measurements = _measurements(tables, measured, sources)
     lines = np.concatenate([t.lines for t in tables])
     notes = [t.synthetic for t in tables if t.synthetic]
