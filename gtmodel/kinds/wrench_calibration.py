@@ -68,7 +68,7 @@ class ReadingsSection(LogReading):
     drift: bool | Drift | list[Drift] = Field(
         default="none",
         description="drifts of the biases to estimate, one or several: linear in time, by session, with temperature; "
-        "or blocks, for an irregular drift; true is linear, false none",
+        "random_walk, of a size that is estimated, or blocks, for an irregular drift; true is linear, false none",
     )
     accept: list[WrenchAlarm] = Field(
         default_factory=list, description="alarms about the readings that become notes instead of errors"

@@ -213,9 +213,11 @@ def drifts(
     unit: str = "",
     least: float = 0.0,
     over: str = "the recording",
+    rate: float = 0.0,
 ) -> Suspicion:
     """Test for a linear drift of the readings with `time` (rows,), with a slope for each channel; `over` names the
-    range of `time`, which may be another condition, such as a temperature."""
+    range of `time`, which may be another condition, such as a temperature. rate: recordings in an hour, to say the
+    drift in an hour, too."""
     rows = _rows(r)
     t = np.asarray(time, float)
     span = float(np.ptp(t))
@@ -224,8 +226,10 @@ def drifts(
     if np.isnan(test.p):
         return Suspicion(name, f"drift: {TOO_FEW}", np.nan, remedy)
     size = float(np.linalg.norm(_drifts(J, rows, line)))
+    said = f"{size:.3g}{unit and f' {unit}'} over {over}"
+    said += f", {rate * size:.3g}{unit and f' {unit}'} per hour" if rate else ""
     return Suspicion(
-        name, f"the readings drift by {size:.3g}{unit and f' {unit}'} over {over} ({shown_p(test.p)})", test.p,
+        name, f"the readings drift by {said} ({shown_p(test.p)})", test.p,
         remedy,
     )  # fmt: skip
 
