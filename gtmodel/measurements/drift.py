@@ -30,7 +30,8 @@ class DriftBasis:
     """Conditions of the rows (n,), and the drifts to estimate, relative to the last row.
 
     time [s]; session: numbers of the recordings, or None; temperature [K], or None. clock: whether the time was
-    measured; otherwise it counts the rows.
+    measured; otherwise it counts the rows. origin: time and temperature at which the drift is zero; by default those of
+    the last row.
     """
 
     kinds: tuple[DriftKind, ...]
@@ -38,6 +39,7 @@ class DriftBasis:
     session: np.ndarray | None = None
     temperature: np.ndarray | None = None
     clock: bool = True
+    origin: tuple[float, float] | None = None
 
     @property
     def starts(self) -> tuple[int, ...]:
@@ -61,9 +63,10 @@ class DriftBasis:
         """Prefix of the names, unit after that of the readings, and column (n,) of each drift to estimate."""
         parts = list[tuple[str, str, np.ndarray]]()
         if "linear" in self.kinds:
-            parts.append(("drift", "/s", self.time - self.time[-1]))
+            parts.append(("drift", "/s", self.time - (self.time[-1] if self.origin is None else self.origin[0])))
         if "temperature" in self.kinds and self.temperature is not None:
-            parts.append(("thermal", "/K", self.temperature - self.temperature[-1]))
+            zero = self.temperature[-1] if self.origin is None else self.origin[1]
+            parts.append(("thermal", "/K", self.temperature - zero))
         if "session" in self.kinds and self.session is not None:
             parts += groups("session", self.session)
         if "blocks" in self.kinds:
@@ -72,13 +75,14 @@ class DriftBasis:
 
     def suspicions(
         self, name: str, unit: str, J: np.ndarray, rest: np.ndarray, *, least: float = 0.0, key: str = "drift",
-        other: str = "", kinds: Collection[DriftKind] = get_args(DriftKind),
+        other: str = "", kinds: Collection[DriftKind] = get_args(DriftKind), by: np.ndarray | None = None,
     ) -> list[Suspicion]:  # fmt: skip
         """Test whether residuals (n, channels) in `unit`, of a fit with Jacobian J (n, channels, p), drift with each
         condition. A drift that is estimated leaves nothing to test; intervals of irregular drifts allow for all.
 
         name: of the readings, such as "force". key: of the file, and kinds: its values, for the remedies; other:
-        another remedy.
+        another remedy. by: derivative (n, channels, k) of the residuals by the readings in `unit`; by default each
+        residual is that of one reading.
         """
         from ..results.suspicion import Suspicion
         from .inspection import residual_tests
@@ -92,13 +96,13 @@ class DriftBasis:
         over, span = "the recording", float(np.ptp(self.running))
         outcomes = [residual_tests.drifts(
             J, rest, self.time, remedy("linear"), name=f"{name}_drift", unit=unit, least=least, over=over,
-            rate=HOUR / span if self.clock else 0.0,
+            rate=HOUR / span if self.clock and span > 0 else 0.0, by=by,
         )]  # fmt: skip
         if self.temperature is not None and np.ptp(self.temperature) > 0:
             over = f"the range of temperature, {np.ptp(self.temperature):.3g} K,"
             outcomes.append(residual_tests.drifts(
                 J, rest, self.temperature, remedy("temperature"), name=f"{name}_temperature", unit=unit, least=least,
-                over=over,
+                over=over, by=by,
             ))  # fmt: skip
         if self.session is not None and len(self.starts) > 1:
             rows = rest.reshape(len(rest), -1)

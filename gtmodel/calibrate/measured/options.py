@@ -15,6 +15,7 @@ from ...results.refusal import ArgumentError, renamed
 
 Free = Literal["estimate"]
 ESTIMATE: Free = "estimate"
+DeviceDrift = Literal["none", "linear", "temperature"]
 
 
 @dataclass(frozen=True)
@@ -198,6 +199,11 @@ class Measured(Options):
     ]  # fmt: skip
     session: Annotated[str | None, "column that names the recording of a row"] = None
     time: Annotated[Clock | None, "time column of the poses, for a join in time and for a drift"] = None
+    temperature: Annotated[str | None, "column with the temperature in K or its changes, for a drift"] = None
+    drift: Annotated[
+        DeviceDrift | list[DeviceDrift],
+        "drift of the measured position to estimate, one or several: linear in time, or with temperature",
+    ] = "none"  # fmt: skip
     actuators: Annotated[str, "variable that the drives measure"] = "q"
     position: Annotated[str, "variable that the device measures"] = "T"
     orientation: Annotated[str | None, "its quaternion, scalar first, if measured"] = None

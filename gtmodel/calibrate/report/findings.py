@@ -25,6 +25,7 @@ from ..prediction import MAD, Outlier, Prediction, outliers
 from ..problem import CalibrationProblem, noise_covariance
 from ..sensitivity import Sensitivity, sensitivity
 from ..variants import cost_of, too_few
+from .device_drift import device_drifts
 from .diagnostics import Shift, against_noise, between_sessions, contradicted_priors, pattern, shift_of
 from .far_poses import FarPose, far_poses, sentence as far_sentence
 from .intervals import Confidence, weighed_over_noise
@@ -139,7 +140,9 @@ class CalibrationFindings:
     @cached_property
     def left(self) -> tuple[dict[str, Check], list[str]]:
         """Results of the residual tests of every run: checks and sentences."""
-        return suspicion_checks(tested(Data(residuals=self.calibration.residuals)), self.inspection.accepted)
+        drifts = device_drifts(self.calibration, self.data.pose, _length_noise(self.calibration, self.loss))
+        tests = [*tested(Data(residuals=self.calibration.residuals)), *drifts]
+        return suspicion_checks(tests, self.inspection.accepted)
 
     @cached_property
     def over_noise(self) -> OverNoise | None:
