@@ -140,7 +140,7 @@ class CalibrationFindings:
     @cached_property
     def left(self) -> tuple[dict[str, Check], list[str]]:
         """Results of the residual tests of every run: checks and sentences."""
-        drifts = device_drifts(self.calibration, self.data.pose, _length_noise(self.calibration, self.loss))
+        drifts = device_drifts(self.calibration, self.data.pose, length_covariance(self.calibration, self.loss))
         tests = [*tested(Data(residuals=self.calibration.residuals)), *drifts]
         return suspicion_checks(tests, self.inspection.accepted)
 
@@ -316,7 +316,7 @@ def _of_part(
     return CalibrationFindings(
         c.problem, data, c, before, _predicted(c, data.fitted, data),
         {} if kept is None else _predicted(held, kept, data),
-        prior, outliers(c.residuals, _basis(c, fit.loss), _length_noise(c, fit.loss)), _sensitivity(fit, c),
+        prior, outliers(c.residuals, _basis(c, fit.loss), length_covariance(c, fit.loss)), _sensitivity(fit, c),
         _repeatability(data), fit.loss, inspection,
         (), None if held is c else held, kept, variant=fit.variant,
     )  # fmt: skip
@@ -332,7 +332,7 @@ def _basis(c: Calibration, loss: str) -> np.ndarray | None:
     return U[:, s > RANK * s.max(initial=0.0)].reshape(*J.shape[:2], -1)
 
 
-def _length_noise(c: Calibration, loss: str) -> tuple[np.ndarray, np.ndarray] | None:
+def length_covariance(c: Calibration, loss: str) -> tuple[np.ndarray, np.ndarray] | None:
     """Jacobian (N, m, n) of the lengths, without columns for a robust loss, and their covariance (N, m, m) from the
     stated noise; None if it is not fully stated or does not affect every length."""
     p = c.problem
