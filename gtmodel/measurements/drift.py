@@ -5,7 +5,7 @@ Used for the bias of a force sensor, the place of a measuring device, and the bi
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
@@ -76,13 +76,14 @@ class DriftBasis:
     def suspicions(
         self, name: str, unit: str, J: np.ndarray, rest: np.ndarray, *, least: float = 0.0, key: str = "drift",
         other: str = "", kinds: Collection[DriftKind] = get_args(DriftKind), by: np.ndarray | None = None,
+        white: Callable[[np.ndarray], np.ndarray] | None = None,
     ) -> list[Suspicion]:  # fmt: skip
         """Test whether residuals (n, channels) in `unit`, of a fit with Jacobian J (n, channels, p), drift with each
         condition. A drift that is estimated leaves nothing to test; intervals of irregular drifts allow for all.
 
         name: of the readings, such as "force". key: of the file, and kinds: its values, for the remedies; other:
         another remedy. by: derivative (n, channels, k) of the residuals by the readings in `unit`; by default each
-        residual is that of one reading.
+        residual is that of one reading. white: whitens columns (n, channels, k), if J and the residuals are whitened.
         """
         from ..results.suspicion import Suspicion
         from .inspection import residual_tests
@@ -96,13 +97,13 @@ class DriftBasis:
         over, span = "the recording", float(np.ptp(self.running))
         outcomes = [residual_tests.drifts(
             J, rest, self.time, remedy("linear"), name=f"{name}_drift", unit=unit, least=least, over=over,
-            rate=HOUR / span if self.clock and span > 0 else 0.0, by=by,
+            rate=HOUR / span if self.clock and span > 0 else 0.0, by=by, white=white,
         )]  # fmt: skip
         if self.temperature is not None and np.ptp(self.temperature) > 0:
             over = f"the range of temperature, {np.ptp(self.temperature):.3g} K,"
             outcomes.append(residual_tests.drifts(
                 J, rest, self.temperature, remedy("temperature"), name=f"{name}_temperature", unit=unit, least=least,
-                over=over, by=by,
+                over=over, by=by, white=white,
             ))  # fmt: skip
         if self.session is not None and len(self.starts) > 1:
             rows = rest.reshape(len(rest), -1)

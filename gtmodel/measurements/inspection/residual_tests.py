@@ -3,6 +3,7 @@ tests."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -215,10 +216,12 @@ def drifts(
     over: str = "the recording",
     rate: float = 0.0,
     by: np.ndarray | None = None,
+    white: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> Suspicion:
     """Test for a linear drift of the readings with `time` (rows,), with a slope for each channel; `over` names the
     range of `time`, which may be another condition, such as a temperature. rate: recordings in an hour, to say the
     drift in an hour, too. by: derivative (rows, channels, k) of the residuals by what drifts; by default the channels.
+    white: whitens columns (rows, channels, k), if J and r are whitened.
     """
     rows = _rows(r)
     by = np.broadcast_to(np.eye(rows.shape[1]), (len(rows), rows.shape[1], rows.shape[1])) if by is None else by
@@ -226,6 +229,7 @@ def drifts(
     span = float(np.ptp(t))
     line = (t - t.mean()) / (span or 1.0)
     lines = line[:, None, None] * by
+    lines = lines if white is None else white(lines)
     test = explained_by(J, rows, lines, least=least)
     if np.isnan(test.p):
         return Suspicion(name, f"drift: {TOO_FEW}", np.nan, remedy)
