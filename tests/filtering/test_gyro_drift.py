@@ -17,7 +17,7 @@ from gtmodel.results import ArgumentError, Trajectory
 from gtmodel.results.suspicion import alarms
 
 DRIFT = np.array([4e-4, -2e-4, 3e-4])  # rad/s2, 0.02 deg/s in a second: a low-cost gyro that warms up
-MADE = gt.filtering.SyntheticAttitude(duration=14.0, relative=0.002)
+MADE = gt.filtering.SyntheticAttitude(duration=11.0, relative=0.002)
 
 
 def test_the_path_with_a_drift_is_that_of_corrected_readings_and_its_derivative_that_of_differences() -> None:
@@ -74,9 +74,10 @@ def test_a_drift_of_the_bias_is_named_and_once_estimated_its_interval_holds(
     assert any(row.label == f"bias_{word}[0]" for row in study.rows)
 
 
-def test_a_steady_bias_names_no_drift() -> None:
+@pytest.mark.parametrize("count", [3, pytest.param(60, marks=pytest.mark.proof)])
+def test_a_steady_bias_names_no_drift(count: int) -> None:
     """By the calibration alone, of which each takes a second."""
-    count, named = 10, 0
+    named = 0
     for seed in range(10, 10 + count):
         made = gt.filtering.synthetic_attitude(replace(MADE, seed=seed)).recording
         time = gt.filtering.sampled_instants(made.gyro.time, MADE.sample_period)
