@@ -73,7 +73,7 @@ def random_walk_fit(
     >>> J = np.column_stack([np.ones(200), x])[:, None, :]
     >>> fit = gt.inference.random_walk_fit(J, y[:, None], time, ["bias", "slope"])
     >>> fit.estimate.values[1].round(2), fit.density.round(2), round(fit.noise, 2)
-    (np.float64(3.0), array([0.05]), 0.11)
+    (np.float64(3.01), array([0.04]), 0.1)
     """
     n, channels, p = J.shape
     count = values.size
@@ -105,14 +105,15 @@ def random_walk_fit(
     covariance = own + np.einsum("g,gi,gj->ij", weight, apart, apart)
     variances = np.einsum("gii->gi", g.covariance) / np.diag(own)
     spread = float(np.max(weight @ (variances - 1) ** 2)) + (0.0 if sigma is not None else 2.0 / (count - p))
-    freedom = min(4.0 + 2.0 / spread, float(count - p)) if spread > 0 else float(count - p)
-    covariance = covariance * (freedom - 2) / freedom / np.outer(scale, scale)
+    degrees_of_freedom = min(4.0 + 2.0 / spread, float(count - p)) if spread > 0 else float(count - p)
+    covariance = covariance * (degrees_of_freedom - 2) / degrees_of_freedom / np.outer(scale, scale)
     best = int(np.argmax(weight))
     noise = float(np.sqrt(g.noise[best]))
     ratio = np.exp([axes[c, k] for c, k in enumerate(g.place[:, best])])
     mean = mean / scale
     estimate = Estimate(
-        tuple(names), mean, (covariance + covariance.T) / 2, freedom, noise, False, (values - J @ mean).reshape(-1),
+        tuple(names), mean, (covariance + covariance.T) / 2, degrees_of_freedom, noise, False,
+        (values - J @ mean).reshape(-1),
         (), units=tuple(units),
     )  # fmt: skip
     return RandomWalkFit(estimate, noise * np.sqrt(ratio / step), noise, np.asarray(time, float))

@@ -1,4 +1,4 @@
-"""Rows of two recordings or files that belong together: by number, by order, by time, or at rest."""
+"""JoinRows of two recordings or files that belong together: by number, by order, by time, or at rest."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ STILL = 1e-5  # of a signal's range over the recording: a smaller change of a me
 
 
 @dataclass(frozen=True)
-class Clock(Options):
+class ClockColumn(Options):
     """The time column of a file.
 
-    >>> gt.measurements.Clock("stamp", "ms").unit
+    >>> gt.measurements.ClockColumn("stamp", "ms").unit
     'ms'
     """
 
@@ -52,11 +52,11 @@ class RowJoin(Options):
     ] = None  # fmt: skip
     number: Annotated[str | None, "number: column of both files with the number or name of the row"] = None
     rest: Annotated[float, Unit("s"), Within(above=0.0), "at_rest: length of the rest"] = 0.2
-    time: Annotated[Clock | None, "time column of the other file; as in the first one if left out"] = None
+    time: Annotated[ClockColumn | None, "time column of the other file; as in the first one if left out"] = None
 
 
-class Rows(NamedTuple):
-    """Rows of a file or recording, for messages and joins.
+class JoinRows(NamedTuple):
+    """JoinRows of a file or recording, for messages and joins.
 
     name: in a sentence. where: returns the place of a row in a sentence. keys: number or name of each row. time: of
     each row (n,) [s].
@@ -69,7 +69,7 @@ class Rows(NamedTuple):
     time: np.ndarray = np.zeros(0)
 
 
-def by_order(first: Rows, other: Rows) -> np.ndarray:
+def by_order(first: JoinRows, other: JoinRows) -> np.ndarray:
     """Return the row of `other` for each row of `first`, in the same order. Raises LogError if the numbers differ."""
     if first.count != other.count:
         longer, place = (first, other.count) if first.count > other.count else (other, first.count)
@@ -80,7 +80,7 @@ def by_order(first: Rows, other: Rows) -> np.ndarray:
     return np.arange(first.count)
 
 
-def by_number(firsts: Sequence[Rows], other: Rows, column: str, *, one_to_one: bool = True) -> list[np.ndarray]:
+def by_number(firsts: Sequence[JoinRows], other: JoinRows, column: str, *, one_to_one: bool = True) -> list[np.ndarray]:
     """Return the rows of `other` with the keys of each of `firsts`.
 
     one_to_one: whether each row of `other` must have exactly one partner; else any number. Raises LogError for a row
@@ -128,7 +128,7 @@ def _plain(text: str) -> str:
 
 
 def in_time(
-    first: Rows, other: Rows, values: Mapping[str, np.ndarray], join: RowJoin, natures: Mapping[str, Nature]
+    first: JoinRows, other: JoinRows, values: Mapping[str, np.ndarray], join: RowJoin, natures: Mapping[str, Nature]
 ) -> dict[str, np.ndarray]:
     """Return the values (m, k) of `other` at the times of `first`.
 
@@ -156,14 +156,14 @@ def in_time(
         even = smooth(Trajectory(clock, dict(values)), of).resample(ascending)
         turned = rotations_again({name: even[name] for name in even.names}, of)
         return {name: np.asarray(turned.get(name, even[name]))[back] for name in values}
-    rests = _rests(first, other.name, clock, values, join)
+    pairs = _rests(first, other.name, clock, values, join)
     return {
-        name: np.array([v[(a + b) // 2] if name in natures else v[a:b].mean(axis=0) for a, b in rests])
+        name: np.array([v[(a + b) // 2] if name in natures else v[a:b].mean(axis=0) for a, b in pairs])
         for name, v in values.items()
     }
 
 
-def _nearest(first: Rows, clock: np.ndarray, tolerance: float | None) -> np.ndarray:
+def _nearest(first: JoinRows, clock: np.ndarray, tolerance: float | None) -> np.ndarray:
     if tolerance is None:
         raise ArgumentError("is missing; give the largest difference of the times", "tolerance")
     after = np.clip(np.searchsorted(clock, first.time), 1, max(len(clock) - 1, 1))
@@ -179,7 +179,7 @@ def _nearest(first: Rows, clock: np.ndarray, tolerance: float | None) -> np.ndar
 
 
 def _rests(
-    first: Rows, name: str, clock: np.ndarray, values: Mapping[str, np.ndarray], join: RowJoin
+    first: JoinRows, name: str, clock: np.ndarray, values: Mapping[str, np.ndarray], join: RowJoin
 ) -> list[tuple[int, int]]:
     """Return begin and end of the rest nearest to the time of each row. Raises LogError if there is none or two."""
     columns = np.column_stack([v.reshape(len(clock), -1) for v in values.values()])
@@ -195,7 +195,7 @@ def _rests(
             return None
         return (begin, end) if motion_at_rest(columns[begin:end], STILL)[0] is None else None
 
-    found = list[tuple[int, int]]()
+    rests = list[tuple[int, int]]()
     for row, t in enumerate(first.time.tolist()):
         sides = [next((r for s in steps if (r := rest(t + sign * s)) is not None), None) for sign in (-1.0, 1.0)]
         pair = list(dict.fromkeys(r for r in sides if r is not None))
@@ -210,8 +210,8 @@ def _rests(
                 f"{first.where(row)}: {name} moves at {t:.6g} s, and rests before and after it in different places: "
                 "compare the clocks, or give a smaller tolerance"
             )
-        found.append(min(pair, key=lambda r: abs(clock[r[0]] + clock[r[1] - 1] - 2 * t)))
-    return found
+        rests.append(min(pair, key=lambda r: abs(clock[r[0]] + clock[r[1] - 1] - 2 * t)))
+    return rests
 
 
 def joined(
@@ -243,8 +243,8 @@ def joined(
             raise ArgumentError("is missing; name the column with the number of the row", "number")
         names.remove(number)
     keys = [[f"{x:.17g}" for x in t[number]] if join.match == "number" else () for t in (first, other)]
-    mine = Rows("the first recording", lambda k: f"row {k + 1}", len(first), keys[0], first.time)
-    theirs = Rows("the other recording", lambda k: f"row {k + 1} of the other", len(other), keys[1], other.time)
+    mine = JoinRows("the first recording", lambda k: f"row {k + 1}", len(first), keys[0], first.time)
+    theirs = JoinRows("the other recording", lambda k: f"row {k + 1} of the other", len(other), keys[1], other.time)
     if join.match in IN_TIME:
         values = in_time(mine, theirs, {n: other[n] for n in names}, join, natures or {})
     else:

@@ -17,7 +17,7 @@ import gtmodel as gt
 from gtmodel.calibrate import Calibration, Choice, Measured, MeasuredSignal, Measurements, Pose, calibrate, read_poses
 from gtmodel.calibrate.report.device_drift import device_drifts
 from gtmodel.calibrate.report.findings import length_covariance
-from gtmodel.measurements import Clock
+from gtmodel.measurements import ClockColumn
 from gtmodel.results import ArgumentError
 from gtmodel.results.suspicion import alarms
 
@@ -99,7 +99,7 @@ def test_a_file_with_a_clock_is_read_and_the_study_says_what_to_set(tmp_path: Pa
     signals = {"q": MeasuredSignal("q", "mm", deviation=5e-3), "T": MeasuredSignal("T", "mm", deviation=2e-2)}
     robot = disturbed(true_robot("three_link"), ("L",), 1e-3, 5)
     studies = [
-        gt.calibrate.study(robot, read_poses(tmp_path / "poses.csv", Measured(signals, time=Clock("t"), drift=drift)),
+        gt.calibrate.study(robot, read_poses(tmp_path / "poses.csv", Measured(signals, time=ClockColumn("t"), drift=drift)),
                            gt.calibrate.Fit(free=["L"] if drift == "none" else ["L", "T.drift"]))
         for drift in ("none", "linear")
     ]  # fmt: skip

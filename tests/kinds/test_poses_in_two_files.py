@@ -9,7 +9,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.calibrate import Measured, MeasuredPoses, MeasuredSignal, read_poses
-from gtmodel.measurements import Clock, RowJoin
+from gtmodel.measurements import ClockColumn, RowJoin
 from gtmodel.problem_files import InputError
 from gtmodel.results import ArgumentError
 from tests.calibrate.shipped import PROBLEMS
@@ -146,20 +146,20 @@ def in_time(folder: Path, late: float, jitter: float, join: RowJoin) -> Measured
     written(folder / "robot.csv", "stamp,q[0],q[1],q[2]", np.column_stack([1e3 * time, q]))
     written(folder / "tracker.csv", "t,T[0],T[1],T[2]", np.column_stack([AT + late, ROWS[:, 3:]])[SHUFFLED])
     signals = {"q": MeasuredSignal("q", "mm", file="robot.csv", join=join), "T": MeasuredSignal("T", "mm")}
-    return read_poses(folder / "tracker.csv", Measured(signals, time=Clock("t")))
+    return read_poses(folder / "tracker.csv", Measured(signals, time=ClockColumn("t")))
 
 
 @pytest.mark.parametrize("late", [0.0, 0.25, -0.45])
 def test_the_rest_of_a_robots_log_gives_the_poses_by_hand_with_less_noise(tmp_path: Path, late: float) -> None:
     jitter = 0.02  # mm; the mean of 50 rows has a seventh of it
-    made = in_time(tmp_path, late, jitter, RowJoin("at_rest", tolerance=0.4, time=Clock("stamp", "ms")))
+    made = in_time(tmp_path, late, jitter, RowJoin("at_rest", tolerance=0.4, time=ClockColumn("stamp", "ms")))
     q = 1e3 * np.asarray(made.measurements.values["q"], float)
     assert np.std(q - ROWS[SHUFFLED, :3]) == pytest.approx(jitter / np.sqrt(50), rel=0.1)
     assert made.lines is not None and made.lines.tolist() == list(range(2, len(ROWS) + 2))
 
 
 def test_the_nearest_and_the_interpolated_row_of_a_robots_log(tmp_path: Path) -> None:
-    clock = Clock("stamp", "ms")
+    clock = ClockColumn("stamp", "ms")
     for join in (RowJoin("nearest", tolerance=0.003, time=clock), RowJoin("interpolated", time=clock)):
         made = in_time(tmp_path, 0.1, 0.0, join)
         assert np.allclose(1e3 * np.asarray(made.measurements.values["q"]), ROWS[SHUFFLED, :3], atol=1e-9)
@@ -168,10 +168,14 @@ def test_the_nearest_and_the_interpolated_row_of_a_robots_log(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("late", "join", "argument"),
     [
-        (-0.7, RowJoin("at_rest", time=Clock("stamp", "ms")), "measured.signals.q.join"),  # while the robot moves
-        (-0.7, RowJoin("at_rest", tolerance=0.5, time=Clock("stamp", "ms")), "measured.signals.q.join"),  # which rest?
-        (0.1, RowJoin("nearest", time=Clock("stamp", "ms")), "measured.signals.q.join.tolerance"),
-        (9.0, RowJoin("interpolated", time=Clock("stamp", "ms")), "measured.signals.q.join"),
+        (-0.7, RowJoin("at_rest", time=ClockColumn("stamp", "ms")), "measured.signals.q.join"),  # while the robot moves
+        (
+            -0.7,
+            RowJoin("at_rest", tolerance=0.5, time=ClockColumn("stamp", "ms")),
+            "measured.signals.q.join",
+        ),  # which rest?
+        (0.1, RowJoin("nearest", time=ClockColumn("stamp", "ms")), "measured.signals.q.join.tolerance"),
+        (9.0, RowJoin("interpolated", time=ClockColumn("stamp", "ms")), "measured.signals.q.join"),
         (0.1, RowJoin("number"), "measured.signals.q.join.number"),
     ],
 )
@@ -184,7 +188,7 @@ def test_a_pose_without_a_rest_is_named(tmp_path: Path, late: float, join: RowJo
 
 
 def test_a_left_out_line_and_a_problem_file_with_a_join_at_rest(tmp_path: Path) -> None:
-    in_time(tmp_path, 0.0, 0.0, RowJoin("at_rest", time=Clock("stamp", "ms")))
+    in_time(tmp_path, 0.0, 0.0, RowJoin("at_rest", time=ClockColumn("stamp", "ms")))
     settings = [
         f"measurements.file='{tmp_path / 'tracker.csv'}'", f"measurements.signals.q.file='{tmp_path / 'robot.csv'}'",
         "measurements.signals.q.join.match='at_rest'", "measurements.signals.q.join.time.column='stamp'",

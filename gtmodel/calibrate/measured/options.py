@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from ...lang.units import UnitError, parse_unit
-from ...measurements.joining import Clock, RowJoin
+from ...measurements.joining import ClockColumn, RowJoin
 from ...results.options import Long, Options, Unit, Within
 from ...results.refusal import ArgumentError, renamed
 
@@ -198,7 +198,7 @@ class Measured(Options):
         "by the model's variables: q, T, e; components: T[2]; points; distances; of a row's second pose: q@2",
     ]  # fmt: skip
     session: Annotated[str | None, "column that names the recording of a row"] = None
-    time: Annotated[Clock | None, "time column of the poses, for a join in time and for a drift"] = None
+    time: Annotated[ClockColumn | None, "time column of the poses, for a join in time and for a drift"] = None
     temperature: Annotated[str | None, "column with the temperature in K or its changes, for a drift"] = None
     drift: Annotated[
         DeviceDrift | list[DeviceDrift],

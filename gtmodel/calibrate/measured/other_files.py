@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ...measurements import Clock, LogForm, RowJoin, signal_table
-from ...measurements.joining import IN_TIME, Rows, by_number, by_order, in_time
+from ...measurements import ClockColumn, LogForm, RowJoin, signal_table
+from ...measurements.joining import IN_TIME, JoinRows, by_number, by_order, in_time
 from ...measurements.signal_table import SignalTable
 from ...results import ArgumentError
 from ...results.interpolation import Nature
@@ -134,7 +134,7 @@ def _in_time(
     return joined
 
 
-def _clock(clock: Clock) -> Wanted:
+def _clock(clock: ClockColumn) -> Wanted:
     return {CLOCK: (clock.column, clock.unit)}
 
 
@@ -145,8 +145,10 @@ def _nature(representation: str | None) -> Nature | None:
     return ROTATIONS.get(representation.split()[0], "angle")
 
 
-def _rows(path: Path, table: SignalTable, keys: Sequence[str] | None = None, **more: Any) -> Rows:
-    return Rows(f"'{path.name}'", lambda k: f"{path.name} line {table.lines[k]}", len(table.lines), keys or (), **more)
+def _rows(path: Path, table: SignalTable, keys: Sequence[str] | None = None, **more: Any) -> JoinRows:
+    return JoinRows(
+        f"'{path.name}'", lambda k: f"{path.name} line {table.lines[k]}", len(table.lines), keys or (), **more
+    )
 
 
 def _read(read: Reader, names: Mapping[str, Any], join: str | None, argument: str) -> SignalTable:

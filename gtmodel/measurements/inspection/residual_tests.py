@@ -233,7 +233,7 @@ def drifts(
     test = explained_by(J, rows, lines, least=least)
     if np.isnan(test.p):
         return Suspicion(name, f"drift: {TOO_FEW}", np.nan, remedy)
-    size = float(np.linalg.norm(_slopes(J, rows, lines)))
+    size = float(np.linalg.norm(_factors(J, rows, lines)))
     said = f"{size:.3g}{unit and f' {unit}'} over {over}"
     said += f", {rate * size:.3g}{unit and f' {unit}'} per hour" if rate else ""
     return Suspicion(
@@ -320,7 +320,7 @@ def _orthonormal(A: np.ndarray, unit: float | None = None) -> np.ndarray:
     return U[:, s**2 > IN_SPAN]
 
 
-def _slopes(J: np.ndarray, rows: np.ndarray, lines: np.ndarray) -> np.ndarray:
+def _factors(J: np.ndarray, rows: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """Return the factors (k,) of columns (rows, channels, k), fitted together with those of J."""
     both = np.hstack([part.reshape(rows.size, -1) for part in (lines, np.asarray(J, float))])
     size = np.maximum(np.linalg.norm(both, axis=0), np.finfo(float).tiny)
