@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Annotated, Literal, NamedTuple, get_args
+from dataclasses import dataclass, field
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 
@@ -55,7 +55,8 @@ class RowJoin(Options):
     time: Annotated[ClockColumn | None, "time column of the other file; as in the first one if left out"] = None
 
 
-class JoinRows(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class JoinRows:
     """JoinRows of a file or recording, for messages and joins.
 
     name: in a sentence. where: returns the place of a row in a sentence. keys: number or name of each row. time: of
@@ -66,7 +67,7 @@ class JoinRows(NamedTuple):
     where: Callable[[int], str]
     count: int
     keys: Sequence[str] = ()
-    time: np.ndarray = np.zeros(0)
+    time: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
 def by_order(first: JoinRows, other: JoinRows) -> np.ndarray:
@@ -151,7 +152,7 @@ def in_time(
             f"are outside {other.name}, from {clock[0]:.6g} to {clock[-1]:.6g} s"
         )
     if join.match == "interpolated":
-        of = {(name,): nature for name, nature in natures.items()}
+        of: dict[tuple[str, ...], Nature] = {(name,): nature for name, nature in natures.items()}
         ascending, back = np.unique(first.time, return_inverse=True)
         even = smooth(Trajectory(clock, dict(values)), of).resample(ascending)
         turned = rotations_again({name: even[name] for name in even.names}, of)

@@ -98,8 +98,9 @@ def test_a_file_with_a_clock_is_read_and_the_study_says_what_to_set(tmp_path: Pa
     np.savetxt(tmp_path / "poses.csv", rows, delimiter=",", header="t,q[0],q[1],q[2],T[0],T[1],T[2]", comments="")
     signals = {"q": MeasuredSignal("q", "mm", deviation=5e-3), "T": MeasuredSignal("T", "mm", deviation=2e-2)}
     robot = disturbed(true_robot("three_link"), ("L",), 1e-3, 5)
+    clock = ClockColumn("t")
     studies = [
-        gt.calibrate.study(robot, read_poses(tmp_path / "poses.csv", Measured(signals, time=ClockColumn("t"), drift=drift)),
+        gt.calibrate.study(robot, read_poses(tmp_path / "poses.csv", Measured(signals, time=clock, drift=drift)),
                            gt.calibrate.Fit(free=["L"] if drift == "none" else ["L", "T.drift"]))
         for drift in ("none", "linear")
     ]  # fmt: skip

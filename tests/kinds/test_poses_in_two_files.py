@@ -168,12 +168,12 @@ def test_the_nearest_and_the_interpolated_row_of_a_robots_log(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("late", "join", "argument"),
     [
-        (-0.7, RowJoin("at_rest", time=ClockColumn("stamp", "ms")), "measured.signals.q.join"),  # while the robot moves
+        (-0.7, RowJoin("at_rest", time=ClockColumn("stamp", "ms")), "measured.signals.q.join"),
         (
             -0.7,
             RowJoin("at_rest", tolerance=0.5, time=ClockColumn("stamp", "ms")),
             "measured.signals.q.join",
-        ),  # which rest?
+        ),
         (0.1, RowJoin("nearest", time=ClockColumn("stamp", "ms")), "measured.signals.q.join.tolerance"),
         (9.0, RowJoin("interpolated", time=ClockColumn("stamp", "ms")), "measured.signals.q.join"),
         (0.1, RowJoin("number"), "measured.signals.q.join.number"),

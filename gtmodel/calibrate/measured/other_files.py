@@ -119,7 +119,7 @@ def _in_time(
         raise ArgumentError("is missing; a join in time needs the time of each pose", "measured.time")
     mine, theirs = _clock(measured.time), _clock(join.time or measured.time)
     other = _read(partial(signal_table.read, path, form=form), theirs | names, None, f"{argument}.join")
-    natures = {
+    natures: dict[str, Nature] = {
         n: nature for n in names if (nature := _nature(measured.signals[signal_of(n)].representation)) is not None
     }
     joined: Joined = []

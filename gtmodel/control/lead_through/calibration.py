@@ -373,14 +373,14 @@ def _fitted(
     drifts = [column[:, None, None] * one for _, _, column in drift.columns()]
     more = drift_names(drift, word, unit)
     J = np.concatenate([one, load_of(g), *drifts], axis=2)
-    load = slice(3, 4 if force else 6)
+    place = slice(3, 4 if force else 6)
     estimate = linear_fit(
         J.reshape(values.size, -1), values.reshape(-1), names + more[0], sigma=sigma, units=units + more[1]
     )
     if "random_walk" not in drift.kinds:
-        return FittedReadings(word, estimate, sigma, J, values, load, load_of, values)
+        return FittedReadings(word, estimate, sigma, J, values, place, load_of, values)
     walk = random_walk_fit(J, values, drift.running, estimate.names, sigma=sigma, units=estimate.units)
-    return FittedReadings(word, walk.estimate, sigma, walk.white(J), walk.white(values), load, load_of, values, walk)
+    return FittedReadings(word, walk.estimate, sigma, walk.white(J), walk.white(values), place, load_of, values, walk)
 
 
 def _with_colour(part: FittedReadings, outcomes: Sequence[Suspicion], drift: DriftBasis) -> Estimate:

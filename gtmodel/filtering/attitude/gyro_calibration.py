@@ -51,7 +51,9 @@ RELATED = 0.15  # of the rotations: a larger disagreement of gyro and references
 BLOCKS = 4  # of equal rotation angle, left out one by one: longer than a low-cost gyro's error persists, 2 to 3 s
 
 
-def with_drift(names: tuple[str, ...], units: tuple[str, ...], basis: DriftBasis) -> tuple[tuple[str, ...], ...]:
+def with_drift(
+    names: tuple[str, ...], units: tuple[str, ...], basis: DriftBasis
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return names and units with those of the drifts of the bias."""
     columns = basis.columns()
     more = [f"bias_{prefix}[{k}]" for prefix, _, _ in columns for k in range(3)]
