@@ -347,19 +347,41 @@ def _fitted(request: Request, data: Recordings, place: str) -> tuple[Identificat
     request.work.progress("fitting", 0.3)
     how, processing = request.how, request.processing
 
-    def rows_from(sessions: Sequence[Session], selection: Processing, per_session: bool) -> Rows:
+    def rows_from(sessions: Sequence[Session], selection: Processing, masses: Sequence[float]) -> Rows:
         rows = rows_of(sessions, request.regressor, selection, *request.names, accept=how.accept)
+        if not any(masses):
+            return rows
+        from .gains import with_payloads  # here: only arms have payloads
+
+        return with_payloads(rows, request.robot, request.regressor, masses)
+
+    def prepared(rows: Rows, point: tuple[np.ndarray, np.ndarray] | None, per_session: bool) -> Rows:
+        if point is not None:
+            from .gains import with_gains
+
+            rows = with_gains(rows, how.targets, *point)
         return rows if data.offsets is None else with_offsets(rows, how.targets, per_session=per_session)
 
-    with naming(place, ModelError, TrajectoryError):
-        rows = rows_from(data.fitted, processing, data.offsets == "session")
-        identification = identify(
+    def fit(rows: Rows) -> Identification:
+        return identify(
             rows, [*request.free, *rows.signed], nonnegative=request.nonnegative, confidence=how.confidence
         )
+
+    count, masses, point = len(data.fitted), how.payloads or [], None
+    with naming(place, ModelError, TrajectoryError):
+        rows = rows_from(data.fitted, processing, masses[:count])
+        per_session = data.offsets == "session"
+        if data.gains:
+            from .gains import fit_with_gains
+
+            identification, point = fit_with_gains(rows, lambda r, at: prepared(r, at, per_session), fit)
+        else:
+            identification = fit(prepared(rows, None, per_session))
         if not data.held_out:
             return identification, None
         fixed = replace(processing, cutoff=rows.cutoff_Hz, every=rows.every)
-        return identification, identification.validate(rows_from(data.held_out, fixed, False))
+        unseen = prepared(rows_from(data.held_out, fixed, masses[count:]), point, False)
+        return identification, identification.validate(unseen)
 
 
 def _repeated(request: Request, data: Recordings, s: SyntheticLog) -> Repeated | None:

@@ -74,6 +74,11 @@ class Fitting(Options):
         "inertias of a serial arm to estimate in addition: base parameters, or also physically consistent "
         "bodies that have them",
     ] = None  # fmt: skip
+    payloads: Annotated[
+        list[float] | None, Unit("kg"), Within(least=0.0),
+        "known point masses at the tool of a serial arm, one for each recording, then for each held-out one; with "
+        "them a scale of the efforts can be estimated",
+    ] = None  # fmt: skip
     confidence: Annotated[
         Literal["auto", "white", "newey_west"],
         "assumption of the intervals about the residuals; auto takes newey_west if they are coloured",

@@ -144,7 +144,10 @@ def corrected(
     {'tau.delay': 0.006}
     """
     if corrections.signals[targets].scale == ESTIMATE:
-        raise ModelError("the scale of the efforts cannot be distinguished from masses and friction; give it a number")
+        raise ModelError(
+            "the scale of the efforts cannot be distinguished from masses and friction; give it a number, or let "
+            "gt.identify.study estimate it with a known payload"
+        )
     if not corrections.free:
         return corrections.apply(), {}
     first = corrections.apply(corrections.start)
@@ -179,6 +182,7 @@ class Recordings:
     corrections: dict[str, float] = field(default_factory=dict)
     # estimated offsets of the efforts are parameters of the fit, by "session" or for "all"
     offsets: str | None = None
+    gains: bool = False  # whether the fit has a free scale of each effort
     truth: dict[str, float] = field(default_factory=dict)
     simulator: LogSimulator | None = None
     sensors: Sensors = field(default_factory=Sensors)
@@ -216,9 +220,13 @@ def measured(
                 f"has {width[0] if width else 1} columns; '{name}' of the robot has {shape[0] if shape else 1}",
                 f"log.{what}",
             )
+    _check_payloads(request, len(raw), len(others))
     if signals is None:
         return Recordings(raw, others)
     table = dict(signals)
+    gains = table[targets].scale == ESTIMATE
+    if gains:
+        table[targets] = _with_nominal_gains(table, targets)
     effort, offsets = table[targets], None
     if effort.offset == ESTIMATE:
         offsets = "session" if "offset" in effort.per_session and len(raw) > 1 else "all"
@@ -229,7 +237,38 @@ def measured(
         fitted, values = corrected(
             Corrections(table, raw), regressor, request.processing, request.free, known, targets, offsets is not None
         )
-        return Recordings(fitted, _held_out(table, others, values) if others else (), values, offsets)
+        return Recordings(fitted, _held_out(table, others, values) if others else (), values, offsets, gains)
+
+
+def _check_payloads(request: Request, count: int, held_out: int) -> None:
+    """Raises ArgumentError unless there is one payload for each recording of a serial arm."""
+    payloads = request.how.payloads
+    if payloads is None:
+        return
+    if not request.regressor.base:
+        raise ArgumentError('needs a serial arm, and inertias = "base" or "consistent"', "fitting.payloads")
+    if len(payloads) not in (count, count + held_out):
+        each = f"; or {count + held_out}, for the held-out ones too" if held_out else ""
+        raise ArgumentError(f"has {len(payloads)} masses; expected {count}, one for each recording{each}",
+                            "fitting.payloads")  # fmt: skip
+
+
+def _with_nominal_gains(signals: Mapping[str, Signal], targets: str) -> Signal:
+    """The efforts by the gains of the data sheet, where the estimate of gains starts. Raises ArgumentError."""
+    late = [n for n, s in signals.items() if s.delay == ESTIMATE or (n != targets and ESTIMATE in (s.scale, s.offset))]
+    if late:
+        raise ArgumentError(
+            f"a free scale of the efforts cannot be combined with other estimates of '{late[0]}'; give these as numbers",
+            "log",
+        )
+    try:
+        return dataclasses.replace(signals[targets], scale=1.0)
+    except TrajectoryError as error:
+        raise ArgumentError(
+            f"the scale of '{targets}' is estimated relative to the data sheet: give motor_constant, and gear_ratio if "
+            f"the motor has a gear ({error})",
+            "log",
+        ) from error
 
 
 def _held_out(signals: dict[str, Signal], others: tuple[Session, ...], values: dict[str, float]) -> tuple[Session, ...]:
@@ -254,6 +293,8 @@ def synthetic_recordings(request: Request, plant: Model, s: SyntheticLog, motion
     """A log of the plant to fit, and one of another motion to hold out. Raises ArgumentError."""
     if request.how.inputs:
         raise ArgumentError("is for measured logs; a synthetic log has only the motion", "fitting.inputs")
+    if request.how.payloads is not None:
+        raise ArgumentError("is for measured logs", "fitting.payloads")
     noise = tuple(s.effort_noise) if isinstance(s.effort_noise, list) else float(s.effort_noise)
     count = len(request.regressor.columns)
     if isinstance(noise, tuple) and len(noise) != count:

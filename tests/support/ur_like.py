@@ -25,7 +25,7 @@ ROTOR = np.array([1.1, 1.1, 0.6, 0.12, 0.12, 0.11])  # kg.m2, at the joint
 VISCOUS = np.array([9.0, 10.0, 6.5, 2.1, 2.3, 2.0])
 COULOMB = np.array([8.0, 9.0, 5.5, 1.9, 2.0, 1.7])
 OFFSET = np.array([0.8, -0.6, 0.4, 0.15, -0.1, 0.1])  # N.m at the joint by the data sheet: of current sensor and friction
-LOAD, LOAD_AT = 4.0, np.array([0.0, 0.0, 0.13])  # kg, and its centre in the frame of wrist_3
+LOAD, LOAD_AT = 4.0, np.array([0.1, 0.0, 0.13])  # kg, and its centre in the frame of wrist_3
 RECORDINGS = {"empty": 0.0, "loaded": LOAD, "held_out": 0.0}
 
 
