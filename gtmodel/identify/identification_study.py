@@ -16,9 +16,11 @@ from ..lang import Model, ModelError
 from ..measurements import Session, Signal
 from ..results import ArgumentError, SolveStatus, Trajectory, TrajectoryError, Work, naming
 from ..results.work import WorkOptions, study_function
+from ..robots import SerialArm
 from .bodies import bodies_of
 from .checks import judged
 from .closed_loop import ClosedLoopRun, follow, within_bound
+from .gains import fit_with_gains, with_gains, with_payloads
 from .identification_result import IdentificationStudy
 from .inertia import Identification, Validation, identify
 from .options import ClosedLoop, Fitting, Processing, SyntheticLog
@@ -351,14 +353,11 @@ def _fitted(request: Request, data: Recordings, place: str) -> tuple[Identificat
         rows = rows_of(sessions, request.regressor, selection, *request.names, accept=how.accept)
         if not any(masses):
             return rows
-        from .gains import with_payloads  # here: only arms have payloads
-
-        return with_payloads(rows, request.robot, request.regressor, masses)
+        assert isinstance(request.robot, SerialArm)
+        return with_payloads(rows, request.robot, request.regressor, masses, how.payload_centre)
 
     def prepared(rows: Rows, point: tuple[np.ndarray, np.ndarray] | None, per_session: bool) -> Rows:
         if point is not None:
-            from .gains import with_gains
-
             rows = with_gains(rows, how.targets, *point)
         return rows if data.offsets is None else with_offsets(rows, how.targets, per_session=per_session)
 
@@ -372,8 +371,6 @@ def _fitted(request: Request, data: Recordings, place: str) -> tuple[Identificat
         rows = rows_from(data.fitted, processing, masses[:count])
         per_session = data.offsets == "session"
         if data.gains:
-            from .gains import fit_with_gains
-
             identification, point = fit_with_gains(rows, lambda r, at: prepared(r, at, per_session), fit)
         else:
             identification = fit(prepared(rows, None, per_session))

@@ -154,8 +154,8 @@ class Identification:
         if self.delay is not None and not self.delay.passed:
             lines.append(self.delay.message)
         limits = [(n, *self.estimate.interval(n)) for n in self.estimate.names]
-        sentence = "{} cannot be distinguished from zero: {:.3g} to {:.3g}"
-        return lines + [sentence.format(n, low, high) for n, low, high in limits if low <= 0 <= high]
+        zero = [f"{n} ({low:.3g} to {high:.3g})" for n, low, high in limits if low <= 0 <= high]
+        return lines + ([f"cannot be distinguished from zero: {', '.join(zero)}"] if zero else [])
 
 
 @dataclass(frozen=True, eq=False)

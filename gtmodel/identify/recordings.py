@@ -17,6 +17,7 @@ from ..measurements import Signal, session_of
 from ..results import ArgumentError, Trajectory, TrajectoryError, Work, naming
 from ..results.suspicion import EVERY
 from ..robots import actuator_closed_loop
+from .gains import by_data_sheet, check_payloads
 from .options import Fitting, Processing, SyntheticLog
 from .regressor import ParameterError, Regressor, among, scalar_parameters
 from .rows import rows_of, with_offsets
@@ -220,13 +221,10 @@ def measured(
                 f"has {width[0] if width else 1} columns; '{name}' of the robot has {shape[0] if shape else 1}",
                 f"log.{what}",
             )
-    _check_payloads(request, len(raw), len(others))
+    check_payloads(request.how, bool(regressor.base), len(raw), len(others))
     if signals is None:
         return Recordings(raw, others)
-    table = dict(signals)
-    gains = table[targets].scale == ESTIMATE
-    if gains:
-        table[targets] = _with_nominal_gains(table, targets)
+    table, gains = by_data_sheet(signals, targets, any(request.how.payloads or ()))
     effort, offsets = table[targets], None
     if effort.offset == ESTIMATE:
         offsets = "session" if "offset" in effort.per_session and len(raw) > 1 else "all"
@@ -238,37 +236,6 @@ def measured(
             Corrections(table, raw), regressor, request.processing, request.free, known, targets, offsets is not None
         )
         return Recordings(fitted, _held_out(table, others, values) if others else (), values, offsets, gains)
-
-
-def _check_payloads(request: Request, count: int, held_out: int) -> None:
-    """Raises ArgumentError unless there is one payload for each recording of a serial arm."""
-    payloads = request.how.payloads
-    if payloads is None:
-        return
-    if not request.regressor.base:
-        raise ArgumentError('needs a serial arm, and inertias = "base" or "consistent"', "fitting.payloads")
-    if len(payloads) not in (count, count + held_out):
-        each = f"; or {count + held_out}, for the held-out ones too" if held_out else ""
-        raise ArgumentError(f"has {len(payloads)} masses; expected {count}, one for each recording{each}",
-                            "fitting.payloads")  # fmt: skip
-
-
-def _with_nominal_gains(signals: Mapping[str, Signal], targets: str) -> Signal:
-    """The efforts by the gains of the data sheet, where the estimate of gains starts. Raises ArgumentError."""
-    late = [n for n, s in signals.items() if s.delay == ESTIMATE or (n != targets and ESTIMATE in (s.scale, s.offset))]
-    if late:
-        raise ArgumentError(
-            f"a free scale of the efforts cannot be combined with other estimates of '{late[0]}'; give these as numbers",
-            "log",
-        )
-    try:
-        return dataclasses.replace(signals[targets], scale=1.0)
-    except TrajectoryError as error:
-        raise ArgumentError(
-            f"the scale of '{targets}' is estimated relative to the data sheet: give motor_constant, and gear_ratio if "
-            f"the motor has a gear ({error})",
-            "log",
-        ) from error
 
 
 def _held_out(signals: dict[str, Signal], others: tuple[Session, ...], values: dict[str, float]) -> tuple[Session, ...]:
