@@ -154,7 +154,9 @@ def _shared(
     sizes = []
     for k in places:
         array = base.everything[k].partition("[")[0]
-        alike = [abs(estimate.value(n)) for n in estimate.names if n in base.everything and n.partition("[")[0] == array]
+        alike = [
+            abs(estimate.value(n)) for n in estimate.names if n in base.everything and n.partition("[")[0] == array
+        ]
         sizes.append(abs(values[k]) or max(alike, default=0.0) or float(np.max(np.abs(base.nominal), initial=1e-3)))
     return places, np.array(sizes)
 

@@ -52,7 +52,8 @@ def by_data_sheet(signals: Mapping[str, Signal], targets: str, loaded: bool) -> 
         return {**signals, targets: replace(signals[targets], scale=1.0)}, True
     except TrajectoryError as error:
         raise ArgumentError(
-            f"the scale of '{targets}' is estimated relative to the data sheet: give gear ratio and motor constant", "log"
+            f"the scale of '{targets}' is estimated relative to the data sheet: give gear ratio and motor constant",
+            "log",
         ) from error
 
 

@@ -362,9 +362,7 @@ def _fitted(request: Request, data: Recordings, place: str) -> tuple[Identificat
         return rows if data.offsets is None else with_offsets(rows, how.targets, per_session=per_session)
 
     def fit(rows: Rows) -> Identification:
-        return identify(
-            rows, [*request.free, *rows.signed], nonnegative=request.nonnegative, confidence=how.confidence
-        )
+        return identify(rows, [*request.free, *rows.signed], nonnegative=request.nonnegative, confidence=how.confidence)
 
     count, masses, point = len(data.fitted), how.payloads or [], None
     with naming(place, ModelError, TrajectoryError):

@@ -24,7 +24,9 @@ GAIN = np.array([0.94, 1.05, 1.08, 0.92, 1.04, 0.97])  # true constant over that
 ROTOR = np.array([1.1, 1.1, 0.6, 0.12, 0.12, 0.11])  # kg.m2, at the joint
 VISCOUS = np.array([9.0, 10.0, 6.5, 2.1, 2.3, 2.0])
 COULOMB = np.array([8.0, 9.0, 5.5, 1.9, 2.0, 1.7])
-OFFSET = np.array([0.8, -0.6, 0.4, 0.15, -0.1, 0.1])  # N.m at the joint by the data sheet: of current sensor and friction
+OFFSET = np.array(
+    [0.8, -0.6, 0.4, 0.15, -0.1, 0.1]
+)  # N.m at the joint by the data sheet: of current sensor and friction
 LOAD, LOAD_AT = 4.0, np.array([0.1, 0.0, 0.13])  # kg, and its centre in the frame of wrist_3
 RECORDINGS = {"empty": 0.0, "loaded": LOAD, "held_out": 0.0}
 
@@ -37,7 +39,9 @@ def plant(load: float = 0.0):
     model.armature = ROTOR
     for k, factor in enumerate(np.random.default_rng([SEED, 1]).uniform(0.85, 1.15, 6)):
         body = model.inertias[k + 1]
-        model.inertias[k + 1] = pin.Inertia(factor * body.mass, body.lever + [0.01, -0.005, 0.008], factor * body.inertia)
+        model.inertias[k + 1] = pin.Inertia(
+            factor * body.mass, body.lever + [0.01, -0.005, 0.008], factor * body.inertia
+        )
     if load:
         model.inertias[6] = model.inertias[6] + pin.Inertia(load, LOAD_AT, np.zeros((3, 3)))
     return model
