@@ -147,7 +147,7 @@ def _refuse(arm: SerialArm, base: BaseRegressor, estimate: Estimate, width: floa
 def _shared(
     base: BaseRegressor, K: Array, values: Array, bodies: list[list[int]], estimate: Estimate
 ) -> tuple[list[int], Array]:
-    """Places of the further parameters, such as rotor inertias, that occur only in sums with bodies, and their sizes."""
+    """Places and sizes of the further parameters, such as rotor inertias, that occur only in sums with bodies."""
     inside = {k for b in bodies for k in b}
     places = [k for k, n in enumerate(base.everything)
               if k not in inside and n not in estimate.names and np.any(K[:, k])]  # fmt: skip
@@ -306,7 +306,7 @@ def bodies_of(request: Request, identification: Identification) -> IdentifiedBod
     return IdentifiedBodies(
         values | {"masses": c.m, "first_moments": c.mc, "inertias": c.J},
         {"consistent_bodies_move": at_most(float(np.max(np.abs(c.moved), initial=0.0)), MOVED, "see the notes")},
-        [*base.notes, *c.notes, "where the motion determines nothing, individual masses and inertias are those of the model; "
-         "only the base parameters are measured"],
+        [*base.notes, *c.notes, "where the motion determines nothing, individual masses and inertias are those of the "
+         "model; only the base parameters are measured"],
         {URDF: to_urdf(c.arm, source), ROBOT: tomli_w.dumps({"source": source, **robot_table(c.arm, URDF)})},
     )  # fmt: skip

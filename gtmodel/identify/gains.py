@@ -134,6 +134,6 @@ def fit_with_gains(
         if np.max(np.abs(gains - before)) <= STILL:
             return found, (parameters, gains)
     raise ModelError(
-        f"the scales of the efforts do not converge in {STEPS} steps: check that the payload loads every joint, and that "
-        "gear ratio and motor constant are those of the data sheet"
+        f"the scales of the efforts do not converge in {STEPS} steps: check that the payload loads every joint, and "
+        "that gear ratio and motor constant are those of the data sheet"
     )

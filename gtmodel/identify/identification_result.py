@@ -151,9 +151,8 @@ class IdentificationStudy(Study):
             comparison = "" if truth is None else f" (synthetic truth {truth:g})"
             rows.append(Row("  95 %", "at its bound" if low is None else f"{low:.5g} to {high:.5g}{comparison}"))
         for name, value in (self.corrections or {}).items():
-            rows.append(
-                Row(name, value, (self.units or {}).get(name, "s" if ".delay" in name else "").removeprefix("1"))
-            )
+            unit = (self.units or {}).get(name, "s" if ".delay" in name else "")
+            rows.append(Row(name, value, "" if unit == "1" else unit))
             if name in (self.intervals or {}):
                 low, high = (self.intervals or {})[name]
                 rows.append(Row("  95 %", f"{low:.5g} to {high:.5g}"))

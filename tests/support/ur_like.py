@@ -39,9 +39,8 @@ def plant(load: float = 0.0):
     model.armature = ROTOR
     for k, factor in enumerate(np.random.default_rng([SEED, 1]).uniform(0.85, 1.15, 6)):
         body = model.inertias[k + 1]
-        model.inertias[k + 1] = pin.Inertia(
-            factor * body.mass, body.lever + [0.01, -0.005, 0.008], factor * body.inertia
-        )
+        centre = body.lever + np.array([0.01, -0.005, 0.008])
+        model.inertias[k + 1] = pin.Inertia(factor * body.mass, centre, factor * body.inertia)
     if load:
         model.inertias[6] = model.inertias[6] + pin.Inertia(load, LOAD_AT, np.zeros((3, 3)))
     return model
