@@ -78,12 +78,12 @@ def with_payloads(
     return replace(rows, y0=y0)
 
 
-def with_gains(rows: Rows, signal: str, parameters: Array, gains: Array) -> Rows:
+def with_gains(rows: Rows, signal: str, parameters: Array, gains: Array, *, free: bool = True) -> Rows:
     """Return the rows with the gain of each effort as a further parameter, linear about these values.
 
     The measured effort is (Y p + y0) / gain: with a gain of 1.1 the drive gives a tenth more than its reading says.
     parameters (p,), gains (m,): the values about which the rows are linear. The new parameters have the names of a free
-    scale, such as "tau.scale[1]".
+    scale, such as "tau.scale[1]". If they are not free, a fit can test whether the residuals contain their effect.
     """
     m = len(rows.targets)
     slope = -(rows.Y @ parameters + rows.y0) / gains**2
@@ -95,7 +95,7 @@ def with_gains(rows: Rows, signal: str, parameters: Array, gains: Array) -> Rows
         units=(*rows.units, *["1"] * m),
         Y=np.concatenate([rows.Y / gains[:, None], slope[:, :, None] * np.eye(m)], axis=2),
         y0=rows.y0 / gains - slope * gains,
-        signed=(*rows.signed, *names),
+        signed=(*rows.signed, *names) if free else rows.signed,
     )
 
 

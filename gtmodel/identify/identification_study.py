@@ -358,7 +358,7 @@ def _fitted(request: Request, data: Recordings, place: str) -> tuple[Identificat
 
     def prepared(rows: Rows, point: tuple[np.ndarray, np.ndarray] | None, per_session: bool) -> Rows:
         if point is not None:
-            rows = with_gains(rows, how.targets, *point)
+            rows = with_gains(rows, how.targets, *point, free=data.gains)
         return rows if data.offsets is None else with_offsets(rows, how.targets, per_session=per_session)
 
     def fit(rows: Rows) -> Identification:
@@ -372,6 +372,9 @@ def _fitted(request: Request, data: Recordings, place: str) -> tuple[Identificat
             identification, point = fit_with_gains(rows, lambda r, at: prepared(r, at, per_session), fit)
         else:
             identification = fit(prepared(rows, None, per_session))
+            if any(masses[:count]):  # the payload shows errors of the fixed gains: test for them
+                point = identification.parameters[: len(rows.names)], np.ones(len(rows.targets))
+                identification = fit(prepared(rows, point, per_session))
         if not data.held_out:
             return identification, None
         fixed = replace(processing, cutoff=rows.cutoff_Hz, every=rows.every)

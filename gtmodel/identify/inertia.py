@@ -59,9 +59,10 @@ class LeftOut:
         names = ", ".join(self.names)
         if self.passed:
             return f"the residuals show no effect of {names} (F = {self.F:.3g}, p = {self.p:.2g})"
+        advice = "estimate the scale of the efforts" if ".scale" in names else "free these too"
         return (
             f"the residuals show an effect of {names} (F = {self.F:.3g}, p = {self.p:.2g}), which also biases the free "
-            "parameters; free these too"
+            f"parameters; {advice}"
         )
 
 

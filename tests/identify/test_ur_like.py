@@ -242,6 +242,26 @@ def test_payloads_are_for_arms() -> None:
     assert caught.value.argument == "fitting.payloads"
 
 
+def test_wrong_gains_of_the_data_sheet_are_contradicted_by_the_payload() -> None:
+    """Up to 8 % off: a check fails and names them. The true ones pass."""
+    wrong = gt.load(PROBLEM, "log.effort.scale=1.0")()
+    assert [n for n, check in wrong.checks.items() if not check.passed] == ["nothing_left_out"]
+    assert any("tau.scale[5]" in note and "estimate the scale" in note for note in wrong.notes)
+    right = gt.load(PROBLEM, f"log.effort.scale={GAIN.tolist()}")()
+    assert all(check.passed for check in right.checks.values()), right.checks
+    assert "nothing_left_out" in right.checks
+
+
+def test_a_held_out_recording_may_have_a_payload(solved) -> None:
+    """The fit of the empty recording and the gains found, judged by the loaded one; without its payload it fails."""
+    gains = [solved.corrections[f"tau.scale[{k}]"] for k in range(6)]
+    files = [f'log.files=["{ur_like.file("empty")}"]', f'log.held_out=["{ur_like.file("loaded")}"]']
+    settings = [*files, f"log.effort.scale={gains}"]
+    errors = [gt.load(PROBLEM, *settings, f"payloads_kg={p}")().held_out_rms for p in ([0.0, ur_like.LOAD], [0.0])]
+    assert np.all(errors[0] < 2.0 * solved.noise)
+    assert np.all(errors[1][1:] > 5.0 * errors[0][1:])
+
+
 def test_a_payload_on_the_axis_of_a_joint_leaves_its_gain_open(base) -> None:
     """On the axis of the flange a mass has no effect on its motor: the interval of its gain is far wider."""
     rows = prepared_rows(base)
