@@ -122,9 +122,9 @@ def fit_with_gains(
     m, p = len(rows.targets), len(rows.names)
     parameters, gains = fit(prepared(rows, None)).parameters[:p], np.ones(m)
     for _ in range(STEPS):
-        found = fit(prepared(rows, (parameters, gains)))
-        before, gains = gains, found.parameters[p : p + m]
-        parameters = found.parameters[:p]
+        identification = fit(prepared(rows, (parameters, gains)))
+        before, gains = gains, identification.parameters[p : p + m]
+        parameters = identification.parameters[:p]
         if not np.all(gains > 0):
             n = int(np.argmin(gains))
             raise ModelError(
@@ -132,7 +132,7 @@ def fit_with_gains(
                 "position, and that the payload loads this joint"
             )
         if np.max(np.abs(gains - before)) <= STILL:
-            return found, (parameters, gains)
+            return identification, (parameters, gains)
     raise ModelError(
         f"the scales of the efforts do not converge in {STEPS} steps: check that the payload loads every joint, and "
         "that gear ratio and motor constant are those of the data sheet"
