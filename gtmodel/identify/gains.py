@@ -103,6 +103,8 @@ def fit_with_gains(
     rows: Rows,
     prepared: Callable[[Rows, tuple[Array, Array] | None], Rows],
     fit: Callable[[Rows], Identification],
+    *,
+    known: bool = True,
 ) -> tuple[Identification, tuple[Array, Array]]:
     """Fit parameters and gains by Gauss-Newton steps; return the fit, linear about its optimum, and this optimum.
 
@@ -110,10 +112,11 @@ def fit_with_gains(
         rows: without gains.
         prepared: the rows to fit, linear about parameters and gains; without gains for None.
         fit: the fit of these.
+        known: whether a part of the efforts is known, such as that of a payload.
 
     Raises ModelError if no effort is known, if a gain would not be positive, and if the steps do not converge.
     """
-    if not np.any(rows.y0):
+    if not known:
         raise ModelError(
             "the scale of the efforts cannot be distinguished from masses, inertias and friction: twice the scale and "
             "twice all of them give the same readings. Record a motion with a known payload too and give payloads, or "

@@ -369,7 +369,9 @@ def _fitted(request: Request, data: Recordings, place: str) -> tuple[Identificat
         rows = rows_from(data.fitted, processing, masses[:count])
         per_session = data.offsets == "session"
         if data.gains:
-            identification, point = fit_with_gains(rows, lambda r, at: prepared(r, at, per_session), fit)
+            # of an arm only a payload is known well enough: its friction, even if fixed, is no measure of its gains
+            known = any(masses[:count]) if request.regressor.base else bool(np.any(rows.y0))
+            identification, point = fit_with_gains(rows, lambda r, at: prepared(r, at, per_session), fit, known=known)
         else:
             identification = fit(prepared(rows, None, per_session))
             if any(masses[:count]):  # the payload shows errors of the fixed gains: test for them

@@ -236,6 +236,12 @@ def test_what_gains_need_is_said(capsys: pytest.CaptureFixture[str], setting: st
     assert f"{key}: " in done.err and sentence in done.err
 
 
+def test_the_friction_of_a_file_is_no_measure_of_gains(capsys: pytest.CaptureFixture[str]) -> None:
+    settings = ["payloads_kg=[0.0, 0.0]", 'free=["viscous", "rotor_inertia"]', f"parameters.coulomb={COULOMB.tolist()}"]
+    done = Commands(capsys)("solve", PROBLEM, *(word for s in settings for word in ("--set", s)))
+    assert done.code == 2 and "log: " in done.err and "cannot be distinguished from masses" in done.err
+
+
 def test_payloads_are_for_arms() -> None:
     with pytest.raises(ArgumentError) as caught:
         gt.identify.study(Slide(), slid(1.0), ["m", "d"], fitting=Fitting(payloads=[1.0]))
