@@ -15,9 +15,10 @@ from tests.support import sources
 HOUSE = Path(__file__).resolve().parents[1] / "gtmodel"
 # a line imports only lines above it, and names of its own line where no circle comes of it
 LINES = [
-    {"lang"}, {"results"}, {"geometry", "linear"}, {"compiler"}, {"plot"}, {"measurements", "inference"},
+    {"lang"}, {"results"}, {"geometry", "linear"}, {"compiler"}, {"plot", "workers"}, {"measurements", "inference"},
     {"mechanics", "vibration", "simulation", "optimize", "cgen"}, {"filtering"}, {"control"}, {"robots"},
-    {"kinematics", "motion", "calibrate", "identify", "compliance", "milling", "loop", "fmu", "vision", "modelica"},
+    {"kinematics", "motion", "calibrate", "identify", "compliance", "milling", "loop", "fmu", "vision", "modelica",
+     "sweep"},
     {"problem_files"}, {"kinds"},
 ]  # fmt: skip
 LEVEL = {name: n for n, line in enumerate(LINES) for name in sorted(line)}

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +13,7 @@ import scipy
 
 from ..results.estimate import Estimate, half_width
 from ..results.refusal import ArgumentError
-from ..results.work import parents_signals
+from ..workers.each import each
 
 BAND = 0.999  # two-sided: one correct interval in a thousand falls outside
 POOLED = (0.94, 0.96)
@@ -111,10 +107,6 @@ def coverage(estimates: Sequence[Estimate], truth: Mapping[str, float], *, level
     return Coverage(names, hits, len(estimates), level, bias)
 
 
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-LOOK = 0.2  # s between calls of `interrupted`
-AHEAD = 4  # submitted runs per process: few, so that little has to be cancelled
-
 Task = Callable[[np.random.Generator, int], Any]
 
 
@@ -158,120 +150,32 @@ def monte_carlo(
     """
     if runs < 1:
         raise ArgumentError(f"expected at least one run; found {runs}")
-    seeds = np.random.SeedSequence(seed).spawn(runs)
-    if hasattr(executor, "get_executor"):  # a Dask client; Dask is not a dependency
-        executor = executor.get_executor()
-    if executor is None and processes == 0:
-        return _here(task, seeds, seed, progress, interrupted)
-    if executor is not None:
-        return _handed_out(executor, 64, task, seeds, seed, progress, interrupted)
-    count = max(1, min(runs, processes if processes is not None else os.cpu_count() or 1))
-    with _one_thread():
-        # spawn, since a forked process would inherit locks and BLAS threads
-        pool = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _follow_the_parent)
-        whole = False
-        try:
-            ended = _handed_out(pool, count, task, seeds, seed, progress, interrupted)
-            whole = not ended.interrupted
-            return ended
-        finally:
-            if not whole:  # there is no other way to end a running task; Python 3.14 has terminate_workers()
-                for process in list((pool._processes or {}).values()):
-                    process.kill()
-            pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _here(task: Task, seeds: list[np.random.SeedSequence], seed: int, progress: Callable[[int, int], object] | None,
-          interrupted: Callable[[], bool] | None) -> MonteCarlo:  # fmt: skip
+    count = processes if processes is None or processes == 0 else min(runs, processes)
     results: dict[int, Any] = {}
     stopped = False
-    try:
-        for k, s in enumerate(seeds):
-            if interrupted is not None and interrupted():
-                stopped = True
-                break
-            results[k] = _named(k, lambda k=k, s=s: _run(task, s, k))
-            if progress is not None:
-                progress(len(results), len(seeds))
-    except KeyboardInterrupt:
-        stopped = True
-    return MonteCarlo(tuple(results.values()), tuple(results), len(seeds), seed, stopped)
 
+    def stop() -> bool:
+        nonlocal stopped
+        stopped = stopped or (interrupted is not None and interrupted())
+        return stopped
 
-def _handed_out(
-    pool: Executor,
-    workers: int,
-    task: Task,
-    seeds: list[np.random.SeedSequence],
-    seed: int,
-    progress: Callable[[int, int], object] | None,
-    interrupted: Callable[[], bool] | None,
-) -> MonteCarlo:
-    results: dict[int, Any] = {}
-    waiting: dict[Future[Any], int] = {}
-    rest = iter(enumerate(seeds))
-    stopped = False
+    seeded = partial(_run, task, seed)
+    rows = each(seeded, range(runs), workers=count, executor=executor, stop=stop, ordered=False)
     try:
-        while True:
-            while len(waiting) < AHEAD * workers and (following := next(rest, None)) is not None:
-                k, s = following
-                with parents_signals():  # submitting starts workers
-                    waiting[pool.submit(_run, task, s, k)] = k
-            if not waiting:
-                break
-            done, _ = wait(waiting, timeout=LOOK, return_when=FIRST_COMPLETED)
-            for future in sorted(done, key=lambda f: waiting[f]):
-                k = waiting.pop(future)
-                results[k] = _named(k, future.result)
+        with closing(rows):
+            for done in rows:
+                if done.error is not None:
+                    error = done.error
+                    raise RuntimeError(f"run {done.index}: {type(error).__name__}: {error}") from error
+                results[done.index] = done.value
                 if progress is not None:
-                    progress(len(results), len(seeds))
-            if interrupted is not None and interrupted():
-                stopped = True
-                break
+                    progress(len(results), runs)
     except KeyboardInterrupt:
         stopped = True
-    finally:
-        for future in waiting:
-            future.cancel()
     indices = tuple(sorted(results))
-    return MonteCarlo(tuple(results[k] for k in indices), indices, len(seeds), seed, stopped)
+    return MonteCarlo(tuple(results[k] for k in indices), indices, runs, seed, stopped and len(indices) < runs)
 
 
-def _run(task: Task, seed: np.random.SeedSequence, k: int) -> Any:
-    return task(np.random.default_rng(seed), k)
-
-
-def _named(k: int, run: Callable[[], Any]) -> Any:
-    try:
-        return run()
-    except Exception as error:
-        raise RuntimeError(f"run {k}: {type(error).__name__}: {error}") from error
-
-
-def _follow_the_parent() -> None:
-    """End a worker when its parent ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Windows has no signal mask to inherit
-    parent = multiprocessing.parent_process()
-
-    def watch() -> None:
-        assert parent is not None
-        parent.join()
-        os._exit(1)
-
-    if parent is not None:
-        threading.Thread(target=watch, daemon=True).start()
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Processes started in this context use one BLAS thread: BLAS reads its thread count once, when it is loaded."""
-    before = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+def _run(task: Task, seed: int, k: int) -> Any:
+    # the k-th child of SeedSequence(seed).spawn(): a run needs only its number
+    return task(np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(k,))), k)

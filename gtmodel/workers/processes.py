@@ -1,0 +1,131 @@
+"""Worker processes of this machine: spawned, one BLAS thread each, replaced when they die, ended with their parent."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
+from contextlib import contextmanager
+from typing import Any
+
+from ..results.work import parents_signals
+from .task import Packed, dumps, packed, run
+
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+_inside = False  # in a worker
+
+
+def usable_cores() -> int:
+    """Return the number of cores that this process may use; 0 in a worker, which starts no workers of its own.
+
+    >>> gt.workers.usable_cores() >= 1
+    True
+    """
+    if _inside:
+        return 0
+    if hasattr(os, "sched_getaffinity"):  # fewer than the machine's under taskset and in batch systems
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+class NotStarted(RuntimeError):
+    """Worker processes end before their first task."""
+
+
+class Processes:
+    """`size` processes that run one task. `replace` starts new ones if one has died."""
+
+    def __init__(self, task: Callable[[Any], Any], size: int) -> None:
+        self.size = size
+        self._task = packed(task)
+        self._start()
+
+    def _start(self) -> None:
+        # spawn, since a forked process would inherit locks and BLAS threads
+        context = multiprocessing.get_context("spawn")
+        self._pool = ProcessPoolExecutor(self.size, context, _begin, (self._task,))
+        self._probe = self._submitted(_ready)
+
+    def submit(self, item: Any) -> Future[Any]:
+        """Submit one item. Raises BrokenExecutor if a worker has died."""
+        return self._submitted(_run, dumps(item))
+
+    def _submitted(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        if len(self._pool._processes or ()) >= self.size:
+            return self._pool.submit(function, *arguments)
+        with _one_thread(), parents_signals():  # submitting starts workers
+            return self._pool.submit(function, *arguments)
+
+    def lost(self, error: BaseException) -> bool:
+        """Return True if the error says that a worker died."""
+        return isinstance(error, BrokenExecutor)
+
+    def replace(self) -> None:
+        """Replace all workers: after a death the others of the pool have been ended too.
+
+        Raises NotStarted if no worker has begun.
+        """
+        if not self._probe.done() or self._probe.exception() is not None:
+            raise NotStarted(
+                "the worker processes ended before their first task; a script that starts workers must do so below "
+                "if __name__ == '__main__':, because each worker imports the script"
+            )
+        self.close(now=True)
+        self._start()
+
+    def close(self, *, now: bool) -> None:
+        """End the workers; `now` also in the middle of a task."""
+        if now:  # there is no other way to end a running task; Python 3.14 has kill_workers()
+            for process in list((self._pool._processes or {}).values()):
+                process.kill()
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+
+_task: Packed | None = None
+
+
+def _begin(task: Packed) -> None:
+    global _task, _inside
+    _task, _inside = task, True
+    _follow_the_parent()
+
+
+def _ready() -> None:
+    """Do nothing: the first task of a pool shows that its workers can start."""
+
+
+def _run(item: bytes) -> bytes:
+    assert _task is not None
+    return run(_task, item)
+
+
+def _follow_the_parent() -> None:
+    """End a worker when its parent ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Windows has no signal mask to inherit
+    parent = multiprocessing.parent_process()
+
+    def watch() -> None:
+        assert parent is not None
+        parent.join()
+        os._exit(1)
+
+    if parent is not None:
+        threading.Thread(target=watch, daemon=True).start()
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Processes started in this context use one BLAS thread: BLAS reads its thread count once, when it is loaded."""
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
