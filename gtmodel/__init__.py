@@ -4,7 +4,7 @@ Language: Model, Connector, Optimization; variable, input, parameter, part, part
 Engines: Model.causal (any causality), solve (optimal control), simulate, cgen.generate (C code).
 Libraries, imported when first used: calibrate, cgen, compliance, control, filtering, fmu, identify, inference,
 kinematics, loop, measurements, mechanics, milling, modelica, motion, optimize, plot, results, robots, simulation,
-vibration, vision.
+sweep, vibration, vision, workers.
 load("problem.toml") returns the study that a problem file describes, as a call on Python objects,
 load_robot the model of a robot file, shipped the path of a file that comes with gtmodel.
 """
@@ -46,8 +46,10 @@ if TYPE_CHECKING:
         results as results,
         robots as robots,
         simulation as simulation,
+        sweep as sweep,
         vibration as vibration,
         vision as vision,
+        workers as workers,
     )
     from .compiler.causal import CausalFunction as CausalFunction
     from .lang import *  # noqa: F403

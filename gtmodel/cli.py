@@ -227,6 +227,59 @@ def solve(
 
 
 @app.command()
+def sweep(
+    context: typer.Context,
+    problem: Problem,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=VALUES",
+            help="a:b:n for n values from a to b; x,y,z; a CSV file; or a distribution for --random; repeatable.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", metavar="DIR", help="Folder of the table; finished rows stay.", callback=_folder),
+    ] = None,
+    settings: Set = None,
+    random: Annotated[int | None, typer.Option("--random", metavar="N", help="Number of random samples.")] = None,
+    seed: Annotated[int, typer.Option(metavar="S", help="Seed of the samples.")] = 0,
+    design: Annotated[str, typer.Option(metavar="NAME", help="Samples: random, sobol or lhs.")] = "random",
+    part: Annotated[str | None, typer.Option(metavar="I/N", help="Run the I-th of N parts, for job arrays.")] = None,
+    merge: Annotated[bool, typer.Option("--merge", help="Run nothing; make one table of the finished rows.")] = False,
+    runs: Annotated[bool, typer.Option("--runs", help="Keep the result folder of each row in DIR/runs.")] = False,
+    plot: Annotated[bool, typer.Option("--plot", help="Draw curves over one key, a map over two.")] = False,
+    show: Annotated[list[str] | None, typer.Option(metavar="COLUMN", help="Column to draw; repeatable.")] = None,
+    workers: Annotated[
+        int | None, typer.Option(metavar="N", help="Processes; 0 for this one. Default: one per usable core.")
+    ] = None,
+    cluster: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler, tcp://host:8786; or set GTMODEL_CLUSTER.")
+    ] = None,
+    as_json: Json = False,
+    max_seconds: Annotated[float | None, typer.Option(metavar="S", help="Time limit; finished rows are kept.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Solve a problem for many values of its keys, on all cores or a cluster, into one table.
+
+    Ctrl-C and SIGTERM stop all workers. The same command with the same folder runs only the rows that are missing.
+    Exit code 1 if a row failed or is missing.
+    """
+    with answering(context, as_json, problem) as answer:
+        from gtmodel import _sweep_command
+        from gtmodel.problem_files import run
+
+        loaded = _load(problem, settings, answer)
+        job = run.context_of(loaded, max_seconds=max_seconds)
+        folder = out or (Path(f"{job.name}-sweep") if plot else None)
+        with terminal.watching(job, "stopping; finished rows are kept", quiet=quiet):
+            answer.finished = _sweep_command.run(
+                loaded, vary or (), job, out=folder, samples=random, seed=seed, method=design, part=part, merge=merge,
+                runs=runs, plot=plot, show=show or (), workers=workers, cluster=cluster,
+            )  # fmt: skip
+
+
+@app.command()
 def inspect(
     context: typer.Context,
     file: Annotated[str, typer.Argument(metavar="FILE", help="Log: text, MATLAB, Parquet, or a ROS bag.")],

@@ -31,6 +31,7 @@ class Call:
         self.arguments = list(arguments)
         self.options = options
         self.finish: Callable[[Any], Study] | None = None
+        self.rows_of: Callable[[], Any] | None = None  # of a file: what `gt.sweep.study` runs for rows of keys
 
     def then(self, finish: Callable[[Any], Study]) -> Call:
         """Set the function that completes the result, and return this call."""

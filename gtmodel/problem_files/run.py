@@ -6,9 +6,11 @@ import json
 import math
 import tempfile
 import time
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,7 @@ from .base import Call, Context, Generating, InputError
 from .from_options import key_of
 from .load import Loaded, dotted, load
 from .noted import noted
+from .python_models import describe
 
 
 class NotDrawn(InputError):
@@ -143,6 +146,7 @@ def call_of(path: str | Path, settings: Iterable[str] = ()) -> Call:
     with keyed(loaded):
         call = loaded.kind.call(loaded.problem, context)
     finish = call.finish
+    call.rows_of = partial(rows_of, loaded, call, (*call.arguments, *call.options.values()))
     return call.then(lambda study: noted(study if finish is None else finish(study), context))
 
 
@@ -159,6 +163,50 @@ def keyed(loaded: Loaded) -> Iterator[None]:
             renamed = of_problem(loaded.problem)
         key = key_of(loaded.kind.Schema, error.argument, renamed)
         raise loaded.placed(InputError(error.message, key)) from error
+
+
+def rows_of(loaded: Loaded, call: Call, given: tuple[Any, ...]) -> ProblemRows:
+    """Return the problem for a sweep. Raises InputError if the call's arguments, first `given`, were changed."""
+    now = (*call.arguments, *call.options.values())
+    if len(now) != len(given) or any(a is not b for a, b in zip(now, given, strict=True)):
+        raise InputError("its arguments were changed after gt.load; a sweep reads the file: set its keys in gt.load")
+    return ProblemRows(str(loaded.path.absolute()), loaded.settings, sha256(loaded.content))
+
+
+@dataclass(frozen=True)
+class ProblemRows:
+    """A problem to be run for rows of keys, in any process that sees its file: path, settings and hash of the file."""
+
+    path: str
+    settings: tuple[str, ...]
+    content: str
+
+    @property
+    def identity(self) -> str:
+        """All that a result depends on, besides the keys of a row and the files that it reads."""
+        return json.dumps([self.content, self.settings])
+
+    def settings_of(self, keys: Mapping[str, Any]) -> tuple[str, ...]:
+        """Return the settings of a row."""
+        return (*self.settings, *(f"{key}={json.dumps(value)}" for key, value in keys.items()))
+
+    def run(self, keys: Mapping[str, Any], folder: Path | None) -> tuple[Study, Mapping[str, Path]]:
+        """Solve with these keys, write into a folder if there is one; return the result and the files that were read.
+        A problem that is refused is a result with the status BAD_INPUT."""
+        name = Path(self.path).name
+        try:
+            loaded = load(self.path, self.settings_of(keys))
+            if sha256(loaded.content) != self.content:
+                raise InputError("was changed after the sweep began; start the sweep again", file=name)
+            context = context_of(loaded)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", RuntimeWarning)  # those that matter show in the status
+                return solve(loaded, context, out=folder).outcome, context.inputs
+        except Exception as error:
+            status, sentence = describe(error)
+            if status is not SolveStatus.BAD_INPUT:
+                raise
+            return Study(status=status, message=sentence.replace(self.path, name)), {}
 
 
 def solve(
