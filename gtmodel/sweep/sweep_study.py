@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 else:
     DataFrame = hint("pandas", "DataFrame")
 
-TABLE, PLAN = "table.csv", "sweep.json"
+TABLE = "table.csv"
 OWN = {"row", "status", "message", "run"}  # columns besides keys and quantities
 CURVES = 4  # quantities in the picture, if none are named
 _OPEN_S = 5.0  # time in which parts that start together open the folder one after the other
@@ -125,6 +125,8 @@ def study(
     place = None if folder is None else Path(folder)
     own = place if place is None or n == 1 else place / f"part-{i}-of-{n}"
     described = {"keys": list(plan.keys), "rows": len(plan), "identity": same}
+    if samples:
+        described |= {"samples": samples, "seed": seed, "method": method}
     with _opened(place, own, described) as held:
         store = Store(None if place is None or not same else place / "rows", same)
         names = [store.name(plan[k]) for k in numbers]
@@ -133,9 +135,9 @@ def study(
             _run(partial(ran, task), plan, numbers, names, store, runs, work, workers, executor)
         made = _made(plan, numbers, names, store, runs, show, work.title)
         if held is not None:
-            files = written.files_of(made, result("", None, made)) | {PLAN: _json(described)}
+            files = written.files_of(made, result("", None, made))
             faults = written.pictured(made, files) if plot else []
-            written.put(held, files, lambda files: written.record({}, None, files))
+            written.put(held, files, lambda files: written.record(described, None, files))
             if faults:
                 raise ArgumentError(faults[0], "plot")
     return made
@@ -276,10 +278,6 @@ def _patiently(place: Path) -> Iterator[Held]:
 
 
 def _declared(held: Held, described: Mapping[str, Any]) -> None:
-    """Write what the folder is, unless it stands there: a run that is killed then leaves a folder that is ours."""
-    if not (held.path / PLAN).exists():
-        written.put(held, {PLAN: _json(described)}, lambda files: written.record({}, None, files))
-
-
-def _json(data: Mapping[str, Any]) -> bytes:
-    return (json.dumps(data, indent=1, ensure_ascii=False) + "\n").encode()
+    """Write run.toml, unless it stands there: a run that is killed then leaves a folder that is ours."""
+    if not (held.path / written.RUN).exists():
+        written.put(held, {}, lambda files: written.record(described, None, files))
