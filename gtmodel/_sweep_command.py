@@ -34,29 +34,30 @@ _FORMS = (
 _OPTIONS = {
     "vary": "--vary", "rows": "--vary", "samples": "--random", "seed": "--seed", "method": "--design", "part": "--part",
     "show": "--show", "workers": "--workers", "cluster": "--cluster", "folder": "--out", "only_merge": "--merge",
+    "parquet": "--parquet",
 }  # fmt: skip
 
 
 def run(
     loaded: Loaded, vary: Sequence[str], job: Context, *, out: Path | None, samples: int | None, seed: int, method: str,
-    part: str | None, merge: bool, runs: bool, plot: bool, show: Sequence[str], workers: int | None,
+    part: str | None, merge: bool, runs: bool, plot: bool, parquet: bool, show: Sequence[str], workers: int | None,
     cluster: str | None,
 ) -> Finished:  # fmt: skip
     """Run a problem for every row and write the table into `out`. Raises InputError about an option."""
+    if cluster and workers is not None:
+        raise InputError("--workers and --cluster exclude each other; leave one of them out")
+    address = cluster or (os.environ.get(CLUSTER) if workers is None else None)
     values, rows = _varied(vary, samples or 0)
     keys = [*values, *(rows[0] if rows else ())]
     refuse_twice([*loaded.settings, *(f"{key}=" for key in keys)])
     task = ProblemRows(str(loaded.path.absolute()), loaded.settings, sha256(loaded.content))
     _check_first(loaded, task, values, rows)
-    address = cluster or (os.environ.get(CLUSTER) if workers is None else None)
-    if cluster and workers is not None:
-        raise InputError("--workers and --cluster exclude each other; leave one of them out")
     try:
         with connected(address) if address else nullcontext() as client, job.under_way():
             outcome = study(
                 task, values, rows=rows, samples=samples or 0, seed=seed, method=method, part=_part(part),
-                only_merge=merge, folder=out, keep_runs=runs, plot=plot, show=show, workers=workers, executor=client,
-                title=loaded.problem.heading, **job.work(),
+                only_merge=merge, folder=out, keep_runs=runs, plot=plot, parquet=parquet, show=show, workers=workers,
+                executor=client, title=loaded.problem.heading, **job.work(),
             )  # fmt: skip
     except ArgumentError as error:
         option = _OPTIONS.get(error.argument, "")

@@ -249,6 +249,7 @@ def sweep(
     merge: Annotated[bool, typer.Option("--merge", help="Run nothing; make one table of the finished rows.")] = False,
     runs: Annotated[bool, typer.Option("--runs", help="Keep the result folder of each row in DIR/runs.")] = False,
     plot: Annotated[bool, typer.Option("--plot", help="Draw curves over one key, a map over two.")] = False,
+    parquet: Annotated[bool, typer.Option("--parquet", help="Write table.parquet too; needs the extra logs.")] = False,
     show: Annotated[list[str] | None, typer.Option(metavar="COLUMN", help="Column to draw; repeatable.")] = None,
     workers: Annotated[
         int | None, typer.Option(metavar="N", help="Processes; 0 for this one. Default: one per usable core.")
@@ -275,7 +276,7 @@ def sweep(
         with terminal.watching(job, "stopping; finished rows are kept", quiet=quiet):
             answer.finished = _sweep_command.run(
                 loaded, vary or (), job, out=folder, samples=random, seed=seed, method=design, part=part, merge=merge,
-                runs=runs, plot=plot, show=show or (), workers=workers, cluster=cluster,
+                runs=runs, plot=plot, parquet=parquet, show=show or (), workers=workers, cluster=cluster,
             )  # fmt: skip
 
 

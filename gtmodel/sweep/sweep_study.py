@@ -32,8 +32,9 @@ if TYPE_CHECKING:
 else:
     DataFrame = hint("pandas", "DataFrame")
 
-TABLE = "table.csv"
+TABLE, PARQUET = "table.csv", "table.parquet"
 OWN = {"row", "status", "message", "run"}  # columns besides keys and quantities
+_OF_SOLVER = ("objective", "iterations")  # drawn last
 CURVES = 4  # quantities in the picture, if none are named
 _OPEN_S = 5.0  # time in which parts that start together open the folder one after the other
 
@@ -77,6 +78,7 @@ def study(
     identity: str = "",
     keep_runs: bool = False,
     plot: bool = False,
+    parquet: bool = False,
     show: Sequence[str] = (),
     workers: int | None = None,
     executor: Any = None,
@@ -95,7 +97,7 @@ def study(
         identity: for a function, all that its result depends on besides the keys, such as a version; without it,
             `folder` keeps no rows of a function, because gtmodel cannot see whether the function has changed.
         keep_runs: write the result of each row into a folder of its own, `folder`/runs/NAME; column "run" of the table.
-        plot: write the picture into `folder` too.
+        plot, parquet: write the picture and table.parquet into `folder` too; Parquet needs the extra `logs`.
         show: columns in the picture; the first quantities that vary if left out.
         workers: number of processes; 0 for this process, None for one per usable core.
         executor: runs the rows instead: an object with submit(), or a Dask client.
@@ -136,6 +138,8 @@ def study(
         made = _made(plan, numbers, names, store, runs, show, work.title)
         if held is not None:
             files = written.files_of(made, result("", None, made))
+            if parquet:
+                files[PARQUET] = parquet_of(made.table)
             faults = written.pictured(made, files) if plot else []
             written.put(held, files, lambda files: written.record(described, None, files))
             if faults:
@@ -206,7 +210,7 @@ def _made(
     for name in show:
         if name not in quantities:
             raise ArgumentError(f"there is no quantity '{name}'; there are {', '.join(quantities) or 'none'}", "show")
-    picked = list(show) or [*(s for s in shown if s in quantities), *(q for q in quantities if q not in shown)]
+    picked = list(show) or sorted(quantities, key=lambda name: (name in _OF_SOLVER, name not in shown))
     checks = {}
     if done == len(names):
         first = ""
@@ -237,6 +241,25 @@ def csv_of(table: Mapping[str, Sequence[Any]]) -> str:
     writer.writerow(table)
     writer.writerows([_cell(x) for x in row] for row in zip(*table.values(), strict=True))
     return text.getvalue()
+
+
+def parquet_of(table: Mapping[str, Sequence[Any]]) -> bytes:
+    """Return the table as Parquet; a column with texts and numbers becomes texts. Raises ArgumentError without
+    pyarrow."""
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError as error:
+        raise ArgumentError(f"needs pyarrow ({error}): pip install 'gtmodel[logs]'", "parquet") from error
+    columns = {}
+    for name, values in table.items():
+        try:
+            columns[name] = pyarrow.array(values)
+        except (pyarrow.ArrowInvalid, pyarrow.ArrowTypeError):
+            columns[name] = pyarrow.array([None if x is None else str(_cell(x)) for x in values])
+    file = io.BytesIO()
+    parquet.write_table(pyarrow.table(columns), file)
+    return file.getvalue()
 
 
 def _cell(x: Any) -> Any:
