@@ -18,7 +18,7 @@ from gtmodel.problem_files.load import Loaded, apply, load, refuse_twice
 from gtmodel.problem_files.run import Finished, ProblemRows
 from gtmodel.results import ArgumentError
 from gtmodel.results.written import sha256
-from gtmodel.sweep import Choice, LogUniform, Normal, Uniform, study
+from gtmodel.sweep import LogUniform, Normal, OneOf, Uniform, study
 from gtmodel.sweep.design import Distribution
 from gtmodel.workers import connected
 
@@ -39,7 +39,7 @@ _OPTIONS = {
 
 
 def run(
-    loaded: Loaded, vary: Sequence[str], job: Context, *, out: Path | None, samples: int | None, seed: int, method: str,
+    loaded: Loaded, vary: Sequence[str], job: Context, *, out: Path | None, samples: int | None, seed: int, method: Any,
     part: str | None, merge: bool, runs: bool, plot: bool, parquet: bool, show: Sequence[str], workers: int | None,
     cluster: str | None,
 ) -> Finished:  # fmt: skip
@@ -95,22 +95,22 @@ def _distribution(text: str, rest: str, samples: int) -> Distribution | None:
     kinds = {"uniform": Uniform, "loguniform": LogUniform, "normal": Normal}
     try:
         if drawn["name"] == "choice":
-            return Choice(tuple(arguments))
+            return OneOf(tuple(arguments))
         return kinds[drawn["name"]](*map(float, arguments))
     except (TypeError, ValueError) as error:
         raise InputError(f"--vary {text}: {error}; {_FORMS}") from error
 
 
 def _list(text: str, rest: str) -> list[Any]:
-    if found := _RANGE.fullmatch(rest):
+    if matched := _RANGE.fullmatch(rest):
         try:
-            low, high, number = float(found["low"]), float(found["high"]), int(found["number"])
+            low, high, number = float(matched["low"]), float(matched["high"]), int(matched["number"])
         except ValueError:
             raise InputError(f"--vary {text}: {_FORMS}") from None
         if number < 1 or not np.isfinite([low, high]).all():
             raise InputError(f"--vary {text}: {_FORMS}")
         spaced = [float(x) for x in np.linspace(low, high, number)]
-        whole = all(re.fullmatch(r"\s*[-+]?\d+\s*", found[name]) for name in ("low", "high"))
+        whole = all(re.fullmatch(r"\s*[-+]?\d+\s*", matched[name]) for name in ("low", "high"))
         return [int(x) for x in spaced] if whole and all(x.is_integer() for x in spaced) else spaced
     listed = apply({}, [f"values=[{rest}]"])["values"]
     return listed if isinstance(listed, list) else [_one(part) for part in rest.split(",")]
@@ -151,10 +151,10 @@ def _check_first(
 def _part(text: str | None) -> tuple[int, int]:
     if text is None:
         return 1, 1
-    found = re.fullmatch(r"(\d+)/(\d+)", text)
-    if found is None or not 1 <= int(found[1]) <= int(found[2]):
+    numbers = re.fullmatch(r"(\d+)/(\d+)", text)
+    if numbers is None or not 1 <= int(numbers[1]) <= int(numbers[2]):
         raise InputError(f"--part {text}: expected I/N with 1 <= I <= N, such as 3/10")
-    return int(found[1]), int(found[2])
+    return int(numbers[1]), int(numbers[2])
 
 
 def _part_folder(text: str) -> str:

@@ -2,8 +2,8 @@
 
 study             run every row; with a folder, rows that are done stay done
 Sweep             the result: status, table, failed rows, picture, `frame()` for pandas
-Uniform, LogUniform, Normal, Choice   distributions of a random design
-Rows, design      the rows of a design, by number
+Uniform, LogUniform, Normal, OneOf    distributions of a random design
+design, Design    the rows of a sweep, by number
 """
 
 from typing import TYPE_CHECKING
@@ -12,10 +12,10 @@ from .._lazy import public
 
 if TYPE_CHECKING:
     from .design import (
-        Choice as Choice,
+        Design as Design,
         LogUniform as LogUniform,
         Normal as Normal,
-        Rows as Rows,
+        OneOf as OneOf,
         Uniform as Uniform,
         design as design,
     )

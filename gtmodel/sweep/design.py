@@ -66,10 +66,10 @@ class Normal(Options):
 
 
 @dataclass(frozen=True, kw_only=False)
-class Choice(Options):
+class OneOf(Options):
     """One of `values`, with equal probability.
 
-    >>> gt.sweep.Choice(("l1_tape", "l1_tracker")).at(0.7)
+    >>> gt.sweep.OneOf(("l1_tape", "l1_tracker")).at(0.7)
     'l1_tracker'
     """
 
@@ -80,11 +80,11 @@ class Choice(Options):
         return self.values[min(int(u * len(self.values)), len(self.values) - 1)]
 
 
-Distribution = Uniform | LogUniform | Normal | Choice
+Distribution = Uniform | LogUniform | Normal | OneOf
 
 
 @dataclass(frozen=True)
-class Rows:
+class Design:
     """The rows of a design: `len(rows)` of them; `rows[k]` is a dictionary of values by key."""
 
     factors: tuple[tuple[Mapping[str, Any], ...], ...]
@@ -144,7 +144,7 @@ def design(
     samples: int = 0,
     seed: int = 0,
     method: Method = "random",
-) -> Rows:
+) -> Design:
     """Return the rows of a design.
 
     Args:
@@ -171,7 +171,7 @@ def design(
     for key, values in vary.items():
         if rows and key in rows[0]:
             raise ArgumentError(f"'{key}' is varied twice, by a list and by rows; leave one of them out", "vary")
-        if isinstance(values, (Uniform, LogUniform, Normal, Choice)):
+        if isinstance(values, (Uniform, LogUniform, Normal, OneOf)):
             distributions[key] = values
             continue
         if isinstance(values, (str, bytes)) or not hasattr(values, "__iter__"):
@@ -182,10 +182,10 @@ def design(
         factors.append(tuple({key: value} for value in listed))
     if not (factors or distributions):
         raise ArgumentError("expected at least one key to vary; found none", "vary")
-    return _checked(Rows(tuple(factors), distributions, samples, seed, method))
+    return _checked(Design(tuple(factors), distributions, samples, seed, method))
 
 
-def _checked(rows: Rows) -> Rows:
+def _checked(rows: Design) -> Design:
     if rows.method not in ("random", "sobol", "lhs"):
         raise ArgumentError(f"expected 'random', 'sobol' or 'lhs'; found {rows.method!r}", "method")
     if rows.distributions and rows.samples < 1:

@@ -25,8 +25,10 @@ Record = dict[str, Any]
 class Keyed(Protocol):
     """A study that is described by data, such as a problem file, and so can be resumed."""
 
-    identity: str
-    """All that the result depends on, besides the varied keys and the files that a row reads."""
+    @property
+    def identity(self) -> str:
+        """All that the result depends on, besides the varied keys and the files that a row reads."""
+        ...
 
     def run(self, keys: Mapping[str, Any], folder: Path | None) -> tuple[Study, Mapping[str, Path]]:
         """Run with these keys, write the result into a folder if there is one, and return it with the files read.

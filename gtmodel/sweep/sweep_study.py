@@ -24,7 +24,7 @@ from ..results.status import SolveStatus
 from ..results.study import Study
 from ..results.work import Work, WorkOptions, study_function
 from ..workers.each import WorkerDied, each
-from .design import Method, Rows, design
+from .design import Design, Method, design
 from .row import Keyed, Record, Store, Task, ran
 
 if TYPE_CHECKING:
@@ -148,7 +148,7 @@ def study(
 
 
 def _run(
-    task: Callable[[Any], Record], plan: Rows, numbers: range, names: Sequence[str], store: Store, runs: Path | None,
+    task: Callable[[Any], Record], plan: Design, numbers: range, names: Sequence[str], store: Store, runs: Path | None,
     work: Work, workers: int | None, executor: Any,
 ) -> None:  # fmt: skip
     """Run the rows that are not done and store each when it ends."""
@@ -186,18 +186,18 @@ def _unexpected(error: Exception) -> Record:
 
 
 def _made(
-    plan: Rows, numbers: range, names: Sequence[str], store: Store, runs: Path | None, show: Sequence[str], title: str
+    plan: Design, numbers: range, names: Sequence[str], store: Store, runs: Path | None, show: Sequence[str], title: str
 ) -> Sweep:
-    shown, found = dict[str, None](), dict[str, None]()
+    shown, seen = dict[str, None](), dict[str, None]()
     failed, done = [], 0
     for k, name in zip(numbers, names, strict=True):
         if (record := store.get(name)) is not None:
             done += 1
-            found |= dict.fromkeys(record["values"])
+            seen |= dict.fromkeys(record["values"])
             shown |= dict.fromkeys(record.get("shown", ()))
             if record["status"] != SolveStatus.SOLVED.value:
                 failed.append(k)
-    quantities = [name for name in found if name not in plan.keys]
+    quantities = [name for name in seen if name not in plan.keys]
     head = ["row", *plan.keys, "status", *quantities, *(["run"] if runs is not None else []), "message"]
     table: dict[str, list[Any]] = {name: [] for name in head}
     for k, name in zip(numbers, names, strict=True):

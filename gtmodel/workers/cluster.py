@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
+from importlib import import_module
 from typing import Any
 
 from ..results.refusal import ArgumentError
@@ -65,13 +66,13 @@ def connected(address: str) -> Iterator[Any]:
     ...     study = gt.sweep.study(task, {"force": [500, 700]}, executor=client)
     """
     try:
-        from distributed import Client
+        connect = import_module("distributed").Client
     except ImportError as error:
         raise ArgumentError(
             f"needs Dask ({error}); install it here and on the workers: pip install 'gtmodel[cluster]'", "cluster"
         ) from error
     try:
-        client = Client(address, timeout=WAIT_S)
+        client = connect(address, timeout=WAIT_S)
     except (OSError, ValueError, TypeError) as error:
         raise ArgumentError(
             f"no Dask scheduler answers at '{address}' ({' '.join(str(error).split())}); expected an address such as "

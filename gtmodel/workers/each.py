@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from dataclasses import dataclass
 from typing import Any
@@ -42,7 +42,7 @@ def each(
     executor: Any = None,
     stop: Callable[[], bool] = never,
     ordered: bool = True,
-) -> Iterator[Done]:
+) -> Generator[Done, None, None]:
     """Call task(item) for each item and yield the results one by one; few items are under way at a time.
 
     The results do not depend on where the tasks run: worker processes have one BLAS thread each. A worker that dies is
@@ -72,7 +72,7 @@ def each(
     return _handed_out(crew, items, stop, ordered)
 
 
-def _here(task: Callable[[Any], Any], items: Iterable[Any], stop: Callable[[], bool]) -> Iterator[Done]:
+def _here(task: Callable[[Any], Any], items: Iterable[Any], stop: Callable[[], bool]) -> Generator[Done, None, None]:
     for index, item in enumerate(items):
         if stop():
             return
@@ -92,7 +92,7 @@ class _Row:
 
 def _handed_out(
     crew: Processes | Elsewhere, items: Iterable[Any], stop: Callable[[], bool], ordered: bool
-) -> Iterator[Done]:
+) -> Generator[Done, None, None]:
     whole = False
     rest = (_Row(index, item) for index, item in enumerate(items))
     again: deque[_Row] = deque()  # not accepted by a broken pool

@@ -81,9 +81,9 @@ def _portable(error: Exception) -> Exception:
     """The error itself if it survives pickling, else a RuntimeError with its type and text; with its traceback."""
     try:
         again = pickle.loads(dumps(error))
+        same = type(again) is type(error) and str(again) == str(error)
     except Exception:
-        again = None
-    if type(again) is not type(error) or str(again) != str(error):
-        again = RuntimeError(f"{type(error).__name__}: {error}")
-    again.add_note("".join(traceback.format_exception(error)))
-    return again
+        same = False
+    sent = error if same else RuntimeError(f"{type(error).__name__}: {error}")
+    sent.add_note("".join(traceback.format_exception(error)))
+    return sent

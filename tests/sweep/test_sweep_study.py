@@ -143,7 +143,7 @@ def test_a_function_without_an_identity_keeps_no_rows(ran: Path, tmp_path: Path)
 def test_samples_follow_their_distributions_and_their_seed(method: Any) -> None:
     vary = {
         "u": gt.sweep.Uniform(2.0, 4.0), "l": gt.sweep.LogUniform(1.0, 100.0), "n": gt.sweep.Normal(5.0, 2.0),
-        "c": gt.sweep.Choice(("a", "b")),
+        "c": gt.sweep.OneOf(("a", "b")),
     }  # fmt: skip
     rows = gt.sweep.design(vary, samples=1024, seed=3, method=method)
     drawn = [rows[k] for k in range(len(rows))]
