@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import product
 from typing import Any
 
@@ -160,6 +160,23 @@ class ClosedForm:
         e = self.expressions(ca.SX.sym("T", 3), ca.SX.sym("R", 3, 3), [ca.SX(1)] * len(self.branches))
         return tuple(kind for kind, _, _ in e.margins)
 
+    def values(self, T: np.ndarray, R: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return q (m, 2^k, n), where it exists (m, 2^k) and the smallest pivot (m, 2^k), for T (m, 3), R (m, 3, 3)."""
+        signs, m = self.signs, len(T)
+        k = len(signs)
+        turned = np.zeros((m, 9)) if R is None else R.transpose(0, 2, 1).reshape(m, 9)
+        q, margins = (
+            np.asarray(ca.densify(x)).T
+            for x in self.function(np.repeat(T, k, axis=0).T, np.repeat(turned, k, axis=0).T, np.tile(signs, (m, 1)).T)
+        )
+        exists, pivot = np.isfinite(q).all(axis=1), np.full(m * k, np.inf)
+        for kind, margin in zip(self.kinds, margins.T, strict=True):
+            if kind == "pivot":
+                pivot = np.minimum(pivot, np.abs(margin))
+            else:
+                exists &= margin >= 0
+        return q.reshape(m, k, -1), exists.reshape(m, k), pivot.reshape(m, k)
+
     @cached_property
     def slope_function(self) -> ca.Function:
         """Joint coordinates (n) to the slopes (k)."""
@@ -196,6 +213,7 @@ class ClosedForm:
         return f"q[{j}]" + (f" ({name})" if name else "")
 
 
+@lru_cache(maxsize=64)
 def closed_form(chain: Chain, *, oriented: bool = True) -> ClosedForm | None:
     """Return the closed form of the inverse kinematics of a chain, or None if its axes have no structure for it.
 
