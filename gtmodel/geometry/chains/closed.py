@@ -162,13 +162,9 @@ class ClosedForm:
 
     def values(self, T: np.ndarray, R: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return q (m, 2^k, n), where it exists (m, 2^k) and the smallest pivot (m, 2^k), for T (m, 3), R (m, 3, 3)."""
-        signs, m = self.signs, len(T)
-        k = len(signs)
-        turned = np.zeros((m, 9)) if R is None else R.transpose(0, 2, 1).reshape(m, 9)
-        q, margins = (
-            np.asarray(ca.densify(x)).T
-            for x in self.function(np.repeat(T, k, axis=0).T, np.repeat(turned, k, axis=0).T, np.tile(signs, (m, 1)).T)
-        )
+        m, k = len(T), len(self.signs)
+        q, margins = self._columns(np.repeat(T, k, axis=0), None if R is None else np.repeat(R, k, axis=0),
+                                   np.tile(self.signs, (m, 1)))  # fmt: skip
         exists, pivot = np.isfinite(q).all(axis=1), np.full(m * k, np.inf)
         for kind, margin in zip(self.kinds, margins.T, strict=True):
             if kind == "pivot":
@@ -176,6 +172,18 @@ class ClosedForm:
             else:
                 exists &= margin >= 0
         return q.reshape(m, k, -1), exists.reshape(m, k), pivot.reshape(m, k)
+
+    def branch_values(self, T: np.ndarray, R: np.ndarray | None, signs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return q (m, n) on one branch for each pose, and the smallest margin (m): >= 0 where the posture exists."""
+        q, margins = self._columns(T, R, signs)
+        deciding = [kind != "pivot" for kind in self.kinds]
+        margin = margins[:, deciding].min(axis=1, initial=np.inf)
+        return q, np.where(np.isfinite(q).all(axis=1), margin, -np.inf)
+
+    def _columns(self, T: np.ndarray, R: np.ndarray | None, signs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        turned = np.zeros((len(T), 9)) if R is None else R.transpose(0, 2, 1).reshape(-1, 9)
+        q, margins = (np.asarray(ca.densify(x)).T for x in self.function(T.T, turned.T, signs.T))
+        return q, margins
 
     @cached_property
     def slope_function(self) -> ca.Function:

@@ -5,7 +5,7 @@ Kreutz-Delgado, Long, Seraji, IJRR 11(5), 1992.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
@@ -17,8 +17,12 @@ from .chain import Chain
 from .closed import ClosedForm, closed_form
 from .structure import EXACT, common_point
 
+SAME = 1e-6  # rad between two postures that are one
+PARTS = 8  # of a cell that is looked at more closely
 GRID = 96  # angles of joint 7 at which the elbow is compared with the declared one
-BISECTIONS = 50
+BISECTIONS, SECANTS = 12, 30
+LAST = 45  # bisections for the end of what a branch reaches
+ANGLE = 1e-11  # rad: the elbow is where it was declared
 REFINED = 0.5  # rad: nearest approach to the declared angle between grid points that is looked at more closely
 
 
@@ -60,7 +64,7 @@ class _Arm:
 
     def angle(self, q: np.ndarray, direction: np.ndarray) -> np.ndarray:
         """Return the elbow's angle (m,) at joint coordinates (m, 7)."""
-        R, p = self.chain.exponentials(q)
+        R, p = Chain(self.chain.axes[:5], self.chain.points[:5]).exponentials(q[:, :5])
         elbow, wrist = R[3] @ self.elbow + p[3], R[5] @ self.wrist + p[5]
         along, side, normal = _frame(wrist - self.shoulder, direction)
         away = elbow - self.shoulder
@@ -134,87 +138,132 @@ def _turns(form: ClosedForm, R: np.ndarray) -> list[np.ndarray]:
 
 def _searched(arm: _Arm, T: np.ndarray, R: np.ndarray, psi: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Joint 7 away from the wrist: a search along its angle, with the closed form of the other six at each."""
-    chain = arm.chain
-    six = Chain(chain.axes[:6], chain.points[:6], None, chain.T, chain.R)
-    form = closed_form(six)
-    if form is None:
-        raise ArgumentError("is an elbow angle; the first six joints of this chain have no closed form", "redundancy")
-    last = Chain(chain.axes[6:], chain.points[6:])
-
-    def values(rows: np.ndarray, q7: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return q (r, k, 7) and the difference (r, k) of the elbow's angle from the declared one; NaN: no posture."""
-        back, turned = last.pose(-q7[:, None])
-        rest = turned @ chain.R
-        local = (chain.R.T @ turned) @ chain.T + back @ chain.R - chain.R.T @ chain.T
-        q, exists, _ = form.values(T[rows] + np.einsum("rij,rj->ri", R[rows], local), R[rows] @ chain.R.T @ rest)
-        q = np.concatenate([q, np.broadcast_to(q7[:, None, None], (*q.shape[:2], 1))], axis=2)
-        angle = arm.angle(q.reshape(-1, 7), direction).reshape(exists.shape)
-        return q, np.where(exists, within_pi(angle - psi[rows, None]), np.nan)
-
-    m, k = len(T), len(form.signs)
+    search = _Search.of(arm, T, R, psi, direction)
+    m, k = len(T), len(search.branches)
     grid = np.linspace(-np.pi, np.pi, GRID + 1)
-    everywhere = np.array([values(np.arange(m), np.full(m, a))[1] for a in grid])  # (GRID + 1, m, k)
-    found: list[list[np.ndarray]] = [[] for _ in range(m)]
+    rows, branch = (x.ravel() for x in np.meshgrid(np.arange(m), search.branches, indexing="ij"))
+    made = [search.values(rows, branch, np.full(m * k, a))[1:] for a in grid]
+    off, margin = (np.array([x[n] for x in made]) for n in (0, 1))  # (GRID + 1, m k)
+    # cells in which a branch may begin, end or come near the declared angle are divided
+    steps = np.abs(np.diff(margin, axis=0))
+    steps = np.maximum(steps, np.maximum(np.roll(steps, 1, axis=0), np.roll(steps, -1, axis=0)))
+    near = np.minimum(np.abs(margin[:-1]), np.abs(margin[1:])) < 1.5 * steps
+    size = np.where(np.isfinite(off), np.abs(off), np.inf)
+    dip = np.zeros(off.shape, bool)
+    dip[1:-1] = (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]) & (size[1:-1] < REFINED)
+    divided = near | dip[:-1] | dip[1:]
+    cell, column = np.nonzero(~divided)
+    search.cells(rows[column], branch[column], grid[cell], grid[cell + 1], off[cell, column], off[cell + 1, column])
+    cell, column = np.nonzero(divided)
+    inner = grid[cell] + np.linspace(0, 1, PARTS + 1)[:, None] * (grid[1] - grid[0])
+    fine = np.array([search.values(rows[column], branch[column], a)[1] for a in inner])
+    for n in range(PARTS):
+        search.cells(rows[column], branch[column], inner[n], inner[n + 1], fine[n], fine[n + 1])
+    return search.postures()
 
-    def at(rows: np.ndarray, branch: np.ndarray, q7: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        q, off = values(rows, q7)
-        n = np.arange(len(rows))
-        return q[n, branch], off[n, branch]
 
-    def search(rows: np.ndarray, branch: np.ndarray, a: np.ndarray, b: np.ndarray, fa: np.ndarray, fb: np.ndarray) -> None:
+@dataclass(eq=False)
+class _Search:
+    """Postures as functions of joint 7; `branches`: those of the closed form that differ in the elbow's angle."""
+
+    arm: _Arm
+    form: ClosedForm
+    T: np.ndarray
+    R: np.ndarray
+    psi: np.ndarray
+    direction: np.ndarray
+    branches: np.ndarray
+    found: list[tuple[int, np.ndarray]] = field(default_factory=list)
+
+    @staticmethod
+    def of(arm: _Arm, T: np.ndarray, R: np.ndarray, psi: np.ndarray, direction: np.ndarray) -> _Search:
+        chain = arm.chain
+        form = closed_form(Chain(chain.axes[:6], chain.points[:6], None, chain.T, chain.R))
+        if form is None or not form.nominal.plan.reverse:
+            raise ArgumentError(
+                "is an elbow angle; it needs a wrist in which axes 5 and 6 meet, or all of 5, 6 and 7", "redundancy"
+            )
+        # both signs of the spherical shoulder have one elbow
+        names = [b.name for b in form.branches]
+        return _Search(arm, form, T, R, psi, direction, np.flatnonzero(form.signs[:, names.index("shoulder")] > 0))
+
+    def values(self, rows: np.ndarray, branch: np.ndarray, q7: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return q (r, 7), the elbow's angle from the declared one (r), NaN: no posture, and the smallest margin (r)."""
+        chain, home = self.arm.chain, self.arm.chain.R.T
+        back, turned = Chain(chain.axes[6:], chain.points[6:]).pose(-q7[:, None])
+        local = (home @ turned) @ chain.T + back @ home.T - home @ chain.T
+        at, facing = self.T[rows] + (self.R[rows] @ local[:, :, None])[:, :, 0], self.R[rows] @ (home @ turned @ home.T)
+        q, margin = self.form.branch_values(at, facing, self.form.signs[branch])
+        q = np.column_stack([q, q7])
+        with np.errstate(invalid="ignore"):
+            off = within_pi(self.arm.angle(q, self.direction) - self.psi[rows])
+        return q, np.where(margin >= 0, off, np.nan), margin
+
+    def cells(
+        self, rows: np.ndarray, branch: np.ndarray, a: np.ndarray, b: np.ndarray, fa: np.ndarray, fb: np.ndarray
+    ) -> None:
+        """Look for postures between angles a and b of joint 7, with the differences there."""
+        both = np.isfinite(fa) & np.isfinite(fb)
+        self.roots(*(x[both] for x in (rows, branch, a, b, fa, fb)))
+        # the branch ends in between: the last posture on it by bisection
+        ends = np.isfinite(fa) ^ np.isfinite(fb)
+        rows, branch, a, b, fa, fb = (x[ends] for x in (rows, branch, a, b, fa, fb))
+        inner, outer = np.where(np.isfinite(fa), a, b), np.where(np.isfinite(fa), b, a)
+        last = inner
+        for _ in range(LAST if len(rows) else 0):
+            middle = (last + outer) / 2
+            exists = self.values(rows, branch, middle)[2] >= 0
+            last, outer = np.where(exists, middle, last), np.where(exists, outer, middle)
+        if len(rows):
+            f = self.values(rows, branch, last)[1]
+            self.roots(rows, branch, inner, last, np.where(np.isfinite(fa), fa, fb), f)
+
+    def roots(
+        self, rows: np.ndarray, branch: np.ndarray, a: np.ndarray, b: np.ndarray, fa: np.ndarray, fb: np.ndarray
+    ) -> None:
+        """Regula falsi (Illinois) after bisections, where the difference changes its sign without a jump."""
         crossing = (fa * fb <= 0) & (np.abs(fa - fb) < np.pi)
-        rows, branch, a, b, fa = (x[crossing] for x in (rows, branch, a, b, fa))
-        if not len(rows):
-            return
-        for _ in range(BISECTIONS):
+        rows, branch, a, b, fa, fb = (x[crossing] for x in (rows, branch, a, b, fa, fb))
+        for n in range(BISECTIONS + SECANTS):
+            if not len(rows):
+                return
             middle = (a + b) / 2
-            _, f = at(rows, branch, middle)
-            left = fa * f <= 0
-            a, fa, b = np.where(left, a, middle), np.where(left, fa, f), np.where(left, middle, b)
-        q, off = at(rows, branch, (a + b) / 2)
-        for row, posture, f in zip(rows, q, off, strict=True):
-            if abs(f) < 1e-6:
-                found[row].append(posture)
+            if n >= BISECTIONS:
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    cut = b - fb * (b - a) / (fb - fa)
+                middle = np.where((cut - a) * (cut - b) <= 0, cut, middle)
+            q, f, _ = self.values(rows, branch, middle)
+            there = np.abs(f) < ANGLE
+            self.found += list(zip(rows[there].tolist(), q[there], strict=True))
+            left, half = fa * f <= 0, 0.5 if n > BISECTIONS else 1.0
+            a, fa = np.where(left, a, middle), np.where(left, half * fa, f)
+            b, fb = np.where(left, middle, b), np.where(left, f, half * fb)
+            rows, branch, a, b, fa, fb = (x[~there] for x in (rows, branch, a, b, fa, fb))
 
-    low, high = everywhere[:-1], everywhere[1:]
-    both = np.isfinite(low) & np.isfinite(high)
-    cell, row, branch = np.nonzero(both)
-    search(row, branch, grid[cell], grid[cell + 1], low[both], high[both])
-    # the ends of what a branch reaches: the last posture on it by bisection
-    cell, row, branch = np.nonzero(np.isfinite(low) ^ np.isfinite(high))
-    if len(cell):
-        inside_low = np.isfinite(low[cell, row, branch])
-        inner, outer = grid[np.where(inside_low, cell, cell + 1)], grid[np.where(inside_low, cell + 1, cell)]
-        f_inner = np.where(inside_low, low[cell, row, branch], high[cell, row, branch])
-        a, b = inner, outer
-        for _ in range(BISECTIONS):
-            middle = (a + b) / 2
-            exists = np.isfinite(at(row, branch, middle)[1])
-            a, b = np.where(exists, middle, a), np.where(exists, b, middle)
-        search(row, branch, inner, a, f_inner, at(row, branch, a)[1])
-    # nearest approaches between grid points
-    distance = np.abs(everywhere)
-    middle = distance[1:-1]
-    dip = (middle <= distance[:-2]) & (middle <= distance[2:]) & (middle < REFINED)
-    cell, row, branch = np.nonzero(dip)
-    if len(cell):
-        fine = np.linspace(-1, 1, 33) * (grid[1] - grid[0])
-        closer = np.array([at(row, branch, grid[cell + 1] + x)[1] for x in fine])
-        for n in range(len(fine) - 1):
-            search(row, branch, grid[cell + 1] + fine[n], grid[cell + 1] + fine[n + 1], closer[n], closer[n + 1])
-    kept = [_unlike(np.array(rows).reshape(-1, 7)) for rows in found]
-    q = np.full((m, max([1, *map(len, kept)]), 7), np.nan)
-    for n, rows in enumerate(kept):
-        q[n, : len(rows)] = rows
-    return q
+    def postures(self) -> np.ndarray:
+        """Return what was found, (m, k, 7), with both signs of the shoulder."""
+        if not self.found:
+            return np.full((len(self.T), 1, 7), np.nan)
+        rows, q = np.array([row for row, _ in self.found]), np.array([posture for _, posture in self.found])
+        other = flipped(q[:, :3], self.arm.chain)
+        kept: list[list[np.ndarray]] = [[] for _ in range(len(self.T))]
+        for row, posture in zip(np.tile(rows, 2), np.concatenate([q, np.hstack([other, q[:, 3:]])]), strict=True):
+            if all(np.abs(within_pi(posture - known)).max() > SAME for known in kept[row]):
+                kept[row].append(posture)
+        made = np.full((len(self.T), max(map(len, kept)), 7), np.nan)
+        for row, postures in enumerate(kept):
+            made[row, : len(postures)] = np.array(postures).reshape(-1, 7)
+        return made
 
 
-def _unlike(q: np.ndarray) -> np.ndarray:
-    kept: list[np.ndarray] = []
-    for row in q:
-        if all(np.abs(within_pi(row - other)).max() > 1e-6 for other in kept):
-            kept.append(row)
-    return np.array(kept).reshape(-1, 7)
+def flipped(q: np.ndarray, chain: Chain) -> np.ndarray:
+    """Return the other three angles (m, 3) of a spherical shoulder with the same rotation."""
+    shoulder = Chain(chain.axes[:3], np.zeros((3, 3)))
+    form = closed_form(shoulder)
+    assert form is not None
+    both = np.stack(_turns(form, shoulder.pose(q)[1]), axis=1)
+    nearest = np.abs(within_pi(both - q[:, None])).max(axis=2).argmin(axis=1)
+    return both[np.arange(len(q)), 1 - nearest]
 
 
 def _frame(along: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
