@@ -18,7 +18,7 @@ from .closed import ClosedForm, closed_form
 from .structure import EXACT, common_point
 
 SAME = 1e-6  # rad between two postures that are one
-PARTS = 8  # of a cell that is looked at more closely
+PARTS, LEVELS = 8, 2  # of a cell that is looked at more closely, again and again
 GRID = 96  # angles of joint 7 at which the elbow is compared with the declared one
 BISECTIONS, SECANTS = 12, 30
 LAST = 45  # bisections for the end of what a branch reaches
@@ -122,7 +122,9 @@ def _spherical(
         home = np.stack(_frame(at - S, u), axis=2)
         upper = aim @ home.transpose(0, 2, 1)
         rest = (upper @ turned).transpose(0, 2, 1) @ X
-        for (a, first), (b, last) in product(*(enumerate(_turns(f, r)) for f, r in zip(forms, (upper, rest), strict=True))):
+        for (a, first), (b, last) in product(
+            *(enumerate(_turns(f, r)) for f, r in zip(forms, (upper, rest), strict=True))
+        ):
             q[:, 4 * a + 2 * k + b] = np.column_stack([first, q4, last])
     q[~np.isfinite(q).all(axis=2)] = np.nan
     words = [f.branches[0].words for f in forms]
@@ -140,25 +142,8 @@ def _searched(arm: _Arm, T: np.ndarray, R: np.ndarray, psi: np.ndarray, directio
     """Joint 7 away from the wrist: a search along its angle, with the closed form of the other six at each."""
     search = _Search.of(arm, T, R, psi, direction)
     m, k = len(T), len(search.branches)
-    grid = np.linspace(-np.pi, np.pi, GRID + 1)
     rows, branch = (x.ravel() for x in np.meshgrid(np.arange(m), search.branches, indexing="ij"))
-    made = [search.values(rows, branch, np.full(m * k, a))[1:] for a in grid]
-    off, margin = (np.array([x[n] for x in made]) for n in (0, 1))  # (GRID + 1, m k)
-    # cells in which a branch may begin, end or come near the declared angle are divided
-    steps = np.abs(np.diff(margin, axis=0))
-    steps = np.maximum(steps, np.maximum(np.roll(steps, 1, axis=0), np.roll(steps, -1, axis=0)))
-    near = np.minimum(np.abs(margin[:-1]), np.abs(margin[1:])) < 1.5 * steps
-    size = np.where(np.isfinite(off), np.abs(off), np.inf)
-    dip = np.zeros(off.shape, bool)
-    dip[1:-1] = (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]) & (size[1:-1] < REFINED)
-    divided = near | dip[:-1] | dip[1:]
-    cell, column = np.nonzero(~divided)
-    search.cells(rows[column], branch[column], grid[cell], grid[cell + 1], off[cell, column], off[cell + 1, column])
-    cell, column = np.nonzero(divided)
-    inner = grid[cell] + np.linspace(0, 1, PARTS + 1)[:, None] * (grid[1] - grid[0])
-    fine = np.array([search.values(rows[column], branch[column], a)[1] for a in inner])
-    for n in range(PARTS):
-        search.cells(rows[column], branch[column], inner[n], inner[n + 1], fine[n], fine[n + 1])
+    search.scan(rows, branch, np.tile(np.linspace(-np.pi, np.pi, GRID + 1)[:, None], m * k))
     return search.postures()
 
 
@@ -198,6 +183,31 @@ class _Search:
         with np.errstate(invalid="ignore"):
             off = within_pi(self.arm.angle(q, self.direction) - self.psi[rows])
         return q, np.where(margin >= 0, off, np.nan), margin
+
+    def scan(self, rows: np.ndarray, branch: np.ndarray, nodes: np.ndarray, level: int = 0) -> None:
+        """Look for postures between neighbouring angles of joint 7, nodes (g, r).
+
+        Cells in which a branch may begin or end, or come near the declared angle and leave it, are divided.
+        """
+        made = [self.values(rows, branch, a)[1:] for a in nodes]
+        off, margin = (np.array([x[n] for x in made]) for n in (0, 1))
+        steps = np.abs(np.diff(margin, axis=0))
+        steps[1:], steps[:-1] = np.maximum(steps[1:], steps[:-1]), np.maximum(steps[1:], steps[:-1])
+        divided = np.minimum(np.abs(margin[:-1]), np.abs(margin[1:])) < 1.5 * steps
+        size = np.where(np.isfinite(off), np.abs(off), np.inf)
+        dip = np.zeros(off.shape, bool)
+        dip[1:-1] = (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]) & (size[1:-1] < REFINED)
+        divided |= dip[:-1] | dip[1:]
+        if level == LEVELS:
+            divided[:] = False
+        cell, column = np.nonzero(~divided)
+        ends = ((x[cell, column], x[cell + 1, column]) for x in (nodes, off))
+        self.cells(rows[column], branch[column], *(x for pair in ends for x in pair))
+        cell, column = np.nonzero(divided)
+        if len(cell):
+            a, b = nodes[cell, column], nodes[cell + 1, column]
+            parts = np.linspace(-1 / PARTS, 1 + 1 / PARTS, PARTS + 3)[:, None]  # one more at each side, for its dips
+            self.scan(rows[column], branch[column], a + parts * (b - a), level + 1)
 
     def cells(
         self, rows: np.ndarray, branch: np.ndarray, a: np.ndarray, b: np.ndarray, fa: np.ndarray, fb: np.ndarray

@@ -12,7 +12,9 @@ from .chain import Chain
 
 # angles about which half-angle tangents are taken: a solution near a half turn from one of them is lost to infinity
 SHIFTS = np.array([[0.7, -1.1, 0.4], [-1.9, 0.6, 2.3]])
-REAL = 1e-3  # imaginary part, relative to 1 + |x|, of tangents that may be real: two that nearly meet lose half the digits
+REAL = (
+    1e-3  # imaginary part, relative to 1 + |x|, of tangents that may be real: two that nearly meet lose half the digits
+)
 GRID = np.arange(3) * 2 * np.pi / 3
 # values at GRID to the coefficients of 1, cos, sin, and these to those of 1, x, x^2 times 1 + x^2
 FIT = np.linalg.inv(np.column_stack([np.ones(3), np.cos(GRID), np.sin(GRID)]))

@@ -225,9 +225,7 @@ def _by_iteration(
     return replace(made, status=status)
 
 
-def _polished(
-    chain: Chain, T: np.ndarray, R: np.ndarray | None, q: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _polished(chain: Chain, T: np.ndarray, R: np.ndarray | None, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return joint coordinates (m, k, n) after damped steps, and the pose error (m, k)."""
     m, k, n = q.shape
     of = None if R is None else np.repeat(R, k, axis=0)
@@ -235,9 +233,7 @@ def _polished(
     return _within_pi(chain, flat).reshape(m, k, n), off.reshape(m, k)
 
 
-def _judged(
-    chain: Chain, q: np.ndarray, names: tuple[str, ...], complete: bool, road: str, oriented: bool
-) -> Postures:
+def _judged(chain: Chain, q: np.ndarray, names: tuple[str, ...], complete: bool, road: str, oriented: bool) -> Postures:
     """Return postures with the status by the smallest singular value of the Jacobian."""
     exists = np.isfinite(q).all(axis=2)
     status = np.full(exists.shape, int(Status.OUT_OF_RANGE))
@@ -295,8 +291,5 @@ def _turned(
 def _sorted(made: Postures, near: np.ndarray) -> Postures:
     distance = np.linalg.norm(made.q - near[:, None], axis=2)
     order = np.argsort(np.where(np.isnan(distance), np.inf, distance), axis=1, kind="stable")
-    taken = {
-        name: np.take_along_axis(getattr(made, name), order, axis=1) for name in ("status", "branch", "beyond")
-    }
+    taken = {name: np.take_along_axis(getattr(made, name), order, axis=1) for name in ("status", "branch", "beyond")}
     return replace(made, q=np.take_along_axis(made.q, order[..., None], axis=1), **taken)
-
