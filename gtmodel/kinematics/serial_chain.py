@@ -10,8 +10,9 @@ from ..results import ArgumentError
 def chain_of(robot: Model, *, named: bool = False) -> Chain:
     """Return the joint axes of a serial arm with joint coordinates q, position T and orientation R of its end.
 
-    `named`: the arm must have six joints and postures with names, as one with a spherical wrist has. DH, URDF and hand-written arms alike: the axes are derivatives of the forward kinematics. Raises ArgumentError for a
-    model without q, T and R, and for one whose end does not move by joints that turn or slide one after the other.
+    DH, URDF and hand-written arms alike: the axes are derivatives of the forward kinematics. `named`: the arm must have
+    six joints and postures with names, as one with a spherical wrist has. Raises ArgumentError for a model without q, T
+    and R, and for one whose end does not move by joints that turn or slide one after the other.
 
     >>> arm = gt.kinematics.chain_of(gt.robots.kr500())
     >>> found = gt.kinematics.postures(arm, [1.5, 0.4, 1.2], np.diag([1.0, -1.0, -1.0]))  # flange points down

@@ -122,9 +122,8 @@ def _spherical(
         home = np.stack(_frame(at - S, u), axis=2)
         upper = aim @ home.transpose(0, 2, 1)
         rest = (upper @ turned).transpose(0, 2, 1) @ X
-        for (a, first), (b, last) in product(
-            *(enumerate(_turns(f, r)) for f, r in zip(forms, (upper, rest), strict=True))
-        ):
+        sides = [list(enumerate(_turns(f, r))) for f, r in zip(forms, (upper, rest), strict=True)]
+        for (a, first), (b, last) in product(*sides):
             q[:, 4 * a + 2 * k + b] = np.column_stack([first, q4, last])
     q[~np.isfinite(q).all(axis=2)] = np.nan
     words = [f.branches[0].words for f in forms]
@@ -173,7 +172,7 @@ class _Search:
         return _Search(arm, form, T, R, psi, direction, np.flatnonzero(form.signs[:, names.index("shoulder")] > 0))
 
     def values(self, rows: np.ndarray, branch: np.ndarray, q7: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return q (r, 7), the elbow's angle from the declared one (r), NaN: no posture, and the smallest margin (r)."""
+        """Return q (r, 7), the elbow's angle from the declared one (r), NaN without posture, and the least margin."""
         chain, home = self.arm.chain, self.arm.chain.R.T
         back, turned = Chain(chain.axes[6:], chain.points[6:]).pose(-q7[:, None])
         local = (home @ turned) @ chain.T + back @ home.T - home @ chain.T

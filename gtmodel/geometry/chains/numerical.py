@@ -8,6 +8,7 @@ from ..quaternions import logarithm, quaternion_of
 from .chain import Chain
 
 ITERATIONS = 80
+LEAST = 1e-13  # damping at the solution, against a singular matrix
 SOLVED = 1e-9  # relative length and angle of the remaining pose error
 DAMPING = 1e-2  # of the first step, relative to the squared size of the Jacobian
 
@@ -47,9 +48,12 @@ def polished(
         J = jacobian(chain, q[open_], R is not None)
         JT = J.transpose(0, 2, 1)
         # damping in proportion to the error: quadratic convergence at the end
-        weight = damping[open_] * np.minimum(cost[open_], 1.0) + 1e-16
-        step = np.linalg.solve(JT @ J + weight[:, None, None] * np.eye(len(chain)), JT @ error[open_][:, :, None])
-        step = step[:, :, 0]
+        weight = (damping[open_] * np.minimum(cost[open_], 1.0) + LEAST)[:, None, None]
+        off = error[open_][:, :, None]
+        if J.shape[2] > J.shape[1]:
+            step = (JT @ np.linalg.solve(J @ JT + weight * np.eye(J.shape[1]), off))[:, :, 0]
+        else:
+            step = np.linalg.solve(JT @ J + weight * np.eye(J.shape[2]), JT @ off)[:, :, 0]
         largest = np.abs(step).max(axis=1, keepdims=True)
         step = step / np.maximum(1.0, largest)
         trial = q[open_] + step * scale

@@ -172,7 +172,7 @@ def _found(
 
 def _by_closed_form(form: ClosedForm, T: np.ndarray, R: np.ndarray | None) -> Postures:
     q, exists, pivot = form.values(T, R)
-    m, k, n = q.shape
+    m, k, _ = q.shape
     if form.near:  # next to singular positions more steps are needed, and two branches may lead to one posture
         flat, off = _polished(form.chain, T, R, np.where(np.isfinite(q), q, 0.0))
         q = np.where((off < SOLVED)[..., None], flat, np.nan)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -121,7 +122,7 @@ class _Lines:
 
     def meet(self, *group: int) -> bool:
         h, o = self.h[list(group)], self.o[list(group)]
-        sines = [np.linalg.norm(np.cross(a, b)) for a, b in zip(h, h[1:], strict=False)]
+        sines = [np.linalg.norm(np.cross(a, b)) for a, b in pairwise(h)]
         if min(sines) < max(10 * self.tolerance, 1e-3):
             return False
         point = common_point(h, o)
