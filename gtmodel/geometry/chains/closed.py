@@ -18,7 +18,7 @@ from .structure import EXACT, NEAR, Nominal, nominal, plans
 
 STEPS = 3  # Newton steps of a chain that has a structure nearly: an error of 1e-3 leaves 1e-6, 1e-12, 1e-24
 NEAR_CLIP = 1e-2  # of the discriminants of a nominal chain, whose reach differs from the true one
-CONDITION = 1e-8  # relative length and angle by which a pose may miss what fewer joints reach
+CONDITION = 1e-9  # relative length and angle by which a pose may miss what fewer joints reach
 PROBES = 24  # random joint positions at which a closed form must return where it came from
 FOUND = 1e-6  # their largest error: next to singular positions half of the digits are lost
 

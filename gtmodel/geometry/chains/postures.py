@@ -14,6 +14,7 @@ from .closed import ClosedForm, closed_form
 from .elbow import ElbowAngle, elbow_postures
 from .general import GeneralArm
 from .numerical import SOLVED, bounds, jacobian, nearest_starts, polished, starts
+from .quartic import QuarticArm
 
 SINGULAR = 1e-6  # relative size of a pivot, or smallest singular value, below which angles have fewer than ten digits
 ROTATION = 1e-6  # largest entry of R'R - I
@@ -91,8 +92,9 @@ def postures(
     next to these joint coordinates and sorted by their distance. `redundancy`: of seven joints, which may be a
     LockedJoint or an ElbowAngle.
 
-    Roads: the closed form that `closed_form` finds, with named branches; for other six revolute joints the elimination
-    of Raghavan and Roth, all up to sixteen postures; else damped iteration from the nearest of 2,000 stored poses and a
+    Roads: the closed form that `closed_form` finds, with named branches; a quartic for other arms with a spherical
+    wrist and for three revolute joints; for other six revolute joints the elimination of Raghavan and Roth, all up to
+    sixteen postures; else damped iteration from the nearest of 2,000 stored poses and a
     fixed list of starts, which may miss postures (`complete` is False). Raises ArgumentError for wrong shapes.
 
     >>> from gtmodel.geometry.chains import Chain, postures
@@ -165,6 +167,10 @@ def _found(
     form = closed_form(chain, oriented=R is not None)
     if form is not None:
         return _by_closed_form(form, T, R)
+    quartic = QuarticArm.of(chain, oriented=R is not None)
+    if quartic is not None:
+        q = _distinct(chain, _within_pi(chain, quartic.postures(chain, T, R)))
+        return _judged(chain, q, (), True, "quartic", oriented=R is not None)
     if len(chain) == 6 and all(chain.revolute) and R is not None:
         return _by_elimination(chain, T, R)
     return _by_iteration(chain, T, R, limits, near)
@@ -187,12 +193,13 @@ def _by_closed_form(form: ClosedForm, T: np.ndarray, R: np.ndarray | None) -> Po
 
 def _by_elimination(chain: Chain, T: np.ndarray, R: np.ndarray) -> Postures:
     arm = GeneralArm(chain)
-    rows = []
-    for t, r in zip(T, R, strict=True):
-        q = arm.candidates(t, r)
-        q, off = polished(chain, np.tile(t, (len(q), 1)), np.tile(r, (len(q), 1, 1)), q)
-        rows.append(_distinct(chain, np.where((off < SOLVED)[:, None], _within_pi(chain, q), np.nan)[None])[0])
-    return _judged(chain, _stacked(rows, len(chain)), (), True, "elimination", oriented=True)
+    more = nearest_starts(chain, T, R, AT_ONCE if arm.structured else 0)
+    starts_of = [np.concatenate([arm.candidates(t, r), start]) for t, r, start in zip(T, R, more, strict=True)]
+    of = np.repeat(np.arange(len(T)), [len(q) for q in starts_of])
+    q, off = polished(chain, T[of], R[of], np.concatenate(starts_of))
+    q = np.where((off < SOLVED)[:, None], _within_pi(chain, q), np.nan)
+    rows = [_distinct(chain, q[None, of == k])[0] for k in range(len(T))]
+    return _judged(chain, _stacked(rows, len(chain)), (), not arm.structured, "elimination", oriented=True)
 
 
 def _by_iteration(
