@@ -15,8 +15,8 @@ def chain_of(robot: Model, *, named: bool = False) -> Chain:
     and R, and for one whose end does not move by joints that turn or slide one after the other.
 
     >>> arm = gt.kinematics.chain_of(gt.robots.kr500())
-    >>> found = gt.kinematics.postures(arm, [1.5, 0.4, 1.2], np.diag([1.0, -1.0, -1.0]))  # flange points down
-    >>> found.names[0], np.degrees(found.q[0, 0, :3]).round(1)
+    >>> postures = gt.kinematics.postures(arm, [1.5, 0.4, 1.2], np.diag([1.0, -1.0, -1.0]))  # flange points down
+    >>> postures.names[0], np.degrees(postures.q[0, 0, :3]).round(1)
     ('front, up, no flip', array([-14.9, -72.1, 119.5]))
     """
     try:

@@ -98,8 +98,8 @@ class _Elimination:
         q = np.zeros((len(v), 6))
         q[:, 2:5] = self.shift + 2 * np.arctan(np.nan_to_num(np.array(half), posinf=1e12, neginf=-1e12)).T
         wanted = self._functions(self._motions((2, 3, 4), q[:, 2:5]), self.p, self.l) - still
-        found = np.linalg.lstsq(moving, wanted.T, rcond=None)[0]
-        q[:, 1], q[:, 0] = np.arctan2(found[1], found[0]), np.arctan2(found[5], found[2])
+        terms = np.linalg.lstsq(moving, wanted.T, rcond=None)[0]
+        q[:, 1], q[:, 0] = np.arctan2(terms[1], terms[0]), np.arctan2(terms[5], terms[2])
         rest = self.chain.exponentials(q)[0][5].transpose(0, 2, 1) @ X
         across = np.cross(self.l, np.eye(3)[np.argmin(np.abs(self.l))])
         image = rest @ across

@@ -42,7 +42,7 @@ class Postures:
 
     `branch` (m, k) is an index of `names`, or a number without a meaning if `names` is empty: a cuspidal or general arm
     changes posture without a singular position, and its postures have no names. `complete`: all postures are known, by
-    algebra. `road` says how they were found.
+    algebra. `method` says how they were found.
     """
 
     q: np.ndarray
@@ -51,11 +51,11 @@ class Postures:
     beyond: np.ndarray
     names: tuple[str, ...]
     complete: bool
-    road: str
+    method: str
     revolute: tuple[bool, ...]
 
     @property
-    def found(self) -> np.ndarray:
+    def exists(self) -> np.ndarray:
         """Where a posture exists within the limits, (m, k)."""
         return np.isfinite(self.q).all(axis=2)
 
@@ -92,15 +92,15 @@ def postures(
     next to these joint coordinates and sorted by their distance. `redundancy`: of seven joints, which may be a
     LockedJoint or an ElbowAngle.
 
-    Roads: the closed form that `closed_form` finds, with named branches; a quartic for other arms with a spherical
+    Methods: the closed form that `closed_form` finds, with named branches; a quartic for other arms with a spherical
     wrist and for three revolute joints; for other six revolute joints the elimination of Raghavan and Roth, all up to
     sixteen postures; else damped iteration from the nearest of 2,000 stored poses and a
     fixed list of starts, which may miss postures (`complete` is False). Raises ArgumentError for wrong shapes.
 
     >>> from gtmodel.geometry.chains import Chain, postures
     >>> arm = Chain([[0, 0, 1], [0, 0, 1]], [[0, 0, 0], [0.4, 0, 0]], T=[0.7, 0, 0])
-    >>> found = postures(arm, [0.5, 0.3, 0.0])
-    >>> found.names, np.degrees(found.q[0]).round(1)
+    >>> both = postures(arm, [0.5, 0.3, 0.0])
+    >>> both.names, np.degrees(both.q[0]).round(1)
     (('left', 'right'), array([[ 61.9, -68. ],
            [  0. ,  68. ]]))
     """
@@ -228,7 +228,7 @@ def _by_iteration(
         q = _distinct(chain, np.concatenate([q, more], axis=1))
     kept = _stacked([row[np.isfinite(row).all(axis=1)][:KEPT] for row in q], n)
     made = _judged(chain, kept, (), False, "iteration", oriented=R is not None)
-    status = np.where(made.found, made.status, Status.NOT_CONVERGED)
+    status = np.where(made.exists, made.status, Status.NOT_CONVERGED)
     return replace(made, status=status)
 
 
@@ -240,7 +240,9 @@ def _polished(chain: Chain, T: np.ndarray, R: np.ndarray | None, q: np.ndarray) 
     return _within_pi(chain, flat).reshape(m, k, n), off.reshape(m, k)
 
 
-def _judged(chain: Chain, q: np.ndarray, names: tuple[str, ...], complete: bool, road: str, oriented: bool) -> Postures:
+def _judged(
+    chain: Chain, q: np.ndarray, names: tuple[str, ...], complete: bool, method: str, oriented: bool
+) -> Postures:
     """Return postures with the status by the smallest singular value of the Jacobian."""
     exists = np.isfinite(q).all(axis=2)
     status = np.full(exists.shape, int(Status.OUT_OF_RANGE))
@@ -249,7 +251,7 @@ def _judged(chain: Chain, q: np.ndarray, names: tuple[str, ...], complete: bool,
         smallest = np.linalg.svd(J, compute_uv=False)[:, -1]
         status[exists] = np.where(smallest < SINGULAR, Status.SINGULAR, Status.OK)
     branch = np.tile(np.arange(q.shape[1]), (len(q), 1))
-    return Postures(q, status, branch, np.zeros(exists.shape, bool), names, complete, road, chain.revolute)
+    return Postures(q, status, branch, np.zeros(exists.shape, bool), names, complete, method, chain.revolute)
 
 
 def _within_pi(chain: Chain, q: np.ndarray) -> np.ndarray:

@@ -50,8 +50,8 @@ class QuarticArm:
         apart = np.abs(np.exp(1j * self.postures(home, T, R if oriented else None)) - np.exp(1j * q[:, None])).max(
             axis=2
         )
-        found = (np.where(np.isnan(apart), np.inf, apart).min(axis=1) < 1e-6).mean()
-        return self if found > 0.8 else None
+        share = (np.where(np.isnan(apart), np.inf, apart).min(axis=1) < 1e-6).mean()
+        return self if share > 0.8 else None
 
     def postures(self, home: Chain, T: np.ndarray, R: np.ndarray | None) -> np.ndarray:
         """Return q (m, 4 or 8, n) of poses of the chain `home`, NaN where there is none."""

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from .chain import snapped, turned
-from .equations import NoSolution, Steps
+from .equations import JointSteps, NoSolution
 from .structure import Nominal
 
 
@@ -20,7 +20,7 @@ class Displacement(Protocol):
     def vector(self, v: np.ndarray) -> Any: ...
 
 
-def solve(nominal: Nominal, steps: Steps, X: Displacement) -> None:
+def solve(nominal: Nominal, steps: JointSteps, X: Displacement) -> None:
     """Fill in the steps of a nominal chain for a displacement. Raises NoSolution if the plan does not suit it."""
     arm = _Arm(nominal, steps, X)
     if nominal.plan.kind == "parallel":
@@ -30,7 +30,7 @@ def solve(nominal: Nominal, steps: Steps, X: Displacement) -> None:
 
 
 class _Arm:
-    def __init__(self, nominal: Nominal, steps: Steps, X: Displacement) -> None:
+    def __init__(self, nominal: Nominal, steps: JointSteps, X: Displacement) -> None:
         self.plan, self.steps, self.X = nominal.plan, steps, X
         self.h, self.o, self.revolute = nominal.chain.axes, nominal.chain.points, nominal.chain.revolute
         self.centre, self.size = nominal.centre, steps.size
