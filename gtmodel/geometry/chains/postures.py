@@ -101,8 +101,8 @@ def postures(
     >>> arm = Chain([[0, 0, 1], [0, 0, 1]], [[0, 0, 0], [0.4, 0, 0]], T=[0.7, 0, 0])
     >>> both = postures(arm, [0.5, 0.3, 0.0])
     >>> both.names, np.degrees(both.q[0]).round(1)
-    (('left', 'right'), array([[ 61.9, -68. ],
-           [  0. ,  68. ]]))
+    (('left', 'right'), array([[ 59.5, -68. ],
+           [  2.5,  68. ]]))
     """
     T, R = _poses(T, R)
     bound = None if limits is None else _limits(limits, len(chain))
