@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from .lang import *  # noqa: F403
     from .optimize import (
         Blocks as Blocks,
+        LengthCost as LengthCost,
         Mesh as Mesh,
         NotSolved as NotSolved,
         Phases as Phases,
