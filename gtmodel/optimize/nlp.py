@@ -270,11 +270,10 @@ def functions_of(
 
 def _step_bounds(layout: Layout, m: int, lbg: np.ndarray, ubg: np.ndarray) -> None:
     """Turn the continuity row of a control at the border of two blocks into a bound on the step."""
-    for place, j in zip(layout.carried, layout.carries, strict=True):
-        block = layout.blocks.get(int(j))
-        for k in block.borders if block is not None else ():
-            row, most = (k - 1) * m + place, block.step_max / layout.problem.u_scale[j]
-            lbg[row], ubg[row] = -most, most
+    for j, block in layout.blocks.items():
+        place, most = layout.u[0, j], block.step_max / layout.problem.u_scale[j]  # the index of its carried unknown
+        for k in block.borders:
+            lbg[(k - 1) * m + place], ubg[(k - 1) * m + place] = -most, most
 
 
 def _link(X: ca.MX, n: int, m: int, nx: int, N: int) -> ca.MX:

@@ -252,8 +252,9 @@ def derivatives(problem: DynamicProblem, kernel: PointKernel) -> Derivatives:
     """Differentiate a kernel, on a tape if it is large; cached per problem for all meshes."""
     key = f"{POINT_FUNCTIONS} {kernel.name} {kernel.key}"
     if key not in problem.cache:
-        operations = ca.Function("f", [kernel.w, kernel.P, kernel.d], [kernel.value, kernel.cost]).n_instructions()
-        problem.cache[key] = _on_tape(kernel) if operations > LARGE else _by_casadi(kernel)
+        f = ca.Function("f", [kernel.w, kernel.P, kernel.d], [kernel.value, kernel.cost])
+        large = f.n_instructions() > LARGE and not f.get_function()  # a tape has no calls of functions
+        problem.cache[key] = _on_tape(kernel) if large else _by_casadi(kernel)
     return _placed(kernel, *problem.cache[key])
 
 
