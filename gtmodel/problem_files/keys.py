@@ -43,8 +43,8 @@ class RobotProblem(Problem):
     """A problem about one robot."""
 
     robot: str = Field(
-        description="catalogue name, TOML robot file, URDF file (arm.urdf, arm.urdf:tip), or a model in Python: "
-        "package.module:Class, file.py:Class"
+        description="catalogue name, TOML robot file, URDF, SDF or MJCF file (arm.urdf, arm.urdf:tip, arm.sdf, "
+        "arm.xml), or a model in Python: package.module:Class, file.py:Class"
     )
     inertia: str | None = Field(
         default=None, description="identified masses and friction of a catalogue robot; model_2 if left out"
