@@ -128,6 +128,52 @@ def test_radians_geoms_instead_of_inertials_and_a_following_joint():
     assert structure.effort_limits()[1] == 50.0
 
 
+def drawn(rng: np.random.Generator) -> tuple[str, str]:
+    """A synthetic arm of one to five bodies, with each detail of the format by chance, and its last body."""
+    angle, sequence = rng.choice(["degree", "radian"]), "".join(rng.choice(list("xyzXYZ"), 3))
+    scale = 60.0 if angle == "degree" else 1.0
+
+    def numbers(count: int, size: float = 1.0) -> str:
+        return " ".join(f"{x:.6g}" for x in size * rng.uniform(-1, 1, count))
+
+    def turn() -> str:
+        return str(rng.choice([
+            f'quat="{numbers(4)}"', f'euler="{numbers(3, scale)}"', f'axisangle="{numbers(3)} {numbers(1, scale)}"',
+            f'xyaxes="{numbers(6)}"', f'zaxis="{numbers(3)}"', "",
+        ]))  # fmt: skip
+
+    def joint(name: str) -> str:
+        slide, pos, ref = rng.random() < 0.3, rng.random() < 0.5, rng.random() < 0.4
+        size = 0.2 if slide else 0.5 * scale
+        text = f'<joint name="{name}" type="{"slide" if slide else "hinge"}" axis="{numbers(3)}"'
+        text += f' pos="{numbers(3, 0.2)}"' if pos else ""
+        return text + (f' ref="{numbers(1, size)}"/>' if ref else "/>")
+
+    def mass() -> str:
+        pose, size = f'pos="{numbers(3, 0.2)}" {turn()}', 0.02 + 0.1 * rng.random(3)
+        kind = rng.choice(["sphere", "box", "capsule", "cylinder", "ellipsoid", "inertial", "fromto"])
+        if kind == "inertial":
+            return f'<inertial {pose} mass="{rng.uniform(0.5, 3):.6g}" diaginertia="0.02 0.03 0.04"/>'
+        if kind == "fromto":
+            return f'<geom type="capsule" size="{size[0]:.6g}" fromto="{numbers(6, 0.3)}"/>'
+        return f'<geom type="{kind}" size="{" ".join(f"{x:.6g}" for x in size)}" {pose} density="700"/>'
+
+    text, count = "", int(rng.integers(1, 6))
+    for k in range(count):
+        joints = "".join(joint(f"j{k}_{n}") for n in range(int(rng.integers(0 if k and k + 1 < count else 1, 3))))
+        text += f'<body name="b{k}" pos="{numbers(3, 0.4)}" {turn()}>{joints}{mass()}'
+    head = f'<mujoco model="drawn"><compiler angle="{angle}" eulerseq="{sequence}"/><worldbody>'
+    return f"{head}{text}{'</body>' * count}</worldbody></mujoco>", f"b{count - 1}"
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_drawn_arms(seed):
+    """Synthetic arms, numbered by their seed."""
+    text, tip = drawn(np.random.default_rng(seed))
+    n = in_mujoco(text)[0].nv
+    compared(text, tip, np.eye(n), np.zeros(n))
+
+
 def wrong(text: str, old: str, new: str) -> str:
     assert old in text
     return text.replace(old, new, 1)
@@ -136,20 +182,23 @@ def wrong(text: str, old: str, new: str) -> str:
 @pytest.mark.parametrize(
     "text, line, sentence",
     [
-        (wrong(RADIANS, '<joint name="third" axis="0 0 1" ref="-0.3"/>', '<joint name="third" type="ball"/>'), 12,
+        (wrong(RADIANS, '<joint name="third" axis="0 0 1" ref="-0.3"/>', '<joint name="third" type="ball"/>'), 13,
          "joint 'third' is ball"),
         (wrong(RADIANS, '<joint name="first"', '<freejoint/><joint name="first"'), 5, "free joint"),
         (wrong(RADIANS, '<joint joint1="third" joint2="first" polycoef="0.1 -1.5 0 0 0"/>',
-               '<connect body1="c" body2="a" anchor="0 0 0"/>'), 18, "<connect> closes a loop"),
-        (wrong(RADIANS, '<geom type="box"', '<geom type="mesh" mesh="x"'), 13, "mass of its mesh is not computed"),
+               '<connect body1="c" body2="a" anchor="0 0 0"/>'), 19, "<connect> closes a loop"),
+        (wrong(RADIANS, '<geom type="box"', '<geom type="mesh" mesh="x"'), 14, "mass of its mesh is not computed"),
         (wrong(RADIANS, 'eulerseq="zyx"', 'eulerseq="zy"'), 2, "eulerseq takes three"),
         (wrong(RADIANS, "<worldbody>", '<include file="arm.xml"/><worldbody>'), 3, "<include> is not read"),
-        (wrong(RADIANS, 'axis="0 0 1" ref', 'axis="0 0 0" ref'), 12, "axis of joint 'third' is zero"),
-        (wrong(RADIANS, 'name="third"', 'name="first"'), 12, "two joints have the name 'first'"),
+        (wrong(RADIANS, 'axis="0 0 1" ref', 'axis="0 0 0" ref'), 13, "axis of joint 'third' is zero"),
+        (wrong(RADIANS, 'name="third"', 'name="first"'), 13, "two joints have the name 'first'"),
         (wrong(RADIANS, 'name="b"', 'name="a"'), 8, "two bodies have the name 'a'"),
         (wrong(RADIANS, 'pos="0.5 0 0"', 'pos="0.5 0 x"'), 8, "pos of <body> takes three numbers"),
         (wrong(DEFAULTS, 'class="slow" pos', 'class="slo" pos'), 15, "class 'slo', which no <default> declares"),
         (wrong(RADIANS, 'limited="true" ', ""), 9, "has a range without limited"),
+        (wrong(RADIANS, "actuatorfrcrange", "actuatorfrcrnge"), 9, "did you mean 'actuatorfrcrange'"),
+        (wrong(RADIANS, "<inertial", "<inertal"), 6, "<body> holds the unknown <inertal>"),
+        (wrong(RADIANS, 'ref="0.2"', 'ref="0.2" springdamper="1 1"'), 5, "unknown attribute 'springdamper'"),
         ("<robot/>", 1, "expected <mujoco>"),
         ("<mujoco><worldbody/></mujoco>", 1, "has a joint"),
         ("<mujoco>", 1, "is not XML"),
@@ -263,6 +312,8 @@ LOOP = '<joint name="again" type="revolute"><parent>upper</parent><child>lower</
         (wrong(BY_HAND, "<link name=", "<include/><link name="), 2, "<include> inside a model is not read"),
         (wrong(BY_HAND, "</model>", '<link name="loose"/></model>'), 9, "several links have no parent"),
         (wrong(BY_HAND, "0 0 0.5 0 90 0", "0 0 0.5 0 90"), 2, "pose of <pose> takes six numbers"),
+        (wrong(BY_HAND, "<lower>-1</lower>", "<loer>-1</loer>"), 8, "<limit> holds the unknown <loer>"),
+        (wrong(BY_HAND, "<axis><xyz>0 1 0</xyz></axis>", "<axs/>"), 5, "<joint> holds the unknown <axs>"),
         ('<sdf version="1.9"/>', 1, "the file has 0 models"),
         ("<robot/>", 1, "expected <sdf>"),
     ],

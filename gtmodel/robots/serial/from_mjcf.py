@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import scipy
 
+from ..._near import meant
 from ...geometry.rotations import rotation_about, rpy_of_rotation, shortest_rotation
 from ...results.read_bounds import XmlFault
 from .arm import SerialArm
@@ -20,9 +21,33 @@ Array = np.ndarray
 Pose = tuple[Array, Array]  # R (3, 3), r (3,)
 DENSITY = 1000.0  # kg/m3, MuJoCo's default
 # sections of the file that change no position, mass or joint
-UNUSED = ("asset", "visual", "statistic", "size", "contact", "sensor", "keyframe", "custom", "actuator", "extension")
+UNUSED = (
+    "asset",
+    "visual",
+    "statistic",
+    "size",
+    "contact",
+    "sensor",
+    "keyframe",
+    "custom",
+    "actuator",
+    "extension",
+    "tendon",
+)
 # elements of a body that have no mass
 MASSLESS = ("site", "camera", "light", "plugin")
+TOP = ("compiler", "option", "default", "worldbody", "equality", *UNUSED)
+ORIENTED = "pos quat axisangle xyaxes zaxis euler"
+# attributes of the elements whose misspelling would change the motion without a word
+ATTRIBUTES = {
+    "body": f"name childclass {ORIENTED} mocap gravcomp user sleep",
+    "inertial": f"mass diaginertia fullinertia {ORIENTED}",
+    "joint": "name class type group pos axis stiffness range limited actuatorfrcrange actuatorfrclimited margin ref "
+    "springref armature damping frictionloss user actuatorgravcomp solreflimit solimplimit "
+    "solreffriction solimpfriction",
+}  # fmt: skip
+INSIDE = {"mujoco": TOP, "worldbody": ("body", "geom", *MASSLESS),
+          "body": ("body", "inertial", "joint", "freejoint", "geom", *MASSLESS)}  # fmt: skip
 TURNED = ("quat", "axisangle", "xyaxes", "zaxis", "euler")
 
 
@@ -122,7 +147,16 @@ class _Reader:
                     "mujoco.mj_saveLastXML('arm.xml', mujoco.MjModel.from_xml_path(...))",
                     inner.line,
                 )
-            self.refuse(inner)
+            if e.tag in INSIDE and inner.tag not in INSIDE[e.tag]:
+                known = meant(inner.tag, INSIDE[e.tag], f"it takes {', '.join(INSIDE[e.tag])}")
+                raise XmlFault(f"<{e.tag}> holds the unknown <{inner.tag}>; {known}", inner.line)
+            names = ATTRIBUTES.get(inner.tag, "").split() if e.tag in ("body", "worldbody", "default") else []
+            for name in inner.attributes if names else ():
+                if name not in names:
+                    known = meant(name, names, f"it takes {', '.join(names)}")
+                    raise XmlFault(f"<{inner.tag}> has the unknown attribute '{name}'; {known}", inner.line)
+            if e.tag not in UNUSED:
+                self.refuse(inner)
 
     def compiler(self, e: XmlElement) -> None:
         words = {"angle": ("degree", "radian"), "autolimits": ("true", "false"),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import scipy
 
+from ..._near import meant
 from ...geometry.rotations import rotation_of_rpy, rpy_of_rotation
 from ...results.read_bounds import XmlFault
 from .arm import SerialArm
@@ -28,6 +29,15 @@ UNUSED = (
     "audio_source",
 )
 ZERO = np.zeros(3)
+# elements of those whose misspelling would change the motion without a word
+INSIDE = {
+    "joint": "parent child pose axis physics sensor thread_pitch screw_thread_pitch gearbox_ratio",
+    "axis": "xyz limit dynamics mimic initial_position use_parent_model_frame",
+    "limit": "lower upper effort velocity stiffness dissipation",
+    "dynamics": "damping friction spring_reference spring_stiffness", "mimic": "multiplier offset reference",
+    "inertial": "mass density pose inertia auto_inertia_params fluid_added_mass",
+    "inertia": "ixx ixy ixz iyy iyz izz",
+}  # fmt: skip
 
 
 def from_sdf(
@@ -87,6 +97,11 @@ class _Reader:
         for tag in ("include", "model"):
             for e in model.all(tag):
                 raise XmlFault(f"<{tag}> inside a model is not read; write its links and joints into the model", e.line)
+        for e in model.all("link"):
+            for inertial in e.all("inertial"):
+                _refuse_unknown(inertial)
+        for e in model.all("joint"):
+            _refuse_unknown(e)
         for tag in ("link", "joint", "frame"):
             for e in model.all(tag):
                 name = attribute(e, "name")
@@ -240,6 +255,16 @@ class _Reader:
             if options["leader"] not in self.frames or self.frames[options["leader"]].tag != "joint":
                 raise XmlFault(f"joint '{name}' mimics '{options['leader']}', which is not a joint", mimic.line)
         return axis, options
+
+
+def _refuse_unknown(e: XmlElement) -> None:
+    names = INSIDE.get(e.tag, "").split()
+    for inner in e.inside if names else ():
+        if inner.tag not in names and ":" not in inner.tag:
+            known = meant(inner.tag, names, f"it takes {', '.join(names)}")
+            raise XmlFault(f"<{e.tag}> holds the unknown <{inner.tag}>; {known}", inner.line)
+        if inner.tag != "physics":
+            _refuse_unknown(inner)
 
 
 def _text(e: XmlElement, tag: str) -> str:
