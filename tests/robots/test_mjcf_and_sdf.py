@@ -56,7 +56,7 @@ RADIANS = """<mujoco model="radians">
   <compiler angle="radian" eulerseq="zyx" inertiafromgeom="true" autolimits="false"/>
   <worldbody>
     <body name="a" euler="0.3 -0.4 0.5">
-      <joint name="first" axis="1 0 0" ref="0.2"/>
+      <joint name="first" axis="1 0 0" ref="0.2" armature="0.3"/>
       <inertial pos="0 0 0" mass="99" diaginertia="1 1 1"/>
       <geom type="ellipsoid" size="0.1 0.2 0.3" pos="0.1 0 0.2" euler="0.1 0.2 0.3" mass="2"/>
       <body name="b" pos="0.5 0 0">
@@ -64,7 +64,7 @@ RADIANS = """<mujoco model="radians">
           actuatorfrclimited="true"/>
         <geom type="capsule" size="0.05 0.3" pos="0 0.1 0" density="500"/>
         <body name="c" pos="0 0.2 0">
-          <joint name="third" axis="0 0 1" ref="-0.3"/>
+          <joint name="third" axis="0 0 1" ref="-0.3" armature="0.1"/>
           <geom type="box" size="0.1 0.05 0.02" pos="0.1 0 0"/>
         </body>
       </body>
@@ -99,7 +99,6 @@ def compared(text: str, tip: str, followed: np.ndarray, offset: np.ndarray) -> N
         assert R == pytest.approx(data.xmat[body].reshape(3, 3), abs=ROUND_OFF)
         M = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, M)
-        M -= np.diag(model.dof_armature)
         # damping and friction apart: qfrc_bias has gravity, Coriolis and centrifugal terms
         expected = followed.T @ (M @ (followed @ a) + data.qfrc_bias)
         smooth = arm.with_(viscous=np.zeros(len(model.dof_damping)), coulomb=np.zeros(len(model.dof_damping)))
@@ -147,6 +146,7 @@ def drawn(rng: np.random.Generator) -> tuple[str, str]:
         size = 0.2 if slide else 0.5 * scale
         text = f'<joint name="{name}" type="{"slide" if slide else "hinge"}" axis="{numbers(3)}"'
         text += f' pos="{numbers(3, 0.2)}"' if pos else ""
+        text += f' armature="{rng.uniform(0, 0.5):.6g}"' if rng.random() < 0.5 else ""
         return text + (f' ref="{numbers(1, size)}"/>' if ref else "/>")
 
     def mass() -> str:
@@ -182,7 +182,7 @@ def wrong(text: str, old: str, new: str) -> str:
 @pytest.mark.parametrize(
     "text, line, sentence",
     [
-        (wrong(RADIANS, '<joint name="third" axis="0 0 1" ref="-0.3"/>', '<joint name="third" type="ball"/>'), 13,
+        (wrong(RADIANS, '<joint name="third" axis="0 0 1" ref="-0.3" armature="0.1"/>', '<joint name="third" type="ball"/>'), 13,
          "joint 'third' is ball"),
         (wrong(RADIANS, '<joint name="first"', '<freejoint/><joint name="first"'), 5, "free joint"),
         (wrong(RADIANS, '<joint joint1="third" joint2="first" polycoef="0.1 -1.5 0 0 0"/>',

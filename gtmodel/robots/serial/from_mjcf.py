@@ -62,10 +62,10 @@ def from_mjcf(
         smoothing, payload, modifiers: as for `from_urdf`.
 
     Read are the compiler's angle, eulerseq, autolimits and inertiafromgeom; classes of defaults; orientations as quat,
-    axisangle, xyaxes, zaxis and euler; hinge and slide joints with pos, axis, range, ref, damping, frictionloss and
-    actuatorfrcrange; several joints of one body; inertial, or else the masses of spheres, boxes, capsules, cylinders
+    axisangle, xyaxes, zaxis and euler; hinge and slide joints with pos, axis, range, ref, damping, frictionloss,
+    armature and actuatorfrcrange; several joints of one body; inertial, or else the masses of spheres, boxes, capsules, cylinders
     and ellipsoids; and `<equality><joint>` of first order, as a joint that follows another. The coordinates are those
-    of MuJoCo's qpos. `structure.notes` lists what is not used, such as armature and springs.
+    of MuJoCo's qpos. `structure.notes` lists what is not used, such as springs and actuators.
 
     Raises ModelError with file and line for invalid MJCF, and for what is not supported: free and ball joints, loops
     (`<equality>` connect and weld), includes, and bodies whose mass depends on a mesh.
@@ -291,9 +291,8 @@ class _Reader:
         force = vector(e, "actuatorfrcrange", [0.0, 0.0])
         if e.attributes.get("actuatorfrclimited", "auto") == "false":
             force = np.zeros(2)
-        for unused in ("stiffness", "armature"):
-            if number(e, unused, 0.0) if " " not in e.attributes.get(unused, "0").strip() else 1.0:
-                self.notes.append(f"line {e.line}: {unused} of joint '{name}' is not used")
+        if e.attributes.get("stiffness", "0").split() != ["0"]:
+            self.notes.append(f"line {e.line}: stiffness of joint '{name}' is not used")
         damping = e.attributes.get("damping", "0").split() or ["0"]
         if len(damping) > 1:
             self.notes.append(f"line {e.line}: damping of joint '{name}' is used in first order only")
@@ -303,7 +302,7 @@ class _Reader:
         self.joints[name] = UrdfJoint(
             name, "revolute" if hinge else "prismatic", e.line, parent, child, r, rpy_of_rotation(R), axis,
             *limits, effort=float(force[1]) if np.any(force) else np.inf, damping=viscous,
-            friction=number(e, "frictionloss", 0.0),
+            friction=number(e, "frictionloss", 0.0), rotor=number(e, "armature", 0.0),
         )  # fmt: skip
         return place
 
@@ -401,7 +400,7 @@ class _Reader:
         j = self.joints[follower]
         self.joints[follower] = UrdfJoint(
             j.name, j.kind, j.line, j.parent, j.child, j.xyz, j.rpy, j.axis, j.lower, j.upper, j.velocity, j.effort,
-            j.damping, j.friction, leader, a[1], offset,
+            j.damping, j.friction, leader, a[1], offset, j.rotor,
         )  # fmt: skip
 
 

@@ -100,7 +100,8 @@ class UrdfLink:
 
 @dataclass(frozen=True)
 class UrdfJoint:
-    """A joint as written; `leader` is the name of the joint that it mimics."""
+    """A joint as written; `leader` is the name of the joint that it mimics, `rotor` the inertia of its motor times the
+    gear ratio squared (armature in MJCF)."""
 
     name: str
     kind: str
@@ -119,6 +120,7 @@ class UrdfJoint:
     leader: str | None = None
     multiplier: float = 1.0
     offset: float = 0.0
+    rotor: float = 0.0
 
 
 @dataclass(frozen=True)
