@@ -63,9 +63,9 @@ def from_mjcf(
 
     Read are the compiler's angle, eulerseq, autolimits and inertiafromgeom; classes of defaults; orientations as quat,
     axisangle, xyaxes, zaxis and euler; hinge and slide joints with pos, axis, range, ref, damping, frictionloss,
-    armature and actuatorfrcrange; several joints of one body; inertial, or else the masses of spheres, boxes, capsules, cylinders
-    and ellipsoids; and `<equality><joint>` of first order, as a joint that follows another. The coordinates are those
-    of MuJoCo's qpos. `structure.notes` lists what is not used, such as springs and actuators.
+    armature and actuatorfrcrange; several joints of one body; inertial, or else the masses of spheres, boxes, capsules,
+    cylinders and ellipsoids; and `<equality><joint>` of first order, as a joint that follows another. The coordinates
+    are those of MuJoCo's qpos. `structure.notes` lists what is not used, such as springs and actuators.
 
     Raises ModelError with file and line for invalid MJCF, and for what is not supported: free and ball joints, loops
     (`<equality>` connect and weld), includes, and bodies whose mass depends on a mesh.
@@ -291,7 +291,7 @@ class _Reader:
         force = vector(e, "actuatorfrcrange", [0.0, 0.0])
         if e.attributes.get("actuatorfrclimited", "auto") == "false":
             force = np.zeros(2)
-        if e.attributes.get("stiffness", "0").split() != ["0"]:
+        if e.attributes.get("stiffness", "0").strip(" 0."):
             self.notes.append(f"line {e.line}: stiffness of joint '{name}' is not used")
         damping = e.attributes.get("damping", "0").split() or ["0"]
         if len(damping) > 1:

@@ -152,7 +152,8 @@ class _Chain:
             "xyz": xyz, "rpy": rpy, "axis": np.array([j.axis for j in self.moving]), **values,
             "viscous": np.array([j.damping for j in self.moving]),
             "coulomb": np.array([j.friction for j in self.moving]),
-            "rotor_inertia": np.array([j.rotor for j in self.moving]), "tool_xyz": pose[1], "tool_rpy": rpy_of_rotation(pose[0]), **modifiers,
+            "rotor_inertia": np.array([j.rotor for j in self.moving]),
+            "tool_xyz": pose[1], "tool_rpy": rpy_of_rotation(pose[0]), **modifiers,
         }  # fmt: skip
         return arm_class(structure)(**with_payload(parameters, payload, len(self.moving)))
 
