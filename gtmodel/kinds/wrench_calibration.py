@@ -169,7 +169,7 @@ def _joined(
         if not keys.time.column:
             raise InputError("is missing; a join in time needs it", "readings.time.column")
         clock = _time(keys, path)
-        theirs = _time(keys, other) if apart.time is None else Column(apart.time.column, apart.time.unit)
+        theirs = _time(keys, other) if apart.time is None else apart.time.declared()
         placed = {n: c._replace(file=str(path), time=clock) for n, c in columns.items()}
         placed["turn"] = turn._replace(file=str(other), time=turn.time or theirs)
         recording = read_recording(
@@ -204,7 +204,7 @@ def _rows(keys: ReadingsSection, path: Path, columns: dict[str, Column], session
             key = "orientation" if name == "turn" else name
             raise InputError("has its own time, stream or file; that needs [readings.poses] with a match in time",
                              f"readings.signals.{key}")  # fmt: skip
-    time = _time(keys, path) if keys.time.column else None
+    time = _time(keys, path)
     step = 1.0 if time is None and keys.sample_time_s is None else keys.sample_time_s
     parts = read_log(
         path, columns, time=time, session=session, sample_time=step, uneven=True, late_rows=keys.late_rows,
@@ -234,9 +234,9 @@ def _column(keys: ReadingsSection, name: str, path: Path) -> Column:
     return Column(name, tuple(heads.units[heads.place(member)] or DEFAULT[name] for member in heads.members(name)))
 
 
-def _time(keys: ReadingsSection, path: Path) -> Column:
+def _time(keys: ReadingsSection, path: Path) -> Column | None:
     if "time" in keys.model_fields_set:
-        return Column(keys.time.column, keys.time.unit)
+        return keys.time.declared()
     try:
         heads = stream_of(path, keys.form()).heads
     except LogError:  # a bag with several streams; its times are in s

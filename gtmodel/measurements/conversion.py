@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -119,6 +119,14 @@ class Conversion:
         if len(self.coupling) != rows.shape[1]:
             raise LogError(f"has {len(self.coupling)} rows for {rows.shape[1]} columns", "coupling")
         return rows @ np.asarray(self.coupling, float).T
+
+    def component(self, k: int, width: int) -> Conversion:
+        """Return the conversion of one column of `width`. Raises LogError for a coupling: it needs all of them."""
+        if self.coupling is not None:
+            raise LogError("needs columns with one clock; these have a time column each", "coupling")
+        given = {n: getattr(self, n) for n in ("scale", "offset", "gear_ratio", "motor_constant")}
+        own = {n: None if v is None else float(self.each(n, v, width)[k]) for n, v in given.items()}
+        return replace(self, **own)
 
     @staticmethod
     def each(name: str, value: Numbers, width: int) -> Array:

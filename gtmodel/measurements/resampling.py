@@ -12,7 +12,7 @@ from ..results.interpolation import Nature, natures, rotations_again, smooth
 from ..results.refusal import ArgumentError, naming
 from ..results.trajectory import Trajectory
 from ..results.trajectory_checks import Array
-from .log import LogError, Session
+from .log import LogError, Session, left_out
 from .sampling import Gap, sampling_of
 
 Method = Literal["cubic", "linear", "monotone"]
@@ -142,7 +142,8 @@ def resample(
         label = name if not len(breaks) else f"{name} from {time[begin]:.6g} s"
         sessions.append(Session(label, Trajectory(
             grid, values, {n: trajectory.unit(n) for n in trajectory.names}, title=trajectory.title,
-            provenance={"resampled": method, "sample_time_s": step}, synthetic=trajectory.synthetic,
+            provenance={"resampled": method, "sample_time_s": step, **({} if begin else left_out([trajectory]))},
+            synthetic=trajectory.synthetic,
         ), step))  # fmt: skip
     error = {n: np.sqrt(np.mean(np.concatenate(parts) ** 2, axis=0)) for n, parts in misses.items()}
     bridged, cut = (tuple(g for g in sampling.gaps if (g.duration > longest) == over) for over in (False, True))

@@ -268,7 +268,8 @@ def read_signals(
     ([1.0, 1.5, 1.0], 'V')
     """
     columns = {n: Column(s.column, s.unit, s.time, s.stream, s.file) for n, s in signals.items()}
-    if align_by or curves or any(c.time or c.stream or c.file for c in columns.values()):
+    several = any(c.time or c.stream or c.file for c in columns.values()) or (time is not None and time.per_channel)
+    if align_by or curves or several:
         from .common_grid.joined_log import read_joined  # here: logs with one clock need no alignment
 
         if session is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,9 @@ from ...results.trajectory import Trajectory
 from ...results.trajectory_files import PathLike
 from ...results.work import Progress, silent
 from ..alignment.delay_study import RELATED
-from ..log import Column, LogError, Session, session_of
-from ..recording import matching, read_recording
+from ..log import Column, LogError, Session, left_out, session_of
+from ..recording import read_recording
+from ..streams.form import matching
 from .joining import JoinedClocks, join
 from .options import AlignBy, EvenGrid
 
@@ -46,12 +48,16 @@ def read_joined(
         )  # fmt: skip
         joined = join(recording, grid, align_by, {}, Work(progress=progress))
         label = " + ".join(file.name for file in files)
-        rows, notes = joined.rows.select(list(columns)), _notes(recording, joined, align_by)
+        rows, notes = _stacked(joined.rows, columns), _notes(recording, joined, align_by)
         for k in range(int(joined.stretch[-1]) + 1):
             part = joined.stretch == k
             stretch = Trajectory(
                 rows.time[part], {n: rows[n][part] for n in rows.names}, rows.units, title=rows.title,
-                provenance={**(joined.rows.provenance if grid else {}), JOINED: notes}, synthetic=rows.synthetic,
+                provenance={
+                    **(joined.rows.provenance if grid else {}), JOINED: notes,
+                    **({} if k else left_out(recording.values())),
+                },
+                synthetic=rows.synthetic,
             )  # fmt: skip
             name = f"{label} from {stretch.time[0]:.6g} s" if joined.stretch[-1] else label
             if grid is None:
@@ -59,6 +65,21 @@ def read_joined(
             else:
                 sessions.append(Session(name, stretch, joined.step))
     return tuple(sessions)
+
+
+def _stacked(rows: Trajectory, columns: Mapping[str, Column]) -> Trajectory:
+    """Return the declared signals; a vector whose components have clocks of their own was read one by one."""
+    values, units = dict[str, np.ndarray](), dict[str, str]()
+    for name in columns:
+        parts = (
+            [name]
+            if name in rows
+            else [part for part in rows.names if re.fullmatch(rf"{re.escape(name)}\[\d+\]", part)]
+        )
+        values[name] = rows[name] if parts == [name] else np.column_stack([rows[part] for part in parts])
+        each = {rows.unit(part) for part in parts}
+        units[name] = each.pop() if len(each) == 1 else "1"
+    return Trajectory(rows.time, values, units, title=rows.title, synthetic=rows.synthetic)
 
 
 def _recordings(paths: Sequence[Path], columns: Mapping[str, Column]) -> list[tuple[list[Path], dict[str, Column]]]:

@@ -59,6 +59,11 @@ class TextStream(Stream):
         place = self.heads.place(column)
         return [row[place] for _, row in self.cells()]
 
+    def above(self) -> list[str]:
+        """See `Stream.above`."""
+        first = next(chunks(self.path, self.layout.encoding), None)
+        return [] if first is None else first.lines[: self.layout.first_row - 1]
+
     def cells(self) -> Iterator[tuple[int, list[str]]]:
         """Yield line number and cells of each row."""
         for chunk in chunks(self.path, self.layout.encoding):
@@ -168,7 +173,12 @@ class TextStream(Stream):
             if cut:
                 raise LogError(f'{where}: {ends}; delete the line, or set empty_rows = "drop"')
             count = "one cell" if len(cells) == 1 else f"{len(cells)} cells"
-            other = ""
+            wordy = width > 1 and not any(not cell or _like_number(cell, self.layout) for cell in cells)
+            if gaps and wordy:
+                if sum(" is left out" in remark for remark in self.remarks) < MOST_NAMES:
+                    self.remarks.append(f"line {n}, {line.strip()[:40]!r}, is left out: it holds no number")
+                return [""] * width
+            other = '; empty_rows = "drop" leaves such lines out' if wordy else ""
             if width == 1 and all(_like_number(cell, self.layout) for cell in cells):
                 other = "; if the table begins here without column names, begin the lines above it with #"
             elif width == 1:
@@ -291,6 +301,12 @@ def _recognise_cells(rows: Sequence[list[str]], layout: _Layout) -> None:
     if commas := layout.commas:
         names = ", ".join(f"'{name}'" for name in commas[:MOST_NAMES]) + (", ..." if len(commas) > MOST_NAMES else "")
         layout.remarks.append(f'{names} seem to contain decimal commas; if they do, set decimal = "comma"')
+
+
+def date_in(text: str) -> str:
+    """Return the first date with a time of day in a text, in the order of ISO 8601, "" if there is none."""
+    found = _STAMP.search(text)
+    return _iso(found[0]) if found else ""
 
 
 def _nanoseconds(cell: str, zero: int = 0) -> int:
