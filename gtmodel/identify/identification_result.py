@@ -60,6 +60,9 @@ class IdentificationStudy(Study):
     ] = None
     row_count: Annotated[int | None, Quantity("", "fitted rows", key="rows")] = None
     dropped_share: Annotated[float | None, "share of the samples dropped near standstill"] = None
+    rows_left_out: Annotated[
+        int | None, "rows of the logs dropped because they lack a number, are late or repeat, or lie between gaps"
+    ] = None
     cutoff: Annotated[float | None, Quantity("Hz", "of the zero-phase low pass")] = None
     condition: Annotated[
         float | None,
@@ -163,7 +166,7 @@ class IdentificationStudy(Study):
                 rows.append(Row(f"cross-validation error of {target}", float(self.left_out_in_turn[k]), unit))
         residuals = f"for {'coloured' if fit.confidence == 'newey_west' else 'white'} residuals"
         if self.synthetic is None:  # a measured machine may behave differently on another day
-            count = len(fit.rows.starts)
+            count = len(set(fit.rows.recordings))
             residuals += ", of this recording" if count == 1 else f", of these {count} recordings"
         rows.append(Row("intervals", residuals))
         for name, spread in (self.between_recordings or {}).items():

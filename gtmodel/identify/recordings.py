@@ -9,17 +9,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gtmodel.measurements import ESTIMATE, Corrections, Session, cutoff_for
+from gtmodel.measurements import ESTIMATE, Corrections, Session
 
 from ..compiler.causal import flat_of
 from ..lang import Model, ModelError
 from ..measurements import Signal, session_of
+from ..measurements.log import recordings_of
 from ..results import ArgumentError, Trajectory, TrajectoryError, Work, naming
 from ..results.suspicion import EVERY
 from ..robots import actuator_closed_loop
 from .options import Fitting, Processing, SyntheticLog
 from .regressor import ParameterError, Regressor, among, scalar_parameters
-from .rows import rows_of, with_offsets
+from .rows import cutoff_of, rows_of, with_offsets
 from .simulated_log import LogSimulator, Sensors, Tracking, reference_motion
 
 
@@ -148,7 +149,7 @@ def corrected(
     if not corrections.free:
         return corrections.apply(), {}
     first = corrections.apply(corrections.start)
-    cutoff = processing.cutoff or max(cutoff_for(s.trajectory[known], s.sample_time) for s in first)
+    cutoff = processing.cutoff or cutoff_of(first, known)
     # keep all rows: the number of residuals must not depend on the corrections
     steady = replace(processing, cutoff=cutoff, position_step=0.0, mask_steps=0.0)
     fitted = among(regressor.names, free)
@@ -221,7 +222,7 @@ def measured(
     table = dict(signals)
     effort, offsets = table[targets], None
     if effort.offset == ESTIMATE:
-        offsets = "session" if "offset" in effort.per_session and len(raw) > 1 else "all"
+        offsets = "session" if "offset" in effort.per_session and recordings_of(raw)[-1] else "all"
         if offsets == "session" and others:
             raise _by_session("offset", targets)
         table[targets] = dataclasses.replace(effort, offset=0.0)

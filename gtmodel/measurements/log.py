@@ -60,11 +60,13 @@ TIME = Column("time", "s")
 
 class Session(NamedTuple):
     """One recording: a name for messages, the quantities in SI units, and the sample time [s]. It is evenly sampled,
-    unless it was read with `uneven`; then the sample time is the median step."""
+    unless it was read with `uneven`; then the sample time is the median step. If gaps split a recording, each stretch
+    is a session, and `stretch` is its number in the recording, from 0."""
 
     name: str
     trajectory: Trajectory
     sample_time: float
+    stretch: int = 0
 
 
 def session_of(
@@ -182,7 +184,14 @@ def read_log(
     return tuple(sessions)
 
 
-LEFT_OUT = ("rows without a number", "rows that came late or twice")  # keys of the provenance: numbers of dropped rows
+def recordings_of(sessions: Sequence[Session]) -> list[int]:
+    """Return the number of the recording, from 0, to which each session belongs."""
+    return (np.cumsum([n == 0 or session.stretch == 0 for n, session in enumerate(sessions)]) - 1).tolist()
+
+
+# keys of the provenance: numbers of dropped rows
+SHORT = "rows between gaps, too few to interpolate"
+LEFT_OUT = ("rows without a number", "rows that came late or twice", SHORT)
 ORIGIN = "origin of the time [ns since 1970]"  # key of the provenance, if it is known
 
 

@@ -179,6 +179,11 @@ class ColumnSection(FileSection):
         description="square matrix from the columns, after scale and gear ratio, to the quantity, such as for a wrist "
         "whose joint 6 moves with joint 5; efforts have the inverse transpose of the positions' matrix",
     )
+    quantity_unit: str | list[str] = Field(
+        default="",
+        description="SI unit of the quantity, or of each component, if the scale changes the dimension and no model "
+        "states it",
+    )
     time: TimeColumn | None = Field(
         default=None, description="time column of this signal; the log's time column if left out"
     )
@@ -227,12 +232,24 @@ class MeasuredSignalSection(ColumnSection):
 
     def signal(self, key: str, unit: str | None = None) -> Signal:
         """Return the signal for `gtmodel.measurements`. The SI unit of the quantity comes from `unit` or from the key,
-        such as force_N; a unit with "?" in front means that components have their own units. Raises InputError."""
+        such as force_N; a unit with "?" in front means that components have their own units, of which quantity_unit
+        tells the declared ones. Raises InputError."""
         unit = unit_of(key.rpartition(".")[2]) if unit is None else unit.removeprefix("?")
+        if unit and self.quantity_unit:
+            raise InputError(f"is known already, {unit}; leave it out", f"{key}.quantity_unit")
         free = tuple(dict.fromkeys(self.per_session))
         try:
             scale, offset, delay = (fixed(x) for x in (self.scale, self.offset, self.delay_s))
-            return Signal(*self.shown(), scale, offset, delay, unit, free, **self.drives(), **self.clock())
+            return Signal(
+                *self.shown(),
+                scale,
+                offset,
+                delay,
+                unit or fixed(self.quantity_unit),
+                free,
+                **self.drives(),
+                **self.clock(),
+            )
         except (TrajectoryError, UnitError) as error:
             raise InputError(str(error), key) from error
 
@@ -246,12 +263,11 @@ class RecordedSignalSection(ColumnSection):
     offset: float | list[float] = Field(
         default=0.0, description="reading when the quantity is zero, in the quantity's SI unit"
     )
-    quantity_unit: str = Field(default="", description="SI unit of the quantity, if the scale changes the dimension")
 
     def recorded(self) -> Column:
         """Return the column for `gtmodel.measurements`. Raises LogError."""
         conversion = Conversion(
-            fixed(self.scale), fixed(self.offset), quantity_unit=self.quantity_unit, **self.drives()
+            fixed(self.scale), fixed(self.offset), quantity_unit=fixed(self.quantity_unit), **self.drives()
         )
         return Column(*self.shown(), conversion=conversion, **self.clock())
 

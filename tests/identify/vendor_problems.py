@@ -92,7 +92,13 @@ _COLUMNS = {
     "abb": ([f"joint_{i}" for i in (1, 2, 3)], [f"Axis {i} Torque" for i in (1, 2, 3)]),
     "beckhoff": ([f"ActPosRaw_{i}" for i in (1, 2, 3)], [f"ActTorque_{i}" for i in (1, 2, 3)]),
 }  # fmt: skip
-_UNITS = {"abb": ("deg", "N.m"), "beckhoff": ("1", "1"), "kuka": ("deg", "1"), "ur": ("rad", "A"), "siemens": (["rev", "deg", "mm"], "A")}
+_UNITS = {
+    "abb": ("deg", "N.m"),
+    "beckhoff": ("1", "1"),
+    "kuka": ("deg", "1"),
+    "ur": ("rad", "A"),
+    "siemens": (["rev", "deg", "mm"], "A"),
+}
 
 
 def problem(truth: Truth) -> str:
@@ -122,6 +128,8 @@ def problem(truth: Truth) -> str:
     if share:
         effort["coupling"] = [[1, 0, 0], [0, 1, share], [0, 0, 1]]
     effort["offset"] = "estimate"  # of the sensor, one for each recording
+    if counts:
+        effort["quantity_unit"] = ["N.m", "N.m", "N"]
     clocks: tuple[dict[str, Any], dict[str, Any]] = _CLOCKS.get(truth.vendor, ({}, {}))
     robot = TwoAxesAndSlide if kind.linear else ThreeAxes
     head = _HEAD.format(robot=robot.__name__, free=json.dumps(NAMES), files=json.dumps([f.name for f in truth.files]))

@@ -15,7 +15,7 @@ from ...results.trajectory import Trajectory
 from ...results.trajectory_files import PathLike
 from ...results.work import Progress, silent
 from ..alignment.delay_study import RELATED
-from ..log import Column, LogError, Session, left_out, session_of
+from ..log import SHORT, Column, LogError, Session, left_out, session_of
 from ..recording import read_recording
 from ..streams.form import matching
 from .joining import JoinedClocks, join
@@ -49,21 +49,25 @@ def read_joined(
         joined = join(recording, grid, align_by, {}, Work(progress=progress))
         label = " + ".join(file.name for file in files)
         rows, notes = _stacked(joined.rows, columns), _notes(recording, joined, align_by)
+        dropped = left_out([joined.rows, *recording.values()])
+        if short := sum(one.sessions[0].trajectory.provenance.get(SHORT, 0) for one in joined.even):
+            dropped[SHORT] = dropped.get(SHORT, 0) + short
         for k in range(int(joined.stretch[-1]) + 1):
             part = joined.stretch == k
             stretch = Trajectory(
                 rows.time[part], {n: rows[n][part] for n in rows.names}, rows.units, title=rows.title,
                 provenance={
                     **(joined.rows.provenance if grid else {}), JOINED: notes,
-                    **({} if k else left_out(recording.values())),
+                    **({} if k else dropped),
                 },
                 synthetic=rows.synthetic,
             )  # fmt: skip
             name = f"{label} from {stretch.time[0]:.6g} s" if joined.stretch[-1] else label
             if grid is None:
-                sessions.append(session_of(stretch, name, jitter=jitter, sample_time=sample_time))
+                even = session_of(stretch, name, jitter=jitter, sample_time=sample_time)
+                sessions.append(even._replace(stretch=k))
             else:
-                sessions.append(Session(name, stretch, joined.step))
+                sessions.append(Session(name, stretch, joined.step, k))
     return tuple(sessions)
 
 
