@@ -147,7 +147,7 @@ def resample(
             values[signal] = straight[signal] if straight is not None else _curve(method)(time[part], y)(inside)
             misses.setdefault(signal, []).append(_misses(method, time[part], y))
         values = rotations_again(values, kinds)
-        label = name if not len(breaks) else f"{name} from {time[begin]:.6g} s"
+        label = name if not len(breaks) else f"{name} from {at_time(time[begin])}"
         sessions.append(Session(label, Trajectory(
             grid, values, {n: trajectory.unit(n) for n in trajectory.names}, title=trajectory.title,
             provenance={"resampled": method, "sample_time_s": step} | ({} if k else dropped),
@@ -156,6 +156,11 @@ def resample(
     error = {n: np.sqrt(np.mean(np.concatenate(parts) ** 2, axis=0)) for n, parts in misses.items()}
     bridged, cut = (tuple(g for g in sampling.gaps if (g.duration > longest) == over) for over in (False, True))
     return Resampled(tuple(sessions), method, error, bridged, cut, kinds)
+
+
+def at_time(time: float) -> str:
+    """Return a time for the name of a stretch; those since an epoch have more digits."""
+    return f"{time:.6g} s" if abs(time) < 1e6 else f"{time:.3f} s"
 
 
 def _rows(trajectory: Trajectory, part: slice) -> Trajectory:

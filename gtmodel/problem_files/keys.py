@@ -380,7 +380,8 @@ class LogSampling(LogReading):
             # the sentence names the file; a wrong column may be the fault of the section or of the file
             raise InputError(str(error), section) from error
         if dropped := left_out(s.trajectory for s in sessions):
-            context.note(f"dropped: {' and '.join(f'{count} {why}' for why, count in dropped.items())}")
+            counts = ", ".join(f"{count} {why.removeprefix('rows ')}" for why, count in dropped.items())
+            context.note(f"rows of the log that are not used: {counts}")
         for sentence in dict.fromkeys(line for s in sessions for line in s.trajectory.provenance.get("joined", [])):
             context.note(sentence)
         widths = {tuple(s.trajectory[name].shape[1:] for name in signals) for s in sessions}

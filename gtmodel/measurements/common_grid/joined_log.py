@@ -15,8 +15,9 @@ from ...results.trajectory import Trajectory
 from ...results.trajectory_files import PathLike
 from ...results.work import Progress, silent
 from ..alignment.delay_study import RELATED
-from ..log import SHORT, Column, LogError, Session, left_out, session_of
+from ..log import ORIGIN, SHORT, Column, LogError, Session, left_out, session_of
 from ..recording import read_recording
+from ..resampling import at_time
 from ..streams.form import matching
 from .joining import JoinedClocks, join
 from .options import AlignBy, EvenGrid
@@ -62,7 +63,7 @@ def read_joined(
                 },
                 synthetic=rows.synthetic,
             )  # fmt: skip
-            name = f"{label} from {stretch.time[0]:.6g} s" if joined.stretch[-1] else label
+            name = f"{label} from {at_time(stretch.time[0])}" if joined.stretch[-1] else label
             if grid is None:
                 even = session_of(stretch, name, jitter=jitter, sample_time=sample_time)
                 sessions.append(even._replace(stretch=k))
@@ -113,7 +114,7 @@ def _recordings(paths: Sequence[Path], columns: Mapping[str, Column]) -> list[tu
 
 def _notes(recording: Mapping[str, Trajectory], joined: JoinedClocks, align_by: Sequence[AlignBy]) -> list[str]:
     """Return a sentence about each clock other than the reference, with its alignment or overlap."""
-    notes, reference = list[str](), joined.reference
+    notes, reference, loose = list[str](), joined.reference, dict[str, list[str]]()
     clock_of = {name: clock for clock, rows in recording.items() for name in rows.names}
     pairs = {clock_of[pair.other]: pair for pair in align_by}
     for clock, rows in recording.items():
@@ -131,10 +132,16 @@ def _notes(recording: Mapping[str, Trajectory], joined: JoinedClocks, align_by: 
             )
             notes += [f"{clock}: {note}" for note in fit.notes]
             continue
-        first = recording[reference].time
-        span = min(first[-1], rows.time[-1]) - max(first[0], rows.time[0])
+        known = all(ORIGIN in recording[c].provenance for c in (clock, reference))
+        how = "by the known origins of their times" if known else "as if their times had one origin"
+        loose.setdefault(how, []).append(clock)
+    first = recording[reference].time
+    for how, clocks in loose.items():
+        names = ", ".join(f"'{clock}' ({', '.join(recording[clock].names)})" for clock in clocks)
+        times = [recording[clock].time for clock in clocks]
+        span = min(first[-1], *(t[-1] for t in times)) - max(first[0], *(t[0] for t in times))
+        verb = "is" if len(clocks) == 1 else "are"
         notes.append(
-            f"'{clock}' ({names}) is joined with '{reference}' as if their times had one origin; they overlap for "
-            f"{span:.6g} s of {np.ptp(first):.6g} s"
+            f"{names} {verb} joined with '{reference}' {how}; they overlap for {span:.6g} s of {np.ptp(first):.6g} s"
         )
     return notes

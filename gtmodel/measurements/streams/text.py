@@ -446,15 +446,20 @@ def _refuse_preamble(tables: Sequence[tuple[int, list[str]]], layout: _Layout, p
         matches = len(below) == LIKE and len(names) > 1 and all(len(row) == len(names) for _, row in below)
         holds_numbers = all(any(_like_number(cell, layout) for cell in row) for _, row in below)
         if matches and holds_numbers and not any(_like_number(cell, layout) for cell in names):
-            above = rest[k - 1] if k else (line, names)
-            if len(above[1]) == len(names) and _units(names, len(names)):
-                line = above[0]  # the units stand below the column names
+            while k and len(rest[k - 1][1]) == len(names) and (_units(names, len(names)) or _described(names)):
+                k -= 1  # units, or lines about the channels, stand below the column names
+                line, names = rest[k]
             count = "one cell" if len(cells) == 1 else f"{len(cells)} cells"
             raise FormError(
                 f"{shown(path)} line {n}: found {count} above a table of {len(names)} columns; if line {line} is its "
                 f"header, set header = {line}",
                 header=line,
             )
+
+
+def _described(cells: Sequence[str]) -> bool:
+    """Return whether a line tells one thing about each of several channels: "Offset", 0, "Offset", 1."""
+    return len(cells) > 2 and len(set(cells[::2])) == 1 and not cells[0].isdigit()
 
 
 def _refuse_prose(tables: Sequence[tuple[int, list[str]]], layout: _Layout, path: Path) -> None:
