@@ -175,8 +175,10 @@ class TextStream(Stream):
             count = "one cell" if len(cells) == 1 else f"{len(cells)} cells"
             wordy = width > 1 and not any(not cell or _like_number(cell, self.layout) for cell in cells)
             if gaps and wordy:
-                if sum(" is left out" in remark for remark in self.remarks) < MOST_NAMES:
-                    self.remarks.append(f"line {n}, {line.strip()[:40]!r}, is left out: it holds no number")
+                if sum("holds no number" in remark for remark in self.remarks) < MOST_NAMES:
+                    self.remarks.append(
+                        f'line {n}, {line.strip()[:40]!r}, holds no number: empty_rows = "drop" leaves it out'
+                    )
                 return [""] * width
             other = '; empty_rows = "drop" leaves such lines out' if wordy else ""
             if width == 1 and all(_like_number(cell, self.layout) for cell in cells):
