@@ -151,7 +151,10 @@ class TextStream(Stream):
                     if gaps and place not in self.layout.words and word.lower() not in _ABSENT:
                         self.words.setdefault(columns[j], (n, word, self._advice(word)))
                     if not gaps:
-                        raise self.no_number(n, columns[j], cells[place], self._advice(cells[place]))
+                        advice = self._advice(cells[place])
+                        if not advice and _only_words(cells, self.layout):
+                            advice = '; if the line is no row, empty_rows = "drop" leaves it out'
+                        raise self.no_number(n, columns[j], cells[place], advice)
         return values
 
     def _split(self, line: str, n: int, cut: bool = False, gaps: bool = False) -> list[str]:
@@ -173,7 +176,7 @@ class TextStream(Stream):
             if cut:
                 raise LogError(f'{where}: {ends}; delete the line, or set empty_rows = "drop"')
             count = "one cell" if len(cells) == 1 else f"{len(cells)} cells"
-            wordy = width > 1 and not any(not cell or _like_number(cell, self.layout) for cell in cells)
+            wordy = width > 1 and _only_words(cells, self.layout)
             if gaps and wordy:
                 if sum("holds no number" in remark for remark in self.remarks) < MOST_NAMES:
                     self.remarks.append(
@@ -429,9 +432,11 @@ def _refuse_row_of_words(tables: Sequence[tuple[int, list[str]]], layout: _Layou
 
 
 def _units(cells: Sequence[str], width: int) -> list[str]:
-    """Return the units of a line that contains only units, else an empty list."""
+    """Return the units of a line that contains only units, else an empty list. An unknown one in brackets is empty."""
     units = [spelled(cell) if cell else "" for cell in cells]
     bracketed = [cell.startswith(("[", "(")) for cell in cells if cell]
+    if all(bracketed):
+        units = [unit if is_unit(unit) else "" for unit in units]
     if len(units) != width or not any(units) or not all(is_unit(unit) for unit in units if unit):
         return []
     # digits without brackets are numbers, not units
@@ -474,6 +479,10 @@ def _refuse_prose(tables: Sequence[tuple[int, list[str]]], layout: _Layout, path
             f"{shown(path)} is a text without a table: of its first {len(rows)} lines {count} of numbers; name "
             "the log, or give the line of its column names as header"
         )
+
+
+def _only_words(cells: Sequence[str], layout: _Layout) -> bool:
+    return not any(not cell or _like_number(cell, layout) for cell in cells)
 
 
 def _like_number(cell: str, layout: _Layout) -> bool:
