@@ -166,7 +166,7 @@ class IdentificationStudy(Study):
                 rows.append(Row(f"cross-validation error of {target}", float(self.left_out_in_turn[k]), unit))
         residuals = f"for {'coloured' if fit.confidence == 'newey_west' else 'white'} residuals"
         if self.synthetic is None:  # a measured machine may behave differently on another day
-            count = len(set(fit.rows.recordings))
+            count = len(fit.rows.starts)
             residuals += ", of this recording" if count == 1 else f", of these {count} recordings"
         rows.append(Row("intervals", residuals))
         for name, spread in (self.between_recordings or {}).items():

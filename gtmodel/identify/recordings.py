@@ -14,7 +14,6 @@ from gtmodel.measurements import ESTIMATE, Corrections, Session
 from ..compiler.causal import flat_of
 from ..lang import Model, ModelError
 from ..measurements import Signal, session_of
-from ..measurements.log import recordings_of
 from ..results import ArgumentError, Trajectory, TrajectoryError, Work, naming
 from ..results.suspicion import EVERY
 from ..robots import actuator_closed_loop
@@ -222,7 +221,7 @@ def measured(
     table = dict(signals)
     effort, offsets = table[targets], None
     if effort.offset == ESTIMATE:
-        offsets = "session" if "offset" in effort.per_session and recordings_of(raw)[-1] else "all"
+        offsets = "session" if "offset" in effort.per_session and len(raw) > 1 else "all"
         if offsets == "session" and others:
             raise _by_session("offset", targets)
         table[targets] = dataclasses.replace(effort, offset=0.0)

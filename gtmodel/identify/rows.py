@@ -50,8 +50,8 @@ class Rows:
 
     The parameters have `names`, `nominal` values (p,) and `units`, the efforts `targets` (m,) and `effort_unit`. Each
     row has a `time` (n,) [s], `position` and `velocity` (n, k), and the rates `effort_rate` (n, m) of the efforts,
-    filtered alike; a delay adds a multiple of these. Sessions begin at the rows `starts`; `recordings` is the recording
-    of each, from 0: gaps split one into several. `too_short` sessions have no rows. The filter has the cut-off
+    filtered alike; a delay adds a multiple of these. Recordings, and stretches between their
+    gaps, begin at the rows `starts`; `too_short` stretches have no rows. The filter has the cut-off
     `cutoff_Hz`; only every `every`-th sample is used, so that rows are `interval` [s] apart; the share `dropped` of the
     samples is slower than `threshold` [`velocity_unit`]. `synthetic` is the note of a synthetic log. Parameters in
     `signed` may be negative even if masses and friction may not. `target_units` (m,) are the units of the efforts of an
@@ -80,7 +80,6 @@ class Rows:
     velocity_unit: str = "m/s"
     effort_rate: Array | None = None
     target_units: tuple[str, ...] = ()
-    recordings: tuple[int, ...] = (0,)
     too_short: int = 0
 
     @property
@@ -107,19 +106,17 @@ class Rows:
 
     def chosen(self, kept: Array) -> Rows:
         """The rows at these indices, in order; `starts` is adapted."""
-        starts = np.searchsorted(kept, self.starts)
-        filled = np.flatnonzero(np.diff([*starts, len(kept)])).tolist()
+        starts = np.unique(np.searchsorted(kept, self.starts))
         arrays = ("Y", "y0", "effort", "time", "position", "velocity", "effort_rate")
         selected = {n: v[kept] for n in arrays if (v := getattr(self, n)) is not None}
-        recordings = tuple(self.recordings[k] for k in filled)
-        return replace(self, starts=tuple(int(starts[k]) for k in filled), recordings=recordings, **selected)
+        return replace(self, starts=tuple(int(k) for k in starts if k < len(kept)), **selected)
 
     @property
     def filter_sentence(self) -> str:
         """Filter and selection of rows, as a sentence for tables."""
         rows = "every row" if self.every == 1 else f"one row in {self.every}"
-        short = f"; {self.too_short} stretches between gaps are too short for the filter and not used"
-        short = short.replace("1 stretches between gaps are", "one stretch between gaps is") if self.too_short else ""
+        count = "one stretch" if self.too_short == 1 else f"{self.too_short} stretches"
+        short = f"; {count} between gaps, too short for the filter, not used" if self.too_short else ""
         return (
             f"zero-phase Butterworth low pass at {self.cutoff_Hz:.3g} Hz on efforts and regressor alike, "
             f"five-point differences, {rows}; {100 * self.dropped:.2g} % of the samples dropped near "
@@ -213,7 +210,6 @@ def rows_of(
         synthetic="; ".join(notes) or None,
         velocity_unit=unit,
         target_units=regressor.column_units,
-        recordings=tuple(recordings),
         too_short=kept.count(False),
         **joined,
     )
@@ -238,7 +234,7 @@ def recorded(sessions: Sequence[Session], signals: Sequence[str]) -> Data:
 def with_offsets(rows: Rows, signal: str, *, per_session: bool = True) -> Rows:
     """Return the rows with offsets of the measured efforts as further parameters, by recording or one for all.
 
-    Stretches of one recording between gaps share its offsets; a recording without rows has none.
+    Each stretch between gaps has its own, because offsets drift; a stretch without rows has none.
 
     They are named as by `Corrections`, such as "tau.offset[0] of session 2", and may be negative. An offset is the
     reading at zero effort. Free offsets widen the intervals of the other parameters.
@@ -258,7 +254,7 @@ def with_offsets(rows: Rows, signal: str, *, per_session: bool = True) -> Rows:
     ('m', 'd', 'c', 'tau.offset')
     """
     n, m = rows.effort.shape
-    lengths = np.bincount(rows.recordings, np.diff([*rows.starts, n])).astype(int)
+    lengths = np.diff([*rows.starts, n])
     numbers = np.flatnonzero(lengths).tolist() if per_session else [0]
     count, several = len(numbers), per_session and len(lengths) > 1
     names = [
