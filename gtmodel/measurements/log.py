@@ -197,8 +197,8 @@ ORIGIN = "origin of the time [ns since 1970]"  # key of the provenance, if it is
 
 def left_out(trajectories: Iterable[Trajectory]) -> dict[str, int]:
     """Return the numbers of dropped rows, by reason, as kept in the provenance; without zeros."""
-    found = [trajectory.provenance for trajectory in trajectories]
-    counts = {why: sum(provenance.get(why, 0) for provenance in found) for why in LEFT_OUT}
+    provenances = [trajectory.provenance for trajectory in trajectories]
+    counts = {why: sum(provenance.get(why, 0) for provenance in provenances) for why in LEFT_OUT}
     return {why: count for why, count in counts.items() if count}
 
 

@@ -191,7 +191,7 @@ def _answer(title: str, tables: list[InspectedStream], notes: list[str], ended: 
 def _inspected(stream: Stream, work: Work, others: bool) -> tuple[InspectedStream | None, bool]:
     """Return the inspected stream, None if it is too short beside others; and whether the study was stopped."""
     names = [name for name in stream.heads.names if name and _once(stream, name)]
-    labels = [label for found in stream.heads.channel_times().values() for label in found]
+    labels = [label for group in stream.heads.channel_times().values() for label in group]
     names = sorted([*names, *labels], key=stream.heads.place)
     units = {name: stream.heads.units[stream.heads.place(name)] for name in names}
     scan, time_names, ended, parts = None, list[str](), False, None

@@ -90,12 +90,12 @@ class Heads:
 
     def channel_times(self) -> dict[str, list[str]]:
         """Return repeated names, each with the labels of its columns, which stand one before each other channel."""
-        found = dict[str, list[str]]()
+        times = dict[str, list[str]]()
         for name in dict.fromkeys(name for name in self.names if self.names.count(name) > 1):
             channels = [self.names[k + 1 : k + 2] for k, n in enumerate(self.names) if n == name]
             if all(after and self.names.count(after[0]) == 1 for after in channels):
-                found[name] = [self.time_of(name, after[0]) for after in channels]
-        return found
+                times[name] = [self.time_of(name, after[0]) for after in channels]
+        return times
 
     def place(self, name: str) -> int:
         """Return the index of a column. Raises LogError if it is missing or occurs twice."""

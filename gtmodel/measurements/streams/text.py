@@ -310,10 +310,10 @@ def _recognise_cells(rows: Sequence[list[str]], layout: _Layout) -> None:
 
 def date_in(text: str) -> str:
     """Return the first date with a time of day in a text, and its zone, as in ISO 8601, "" if there is none."""
-    if (found := _STAMP.search(text)) is None:
+    if (stamp := _STAMP.search(text)) is None:
         return ""
-    zone = re.match(r" ?([+-]\d\d:\d\d)", text[found.end() :])
-    return _iso(found[0]) + (zone[1] if zone else "")
+    zone = re.match(r" ?([+-]\d\d:\d\d)", text[stamp.end() :])
+    return _iso(stamp[0]) + (zone[1] if zone else "")
 
 
 def _nanoseconds(cell: str, zero: int = 0) -> int:
