@@ -86,7 +86,7 @@ SMALL, STATED = pytest.param(False), pytest.param(True, marks=pytest.mark.proof)
 @pytest.mark.parametrize("stated", [SMALL, STATED])
 @pytest.mark.parametrize("vendor", VENDORS)
 def test_clean_logs_get_in_and_intervals_hold(gtmodel: Commands, vendor: str, stated: bool, tmp_path: Path) -> None:
-    assert clean_faults(gtmodel, vendor, 30 if stated else 2, tmp_path) == []
+    assert clean_faults(gtmodel, vendor, 30 if stated else 3, tmp_path) == []
 
 
 @pytest.mark.parametrize("stated", [SMALL, STATED])
