@@ -14,6 +14,7 @@ import tomli_w
 from ..inference import autocorrelation
 from ..lang import Model, ModelError
 from ..measurements import Session, Signal
+from ..measurements.log import left_out as left_out_rows
 from ..results import ArgumentError, SolveStatus, Trajectory, TrajectoryError, Work, naming
 from ..results.work import WorkOptions, study_function
 from ..robots import SerialArm
@@ -84,6 +85,7 @@ def assembled_study(
         left_out_in_turn=None if left_out is None else left_out.rms,
         row_count=len(rows),
         dropped_share=rows.dropped,
+        rows_left_out=sum(left_out_rows(s.trajectory for s in (*data.fitted, *data.held_out)).values()),
         cutoff=rows.cutoff_Hz,
         condition=identification.identifiability.condition,
         left_out={", ".join(t.names): t.p for t in identification.left_out},

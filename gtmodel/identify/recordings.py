@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gtmodel.measurements import ESTIMATE, Corrections, Session, cutoff_for
+from gtmodel.measurements import ESTIMATE, Corrections, Session
 
 from ..compiler.causal import flat_of
 from ..lang import Model, ModelError
@@ -20,7 +20,7 @@ from ..robots import actuator_closed_loop
 from .gains import by_data_sheet, check_payloads
 from .options import Fitting, Processing, SyntheticLog
 from .regressor import ParameterError, Regressor, among, scalar_parameters
-from .rows import rows_of, with_offsets
+from .rows import cutoff_of, rows_of, with_offsets
 from .simulated_log import LogSimulator, Sensors, Tracking, reference_motion
 
 
@@ -152,7 +152,7 @@ def corrected(
     if not corrections.free:
         return corrections.apply(), {}
     first = corrections.apply(corrections.start)
-    cutoff = processing.cutoff or max(cutoff_for(s.trajectory[known], s.sample_time) for s in first)
+    cutoff = processing.cutoff or cutoff_of(first, known)
     # keep all rows: the number of residuals must not depend on the corrections
     steady = replace(processing, cutoff=cutoff, position_step=0.0, mask_steps=0.0)
     fitted = among(regressor.names, free)

@@ -15,7 +15,7 @@ from ..results.trajectory import Trajectory
 from ..results.trajectory_checks import Array
 from ..results.trajectory_files import PathLike
 from .conversion import Conversion, Matrix, Numbers
-from .log import JITTER, TIME, Column, LogError, Session, read_log
+from .log import JITTER, TIME, Column, LogError, Session, read_log, recordings_of
 
 if TYPE_CHECKING:
     from .common_grid.options import AlignBy, EvenGrid
@@ -40,8 +40,9 @@ class Signal:
         scale: quantity per column [quantity_unit / unit], one number or one for each column.
         offset: scale times the reading at zero quantity [quantity_unit], one number or one for each component.
         delay: delay of the column [s], one number or one for each column.
-        quantity_unit: SI unit of the quantity; default: the unit of the column.
-        per_session: which of the estimated corrections have a value for each session.
+        quantity_unit: SI unit of the quantity, or of each component; default: the unit of the column.
+        per_session: which of the estimated corrections have a value for each session; stretches of one recording
+            between gaps share it.
         gear_ratio, motor_constant, coupling: of the drives, see `Conversion`.
         time, stream, file: own time column, stream and file, as of a `Column`; see `read_signals`.
 
@@ -59,7 +60,7 @@ class Signal:
     scale: Numbers | Estimate = 1.0
     offset: Numbers | Estimate = 0.0
     delay: Numbers | Estimate = 0.0
-    quantity_unit: str = ""
+    quantity_unit: str | tuple[str, ...] = ""
     per_session: tuple[What, ...] = ("offset",)
     gear_ratio: Numbers | None = None
     motor_constant: Numbers | None = None
@@ -128,6 +129,7 @@ class Corrections:
         self.signals = dict(signals)
         self.sessions = tuple(sessions)
         self.longest_delay = longest_delay
+        self._recordings = recordings_of(self.sessions)
         self.free = tuple(_free(self.signals, self.sessions))
         self._places = {free: k for k, free in enumerate(self.free)}
         self.start = np.array([1.0 if free.what == "scale" else 0.0 for free in self.free])
@@ -181,7 +183,7 @@ class Corrections:
             return min(session.sample_time for session in self.sessions)
         if free.what == "scale":
             return 1.0
-        trajectory = self.sessions[free.session or 0].trajectory
+        trajectory = self.sessions[self._recordings.index(free.session or 0)].trajectory
         return float(np.std(trajectory[free.signal])) or 1.0
 
     def _session(self, k: int, values: Array) -> Session:
@@ -219,13 +221,13 @@ class Corrections:
         derived = Trajectory(
             time, quantities, units, title=raw.title, provenance=raw.provenance, synthetic=raw.synthetic
         )
-        return Session(session.name, derived, step)
+        return session._replace(trajectory=derived)
 
     def _values(self, name: str, signal: Signal, what: What, k: int, width: int, values: Array) -> Array:
         fixed = getattr(signal, what)
         if not isinstance(fixed, str):
             return Conversion.each(what, fixed, width)
-        session = k if what in signal.per_session else None
+        session = self._recordings[k] if what in signal.per_session else None
         parts = range(width) if width > 1 else [None]
         return np.array([values[self._places[FreeCorrection(name, what, session, part)]] for part in parts])
 
@@ -268,7 +270,8 @@ def read_signals(
     ([1.0, 1.5, 1.0], 'V')
     """
     columns = {n: Column(s.column, s.unit, s.time, s.stream, s.file) for n, s in signals.items()}
-    if align_by or curves or any(c.time or c.stream or c.file for c in columns.values()):
+    several = any(c.time or c.stream or c.file for c in columns.values()) or (time is not None and time.per_channel)
+    if align_by or curves or several:
         from .common_grid.joined_log import read_joined  # here: logs with one clock need no alignment
 
         if session is not None:
@@ -311,13 +314,13 @@ def offset_columns(rows: Sequence[int], width: int = 1, *, per_session: bool = T
 
 
 def _free(signals: Mapping[str, Signal], sessions: Sequence[Session]) -> list[FreeCorrection]:
-    free = []
+    free, count = [], recordings_of(sessions)[-1] + 1
     for name, signal in signals.items():
         rows = sessions[0].trajectory[name]
         parts: Sequence[int | None] = [None] if rows.ndim == 1 else range(rows.shape[1])
         for what in ("delay", "scale", "offset"):
             if getattr(signal, what) == ESTIMATE:
-                where: Sequence[int | None] = range(len(sessions)) if what in signal.per_session else [None]
+                where: Sequence[int | None] = range(count) if what in signal.per_session else [None]
                 free += [FreeCorrection(name, what, k, part) for k in where for part in parts]
     return free
 
