@@ -94,6 +94,7 @@ def exchanged_efforts(identification: Identification) -> Compared | None:
     return columns_compared(rows.targets, rows.effort, squares_of, n * m - Q.shape[1])
 
 
+TINY = np.finfo(float).tiny
 BALANCE = 1e-3  # of the absolute work: largest energy imbalance of a log
 DEVIATIONS = 4.0  # or as many standard deviations of the work, from noise and parameter errors
 ONE_SIGN = 0.98  # of a column's absolute work: friction, up to what the filter rounds off at reversals
@@ -197,12 +198,70 @@ def work_of(identification: Identification, rows: Rows | None = None) -> Mechani
     )
 
 
+@dataclass(frozen=True)
+class BeyondBound:
+    """How far the data push a parameter beyond its bound, zero.
+
+    `name` is the parameter whose unbounded estimate is most standard deviations below zero, by `deviations` of them;
+    `value` is that estimate, `unit` its unit. If all true values are at zero or above, `deviations` exceeds `bound`
+    with a probability of FALSE_ALARM at most.
+    """
+
+    name: str
+    value: float
+    unit: str
+    deviations: float
+    bound: float
+
+    @property
+    def passed(self) -> bool:
+        return self.deviations <= self.bound
+
+    @property
+    def message(self) -> str:
+        return (
+            f"{self.name} is held at 0, but the data say {self.value:.3g} {self.unit}, {self.deviations:.3g} standard "
+            "deviations below it: check the sign of effort and position, the frame (is gravity the other way round?) "
+            "and the order of the channels; if it may be negative, leave it out of nonnegative"
+        )
+
+
+def beyond_bound(identification: Identification) -> BeyondBound | None:
+    """Test whether the data push a parameter beyond its bound; None if no parameter is held at zero.
+
+    The test is one-sided, Student's t of the fit without bounds, at the level FALSE_ALARM shared by all parameters
+    (Bonferroni): it is least favourable if all true values are zero.
+
+    >>> class Cart(gt.Model):  # gravity along the slope, which the model takes as downhill
+    ...     m, f = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="N")
+    ...     q, tau = gt.variable(unit="m"), gt.variable(unit="N")
+    ...     def equations(self):
+    ...         yield self.tau == self.m * gt.der(gt.der(self.q)) + self.f
+    >>> time = 0.004 * np.arange(2000)
+    >>> q = gt.identify.multisine(time, np.zeros(1), np.array([0.2]), np.array([0.5, 1.1]), seed=1)[:, 0]
+    >>> log = gt.identify.LogSimulator(Cart(f=-5.0), q).draw(1, gt.identify.Sensors(effort_noise=0.5))
+    >>> s = gt.identify.study(Cart(), log, ["m", "f"])
+    >>> s.status.name, s.checks["deviations_beyond_bound"].passed, s.at_bound
+    ('CHECK_FAILED', False, ['f'])
+    """
+    e, free = identification.estimate, identification.unbounded
+    if not e.held:
+        return None
+    std, tests = dict(zip(free.names, free.std, strict=True)), len(free.names)
+    pushed = {n: -free.value(n) / max(std[n], TINY) for n in e.held if n in std}
+    name = max(pushed, key=lambda n: pushed[n])
+    rows = identification.rows
+    return BeyondBound(
+        name, free.value(name), rows.units[rows.names.index(name)], pushed[name],
+        half_width(1 - 2 * FALSE_ALARM / tests, free.degrees_of_freedom),
+    )  # fmt: skip
+
+
 LOOK = "the notes say what to look at"
 READ = f"{LOOK}; if the data are right, name the alarm in accept"
 UNEXPLAINED = 0.5  # rms of the residuals over rms of the effort: above, the model does not belong to the log
 FAR = 300.0  # times the nominal value: a unit off by a factor of 1000, not a payload
 SATURATED = 0.02  # of the samples at the largest or smallest reading: noise alone does not stay there
-TINY = np.finfo(float).tiny
 PILED = 5.0  # times as many samples as at the next reading: a coarse reading of a smooth peak has up to 2.5
 
 
@@ -252,6 +311,9 @@ def judged(
         checks["delay_moves_a_parameter"] = Check(delay.moves, delay.bound, READ, judged=delay.passed)
     if order is not None:
         checks["exchanged_columns"] = Check(order.ratio, order.bound, READ, judged=order.passed)
+    beyond = beyond_bound(identification)
+    if beyond is not None:
+        checks["deviations_beyond_bound"] = at_most(beyond.deviations, beyond.bound, beyond.message)
     far = _far_off(identification, request.regressor.base)
     checks["parameters_far_off"] = at_most(float(len(far)), 0.0, READ)
     saturated = _piled(data, request.how.targets)

@@ -23,6 +23,7 @@ LogAlarm = Literal[
     "parameters_far_off",
     "saturated_share",
     "delay_moves_a_parameter",
+    "deviations_beyond_bound",
     EveryAlarm,
 ]
 MASK_STEPS = 3.0  # quantisation steps per sample: below, the sign of a velocity is unknown
@@ -85,7 +86,8 @@ class Fitting(Options):
     accept: Annotated[
         list[LogAlarm],
         "alarms about how the log was read that become notes, not failures: unexplained_share, work_of_friction, "
-        "exchanged_columns, parameters_far_off, saturated_share, delay_moves_a_parameter, copied_rows",
+        "exchanged_columns, parameters_far_off, saturated_share, delay_moves_a_parameter, "
+        "deviations_beyond_bound, copied_rows",
     ] = field(default_factory=list)  # fmt: skip
 
 
