@@ -236,7 +236,7 @@ def study(
     >>> log = gt.identify.LogSimulator(Axis(), q).draw(1, gt.identify.Sensors(effort_noise=0.5))
     >>> s = gt.identify.study(Axis(), log, ["m", "d", "c"])
     >>> s.status.ok, {name: round(value, 1) for name, value in s.parameters.items()}
-    (True, {'m': 2.0, 'd': 4.9, 'c': 3.0})
+    (True, {'m': 2.0, 'd': 5.0, 'c': 3.0})
     """
     work = Work(**work_options)
     request = request_of(robot, free, fitting, processing, published, work.title, work)

@@ -159,7 +159,7 @@ def rows_of(
     >>> regressor = gt.identify.Regressor(Axis(), ["m", "d", "c"])
     >>> rows = gt.identify.rows_of(gt.measurements.session_of(log), regressor)
     >>> rows.Y.shape, rows.effort.shape, round(rows.cutoff_Hz, 1), rows.every  # independent rows only
-    ((58, 1, 3), (58, 1), 5.0, 28)
+    ((64, 1, 3), (64, 1), 5.5, 26)
     """
     sessions = [sessions] if isinstance(sessions, Session) else list(sessions)
     for suspicion in alarms(tested(recorded(sessions, (known, targets)))):

@@ -107,8 +107,7 @@ def problem(truth: Truth) -> str:
     effort["offset"] = "estimate"  # of the sensor, one for each recording
     robot = TwoAxesAndSlide if kind.linear else ThreeAxes
     head = _HEAD.format(robot=robot.__name__, free=json.dumps(NAMES), files=json.dumps([f.name for f in truth.files]))
-    filters = "[filter]\ncutoff_Hz = 8.0\n" if truth.vendor == "siemens" else ""  # stamps of 1 ms: noise above
-    return head + _FORMS[truth.vendor] + _table("position", position) + _table("effort", effort) + filters
+    return head + _FORMS[truth.vendor] + _table("position", position) + _table("effort", effort)
 
 
 def _table(name: str, keys: dict[str, object]) -> str:
