@@ -343,7 +343,8 @@ def _far_off(identification: Identification, base: Sequence[str]) -> list[str]:
     rows, e = identification.rows, identification.estimate
     sized = np.where(negligible(rows.nominal, rows.units), 0.0, rows.nominal)
     nominal = dict(zip(rows.names, sized, strict=True))
-    nonzero = [n for n in e.names if nominal[n] and n not in base and e.interval(n)[0] * e.interval(n)[1] > 0]
+    inner = [n for n in e.names if n not in base and n not in rows.signed]
+    nonzero = [n for n in inner if nominal[n] and e.interval(n)[0] * e.interval(n)[1] > 0]
     ratios = {n: abs(e.value(n) / nominal[n]) for n in nonzero}
     far = [n for n in nonzero if ratios[n] > FAR] or (nonzero if nonzero and max(ratios.values()) < 1 / FAR else [])
     if not far:

@@ -61,7 +61,6 @@ def assembled_study(
         c = repeated.coverage
         hits = {n: int(h) for n, h in zip(c.names, c.hits, strict=True)}
         coverage = {"runs": c.runs, "hits": hits, "pooled": c.pooled, "band": list(c.band)}
-    fixed_corrections = ", ".join(data.corrections)
     return IdentificationStudy(
         status=SolveStatus.INTERRUPTED if stopped else SolveStatus.SOLVED,
         message=f"{len(e.names)} parameters from {len(rows)} rows",
@@ -96,7 +95,6 @@ def assembled_study(
             *identification.notes,
             *([recordings.apart.message] if recordings is not None and recordings.apart is not None else []),
             *bodies.notes,
-            *([f"the intervals treat the estimated {fixed_corrections} as known"] if fixed_corrections else []),
         ],
         synthetic=rows.synthetic,
         published={name: parameters[name] / number - 1 for name, number in compared.items() if number}
@@ -351,15 +349,24 @@ def _fitted(request: Request, data: Recordings, place: str) -> tuple[Identificat
         rows = rows_of(sessions, request.regressor, selection, *request.names, accept=how.accept)
         return rows if data.offsets is None else with_offsets(rows, how.targets, per_session=per_session)
 
+    def fit(rows: Rows) -> Identification:
+        return identify(rows, [*request.free, *rows.signed], nonnegative=request.nonnegative, confidence=how.confidence)
+
     with naming(place, ModelError, TrajectoryError):
         rows = rows_from(data.fitted, processing, data.offsets == "session")
-        identification = identify(
-            rows, [*request.free, *rows.signed], nonnegative=request.nonnegative, confidence=how.confidence
-        )
+        identification = fit(rows)
+        parameters = identification.parameters[: request.regressor.size]
+        if data.alignments:
+            alignment, values = data.alignments[0]
+            identification = fit(alignment.with_columns(rows, values, parameters))
         if not data.held_out:
             return identification, None
         fixed = replace(processing, cutoff=rows.cutoff_Hz, every=rows.every)
-        return identification, identification.validate(rows_from(data.held_out, fixed, False))
+        unseen = rows_from(data.held_out, fixed, False)
+        if data.alignments:
+            alignment, values = data.alignments[1]
+            unseen = alignment.with_columns(unseen, values, parameters)
+        return identification, identification.validate(unseen)
 
 
 def _repeated(request: Request, data: Recordings, s: SyntheticLog) -> Repeated | None:

@@ -137,8 +137,8 @@ class Identification:
 
     @cached_property
     def delay(self) -> Delay | None:
-        """Delay between efforts and positions, see `delay_of`."""
-        return delay_of(self)
+        """Delay between efforts and positions, see `delay_of`; None if the fit estimates delays itself."""
+        return None if any(".delay" in name for name in self.rows.signed) else delay_of(self)
 
     @property
     def notes(self) -> list[str]:
