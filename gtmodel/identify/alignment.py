@@ -21,8 +21,11 @@ Array = np.ndarray
 
 MOST_STEPS = 20  # of Gauss-Newton; two to five are usual
 SMALL = 0.02  # of the standard deviation of a correction: a step that does not matter
-SLOW = 0.3  # of the step before: if a step is longer, the Jacobian is computed again
+SAME = 1e-4  # of a sample, a scale or the deviation of a signal: likewise
+SLOW, COARSE = 0.3, 0.05  # of the step before, and of a sample: if a step is longer, the Jacobian is computed again
+STALLED, GAIN = 2, 1e-3  # steps without such a gain in the sum of the logarithms of the residuals' deviations
 SCALE_STEP = 0.01  # difference of a scale or, relative to the deviation of its signal, of an offset
+NARROWEST = 0.2  # samples: differences over less show no step of friction
 RANK = 1e-8
 
 
@@ -54,16 +57,16 @@ class Alignment:
         # the fit itself checks the log
         return rows_of(self.sessions(values), self.regressor, steady, self.known, self.targets, accept=EVERY)
 
-    def columns(self, values: Array, parameters: Array, how: Processing) -> Array:
+    def columns(self, values: Array, parameters: Array, how: Processing, width: float = 1.0) -> Array:
         """Derivatives (n, m, corrections) of all modelled minus measured efforts by the corrections.
 
-        Differences over one sample either side: the step of Coulomb friction moves from sample to sample, which
-        smaller ones would miss.
+        Differences over `width` samples either side, one by default: the step of Coulomb friction moves from sample to
+        sample, which smaller ones would miss.
         """
         corrections, columns = self.corrections, []
         for k, (free, size) in enumerate(zip(corrections.free, corrections.sizes(), strict=True)):
             h = np.zeros(len(values))
-            h[k] = size if free.what == "delay" else SCALE_STEP * size
+            h[k] = width * (size if free.what == "delay" else SCALE_STEP * size)
             ends = [_modelled_minus_measured(self.rows(values + s * h, how), parameters) for s in (1, -1)]
             columns.append((ends[0] - ends[1]) / (2 * h[k]))
         return np.stack(columns, axis=2)
@@ -78,28 +81,39 @@ class Alignment:
         """
         corrections = self.corrections
         x = corrections.start.copy()
-        first, cutoff = self.sessions(x), self.processing.cutoff
+        cutoff = self.processing.cutoff
         if cutoff is None:
-            cutoff = max(cutoff_for(s.trajectory[self.known], s.sample_time) for s in first)
+            cutoff = max(cutoff_for(s.trajectory[self.known], s.sample_time) for s in self.sessions(x))
         how = replace(self.processing, cutoff=cutoff)
-        most = corrections.bounds()[1]
+        most, sizes = corrections.bounds()[1], corrections.sizes()
         columns, before, fitted = None, np.inf, among(self.regressor.names, free)
-        for step_number in range(MOST_STEPS):
-            if progress(step_number / (step_number + 3.0)):
+        best, best_x, stalled, width = np.inf, x, 0, 1.0
+        for n in range(MOST_STEPS):
+            if progress(n / (n + 3.0)):
                 break
             rows = self.rows(x, how)
             fit = _Linear(rows, fitted, self.targets, offsets)
+            stalled = 0 if fit.misfit < best - GAIN else stalled + 1
+            if fit.misfit < best:
+                best, best_x = fit.misfit, x
+            if stalled == STALLED:  # the step of friction moves from sample to sample, so that the misfit is not smooth
+                if width < NARROWEST:
+                    break
+                x, stalled, width, columns = best_x, 0, width / 4, None
+                rows = self.rows(x, how)
+                fit = _Linear(rows, fitted, self.targets, offsets)
             if columns is None:
-                columns = self.columns(x, fit.parameters, how)
+                columns = self.columns(x, fit.parameters, how, width)
             step, std = fit.with_columns(columns)
-            length = float(np.max(np.abs(step) / np.maximum(std, np.finfo(float).tiny)))
-            if length > SLOW * before:  # too curved for the Jacobian of another point
-                columns = self.columns(x, fit.parameters, how)
+            coarse = float(np.max(np.abs(step) / sizes))
+            if coarse > COARSE and coarse > SLOW * before:  # too curved for the Jacobian of another point
+                columns = self.columns(x, fit.parameters, how, width)
                 step, std = fit.with_columns(columns)
-                length = float(np.max(np.abs(step) / np.maximum(std, np.finfo(float).tiny)))
-            x, before = np.clip(x + step, -most, most), length
-            if length < SMALL or np.max(np.abs(step) / corrections.sizes()) < 1e-6:
+                coarse = float(np.max(np.abs(step) / sizes))
+            if np.all(np.abs(step) < np.maximum(SMALL * std, SAME * sizes)):
                 break
+            x, before = np.clip(x + step, -most, most), coarse
+        x = best_x
         corrections.refuse_bounds(x)
         return x
 
@@ -130,7 +144,7 @@ class _Linear:
     """Least squares of the free parameters at some corrections, each target weighted by its noise."""
 
     def __init__(self, rows: Rows, fitted: Sequence[int], targets: str, offsets: bool) -> None:
-        more = with_offsets(rows, targets) if offsets else rows
+        more = with_offsets(rows, targets, drift=True) if offsets else rows
         p = len(rows.names)
         fixed = [k for k in range(p) if k not in fitted]
         self._A = more.Y[:, :, [*fitted, *range(p, len(more.names))]]
@@ -139,6 +153,7 @@ class _Linear:
         for _ in range(2):
             residuals = self._b - self._A @ self._solve(self._A)[0]
             self._size = np.maximum(np.sqrt(np.mean(residuals**2, axis=0)), np.finfo(float).tiny)
+        self.misfit = float(np.sum(np.log(self._size)))
         self.parameters = rows.nominal.copy()
         self.parameters[list(fitted)] = self._solve(self._A)[0][: len(fitted)]
 

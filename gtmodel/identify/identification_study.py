@@ -347,7 +347,9 @@ def _fitted(request: Request, data: Recordings, place: str) -> tuple[Identificat
 
     def rows_from(sessions: Sequence[Session], selection: Processing, per_session: bool) -> Rows:
         rows = rows_of(sessions, request.regressor, selection, *request.names, accept=how.accept)
-        return rows if data.offsets is None else with_offsets(rows, how.targets, per_session=per_session)
+        if data.offsets is None:
+            return rows
+        return with_offsets(rows, how.targets, per_session=per_session, drift=how.drift)
 
     def fit(rows: Rows) -> Identification:
         return identify(rows, [*request.free, *rows.signed], nonnegative=request.nonnegative, confidence=how.confidence)

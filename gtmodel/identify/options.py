@@ -79,6 +79,9 @@ class Fitting(Options):
         Literal["auto", "white", "newey_west"],
         "assumption of the intervals about the residuals; auto takes newey_west if they are coloured",
     ] = "auto"
+    drift: Annotated[
+        bool, 'whether the estimated offsets of the efforts (offset = "estimate") drift linearly over each recording'
+    ] = False  # fmt: skip
     folds: Annotated[
         int | None, Within(least=2),
         "number of blocks for cross-validation, each predicted by a fit without it; as many as rows leaves one out",

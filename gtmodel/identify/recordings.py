@@ -153,6 +153,11 @@ def measured(
                 f"has {width[0] if width else 1} columns; '{name}' of the robot has {shape[0] if shape else 1}",
                 f"log.{what}",
             )
+    estimated = signals is not None and signals[targets].offset == ESTIMATE
+    if request.how.drift and not (estimated and not others):
+        lack = "needs estimated offsets of the efforts" if not estimated else "belongs to one recording"
+        todo = 'set offset = "estimate" of the efforts' if not estimated else "leave out held_out"
+        raise ArgumentError(f"{lack}; {todo}, or drift = false", "fitting.drift")
     if signals is None:
         return Recordings(raw, others)
     table = dict(signals)

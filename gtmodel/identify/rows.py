@@ -210,8 +210,10 @@ def recorded(sessions: Sequence[Session], signals: Sequence[str]) -> Data:
     return Data(columns, signals[-1:], recordings=[(s.name, s.trajectory.time) for s in sessions])
 
 
-def with_offsets(rows: Rows, signal: str, *, per_session: bool = True) -> Rows:
+def with_offsets(rows: Rows, signal: str, *, per_session: bool = True, drift: bool = False) -> Rows:
     """Return the rows with offsets of the measured efforts as further parameters, by recording or one for all.
+
+    With `drift` each recording also has a linear drift [effort/s] about its middle, such as "tau.drift[0]".
 
     They are named as by `Corrections`, such as "tau.offset[0] of session 2", and may be negative. An offset is the
     reading at zero effort. Free offsets widen the intervals of the other parameters.
@@ -239,11 +241,24 @@ def with_offsets(rows: Rows, signal: str, *, per_session: bool = True) -> Rows:
         for i in range(m)
     ]
     columns = offset_columns(lengths.tolist(), m, per_session=per_session).reshape(n, m, len(names))
+    units = rows.units_of_targets * count
+    if drift:
+        several = len(lengths) > 1
+        names += [
+            f"{signal}.drift{f'[{i}]' if m > 1 else ''}{f' of session {k + 1}' if several else ''}"
+            for k in range(len(lengths))
+            for i in range(m)
+        ]
+        middle = [0.5 * (t[0] + t[-1]) for t in (rows.part(k).time for k in range(len(lengths)))]
+        since = rows.time - np.repeat(middle, lengths)
+        slopes = offset_columns(lengths.tolist(), m).reshape(n, m, -1) * since[:, None, None]
+        columns = np.concatenate([columns, slopes], axis=2)
+        units += tuple(f"{unit}/s" for unit in rows.units_of_targets) * len(lengths)
     return replace(
         rows,
         names=(*rows.names, *names),
         nominal=np.concatenate([rows.nominal, np.zeros(len(names))]),
-        units=(*rows.units, *rows.units_of_targets * count),
+        units=(*rows.units, *units),
         Y=np.concatenate([rows.Y, columns], axis=2),
         signed=(*rows.signed, *names),
     )

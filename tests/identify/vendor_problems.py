@@ -46,6 +46,7 @@ class TwoAxesAndSlide(ThreeAxes):
 _HEAD = """kind = "identification"
 robot = "tests.identify.vendor_problems:{robot}"
 free = {free}
+drift = true                             # of the sensors of the efforts, as the data sheet says
 [log]
 files = {files}
 """
