@@ -23,6 +23,7 @@ from ..measurements.inspection.data_tests import Data, tested
 from ..results import Check, at_least, at_most
 from ..results.estimate import half_width
 from ..results.suspicion import accepted_checks, suspicion_checks
+from .delay import MATTERS
 from .inertia import Identification, Validation
 from .recordings import Recordings, Request
 from .repeated_fits import Repeated
@@ -257,6 +258,54 @@ def beyond_bound(identification: Identification) -> BeyondBound | None:
     )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class HalfCutoff:
+    """Comparison of a fit with that at half its cut-off frequency, which sees less noise of the position.
+
+    `name` is the free parameter that moves most, by `moves` of its standard deviations, relative to `bound`: one, or
+    what chance explains with a probability of FALSE_ALARM, shared by all parameters. `advised` is a cut-off [Hz] to
+    set instead.
+    """
+
+    name: str
+    moves: float
+    bound: float
+    cutoff: float
+    advised: float
+
+    @property
+    def passed(self) -> bool:
+        return self.moves <= self.bound
+
+    @property
+    def message(self) -> str:
+        return (
+            f"at half the cut-off of {self.cutoff:.3g} Hz, {self.name} would move by {self.moves:.3g} standard "
+            "deviations: noise or jitter of the position biases it, or the model lacks an effect; set cutoff_Hz of the "
+            f"filter to {self.advised:.2g} (in Python, cutoff)"
+        )
+
+
+def half_cutoff(identification: Identification, half: Identification, advised: float) -> HalfCutoff | None:
+    """Compare a fit with that at half its cut-off, as Hausman 1978 (Econometrica 46) compares two estimators.
+
+    The variance of the difference is at most that of the fit at half the cut-off, which stands for it. None if the
+    fits have no parameter in common. `advised` is the cut-off of the advice [Hz].
+    """
+    e, other, signed = identification.estimate, half.estimate, identification.rows.signed
+    names = [n for n in e.names if n in other.names and n not in signed]
+    if not names:
+        return None
+    std, wide = (np.array([x.std[x.names.index(n)] for n in names]) for x in (e, other))
+    change = np.abs([other.value(n) - e.value(n) for n in names])
+    most = half_width(1 - FALSE_ALARM / len(names), other.degrees_of_freedom)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        moves = np.where(std > 0, change / std, 0.0)
+        bounds = np.maximum(MATTERS, most * np.where(std > 0, wide / std, 0.0))
+    worst = int(np.argmax(moves / bounds))
+    return HalfCutoff(names[worst], float(moves[worst]), float(bounds[worst]), identification.rows.cutoff_Hz, advised)
+
+
 LOOK = "the notes say what to look at"
 READ = f"{LOOK}; if the data are right, name the alarm in accept"
 UNEXPLAINED = 0.5  # rms of the residuals over rms of the effort: above, the model does not belong to the log
@@ -271,6 +320,7 @@ def judged(
     identification: Identification,
     validation: Validation | None,
     repeated: Repeated | None,
+    half: HalfCutoff | None,
 ) -> tuple[dict[str, Check], list[str]]:
     """Checks by name, and notes on suspected errors of the log: signs, units, order of columns, saturation."""
     rows, notes = identification.rows, list[str]()
@@ -309,6 +359,8 @@ def judged(
     delay = identification.delay
     if delay is not None:
         checks["delay_moves_a_parameter"] = Check(delay.moves, delay.bound, READ, judged=delay.passed)
+    if half is not None:
+        checks["cutoff_moves_a_parameter"] = at_most(half.moves, half.bound, half.message)
     if order is not None:
         checks["exchanged_columns"] = Check(order.ratio, order.bound, READ, judged=order.passed)
     beyond = beyond_bound(identification)

@@ -13,11 +13,11 @@ import tomli_w
 
 from ..inference import autocorrelation
 from ..lang import Model, ModelError
-from ..measurements import Session, Signal
+from ..measurements import Session, Signal, cutoff_for
 from ..results import ArgumentError, SolveStatus, Trajectory, TrajectoryError, Work, naming
 from ..results.work import WorkOptions, study_function
 from .bodies import bodies_of
-from .checks import judged
+from .checks import HalfCutoff, half_cutoff, judged
 from .closed_loop import ClosedLoopRun, follow, within_bound
 from .identification_result import IdentificationStudy
 from .inertia import Identification, Validation, identify
@@ -43,6 +43,7 @@ def assembled_study(
     identification: Identification,
     validation: Validation | None,
     *,
+    half: HalfCutoff | None = None,
     repeated: Repeated | None = None,
     loop: ClosedLoop | None = None,
     runs: Sequence[ClosedLoopRun] = (),
@@ -52,7 +53,7 @@ def assembled_study(
     """The result of a fit."""
     e, rows, title, parameters = identification.estimate, identification.rows, request.title, identification.numbers
     compared = {name: number for name, number in request.published.items() if name in parameters}
-    checks, suspicions = judged(request, data, identification, validation, repeated)
+    checks, suspicions = judged(request, data, identification, validation, repeated, half)
     bodies = bodies_of(request, identification)
     full_title = (title or "identification") + (" (synthetic)" if rows.synthetic else "")
     stopped = repeated is not None and repeated.runs.interrupted
@@ -242,12 +243,12 @@ def study(
     _check_inputs(closed_loop, data)
     if work.interrupted():
         return _stopped(work.title)
-    identification, validation = _fitted(request, data, "log")
+    identification, validation, half = _fitted(request, data, "log")
     runs: list[ClosedLoopRun] = []
     if closed_loop is not None:
         runs = follow(closed_loop, identification.numbers, data.fitted + data.held_out, *request.names, work)
     return assembled_study(
-        request, data, identification, validation, loop=closed_loop, runs=runs,
+        request, data, identification, validation, half=half, loop=closed_loop, runs=runs,
         recordings=_each(request, data, identification, validation), left_out=_in_turn(request, identification),
     )  # fmt: skip
 
@@ -298,9 +299,9 @@ def synthetic_study(
     data = synthetic_recordings(request, plant or robot, synthetic, motion)
     if work.interrupted():
         return _stopped(work.title)
-    identification, validation = _fitted(request, data, "synthetic")
+    identification, validation, half = _fitted(request, data, "synthetic")
     return assembled_study(
-        request, data, identification, validation, repeated=_repeated(request, data, synthetic),
+        request, data, identification, validation, half=half, repeated=_repeated(request, data, synthetic),
         left_out=_in_turn(request, identification),
     )  # fmt: skip
 
@@ -341,7 +342,9 @@ def _check_inputs(loop: ClosedLoop | None, data: Recordings) -> None:
                 raise ArgumentError(f"'{session.name}' has no signal '{name}'", "closed_loop.inputs")
 
 
-def _fitted(request: Request, data: Recordings, place: str) -> tuple[Identification, Validation | None]:
+def _fitted(
+    request: Request, data: Recordings, place: str
+) -> tuple[Identification, Validation | None, HalfCutoff | None]:
     request.work.progress("fitting", 0.3)
     how, processing = request.how, request.processing
 
@@ -354,21 +357,27 @@ def _fitted(request: Request, data: Recordings, place: str) -> tuple[Identificat
     def fit(rows: Rows) -> Identification:
         return identify(rows, [*request.free, *rows.signed], nonnegative=request.nonnegative, confidence=how.confidence)
 
+    def compared_cutoffs(rows: Rows, identification: Identification) -> HalfCutoff | None:
+        lower = replace(processing, cutoff=rows.cutoff_Hz / 2, every=None)
+        try:
+            half = fit(rows_from(data.fitted, lower, data.offsets == "session"))
+            usual = max(cutoff_for(s.trajectory[how.known], s.sample_time) for s in data.fitted)
+        except (ModelError, TrajectoryError):  # too short for it
+            return None
+        return half_cutoff(identification, half, usual if usual < 0.8 * rows.cutoff_Hz else rows.cutoff_Hz / 2)
+
     with naming(place, ModelError, TrajectoryError):
         rows = rows_from(data.fitted, processing, data.offsets == "session")
         identification = fit(rows)
-        parameters = identification.parameters[: request.regressor.size]
-        if data.alignments:
-            alignment, values = data.alignments[0]
-            identification = fit(alignment.with_columns(rows, values, parameters))
+        half = compared_cutoffs(rows, identification)
         if not data.held_out:
-            return identification, None
+            return identification, None, half
         fixed = replace(processing, cutoff=rows.cutoff_Hz, every=rows.every)
         unseen = rows_from(data.held_out, fixed, False)
         if data.alignments:
             alignment, values = data.alignments[1]
-            unseen = alignment.with_columns(unseen, values, parameters)
-        return identification, identification.validate(unseen)
+            unseen = alignment.with_columns(unseen, values, identification.parameters[: request.regressor.size])
+        return identification, identification.validate(unseen), half
 
 
 def _repeated(request: Request, data: Recordings, s: SyntheticLog) -> Repeated | None:

@@ -23,6 +23,7 @@ LogAlarm = Literal[
     "parameters_far_off",
     "saturated_share",
     "delay_moves_a_parameter",
+    "cutoff_moves_a_parameter",
     "deviations_beyond_bound",
     EveryAlarm,
 ]
@@ -39,7 +40,7 @@ class Processing(Options):
     """
 
     cutoff: Annotated[
-        float | None, Unit("Hz"), Within(above=0.0), "default: 2.5 times the excitation band"
+        float | None, Unit("Hz"), Within(above=0.0), "default: 2.5 times the band in which the motion exceeds the noise"
     ] = None  # fmt: skip
     order: Annotated[int, Within(least=1), "of the Butterworth filter"] = 4
     every: Annotated[
@@ -90,7 +91,7 @@ class Fitting(Options):
         list[LogAlarm],
         "alarms about how the log was read that become notes, not failures: unexplained_share, work_of_friction, "
         "exchanged_columns, parameters_far_off, saturated_share, delay_moves_a_parameter, "
-        "deviations_beyond_bound, copied_rows",
+        "cutoff_moves_a_parameter, deviations_beyond_bound, copied_rows",
     ] = field(default_factory=list)  # fmt: skip
 
 
