@@ -354,8 +354,14 @@ def _fitted(
             return rows
         return with_offsets(rows, how.targets, per_session=per_session, drift=how.drift)
 
-    def fit(rows: Rows) -> Identification:
+    def fit_once(rows: Rows) -> Identification:
         return identify(rows, [*request.free, *rows.signed], nonnegative=request.nonnegative, confidence=how.confidence)
+
+    def fit(rows: Rows) -> Identification:
+        if not data.alignments:
+            return fit_once(rows)
+        (alignment, values), first = data.alignments[0], fit_once(rows).parameters
+        return fit_once(alignment.with_columns(rows, values, first[: request.regressor.size]))
 
     def compared_cutoffs(rows: Rows, identification: Identification) -> HalfCutoff | None:
         lower = replace(processing, cutoff=rows.cutoff_Hz / 2, every=None)
