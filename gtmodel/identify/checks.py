@@ -289,8 +289,8 @@ class HalfCutoff:
 def half_cutoff(identification: Identification, half: Identification, advised: float) -> HalfCutoff | None:
     """Compare a fit with that at half its cut-off, as Hausman 1978 (Econometrica 46) compares two estimators.
 
-    The variance of the difference is at most that of the fit at half the cut-off, which stands for it. None if the
-    fits have no parameter in common. `advised` is the cut-off of the advice [Hz].
+    The larger of the two variances stands for that of the difference, which is smaller. None if the fits have no
+    parameter in common. `advised` is the cut-off of the advice [Hz].
     """
     e, other, signed = identification.estimate, half.estimate, identification.rows.signed
     names = [n for n in e.names if n in other.names and n not in signed]
@@ -301,7 +301,7 @@ def half_cutoff(identification: Identification, half: Identification, advised: f
     most = half_width(1 - FALSE_ALARM / len(names), other.degrees_of_freedom)
     with np.errstate(divide="ignore", invalid="ignore"):
         moves = np.where(std > 0, change / std, 0.0)
-        bounds = np.maximum(MATTERS, most * np.where(std > 0, wide / std, 0.0))
+        bounds = np.maximum(MATTERS, most * np.where(std > 0, np.maximum(wide / std, 1.0), 0.0))
     worst = int(np.argmax(moves / bounds))
     return HalfCutoff(names[worst], float(moves[worst]), float(bounds[worst]), identification.rows.cutoff_Hz, advised)
 
