@@ -187,10 +187,10 @@ def _places(rows: Rows, everything: Rows) -> Array:
     for k in range(len(rows.starts)):
         times = everything.time[ends[k] : ends[k + 1]]
         places.append(ends[k] + np.searchsorted(times, rows.part(k).time - 0.5 * rows.interval))
-    found = np.concatenate(places)
-    if not np.allclose(everything.time[found], rows.time, rtol=0.0, atol=1e-3 * rows.interval):
+    chosen = np.concatenate(places)
+    if not np.allclose(everything.time[chosen], rows.time, rtol=0.0, atol=1e-3 * rows.interval):
         raise TrajectoryError("the rows belong to other recordings; use those of the corrected sessions")
-    return found
+    return chosen
 
 
 def corrected(
