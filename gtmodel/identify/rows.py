@@ -164,7 +164,7 @@ def rows_of(
     >>> regressor = gt.identify.Regressor(Axis(), ["m", "d", "c"])
     >>> rows = gt.identify.rows_of(gt.measurements.session_of(log), regressor)
     >>> rows.Y.shape, rows.effort.shape, round(rows.cutoff_Hz, 1), rows.every  # independent rows only
-    ((58, 1, 3), (58, 1), 5.0, 28)
+    ((64, 1, 3), (64, 1), 5.5, 26)
     """
     sessions = [sessions] if isinstance(sessions, Session) else list(sessions)
     for suspicion in alarms(tested(recorded(sessions, (known, targets)))):
@@ -231,10 +231,11 @@ def recorded(sessions: Sequence[Session], signals: Sequence[str]) -> Data:
     return Data(columns, signals[-1:], recordings=[(s.name, s.trajectory.time) for s in sessions])
 
 
-def with_offsets(rows: Rows, signal: str, *, per_session: bool = True) -> Rows:
+def with_offsets(rows: Rows, signal: str, *, per_session: bool = True, drift: bool = False) -> Rows:
     """Return the rows with offsets of the measured efforts as further parameters, by recording or one for all.
 
-    Each stretch between gaps has its own, because offsets drift; a stretch without rows has none.
+    Each stretch between gaps has its own, because offsets drift; a stretch without rows has none. With `drift` each
+    also has a linear drift [effort/s] about its middle, such as "tau.drift[0]".
 
     They are named as by `Corrections`, such as "tau.offset[0] of session 2", and may be negative. An offset is the
     reading at zero effort. Free offsets widen the intervals of the other parameters.
@@ -262,12 +263,26 @@ def with_offsets(rows: Rows, signal: str, *, per_session: bool = True) -> Rows:
         for k in numbers
         for i in range(m)
     ]
-    columns = offset_columns(lengths[lengths > 0].tolist(), m, per_session=per_session).reshape(n, m, len(names))
+    filled = lengths[lengths > 0].tolist()
+    columns = offset_columns(filled, m, per_session=per_session).reshape(n, m, len(names))
+    units = rows.units_of_targets * count
+    if drift:
+        parts = np.flatnonzero(lengths).tolist()
+        names += [
+            f"{signal}.drift{f'[{i}]' if m > 1 else ''}{f' of session {k + 1}' if len(lengths) > 1 else ''}"
+            for k in parts
+            for i in range(m)
+        ]
+        middle = [0.5 * (t[0] + t[-1]) for t in (rows.part(k).time for k in parts)]
+        since = rows.time - np.repeat(middle, filled)
+        slopes = offset_columns(filled, m).reshape(n, m, -1) * since[:, None, None]
+        columns = np.concatenate([columns, slopes], axis=2)
+        units += tuple(f"{unit}/s" for unit in rows.units_of_targets) * len(parts)
     return replace(
         rows,
         names=(*rows.names, *names),
         nominal=np.concatenate([rows.nominal, np.zeros(len(names))]),
-        units=(*rows.units, *rows.units_of_targets * count),
+        units=(*rows.units, *units),
         Y=np.concatenate([rows.Y, columns], axis=2),
         signed=(*rows.signed, *names),
     )

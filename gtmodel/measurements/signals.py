@@ -134,13 +134,17 @@ class Corrections:
         self._places = {free: k for k, free in enumerate(self.free)}
         self.start = np.array([1.0 if free.what == "scale" else 0.0 for free in self.free])
 
-    def apply(self, values: Array | Sequence[float] = ()) -> tuple[Session, ...]:
+    def apply(self, values: Array | Sequence[float] = (), *, still: str = "") -> tuple[Session, ...]:
         """Return the sessions with the quantities, in SI units, in place of the columns; `values` belong to `free`.
 
         Both ends are cut by the longest possible delay, so that the number of rows does not depend on `values`. A cubic
         spline interpolates between samples; apply a low-pass filter to noisy signals first.
+
+        `still` names a signal that is not smooth, such as an effort with noise and with the steps of friction: its
+        samples stay, and the other signals move by its mean delay instead. Only differences between the delays of its
+        columns are interpolated. The time is then that of its samples.
         """
-        return tuple(self._session(k, np.asarray(values, dtype=float)) for k in range(len(self.sessions)))
+        return tuple(self._session(k, np.asarray(values, dtype=float), still) for k in range(len(self.sessions)))
 
     def bounds(self) -> tuple[Array, Array]:
         """Return lower and upper bounds of the estimated values; only delays are bounded."""
@@ -157,7 +161,7 @@ class Corrections:
         """
         if not self.free:
             return np.zeros(0)
-        size = np.array([self._size(free) for free in self.free])
+        size = self.sizes()
         residuals = by_differences(lambda z: residual(self.apply(z * size)), len(residual(self.apply(self.start))))
         names, most = [free.name for free in self.free], self.bounds()[1] / size
         fit = nonlinear_fit(
@@ -166,19 +170,27 @@ class Corrections:
         )  # fmt: skip
         if fit.estimate is None:
             raise LogError(f"the estimation of {', '.join(names)} failed: {fit.message}")
-        for name in fit.estimate.held:
-            raise LogError(
-                f"the estimate of {name} has reached its bound, {1e3 * (fit.x * size)[names.index(name)]:.3g} ms; "
-                "cut the logs to a common start, or set the delay"
-            )
+        self.refuse_bounds(fit.x * size)
         return fit.x * size
+
+    def refuse_bounds(self, values: Array) -> None:
+        """Raise LogError if a delay is at its bound."""
+        for free, value in zip(self.free, values, strict=True):
+            if free.what == "delay" and abs(value) >= self.longest_delay * (1 - 1e-9):
+                raise LogError(
+                    f"the estimate of {free.name} has reached its bound, {1e3 * value:.3g} ms; "
+                    "cut the logs to a common start, or set the delay"
+                )
 
     def named(self, values: Array) -> dict[str, float]:
         """Return the estimated values by name; delays in s."""
         return {free.name: float(x) for free, x in zip(self.free, values, strict=True)}
 
+    def sizes(self) -> Array:
+        """Return a size for each value: a sample time, 1 for a scale, the signal's deviation for an offset."""
+        return np.array([self._size(free) for free in self.free])
+
     def _size(self, free: FreeCorrection) -> float:
-        """Return the unit of a value in the fit: a sample time, 1 for a scale, the signal's deviation for an offset."""
         if free.what == "delay":
             return min(session.sample_time for session in self.sessions)
         if free.what == "scale":
@@ -186,14 +198,16 @@ class Corrections:
         trajectory = self.sessions[self._recordings.index(free.session or 0)].trajectory
         return float(np.std(trajectory[free.signal])) or 1.0
 
-    def _session(self, k: int, values: Array) -> Session:
+    def _session(self, k: int, values: Array, still: str) -> Session:
         session = self.sessions[k]
         kinds = natures(session.trajectory.select([n for n in session.trajectory.names if n in self.signals]))
         raw, step = smooth(session.trajectory, kinds), session.sample_time
-        reach = max(
-            self.longest_delay if isinstance(s.delay, str) else float(np.max(np.abs(s.delay)))
-            for s in [*self.signals.values(), _STILL]
-        )
+        reaches = {n: self._reach(s) for n, s in self.signals.items()}
+        reach, common = max(reaches.values(), default=0.0), 0.0
+        if still in raw and still in self.signals:
+            width = 1 if raw[still].ndim == 1 else raw[still].shape[1]
+            common = float(np.mean(self._values(still, self.signals[still], "delay", k, width, values)))
+            reach += reaches[still]
         cut = int(np.ceil(reach / step - 1e-9))
         if 2 * cut + 3 > len(raw):
             raise LogError(f"'{session.name}' lasts {raw.duration:g} s, too short for delays of {reach:g} s")
@@ -201,7 +215,8 @@ class Corrections:
         quantities, units, late, moved = {}, {}, dict[str, Array](), set[str]()
         for name, signal in [(n, s) for n, s in self.signals.items() if n in raw]:
             width = 1 if raw[name].ndim == 1 else raw[name].shape[1]
-            rows, delay = raw[name].reshape(len(raw), width), self._values(name, signal, "delay", k, width, values)
+            rows = raw[name].reshape(len(raw), width)
+            delay = self._values(name, signal, "delay", k, width, values) - common
             columns = [_at(raw.time, rows[:, j], time, cut, float(delay[j])) for j in range(width)]
             late[name] = columns[0] if raw[name].ndim == 1 else np.column_stack(columns)
             moved |= {name} if np.any(delay != 0) else set()
@@ -223,6 +238,10 @@ class Corrections:
         )
         return session._replace(trajectory=derived)
 
+    def _reach(self, signal: Signal) -> float:
+        """Return the longest possible delay of a signal [s]."""
+        return self.longest_delay if isinstance(signal.delay, str) else float(np.max(np.abs(signal.delay)))
+
     def _values(self, name: str, signal: Signal, what: What, k: int, width: int, values: Array) -> Array:
         fixed = getattr(signal, what)
         if not isinstance(fixed, str):
@@ -230,9 +249,6 @@ class Corrections:
         session = self._recordings[k] if what in signal.per_session else None
         parts = range(width) if width > 1 else [None]
         return np.array([values[self._places[FreeCorrection(name, what, session, part)]] for part in parts])
-
-
-_STILL = Signal("", "1")
 
 
 def read_signals(

@@ -47,6 +47,7 @@ class TwoAxesAndSlide(ThreeAxes):
 _HEAD = """kind = "identification"
 robot = "tests.identify.vendor_problems:{robot}"
 free = {free}
+drift = true                             # of the sensors of the efforts, as the data sheet says
 [log]
 files = {files}
 """
@@ -133,6 +134,5 @@ def problem(truth: Truth) -> str:
     clocks: tuple[dict[str, Any], dict[str, Any]] = _CLOCKS.get(truth.vendor, ({}, {}))
     robot = TwoAxesAndSlide if kind.linear else ThreeAxes
     head = _HEAD.format(robot=robot.__name__, free=json.dumps(NAMES), files=json.dumps([f.name for f in truth.files]))
-    filters = "[filter]\ncutoff_Hz = 8.0\n" if truth.vendor == "siemens" else ""  # stamps of 1 ms: noise above
     signals = {"position": position | clocks[0], "effort": effort | clocks[1]}
-    return head + _FORMS[truth.vendor] + tomli_w.dumps({"log": signals}) + filters
+    return head + _FORMS[truth.vendor] + tomli_w.dumps({"log": signals})
