@@ -33,7 +33,7 @@ def _undisturbed(share: float) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class Alignment:
+class CorrectionModel:
     """Signals of some recordings with free corrections, and how the rows of a regressor depend on these.
 
     The efforts keep their samples; the position and the other inputs move instead. Noise and the steps of Coulomb
@@ -248,12 +248,12 @@ def aligned(
     targets: str,
     offsets: bool,
     progress: Callable[[float], bool] = _undisturbed,
-) -> tuple[Alignment, Array]:
+) -> tuple[CorrectionModel, Array]:
     """The alignment with the estimated corrections; arguments and errors as of `corrected`."""
     if corrections.signals[targets].scale == ESTIMATE:
         raise ModelError(
             "the scale of the efforts cannot be distinguished from masses and friction; give it a number, or let "
             "gt.identify.study estimate it with a known payload"
         )
-    alignment = Alignment(corrections, regressor, processing, known, targets)
+    alignment = CorrectionModel(corrections, regressor, processing, known, targets)
     return alignment, alignment.estimate(free, offsets, progress) if corrections.free else np.zeros(0)

@@ -16,7 +16,7 @@ from ..lang import Model, ModelError
 from ..measurements import Signal, session_of
 from ..results import ArgumentError, Trajectory, TrajectoryError, Work, naming
 from ..robots import actuator_closed_loop
-from .alignment import Alignment, aligned
+from .alignment import CorrectionModel, aligned
 from .gains import by_data_sheet, check_payloads
 from .options import Fitting, Processing, SyntheticLog
 from .regressor import ParameterError, Regressor, among, scalar_parameters
@@ -114,7 +114,7 @@ class Recordings:
     held_out: tuple[Session, ...] = ()
     corrections: dict[str, float] = field(default_factory=dict)
     # how the rows of either depend on the estimated corrections, with their values
-    alignments: tuple[tuple[Alignment, Array], ...] = ()
+    alignments: tuple[tuple[CorrectionModel, Array], ...] = ()
     # estimated offsets of the efforts are parameters of the fit, by "session" or for "all"
     offsets: str | None = None
     gains: bool = False  # whether the fit has a free scale of each effort
@@ -190,7 +190,9 @@ def measured(
         )
 
 
-def _held_out(alignment: Alignment, others: tuple[Session, ...], values: dict[str, float]) -> tuple[Alignment, Array]:
+def _held_out(
+    alignment: CorrectionModel, others: tuple[Session, ...], values: dict[str, float]
+) -> tuple[CorrectionModel, Array]:
     """Held-out recordings with the corrections that all sessions share. Raises ArgumentError for one by session."""
     corrections = Corrections(alignment.corrections.signals, others)
     for f in corrections.free:

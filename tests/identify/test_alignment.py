@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.identify.alignment import Alignment
+from gtmodel.identify.alignment import CorrectionModel
 from gtmodel.inference import binomial_band
 from gtmodel.measurements import Corrections, Signal, session_of
 from tests.identify.vendor_problems import NAMES, ThreeAxes
@@ -84,7 +84,7 @@ def test_columns_are_the_derivatives_of_the_misfit() -> None:
     """Compared with the rate of the measured efforts, which a delay of all efforts adds to first order."""
     raw, truth = log(SEED, 0.0)
     regressor = gt.identify.Regressor(ThreeAxes(), NAMES)
-    alignment = Alignment(Corrections(signals("estimate"), [session_of(raw)]), regressor, PROCESSING, "q", "tau")
+    alignment = CorrectionModel(Corrections(signals("estimate"), [session_of(raw)]), regressor, PROCESSING, "q", "tau")
     values = np.full(3, LATE)
     columns = alignment.columns(values, np.array([truth[n] for n in NAMES]), PROCESSING).sum(axis=2)
     rate = alignment.rows(values, PROCESSING).effort_rate
