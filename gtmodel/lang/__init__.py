@@ -10,12 +10,16 @@ if TYPE_CHECKING:
     from .connect import (
         Branch as Branch,
         Connection as Connection,
+        Constraint as Constraint,
         Energy as Energy,
+        Loops as Loops,
         TreeEdge as TreeEdge,
         between as between,
         branch as branch,
         connect as connect,
+        constraint as constraint,
         energy as energy,
+        loops as loops,
         tree_edge as tree_edge,
         tree_root as tree_root,
     )
