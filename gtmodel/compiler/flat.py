@@ -113,10 +113,12 @@ class FlatClosing:
 
 @dataclass(frozen=True, eq=False)
 class FlatLoops:
-    """The closings of a model, the user's words on them, and the constraints that were dropped as redundant."""
+    """The closings of a model, the user's words on them, all edges of components between ports, and the constraints that
+    were dropped as redundant."""
 
     closings: list[FlatClosing]
     words: list[Loops]
+    edges: list[TreeEdge] = field(default_factory=list)
     dropped: list[FlatEquation] = field(default_factory=list)
 
     @property
@@ -224,14 +226,9 @@ def flatten(model: Model | Builder) -> FlatModel:
     items_of = {id(c): list(_items(c, "equations")) for c in tree.components}
     every = [(item, c) for c in tree.components for item, _ in items_of[id(c)]]
     words = [item for item, _ in every if isinstance(item, Loops)]
-    cuts = {
-        id(cut.component): cut
-        for cut in cuts_of(
-            [item for item, _ in every if isinstance(item, Connection)],
-            [(item, c) for item, c in every if isinstance(item, TreeEdge)],
-            words,
-        )
-    }
+    edges = [(item, c) for item, c in every if isinstance(item, TreeEdge)]
+    found, backwards = cuts_of([item for item, _ in every if isinstance(item, Connection)], edges, words)
+    cuts = {id(cut.component): cut for cut in found}
     closings: list[FlatClosing] = []
     for component in tree.components:
         path = component._path
@@ -255,7 +252,12 @@ def flatten(model: Model | Builder) -> FlatModel:
                 whens.append((item, component))
             elif isinstance(item, Energy):
                 energies.append(FlatEnergy(item.kind, path, item.expression.sx))
-            elif not isinstance(item, (TreeEdge, Loops)):
+            elif isinstance(item, TreeEdge):
+                relation = None if item.either is None else item.either[id(item) in backwards]
+                for residual in () if relation is None else _scalars(relation, path, tree.scope):
+                    count += 1
+                    equations.append(FlatEquation(residual, _label(path, count, component), path, item.where))
+            elif not isinstance(item, Loops):
                 raise _no_equation(item, component, "equations", where)
         if constraints:
             closings.append(FlatClosing(component, constraints, cut))
@@ -284,7 +286,7 @@ def flatten(model: Model | Builder) -> FlatModel:
         energies=energies,
         events=collect_events(tree, whens, equations),
         positive=frozenset(q.name for q in parameters if q.symbol.element_hash() in positive),
-        loops=FlatLoops(closings, words),
+        loops=FlatLoops(closings, words, [e for e, _ in edges]),
     )
 
 

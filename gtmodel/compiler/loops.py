@@ -10,7 +10,7 @@ import numpy as np
 
 from ..lang.model import Connector, Model
 from ..lang.source import ModelError
-from .flat import FlatClosing, FlatConstraint, FlatModel
+from .flat import FlatClosing, FlatConstraint, FlatEquation, FlatModel
 from .positions import CLOSED, RANK_TOLERANCE, Positions, positions_of
 from .trees import place_of
 
@@ -46,12 +46,17 @@ def null_space(jacobian: np.ndarray) -> np.ndarray:
     return np.linalg.svd(jacobian)[2][rank_of(jacobian) :].T
 
 
-def excursion(system: Positions, home: np.ndarray) -> Excursion:
+def excursion(system: Positions, home: np.ndarray, idle: np.ndarray | None = None) -> Excursion:
     """Return points that small steps in the null space and a reassembly reach.
 
     A step counts only if a part of it remains: reassembly may fall back to the start, where a mechanism is rigid in
-    spite of its rank.
+    spite of its rank. idle: directions (n, k), orthonormal, that do not count.
     """
+    still = np.zeros((len(home), 0)) if idle is None else idle
+
+    def counted(v: np.ndarray) -> np.ndarray:
+        return v - still @ (still.T @ v)
+
     points: list[np.ndarray] = []
     farthest, gap = 0.0, 0.0
     rng = np.random.default_rng(0)
@@ -61,9 +66,11 @@ def excursion(system: Positions, home: np.ndarray) -> Excursion:
             basis = null_space(system.residual(start)[1])
             if not basis.shape[1]:
                 return Excursion(points, farthest, gap)
-            v = basis @ rng.standard_normal(basis.shape[1])
+            v = counted(basis @ rng.standard_normal(basis.shape[1]))
+            if np.linalg.norm(v) <= MOVED * 1e-3:
+                return Excursion(points, farthest, gap)
             x, left = system.assembled(start + step * v / np.linalg.norm(v) * system.nominal)
-            moved = float(np.linalg.norm((x - start) / system.nominal))
+            moved = float(np.linalg.norm(counted((x - start) / system.nominal)))
             if left <= CLOSED and moved >= MOVED * step:
                 points.append(x)
                 farthest = max(farthest, float(np.linalg.norm((x - home) / system.nominal)))
@@ -146,14 +153,6 @@ def _independent(jacobian: np.ndarray, firm: list[int], loose: list[int], rank: 
             kept.append(row)
             candidates.remove(row)
     return kept
-
-
-@dataclass(frozen=True)
-class Wrench:
-    """Force and torque directions of a joint, in coordinates of its frame a: rows of unit vectors in the world."""
-
-    force: np.ndarray
-    torque: np.ndarray
 
 
 def direction_name(direction: np.ndarray) -> str:
@@ -247,6 +246,14 @@ class Undetermined:
         return f"'{self.joint}' ({', '.join(self.names)})"
 
 
+def listed(found: Sequence[Undetermined]) -> str:
+    """Return one text: joints with the same names together."""
+    joints: dict[tuple[str, ...], list[str]] = {}
+    for u in found:
+        joints.setdefault(u.names, []).append(f"'{u.joint}'")
+    return "; ".join(f"{', '.join(parts)} ({', '.join(names)})" for names, parts in joints.items())
+
+
 def redundant_constraints(r: Redundancy) -> list[Undetermined]:
     """Return the redundant constraints by joint, those that may be dropped; other equations by their labels."""
     flat, naming = r.system.flat, Naming(r.system, r.point)
@@ -289,18 +296,31 @@ def settled(flat: FlatModel) -> FlatModel:
         return flat
     r = redundancy_of(flat)
     if r.gap > CLOSED:
-        raise _not_assembled(flat, r)
+        raise not_assembled(flat, r.system, r.home, r.gap)
+    flat = _started(flat, r)
     if not r.dropped:
         return flat
     if not flat.loops.drop:
         raise _redundant(flat, r)
-    equations, dropped = list(flat.equations), []
+    equations, dropped = list(flat.equations), list[FlatEquation]()
     reactions = {c.equation: c.reaction for closing in flat.loops.closings for c in closing.constraints}
     for row in (r.system.rows[n] for n in r.dropped):
         e = equations[row]
         dropped.append(e)
         equations[row] = replace(e, residual=reactions[row], label=f"{e.label} (redundant: its reaction is zero)")
     return replace(flat, equations=equations, loops=replace(flat.loops, dropped=dropped), cache={"redundancy": r})
+
+
+def _started(flat: FlatModel, r: Redundancy) -> FlatModel:
+    """Return the model with the assembled position nearest to its start values as a guess of coordinates without one.
+
+    Without it a random start would select the assembly mode and the turns of the joints.
+    """
+    values = dict(zip(r.system.coordinates, r.home.tolist(), strict=True))
+    variables = [
+        replace(v, start=values[v.index]) if v.start is None and v.index in values else v for v in flat.variables
+    ]
+    return replace(flat, variables=variables, cache={})
 
 
 def loop_of(closing: FlatClosing) -> str:
@@ -313,7 +333,7 @@ def loop_of(closing: FlatClosing) -> str:
 def _redundant(flat: FlatModel, r: Redundancy) -> ModelError:
     chosen = {r.system.rows[n] for n in r.dropped}
     closing = next(c for c in flat.loops.closings if any(k.equation in chosen for k in c.constraints))
-    names = "; ".join(map(str, redundant_constraints(r)))
+    names = listed(redundant_constraints(r))
     freedom = len(r.system.coordinates) - r.rank
     return ModelError(
         f"{flat.title}: the loop {loop_of(closing)} is closed by '{closing.component._path}', and "
@@ -324,15 +344,17 @@ def _redundant(flat: FlatModel, r: Redundancy) -> ModelError:
     )
 
 
-def _not_assembled(flat: FlatModel, r: Redundancy) -> ModelError:
-    g, _ = r.system.residual(r.home)
-    worst = r.system.rows[int(np.argmax(np.abs(g)))]
-    closing = next(
-        (c for c in flat.loops.closings if any(k.equation == worst for k in c.constraints)), flat.loops.closings[0]
-    )
+def not_assembled(flat: FlatModel, system: Positions, x: np.ndarray, gap: float) -> ModelError:
+    """Return the error for a mechanism with a gap at the best position x found; it names the joint there."""
+    g, _ = system.residual(x)
+    row = system.rows[int(np.argmax(np.abs(g)))]
+    closing = next((c for c in flat.loops.closings if any(k.equation == row for k in c.constraints)), None)
+    advice = "correct the lengths and directions, or set start values near an assembled position"
+    if closing is None:
+        e = flat.equations[row]
+        return ModelError(f"{flat.title} cannot be assembled: {e.label} is off by {gap:.2g}; {advice}", e.where)
     return ModelError(
-        f"{flat.title}: the loop {loop_of(closing)} cannot be assembled: a gap of {r.gap:.2g} m or rad remains at "
-        f"'{closing.component._path}', which closes it; correct the lengths and directions, or set start values near "
-        "an assembled position",
+        f"{flat.title}: the loop {loop_of(closing)} cannot be assembled: a gap of {gap:.2g} m or rad remains at "
+        f"'{closing.component._path}', which closes it; {advice}",
         place_of(closing.component),
     )

@@ -113,16 +113,16 @@ class Positions:
             g, jacobian = self.residual(x)
         return at, best
 
-    def home(self) -> tuple[np.ndarray, float]:
+    def home(self, tries: int = TRIES) -> tuple[np.ndarray, float]:
         """Return an assembled point near the start values and its residual; the nearest miss if there is none."""
         known = ~np.isnan(self.starts)
         start = np.where(known, self.starts, 0.0)
         best: tuple[float, np.ndarray] | None = None
-        for seed in range(TRIES):
+        for seed in range(tries):
             rng = np.random.default_rng(seed)
             spread = SPREADS[seed % len(SPREADS)] if seed else 0.0
             noise = spread * rng.standard_normal(len(start)) * self.nominal
-            x, gap = self.assembled(start + np.where(known, 0.1 * noise if seed < TRIES // 2 else noise, noise))
+            x, gap = self.assembled(start + np.where(known, 0.1 * noise if seed < tries // 2 else noise, noise))
             if best is None or gap < best[0]:
                 best = gap, x
             if gap <= CLOSED:

@@ -55,8 +55,9 @@ def place_of(component: Model) -> SourceLocation | None:
 
 def cuts_of(
     connections: Sequence[Connection], edges: Sequence[tuple[TreeEdge, Model]], loops: Sequence[Loops]
-) -> list[Cut]:
-    """Return the joints that are cut so that connections and edges form trees, in order of declaration.
+) -> tuple[list[Cut], set[int]]:
+    """Return the joints that are cut so that connections and edges form trees, in order of declaration, and the ids of
+    the edges that the trees pass from port b to port a.
 
     Cut are the joints that the user names, then passive joints, those farthest from the roots and declared last first.
     Raises ModelError for a loop without a joint that can be cut, naming its ports and the line that closes it, and for
@@ -100,7 +101,25 @@ def cuts_of(
                     entry.where,
                 )
     order = {id(e): n for n, (e, _) in enumerate(edges)}
-    return sorted(cuts, key=lambda c: order[id(c.edge)])
+    return sorted(cuts, key=lambda c: order[id(c.edge)]), _reversed(forest)
+
+
+def _reversed(forest: dict[int, list[tuple[int, _Link]]]) -> set[int]:
+    """Return the ids of edges whose port b is nearer to the root; in a tree without root, to its first port."""
+    found: set[int] = set()
+    seen: set[int] = set()
+    for first in forest:
+        stack = [] if first in seen else [first]
+        seen.add(first)
+        while stack:
+            node = stack.pop()
+            for other, link in forest[node]:
+                if other not in seen:
+                    seen.add(other)
+                    stack.append(other)
+                    if link.edge is not None and link.end == node:
+                        found.add(id(link.edge))
+    return found
 
 
 def _rank(link: _Link, depth: dict[int, int], named: set[int], driven: set[int]) -> tuple[int, int]:

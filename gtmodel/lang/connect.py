@@ -46,13 +46,15 @@ class TreeEdge:
     """The orientation of port b follows from port a; if a is None, the component fixes it and b is a root.
 
     Created by `gt.tree_edge` and `gt.tree_root`. `closing` returns the equations that replace those of the component if
-    it closes a loop; None for a component that cannot.
+    it closes a loop; None for a component that cannot. `either` is one equation in two forms: the first if the
+    orientation of b follows from a, the second if that of a follows from b.
     """
 
     a: Connector | None
     b: Connector
     where: SourceLocation
     closing: Callable[[], Iterable[Any]] | None = None
+    either: tuple[Relation, Relation] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,15 +77,18 @@ class Loops:
     where: SourceLocation
 
 
-def tree_edge(a: Any, b: Any, closing: Callable[[], Iterable[Any]] | None = None) -> TreeEdge:
+def tree_edge(
+    a: Any, b: Any, closing: Callable[[], Iterable[Any]] | None = None, either: tuple[Any, Any] | None = None
+) -> TreeEdge:
     """Declare that this component's equations determine the orientation of port b from that of port a.
 
     Yield it in the equations of a component whose ports are `overdetermined` connectors, such as gt.mechanics.Frame,
     whose rotation matrix has nine entries for three degrees of freedom. Connections and edges must form trees, each
     with at most one root (see `tree_root`). A loop would determine the same orientation twice. So in each loop one
     component uses the equations that `closing` yields, with a `gt.constraint` for each freedom that it takes; see
-    `gt.loops`. If no component of a loop has them, the error names its connections. Raises ModelError for a port whose
-    connector is not overdetermined.
+    `gt.loops`. If no component of a loop has them, the error names its connections. `either` is the equation of the
+    orientations in two forms, solved for that of b and for that of a: the one that follows the tree is used. Raises
+    ModelError for a port whose connector is not overdetermined.
 
     >>> class Flipped(gt.Model):  # frame b is frame a turned by 180 degrees about z
     ...     a = gt.port(gt.mechanics.Frame)
@@ -106,7 +111,7 @@ def tree_edge(a: Any, b: Any, closing: Callable[[], Iterable[Any]] | None = None
     [-1.0, -1.0, 1.0]
     """
     first, second = _overdetermined("tree_edge", a, b)
-    return TreeEdge(first, second, here(), closing)
+    return TreeEdge(first, second, here(), closing, either)
 
 
 def tree_root(port: Any) -> TreeEdge:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any, ClassVar
 
 from .. import lang as gt
+from .bodies import rotation_about
 from .frames import Frame
 
 
@@ -23,6 +24,11 @@ def normals(n: Any) -> tuple[Any, Any]:
         gt.vector([1.0 + side * x * x * scale, side * mixed, -side * x]),
         gt.vector([mixed, side + y * y * scale, -y]),
     )
+
+
+def turned(a: Any, b: Any, n: Any, phi: Any) -> tuple[Any, Any]:
+    """Return the equation that frame b is frame a turned by phi about the unit vector n, solved for b and for a."""
+    return a.R @ rotation_about(n, phi) == b.R, b.R @ rotation_about(n, -phi) == a.R
 
 
 def held_position(a: Any, b: Any, directions: Iterable[Any]) -> Iterator[Any]:
@@ -95,12 +101,9 @@ class LoopClosure(gt.Model):
 
     def equations(self):
         a, b = self.a, self.b
-        turned: list[list[Any]] = [[gt.dot(a.R[:, i], b.R[:, j]) for j in range(3)] for i in range(3)]
-        yield b.r == a.r
-        # the axis of the rotation from a to b times tan(angle/2): zero only if they are parallel
-        trace = turned[0][0] + turned[1][1] + turned[2][2]
-        for i, j in ((1, 2), (2, 0), (0, 1)):
-            yield (turned[j][i] - turned[i][j]) / (1.0 + trace) == 0
+        for k in range(3):
+            yield gt.constraint(a, b, b.r[k] == a.r[k], b.f[k], "position along")
+        yield from held_rotation(a, b)
         yield a.f + b.f == 0
         yield a.t + b.t == 0
 
@@ -143,9 +146,7 @@ class PlanarLoopClosure(gt.Model):
 
     def equations(self):
         a, b = self.a, self.b
-        gap = b.r - a.r
-        yield gt.dot(a.R @ self.first, gap) == 0
-        yield gt.dot(a.R @ self.second, gap) == 0
+        yield from held_position(a, b, (self.first, self.second))
         yield a.f + b.f == 0
         yield gt.dot(a.R @ gt.cross(self.first, self.second), b.f) == 0
         yield a.t == 0

@@ -8,8 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from .. import lang as gt
-from .bodies import rotation_about
-from .closures import angle_between_frames, held_position, held_rotation, held_tilt, normals
+from .closures import angle_between_frames, held_position, held_rotation, held_tilt, normals, turned
 from .drives import RackAndPinion
 from .frames import Flange, Frame, Shaft
 
@@ -45,9 +44,8 @@ class Revolute(gt.Model):
     def equations(self):
         a, b = self.a, self.b
         n = self.axis / gt.norm(self.axis)
-        yield gt.tree_edge(a, b, self.closing)
         yield b.r == a.r
-        yield a.R @ rotation_about(n, self.shaft.phi) == b.R
+        yield gt.tree_edge(a, b, self.closing, either=turned(a, b, n, self.shaft.phi))
         yield b.w == a.w + gt.der(self.shaft.phi) * (a.R @ n)
         yield from self._flows(n)
 
@@ -96,9 +94,8 @@ class Prismatic(gt.Model):
 
     def equations(self):
         a, b = self.a, self.b
-        yield gt.tree_edge(a, b, self.closing)
         yield b.r == a.r + self.flange.s * (a.R @ self.v)
-        yield b.R == a.R
+        yield gt.tree_edge(a, b, self.closing, either=(b.R == a.R, b.R == a.R))
         yield b.w == a.w
         yield from self._flows()
 
@@ -149,9 +146,8 @@ class Cylindrical(gt.Model):
     def equations(self):
         a, b = self.a, self.b
         n = self.axis / gt.norm(self.axis)
-        yield gt.tree_edge(a, b, self.closing)
         yield b.r == a.r + self.flange.s * (a.R @ n)
-        yield a.R @ rotation_about(n, self.shaft.phi) == b.R
+        yield gt.tree_edge(a, b, self.closing, either=turned(a, b, n, self.shaft.phi))
         yield b.w == a.w + gt.der(self.shaft.phi) * (a.R @ n)
         yield from self._flows(n)
 
@@ -208,9 +204,8 @@ class Planar(gt.Model):
     def equations(self):
         a, b = self.a, self.b
         n, across = self._directions()
-        yield gt.tree_edge(a, b, self.closing)
         yield b.r == a.r + a.R @ (self.flange_1.s * across[0] + self.flange_2.s * across[1])
-        yield a.R @ rotation_about(n, self.shaft.phi) == b.R
+        yield gt.tree_edge(a, b, self.closing, either=turned(a, b, n, self.shaft.phi))
         yield b.w == a.w + gt.der(self.shaft.phi) * (a.R @ n)
         yield from self._flows(n, across)
 
