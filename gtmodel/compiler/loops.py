@@ -21,6 +21,7 @@ DIRECTIONS = 6  # random directions of the null space for each size of step
 SHARE = 1e-6  # of the largest entry of a reaction pattern: smaller ones are round-off
 ALIGNED = 1e-9  # of a direction from a coordinate axis
 AXES = "xyz"
+SHOWN = 8  # joints in one message
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,7 +252,10 @@ def listed(found: Sequence[Undetermined]) -> str:
     joints: dict[tuple[str, ...], list[str]] = {}
     for u in found:
         joints.setdefault(u.names, []).append(f"'{u.joint}'")
-    return "; ".join(f"{', '.join(parts)} ({', '.join(names)})" for names, parts in joints.items())
+    shown = ((p[:SHOWN], len(p) - SHOWN, names) for names, p in joints.items())
+    return "; ".join(
+        f"{', '.join(parts)}{f' and {more} more' if more > 0 else ''} ({', '.join(names)})" for parts, more, names in shown
+    )
 
 
 def redundant_constraints(r: Redundancy) -> list[Undetermined]:

@@ -13,7 +13,7 @@ import numpy as np
 from ..lang.units import parse_unit
 from .flat import FlatModel, FlatVariable
 
-RANK_TOLERANCE = 1e-7  # of singular values, relative to the largest: consistent points have 1e-11, geometry 1e-4
+RANK_TOLERANCE = 1e-5  # of singular values, relative to the largest: an assembled shaky point is good to 1e-6
 CLOSED = 1e-11  # largest residual of an assembled point, in m and rad
 STEPS = 80  # of the damped Gauss-Newton iteration
 LEAST_DAMPING = 1e-10  # relative to squared singular values of order one: keeps redundant rows solvable
@@ -82,13 +82,14 @@ class Positions:
         """Return the derivatives of all position variables by the coordinates in nominals (k, n)."""
         return np.array(self._moves(x)) * self.nominal
 
-    def assembled(self, x: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return the assembled point near x and the largest residual left there, in m and rad.
+    def assembled(self, x: np.ndarray, free: np.ndarray | None = None) -> tuple[np.ndarray, float]:
+        """Return the assembled point near x and the largest residual left there, in m and rad; only the coordinates
+        `free` (n, True or False) move, by default all.
 
         Levenberg-Marquardt with a damping of the size of the residual, which converges quadratically also if
         constraints are redundant (Yamashita and Fukushima, Computing Suppl. 15, 2001).
         """
-        x = x.copy()
+        x, mask = x.copy(), 1.0 if free is None else free.astype(float)
         g, jacobian = self.residual(x)
         if not g.size:
             return x, 0.0
@@ -102,6 +103,7 @@ class Positions:
             if size <= CLOSED / 10:
                 break
             damping = max(LEAST_DAMPING, min(1e-2, float(g @ g)))
+            jacobian = jacobian * mask
             gram = jacobian @ jacobian.T + damping * np.eye(len(g))
             step = -jacobian.T @ np.linalg.solve(gram, g)
             longest = float(np.max(np.abs(step), initial=0.0))
@@ -118,6 +120,10 @@ class Positions:
         known = ~np.isnan(self.starts)
         start = np.where(known, self.starts, 0.0)
         best: tuple[float, np.ndarray] | None = None
+        if known.any() and not known.all():  # start values stay if the others can follow
+            x, gap = self.assembled(start, ~known)
+            if gap <= CLOSED:
+                return x, gap
         for seed in range(tries):
             rng = np.random.default_rng(seed)
             spread = SPREADS[seed % len(SPREADS)] if seed else 0.0

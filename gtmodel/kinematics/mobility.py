@@ -61,7 +61,7 @@ class Mobility:
         mobility: degrees of freedom of finite motions, without idle ones. idle: the idle ones, by part.
         instantaneous: degrees of freedom by the rank of the constraints at the assembled start position, without idle
             ones. It exceeds `mobility` where the mechanism is shaky or where branches meet; `second_order` says which:
-            "rigid" (no motion exists to second order), "branches" (several do), "" otherwise.
+            "rigid" (no motion exists to second order), "branches" (several do), "" if the second order does not decide.
         redundant: number of redundant constraints. constraints: those that may be dropped, by joint and direction.
         reactions: the reactions that the redundant constraints leave undetermined, by joint and direction.
         generic: True if the mobility remains for slightly disturbed joint frames and lengths; False if it needs these
@@ -107,7 +107,7 @@ class Mobility:
             why = {
                 "rigid": "no motion exists to second order: it is shaky",
                 "branches": "several motions begin here: branches meet",
-                "": "the first and second order do not decide why",
+                "": "the second order does not exclude a motion, but none was found" if not self.mobility else "shaky",
             }[self.second_order]
             lines.append(f"  {self.instantaneous} instantaneous freedoms at the start position; {why}")
         if self.redundant or not self.generic:
@@ -178,7 +178,7 @@ def mobility(model: Model | Builder, outputs: str | Sequence[str] = ()) -> Mobil
         mobility=finite,
         idle=test.named_idle(r.home, bool(outputs)),
         instantaneous=instantaneous,
-        second_order=_second_order(r.system, r.home, still) if instantaneous > finite else "",
+        second_order=_second_order(r.system, r.home, still, finite) if instantaneous > finite else "",
         redundant=r.count,
         constraints=tuple(redundant_constraints(r)) if r.count else (),
         reactions=tuple(undetermined_reactions(r)),
@@ -403,11 +403,11 @@ def _has(flat: FlatModel, path: str, at: dict[int, float]) -> bool:
     return all(i in at for i in flat.groups[f"{path}.r"][1])
 
 
-def _second_order(system: Positions, x: np.ndarray, idle: np.ndarray) -> str:
+def _second_order(system: Positions, x: np.ndarray, idle: np.ndarray, finite: int) -> str:
     """Return whether motions exist to second order: l.H(v, v) == 0 for all left null vectors l, v in the null space.
 
     Connelly and Whiteley, SIAM J. Discrete Math. 9(3), 1996: "rigid" if there is none; "branches" if there are some but
-    not in all directions; "" if the forms vanish.
+    not in all directions, and the mechanism moves (`finite` freedoms); "" otherwise.
     """
     _, jacobian = system.residual(x)
     basis = null_space(jacobian)
@@ -433,5 +433,5 @@ def _second_order(system: Positions, x: np.ndarray, idle: np.ndarray) -> str:
             v = v - np.linalg.lstsq(rows, value, rcond=1e-9)[0]
             v /= max(float(np.linalg.norm(v)), 1e-9)
         best = min(best, float(np.abs(np.einsum("sij,i,j->s", forms, v, v)).max()))
-    return "rigid" if best > DEFINITE * largest else "branches"
+    return "rigid" if best > DEFINITE * largest else "branches" if finite else ""
 

@@ -332,3 +332,140 @@ class GoughSPS(Gough):
     """The same with S-P-S legs, which spin."""
 
     leg = gt.parts(6, SPSLeg)
+
+
+def leg_frames(height=0.9):
+    """Rotations (6, 3, 3) whose z is along each leg of a Gough platform at its start position, x horizontal."""
+    ends = np.array(circle(0.35, HEADS, height)) - np.array(circle(0.6, ANGLES))
+    frames = []
+    for d in ends:
+        z = d / np.linalg.norm(d)
+        x = np.cross([0.0, 0.0, 1.0], z)
+        x /= np.linalg.norm(x)
+        frames.append(np.column_stack([x, np.cross(z, x), z]))
+    return np.array(frames), np.linalg.norm(ends, axis=1)
+
+
+FRAMES, LENGTHS = leg_frames()
+
+
+class ParallelUPU(Gough):
+    """U-P-U legs whose crosses are square to the legs; the axes in base and platform are parallel in every leg."""
+
+    twist = gt.parameter(0.0, unit="rad")
+    T = gt.variable(3, unit="m", start=[0.0, 0.0, 0.9])
+    foot = gt.parts(6, Fixed, d=circle(0.6, ANGLES), R=FRAMES)
+    head = gt.parts(6, Fixed, d=circle(0.35, HEADS), R=FRAMES)
+    leg = gt.parts(
+        6,
+        UPULeg,
+        length=[{"start": length} for length in LENGTHS],
+        ball=lambda s: [{"axis_1": _across(s.twist, 1), "axis_2": _across(s.twist, 0)}] * 6,
+    )
+
+
+def _across(angle, k):
+    c, s = gt.cos(angle), gt.sin(angle)
+    return [-s, c, 0.0] if k else [c, s, 0.0]
+
+
+class RigidUPU(ParallelUPU):
+    """The same with the axes in the platform turned against those in the base: by its rank it has three freedoms, and
+    does not move."""
+
+    twist = gt.parameter(0.5, unit="rad")
+
+
+class InLine(FourBar):
+    """A four-bar all of whose pins are in line: 1.2 = 0.3 + 0.4 + 0.5."""
+
+    lengths = gt.parameter([0.3, 0.4, 0.5, 1.2], unit="m")
+    crank = gt.part(Bar, L=lambda s: s.lengths[0])
+    rocker = gt.part(Bar, L=lambda s: s.lengths[2], start=np.pi)
+
+
+class Folded(InLine):
+    """A parallelogram with all pins in line: two motions begin here."""
+
+    lengths = gt.parameter([0.3, 0.8, 0.3, 0.8], unit="m")
+    rocker = gt.part(Bar, L=lambda s: s.lengths[2])
+
+
+class BallFourBar(FourBar):
+    """R-R-S-R: the four-bar with a ball joint between coupler and rocker."""
+
+    pin = gt.part(Spherical)
+
+
+class Spatial(gt.Model):
+    """R-R-S-C: a crank about z, a coupler about a skew axis, a ball joint, and a rocker that also slides along x."""
+
+    ground = gt.part(Ground)
+    crank = gt.part(Revolute)
+    radius = gt.part(FixedTranslation, d=[0.2, 0.0, 0.0])
+    wrist = gt.part(Revolute, axis=[0.0, 1.0, 0.3])
+    coupler = gt.part(FixedTranslation, d=[0.5, 0.1, 0.4])
+    foot = gt.part(FixedTranslation, d=[0.7, 0.3, 0.0])
+    rocker = gt.part(Cylindrical, axis=X)
+    lever = gt.part(FixedTranslation, d=[0.0, 0.0, 0.4])
+    ball = gt.part(Spherical)
+
+    def equations(self):
+        yield gt.connect([self.ground.frame, self.crank.b, self.radius.b], [self.crank.a, self.radius.a, self.wrist.a])
+        yield gt.connect([self.wrist.b, self.coupler.b], [self.coupler.a, self.ball.a])
+        yield gt.connect([self.ground.frame, self.foot.b, self.rocker.b], [self.foot.a, self.rocker.a, self.lever.a])
+        yield gt.connect(self.lever.b, self.ball.b)
+
+
+class SphericalFourBar(gt.Model):
+    """Four revolute joints whose axes meet at one point."""
+
+    axes = gt.parameter([[0.0, 0.0, 1.0], [0.5, 0.0, 1.0], [0.6, 0.7, 1.0], [-0.1, 0.6, 1.0]], unit="1")
+    ground = gt.part(Ground)
+    joint = gt.parts(4, Revolute, axis=axes)
+
+    def equations(self):
+        yield gt.connect([self.ground.frame, self.joint[0].b], [self.joint[0].a, self.joint[1].a])
+        yield gt.connect([self.joint[1].b, self.joint[2].b], [self.joint[2].a, self.joint[3].a])
+        yield gt.connect(self.joint[3].b, self.ground.frame)
+
+
+class Piston(gt.Model):
+    """A hydraulic cylinder between two pins about y: revolute joints at its ends and a driven slide along x."""
+
+    a = gt.port(gt.mechanics.Frame)
+    b = gt.port(gt.mechanics.Frame)
+    length = gt.variable(unit="m", start=1.0, prefer=1)
+    foot = gt.part(Revolute, axis=Y)
+    slide = gt.part(Prismatic)
+    head = gt.part(Revolute, axis=Y)
+    motor = gt.part(gt.mechanics.ForceMotor)
+
+    def equations(self):
+        yield gt.connect([self.a, self.foot.b, self.slide.b], [self.foot.a, self.slide.a, self.head.a])
+        yield gt.connect([self.head.b, self.motor.flange], [self.b, self.slide.flange])
+        yield self.length == self.slide.flange.s
+
+
+class Loader(gt.Model):
+    """A wheel loader's Z-bar linkage: boom, rocker, link and bucket, moved by a lift and a tilt cylinder."""
+
+    ground = gt.part(Ground)
+    names = ("boom", "rocker", "link", "bucket", "last")
+    boom, rocker, bucket, link, last = (gt.part(Revolute, axis=Y) for _ in range(5))
+    foot, lift_foot, tilt_foot = (gt.part(FixedTranslation, d=d) for d in ([0.0, 0.0, 2.0], [0.3, 0.0, 1.0], [0.2, 0.0, 2.6]))
+    lift_eye, pivot, tip = (gt.part(FixedTranslation, d=d) for d in ([1.2, 0.0, 0.0], [1.5, 0.0, 0.3], [2.5, 0.0, 0.0]))
+    upper, lower = (gt.part(FixedTranslation, d=d) for d in ([0.1, 0.0, 0.6], [0.0, 0.0, -0.6]))
+    bar = gt.part(FixedTranslation, d=[0.7, 0.0, 0.1])
+    ear = gt.part(FixedTranslation, d=[-0.1, 0.0, 0.4])
+    lift, tilt = gt.part(Piston), gt.part(Piston, length={"start": 1.4})
+
+    def equations(self):
+        ground, boom, rocker = self.ground.frame, self.boom, self.rocker
+        yield gt.connect([ground, self.foot.b, ground, ground], [self.foot.a, boom.a, self.lift_foot.a, self.tilt_foot.a])
+        yield gt.connect([boom.b, boom.b, boom.b], [self.lift_eye.a, self.pivot.a, self.tip.a])
+        yield gt.connect([self.lift_foot.b, self.lift_eye.b], [self.lift.a, self.lift.b])
+        yield gt.connect([self.pivot.b, rocker.b, rocker.b], [rocker.a, self.upper.a, self.lower.a])
+        yield gt.connect([self.tilt_foot.b, self.upper.b], [self.tilt.a, self.tilt.b])
+        yield gt.connect([self.tip.b, self.bucket.b], [self.bucket.a, self.ear.a])
+        yield gt.connect([self.lower.b, self.link.b, self.bar.b, self.ear.b], [self.link.a, self.bar.a, self.last.a, self.last.b])
