@@ -312,7 +312,7 @@ def settled(flat: FlatModel) -> FlatModel:
         e = equations[row]
         dropped.append(e)
         equations[row] = replace(e, residual=reactions[row], label=f"{e.label} (redundant: its reaction is zero)")
-    return replace(flat, equations=equations, loops=replace(flat.loops, dropped=dropped), cache={"redundancy": r})
+    return replace(flat, equations=equations, loops=replace(flat.loops, dropped=dropped), cache={**flat.cache, "redundancy": r})
 
 
 def _started(flat: FlatModel, r: Redundancy) -> FlatModel:
@@ -320,11 +320,10 @@ def _started(flat: FlatModel, r: Redundancy) -> FlatModel:
 
     Without it a random start would select the assembly mode and the turns of the joints.
     """
-    values = dict(zip(r.system.coordinates, r.home.tolist(), strict=True))
-    variables = [
-        replace(v, start=values[v.index]) if v.start is None and v.index in values else v for v in flat.variables
-    ]
-    return replace(flat, variables=variables, cache={})
+    loose = np.isnan(r.system.starts)
+    values = {i: x for i, x, free in zip(r.system.coordinates, r.home.tolist(), loose, strict=True) if free}
+    variables = [replace(v, start=values[v.index]) if v.index in values else v for v in flat.variables]
+    return replace(flat, variables=variables, cache={"home": r.system.positions(r.home)})
 
 
 def loop_of(closing: FlatClosing) -> str:

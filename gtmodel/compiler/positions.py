@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from ..lang.units import parse_unit
+from .alias import eliminate
 from .flat import FlatModel, FlatVariable
 
 RANK_TOLERANCE = 1e-5  # of singular values, relative to the largest: an assembled shaky point is good to 1e-6
@@ -29,7 +30,8 @@ class Positions:
         flat: the model. coordinates: indices of the variables x. rows: the equation of each constraint, by number.
         constraints: g as a column. symbols: x as a column. variables, values: indices of all position variables, and
             their values as functions of x.
-        starts: declared start values of x, NaN where there are none.
+        starts: declared start values of x, NaN where there are none. levels: of the components that declare them.
+        guesses: differences of other variables that the model itself declares from their start values.
     """
 
     flat: FlatModel
@@ -40,11 +42,18 @@ class Positions:
     variables: list[int]
     values: ca.SX
     starts: np.ndarray
+    levels: np.ndarray
+    guesses: ca.SX
 
     @cached_property
     def _system(self) -> ca.Function:
         jacobian = ca.densify(ca.jacobian(self.constraints, self.symbols))
         return ca.Function("positions", [self.symbols], [ca.densify(self.constraints), jacobian])
+
+    @cached_property
+    def _softly(self) -> ca.Function:
+        column = ca.vertcat(self.constraints, self.guesses)
+        return ca.Function("softly", [self.symbols], [ca.densify(column), ca.densify(ca.jacobian(column, self.symbols))])
 
     @cached_property
     def _second(self) -> ca.Function:
@@ -115,15 +124,32 @@ class Positions:
             g, jacobian = self.residual(x)
         return at, best
 
+    def _near_guesses(self, x: np.ndarray, free: np.ndarray) -> np.ndarray:
+        """Return a point nearer to the guesses; only the coordinates `free` move."""
+        if not self.guesses.numel() or not free.any():
+            return x
+        for _ in range(STEPS // 2):
+            column, jacobian = (np.array(a) for a in self._softly(x))
+            jacobian = jacobian * self.nominal * free
+            gram = jacobian.T @ jacobian + 1e-3 * np.eye(len(x))
+            step = -np.linalg.solve(gram, jacobian.T @ column.reshape(-1))
+            longest = float(np.max(np.abs(step)))
+            if not np.isfinite(longest) or longest < 1e-6:
+                break
+            x = x + min(1.0, 0.5 / longest) * step * self.nominal
+        return x
+
     def home(self, tries: int = TRIES) -> tuple[np.ndarray, float]:
         """Return an assembled point near the start values and its residual; the nearest miss if there is none."""
         known = ~np.isnan(self.starts)
         start = np.where(known, self.starts, 0.0)
         best: tuple[float, np.ndarray] | None = None
-        if known.any() and not known.all():  # start values stay if the others can follow
-            x, gap = self.assembled(start, ~known)
-            if gap <= CLOSED:
-                return x, gap
+        start = self._near_guesses(start, ~known)
+        for held in (known, known & (self.levels == 0)):  # start values stay if the others can follow
+            if held.any() and not held.all():
+                x, gap = self.assembled(start, ~held)
+                if gap <= CLOSED:
+                    return x, gap
         for seed in range(tries):
             rng = np.random.default_rng(seed)
             spread = SPREADS[seed % len(SPREADS)] if seed else 0.0
@@ -168,14 +194,32 @@ def positions_of(flat: FlatModel, starts: dict[int, float] | None = None) -> Pos
     g, values = column[0], every
     if definitions:
         _, (g, values) = ca.substitute_inplace(defined, [e for _, e in definitions], [g, every])
-    given = dict(starts or {})
-    for i, place in enumerate(flat.variables):
-        if place.start is not None:
-            given.setdefault(i, place.start)
+    given = _starts(flat) if starts is None else {i: (value, 0) for i, value in starts.items()}
+    started = [n for n, i in enumerate(variables) if starts is None and n >= len(coordinates) and given.get(i, (0, 1))[1] == 0]
+    guesses = [ca.SX(values)[n] - given[variables[n]][0] for n in started]
     return Positions(
         flat, coordinates, [rows[n] for n in constraints], x, ca.SX(g), variables, ca.SX(values),
-        np.array([given.get(i, np.nan) for i in coordinates]),
+        np.array([given.get(i, (np.nan, 0))[0] for i in coordinates]),
+        np.array([given.get(i, (np.nan, 0))[1] for i in coordinates]),
+        ca.SX(ca.vertcat(*guesses)) if guesses else ca.SX(0, 1),
     )  # fmt: skip
+
+
+def _starts(flat: FlatModel) -> dict[int, tuple[float, int]]:
+    """Return the start value of each variable that has one, and the level of the component that declares it; also one
+    declared for another name of the same quantity."""
+    alias = eliminate(flat, frozenset())
+    kept: dict[int, tuple[float, int]] = {}
+    for v in sorted(flat.variables, key=lambda v: flat.level(v.index)):
+        sign, index, order = alias.resolve(v.index, 0)
+        if v.start is not None and not order:
+            kept.setdefault(index, (sign * v.start, flat.level(v.index)))
+    found = {}
+    for v in flat.variables:
+        sign, index, order = alias.resolve(v.index, 0)
+        if index in kept and not order:
+            found[v.index] = sign * kept[index][0], kept[index][1]
+    return found
 
 
 def _ordered(

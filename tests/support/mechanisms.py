@@ -31,12 +31,11 @@ class Bar(gt.Model):
 
     L = gt.parameter(unit="m")
     m = gt.parameter(1.0, unit="kg")
-    start = gt.parameter(0.0, unit="rad")
     a = gt.port(gt.mechanics.Frame)
     b = gt.port(gt.mechanics.Frame)
     link = gt.port(gt.mechanics.Frame)
     shaft = gt.port(gt.mechanics.Shaft)
-    phi = gt.variable(unit="rad", start=start, prefer=1)
+    phi = gt.variable(unit="rad", prefer=1)
     joint = gt.part(Revolute)
     body = gt.part(RigidBody, m=m, c=lambda s: [s.L / 2, 0.0, 0.0], I=lambda s: _rod(s.m, s.L))
     bar = gt.part(FixedTranslation, d=lambda s: [s.L, 0.0, 0.0])
@@ -58,9 +57,9 @@ class FourBar(gt.Model):
     lengths = gt.parameter([0.3, 0.7, 0.6, 0.8], unit="m")
     ground = gt.part(Ground)
     motor = gt.part(TorqueMotor)
-    crank = gt.part(Bar, L=lambda s: s.lengths[0], start=0.7)
+    crank = gt.part(Bar, L=lambda s: s.lengths[0], phi={"start": 0.7})
     coupler = gt.part(Bar, L=lambda s: s.lengths[1])
-    rocker = gt.part(Bar, L=lambda s: s.lengths[2], start=1.4)
+    rocker = gt.part(Bar, L=lambda s: s.lengths[2], phi={"start": 1.4})
     base = gt.part(FixedTranslation, d=lambda s: [s.lengths[3], 0.0, 0.0])
     pin = gt.part(Revolute)
 
@@ -133,7 +132,7 @@ class Watt(FourBar):
     shelf = gt.part(FixedTranslation, d=[0.4, 0.3, 0.0])
     second_base = gt.part(FixedTranslation, d=[1.6, 0.0, 0.0])
     second_coupler = gt.part(Bar, L=0.8)
-    second_rocker = gt.part(Bar, L=0.7, start=1.6)
+    second_rocker = gt.part(Bar, L=0.7, phi={"start": 1.6})
     second_pin = gt.part(Revolute)
 
     def equations(self):
@@ -148,8 +147,8 @@ class Stephenson(FourBar):
 
     shelf = gt.part(FixedTranslation, d=[0.4, 0.3, 0.0])
     dyad_base = gt.part(FixedTranslation, d=[1.3, 0.2, 0.0])
-    dyad = gt.part(Bar, L=0.6, start=1.8)
-    dyad_tip = gt.part(Bar, L=0.5, start=1.0)
+    dyad = gt.part(Bar, L=0.6, phi={"start": 1.8})
+    dyad_tip = gt.part(Bar, L=0.5, phi={"start": 1.0})
     dyad_pin = gt.part(Revolute)
 
     def equations(self):
@@ -380,15 +379,15 @@ class InLine(FourBar):
     """A four-bar all of whose pins are in line: 1.2 = 0.3 + 0.4 + 0.5."""
 
     lengths = gt.parameter([0.3, 0.4, 0.5, 1.2], unit="m")
-    crank = gt.part(Bar, L=lambda s: s.lengths[0])
-    rocker = gt.part(Bar, L=lambda s: s.lengths[2], start=np.pi)
+    crank = gt.part(Bar, L=lambda s: s.lengths[0], phi={"start": 0.0})
+    rocker = gt.part(Bar, L=lambda s: s.lengths[2], phi={"start": np.pi})
 
 
 class Folded(InLine):
     """A parallelogram with all pins in line: two motions begin here."""
 
     lengths = gt.parameter([0.3, 0.8, 0.3, 0.8], unit="m")
-    rocker = gt.part(Bar, L=lambda s: s.lengths[2])
+    rocker = gt.part(Bar, L=lambda s: s.lengths[2], phi={"start": 0.0})
 
 
 class BallFourBar(FourBar):
