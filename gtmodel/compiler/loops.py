@@ -337,12 +337,12 @@ def _redundant(flat: FlatModel, r: Redundancy) -> ModelError:
     chosen = {r.system.rows[n] for n in r.dropped}
     closing = next(c for c in flat.loops.closings if any(k.equation in chosen for k in c.constraints))
     names = listed(redundant_constraints(r))
-    freedom = len(r.system.coordinates) - r.rank
+    freedom, advice = len(r.system.coordinates) - r.rank, getattr(type(closing.component), "if_redundant", "")
     return ModelError(
         f"{flat.title}: the loop {loop_of(closing)} is closed by '{closing.component._path}', and "
         f"{r.count} of the constraints are redundant: {names}; the mobility is {freedom}. Yield "
         'gt.loops(redundant="drop"), which sets the reactions of these constraints to zero, or free them by other '
-        "joints, such as a spherical or a cylindrical one",
+        f"joints, such as a spherical or a cylindrical one{advice and f'; {advice}'}",
         place_of(closing.component),
     )
 

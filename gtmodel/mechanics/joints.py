@@ -5,6 +5,8 @@ A joint that closes a loop uses the equations of `closing` instead of `equations
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from .. import lang as gt
@@ -33,6 +35,10 @@ class Revolute(gt.Model):
     >>> print(r.round(3), round(torque, 3))
     [0.433 0.25  0.   ] -4.33
     """
+
+    if_redundant: ClassVar[str] = (
+        "in a loop with parallel axes, use gt.mechanics.PlanarLoopClosure instead of this joint"
+    )
 
     axis = gt.parameter(
         [0.0, 0.0, 1.0], unit="1", kind="direction", description="direction of the axis, the same in frames a and b"
