@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
+from ..lang.source import ModelError
 from ..lang.units import parse_unit
 from .alias import eliminate
 from .flat import FlatModel, FlatVariable
@@ -208,7 +209,13 @@ def positions_of(flat: FlatModel, starts: dict[int, float] | None = None) -> Pos
 def _starts(flat: FlatModel) -> dict[int, tuple[float, int]]:
     """Return the start value of each variable that has one, and the level of the component that declares it; also one
     declared for another name of the same quantity."""
-    alias = eliminate(flat, frozenset())
+    held = {c.equation for closing in flat.loops.closings for c in closing.constraints}
+    # a redundant constraint may be trivial, which the elimination of aliases reports as an error
+    firm = [e for n, e in enumerate(flat.equations) if n not in held]
+    try:
+        alias = eliminate(replace(flat, equations=firm, cache={}), frozenset())
+    except ModelError:
+        return {v.index: (v.start, flat.level(v.index)) for v in flat.variables if v.start is not None}
     kept: dict[int, tuple[float, int]] = {}
     for v in sorted(flat.variables, key=lambda v: flat.level(v.index)):
         sign, index, order = alias.resolve(v.index, 0)

@@ -370,7 +370,7 @@ def _with_disturbed_frames(flat: FlatModel, r: Redundancy, seed: int) -> FlatMod
     depth = _depth(flat)
     at = r.system.positions(r.home)
     origins = np.array([[at[i] for i in flat.groups[f"{path}.r"][1]] for path in by_path if _has(flat, path, at)])
-    size = float(np.max(np.ptp(origins, axis=0))) if len(origins) else 1.0
+    size = float(np.max(np.ptp(origins, axis=0), initial=0.0)) or 1.0
     shifts: dict[tuple[str, str], Any] = {}
     equations = []
     for e in flat.equations:

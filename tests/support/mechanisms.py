@@ -20,6 +20,7 @@ from gtmodel.mechanics import (
     Spherical,
     TorqueMotor,
     Universal,
+    World,
 )
 
 X, Y, Z = np.eye(3)
@@ -55,6 +56,7 @@ class FourBar(gt.Model):
     """Four revolute joints in space with parallel axes: crank, coupler and rocker on a base."""
 
     lengths = gt.parameter([0.3, 0.7, 0.6, 0.8], unit="m")
+    world = gt.part(World, g=-9.81 * Y)
     ground = gt.part(Ground)
     motor = gt.part(TorqueMotor)
     crank = gt.part(Bar, L=lambda s: s.lengths[0], phi={"start": 0.7})
@@ -98,6 +100,16 @@ class Bennett(gt.Model):
             yield gt.connect(joint.b, link.a)
             yield gt.connect(link.b, self.joint[k + 1].a if k < 3 else self.ground.frame)
             yield self.theta[k] == joint.shaft.phi
+
+
+def dropped(cls, *cut):
+    """A mechanism whose redundant constraints are dropped, with the joints of these names cut."""
+
+    def equations(self):
+        yield from cls.equations(self)
+        yield gt.loops(cut=[getattr(self, name) for name in cut], redundant="drop")
+
+    return type(cls.__name__, (cls,), {"equations": equations})()
 
 
 def bennett_angles(first, alpha, beta):
@@ -164,6 +176,7 @@ class FiveBar(gt.Model):
     q = gt.variable(2, unit="rad", start=[2.2, 0.9], prefer=1)
     T = gt.variable(3, unit="m", start=[0.2, 0.65, 0.0])
     tau = gt.variable(2, unit="N.m")
+    world = gt.part(World, g=-9.81 * Y)
     ground = gt.part(Ground)
     base = gt.parts(2, FixedTranslation, d=[[0.0, 0.0, 0.0], [0.4, 0.0, 0.0]])
     arm = gt.parts(2, Bar, L=gt.each(0.4))
