@@ -136,7 +136,9 @@ def explain(
         if mobility:
             text = explaining.mobility_of(what, *options)
         else:
-            text = explaining.printed(what, flat, *options) if python or flat else explaining.of(what, *options, full=full)
+            text = (
+                explaining.printed(what, flat, *options) if python or flat else explaining.of(what, *options, full=full)
+            )
     print(text)
 
 

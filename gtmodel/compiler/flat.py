@@ -114,12 +114,14 @@ class FlatClosing:
 @dataclass(frozen=True, eq=False)
 class FlatLoops:
     """The closings of a model, the user's words on them, all edges of components between ports, and the constraints that
-    were dropped as redundant."""
+    were dropped as redundant. `loose` are the components whose reactions depend on that choice; `notes` say both."""
 
     closings: list[FlatClosing]
     words: list[Loops]
     edges: list[TreeEdge] = field(default_factory=list)
     dropped: list[FlatEquation] = field(default_factory=list)
+    loose: frozenset[str] = frozenset()
+    notes: tuple[str, ...] = ()
 
     @property
     def drop(self) -> bool:

@@ -254,7 +254,8 @@ def listed(found: Sequence[Undetermined]) -> str:
         joints.setdefault(u.names, []).append(f"'{u.joint}'")
     shown = ((p[:SHOWN], len(p) - SHOWN, names) for names, p in joints.items())
     return "; ".join(
-        f"{', '.join(parts)}{f' and {more} more' if more > 0 else ''} ({', '.join(names)})" for parts, more, names in shown
+        f"{', '.join(parts)}{f' and {more} more' if more > 0 else ''} ({', '.join(names)})"
+        for parts, more, names in shown
     )
 
 
@@ -312,7 +313,13 @@ def settled(flat: FlatModel) -> FlatModel:
         e = equations[row]
         dropped.append(e)
         equations[row] = replace(e, residual=reactions[row], label=f"{e.label} (redundant: its reaction is zero)")
-    return replace(flat, equations=equations, loops=replace(flat.loops, dropped=dropped), cache={**flat.cache, "redundancy": r})
+    loose = undetermined_reactions(r)
+    notes = (
+        f"redundant constraints, whose reactions are set to zero: {listed(redundant_constraints(r))}",
+        f"reactions that depend on this choice: {listed(loose)}",
+    )
+    loops = replace(flat.loops, dropped=dropped, loose=frozenset(u.joint for u in loose), notes=notes)
+    return replace(flat, equations=equations, loops=loops, cache=dict(flat.cache))
 
 
 def _started(flat: FlatModel, r: Redundancy) -> FlatModel:

@@ -54,7 +54,9 @@ class Positions:
     @cached_property
     def _softly(self) -> ca.Function:
         column = ca.vertcat(self.constraints, self.guesses)
-        return ca.Function("softly", [self.symbols], [ca.densify(column), ca.densify(ca.jacobian(column, self.symbols))])
+        return ca.Function(
+            "softly", [self.symbols], [ca.densify(column), ca.densify(ca.jacobian(column, self.symbols))]
+        )
 
     @cached_property
     def _second(self) -> ca.Function:
@@ -146,11 +148,12 @@ class Positions:
         start = np.where(known, self.starts, 0.0)
         best: tuple[float, np.ndarray] | None = None
         start = self._near_guesses(start, ~known)
-        for held in (known, known & (self.levels == 0)):  # start values stay if the others can follow
-            if held.any() and not held.all():
-                x, gap = self.assembled(start, ~held)
-                if gap <= CLOSED:
-                    return x, gap
+        # start values stay if the others can follow; else one of them moves; else all but those of the model itself
+        one_moves = [known & (np.arange(len(known)) != n) for n in np.flatnonzero(known)]
+        for group in ([known], one_moves, [known & (self.levels == 0)]):
+            tried = [self.assembled(start, ~held) for held in group if held.any() and not held.all()]
+            if closed := [(x, gap) for x, gap in tried if gap <= CLOSED]:
+                return min(closed, key=lambda found: float(np.linalg.norm((found[0] - start)[known])))
         for seed in range(tries):
             rng = np.random.default_rng(seed)
             spread = SPREADS[seed % len(SPREADS)] if seed else 0.0
@@ -196,7 +199,9 @@ def positions_of(flat: FlatModel, starts: dict[int, float] | None = None) -> Pos
     if definitions:
         _, (g, values) = ca.substitute_inplace(defined, [e for _, e in definitions], [g, every])
     given = _starts(flat) if starts is None else {i: (value, 0) for i, value in starts.items()}
-    started = [n for n, i in enumerate(variables) if starts is None and n >= len(coordinates) and given.get(i, (0, 1))[1] == 0]
+    started = [
+        n for n, i in enumerate(variables) if starts is None and n >= len(coordinates) and given.get(i, (0, 1))[1] == 0
+    ]
     guesses = [ca.SX(values)[n] - given[variables[n]][0] for n in started]
     return Positions(
         flat, coordinates, [rows[n] for n in constraints], x, ca.SX(g), variables, ca.SX(values),

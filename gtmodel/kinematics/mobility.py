@@ -370,7 +370,8 @@ def _with_disturbed_frames(flat: FlatModel, r: Redundancy, seed: int) -> FlatMod
     depth = _depth(flat)
     at = r.system.positions(r.home)
     origins = np.array([[at[i] for i in flat.groups[f"{path}.r"][1]] for path in by_path if _has(flat, path, at)])
-    size = float(np.max(np.ptp(origins, axis=0), initial=0.0)) or 1.0
+    size = float(np.max(np.ptp(origins, axis=0))) if len(origins) else 0.0
+    size = size or 1.0
     shifts: dict[tuple[str, str], Any] = {}
     equations = []
     for e in flat.equations:
@@ -434,4 +435,3 @@ def _second_order(system: Positions, x: np.ndarray, idle: np.ndarray, finite: in
             v /= max(float(np.linalg.norm(v)), 1e-9)
         best = min(best, float(np.abs(np.einsum("sij,i,j->s", forms, v, v)).max()))
     return "rigid" if best > DEFINITE * largest else "branches" if finite else ""
-

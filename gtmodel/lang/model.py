@@ -284,5 +284,16 @@ def _symbolic(value: Any) -> bool:
 
 
 _RESERVED = frozenset(
-    ["equations", "initial_equations", "with_", "time", "causal", "mobility", "simulate", "objective", "where", "constraints"]
+    [
+        "equations",
+        "initial_equations",
+        "with_",
+        "time",
+        "causal",
+        "mobility",
+        "simulate",
+        "objective",
+        "where",
+        "constraints",
+    ]
 )

@@ -97,6 +97,7 @@ if TYPE_CHECKING:
         PointOnFrame as PointOnFrame,
     )
     from .rod import ElasticRod as ElasticRod, MidpointRod as MidpointRod, Rod as Rod, UniformRod as UniformRod
+    from .transmissions import BeltDrive as BeltDrive, GearPair as GearPair, Rack as Rack
     from .wrist import Wrist as Wrist, WristAxis as WristAxis
 
 public(__name__)

@@ -133,10 +133,11 @@ class Cylindrical(gt.Model):
     >>> ground = bench.part("ground", gt.mechanics.Ground())
     >>> bolt = bench.part("bolt", gt.mechanics.Cylindrical(axis=[0.0, 0.0, 1.0]))
     >>> body = bench.part("body", gt.mechanics.RigidBody(m=2.0, c=[0.3, 0.0, 0.0], I=0.01 * np.eye(3)))
-    >>> pusher = bench.part("pusher", gt.mechanics.ForceMotor())
-    >>> bench.add(gt.connect([ground.frame, bolt.b, bolt.flange], [bolt.a, body.frame, pusher.flange]))
+    >>> pusher, turner = bench.part("pusher", gt.mechanics.ForceMotor()), bench.part("turner", gt.mechanics.TorqueMotor())
+    >>> bench.add(gt.connect([ground.frame, bolt.b], [bolt.a, body.frame]))
+    >>> bench.add(gt.connect(bolt.flange, pusher.flange), gt.connect(bolt.shaft, turner.shaft))
     >>> f = bench.causal(known=["bolt.flange.s", "bolt.shaft.phi"], targets=["body.frame.R", "pusher.force"])
-    >>> R, force, status = f(0.1, 0.0, 0.0, np.pi / 2)
+    >>> R, force, status = f(0.1, 0.0, 0.0, np.pi / 2, 0.0, 0.0)
     >>> print(R[:, 0].round(6) + 0.0, round(force, 6))
     [0. 1. 0.] 19.62
     """

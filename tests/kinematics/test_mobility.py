@@ -81,7 +81,13 @@ def gough(legs):
         joints += [
             (0, 2 * k + 1, foot_kind, foot, *([first, second] if foot_kind == "U" else [])),
             (2 * k + 1, 2 * k + 2, slide, foot, along),
-            (2 * k + 2, 13, head_kind, head, *([c * second - s * first, c * first + s * second] if head_kind == "U" else [])),
+            (
+                2 * k + 2,
+                13,
+                head_kind,
+                head,
+                *([c * second - s * first, c * first + s * second] if head_kind == "U" else []),
+            ),
         ]
     return joints
 
@@ -204,5 +210,5 @@ def test_a_mechanism_that_cannot_be_assembled_names_the_closing_joint_and_the_ga
 
 def test_robots_of_the_library():
     assert gt.robots.gantry_tau("l1_tape").mobility().mobility == 3
-    m = gt.robots.gantry_tau("d1_six_link").mobility()
-    assert (m.mobility, m.redundant) == (3, 3)
+    m = gt.robots.six_link_gantry_tau().mobility()
+    assert (m.mobility, m.redundant) == (3, 0)

@@ -39,7 +39,9 @@ class Chains:
                     parent, pin.JointModelRZ(), pin.SE3(np.eye(3), at), f"j{self.model.njoints}"
                 )
                 inertia = np.diag([0.0, L**2 / 12, L**2 / 12])
-                self.model.appendBodyToJoint(parent, pin.Inertia(1.0, np.array([L / 2, 0, 0]), inertia), pin.SE3.Identity())
+                self.model.appendBodyToJoint(
+                    parent, pin.Inertia(1.0, np.array([L / 2, 0, 0]), inertia), pin.SE3.Identity()
+                )
                 at = np.array([L, 0.0, 0.0])
             frame = pin.Frame(f"tip{parent}", parent, 0, pin.SE3(np.eye(3), at), pin.FrameType.OP_FRAME)
             self.tips.append(self.model.addFrame(frame))

@@ -465,7 +465,9 @@ class Loader(gt.Model):
     ground = gt.part(Ground)
     names = ("boom", "rocker", "link", "bucket", "last")
     boom, rocker, bucket, link, last = (gt.part(Revolute, axis=Y) for _ in range(5))
-    foot, lift_foot, tilt_foot = (gt.part(FixedTranslation, d=d) for d in ([0.0, 0.0, 2.0], [0.3, 0.0, 1.0], [0.2, 0.0, 2.6]))
+    foot, lift_foot, tilt_foot = (
+        gt.part(FixedTranslation, d=d) for d in ([0.0, 0.0, 2.0], [0.3, 0.0, 1.0], [0.2, 0.0, 2.6])
+    )
     lift_eye, pivot, tip = (gt.part(FixedTranslation, d=d) for d in ([1.2, 0.0, 0.0], [1.5, 0.0, 0.3], [2.5, 0.0, 0.0]))
     upper, lower = (gt.part(FixedTranslation, d=d) for d in ([0.1, 0.0, 0.6], [0.0, 0.0, -0.6]))
     bar = gt.part(FixedTranslation, d=[0.7, 0.0, 0.1])
@@ -474,10 +476,14 @@ class Loader(gt.Model):
 
     def equations(self):
         ground, boom, rocker = self.ground.frame, self.boom, self.rocker
-        yield gt.connect([ground, self.foot.b, ground, ground], [self.foot.a, boom.a, self.lift_foot.a, self.tilt_foot.a])
+        yield gt.connect(
+            [ground, self.foot.b, ground, ground], [self.foot.a, boom.a, self.lift_foot.a, self.tilt_foot.a]
+        )
         yield gt.connect([boom.b, boom.b, boom.b], [self.lift_eye.a, self.pivot.a, self.tip.a])
         yield gt.connect([self.lift_foot.b, self.lift_eye.b], [self.lift.a, self.lift.b])
         yield gt.connect([self.pivot.b, rocker.b, rocker.b], [rocker.a, self.upper.a, self.lower.a])
         yield gt.connect([self.tilt_foot.b, self.upper.b], [self.tilt.a, self.tilt.b])
         yield gt.connect([self.tip.b, self.bucket.b], [self.bucket.a, self.ear.a])
-        yield gt.connect([self.lower.b, self.link.b, self.bar.b, self.ear.b], [self.link.a, self.bar.a, self.last.a, self.last.b])
+        yield gt.connect(
+            [self.lower.b, self.link.b, self.bar.b, self.ear.b], [self.link.a, self.bar.a, self.last.a, self.last.b]
+        )
