@@ -113,13 +113,18 @@ class FlatClosing:
 
 @dataclass(frozen=True, eq=False)
 class FlatLoops:
-    """The closings of a model, the user's words on them, all edges of components between ports, and the constraints that
-    were dropped as redundant. `loose` are the components whose reactions depend on that choice; `notes` say both."""
+    """The closings of a model, the user's words on them, all edges of components, and the constraints that were dropped
+    as redundant.
+
+    `loose` are the components whose reactions depend on that choice; `notes` say both. `mobility` counts the freedoms
+    of the assembled mechanism; it is None before the loops are settled.
+    """
 
     closings: list[FlatClosing]
     words: list[Loops]
     edges: list[TreeEdge] = field(default_factory=list)
     dropped: list[FlatEquation] = field(default_factory=list)
+    mobility: int | None = None
     loose: frozenset[str] = frozenset()
     notes: tuple[str, ...] = ()
 

@@ -12,7 +12,7 @@ from ..lang.model import Connector, Model
 from ..lang.source import ModelError
 from .flat import FlatClosing, FlatConstraint, FlatEquation, FlatModel
 from .positions import CLOSED, RANK_TOLERANCE, Positions, positions_of
-from .trees import place_of
+from .trees import loop_of, place_of
 
 MOVES = (0.2, 0.05, 0.01)  # sizes of steps in the null space, in nominals, the largest first
 MOVED = 0.3  # part of a step that must remain after reassembly; less is a return to the start
@@ -330,14 +330,12 @@ def _started(flat: FlatModel, r: Redundancy) -> FlatModel:
     loose = np.isnan(r.system.starts)
     values = {i: x for i, x, free in zip(r.system.coordinates, r.home.tolist(), loose, strict=True) if free}
     variables = [replace(v, start=values[v.index]) if v.index in values else v for v in flat.variables]
-    return replace(flat, variables=variables, cache={"home": r.system.positions(r.home)})
+    loops = replace(flat.loops, mobility=len(r.system.coordinates) - r.rank)
+    return replace(flat, variables=variables, loops=loops, cache={"home": r.system.positions(r.home)})
 
 
-def loop_of(closing: FlatClosing) -> str:
-    """Return the joints of a loop in order, such as "crank - elbow - rocker - wrist"."""
-    steps = closing.cut.steps if closing.cut is not None else ()
-    joints = [s.component._path for s in steps if s.edge.closing is not None]
-    return " - ".join([*joints, closing.component._path])
+def _loop(closing: FlatClosing) -> str:
+    return loop_of(closing.component, closing.cut)
 
 
 def _redundant(flat: FlatModel, r: Redundancy) -> ModelError:
@@ -346,7 +344,7 @@ def _redundant(flat: FlatModel, r: Redundancy) -> ModelError:
     names = listed(redundant_constraints(r))
     freedom, advice = len(r.system.coordinates) - r.rank, getattr(type(closing.component), "if_redundant", "")
     return ModelError(
-        f"{flat.title}: the loop {loop_of(closing)} is closed by '{closing.component._path}', and "
+        f"{flat.title}: the loop {_loop(closing)} is closed by '{closing.component._path}', and "
         f"{r.count} of the constraints are redundant: {names}; the mobility is {freedom}. Yield "
         'gt.loops(redundant="drop"), which sets the reactions of these constraints to zero, or free them by other '
         f"joints, such as a spherical or a cylindrical one{advice and f'; {advice}'}",
@@ -364,7 +362,7 @@ def not_assembled(flat: FlatModel, system: Positions, x: np.ndarray, gap: float)
         e = flat.equations[row]
         return ModelError(f"{flat.title} cannot be assembled: {e.label} is off by {gap:.2g}; {advice}", e.where)
     return ModelError(
-        f"{flat.title}: the loop {loop_of(closing)} cannot be assembled: a gap of {gap:.2g} m or rad remains at "
+        f"{flat.title}: the loop {_loop(closing)} cannot be assembled: a gap of {gap:.2g} m or rad remains at "
         f"'{closing.component._path}', which closes it; {advice}",
         place_of(closing.component),
     )

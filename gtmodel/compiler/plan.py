@@ -43,8 +43,8 @@ class CausalPlan:
     the parameters in the blocks. `conditions` are equations among the elements of one known variable; `on_known` are
     these and their derivatives up to the order of the inputs. `undetermined` variables have too few equations, but no
     target needs them. `moved` are start values that do not satisfy the equations. `sides` are margins that check the
-    branch of Newton's solutions, and the constraints that were dropped. `numbers`: for a plan with symbolic parameters, the plan with numeric ones, which
-    determines how large inputs may be.
+    branch of Newton's solutions, and the constraints that were dropped. `numbers`: for a plan with symbolic parameters,
+    the plan with numeric ones, which determines how large inputs may be.
     """
 
     flat: FlatModel

@@ -53,6 +53,12 @@ def place_of(component: Model) -> SourceLocation | None:
     return found
 
 
+def loop_of(component: Model, cut: Cut | None) -> str:
+    """Return the joints of a loop in order, such as "crank - elbow - rocker - wrist"; the last one closes it."""
+    joints = [s.component._path for s in cut.steps if s.edge.closing is not None] if cut is not None else []
+    return " - ".join([*joints, component._path])
+
+
 def cuts_of(
     connections: Sequence[Connection], edges: Sequence[tuple[TreeEdge, Model]], loops: Sequence[Loops]
 ) -> tuple[list[Cut], set[int]]:

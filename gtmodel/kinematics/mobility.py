@@ -17,7 +17,6 @@ from ..compiler.loops import (
     Undetermined,
     excursion,
     listed,
-    loop_of,
     not_assembled,
     null_space,
     rank_of,
@@ -26,9 +25,10 @@ from ..compiler.loops import (
     undetermined_reactions,
 )
 from ..compiler.positions import CLOSED, Positions, positions_of
+from ..compiler.trees import loop_of
+from ..geometry.rotations import rotation_by
 from ..lang import Builder, Connector, Model
 from ..lang.slips import named
-from ..geometry.rotations import rotation_by
 from ..mechanics.frames import Frame
 
 DISTURBANCE = 1e-3  # of each joint frame, in rad, and of lengths relative to the size of the mechanism
@@ -149,10 +149,11 @@ def mobility(model: Model | Builder, outputs: str | Sequence[str] = ()) -> Mobil
     ...     bar, arm = (gt.part(gt.mechanics.FixedTranslation, d=[d, 0.0, 0.0]) for d in (0.3, 0.6))
     ...     top, base = (gt.part(gt.mechanics.FixedTranslation, d=[d, 0.0, 0.0]) for d in (0.7, 0.8))
     ...     def equations(self):
-    ...         yield gt.connect(self.ground.frame, self.crank.a)
-    ...         yield gt.connect([self.crank.b, self.bar.b, self.elbow.b], [self.bar.a, self.elbow.a, self.top.a])
-    ...         yield gt.connect([self.ground.frame, self.base.b, self.rocker.b], [self.base.a, self.rocker.a, self.arm.a])
-    ...         yield gt.connect([self.top.b, self.arm.b], [self.tip.a, self.tip.b])
+    ...         ground, crank, elbow, rocker, tip = self.ground, self.crank, self.elbow, self.rocker, self.tip
+    ...         yield gt.connect([ground.frame, crank.b, self.bar.b], [crank.a, self.bar.a, elbow.a])
+    ...         yield gt.connect(elbow.b, self.top.a)
+    ...         yield gt.connect([ground.frame, self.base.b, rocker.b], [self.base.a, rocker.a, self.arm.a])
+    ...         yield gt.connect([self.top.b, self.arm.b], [tip.a, tip.b])
     >>> m = FourBar().mobility()
     >>> m.mobility, m.redundant, m.generic
     (1, 3, False)
@@ -190,7 +191,7 @@ def mobility(model: Model | Builder, outputs: str | Sequence[str] = ()) -> Mobil
         coordinates=len(r.system.coordinates),
         equations=len(r.system.rows),
         rank=r.rank,
-        loops=tuple(loop_of(c) for c in flat.loops.closings),
+        loops=tuple(loop_of(c.component, c.cut) for c in flat.loops.closings),
     )
 
 

@@ -188,11 +188,12 @@ def loops(cut: Any = (), redundant: str = "error") -> Loops:
     ...     top, base = (gt.part(gt.mechanics.FixedTranslation, d=[d, 0.0, 0.0]) for d in (0.7, 0.8))
     ...     motor = gt.part(gt.mechanics.TorqueMotor)
     ...     def equations(self):
-    ...         yield gt.connect(self.ground.frame, self.crank.a)
-    ...         yield gt.connect([self.crank.b, self.bar.b, self.elbow.b], [self.bar.a, self.elbow.a, self.top.a])
-    ...         yield gt.connect([self.ground.frame, self.base.b, self.rocker.b], [self.base.a, self.rocker.a, self.arm.a])
-    ...         yield gt.connect([self.top.b, self.arm.b, self.motor.shaft], [self.tip.a, self.tip.b, self.crank.shaft])
-    ...         yield gt.loops(cut=self.tip, redundant="drop")
+    ...         ground, crank, elbow, rocker, tip = self.ground, self.crank, self.elbow, self.rocker, self.tip
+    ...         yield gt.connect([ground.frame, crank.b, self.bar.b], [crank.a, self.bar.a, elbow.a])
+    ...         yield gt.connect(elbow.b, self.top.a)
+    ...         yield gt.connect([ground.frame, self.base.b, rocker.b], [self.base.a, rocker.a, self.arm.a])
+    ...         yield gt.connect([self.top.b, self.arm.b, self.motor.shaft], [tip.a, tip.b, crank.shaft])
+    ...         yield gt.loops(cut=tip, redundant="drop")
     >>> follow = FourBar().causal(known="crank.shaft.phi", targets="rocker.shaft.phi")
     >>> angle, status = follow(0.8)
     >>> print(round(abs(angle), 6), status)

@@ -49,8 +49,10 @@ def of(
 
 
 def mobility_of(what: str, *options: Iterable[str]) -> str:
-    """Return the mobility of a robot as text. Raises InputError for a problem file and for other options, and ModelError
-    for a mechanism that cannot be assembled."""
+    """Return the mobility of a robot as text.
+
+    Raises InputError for a problem file and for other options, and ModelError for a mechanism that cannot be assembled.
+    """
     if _is_problem(what) or any(options):
         raise InputError("--mobility takes a robot, such as l1_tape or FILE.py:CLASS, and no other options")
     context = Context()

@@ -21,7 +21,7 @@ def report(name):
 
 
 def planar(*pairs, axis=Z):
-    """Revolute joints with parallel axes between pairs of bodies, at random points: the rank does not depend on them."""
+    """Revolute joints with parallel axes between pairs of bodies, at random points, which do not change the rank."""
     return [(i, j, "R", RNG.uniform(-1, 1, 3), axis) for i, j in pairs]
 
 
@@ -67,8 +67,8 @@ def delta():
 
 
 def gough(legs):
-    """Six legs at the pose T = (0, 0, 0.9) m: cylinder 2k+1, piston 2k+2, platform 13. legs: kinds of foot, slide, head,
-    and the angle of the axes in the platform against those in the base."""
+    """Six legs at the pose T = (0, 0, 0.9) m: cylinder 2k+1, piston 2k+2, platform 13. legs: kinds of foot, slide and
+    head, and the angle of the axes in the platform against those in the base."""
     foot_kind, slide, head_kind, twist = legs
     feet = [[0.6 * np.cos(t), 0.6 * np.sin(t), 0.0] for t in np.radians([10.0, 50.0, 130.0, 170.0, 250.0, 290.0])]
     heads = [[0.35 * np.cos(t), 0.35 * np.sin(t), 0.9] for t in np.radians([-25.0, 85.0, 95.0, 205.0, 215.0, 325.0])]
@@ -78,16 +78,11 @@ def gough(legs):
         first = np.cross(Z, along) / np.linalg.norm(np.cross(Z, along))
         second = np.cross(along, first)
         c, s = np.cos(twist), np.sin(twist)
+        axes = c * second - s * first, c * first + s * second
         joints += [
             (0, 2 * k + 1, foot_kind, foot, *([first, second] if foot_kind == "U" else [])),
             (2 * k + 1, 2 * k + 2, slide, foot, along),
-            (
-                2 * k + 2,
-                13,
-                head_kind,
-                head,
-                *([c * second - s * first, c * first + s * second] if head_kind == "U" else []),
-            ),
+            (2 * k + 2, 13, head_kind, head, *(axes if head_kind == "U" else [])),
         ]
     return joints
 
@@ -97,9 +92,11 @@ SPATIAL = [
     (0, 1, "R", [0, 0, 0], Z), (1, 2, "R", [0.2, 0, 0], [0, 1, 0.3]), (2, 3, "S", [0.7, 0.3, 0.4]),
     (3, 0, "C", [0.7, 0.3, 0], X),
 ]  # fmt: skip
-LOADER = planar(
-    (0, 1), (1, 2), (1, 4), (2, 3), (3, 4), (0, 5), (6, 1), (0, 7), (8, 2), axis=Y
-) + [(5, 6, "P", np.zeros(3), [0.6, 0, 0.8]), (7, 8, "P", np.zeros(3), [0.8, 0, -0.6])]  # fmt: skip
+LOADER = [
+    *planar((0, 1), (1, 2), (1, 4), (2, 3), (3, 4), (0, 5), (6, 1), (0, 7), (8, 2), axis=Y),
+    (5, 6, "P", np.zeros(3), [0.6, 0, 0.8]),
+    (7, 8, "P", np.zeros(3), [0.8, 0, -0.6]),
+]
 BY_HAND = {
     "FourBar": planar((0, 1), (1, 2), (2, 3), (3, 0)),
     "BallFourBar": [*planar((0, 1), (1, 2), (3, 0)), (2, 3, "S", [0.5, 0.6, 0.0])],

@@ -7,7 +7,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.compiler.flat import flatten
-from gtmodel.mechanics import Fixed, FixedTranslation, FreeBody, Ground, PointOnFrame, Revolute, Spherical, UniformRod
+from gtmodel.mechanics import Fixed, FixedTranslation, FreeBody, Ground, PointOnFrame, Spherical, UniformRod
 
 
 class Truss(gt.Model):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import gtmodel as gt
-from gtmodel.geometry.rotations import right_handed, rotation_about
+from gtmodel.geometry.rotations import rotation_about
 from gtmodel.mechanics import (
     Cylindrical,
     Fixed,
@@ -28,7 +28,7 @@ SLENDER = np.diag([1e-4, 0.01, 0.01])
 
 
 class Bar(gt.Model):
-    """A revolute joint about z, and a bar of length L with a uniform mass, from the joint to its tip b; `link` is at the joint."""
+    """A revolute joint about z, and a uniform bar of length L from the joint, where `link` is, to its tip b."""
 
     L = gt.parameter(unit="m")
     m = gt.parameter(1.0, unit="kg")
