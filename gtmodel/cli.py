@@ -118,7 +118,7 @@ def explain(
     settings: Set = None,
     full: Annotated[bool, typer.Option("--full", help="List every block of equations with its source line.")] = False,
     mobility: Annotated[
-        bool, typer.Option("--mobility", help="Show degrees of freedom, redundant constraints and idle freedoms.")
+        bool, typer.Option("--mobility", help="Show degrees of freedom, redundant constraints and idle motions.")
     ] = False,
     python: Annotated[bool, typer.Option("--python", help="Print a Modelica class in Python.")] = False,
     flat: Annotated[bool, typer.Option("--flat", help="Print a Modelica class flattened, without components.")] = False,

@@ -14,7 +14,7 @@ import numpy as np
 from .._near import meant
 from ..lang.bind import ParameterRecord, Tree, bind, element_names
 from ..lang.builder import Builder
-from ..lang.connect import Branch, Connection, Constraint, Energy, Loops, TreeEdge, flatten_items
+from ..lang.connect import Branch, Connection, Energy, JointConstraint, Loops, TreeEdge, flatten_items
 from ..lang.declare import Declaration
 from ..lang.events import When
 from ..lang.expression import Relation
@@ -26,7 +26,7 @@ from ..lang.units import rate_unit
 from .analysis.events import FlatEvents, collect_events
 from .connections import connection_equations
 from .matrices import stacked
-from .trees import Cut, cuts_of
+from .trees import LoopCut, cuts_of
 
 _DER = re.compile(r"^der\((?P<inner>.+?)(?:,\s*(?P<order>\d+))?\)$")
 
@@ -99,7 +99,7 @@ class FlatConstraint:
 
     equation: int
     reaction: ca.SX
-    item: Constraint
+    item: JointConstraint
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ class FlatClosing:
 
     component: Model
     constraints: list[FlatConstraint]
-    cut: Cut | None
+    cut: LoopCut | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +116,8 @@ class FlatLoops:
     """The closings of a model, the user's words on them, all edges of components, and the constraints that were dropped
     as redundant.
 
-    `loose` are the components whose reactions depend on that choice; `notes` say both. `mobility` counts the freedoms
-    of the assembled mechanism; it is None before the loops are settled.
+    `loose` are the components whose reactions depend on that choice; `notes` say both. `mobility` counts the degrees
+    of freedom of the assembled mechanism; it is None before the loops are settled.
     """
 
     closings: list[FlatClosing]
@@ -234,8 +234,8 @@ def flatten(model: Model | Builder) -> FlatModel:
     every = [(item, c) for c in tree.components for item, _ in items_of[id(c)]]
     words = [item for item, _ in every if isinstance(item, Loops)]
     edges = [(item, c) for item, c in every if isinstance(item, TreeEdge)]
-    found, backwards = cuts_of([item for item, _ in every if isinstance(item, Connection)], edges, words)
-    cuts = {id(cut.component): cut for cut in found}
+    loop_cuts, backwards = cuts_of([item for item, _ in every if isinstance(item, Connection)], edges, words)
+    cuts = {id(cut.component): cut for cut in loop_cuts}
     closings: list[FlatClosing] = []
     for component in tree.components:
         path = component._path
@@ -243,9 +243,9 @@ def flatten(model: Model | Builder) -> FlatModel:
         cut = cuts.get(id(component))
         constraints: list[FlatConstraint] = []
         for item, where in items_of[id(component)] if cut is None else _closing_items(cut):
-            if isinstance(item, (Relation, Constraint)):
-                relation = item.relation if isinstance(item, Constraint) else item
-                if isinstance(item, Constraint):
+            if isinstance(item, (Relation, JointConstraint)):
+                relation = item.relation if isinstance(item, JointConstraint) else item
+                if isinstance(item, JointConstraint):
                     constraints.append(FlatConstraint(len(equations), item.reaction.sx, item))
                 for residual in _scalars(relation, path, tree.scope):
                     count += 1
@@ -317,7 +317,7 @@ def _items(component: Model, method: str) -> Iterable[tuple[Any, SourceLocation 
             yield single, where
 
 
-def _closing_items(cut: Cut) -> Iterable[tuple[Any, SourceLocation | None]]:
+def _closing_items(cut: LoopCut) -> Iterable[tuple[Any, SourceLocation | None]]:
     """Yield the items with which a joint closes a loop."""
     assert cut.edge.closing is not None
     for item in cut.edge.closing():

@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from ..lang.connect import place_of
 from ..lang.model import Connector, Model
 from ..lang.source import ModelError
 from .flat import FlatClosing, FlatConstraint, FlatEquation, FlatModel
 from .positions import CLOSED, RANK_TOLERANCE, Positions, positions_of
-from .trees import loop_of, place_of
+from .trees import loop_of
 
 MOVES = (0.2, 0.05, 0.01)  # sizes of steps in the null space, in nominals, the largest first
 MOVED = 0.3  # part of a step that must remain after reassembly; less is a return to the start
@@ -217,15 +218,15 @@ class Naming:
                 moved[3:] += np.cross(arm, wrench[:3].T).T
                 _add(total, step.component, step.edge.a, moved if step.forward else -moved)
         largest = max((float(np.abs(w).max(initial=0.0)) for _, _, w in total.values()), default=0.0)
-        found = []
+        entries = []
         for component, port, wrench in total.values():
             R = self.potential(port, "R")
             local = [np.abs(R.T @ part).max(axis=1, initial=0.0) > SHARE * largest for part in (wrench[:3], wrench[3:])]
             names = [f"force along {AXES[k]}" for k in range(3) if local[0][k]]
             names += [f"torque about {AXES[k]}" for k in range(3) if local[1][k]]
             if names:
-                found.append((component, names))
-        return found
+                entries.append((component, names))
+        return entries
 
 
 def _add(
@@ -247,10 +248,10 @@ class Undetermined:
         return f"'{self.joint}' ({', '.join(self.names)})"
 
 
-def listed(found: Sequence[Undetermined]) -> str:
+def listed(entries: Sequence[Undetermined]) -> str:
     """Return one text: joints with the same names together."""
     joints: dict[tuple[str, ...], list[str]] = {}
-    for u in found:
+    for u in entries:
         joints.setdefault(u.names, []).append(f"'{u.joint}'")
     shown = ((p[:SHOWN], len(p) - SHOWN, names) for names, p in joints.items())
     return "; ".join(
@@ -263,11 +264,11 @@ def redundant_constraints(r: Redundancy) -> list[Undetermined]:
     """Return the redundant constraints by joint, those that may be dropped; other equations by their labels."""
     flat, naming = r.system.flat, Naming(r.system, r.point)
     chosen = {r.system.rows[n] for n in r.dropped}
-    found = []
+    entries = []
     for closing in flat.loops.closings:
         names = [naming.constraint(c) for c in closing.constraints if c.equation in chosen]
         if names:
-            found.append(Undetermined(closing.component._path, tuple(names), str(place_of(closing.component) or "")))
+            entries.append(Undetermined(closing.component._path, tuple(names), str(place_of(closing.component) or "")))
     if r.count > len(r.dropped):
         held = {c.equation for closing in flat.loops.closings for c in closing.constraints}
         weight = np.max(np.abs(r.stresses), axis=1, initial=0.0)
@@ -276,8 +277,8 @@ def redundant_constraints(r: Redundancy) -> list[Undetermined]:
             if row not in held and weight[n] > SHARE:
                 e = flat.equations[row]
                 labels.setdefault((e.component, str(e.where)), []).append(e.label)
-        found += [Undetermined(c or flat.title, tuple(names), where) for (c, where), names in labels.items()]
-    return found
+        entries += [Undetermined(c or flat.title, tuple(names), where) for (c, where), names in labels.items()]
+    return entries
 
 
 def undetermined_reactions(r: Redundancy) -> list[Undetermined]:
@@ -286,8 +287,8 @@ def undetermined_reactions(r: Redundancy) -> list[Undetermined]:
         return []
     flat = r.system.flat
     rows = {row: r.stresses[n] for n, row in enumerate(r.system.rows)}
-    found = Naming(r.system, r.point).reactions(flat.loops.closings, rows)
-    return [Undetermined(c._path, tuple(names), str(place_of(c) or "")) for c, names in found]
+    entries = Naming(r.system, r.point).reactions(flat.loops.closings, rows)
+    return [Undetermined(c._path, tuple(names), str(place_of(c) or "")) for c, names in entries]
 
 
 def settled(flat: FlatModel) -> FlatModel:
@@ -342,10 +343,10 @@ def _redundant(flat: FlatModel, r: Redundancy) -> ModelError:
     chosen = {r.system.rows[n] for n in r.dropped}
     closing = next(c for c in flat.loops.closings if any(k.equation in chosen for k in c.constraints))
     names = listed(redundant_constraints(r))
-    freedom, advice = len(r.system.coordinates) - r.rank, getattr(type(closing.component), "if_redundant", "")
+    mobility, advice = len(r.system.coordinates) - r.rank, getattr(type(closing.component), "if_redundant", "")
     return ModelError(
         f"{flat.title}: the loop {_loop(closing)} is closed by '{closing.component._path}', and "
-        f"{r.count} of the constraints are redundant: {names}; the mobility is {freedom}. Yield "
+        f"{r.count} of the constraints are redundant: {names}; the mobility is {mobility}. Yield "
         'gt.loops(redundant="drop"), which sets the reactions of these constraints to zero, or free them by other '
         f"joints, such as a spherical or a cylindrical one{advice and f'; {advice}'}",
         place_of(closing.component),
@@ -353,7 +354,7 @@ def _redundant(flat: FlatModel, r: Redundancy) -> ModelError:
 
 
 def not_assembled(flat: FlatModel, system: Positions, x: np.ndarray, gap: float) -> ModelError:
-    """Return the error for a mechanism with a gap at the best position x found; it names the joint there."""
+    """Return the error for a mechanism with a gap at the best position x entries; it names the joint there."""
     g, _ = system.residual(x)
     row = system.rows[int(np.argmax(np.abs(g)))]
     closing = next((c for c in flat.loops.closings if any(k.equation == row for k in c.constraints)), None)

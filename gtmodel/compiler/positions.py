@@ -153,7 +153,7 @@ class Positions:
         for group in ([known], one_moves, [known & (self.levels == 0)]):
             tried = [self.assembled(start, ~held) for held in group if held.any() and not held.all()]
             if closed := [(x, gap) for x, gap in tried if gap <= CLOSED]:
-                return min(closed, key=lambda found: float(np.linalg.norm((found[0] - start)[known])))
+                return min(closed, key=lambda values: float(np.linalg.norm((values[0] - start)[known])))
         for seed in range(tries):
             rng = np.random.default_rng(seed)
             spread = SPREADS[seed % len(SPREADS)] if seed else 0.0
@@ -226,12 +226,12 @@ def _starts(flat: FlatModel) -> dict[int, tuple[float, int]]:
         sign, index, order = alias.resolve(v.index, 0)
         if v.start is not None and not order:
             kept.setdefault(index, (sign * v.start, flat.level(v.index)))
-    found = {}
+    values = {}
     for v in flat.variables:
         sign, index, order = alias.resolve(v.index, 0)
         if index in kept and not order:
-            found[v.index] = sign * kept[index][0], kept[index][1]
-    return found
+            values[v.index] = sign * kept[index][0], kept[index][1]
+    return values
 
 
 def _ordered(

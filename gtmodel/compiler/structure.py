@@ -10,11 +10,12 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ..lang.connect import place_of
 from ..lang.source import ModelError, SourceLocation
 from .flat import FlatEquation, FlatModel
 from .graph import alternating, highest_transversal, largest_matching, neighbours_of, reversed_matching
 from .positions import is_position
-from .trees import loop_of, place_of
+from .trees import loop_of
 
 MAX_SHOWN = 12  # equations named in one message
 
@@ -148,7 +149,7 @@ def _unbalanced(
 
 
 def _locked(flat: FlatModel, equations: list[FlatEquation], unknowns: set[int]) -> str:
-    """Return a sentence if more positions are known than a mechanism with closed loops has freedoms, else ""."""
+    """Return a sentence if more positions are known than a mechanism with closed loops has degrees of freedom, else ""."""
     mobility, closings = flat.loops.mobility, flat.loops.closings
     if mobility is None or not closings:
         return ""

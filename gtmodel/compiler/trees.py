@@ -14,7 +14,7 @@ ROOT = -1  # one node for all roots: two roots in one tree form a loop through i
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class TreeStep:
     """One component edge along a loop, passed from its port a to its port b, or the reverse (`forward` False)."""
 
     edge: TreeEdge
@@ -23,12 +23,12 @@ class Step:
 
 
 @dataclass(frozen=True, eq=False)
-class Cut:
+class LoopCut:
     """A joint that closes a loop, and the other edges of the loop on the way from its port a to its port b."""
 
     edge: TreeEdge
     component: Model
-    steps: tuple[Step, ...]
+    steps: tuple[TreeStep, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,18 +42,7 @@ class _Link:
     component: Model | None = None
 
 
-def place_of(component: Model) -> SourceLocation | None:
-    """Return file and line where the user declares a component: of the innermost enclosing part not in gtmodel."""
-    found = None
-    while component is not None:
-        where = component.__dict__.get("_where")
-        if where is not None and not where.ours:
-            return where
-        found, component = found or where, component._parent
-    return found
-
-
-def loop_of(component: Model, cut: Cut | None) -> str:
+def loop_of(component: Model, cut: LoopCut | None) -> str:
     """Return the joints of a loop in order, such as "crank - elbow - rocker - wrist"; the last one closes it."""
     joints = [s.component._path for s in cut.steps if s.edge.closing is not None] if cut is not None else []
     return " - ".join([*joints, component._path])
@@ -61,7 +50,7 @@ def loop_of(component: Model, cut: Cut | None) -> str:
 
 def cuts_of(
     connections: Sequence[Connection], edges: Sequence[tuple[TreeEdge, Model]], loops: Sequence[Loops]
-) -> tuple[list[Cut], set[int]]:
+) -> tuple[list[LoopCut], set[int]]:
     """Return the joints that are cut so that connections and edges form trees, in order of declaration, and the ids of
     the edges that the trees pass from port b to port a.
 
@@ -80,7 +69,7 @@ def cuts_of(
     driven = _driven(connections)
     ranked = sorted(links, key=lambda link: _rank(link, depth, named, driven))
     forest: dict[int, list[tuple[int, _Link]]] = {ROOT: []}
-    cuts: list[Cut] = []
+    cuts: list[LoopCut] = []
     for link in ranked:
         path = _path(forest, link.start, link.end)
         if path is None:
@@ -92,12 +81,12 @@ def cuts_of(
         else:
             nodes = [link.start, *(n for n, _ in path)]
             steps = [
-                Step(on.edge, on.component, on.start == before)
+                TreeStep(on.edge, on.component, on.start == before)
                 for before, (_, on) in zip(nodes, path, strict=False)
                 if on.edge is not None and on.component is not None and on.edge.a is not None
             ]
             assert link.component is not None
-            cuts.append(Cut(link.edge, link.component, tuple(steps)))
+            cuts.append(LoopCut(link.edge, link.component, tuple(steps)))
     for entry in loops:
         for joint in entry.cut:
             if not any(_inside(c.component, {id(joint)}) for c in cuts):
@@ -112,7 +101,7 @@ def cuts_of(
 
 def _reversed(forest: dict[int, list[tuple[int, _Link]]]) -> set[int]:
     """Return the ids of edges whose port b is nearer to the root; in a tree without root, to its first port."""
-    found: set[int] = set()
+    passed: set[int] = set()
     seen: set[int] = set()
     for first in forest:
         stack = [] if first in seen else [first]
@@ -124,8 +113,8 @@ def _reversed(forest: dict[int, list[tuple[int, _Link]]]) -> set[int]:
                     seen.add(other)
                     stack.append(other)
                     if link.edge is not None and link.end == node:
-                        found.add(id(link.edge))
-    return found
+                        passed.add(id(link.edge))
+    return passed
 
 
 def _rank(link: _Link, depth: dict[int, int], named: set[int], driven: set[int]) -> tuple[int, int]:

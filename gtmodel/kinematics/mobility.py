@@ -1,4 +1,4 @@
-"""Mobility of a mechanism: its degrees of freedom, redundant constraints and idle freedoms, and what they depend on."""
+"""Mobility of a mechanism: its degrees of freedom, redundant constraints and idle motions, and what they depend on."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ _CONNECTED = re.compile(r"^connection (?P<first>.+)\.(?P<what>[rR])\[[\d,]+\] ~ 
 
 @dataclass(frozen=True)
 class Idle:
-    """A freedom that moves nothing but one part between two joints, such as the spin of a ball-ended rod."""
+    """Motions of one part between two joints that move nothing else, such as the spin of a ball-ended rod."""
 
     part: str
     count: int
 
     def __str__(self) -> str:
-        return f"'{self.part}' turns by itself" + (f" ({self.count} freedoms)" if self.count > 1 else "")
+        return f"'{self.part}' turns by itself" + (f" ({self.count} ways)" if self.count > 1 else "")
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class Mobility:
         idle = sum(i.count for i in self.idle)
         lines = [
             f"{self.title}: mobility {self.mobility}"
-            + (f", and {idle} idle freedom{'s' if idle > 1 else ''}" if idle else "")
+            + (f", and {idle} idle motion{'s' if idle > 1 else ''}" if idle else "")
             + f"; {self.coordinates} coordinates, {self.equations} constraints of rank {self.rank}"
         ]
         lines += [f"  loop {loop}" for loop in self.loops]
@@ -107,9 +107,11 @@ class Mobility:
             why = {
                 "rigid": "no motion exists to second order: it is shaky",
                 "branches": "several motions begin here: branches meet",
-                "": "the second order does not exclude a motion, but none was found" if not self.mobility else "shaky",
+                "": "the second order does not exclude a motion, but none was entries"
+                if not self.mobility
+                else "shaky",
             }[self.second_order]
-            lines.append(f"  {self.instantaneous} instantaneous freedoms at the start position; {why}")
+            lines.append(f"  {self.instantaneous} instantaneous degrees of freedom at the start position; {why}")
         if self.redundant or not self.generic:
             lines.append(f"  {self._dimensions()}")
         lines.append(f"  tested up to {self.distance:.2g} m or rad from the start position, gap {self.gap:.1g}")
@@ -131,13 +133,13 @@ class Mobility:
 
 @named
 def mobility(model: Model | Builder, outputs: str | Sequence[str] = ()) -> Mobility:
-    """Return the mobility of a mechanism: degrees of freedom, redundant constraints, idle freedoms.
+    """Return the mobility of a mechanism: degrees of freedom, redundant constraints, idle motions.
 
     Ranks are judged by singular values at the assembled position nearest to the start values and at positions that
     steps from there reach, so that a singular start position does not mislead. All inputs and motors are free.
 
     Args:
-        outputs: names of variables; freedoms that move none of them are idle. By default idle are freedoms that move
+        outputs: names of variables; motions that move none of them are idle. By default idle are motions that move
             nothing but one body between two or more joints.
 
     Raises ModelError for a parameter without a value, and for a mechanism that cannot be assembled, naming the joint
@@ -165,15 +167,15 @@ def mobility(model: Model | Builder, outputs: str | Sequence[str] = ()) -> Mobil
     if r.gap > CLOSED:
         raise not_assembled(flat, r.system, r.home, r.gap)
     test = _Test(r.system, _watched(flat, outputs))
-    at_home = test.freedoms(r.home)
+    at_home = test.dimension(r.home)
     still = test.idle(r.home, bool(outputs))
     finite, reached = test.finite(r.home, still)
     instantaneous = at_home - still.shape[1]
     gaps, others = [], []
     for seed in range(DISTURBED):
-        gap, freedom = _disturbed(flat, r, seed, bool(outputs), outputs)
+        gap, count = _disturbed(flat, r, seed, bool(outputs), outputs)
         gaps.append(gap)
-        others += [] if freedom is None else [freedom]
+        others += [] if count is None else [count]
     return Mobility(
         title=flat.title,
         mobility=finite,
@@ -206,7 +208,7 @@ def _watched(flat: FlatModel, outputs: str | Sequence[str]) -> list[int]:
 
 
 class _Test:
-    """Freedoms of a system of positions; `watched` variables must move for a freedom to count."""
+    """Motions of a system of positions; only those count that move `watched` variables."""
 
     def __init__(self, system: Positions, watched: Sequence[int]) -> None:
         self._system = system
@@ -214,18 +216,18 @@ class _Test:
         self._watched = [place[i] for i in watched if i in place]
         self._trees = _free_trees(system.flat, place)
 
-    def freedoms(self, x: np.ndarray) -> int:
+    def dimension(self, x: np.ndarray) -> int:
         return null_space(self._system.residual(x)[1]).shape[1]
 
     def idle(self, x: np.ndarray, by_outputs: bool) -> np.ndarray:
-        """Return an orthonormal basis (n, k) of the idle freedoms at a point."""
+        """Return an orthonormal basis (n, k) of the idle motions at a point."""
         basis = null_space(self._system.residual(x)[1])
         moves = self._system.moves(x) @ basis
         # what moves no watched variable, such as the length of a quaternion
-        found = [basis @ _kernel(moves[self._watched])]
+        entries = [basis @ _kernel(moves[self._watched])]
         if not by_outputs:
-            found += [basis @ _kernel(moves[outside]) for _, outside in self._trees]
-        every = np.hstack(found)
+            entries += [basis @ _kernel(moves[outside]) for _, outside in self._trees]
+        every = np.hstack(entries)
         u, s, _ = np.linalg.svd(every, full_matrices=False)
         return u[:, s > 1e-6]
 
@@ -292,7 +294,7 @@ def _free_trees(flat: FlatModel, place: dict[int, int]) -> list[tuple[str, list[
 
     for a, b in _edges(flat, frames):
         join(a, b)
-    found = []
+    entries = []
     for number in dict.fromkeys(group.values()):
         inside = [p for p in frames if group[id(p)] == number]
         owners = {id(p._parent): p._parent for p in inside}
@@ -308,8 +310,8 @@ def _free_trees(flat: FlatModel, place: dict[int, int]) -> list[tuple[str, list[
         paths = tuple(f"{p._path}." for p in inside)
         own = (*paths, f"{roots[0]._path}.attitude.")
         names = {n: v.name for v in flat.variables if (n := place.get(v.index)) is not None}
-        found.append((roots[0]._path, [n for n, name in names.items() if not name.startswith(own)]))
-    return found
+        entries.append((roots[0]._path, [n for n, name in names.items() if not name.startswith(own)]))
+    return entries
 
 
 def _edges(flat: FlatModel, frames: Sequence[Connector]) -> list[tuple[Connector, Connector]]:
@@ -356,12 +358,12 @@ def _disturbed(
     home, gap = system.home(tries=1)
     for x in r.moved.points if gap > CLOSED else ():  # farther along, where a closed position may be
         start = np.array([r.system.positions(x)[i] for i in system.coordinates])
-        home, gap = min((home, gap), system.assembled(start), key=lambda found: found[1])
+        home, gap = min((home, gap), system.assembled(start), key=lambda entries: entries[1])
     if gap > CLOSED:
         return gap, None
     test = _Test(system, _watched(flat, outputs))
-    freedom, _ = test.finite(home, test.idle(home, by_outputs))
-    return gap, freedom
+    count, _ = test.finite(home, test.idle(home, by_outputs))
+    return gap, count
 
 
 def _with_disturbed_frames(flat: FlatModel, r: Redundancy, seed: int) -> FlatModel:
@@ -409,7 +411,7 @@ def _second_order(system: Positions, x: np.ndarray, idle: np.ndarray, finite: in
     """Return whether motions exist to second order: l.H(v, v) == 0 for all left null vectors l, v in the null space.
 
     Connelly and Whiteley, SIAM J. Discrete Math. 9(3), 1996: "rigid" if there is none; "branches" if there are some but
-    not in all directions, and the mechanism moves (`finite` freedoms); "" otherwise.
+    not in all directions, and the mechanism moves (`finite` degrees of freedom); "" otherwise.
     """
     _, jacobian = system.residual(x)
     basis = null_space(jacobian)

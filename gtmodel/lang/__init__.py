@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from .connect import (
         Branch as Branch,
         Connection as Connection,
-        Constraint as Constraint,
         Energy as Energy,
+        JointConstraint as JointConstraint,
         Loops as Loops,
         TreeEdge as TreeEdge,
         between as between,

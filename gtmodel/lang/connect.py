@@ -58,7 +58,7 @@ class TreeEdge:
 
 
 @dataclass(frozen=True, eq=False)
-class Constraint:
+class JointConstraint:
     """One constraint of a joint that closes a loop, and the reaction that enforces it. Created by `gt.constraint`."""
 
     relation: Relation
@@ -85,7 +85,7 @@ def tree_edge(
     Yield it in the equations of a component whose ports are `overdetermined` connectors, such as gt.mechanics.Frame,
     whose rotation matrix has nine entries for three degrees of freedom. Connections and edges must form trees, each
     with at most one root (see `tree_root`). A loop would determine the same orientation twice. So in each loop one
-    component uses the equations that `closing` yields, with a `gt.constraint` for each freedom that it takes; see
+    component uses the equations that `closing` yields, with a `gt.constraint` for each direction that it holds; see
     `gt.loops`. If no component of a loop has them, the error names its connections. `either` is the equation of the
     orientations in two forms, solved for that of b and for that of a: the one that follows the tree is used. Raises
     ModelError for a port whose connector is not overdetermined.
@@ -134,7 +134,7 @@ def tree_root(port: Any) -> TreeEdge:
     return TreeEdge(None, root, here())
 
 
-def constraint(a: Any, b: Any, relation: Any, reaction: Any, direction: str) -> Constraint:
+def constraint(a: Any, b: Any, relation: Any, reaction: Any, direction: str) -> JointConstraint:
     """Declare one constraint between the ports a and b of a joint that closes a loop.
 
     Args:
@@ -161,7 +161,7 @@ def constraint(a: Any, b: Any, relation: Any, reaction: Any, direction: str) -> 
         raise ModelError("constraint() takes a scalar equation 'a == b'", here())
     if not isinstance(reaction, Expr) or reaction.shape != ():
         raise ModelError("constraint() takes the reaction as a scalar expression", here())
-    return Constraint(relation, reaction, direction, (first, second), here())
+    return JointConstraint(relation, reaction, direction, (first, second), here())
 
 
 def loops(cut: Any = (), redundant: str = "error") -> Loops:
@@ -169,7 +169,7 @@ def loops(cut: Any = (), redundant: str = "error") -> Loops:
 
     In every loop of frames one joint is cut: it uses its constraints instead of carrying an orientation on. By default
     it is a passive joint far from the ground, the last declared of these. A planar or otherwise special loop has
-    redundant constraints: they take no further freedom, and their reactions are not determined.
+    redundant constraints: they prevent no further motion, and their reactions are not determined.
 
     Args:
         cut: the joint, or a list of joints, to be cut.
@@ -334,6 +334,17 @@ def between(low: Any, x: Any, high: Any) -> list[Relation]:
     ('>=', '<=')
     """
     return [x >= low, x <= high]
+
+
+def place_of(component: Model) -> SourceLocation | None:
+    """Return file and line where the user declares a component: of the innermost enclosing part not in gtmodel."""
+    place = None
+    while component is not None:
+        where = component.__dict__.get("_where")
+        if where is not None and not where.ours:
+            return where
+        place, component = place or where, component._parent
+    return place
 
 
 def flatten_items(item: Any) -> Iterator[Any]:
