@@ -149,7 +149,7 @@ def _unbalanced(
 
 
 def _locked(flat: FlatModel, equations: list[FlatEquation], unknowns: set[int]) -> str:
-    """Return a sentence if more positions are known than a mechanism with closed loops has degrees of freedom, else ""."""
+    """Return a sentence if more positions are known than a closed mechanism has degrees of freedom, else ""."""
     mobility, closings = flat.loops.mobility, flat.loops.closings
     if mobility is None or not closings:
         return ""
