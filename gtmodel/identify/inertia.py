@@ -59,9 +59,10 @@ class LeftOut:
         names = ", ".join(self.names)
         if self.passed:
             return f"the residuals show no effect of {names} (F = {self.F:.3g}, p = {self.p:.2g})"
+        advice = "estimate the scale of the efforts" if ".scale" in names else "free these too"
         return (
             f"the residuals show an effect of {names} (F = {self.F:.3g}, p = {self.p:.2g}), which also biases the free "
-            "parameters; free these too"
+            f"parameters; {advice}"
         )
 
 
@@ -137,8 +138,8 @@ class Identification:
 
     @cached_property
     def delay(self) -> Delay | None:
-        """Delay between efforts and positions, see `delay_of`."""
-        return delay_of(self)
+        """Delay between efforts and positions, see `delay_of`; None if the fit estimates delays itself."""
+        return None if any(".delay" in name for name in self.rows.signed) else delay_of(self)
 
     @property
     def notes(self) -> list[str]:
@@ -154,8 +155,8 @@ class Identification:
         if self.delay is not None and not self.delay.passed:
             lines.append(self.delay.message)
         limits = [(n, *self.estimate.interval(n)) for n in self.estimate.names]
-        sentence = "{} cannot be distinguished from zero: {:.3g} to {:.3g}"
-        return lines + [sentence.format(n, low, high) for n, low, high in limits if low <= 0 <= high]
+        zero = [f"{n} ({low:.3g} to {high:.3g})" for n, low, high in limits if low <= 0 <= high]
+        return lines + ([f"cannot be distinguished from zero: {', '.join(zero)}"] if zero else [])
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +228,7 @@ def identify(
     >>> rows = gt.identify.rows_of(gt.measurements.session_of(log), regressor)
     >>> fit = gt.identify.identify(rows)
     >>> fit.estimate.values.round(1), fit.estimate.std.round(2)  # true are 2 kg, 5 kg/s, 3 N
-    (array([2. , 4.9, 3. ]), array([0.01, 0.06, 0.03]))
+    (array([2., 5., 3.]), array([0.01, 0.05, 0.02]))
     """
     chosen = among(rows.names, rows.names if free is None else free)
     names = [rows.names[k] for k in chosen]
@@ -338,7 +339,7 @@ def bias_of(rows: Rows, free: Sequence[str], truth: dict[str, float], noise: Arr
     >>> rows = gt.identify.rows_of(gt.measurements.session_of(log), regressor)
     >>> bias = gt.identify.bias_of(rows, ["m", "d"], {"c": 4.0})  # held at 3 N
     >>> {name: round(value, 1) for name, value in bias.items()}  # viscous friction takes up what is missing
-    {'m': 0.0, 'd': 1.8}
+    {'m': 0.0, 'd': 1.9}
     """
     fitted, fixed = among(rows.names, free), among(rows.names, list(truth))
     size = np.ones(rows.effort.shape[1]) if noise is None else noise

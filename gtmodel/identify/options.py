@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from .._lazy import hint
-from ..results.options import Options, Unit, Within
+from ..results.options import Long, Options, Unit, Within
 from ..results.suspicion import EveryAlarm
 
 if TYPE_CHECKING:
@@ -23,6 +23,8 @@ LogAlarm = Literal[
     "parameters_far_off",
     "saturated_share",
     "delay_moves_a_parameter",
+    "cutoff_moves_a_parameter",
+    "deviations_beyond_bound",
     EveryAlarm,
 ]
 MASK_STEPS = 3.0  # quantisation steps per sample: below, the sign of a velocity is unknown
@@ -38,7 +40,7 @@ class Processing(Options):
     """
 
     cutoff: Annotated[
-        float | None, Unit("Hz"), Within(above=0.0), "default: 2.5 times the excitation band"
+        float | None, Unit("Hz"), Within(above=0.0), "default: 2.5 times the band in which the motion exceeds the noise"
     ] = None  # fmt: skip
     order: Annotated[int, Within(least=1), "of the Butterworth filter"] = 4
     every: Annotated[
@@ -74,10 +76,21 @@ class Fitting(Options):
         "inertias of a serial arm to estimate in addition: base parameters, or also physically consistent "
         "bodies that have them",
     ] = None  # fmt: skip
+    payloads: Annotated[
+        list[float] | None, Unit("kg"), Within(least=0.0),
+        "known point masses at the tool of a serial arm, one for each recording, then for each held-out one; with "
+        "them a scale of the efforts can be estimated",
+    ] = None  # fmt: skip
+    payload_centre: Annotated[
+        list[float], Unit("m"), Long(3), "centre of mass of the payloads, tool frame"
+    ] = field(default_factory=lambda: [0.0, 0.0, 0.0])  # fmt: skip
     confidence: Annotated[
         Literal["auto", "white", "newey_west"],
         "assumption of the intervals about the residuals; auto takes newey_west if they are coloured",
     ] = "auto"
+    drift: Annotated[
+        bool, 'whether the estimated offsets of the efforts (offset = "estimate") drift linearly over each recording'
+    ] = False  # fmt: skip
     folds: Annotated[
         int | None, Within(least=2),
         "number of blocks for cross-validation, each predicted by a fit without it; as many as rows leaves one out",
@@ -85,7 +98,8 @@ class Fitting(Options):
     accept: Annotated[
         list[LogAlarm],
         "alarms about how the log was read that become notes, not failures: unexplained_share, work_of_friction, "
-        "exchanged_columns, parameters_far_off, saturated_share, delay_moves_a_parameter, copied_rows",
+        "exchanged_columns, parameters_far_off, saturated_share, delay_moves_a_parameter, "
+        "cutoff_moves_a_parameter, deviations_beyond_bound, copied_rows",
     ] = field(default_factory=list)  # fmt: skip
 
 
