@@ -6,8 +6,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import gtmodel as gt
+from gtmodel.cli import app
 from tests.support import mechanisms
 from tests.support.twists import counted
 
@@ -209,3 +211,14 @@ def test_robots_of_the_library():
     assert gt.robots.gantry_tau("l1_tape").mobility().mobility == 3
     m = gt.robots.six_link_gantry_tau().mobility()
     assert (m.mobility, m.redundant) == (3, 0)
+
+
+def test_the_command_line_says_the_same():
+    out = run("explain", "l1_tape", "--mobility")
+    assert out.startswith("GantryTau: mobility 3;")
+
+
+def run(*arguments):
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    return result.output
