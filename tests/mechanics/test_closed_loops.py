@@ -151,3 +151,47 @@ def test_a_cut_joint_that_closes_no_loop_is_named_with_its_line():
 def test_wrong_words_on_loops(given, sentence):
     with pytest.raises(gt.ModelError, match=sentence):
         gt.loops(**given)
+
+
+class SliderCrank(gt.Model):
+    """Crank, rod and a slide along x of the ground; the axis of a cylindrical slide may turn too."""
+
+    world = gt.part(gt.mechanics.World, g=[0.0, -9.81, 0.0])
+    ground = gt.part(gt.mechanics.Ground)
+    motor = gt.part(gt.mechanics.TorqueMotor)
+    crank = gt.part(mechanisms.Bar, L=0.3, phi={"start": 0.7})
+    rod = gt.part(mechanisms.Bar, L=0.8)
+    pin = gt.part(gt.mechanics.Revolute)
+    slide = gt.part(gt.mechanics.Prismatic)
+
+    def equations(self):
+        yield gt.connect([self.ground.frame, self.crank.b], [self.crank.a, self.rod.a])
+        yield gt.connect([self.ground.frame, self.slide.b], [self.slide.a, self.pin.a])
+        yield gt.connect([self.rod.b, self.crank.shaft], [self.pin.b, self.motor.shaft])
+
+
+class SlideAndTurn(SliderCrank):
+    slide = gt.part(gt.mechanics.Cylindrical, axis=[1.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("cls", [SliderCrank, SlideAndTurn])
+@pytest.mark.parametrize("cut", ["pin", "slide", "rod", "crank"])
+def test_a_slider_crank_does_not_depend_on_the_joint_that_is_cut(cls, cut):
+    model = dropped(cls, cut)
+    travel = "slide.flange.s"
+    f = model.causal(known="crank.phi", targets=[travel, "motor.torque"])
+    reference = dropped(SliderCrank).causal(known="crank.phi", targets=[travel, "motor.torque"])
+    for phi in (0.5, 0.9, 1.4):
+        s, torque, status = f(phi, 1.5, -0.7)
+        side = np.sign(s - 0.3 * np.cos(phi))
+        assert status == gt.Status.OK
+        assert abs(s - 0.3 * np.cos(phi) - side * np.sqrt(0.64 - (0.3 * np.sin(phi)) ** 2)) < TOLERANCE
+        other, expected, _ = reference(phi, 1.5, -0.7)
+        assert abs(s - other) < TOLERANCE
+        assert abs(torque - expected) < TOLERANCE
+
+
+def test_energy_is_kept_in_a_simulation_of_a_four_bar():
+    run = four_bar().simulate(0.5, inputs={"motor.torque": 0.5}, start={"crank.phi": 0.7})
+    assert run.status.ok
+    assert run.checks["energy_balance"].passed
