@@ -9,6 +9,7 @@ assembly_modes    all assembly modes of a platform on six legs of known lengths
 section           a plane across the guideways
 workspace         reachable tool centre points, and the reason why the other points cannot be reached
 mechanism         a robot on guideways as arrays: `Mechanism`
+mobility          degrees of freedom, redundant constraints and idle motions of a mechanism: `model.mobility()`
 singularity       distance of a pose from a singularity, as lengths and angles
 postures          all postures of a serial arm for poses: named branches, limits, nearest ones; a Postures
 chain_of          joint axes of an arm's model: a Chain, the argument of `postures` and `closed_form`
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
         accuracy as accuracy,
         assembly_modes as assembly_modes,
         causality as causality,
+        mobility as mobility,
         section as section,
         singularity as singularity,
         workspace as workspace,
