@@ -1,24 +1,21 @@
-"""Keys that several kinds share: the robot, a path to follow, logs with their measured signals."""
+"""Keys that several kinds share: the robot, and logs with their measured signals."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import date, datetime
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-from pydantic import Field, PositiveFloat, PositiveInt
+from pydantic import Field, PositiveFloat
 
 from gtmodel.lang.units import UnitError
 from gtmodel.measurements import AlignBy, Column, Conversion, EvenGrid, LogForm, Session, Signal, read_recording
 from gtmodel.measurements.log import JITTER, left_out
 from gtmodel.measurements.sampling import EmptyRows, LateRows
 from gtmodel.measurements.signals import read_signals
-from gtmodel.motion.options import Arc, Line, Polyline, Shape, Spline, Taught
 from gtmodel.results import ArgumentError, Trajectory, TrajectoryError
 from gtmodel.results.quantity import unit_of
-from gtmodel.results.refusal import naming
 
 from .base import Context, FileSection, InputError, Problem, Source
 from .from_options import Made, key_of, made_from, options_of
@@ -67,63 +64,6 @@ class RobotProblem(Problem):
             velocity_scale=self.friction.velocity_scale_m_s,
             payload=self.payload_kg,
         )
-
-
-Point = Annotated[list[float], Field(min_length=3, max_length=3)]
-OWN = {
-    "polyline": {"via_m", "blend_m"},
-    "arc": {"through_m"},
-    "spline": {"file", "source"},
-    "taught": {"file", "source", "tolerance_m"},
-}
-PATH_ARGUMENTS = {"path.points": "path.file"}  # argument of the library -> key
-
-
-class PathSection(FileSection):
-    """The path to follow, from start to goal."""
-
-    shape: Literal["line", "polyline", "arc", "spline", "taught"] = Field(
-        "line",
-        description="line: straight; polyline: straight segments with blended corners; arc: arc of a circle; spline: "
-        "smooth curve through the points of a file; taught: a recorded path, smoothed",
-    )
-    via_m: list[Point] = Field([], description="polyline: corners between start and goal")
-    blend_m: PositiveFloat = Field(0.05, description="polyline: distance from a corner at which its blend begins")
-    through_m: Point | None = Field(None, description="arc: a third point between start and goal")
-    file: str = Field("", description="spline, taught: CSV file with the columns x_m, y_m, z_m")
-    source: Source = ""
-    tolerance_m: PositiveFloat = Field(5e-4, description="taught: rms distance between recorded and smoothed path")
-    intervals: PositiveInt = Field(
-        400, description="intervals of the squared speed in the exported motion of kind trajectory"
-    )
-
-    def options(self, context: Context) -> Shape:
-        """Return the shape, with the points of its file. Raises InputError."""
-        for key in self.model_fields_set & set().union(*OWN.values()) - OWN.get(self.shape, set()):
-            raise InputError(
-                f"does not belong to shape '{self.shape}'; remove it or choose another shape", f"path.{key}"
-            )
-        match self.shape:
-            case "line":
-                return Line(intervals=self.intervals)
-            case "polyline":
-                return Polyline(self.via_m, self.blend_m, intervals=self.intervals)
-            case "arc":
-                if self.through_m is None:
-                    raise InputError("is missing; give a third point of the arc", "path.through_m")
-                return Arc(self.through_m, intervals=self.intervals)
-            case "spline":
-                return Spline(self._points(context), intervals=self.intervals)
-        return Taught(self._points(context), self.tolerance_m, intervals=self.intervals)
-
-    def _points(self, context: Context) -> np.ndarray:
-        if not self.file:
-            raise InputError("is missing; name a CSV file with the columns x_m, y_m, z_m", "path.file")
-        file = context.file(self.file, "path.file", "path", source=self.source)
-        with naming("path.file", refusal=InputError):
-            from gtmodel.motion.paths import read_points  # here: the keys alone need no splines
-
-            return read_points(file)
 
 
 Free = Literal["estimate"]
@@ -241,15 +181,9 @@ class MeasuredSignalSection(ColumnSection):
         try:
             scale, offset, delay = (fixed(x) for x in (self.scale, self.offset, self.delay_s))
             return Signal(
-                *self.shown(),
-                scale,
-                offset,
-                delay,
-                unit or fixed(self.quantity_unit),
-                free,
-                **self.drives(),
+                *self.shown(), scale, offset, delay, unit or fixed(self.quantity_unit), free, **self.drives(),
                 **self.clock(),
-            )
+            )  # fmt: skip
         except (TrajectoryError, UnitError) as error:
             raise InputError(str(error), key) from error
 
