@@ -13,6 +13,7 @@ from ..lang.source import ModelError
 from .blocks import Margin, Root, median
 from .consistency.points import RESIDUAL_TOLERANCE, Sampler
 from .flat import FlatModel
+from .matrices import substituted_in_order
 
 if TYPE_CHECKING:
     from .plan import CausalPlan
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 # tolerance of a branch expression that only changes its sign with the root: it is preferred for this root
 OWN = 1e-9
 # a home pose on another branch is searched from this many starts, at these distances in nominals
+STILL_CLOSED = 1e-6  # m or rad by which a dropped constraint may be off
 MIRROR_TRIES = 24
 MIRRORED = 5
 MIRROR_SPREADS = (0.002, 0.02, 0.05)
@@ -235,7 +237,8 @@ def sides(plan: CausalPlan, sampler: Sampler) -> list[Margin]:
     assigned = [a for b in plan.blocks for a in b.assignments]
     computed = list(rewritten.values())
     if assigned:
-        _, computed = ca.substitute_inplace([s for s, _ in assigned], [e for _, e in assigned], computed)
+        given = [s for s, _ in assigned], [e for _, e in assigned]
+        computed = substituted_in_order(*given, computed, bool(flat.scope.calls))
     unknown = {s.element_hash() for b in plan.newton for s in b.unknowns}
     available = unknown | {flat.scope.symbol(*pair).element_hash() for pair in plan.inputs}
     margins = []
@@ -249,6 +252,32 @@ def sides(plan: CausalPlan, sampler: Sampler) -> list[Margin]:
             if np.all(sign * values > 0):
                 margin = sign * expression
                 margins.append(Margin("branch", margin, f"{name} = {sign:+d}", float(median(sign * values))))
+    return margins
+
+
+def open_loops(plan: CausalPlan) -> list[Margin]:
+    """Return margins that are positive if the constraints that were dropped as redundant hold, to 1e-6 m or rad.
+
+    Only for constraints that do not hold identically, among symbols that the plan computes.
+    """
+    flat, dropped = plan.flat, plan.flat.loops.dropped
+    if not dropped:
+        return []
+    residuals = ca.substitute(
+        plan.alias.rewrite_all(flat, [e.residual for e in dropped]), [flat.p], [ca.SX(plan.parameters)]
+    )
+    assigned = [a for b in plan.blocks for a in b.assignments]
+    computed = residuals
+    if assigned:
+        _, computed = ca.substitute_inplace([s for s, _ in assigned], [e for _, e in assigned], list(residuals))
+    available = {s.element_hash() for b in plan.newton for s in b.unknowns}
+    available |= {flat.scope.symbol(*pair).element_hash() for pair in plan.inputs}
+    margins = []
+    for e, residual, solved in zip(dropped, residuals, computed, strict=True):
+        inside = {flat.scope.symbol(*pair).element_hash() for pair in flat.scope.symbols_in(solved)}
+        if inside and inside <= available:
+            label = f"the redundant constraint '{e.label}', which was dropped"
+            margins.append(Margin("condition", STILL_CLOSED**2 - residual**2, label))
     return margins
 
 
@@ -284,9 +313,8 @@ def _functions(
             names.append(b.name)
             expressions.append(e)
     symbols = [flat.scope.symbol(*p) for p in computed]
-    _, results = ca.substitute_inplace(
-        [s for s, _ in assigned], [e for _, e in assigned], [_column(expressions), _column(symbols)]
-    )
+    given = [s for s, _ in assigned], [e for _, e in assigned]
+    results = substituted_in_order(*given, [_column(expressions), _column(symbols)], bool(flat.scope.calls))
     arguments = [sampler.w, flat.p, flat.scope.time, _column([r.sign for r in roots])]
     sides, numbers = (ca.Function("sides", arguments, [e]) for e in results)
     return names, sides, ([sampler.position[p] for p in computed], numbers)

@@ -155,7 +155,21 @@ class CausalFunction:
         others = [i for i in self.preferred if self.plan.alias.resolve(i, 0)[1] not in states]
         names = ", ".join(f"'{self.flat.variables[i].name}'" for i in others)
         preferred = f"preferred as states, but not states of this causality: {names}" if others else ""
-        return tuple(filter(None, [moved_sentence(self.flat, self.plan.moved), preferred]))
+        return tuple(filter(None, [moved_sentence(self.flat, self.plan.moved), preferred, self._undetermined]))
+
+    @property
+    def _undetermined(self) -> str:
+        """Return a sentence if a target is a reaction that redundant constraints leave undetermined."""
+        loose = self.flat.loops.loose
+        flows = {v.name: v.component for v in self.flat.variables if v.role == "flow"} if loose else {}
+        owners = {self.flat.variables[i].component for s in self.outputs for i, _ in s.pairs
+                  if self.flat.variables[i].name in flows}  # fmt: skip
+        hit = sorted(joint for joint in loose if any(o == joint or o.startswith(f"{joint}.") for o in owners))
+        return (
+            f"forces of {', '.join(hit)} depend on which redundant constraints were dropped; see explain()"
+            if hit
+            else ""
+        )
 
     @property
     def parameter_names(self) -> list[str]:

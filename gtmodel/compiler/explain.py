@@ -55,8 +55,9 @@ def explain(f: CausalFunction, full: bool = True) -> str:
             requirement = "must not be negative" if m.kind == "discriminant" else "must not vanish"
             lines.append(f"      {m.kind} of {m.label} {requirement} (typical size {m.scale:.3g})")
         lines += [f"      {e}" for e in b.equations] if full else []
-    if plan.sides:
-        lines.append(f"  branches of Newton's solutions: {', '.join(m.label for m in plan.sides)}")
+    if branches := [m.label for m in plan.sides if m.kind == "branch"]:
+        lines.append(f"  branches of Newton's solutions: {', '.join(branches)}")
+    lines += [f"  {note}" for note in flat.loops.notes]
     lines += _home(plan) if plan.newton or any(not r.settled_by for b in plan.blocks for r in b.roots) else []
     lines += [f"  {note}" for note in f.notes]
     assumed = sorted(q.name for q in flat.parameters if q.nonzero)

@@ -21,6 +21,7 @@ from ..lang.optimization import Optimization
 from ..lang.source import ModelError, about
 from ..lang.values import BoundParameters, check_parameter
 from .flat import FlatModel, flatten, variables_of
+from .loops import settled
 
 
 def values_by_place(flat: FlatModel, parameters: Mapping[str, Any]) -> dict[int, float]:
@@ -110,6 +111,11 @@ def _with(record: ParameterRecord, values: Mapping[int, float]) -> ParameterReco
     return replace(record, values=np.array(numbers))
 
 
+def flattened(model: Model | Builder) -> FlatModel:
+    """Return the flattened model with its loops settled; see `loops.settled` for its errors."""
+    return settled(flatten(model))
+
+
 KEPT = 16  # each takes some megabytes with its compiled functions
 
 
@@ -136,18 +142,18 @@ def flat_of(model: Model | Builder) -> FlatModel:
     flat: FlatModel | None = getattr(model, "_flat", None)
     old_content: Content | None = getattr(model, "_content", None)
     if isinstance(model, Builder):
-        model._flat = flatten(model) if flat is None else flat
+        model._flat = flattened(model) if flat is None else flat
         return model._flat
     if flat is not None and old_content is None:
         return flat
     content = Content(model)
     if flat is None or old_content is None or old_content.key != content.key:
         alone = isinstance(model, Optimization) or not content.whole
-        flat = flatten(model) if alone else shared(_Configuration(model, content))
+        flat = flattened(model) if alone else shared(_Configuration(model, content))
         model._keep(_flat=flat, _content=content)
     return flat
 
 
 @lru_cache(maxsize=KEPT)
 def shared(configuration: _Configuration) -> FlatModel:
-    return flatten(configuration.model)
+    return flattened(configuration.model)

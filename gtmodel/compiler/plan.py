@@ -12,7 +12,7 @@ import numpy as np
 from ..lang.source import ModelError
 from .alias import AliasResult, eliminate
 from .blocks import Margin, NewtonBlock, SignAnalysis, SolvedBlock, median
-from .branch import RootSigns, check_branches, follow, settle, sides
+from .branch import RootSigns, check_branches, follow, open_loops, settle, sides
 from .consistency.home import Moved, home_of, moved, starts_of
 from .consistency.points import Sampler
 from .flat import FlatEquation, FlatModel
@@ -43,8 +43,8 @@ class CausalPlan:
     the parameters in the blocks. `conditions` are equations among the elements of one known variable; `on_known` are
     these and their derivatives up to the order of the inputs. `undetermined` variables have too few equations, but no
     target needs them. `moved` are start values that do not satisfy the equations. `sides` are margins that check the
-    branch of Newton's solutions. `numbers`: for a plan with symbolic parameters, the plan with numeric ones, which
-    determines how large inputs may be.
+    branch of Newton's solutions, and the constraints that were dropped. `numbers`: for a plan with symbolic parameters,
+    the plan with numeric ones, which determines how large inputs may be.
     """
 
     flat: FlatModel
@@ -149,7 +149,7 @@ def make_plan(
     )  # fmt: skip
     if at is None:
         plan = settle(plan, sampler, branches or {})
-        plan = replace(plan, sides=sides(plan, sampler))
+        plan = replace(plan, sides=[*sides(plan, sampler), *open_loops(plan)])
     else:
         plan = follow(plan, sampler)
     return _with_sizes(plan, sampler)

@@ -10,9 +10,12 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ..lang.connect import place_of
 from ..lang.source import ModelError, SourceLocation
 from .flat import FlatEquation, FlatModel
 from .graph import alternating, highest_transversal, largest_matching, neighbours_of, reversed_matching
+from .positions import is_position
+from .trees import loop_of
 
 MAX_SHOWN = 12  # equations named in one message
 
@@ -101,6 +104,8 @@ def _unbalanced(
     sigma: dict[tuple[int, int], int],
 ) -> str:  # fmt: skip
     """Return the message for a system that is not square or cannot be matched; it names the surplus items."""
+    if sentence := _locked(flat, equations, set(unknowns)):
+        return sentence
     rows, cols = overdetermined_and_underdetermined(len(equations), len(unknowns), sigma)
     text = f"{flat.title}: {_count(len(equations), 'equation')} for {_count(len(unknowns), 'unknown')}"
     known = {i for e in equations for i, _ in flat.scope.symbols_in(e.residual)} - set(unknowns)
@@ -141,6 +146,31 @@ def _unbalanced(
     if loose := _unconnected(flat):
         text += f"; unconnected ports, whose flows are 0: {', '.join(loose[:6])}"
     return text
+
+
+def _locked(flat: FlatModel, equations: list[FlatEquation], unknowns: set[int]) -> str:
+    """Return a sentence if more positions are known than a closed mechanism has degrees of freedom, else ""."""
+    mobility, closings = flat.loops.mobility, flat.loops.closings
+    if mobility is None or not closings:
+        return ""
+    shown = [f"{loop_of(c.component, c.cut)} ({place_of(c.component)})" for c in closings]
+    where = f"loop{'s' if len(shown) > 1 else ''} {', '.join(shown[:4])}{', ...' if len(shown) > 4 else ''}"
+    if mobility == 0:
+        return f"{flat.title}: its mobility is 0: the mechanism is locked by the {where}; free a joint or a length"
+    known = {i for e in equations for i, _ in flat.scope.symbols_in(e.residual)} - unknowns
+    given = [flat.variables[i].name for i in sorted(known) if is_position(flat.variables[i])]
+    names, surplus = ", ".join(given[:6]), len(equations) - len(unknowns)
+    if len(given) <= mobility and 0 < surplus <= len(given):
+        return (
+            f"{flat.title}: {names} {'is' if len(given) == 1 else 'are'} known, and {_count(surplus, 'motor')} too few "
+            f"to move the {where}: connect a motor, whose force follows"
+        )
+    if len(given) <= mobility:
+        return ""
+    return (
+        f"{flat.title}: {len(given)} positions are known ({names}), and the mobility is {mobility} with the {where}; "
+        f"name {mobility} of them"
+    )
 
 
 def _rotation_in(flat: FlatModel, variables: Collection[int]) -> str:

@@ -73,6 +73,7 @@ class Model:
     _values: dict[str, Any]
     causal = EngineMethod("gtmodel.compiler.causal", "compile_causal")
     simulate = EngineMethod("gtmodel.simulation.run", "simulate")
+    mobility = EngineMethod("gtmodel.kinematics.mobility", "mobility")
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -283,5 +284,16 @@ def _symbolic(value: Any) -> bool:
 
 
 _RESERVED = frozenset(
-    ["equations", "initial_equations", "with_", "time", "causal", "simulate", "objective", "where", "constraints"]
+    [
+        "equations",
+        "initial_equations",
+        "with_",
+        "time",
+        "causal",
+        "mobility",
+        "simulate",
+        "objective",
+        "where",
+        "constraints",
+    ]
 )
