@@ -5,13 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Literal
 
 import numpy as np
 import scipy
 
 from ...results.estimate import half_width
+from ...workers.each import each
 
 Shape = Literal["squared_exponential", "matern_5_2"]
 
@@ -293,13 +294,15 @@ def parameters_of(processes: Sequence[GaussianProcess]) -> np.ndarray:
 
 
 def held_out(
-    processes: Sequence[GaussianProcess], folds: int = FOLDS, *, seed: int = 0
-) -> tuple[np.ndarray, np.ndarray]:
+    processes: Sequence[GaussianProcess], folds: int = FOLDS, *, seed: int = 0, workers: int | None = 0,
+    executor: Any = None,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Return errors and standard deviations (p, n) of measurements from processes fitted without them.
 
     Unlike leave_one_out(), hyperparameters are fitted without the held-out data too, starting from those of all data.
-    All measurements at one pose are held out together, because a repetition would leak the answer. Raises ValueError if
-    too few different poses were measured to hold out one.
+    All measurements at one pose are held out together, because a repetition would leak the answer. `workers`,
+    `executor`: where the folds are fitted, see `gt.workers.each`. Raises ValueError if too few different poses were
+    measured to hold out one.
 
     >>> poses = np.linspace(0.0, 3.0, 12)[:, None]
     >>> inputs = gt.vibration.KernelInputs(scale=(1.0,), periodic=(False,))
@@ -309,7 +312,6 @@ def held_out(
     ((1, 12), True)
     """
     first = processes[0]
-    n = len(first.y)
     Y = np.stack([g.y for g in processes])
     errors, stds = np.zeros_like(Y), np.zeros_like(Y)
     places = _places(first.X, first.inputs)
@@ -319,14 +321,25 @@ def held_out(
     order = np.random.default_rng(seed).permutation(count)
     start = parameters_of(processes)
     folds = max(min(folds, count), -(-count // (count - least)))
-    for group in np.array_split(order, folds):
-        part = np.concatenate([np.flatnonzero(places == g) for g in group])
-        training = np.setdiff1d(np.arange(n), part)
-        fitted = fit_gaussian_processes(first.X[training], Y[:, training], first.inputs, shape=first.shape, start=start)
-        for j, g in enumerate(fitted):
-            mean, std = g.predict(first.X[part], of="measurement")
-            errors[j, part], stds[j, part] = Y[j, part] - mean, std
+    groups = np.array_split(order, folds)
+    parts = [np.concatenate([np.flatnonzero(places == g) for g in group]) for group in groups]
+    fold = partial(_predicted_without, first.X, Y, first.inputs, first.shape, start)
+    for part, done in zip(parts, each(fold, parts, workers=workers, executor=executor), strict=True):
+        if done.error is not None:
+            raise done.error
+        means, stds[:, part] = done.value
+        errors[:, part] = Y[:, part] - means
     return errors, stds
+
+
+def _predicted_without(
+    X: np.ndarray, Y: np.ndarray, inputs: KernelInputs, shape: Shape, start: np.ndarray, part: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Means and standard deviations (p, k) of the measurements `part` (k,) from processes fitted without them."""
+    training = np.setdiff1d(np.arange(len(X)), part)
+    fitted = fit_gaussian_processes(X[training], Y[:, training], inputs, shape=shape, start=start)
+    predicted = [g.predict(X[part], of="measurement") for g in fitted]
+    return np.array([mean for mean, _ in predicted]), np.array([std for _, std in predicted])
 
 
 def _places(X: np.ndarray, inputs: KernelInputs) -> np.ndarray:
