@@ -22,7 +22,7 @@ from ..results.quantity import Quantity
 from ..results.refusal import ArgumentError
 from ..results.status import SolveStatus
 from ..results.study import Study
-from ..results.work import Work, WorkOptions, study_function
+from ..results.work import Interrupted, Work, WorkOptions, study_function
 from ..workers.each import WorkerDied, each
 from .design import Design, Method, design
 from .row import Keyed, Record, Store, Task, ran
@@ -181,6 +181,8 @@ def _run(
 
 
 def _unexpected(error: Exception) -> Record:
+    if isinstance(error, Interrupted):  # of a row in this process
+        return {"status": SolveStatus.INTERRUPTED.value, "message": str(error), "values": {}}
     kind = "" if isinstance(error, WorkerDied) else f"{type(error).__name__}: "
     return {"status": SolveStatus.FAILED.value, "message": f"{kind}{' '.join(str(error).split())}", "values": {}}
 

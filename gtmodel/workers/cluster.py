@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import Any
 
 from ..results.refusal import ArgumentError
-from .task import dumps, packed, run, run_here
+from .task import Packed, dumps, packed, run, run_here
 
 UNKNOWN = 64  # workers of an executor that does not tell their number
 WAIT_S = 30.0  # for the scheduler to answer
@@ -31,8 +31,10 @@ class Elsewhere:
         self.size = _size(client, self._executor)
         self._threads = isinstance(self._executor, ThreadPoolExecutor)
         self._task: Any = task if self._threads else packed(task)
-        if client is not None and hasattr(client, "scatter"):  # sent once to a worker, not with every item
-            self._task = client.scatter([self._task], hash=True)[0]
+        if client is not None and hasattr(client, "submit"):
+            # once to each worker, not with every item; a scattered value would be lost with the worker that holds it,
+            # but the scheduler repeats a task
+            self._task = client.submit(_same, self._task, pure=False)
 
     def submit(self, item: Any) -> Future[Any]:
         """Submit one item."""
@@ -47,6 +49,10 @@ class Elsewhere:
     def close(self, *, now: bool) -> None:
         """Forget the task; pending items were cancelled before."""
         self._task = None
+
+
+def _same(task: Packed) -> Packed:
+    return task
 
 
 def _size(client: Any, executor: Executor) -> int:

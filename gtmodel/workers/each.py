@@ -18,7 +18,7 @@ LOOK = 0.2  # s between calls of `stop`
 AHEAD = 2  # submitted items per worker: one at work and one waiting, so that a death repeats few
 EARLY = 16  # results per worker that may wait for an earlier one
 DEATHS = 3  # workers that an item may end before it is left out
-_LEFT_OUT = f"ended {DEATHS} workers without an answer, perhaps for want of memory; it was left out"
+_LEFT_OUT = f"ended {DEATHS} workers or more without an answer, perhaps for want of memory; it was left out"
 
 
 class WorkerDied(RuntimeError):
@@ -88,6 +88,7 @@ class _Row:
     index: int
     item: Any
     deaths: int = 0
+    alone: bool = False  # submitted with no other row under way
 
 
 def _handed_out(
@@ -102,11 +103,13 @@ def _handed_out(
     following = 0  # the next index in order
     try:
         while not stop():
-            while not suspects and len(waiting) < AHEAD * crew.size and len(early) < EARLY * crew.size:
+            room = again or len(early) < EARLY * crew.size
+            while not suspects and room and len(waiting) < AHEAD * crew.size:
                 row = again.popleft() if again else next(rest, None)
                 if row is None or not _accepted(crew, row, waiting, again):
                     break
             if suspects and not waiting:
+                suspects[0].alone = True
                 _accepted(crew, suspects.popleft(), waiting, suspects)
             if waiting:
                 finished = _finished(crew, waiting, suspects)
@@ -146,7 +149,6 @@ def _accepted(
 
 def _finished(crew: Processes | Elsewhere, waiting: dict[Future[Any], _Row], suspects: deque[_Row]) -> list[Done]:
     """Wait a moment and take the finished rows out of `waiting`; rows whose worker died become suspects."""
-    alone = len(waiting) == 1
     ready, _ = wait(waiting, timeout=LOOK, return_when=FIRST_COMPLETED)
     if isinstance(crew, Processes) and any(_lost(crew, future) for future in ready):
         ready, _ = wait(waiting)  # the whole pool is broken; what was done before counts
@@ -157,13 +159,16 @@ def _finished(crew: Processes | Elsewhere, waiting: dict[Future[Any], _Row], sus
             row.deaths += 1
             dead.append(row)
             continue
+        if future.cancelled():
+            raise ArgumentError("its scheduler or its workers were closed before the last row; start them", "executor")
         reply = future.result()
         answered, value = pickle.loads(reply) if isinstance(reply, bytes) else reply
         finished.append(Done(row.index, value) if answered else Done(row.index, error=value))
     if dead and isinstance(crew, Processes):
         crew.replace()
     for row in dead:
-        if isinstance(crew, Elsewhere) or (alone and row.deaths >= DEATHS):
+        # a scheduler has counted the deaths, but of all rows that a dying worker was to run
+        if row.alone and (isinstance(crew, Elsewhere) or row.deaths >= DEATHS):
             finished.append(Done(row.index, error=WorkerDied(_LEFT_OUT)))
         else:
             suspects.append(row)

@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -40,6 +41,16 @@ def test_a_row_that_kills_three_workers_is_left_out(tmp_path: Path) -> None:
     assert [done.value for done in found] == [0, 1, None, 3, 4, 5]
     assert isinstance(found[2].error, WorkerDied)
     assert len((tmp_path / "deaths").read_text()) == 3
+
+
+@needs_signals
+def test_on_a_cluster_only_the_row_that_kills_its_workers_is_left_out(tmp_path: Path) -> None:
+    distributed: Any = pytest.importorskip("distributed", reason="needs the extra cluster")
+    cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
+    with cluster, distributed.Client(cluster) as client:
+        found = list(each(partial(kills_always, tmp_path), range(6), executor=client))
+    assert [done.value for done in found] == [0, 1, None, 3, 4, 5]
+    assert isinstance(found[2].error, WorkerDied)
 
 
 @pytest.mark.parametrize("workers", [0, 2])
