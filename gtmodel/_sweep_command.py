@@ -33,7 +33,8 @@ _FORMS = (
 # argument of the library -> option
 _OPTIONS = {
     "vary": "--vary", "rows": "--vary", "samples": "--random", "seed": "--seed", "method": "--design", "part": "--part",
-    "show": "--show", "workers": "--workers", "cluster": "--cluster", "executor": "--cluster", "folder": "--out", "only_merge": "--merge",
+    "show": "--show", "workers": "--workers", "cluster": "--cluster",
+    "executor": "--cluster", "folder": "--out", "only_merge": "--merge",
     "parquet": "--parquet",
 }  # fmt: skip
 
