@@ -14,8 +14,8 @@ LIBRARIES = [
     "kinematics.accuracy", "kinematics.assembly_modes", "kinematics.causality", "kinematics.singularity",
     "kinematics.workspace", "loop", "measurements", "mechanics", "milling", "modelica", "motion",
     "motion.axes",
-    "motion.elastic", "optimize", "results", "robots", "simulation", "vibration", "vision",
-    "vision.detection", "vision.rendering", "vision.stereo", "vision.robot_cameras",
+    "motion.elastic", "optimize", "results", "robots", "simulation", "sweep", "vibration", "vision",
+    "vision.detection", "vision.rendering", "vision.stereo", "vision.robot_cameras", "workers",
 ]  # fmt: skip
 
 
