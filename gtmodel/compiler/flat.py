@@ -94,7 +94,8 @@ class FlatEnergy:
 
 @dataclass
 class FlatModel:
-    """The flat system. `groups` maps every declared name to its shape and scalar variable indices."""
+    """The flat system. `groups` maps every declared name to its shape and scalar variable indices; `rotations` are the
+    names of those declared as rotation matrices."""
 
     scope: Scope
     title: str
@@ -109,6 +110,7 @@ class FlatModel:
     positive: frozenset[str] = frozenset()
     energies: list[FlatEnergy] = field(default_factory=list)
     events: FlatEvents | None = None
+    rotations: frozenset[str] = frozenset()
     cache: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def unit_of(self, index: int, order: int) -> str:
@@ -234,6 +236,7 @@ def flatten(model: Model | Builder) -> FlatModel:
         initial=initial,
         energies=energies,
         events=collect_events(tree, whens, equations),
+        rotations=frozenset(r.name for r in tree.variables if r.item.kind == "rotation"),
         positive=frozenset(q.name for q in parameters if q.symbol.element_hash() in positive),
     )
 

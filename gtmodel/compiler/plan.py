@@ -17,6 +17,7 @@ from .consistency.home import Moved, home_of, moved, starts_of
 from .consistency.points import Sampler
 from .flat import FlatEquation, FlatModel
 from .graph import strong_components
+from .known_poses import KnownPose, known_pose
 from .relevance import KnownCondition, condition_block, conditions_on, needed, set_apart
 from .solving import solve_block
 from .states import Stage, choose
@@ -120,6 +121,7 @@ def make_plan(
         )
     check_branches(flat, branches or {})
     posed = _posed(flat, known, targets, prefer, apart)
+    flat = posed.flat
     sampler, samples, changed = _located(posed, at)
     folded = posed.derivatives if fold is None else folded_into(flat, posed.derivatives, fold)
     system = system_of(flat, posed.structure, folded)
@@ -140,6 +142,9 @@ def make_plan(
     read, on_known = _read(posed, order, fold, sampler, samples)
     if on_known:
         blocks.insert(0, condition_block(on_known))
+    if posed.pose is not None:
+        blocks.insert(0, posed.pose.known_block())
+        blocks += posed.pose.condition_blocks(posed.alias, any(b.newton for b in blocks))
     computed = [folded[i][m] for c in order.components for i, m in c] + [c.residual for c in on_known]
     plan = CausalPlan(
         flat=flat, alias=posed.alias, structure=posed.structure, stages=stages, known=list(known),
@@ -169,15 +174,18 @@ class _Posed:
     pairs: list[Pair]
     conditions: list[FlatEquation]
     undetermined: list[int]
+    pose: KnownPose | None
 
 
 def _posed(
     flat: FlatModel, known: Sequence[int], targets: Sequence[Pair], prefer: Sequence[int], apart: Collection[int]
 ) -> _Posed:
+    pose = known_pose(flat, known)
+    flat = flat if pose is None else pose.flat
     alias = eliminate(flat, frozenset([*known, *prefer]), frozenset(apart))
     excluded = {*known, *apart}
     unknowns = [v.index for v in flat.variables if v.index not in alias.removed and v.index not in excluded]
-    wanted = [alias.resolve(*t)[1:] for t in targets]
+    wanted = [alias.resolve(*t)[1:] for t in [*targets, *(pose.reached if pose else [])]]
     equations, conditions = set_apart(flat, alias.equations, set(known))
     equations, unknowns, undetermined = needed(flat, equations, unknowns, {i for i, _ in wanted})
     structure = analyse(flat, equations, unknowns, {i for i, _ in wanted})
@@ -187,15 +195,20 @@ def _posed(
     derivatives = differentiate(flat, structure)
     pairs = pairs_of(flat, derivatives, structure, conditions, wanted)
     return _Posed(
-        flat, alias, frozenset(known), wanted, structure, unknowns, derivatives, pairs, conditions, undetermined
+        flat, alias, frozenset(known), wanted, structure, unknowns, derivatives, pairs, conditions, undetermined, pose
     )
 
 
 def _located(posed: _Posed, at: tuple[np.ndarray, float] | None) -> tuple[Sampler, np.ndarray, list[Moved]]:
     """Return the sampler, consistent points (or the point `at`), and the start values that were moved."""
     flat = posed.flat
-    residuals = stage_residuals(flat, posed.structure, posed.derivatives, posed.conditions, posed.pairs)
-    sampler = Sampler(flat, posed.pairs, residuals, starts_of(flat, posed.alias), posed.known)
+    given, pose = posed.known, posed.pose
+    without = () if pose is None else pose.replaced
+    residuals = stage_residuals(flat, posed.structure, posed.derivatives, posed.conditions, posed.pairs, without)
+    if pose is not None:
+        residuals = pose.at_points(posed.alias, residuals, posed.pairs)
+        given -= pose.known  # it follows the joints
+    sampler = Sampler(flat, posed.pairs, residuals, starts_of(flat, posed.alias), given)
     if at is None:
         return _points(sampler, posed.alias)
     sampler.time = at[1]

@@ -290,11 +290,15 @@ def stage_residuals(
     derivatives: list[list[ca.SX]],
     conditions: list[FlatEquation],
     pairs: list[Pair],
+    without: Collection[str] = (),
 ) -> list[ca.SX]:
-    """Return the residuals of each stage, positions first, including the conditions on known values."""
+    """Return the residuals of each stage, positions first, including the conditions on known values; without the
+    equations of these labels."""
     c = structure.c
+    rows = [i for i, e in enumerate(structure.equations) if e.label not in without]
+    conditions = [e for e in conditions if e.label not in without]
     stages = [
-        ca.vertcat(*[derivatives[i][c[i] + k] for i in range(len(c)) if c[i] + k >= 0])
+        ca.vertcat(*[derivatives[i][c[i] + k] for i in rows if c[i] + k >= 0])
         for k in range(-int(structure.d.max(initial=0)), 1)
     ]
     return [r for r in _with_conditions(flat, stages, conditions, pairs) if r.numel()]

@@ -1,0 +1,317 @@
+"""Known rotation matrices and positions: their numbers count as the freedoms that they fix.
+
+A known rotation matrix has nine numbers for three freedoms. The matrix of the model becomes an unknown beside the known
+one, and three equations say that no rotation is left between them. If position and rotation of a frame are known and the
+mechanism has fewer freedoms, as many equations as freedoms are solved, and the others become conditions on the solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from .alias import AliasResult, eliminate
+from .blocks import Margin, SolvedBlock
+from .consistency.home import starts_of
+from .consistency.points import RESIDUAL_TOLERANCE, Sampler
+from .flat import FlatEquation, FlatModel
+from .relevance import CONDITION_TOLERANCE
+from .states import RANK_TOLERANCE
+
+# points at which freedoms are counted, and their distances from the start values in nominals: away from singular poses
+POINTS = 3
+SPREADS = (0.7, 0.3, 1.2, 0.7, 0.3, 0.1)
+AXES = "xyz"
+
+Pair = tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """A known variable: name, scalar indices, and the values of the model, in the same order."""
+
+    name: str
+    indices: list[int]
+    model: ca.SX
+
+    def column(self, flat: FlatModel) -> ca.SX:
+        return ca.vertcat(*[flat.scope.symbol(i, 0) for i in self.indices])
+
+
+@dataclass(frozen=True, eq=False)
+class KnownPose:
+    """A model with known rotations, rewritten.
+
+    `flat`: the model with unknown copies of the known values. `exact`: equations between the two, element by element,
+    for consistent points, where it stands for the equations `replaced`, by label. `left`: equations that are conditions on the solution, each with the size that it is compared
+    with. `copies`: the known variables with a copy, `rotations` the rotation matrices among them. `summary`: a sentence about the freedoms, "" if all are independent.
+    """
+
+    flat: FlatModel
+    exact: tuple[FlatEquation, ...]
+    replaced: frozenset[str]
+    left: tuple[tuple[FlatEquation, float], ...]
+    copies: tuple[_Known, ...]
+    rotations: tuple[_Known, ...]
+    summary: str
+
+    @property
+    def known(self) -> frozenset[int]:
+        """The known variables that have a copy."""
+        return frozenset(i for c in self.copies for i in c.indices)
+
+    @property
+    def reached(self) -> list[Pair]:
+        """The values of the model beside the known ones."""
+        columns = [ca.vertsplit(r.model) for r in self.copies]
+        return [p for c in columns for p in map(self.flat.scope.owner, c) if p is not None]
+
+    def at_points(self, alias: AliasResult, stages: list[ca.SX], pairs: Sequence[Pair]) -> list[ca.SX]:
+        """Return the stages with equations, element by element, that exclude half turns and unreachable known values."""
+        residuals = [r for r in alias.rewrite_all(self.flat, [e.residual for e in self.exact]) if not r.is_zero()]
+        inside, stages = set(pairs), list(stages)
+        for m in range(len(stages)):
+            residuals = [r for r in residuals if inside.issuperset(self.flat.scope.symbols_in(r))]
+            if not residuals:
+                break
+            stages[m] = ca.vertcat(stages[m], *residuals)
+            residuals = [self.flat.scope.derivative(r) for r in residuals]
+        return stages
+
+    def known_block(self) -> SolvedBlock:
+        """Return a block whose margins are negative if a known matrix is a reflection."""
+        margins = []
+        for r in self.rotations:
+            m = _matrix(r.column(self.flat))
+            label = f"{r.name} is a rotation, not a reflection ({self.flat.variables[r.indices[0]].where})"
+            margins.append(Margin("condition", ca.dot(ca.cross(m[:, 0], m[:, 1]), m[:, 2]), label))
+        return SolvedBlock("condition", [], [m.label for m in margins], [], margins, detail="known rotations")
+
+    def condition_blocks(self, alias: AliasResult, newton: bool) -> list[SolvedBlock]:
+        """Return a block whose margins are negative if a solution does not satisfy what is left; none without any.
+
+        newton: a solution may have been found on the wrong side of a rotation, turned by half a turn.
+        """
+        margins = [
+            Margin("condition", (CONDITION_TOLERANCE * size) ** 2 - e.residual**2, f"{e.label} ({e.where})")
+            for e, size in self.left
+        ]
+        for r in self.rotations if newton else ():
+            trace = ca.dot(r.column(self.flat), r.model)  # 3 for equal matrices, at most 1 after half a turn
+            margins.append(Margin("condition", trace - 2.0, f"{r.name}, but half a turn from it"))
+        if not margins:
+            return []
+        expressions = alias.rewrite_all(self.flat, [m.expression for m in margins])
+        margins = [replace(m, expression=e) for m, e in zip(margins, expressions, strict=True)]
+        labels = [m.label for m in margins]
+        return [SolvedBlock("condition", [], labels, [], margins, detail="condition on the solution")]
+
+
+def known_pose(flat: FlatModel, known: Sequence[int]) -> KnownPose | None:
+    """Return the model rewritten for its known rotation matrices; None if no whole rotation matrix is known."""
+    key = "known pose", frozenset(known)
+    if key not in flat.cache:
+        flat.cache[key] = pose = _known_pose(flat, frozenset(known))
+        if pose is not None:
+            pose.flat.cache[key] = pose  # rewritten already
+    return flat.cache[key]
+
+
+def _known_pose(flat: FlatModel, known: frozenset[int]) -> KnownPose | None:
+    whole = {n: g for n, (_, g) in flat.groups.items() if n in flat.rotations and known.issuperset(g)}
+    if not whole:
+        return None
+    freedoms = Freedoms(flat, known)
+    dropped = freedoms.dropped
+    scope = copy(flat.scope)  # the new variables are those of the new model alone
+    scope.chains, scope.names = [*scope.chains], [*scope.names]
+    variables, old, new = [*flat.variables], list[ca.SX](), list[ca.SX]()
+    copies, rotations, left = list[_Known](), list[_Known](), list[tuple[FlatEquation, float]]()
+    exact, rows = list[FlatEquation](), list[FlatEquation]()
+
+    def reached(name: str, indices: list[int]) -> _Known:
+        first = len(variables)
+        for i in indices:
+            v = flat.variables[i]
+            scope.new_chain(f"reached {v.name}")
+            variables.append(replace(v, name=f"reached {v.name}", index=len(variables), role="variable"))
+        symbols = [scope.symbol(first + k, 0) for k in range(len(indices))]
+        for k, i in enumerate(indices):
+            old.extend(scope.symbol(i, m) for m in range(len(scope.chains[i])))
+            new.extend(scope.symbol(first + k, m) for m in range(len(scope.chains[i])))
+        return _Known(name, indices, ca.vertcat(*symbols))
+
+    def rows_of(group: _Known, residuals: ca.SX, labels: list[str], sizes: float) -> None:
+        v = flat.variables[group.indices[0]]
+        for k, label in enumerate(labels):
+            equation = FlatEquation(residuals[k], label, v.component, v.where)
+            if (group.name, k) in dropped:
+                left.append((equation, sizes))
+            else:
+                rows.append(equation)
+
+    for name, indices in freedoms.groups:
+        rotation = name in whole
+        if not rotation and not any((name, k) in dropped for k in range(3)):
+            continue
+        group = reached(name, indices)
+        copies.append(group)
+        v = flat.variables[indices[0]]
+        column = group.column(flat)
+        for i, residual in zip(indices, ca.vertsplit(column - group.model), strict=True):
+            label = f"{flat.variables[i].name} as known"
+            exact.append(FlatEquation(residual, label, v.component, v.where))
+        if rotation:
+            rotations.append(group)
+            error = _error(_matrix(group.model), _matrix(column))
+            rows_of(group, error, [f"rotation of {name} about {axis}" for axis in AXES], 1.0)
+            gram = _matrix(column).T @ _matrix(column) - ca.DM.eye(3)
+            for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
+                label = f"{name} is a rotation matrix, entry [{i},{j}] of R'R"
+                rows.append(FlatEquation(gram[i, j], label, v.component, v.where))
+        else:
+            labels = [f"{flat.variables[i].name} as known" for i in indices]
+            rows_of(group, column - group.model, labels, freedoms.reach(indices))
+    residuals = ca.substitute([e.residual for e in flat.equations], [ca.vertcat(*old)], [ca.vertcat(*new)])
+    equations = [replace(e, residual=r) for e, r in zip(flat.equations, residuals, strict=True)]
+    changed = replace(flat, scope=scope, variables=variables, equations=[*equations, *rows], cache={})
+    return KnownPose(changed, tuple(exact), frozenset(e.label for e in rows), tuple(left), tuple(copies), tuple(rotations), freedoms.summary)
+
+
+def _matrix(column: ca.SX) -> ca.SX:
+    """Return the matrix of nine elements that are ordered by rows."""
+    return ca.reshape(column, 3, 3).T
+
+
+def _error(model: ca.SX, known: ca.SX) -> ca.SX:
+    """Return the rotation from the known matrix to the model's in world axes: sin(angle) times the axis.
+
+    It has the derivatives of the rotation vector where both are equal. If the known matrix moves on a straight line
+    between two rotations, its zero moves along the shortest rotation between them.
+    """
+    turn = model @ known.T
+    return ca.vertcat(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]) / 2
+
+
+class Freedoms:
+    """How many freedoms of the mechanism known positions and rotations fix, at some poses near the start values.
+
+    `groups`: the known positions of three coordinates, then the known rotations, by name and indices. `count`: the
+    freedoms of the mechanism that have equations with them. `chosen`, `dropped`: independent and dependent equations,
+    as (name, number of the equation of a group).
+    """
+
+    def __init__(self, flat: FlatModel, known: Collection[int]) -> None:
+        self._flat = flat
+        mine = [(n, list(i), s) for n, (s, i) in flat.groups.items() if set(i) <= set(known)]
+        positions = [(n, i) for n, i, s in mine if s == (3,) and flat.variables[i[0]].unit == "m"]
+        turned = [(n, i) for n, i, _ in mine if n in flat.rotations]
+        self.groups = [*positions, *turned]
+        self.rotations = {n for n, _ in turned}
+        self.chosen: list[tuple[str, int]] = []
+        self.dropped: list[tuple[str, int]] = []
+        self.count = 0
+        self._alias = eliminate(flat, frozenset())
+        equations = _connected(flat, self._alias, [i for _, indices in self.groups for i in indices])
+        if not equations:
+            return
+        residual = ca.vertcat(*equations)
+        pairs = sorted(set(flat.scope.symbols_in(residual)))
+        starts = {p: x for p, x in starts_of(flat, self._alias).items() if p in set(pairs)}
+        self._sampler = Sampler(flat, pairs, [residual], starts)
+        jacobian = ca.Function("tangent", [self._sampler.w, flat.p], [ca.densify(ca.jacobian(residual, self._sampler.w))])
+        self._points = _points(self._sampler)
+        if not self._points:
+            return
+        tangents = [_null_space(jacobian(w, flat.p0).full()) for w in self._points]
+        self.count = max(t.shape[1] for t in tangents)
+        others = {self._alias.resolve(i, 0)[1] for i in known} - {
+            self._alias.resolve(i, 0)[1] for _, indices in self.groups for i in indices
+        }
+        self.alone = not any((i, 0) in self._sampler.position for i in others)
+        self._choose(tangents)
+
+    def _choose(self, tangents: list[np.ndarray]) -> None:
+        """Choose rows group by group, those that depend least on the ones before at the worst point first."""
+        names = [(name, k) for name, _ in self.groups for k in range(3)]
+        left = [np.vstack([self._rows(n, i, w, t) for n, i in self.groups])
+                for w, t in zip(self._points, tangents, strict=True)]  # fmt: skip
+        size = max(float(np.max(np.abs(m), initial=0.0)) for m in left)
+        for g in range(len(self.groups)):
+            todo = list(range(3 * g, 3 * g + 3))
+            while todo:
+                norms = [min(float(np.linalg.norm(m[k])) for m in left) for k in todo]
+                best = int(np.argmax(np.array(norms) >= max(norms) * (1 - 1e-6)))
+                if norms[best] <= RANK_TOLERANCE * max(size, 1.0):
+                    break
+                k = todo.pop(best)
+                self.chosen.append(names[k])
+                for n, m in enumerate(left):
+                    unit = m[k] / np.linalg.norm(m[k])
+                    left[n] = m - np.outer(m @ unit, unit)
+            if self.alone and self.rotations:
+                self.dropped += [names[k] for k in todo]
+
+    def _rows(self, name: str, indices: list[int], w: np.ndarray, tangent: np.ndarray) -> np.ndarray:
+        """Return the velocities (3, freedoms) of a position or a rotation along the free directions at a point."""
+        places = [self._alias.resolve(i, 0) for i in indices]
+        at = [self._sampler.position.get((kept, order)) for _, kept, order in places]
+        rates = np.array([np.zeros(tangent.shape[1]) if n is None else s * tangent[n]
+                          for (s, *_), n in zip(places, at, strict=True)])  # fmt: skip
+        if name not in self.rotations:
+            return rates
+        R = np.array([0.0 if n is None else s * w[n] for (s, *_), n in zip(places, at, strict=True)]).reshape(3, 3)
+        turn = np.einsum("ijf,kj->fik", rates.reshape(3, 3, -1), R)
+        return np.array([turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]]) / 2
+
+    def reach(self, indices: list[int]) -> float:
+        """Return the largest distance of a position from the origin at the points, to compare lengths with."""
+        places = [self._sampler.position.get(self._alias.resolve(i, 0)[1:]) for i in indices]
+        lengths = [float(np.linalg.norm([w[n] for n in places if n is not None])) for w in self._points]
+        return float(f"{max([*lengths, 1e-3]):.3g}")
+
+    @property
+    def summary(self) -> str:
+        """A sentence about the freedoms that the known values fix; "" if nothing is too few or too many."""
+        numbers = 3 * len(self.groups)
+        if not self.count or (len(self.chosen) == numbers and numbers == self.count):
+            return ""
+        names = " and ".join(n for n, _ in self.groups)
+        verb = "fix" if len(self.groups) > 1 else "fixes"
+        shown = f"{numbers} freedoms" if len(self.chosen) == numbers else f"{len(self.chosen)} of its freedoms"
+        text = f"{names} {verb} {shown}; the mechanism has {self.count}"
+        return text + (f", so {self.count - len(self.chosen)} more must be known" if len(self.chosen) < self.count else "")
+
+
+def _connected(flat: FlatModel, alias: AliasResult, indices: Sequence[int]) -> list[ca.SX]:
+    """Return the residuals of position equations that are connected to some variables: no flows, no rates."""
+    inside = flat.scope.symbols_in_each([e.residual for e in alias.equations])
+    flows = {v.index for v in flat.variables if v.role in ("flow", "input")}
+    candidates = {n: s for n, s in enumerate(inside) if s and all(k == 0 and i not in flows for i, k in s)}
+    reached, chosen = {alias.resolve(i, 0)[1:] for i in indices}, list[int]()
+    while new := [n for n, s in candidates.items() if not reached.isdisjoint(s)]:
+        for n in new:
+            reached |= set(candidates.pop(n))
+        chosen += new
+    return [alias.equations[n].residual for n in sorted(chosen)]
+
+
+def _points(sampler: Sampler) -> list[np.ndarray]:
+    points = []
+    for seed, spread in enumerate(SPREADS):
+        w = sampler.near(np.random.default_rng(seed), spread)
+        if sampler.correct(w) <= RESIDUAL_TOLERANCE:
+            points.append(w)
+        if len(points) == POINTS:
+            break
+    return points
+
+
+def _null_space(jacobian: np.ndarray) -> np.ndarray:
+    _, s, vt = np.linalg.svd(jacobian)
+    rank = int(np.sum(s > RANK_TOLERANCE * max(float(s[0]), 1.0))) if s.size else 0
+    return vt[rank:].T
