@@ -17,6 +17,8 @@ from .flat import FlatModel
 VERDICTS = {
     "discriminant": Status.OUT_OF_RANGE,
     "condition": Status.OUT_OF_RANGE,
+    "solution": Status.OUT_OF_RANGE,
+    "turn": Status.NOT_CONVERGED,
     "pivot": Status.SINGULAR,
     "branch": Status.WRONG_BRANCH,
 }
@@ -26,8 +28,8 @@ VERDICTS = {
 class Margin:
     """A quantity that decides the status: discriminant or condition >= 0, |pivot| and branch above a tolerance.
 
-    `kind` is a key of VERDICTS. A condition restricts known values; a branch checks which solution Newton's method
-    reached. `scale` is the typical size at the sample points.
+    `kind` is a key of VERDICTS. A condition restricts known values alone; "solution" compares them with the solution, and
+    "turn" excludes a rotation by half a turn; a branch checks which solution Newton's method reached. `scale` is the typical size at the sample points.
     """
 
     kind: str

@@ -315,6 +315,10 @@ class CausalFunction:
             value = float(row[0])
             if m.kind == "condition" and not value >= 0:
                 return f"{status.message}: the known values do not satisfy {m.label}"
+            if m.kind == "solution" and not value >= 0:
+                return f"{status.message}: no solution satisfies {m.label} together with the other known values"
+            if m.kind == "turn" and not value >= 0:
+                return f"{status.message}: the iteration found {m.label}"
             if m.kind == "discriminant" and not value >= 0:
                 reason = f"{m.label} has no real solution, the radicand of its square root is {value:.4g}"
                 return f"{status.message}: {reason}"

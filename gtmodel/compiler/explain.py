@@ -39,7 +39,7 @@ def explain(f: CausalFunction, full: bool = True) -> str:
     lines[-1] += "" if full or not plan.blocks else "; add --full to list each with its source lines"
     for n, b in enumerate(plan.blocks, 1):
         if b.kind == "condition":
-            lines += [f"  {n:3d} condition on the known values: {e}" for e in b.equations]
+            lines += [f"  {n:3d} {b.detail}: {e}" for e in b.equations]
             continue
         if b.kind == "explicit":
             block = [f"  {n:3d} explicit  {b.unknowns[0]}  from {b.equations[0]}"]

@@ -65,10 +65,11 @@ class KnownPose:
         return frozenset(i for c in self.copies for i in c.indices)
 
     @property
-    def reached(self) -> list[Pair]:
-        """The values of the model beside the known ones."""
-        columns = [ca.vertsplit(r.model) for r in self.copies]
-        return [p for c in columns for p in map(self.flat.scope.owner, c) if p is not None]
+    def read(self) -> list[Pair]:
+        """The symbols that the conditions on the solution read."""
+        columns = [c.model for c in self.copies]
+        columns += [c.column(self.flat) for c in self.copies] if self.left else []
+        return list(self.flat.scope.symbols_in(ca.vertcat(*columns)))
 
     def at_points(self, alias: AliasResult, stages: list[ca.SX], pairs: Sequence[Pair]) -> list[ca.SX]:
         """Return the stages with equations, element by element, that exclude half turns and unreachable known values."""
@@ -82,14 +83,14 @@ class KnownPose:
             residuals = [self.flat.scope.derivative(r) for r in residuals]
         return stages
 
-    def known_block(self) -> SolvedBlock:
-        """Return a block whose margins are negative if a known matrix is a reflection."""
-        margins = []
-        for r in self.rotations:
-            m = _matrix(r.column(self.flat))
-            label = f"{r.name} is a rotation, not a reflection ({self.flat.variables[r.indices[0]].where})"
-            margins.append(Margin("condition", ca.dot(ca.cross(m[:, 0], m[:, 1]), m[:, 2]), label))
-        return SolvedBlock("condition", [], [m.label for m in margins], [], margins, detail="known rotations")
+    def reflections(self) -> list[Margin]:
+        """Return margins that are negative if a known matrix is a reflection."""
+        matrices = [_matrix(r.column(self.flat)) for r in self.rotations]
+        labels = [f"{r.name} is a rotation matrix ({self.flat.variables[r.indices[0]].where})" for r in self.rotations]
+        return [
+            Margin("condition", ca.dot(ca.cross(m[:, 0], m[:, 1]), m[:, 2]), label)
+            for m, label in zip(matrices, labels, strict=True)
+        ]
 
     def condition_blocks(self, alias: AliasResult, newton: bool) -> list[SolvedBlock]:
         """Return a block whose margins are negative if a solution does not satisfy what is left; none without any.
@@ -97,12 +98,12 @@ class KnownPose:
         newton: a solution may have been found on the wrong side of a rotation, turned by half a turn.
         """
         margins = [
-            Margin("condition", (CONDITION_TOLERANCE * size) ** 2 - e.residual**2, f"{e.label} ({e.where})")
+            Margin("solution", (CONDITION_TOLERANCE * size) ** 2 - e.residual**2, f"{e.label} ({e.where})")
             for e, size in self.left
         ]
         for r in self.rotations if newton else ():
             trace = ca.dot(r.column(self.flat), r.model)  # 3 for equal matrices, at most 1 after half a turn
-            margins.append(Margin("condition", trace - 2.0, f"{r.name}, but half a turn from it"))
+            margins.append(Margin("turn", trace - 2.0, f"{r.name}, but half a turn from it"))
         if not margins:
             return []
         expressions = alias.rewrite_all(self.flat, [m.expression for m in margins])
@@ -171,8 +172,7 @@ def _known_pose(flat: FlatModel, known: frozenset[int]) -> KnownPose | None:
             rows_of(group, error, [f"rotation of {name} about {axis}" for axis in AXES], 1.0)
             gram = _matrix(column).T @ _matrix(column) - ca.DM.eye(3)
             for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
-                label = f"{name} is a rotation matrix, entry [{i},{j}] of R'R"
-                rows.append(FlatEquation(gram[i, j], label, v.component, v.where))
+                rows.append(FlatEquation(gram[i, j], f"{name} is a rotation matrix", v.component, v.where))
         else:
             labels = [f"{flat.variables[i].name} as known" for i in indices]
             rows_of(group, column - group.model, labels, freedoms.reach(indices))

@@ -135,15 +135,15 @@ def make_plan(
     )
     order = _ordered(posed, stages, folded, rates)
     signs = SignAnalysis(flat, sampler, samples)
+    pose = posed.pose is not None
     blocks = [
-        solve_block(flat, posed.structure, folded, c, order.unknown_of, signs, order.uses(flat, c))
+        solve_block(flat, posed.structure, folded, c, order.unknown_of, signs, order.uses(flat, c), pose)
         for c in order.components
     ]
     read, on_known = _read(posed, order, fold, sampler, samples)
     if on_known:
-        blocks.insert(0, condition_block(on_known))
+        blocks.insert(0, condition_block(on_known, posed.pose.reflections() if posed.pose else ()))
     if posed.pose is not None:
-        blocks.insert(0, posed.pose.known_block())
         blocks += posed.pose.condition_blocks(posed.alias, any(b.newton for b in blocks))
     computed = [folded[i][m] for c in order.components for i, m in c] + [c.residual for c in on_known]
     plan = CausalPlan(
@@ -185,7 +185,7 @@ def _posed(
     alias = eliminate(flat, frozenset([*known, *prefer]), frozenset(apart))
     excluded = {*known, *apart}
     unknowns = [v.index for v in flat.variables if v.index not in alias.removed and v.index not in excluded]
-    wanted = [alias.resolve(*t)[1:] for t in [*targets, *(pose.reached if pose else [])]]
+    wanted = [alias.resolve(*t)[1:] for t in [*targets, *(pose.read if pose else [])]]
     equations, conditions = set_apart(flat, alias.equations, set(known))
     equations, unknowns, undetermined = needed(flat, equations, unknowns, {i for i, _ in wanted})
     structure = analyse(flat, equations, unknowns, {i for i, _ in wanted})
