@@ -7,13 +7,15 @@ mechanism has fewer freedoms, as many equations as freedoms are solved, and the 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
+from ..lang.source import ModelError
 from .alias import AliasResult, eliminate
 from .blocks import Margin, SolvedBlock
 from .consistency.home import starts_of
@@ -48,7 +50,7 @@ class KnownPose:
 
     `flat`: the model with unknown copies of the known values. `exact`: equations between the two, element by element,
     for consistent points, where it stands for the equations `replaced`, by label. `left`: equations that are conditions on the solution, each with the size that it is compared
-    with. `copies`: the known variables with a copy, `rotations` the rotation matrices among them. `summary`: a sentence about the freedoms, "" if all are independent.
+    with. `copies`: the known variables with a copy, `rotations` the rotation matrices among them.
     """
 
     flat: FlatModel
@@ -57,7 +59,6 @@ class KnownPose:
     left: tuple[tuple[FlatEquation, float], ...]
     copies: tuple[_Known, ...]
     rotations: tuple[_Known, ...]
-    summary: str
 
     @property
     def known(self) -> frozenset[int]:
@@ -179,7 +180,7 @@ def _known_pose(flat: FlatModel, known: frozenset[int]) -> KnownPose | None:
     residuals = ca.substitute([e.residual for e in flat.equations], [ca.vertcat(*old)], [ca.vertcat(*new)])
     equations = [replace(e, residual=r) for e, r in zip(flat.equations, residuals, strict=True)]
     changed = replace(flat, scope=scope, variables=variables, equations=[*equations, *rows], cache={})
-    return KnownPose(changed, tuple(exact), frozenset(e.label for e in rows), tuple(left), tuple(copies), tuple(rotations), freedoms.summary)
+    return KnownPose(changed, tuple(exact), frozenset(e.label for e in rows), tuple(left), tuple(copies), tuple(rotations))
 
 
 def _matrix(column: ca.SX) -> ca.SX:
@@ -214,7 +215,7 @@ class Freedoms:
         self.rotations = {n for n, _ in turned}
         self.chosen: list[tuple[str, int]] = []
         self.dropped: list[tuple[str, int]] = []
-        self.count = 0
+        self.count, self.alone = 0, True
         self._alias = eliminate(flat, frozenset())
         equations = _connected(flat, self._alias, [i for _, indices in self.groups for i in indices])
         if not equations:
@@ -227,19 +228,19 @@ class Freedoms:
         self._points = _points(self._sampler)
         if not self._points:
             return
-        tangents = [_null_space(jacobian(w, flat.p0).full()) for w in self._points]
-        self.count = max(t.shape[1] for t in tangents)
+        self._tangents = [_null_space(jacobian(w, flat.p0).full()) for w in self._points]
+        self.count = max(t.shape[1] for t in self._tangents)
         others = {self._alias.resolve(i, 0)[1] for i in known} - {
             self._alias.resolve(i, 0)[1] for _, indices in self.groups for i in indices
         }
         self.alone = not any((i, 0) in self._sampler.position for i in others)
-        self._choose(tangents)
+        self._choose()
 
-    def _choose(self, tangents: list[np.ndarray]) -> None:
+    def _choose(self) -> None:
         """Choose rows group by group, those that depend least on the ones before at the worst point first."""
         names = [(name, k) for name, _ in self.groups for k in range(3)]
         left = [np.vstack([self._rows(n, i, w, t) for n, i in self.groups])
-                for w, t in zip(self._points, tangents, strict=True)]  # fmt: skip
+                for w, t in zip(self._points, self._tangents, strict=True)]  # fmt: skip
         size = max(float(np.max(np.abs(m), initial=0.0)) for m in left)
         for g in range(len(self.groups)):
             todo = list(range(3 * g, 3 * g + 3))
@@ -276,15 +277,49 @@ class Freedoms:
 
     @property
     def summary(self) -> str:
-        """A sentence about the freedoms that the known values fix; "" if nothing is too few or too many."""
-        numbers = 3 * len(self.groups)
-        if not self.count or (len(self.chosen) == numbers and numbers == self.count):
+        """A sentence about the freedoms that the known values fix; "" if they are as many as the mechanism has."""
+        numbers, fixed = 3 * len(self.groups), len(self.chosen)
+        if not self.count or not self.alone or fixed == numbers == self.count:
             return ""
         names = " and ".join(n for n, _ in self.groups)
-        verb = "fix" if len(self.groups) > 1 else "fixes"
-        shown = f"{numbers} freedoms" if len(self.chosen) == numbers else f"{len(self.chosen)} of its freedoms"
-        text = f"{names} {verb} {shown}; the mechanism has {self.count}"
-        return text + (f", so {self.count - len(self.chosen)} more must be known" if len(self.chosen) < self.count else "")
+        has, fix = ("has", "fixes") if len(self.groups) == 1 else ("have", "fix")
+        if fixed == self.count:
+            entries = ", ".join(f"'{self._element(*c)}'" for c in sorted(self.chosen) if c[0] not in self.rotations)
+            text = f"{names} {has} {numbers} freedoms, and the mechanism has {self.count}"
+            return f"{text}: name {self.count} of them" + (f", such as {entries}" if entries else "")
+        text = f"{names} {fix} {fixed} freedoms, and the mechanism has {self.count}"
+        return f"{text}: {self.count - fixed} more must be known" + (f", such as '{self._free}'" if self._free else "")
+
+    def _element(self, name: str, k: int) -> str:
+        indices = dict(self.groups)[name]
+        return self._flat.variables[indices[k]].name
+
+    @property
+    def _free(self) -> str:
+        """The name of a top-level variable that the known values leave free, "" if there is none: a joint first."""
+        flat, (w, tangent) = self._flat, (self._points[0], self._tangents[0])
+        rows = np.vstack([self._rows(n, i, w, tangent) for n, i in self.groups])
+        free = tangent @ _null_space(rows)
+        for v in sorted(flat.variables, key=lambda v: -v.prefer):
+            place = self._sampler.position.get(self._alias.resolve(v.index, 0)[1:])
+            if "." not in v.name and place is not None and np.linalg.norm(free[place]) > RANK_TOLERANCE:
+                return v.name
+        return ""
+
+
+@contextmanager
+def in_freedoms(flat: FlatModel, known: Sequence[int]) -> Iterator[None]:
+    """Put the freedoms that known positions and rotations fix in front of a message on too many or too few knowns."""
+    try:
+        yield
+    except ModelError as error:
+        try:
+            summary = Freedoms(flat, frozenset(known)).summary
+        except ModelError:
+            summary = ""
+        if not summary:
+            raise
+        raise ModelError(f"{flat.title}: {summary}; {str(error).removeprefix(f'{flat.title}: ')}", error.where) from error
 
 
 def _connected(flat: FlatModel, alias: AliasResult, indices: Sequence[int]) -> list[ca.SX]:

@@ -17,7 +17,7 @@ from .consistency.home import Moved, home_of, moved, starts_of
 from .consistency.points import Sampler
 from .flat import FlatEquation, FlatModel
 from .graph import strong_components
-from .known_poses import KnownPose, known_pose
+from .known_poses import KnownPose, in_freedoms, known_pose
 from .relevance import KnownCondition, condition_block, conditions_on, needed, set_apart
 from .solving import solve_block
 from .states import Stage, choose
@@ -120,19 +120,21 @@ def make_plan(
             flat.events.modes[0].where,
         )
     check_branches(flat, branches or {})
-    posed = _posed(flat, known, targets, prefer, apart)
+    with in_freedoms(flat, known):
+        posed = _posed(flat, known, targets, prefer, apart)
     flat = posed.flat
     sampler, samples, changed = _located(posed, at)
     folded = posed.derivatives if fold is None else folded_into(flat, posed.derivatives, fold)
     system = system_of(flat, posed.structure, folded)
     jacobians = _jacobians(posed, sampler, samples)
-    stages = choose(
-        flat,
-        posed.structure,
-        jacobians,
-        frozenset(posed.alias.resolve(i, 0)[1] for i in prefer),
-        set(zip(*system.sparsity().get_triplet(), strict=True)),  # entries that are not identically zero
-    )
+    with in_freedoms(flat, known):
+        stages = choose(
+            flat,
+            posed.structure,
+            jacobians,
+            frozenset(posed.alias.resolve(i, 0)[1] for i in prefer),
+            set(zip(*system.sparsity().get_triplet(), strict=True)),  # entries that are not identically zero
+        )
     order = _ordered(posed, stages, folded, rates)
     signs = SignAnalysis(flat, sampler, samples)
     pose = posed.pose is not None

@@ -123,12 +123,13 @@ def _unbalanced(
             text += f"; {', '.join(absent)} {verb} in no equation: is {missing} missing?"
         inputs = [flat.variables[i] for i in (unknowns[j] for j in cols) if i not in targets]
         lacking, given = len(unknowns) - len(equations), [flat.variables[i] for i in sorted(known)]
-        if not rows and lacking > 0 and any(v.role != "input" for v in given):
+        whole = any(set(flat.groups[n][1]) <= known for n in flat.rotations)  # nine numbers for three freedoms
+        if not rows and lacking > 0 and not whole and any(v.role != "input" for v in given):
             of = ", ".join(dict.fromkeys(v.name.partition("[")[0] for v in given))
             text += f"; known ({of}) has {_count(len(given), 'number')}, and {len(given) + lacking} are needed"
             matrix = _rotation_in(flat, {unknowns[j] for j in cols}) if lacking == 3 else ""
             text += f": name {lacking} more" + (f", such as {_entries(matrix)}" if matrix else "")
-        elif (names := [v.name for v in inputs if v.role == "input"][:6]) and not rows:
+        elif (names := [v.name for v in inputs if v.role == "input"][:6]) and not rows and not whole:
             text += f"; name the inputs that are known: known=[{', '.join(map(repr, names))}]"
     if not equations and (slips := difflib.get_close_matches("equations", vars(type(flat.root)), n=1)):
         text += f"; {type(flat.root).__name__}.{slips[0]}() is never called; rename it to equations()"
