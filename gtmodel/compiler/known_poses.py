@@ -124,7 +124,7 @@ def known_pose(flat: FlatModel, known: Sequence[int]) -> KnownPose | None:
 
 
 def _known_pose(flat: FlatModel, known: frozenset[int]) -> KnownPose | None:
-    whole = {n: g for n, (_, g) in flat.groups.items() if n in flat.rotations and known.issuperset(g)}
+    whole = _rotations(flat, known)
     if not whole:
         return None
     freedoms = Freedoms(flat, known)
@@ -198,6 +198,17 @@ def _error(model: ca.SX, known: ca.SX) -> ca.SX:
     return ca.vertcat(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]) / 2
 
 
+def _rotations(flat: FlatModel, known: Collection[int]) -> frozenset[str]:
+    """Return the names of known rotation matrices: those declared, and those that equal a declared one."""
+    matrices = {n: g for n, (shape, g) in flat.groups.items() if shape == (3, 3) and set(g) <= set(known)}
+    if not matrices.keys() - flat.rotations:
+        return frozenset(matrices)
+    alias = eliminate(flat, frozenset())
+    declared = {tuple(alias.resolve(i, 0) for i in flat.groups[n][1]) for n in flat.rotations}
+    equal = {n for n, g in matrices.items() if tuple(alias.resolve(i, 0) for i in g) in declared}
+    return frozenset(equal | (matrices.keys() & flat.rotations))
+
+
 class Freedoms:
     """How many freedoms of the mechanism known positions and rotations fix, at some poses near the start values.
 
@@ -210,7 +221,8 @@ class Freedoms:
         self._flat = flat
         mine = [(n, list(i), s) for n, (s, i) in flat.groups.items() if set(i) <= set(known)]
         positions = [(n, i) for n, i, s in mine if s == (3,) and flat.variables[i[0]].unit == "m"]
-        turned = [(n, i) for n, i, _ in mine if n in flat.rotations]
+        rotations = _rotations(flat, known)
+        turned = [(n, i) for n, i, _ in mine if n in rotations]
         self.groups = [*positions, *turned]
         self.rotations = {n for n, _ in turned}
         self.chosen: list[tuple[str, int]] = []
