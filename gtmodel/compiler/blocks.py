@@ -19,6 +19,7 @@ VERDICTS = {
     "condition": Status.OUT_OF_RANGE,
     "solution": Status.OUT_OF_RANGE,
     "turn": Status.NOT_CONVERGED,
+    "limit": Status.OUT_OF_RANGE,
     "pivot": Status.SINGULAR,
     "branch": Status.WRONG_BRANCH,
 }
@@ -29,7 +30,7 @@ class Margin:
     """A quantity that decides the status: discriminant or condition >= 0, |pivot| and branch above a tolerance.
 
     `kind` is a key of VERDICTS. A condition restricts known values alone; "solution" compares them with the solution, and
-    "turn" excludes a rotation by half a turn; a branch checks which solution Newton's method reached. `scale` is the typical size at the sample points.
+    "turn" excludes a rotation by half a turn; "limit" keeps a joint within its limits; a branch checks which solution Newton's method reached. `scale` is the typical size at the sample points.
     """
 
     kind: str
@@ -43,6 +44,7 @@ class Root:
     """A square root with a branch: `sign` is a symbol; `slope` = 2 qa t + qb has this sign at a known point.
 
     `settled_by` names the declared branch that selects the solution; if it is empty, the start values select it.
+    `name`: the root is a branch itself, which `branches` may select.
     """
 
     sign: ca.SX
@@ -50,6 +52,7 @@ class Root:
     label: str
     value: int = 0
     settled_by: str = ""
+    name: str = ""
 
 
 @dataclass(eq=False)

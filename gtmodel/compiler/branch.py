@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ..lang.source import ModelError
-from .blocks import Margin, Root, median
+from .blocks import Margin, Root, SolvedBlock, median
 from .consistency.points import RESIDUAL_TOLERANCE, Sampler
 from .flat import FlatModel
 
@@ -35,9 +35,9 @@ DAMPED = 0.1
 STILL = 1e-3  # weight of a known variable, or of one that need not move
 
 
-def check_branches(flat: FlatModel, requested: Mapping[str, int]) -> None:
-    """Raise ModelError for an undeclared branch, or a sign other than +1 or -1."""
-    names = {b.name for b in flat.branches}
+def check_branches(flat: FlatModel, blocks: Sequence[SolvedBlock], requested: Mapping[str, int]) -> None:
+    """Raise ModelError for a branch that neither the model nor a block has, or a sign other than +1 or -1."""
+    names = {b.name for b in flat.branches} | {r.name for b in blocks for r in b.roots if r.name}
     for name, sign in requested.items():
         if name not in names:
             raise ModelError(f"{flat.title} has no branch '{name}'; it has {', '.join(sorted(names)) or 'none'}")
@@ -93,6 +93,13 @@ class RootSigns:
         signs = np.ones(len(self._roots))
         settled: list[Root] = []
         for n, root in enumerate(self._roots):
+            if root.name:
+                # at a singular start both signs occur: then +1, as named
+                default = 1 if 2 * np.sum(at_start[:, n] > 0) >= len(at_start) else -1
+                by = root.name if root.name in requested else ""
+                settled.append(replace(root, settled_by=by, value=requested.get(root.name, default)))
+                signs[n] = settled[n].value
+                continue
             values = {}
             for side in (1, -1):
                 signs[n] = side

@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -212,19 +213,21 @@ def _rotations(flat: FlatModel, known: Collection[int]) -> frozenset[str]:
 class Freedoms:
     """How many freedoms of the mechanism known positions and rotations fix, at some poses near the start values.
 
-    `groups`: the known positions of three coordinates, then the known rotations, by name and indices. `count`: the
-    freedoms of the mechanism that have equations with them. `chosen`, `dropped`: independent and dependent equations,
-    as (name, number of the equation of a group).
+    `groups`: the positions of which coordinates are known, then the known rotations, by name and indices. `equations`:
+    (name, number of the coordinate or of the axis of rotation) of what they fix; `chosen` and `dropped` are independent
+    and dependent ones. `count`: the freedoms of the mechanism that have equations with them. `alone`: nothing else that
+    concerns these is known.
     """
 
     def __init__(self, flat: FlatModel, known: Collection[int]) -> None:
         self._flat = flat
-        mine = [(n, list(i), s) for n, (s, i) in flat.groups.items() if set(i) <= set(known)]
-        positions = [(n, i) for n, i, s in mine if s == (3,) and flat.variables[i[0]].unit == "m"]
-        rotations = _rotations(flat, known)
-        turned = [(n, i) for n, i, _ in mine if n in rotations]
-        self.groups = [*positions, *turned]
-        self.rotations = {n for n, _ in turned}
+        self._known = known = set(known)
+        points = [(n, list(i)) for n, (s, i) in flat.groups.items() if s == (3,) and flat.variables[i[0]].unit == "m"]
+        points = [(n, i) for n, i in points if not known.isdisjoint(i)]
+        self.rotations = _rotations(flat, known)
+        turned = [(n, list(flat.groups[n][1])) for n in flat.groups if n in self.rotations]
+        self.groups = [*points, *turned]
+        self.equations = [(n, k) for n, i in self.groups for k in range(3) if n in self.rotations or i[k] in known]
         self.chosen: list[tuple[str, int]] = []
         self.dropped: list[tuple[str, int]] = []
         self.count, self.alone = 0, True
@@ -250,24 +253,38 @@ class Freedoms:
 
     def _choose(self) -> None:
         """Choose rows group by group, those that depend least on the ones before at the worst point first."""
-        names = [(name, k) for name, _ in self.groups for k in range(3)]
+        places = {(name, k): 3 * g + k for g, (name, _) in enumerate(self.groups) for k in range(3)}
         left = [np.vstack([self._rows(n, i, w, t) for n, i in self.groups])
                 for w, t in zip(self._points, self._tangents, strict=True)]  # fmt: skip
         size = max(float(np.max(np.abs(m), initial=0.0)) for m in left)
-        for g in range(len(self.groups)):
-            todo = list(range(3 * g, 3 * g + 3))
+        for name, indices in self.groups:
+            todo = [e for e in self.equations if e[0] == name]
             while todo:
-                norms = [min(float(np.linalg.norm(m[k])) for m in left) for k in todo]
+                norms = [min(float(np.linalg.norm(m[places[e]])) for m in left) for e in todo]
                 best = int(np.argmax(np.array(norms) >= max(norms) * (1 - 1e-6)))
                 if norms[best] <= RANK_TOLERANCE * max(size, 1.0):
                     break
-                k = todo.pop(best)
-                self.chosen.append(names[k])
+                self.chosen.append(todo.pop(best))
                 for n, m in enumerate(left):
-                    unit = m[k] / np.linalg.norm(m[k])
+                    row = m[places[self.chosen[-1]]]
+                    unit = row / np.linalg.norm(row)
                     left[n] = m - np.outer(m @ unit, unit)
-            if self.alone and self.rotations:
-                self.dropped += [names[k] for k in todo]
+            if self.alone and self.rotations and self._known.issuperset(indices):
+                self.dropped += todo
+
+    @cached_property
+    def joints(self) -> list[int]:
+        """Indices of variables that determine the pose of all: those with the highest state preference."""
+        flat, kept = self._flat, sorted({i for i, _ in self._sampler.pairs})
+        free = [t.copy() for t in self._tangents]
+        chosen: list[int] = []
+        for i in sorted(kept, key=lambda i: (-flat.variables[i].prefer, i)):
+            rows = [t[self._sampler.position[i, 0]] for t in free]
+            if len(chosen) < self.count and min(map(np.linalg.norm, rows)) > RANK_TOLERANCE:
+                chosen.append(i)
+                units = [r / np.linalg.norm(r) for r in rows]
+                free = [t - np.outer(t @ u, u) for t, u in zip(free, units, strict=True)]
+        return sorted(chosen)
 
     def _rows(self, name: str, indices: list[int], w: np.ndarray, tangent: np.ndarray) -> np.ndarray:
         """Return the velocities (3, freedoms) of a position or a rotation along the free directions at a point."""
@@ -281,6 +298,25 @@ class Freedoms:
         turn = np.einsum("ijf,kj->fik", rates.reshape(3, 3, -1), R)
         return np.array([turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]]) / 2
 
+    def pose(self) -> tuple[list[int], list[int]] | None:
+        """Return the indices of the position and of the rotation of a frame of which all or some numbers are known; None
+        if its known numbers do not determine the mechanism, or if no frame is known."""
+        flat = self._flat
+        if len(self.groups) > 2 or not self.count or not self.alone or len(self.chosen) < self.count:
+            return None
+        rotation = next((i for n, i in self.groups if n in self.rotations), None)
+        position = next((i for n, i in self.groups if n not in self.rotations), None)
+        if position is None:
+            return None
+        if rotation is not None:
+            return position, rotation
+        places = [self._alias.resolve(i, 0) for i in position]
+        for name in sorted(flat.rotations):
+            _, origin = flat.groups.get(f"{name.removesuffix('R')}r", ((), []))
+            if name.endswith("R") and [self._alias.resolve(i, 0) for i in origin] == places:
+                return position, flat.groups[name][1]
+        return None
+
     def reach(self, indices: list[int]) -> float:
         """Return the largest distance of a position from the origin at the points, to compare lengths with."""
         places = [self._sampler.position.get(self._alias.resolve(i, 0)[1:]) for i in indices]
@@ -290,7 +326,7 @@ class Freedoms:
     @property
     def summary(self) -> str:
         """A sentence about the freedoms that the known values fix; "" if they are as many as the mechanism has."""
-        numbers, fixed = 3 * len(self.groups), len(self.chosen)
+        numbers, fixed = len(self.equations), len(self.chosen)
         if not self.count or not self.alone or fixed == numbers == self.count:
             return ""
         names = " and ".join(n for n, _ in self.groups)

@@ -12,11 +12,12 @@ import numpy as np
 from ..lang.source import ModelError
 from .alias import AliasResult, eliminate
 from .blocks import Margin, NewtonBlock, SignAnalysis, SolvedBlock, median
+from .closed_chain import CLOSED, SolvedChain, solved_chain
 from .branch import RootSigns, check_branches, follow, settle, sides
 from .consistency.home import Moved, home_of, moved, starts_of
 from .consistency.points import Sampler
 from .flat import FlatEquation, FlatModel
-from .graph import strong_components
+from .graph import largest_matching, strong_components
 from .known_poses import KnownPose, in_freedoms, known_pose
 from .relevance import KnownCondition, condition_block, conditions_on, needed, set_apart
 from .solving import solve_block
@@ -119,10 +120,9 @@ def make_plan(
             "sides, or a smooth function",
             flat.events.modes[0].where,
         )
-    check_branches(flat, branches or {})
     with in_freedoms(flat, known):
         posed = _posed(flat, known, targets, prefer, apart)
-    flat = posed.flat
+    model, flat = flat, posed.flat
     sampler, samples, changed = _located(posed, at)
     folded = posed.derivatives if fold is None else folded_into(flat, posed.derivatives, fold)
     system = system_of(flat, posed.structure, folded)
@@ -137,15 +137,33 @@ def make_plan(
         )
     order = _ordered(posed, stages, folded, rates)
     signs = SignAnalysis(flat, sampler, samples)
-    pose = posed.pose is not None
-    blocks = [
-        solve_block(flat, posed.structure, folded, c, order.unknown_of, signs, order.uses(flat, c), pose)
-        for c in order.components
-    ]
-    read, on_known = _read(posed, order, fold, sampler, samples)
+
+    def solved(order: _Order) -> list[SolvedBlock]:
+        pose = posed.pose is not None
+        return [
+            solve_block(flat, posed.structure, folded, c, order.unknown_of, signs, order.uses(flat, c), pose)
+            for c in order.components
+        ]
+
+    blocks = solved(order)
+    chain = None
+    if any(b.newton for b in blocks) and at is None:
+
+        def forward(joints: Sequence[int], wanted: Sequence[Pair]) -> CausalPlan:
+            return make_plan(model, joints, wanted, fold=fold)
+
+        chain = solved_chain(model, posed.alias, known, forward)
+        shorter = None if chain is None else order.without(posed, chain, folded)
+        if chain is not None and shorter is not None:
+            order = shorter
+            blocks = [chain.block, *solved(order)]
+        else:
+            chain = None
+    check_branches(flat, blocks, branches or {})
+    read, on_known = _read(posed, order, fold, sampler, samples, chain)
     if on_known:
         blocks.insert(0, condition_block(on_known, posed.pose.reflections() if posed.pose else ()))
-    if posed.pose is not None:
+    if posed.pose is not None and chain is None:
         blocks += posed.pose.condition_blocks(posed.alias, any(b.newton for b in blocks))
     computed = [folded[i][m] for c in order.components for i, m in c] + [c.residual for c in on_known]
     plan = CausalPlan(
@@ -233,6 +251,29 @@ class _Order:
         """Return the names of all symbols in each equation."""
         return tuple(tuple(flat.symbol_name(*p) for p in (*self.used[n], self.unknown_of[n])) for n in sorted(nodes))
 
+    def without(self, posed: _Posed, chain: SolvedChain, folded: list[list[ca.SX]]) -> _Order | None:
+        """Return the order in which the joints of a chain are known; None if the others do not follow from them.
+
+        As many equations are left out as there are joints, and rather those with known values of the pose.
+        """
+        columns = [p for p in self.solver if p not in set(chain.joints)]
+        place, read = {p: k for k, p in enumerate(columns)}, set(chain.read)
+        inside = {n: (*self.used[n], p) for n, p in self.unknown_of.items()}
+        kept = [n for n, pairs in inside.items() if read.isdisjoint(pairs)]
+        match = list[int]()
+        for n in (None, *[n for n in inside if n not in set(kept)]):
+            trial = [*kept, n] if n else kept
+            found = largest_matching([[place[p] for p in inside[m] if p in place] for m in trial], len(columns))
+            if -1 not in found:
+                kept, match = trial, found
+        if len(match) != len(columns):
+            return None
+        unknown_of = {n: columns[k] for n, k in zip(kept, match, strict=True)}
+        solver = {p: n for n, p in unknown_of.items()}
+        roots = [solver[p] for p in self.wanted if p in solver]
+        used = _users(posed.flat, folded, unknown_of, solver)
+        return _Order(self.states, self.wanted, solver, unknown_of, roots, used, _reached(roots, solver, used))
+
     def reached(self, used: dict[Pair, list[Pair]]) -> list[list[Pair]]:
         """Return the blocks of nodes that the targets need, in order."""
         return _reached(self.roots, self.solver, used)
@@ -260,7 +301,7 @@ def _reached(roots: list[Pair], solver: dict[Pair, Pair], used: dict[Pair, list[
 
 
 def _read(
-    posed: _Posed, order: _Order, fold: ca.SX | None, sampler: Sampler, samples: np.ndarray
+    posed: _Posed, order: _Order, fold: ca.SX | None, sampler: Sampler, samples: np.ndarray, chain: SolvedChain | None
 ) -> tuple[set[Pair], list[KnownCondition]]:
     """Return the symbols that the unfolded equations read, and the conditions on them.
 
@@ -270,6 +311,8 @@ def _read(
     used = order.used if fold is None else _users(flat, posed.derivatives, order.unknown_of, solver)
     read = {p for c in order.reached(used) for node in c for p in used[node] if p not in solver}
     read |= {p for p in order.wanted if p not in solver}
+    if chain is not None:
+        read = (read - set(chain.joints)) | set(chain.read)
     on_known = conditions_on(flat, posed.conditions, read, sampler, samples)
     if on_known:
         read |= set().union(*[c.symbols for c in on_known])
@@ -344,9 +387,9 @@ def _jacobians(posed: _Posed, sampler: Sampler, samples: np.ndarray) -> list[np.
 
 def _with_sizes(plan: CausalPlan, sampler: Sampler) -> CausalPlan:
     """Return the plan with typical sizes of the margins at the consistent points; pivots that are negative there change
-    their sign, which saves an operation."""
+    their sign, which saves an operation. Margins of the closed form of a chain are relative to its size already."""
     flat = plan.flat
-    margins = [m for b in plan.blocks for m in b.margins]
+    margins = [m for b in plan.blocks if b.kind != CLOSED for m in b.margins]
     if not margins:
         return plan
     sizes = ca.Function("sizes", [sampler.w, flat.p, flat.scope.time], [ca.vertcat(*[m.expression for m in margins])])
@@ -359,4 +402,5 @@ def _with_sizes(plan: CausalPlan, sampler: Sampler) -> CausalPlan:
         )
         for m, row in zip(margins, values.T, strict=True)
     }
-    return replace(plan, blocks=[replace(b, margins=[sized[id(m)] for m in b.margins]) for b in plan.blocks])
+    blocks = [replace(b, margins=[sized.get(id(m), m) for m in b.margins]) for b in plan.blocks]
+    return replace(plan, blocks=blocks)
