@@ -26,6 +26,9 @@ MIRROR_SPREADS = (0.002, 0.02, 0.05)
 # of the poses found, keep those at most this much farther from the home pose than the nearest, in nominals: variables
 # that need not change with a branch stay unchanged
 AS_NEAR = 0.1
+# poses far from the start values, at distances up to this in nominals: every branch of an arm has some
+FAR_POINTS = 24
+FAR = 2.0
 CROSSINGS = 4
 CROSSING_STEPS = 20
 CROSSED = 1e-3  # a step this short, in nominals, ends a crossing; the full equations are solved afterwards
@@ -119,8 +122,13 @@ class RootSigns:
             signs[n] = settled[n].value
         return settled
 
-    def samples(self, sampler: Sampler, samples: np.ndarray, settled: list[Root]) -> np.ndarray:
-        """Return samples at which the roots have these signs. Raises ModelError if no sample has them."""
+    def samples(
+        self, sampler: Sampler, samples: np.ndarray, settled: list[Root], far: bool = True
+    ) -> np.ndarray:
+        """Return samples at which the roots have these signs. Raises ModelError if no sample has them.
+
+        far: if roots are branches themselves, and no sample has them, look for poses far from the start values too.
+        """
         p, signs = sampler.flat.p0, np.array([r.value for r in settled], float)
         points = []
         for sample in samples:
@@ -131,11 +139,23 @@ class RootSigns:
                 continue
             if np.all(_row(self._jacobian(w, p, sampler.time)) * signs > 0):
                 points.append(w)
+        if not points and far and any(r.name for r in settled):
+            return self.samples(sampler, _far_points(sampler, samples[0]), settled, far=False)
         if not points:
             raise ModelError(
                 f"{sampler.flat.title}: no pose on the selected branches was found; set start values near such a pose"
             )
         return np.array(points)
+
+
+def _far_points(sampler: Sampler, start: np.ndarray) -> np.ndarray:
+    """Return consistent points at growing distances from the start values."""
+    points = []
+    for seed in range(FAR_POINTS):
+        w = sampler.near(np.random.default_rng(seed), FAR * (seed + 1) / FAR_POINTS)
+        if sampler.correct(w) <= RESIDUAL_TOLERANCE:
+            points.append(w)
+    return np.array(points) if points else start[None]
 
 
 def _with_moved_home(plan: CausalPlan, sampler: Sampler, requested: Mapping[str, int]) -> CausalPlan:

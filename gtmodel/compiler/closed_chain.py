@@ -18,7 +18,7 @@ from ..lang.source import ModelError
 from .alias import AliasResult
 from .blocks import Margin, Root, SolvedBlock
 from .flat import FlatModel
-from .known_poses import Freedoms
+from .known_poses import freedoms_of
 
 if TYPE_CHECKING:
     from .plan import CausalPlan
@@ -48,7 +48,7 @@ def solved_chain(flat: FlatModel, alias: AliasResult, known: Sequence[int], forw
     flat: the model before its known rotations are rewritten; alias: the aliases of the rewritten one. forward: returns
     the plan of the causality from known variables, by index, to targets.
     """
-    freedoms = Freedoms(flat, known)
+    freedoms = freedoms_of(flat, known)
     pose = freedoms.pose()
     if pose is None or not freedoms.joints:
         return None

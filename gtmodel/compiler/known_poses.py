@@ -128,7 +128,7 @@ def _known_pose(flat: FlatModel, known: frozenset[int]) -> KnownPose | None:
     whole = _rotations(flat, known)
     if not whole:
         return None
-    freedoms = Freedoms(flat, known)
+    freedoms = freedoms_of(flat, known)
     dropped = freedoms.dropped
     scope = copy(flat.scope)  # the new variables are those of the new model alone
     scope.chains, scope.names = [*scope.chains], [*scope.names]
@@ -355,6 +355,14 @@ class Freedoms:
         return ""
 
 
+def freedoms_of(flat: FlatModel, known: Collection[int]) -> Freedoms:
+    """Return the freedoms that known variables fix; cached."""
+    key = "freedoms", frozenset(known)
+    if key not in flat.cache:
+        flat.cache[key] = Freedoms(flat, known)
+    return flat.cache[key]
+
+
 @contextmanager
 def in_freedoms(flat: FlatModel, known: Sequence[int]) -> Iterator[None]:
     """Put the freedoms that known positions and rotations fix in front of a message on too many or too few knowns."""
@@ -362,7 +370,7 @@ def in_freedoms(flat: FlatModel, known: Sequence[int]) -> Iterator[None]:
         yield
     except ModelError as error:
         try:
-            summary = Freedoms(flat, frozenset(known)).summary
+            summary = freedoms_of(flat, known).summary
         except ModelError:
             summary = ""
         if not summary:

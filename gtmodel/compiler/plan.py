@@ -266,6 +266,8 @@ class _Order:
             found = largest_matching([[place[p] for p in inside[m] if p in place] for m in trial], len(columns))
             if -1 not in found:
                 kept, match = trial, found
+            if len(match) == len(columns):
+                break
         if len(match) != len(columns):
             return None
         unknown_of = {n: columns[k] for n, k in zip(kept, match, strict=True)}
