@@ -29,8 +29,9 @@ VERDICTS = {
 class Margin:
     """A quantity that decides the status: discriminant or condition >= 0, |pivot| and branch above a tolerance.
 
-    `kind` is a key of VERDICTS. A condition restricts known values alone; "solution" compares them with the solution, and
-    "turn" excludes a rotation by half a turn; "limit" keeps a joint within its limits; a branch checks which solution Newton's method reached. `scale` is the typical size at the sample points.
+    `kind` is a key of VERDICTS. A condition restricts known values alone; "solution" compares them with the solution,
+    "turn" excludes a rotation by half a turn, "limit" keeps a joint within its limits, and a branch checks which
+    solution Newton's method reached. `scale` is the typical size at the sample points.
     """
 
     kind: str

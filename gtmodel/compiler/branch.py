@@ -122,9 +122,7 @@ class RootSigns:
             signs[n] = settled[n].value
         return settled
 
-    def samples(
-        self, sampler: Sampler, samples: np.ndarray, settled: list[Root], far: bool = True
-    ) -> np.ndarray:
+    def samples(self, sampler: Sampler, samples: np.ndarray, settled: list[Root], far: bool = True) -> np.ndarray:
         """Return samples at which the roots have these signs. Raises ModelError if no sample has them.
 
         far: if roots are branches themselves, and no sample has them, look for poses far from the start values too.

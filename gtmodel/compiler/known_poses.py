@@ -1,8 +1,8 @@
 """Known rotation matrices and positions: their numbers count as the freedoms that they fix.
 
 A known rotation matrix has nine numbers for three freedoms. The matrix of the model becomes an unknown beside the known
-one, and three equations say that no rotation is left between them. If position and rotation of a frame are known and the
-mechanism has fewer freedoms, as many equations as freedoms are solved, and the others become conditions on the solution.
+one, and three equations say that no rotation is left between them. If position and rotation of a frame are known and
+the mechanism has fewer freedoms, as many equations as freedoms are solved; the others are conditions on the solution.
 """
 
 from __future__ import annotations
@@ -50,8 +50,9 @@ class KnownPose:
     """A model with known rotations, rewritten.
 
     `flat`: the model with unknown copies of the known values. `exact`: equations between the two, element by element,
-    for consistent points, where it stands for the equations `replaced`, by label. `left`: equations that are conditions on the solution, each with the size that it is compared
-    with. `copies`: the known variables with a copy, `rotations` the rotation matrices among them.
+    for consistent points, where they stand for the equations `replaced`, by label. `left`: equations that are
+    conditions on the solution, each with the size that it is compared with. `copies`: the known variables with a copy,
+    `rotations` the rotation matrices among them.
     """
 
     flat: FlatModel
@@ -74,7 +75,7 @@ class KnownPose:
         return list(self.flat.scope.symbols_in(ca.vertcat(*columns)))
 
     def at_points(self, alias: AliasResult, stages: list[ca.SX], pairs: Sequence[Pair]) -> list[ca.SX]:
-        """Return the stages with equations, element by element, that exclude half turns and unreachable known values."""
+        """Return the stages with equations, element by element, that exclude half turns and unreachable values."""
         residuals = [r for r in alias.rewrite_all(self.flat, [e.residual for e in self.exact]) if not r.is_zero()]
         inside, stages = set(pairs), list(stages)
         for m in range(len(stages)):
@@ -181,7 +182,8 @@ def _known_pose(flat: FlatModel, known: frozenset[int]) -> KnownPose | None:
     residuals = ca.substitute([e.residual for e in flat.equations], [ca.vertcat(*old)], [ca.vertcat(*new)])
     equations = [replace(e, residual=r) for e, r in zip(flat.equations, residuals, strict=True)]
     changed = replace(flat, scope=scope, variables=variables, equations=[*equations, *rows], cache={})
-    return KnownPose(changed, tuple(exact), frozenset(e.label for e in rows), tuple(left), tuple(copies), tuple(rotations))
+    labels = frozenset(e.label for e in rows)
+    return KnownPose(changed, tuple(exact), labels, tuple(left), tuple(copies), tuple(rotations))
 
 
 def _matrix(column: ca.SX) -> ca.SX:
@@ -239,7 +241,8 @@ class Freedoms:
         pairs = sorted(set(flat.scope.symbols_in(residual)))
         starts = {p: x for p, x in starts_of(flat, self._alias).items() if p in set(pairs)}
         self._sampler = Sampler(flat, pairs, [residual], starts)
-        jacobian = ca.Function("tangent", [self._sampler.w, flat.p], [ca.densify(ca.jacobian(residual, self._sampler.w))])
+        w = self._sampler.w
+        jacobian = ca.Function("tangent", [w, flat.p], [ca.densify(ca.jacobian(residual, w))])
         self._points = _points(self._sampler)
         if not self._points:
             return
@@ -295,12 +298,12 @@ class Freedoms:
         if name not in self.rotations:
             return rates
         R = np.array([0.0 if n is None else s * w[n] for (s, *_), n in zip(places, at, strict=True)]).reshape(3, 3)
-        turn = np.einsum("ijf,kj->fik", rates.reshape(3, 3, -1), R)
-        return np.array([turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]]) / 2
+        turn = np.einsum("ijf,kj->ikf", rates.reshape(3, 3, -1), R)
+        return np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2
 
     def pose(self) -> tuple[list[int], list[int]] | None:
-        """Return the indices of the position and of the rotation of a frame of which all or some numbers are known; None
-        if its known numbers do not determine the mechanism, or if no frame is known."""
+        """Return the indices of position and rotation of a frame of which all or some numbers are known; None if its
+        known numbers do not determine the mechanism, or if no frame is known."""
         flat = self._flat
         if len(self.groups) > 2 or not self.count or not self.alone or len(self.chosen) < self.count:
             return None
@@ -375,7 +378,8 @@ def in_freedoms(flat: FlatModel, known: Sequence[int]) -> Iterator[None]:
             summary = ""
         if not summary:
             raise
-        raise ModelError(f"{flat.title}: {summary}; {str(error).removeprefix(f'{flat.title}: ')}", error.where) from error
+        rest = str(error).removeprefix(f"{flat.title}: ")
+        raise ModelError(f"{flat.title}: {summary}; {rest}", error.where) from error
 
 
 def _connected(flat: FlatModel, alias: AliasResult, indices: Sequence[int]) -> list[ca.SX]:

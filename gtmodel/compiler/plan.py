@@ -12,12 +12,12 @@ import numpy as np
 from ..lang.source import ModelError
 from .alias import AliasResult, eliminate
 from .blocks import Margin, NewtonBlock, SignAnalysis, SolvedBlock, median
-from .closed_chain import CLOSED, SolvedChain, solved_chain
 from .branch import RootSigns, check_branches, follow, settle, sides
 from .consistency.home import Moved, home_of, moved, starts_of
 from .consistency.points import Sampler
 from .flat import FlatEquation, FlatModel
 from .graph import largest_matching, strong_components
+from .known_chain import CLOSED, KnownChain, known_chain
 from .known_poses import KnownPose, in_freedoms, known_pose
 from .relevance import KnownCondition, condition_block, conditions_on, needed, set_apart
 from .solving import solve_block
@@ -152,18 +152,17 @@ def make_plan(
         def forward(joints: Sequence[int], wanted: Sequence[Pair]) -> CausalPlan:
             return make_plan(model, joints, wanted, fold=fold)
 
-        chain = solved_chain(model, posed.alias, known, forward)
-        shorter = None if chain is None else order.without(posed, chain, folded)
-        if chain is not None and shorter is not None:
+        chain = known_chain(model, posed.alias, known, forward)
+        closed = None if chain is None else chain.solved()
+        shorter = None if chain is None or closed is None else order.without(posed, chain, folded)
+        if closed is not None and shorter is not None:
             order = shorter
-            blocks = [chain.block, *solved(order)]
-        else:
-            chain = None
+            blocks = [closed, *solved(order)]
     check_branches(flat, blocks, branches or {})
-    read, on_known = _read(posed, order, fold, sampler, samples, chain)
+    read, on_known = _read(posed, order, fold, sampler, samples, chain if blocks and blocks[0].kind == CLOSED else None)
     if on_known:
         blocks.insert(0, condition_block(on_known, posed.pose.reflections() if posed.pose else ()))
-    if posed.pose is not None and chain is None:
+    if posed.pose is not None and not any(b.kind == CLOSED for b in blocks):
         blocks += posed.pose.condition_blocks(posed.alias, any(b.newton for b in blocks))
     computed = [folded[i][m] for c in order.components for i, m in c] + [c.residual for c in on_known]
     plan = CausalPlan(
@@ -251,12 +250,12 @@ class _Order:
         """Return the names of all symbols in each equation."""
         return tuple(tuple(flat.symbol_name(*p) for p in (*self.used[n], self.unknown_of[n])) for n in sorted(nodes))
 
-    def without(self, posed: _Posed, chain: SolvedChain, folded: list[list[ca.SX]]) -> _Order | None:
+    def without(self, posed: _Posed, chain: KnownChain, folded: list[list[ca.SX]]) -> _Order | None:
         """Return the order in which the joints of a chain are known; None if the others do not follow from them.
 
         As many equations are left out as there are joints, and rather those with known values of the pose.
         """
-        columns = [p for p in self.solver if p not in set(chain.joints)]
+        columns = [p for p in self.solver if p not in set(chain.symbols)]
         place, read = {p: k for k, p in enumerate(columns)}, set(chain.read)
         inside = {n: (*self.used[n], p) for n, p in self.unknown_of.items()}
         kept = [n for n, pairs in inside.items() if read.isdisjoint(pairs)]
@@ -303,7 +302,7 @@ def _reached(roots: list[Pair], solver: dict[Pair, Pair], used: dict[Pair, list[
 
 
 def _read(
-    posed: _Posed, order: _Order, fold: ca.SX | None, sampler: Sampler, samples: np.ndarray, chain: SolvedChain | None
+    posed: _Posed, order: _Order, fold: ca.SX | None, sampler: Sampler, samples: np.ndarray, closed: KnownChain | None
 ) -> tuple[set[Pair], list[KnownCondition]]:
     """Return the symbols that the unfolded equations read, and the conditions on them.
 
@@ -313,8 +312,8 @@ def _read(
     used = order.used if fold is None else _users(flat, posed.derivatives, order.unknown_of, solver)
     read = {p for c in order.reached(used) for node in c for p in used[node] if p not in solver}
     read |= {p for p in order.wanted if p not in solver}
-    if chain is not None:
-        read = (read - set(chain.joints)) | set(chain.read)
+    if closed is not None:
+        read = (read - set(closed.symbols)) | set(closed.read)
     on_known = conditions_on(flat, posed.conditions, read, sampler, samples)
     if on_known:
         read |= set().union(*[c.symbols for c in on_known])

@@ -68,9 +68,7 @@ class SerialArm(gt.Model):
     tool_xyz = gt.parameter([0.0, 0.0, 0.0], unit="m", description="tool position in the last link's frame")
     tool_rpy = gt.parameter([0.0, 0.0, 0.0], unit="rad", description="tool orientation in the last link's frame")
     T = gt.variable(3, unit="m", description="origin of the tool frame")
-    R = gt.variable(
-        (3, 3), unit="1", prefer=-4, kind="rotation", description="rotation from tool to world coordinates"
-    )
+    R = gt.variable((3, 3), unit="1", prefer=-4, kind="rotation", description="rotation from tool to world coordinates")
     v = gt.variable(3, unit="m/s", description="velocity of T")
     w = gt.variable(3, unit="rad/s", prefer=-1, description="angular velocity of the tool, world coordinates")
     end = gt.port(Frame)

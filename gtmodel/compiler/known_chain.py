@@ -1,0 +1,172 @@
+"""Closed forms of serial chains: joint coordinates from the pose of a frame, with named branches.
+
+A block that Newton's method would solve may be the inverse kinematics of a chain of joints. The forward kinematics, a
+causality of its own, shows it: if it is a product of exponentials, `geometry.chains` finds a closed form from the axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from ..geometry.chains import Chain, closed_form
+from ..lang.source import ModelError
+from .alias import AliasResult
+from .blocks import Margin, Root, SolvedBlock
+from .flat import FlatModel
+from .known_poses import freedoms_of
+
+if TYPE_CHECKING:
+    from .plan import CausalPlan
+
+Pair = tuple[int, int]
+Forward = Callable[[Sequence[int], Sequence[Pair]], "CausalPlan"]
+
+# a known coordinate may be missing if the joints do not change it, relative to the size of the chain
+CLOSED = "closed form"  # kind of the block
+CONSTANT = 1e-12
+TRIALS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class KnownChain:
+    """A serial chain whose pose is known.
+
+    `joints`: the indices of its coordinates; `kept`: sign and symbol (index, order) that stand for each; `T`, `R`: the
+    known pose, R is None if only the position is known; `reached`: T and then R in columns, in terms of `kept`; `read`:
+    the known symbols.
+    """
+
+    flat: FlatModel
+    chain: Chain
+    joints: list[int]
+    kept: list[tuple[float, Pair]]
+    T: ca.SX
+    R: ca.SX | None
+    reached: ca.SX
+    read: list[Pair]
+
+    @property
+    def symbols(self) -> list[Pair]:
+        return [pair for _, pair in self.kept]
+
+    @property
+    def limits(self) -> np.ndarray:
+        """Lower and upper limits of the coordinates (n, 2)."""
+        return np.array([[self.flat.variables[i].min, self.flat.variables[i].max] for i in self.joints])
+
+    def limit_margins(self, values: Sequence[ca.SX]) -> list[Margin]:
+        """Return margins that are negative for coordinates outside their limits."""
+        margins = []
+        for i, q in zip(self.joints, values, strict=True):
+            v = self.flat.variables[i]
+            label = f"{v.name}, {v.min:.4g} to {v.max:.4g} {v.unit or ''}".rstrip()
+            margins += [Margin("limit", q - v.min, label)] if np.isfinite(v.min) else []
+            margins += [Margin("limit", v.max - q, label)] if np.isfinite(v.max) else []
+        return margins
+
+    def solved(self) -> SolvedBlock | None:
+        """Return the block that computes the joints in closed form, None without a closed form."""
+        flat, names = self.flat, [self.flat.variables[i].name for i in self.joints]
+        form = closed_form(self.chain, oriented=self.R is not None)
+        if form is None:
+            return None
+        signs = [ca.SX.sym(b.name) for b in form.branches]
+        expressions = form.expressions(self.T, self.R, signs)
+        q = [_turned(x, *limits) if turns else x
+             for x, limits, turns in zip(expressions.q, self.limits, self.chain.revolute, strict=True)]  # fmt: skip
+        margins = [Margin(kind, e, _label(label, names)) for kind, e, label in expressions.margins]
+        margins += self.limit_margins(q)
+        symbols = [flat.scope.symbol(*pair) for pair in self.symbols]
+        assignments = [(s, sign * x) for s, x, (sign, _) in zip(symbols, q, self.kept, strict=True)]
+        slopes = form.slopes(ca.vertcat(*[sign * s for s, (sign, _) in zip(symbols, self.kept, strict=True)]))
+        roots = [
+            Root(sign, slope, f"{b.name}, {b.words[0]} (+) or {b.words[1]} (-)", name=b.name)
+            for sign, slope, b in zip(signs, slopes, form.branches, strict=True)
+        ]
+        given = self.T if self.R is None else ca.vertcat(self.T, ca.vec(self.R))
+        closures = tuple(ca.vertsplit(self.reached[: given.numel()] - given))
+        equations = [f"the pose of the chain of {', '.join(names)}"]
+        unknowns = [s.name() for s in symbols]
+        return SolvedBlock(CLOSED, unknowns, equations, assignments, margins, roots, form.structure, closures=closures)
+
+
+def known_chain(flat: FlatModel, alias: AliasResult, known: Sequence[int], forward: Forward) -> KnownChain | None:
+    """Return the serial chain whose pose is known; None if there is none.
+
+    flat: the model before its known rotations are rewritten; alias: the aliases of the rewritten one. forward: returns
+    the plan of the causality from known variables, by index, to targets.
+    """
+    freedoms = freedoms_of(flat, known)
+    pose = freedoms.pose()
+    if pose is None:
+        return None
+    positions, rotations = pose
+    oriented, joints = set(rotations) <= set(known), freedoms.joints
+    places = [alias.resolve(i, 0) for i in joints]
+    plan = _explicit(forward, joints, [(i, 0) for i in (*positions, *rotations)])
+    if plan is None or any(order for _, _, order in places):
+        return None
+    u = ca.vertcat(*[flat.scope.symbol(i, 0) for i in joints])
+    assigned = [a for b in plan.blocks for a in b.assignments]
+    targets = [ca.vertcat(*[plan.symbol(i, 0) for i in indices]) for indices in (positions, rotations)]
+    _, (T, R) = ca.substitute_inplace([s for s, _ in assigned], [e for _, e in assigned], targets)
+    if flat.parameters:
+        T, R = ca.substitute([T, R], [flat.p], [plan.parameters])
+    if {s.element_hash() for s in ca.symvar(ca.vertcat(T, R))} - {s.element_hash() for s in ca.vertsplit(u)}:
+        return None  # it depends on parameters that are symbols, or on time
+    R = ca.reshape(R, 3, 3).T
+    chain = Chain.of_function(ca.Function("pose", [u], [T, R], {"cse": True}))
+    at = None if chain is None else _known_position(chain, positions, known, flat)
+    if chain is None or at is None:
+        return None
+    kept = [(float(sign), (i, 0)) for sign, i, _ in places]
+    reached = ca.substitute(ca.vertcat(T, ca.vec(R)), u, ca.vertcat(*[s * flat.scope.symbol(*p) for s, p in kept]))
+    turned = ca.reshape(ca.vertcat(*[flat.scope.symbol(i, 0) for i in rotations]), 3, 3).T if oriented else None
+    read = [(i, 0) for i in (*positions, *rotations) if i in set(known)]
+    return KnownChain(flat, chain, joints, kept, at, turned, reached, read)
+
+
+def _explicit(forward: Forward, joints: Sequence[int], targets: Sequence[Pair]) -> CausalPlan | None:
+    """Return the plan of forward kinematics; None if it does not compute everything explicitly from the joints."""
+    try:
+        plan = forward(joints, targets)
+    except ModelError:
+        return None
+    explicit = not plan.states and not plan.uses_time and all(b.kind in ("explicit", "linear") for b in plan.blocks)
+    return plan if explicit and {i for i, _ in plan.inputs} <= set(joints) else None
+
+
+def _known_position(chain: Chain, names: Sequence[int], known: Sequence[int], flat: FlatModel) -> ca.SX | None:
+    """Return the known position; a coordinate that is not known must be one that the joints do not change."""
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (TRIALS, len(chain)))
+    T = chain.pose(q)[0]
+    entries = []
+    for k, i in enumerate(names):
+        if i in known:
+            entries.append(flat.scope.symbol(i, 0))
+        elif np.ptp(T[:, k]) <= CONSTANT * max(1.0, chain.size):
+            entries.append(ca.SX(float(chain.T[k])))
+        else:
+            return None
+    return ca.vertcat(*entries)
+
+
+def _label(label: str, names: Sequence[str]) -> str:
+    """Return the label of a margin with the name of the joint's variable, for q[k]."""
+    for k, name in enumerate(names):
+        if label.startswith(f"q[{k}]"):
+            return name + label.removeprefix(f"q[{k}]")
+    return label
+
+
+def _turned(q: ca.SX, low: float, high: float) -> ca.SX:
+    """Return the angle q, in (-pi, pi], with the full turns that bring it nearest to the middle of the limits."""
+    middle = (low + high) / 2
+    if not np.isfinite(middle) or middle == 0.0:
+        return q
+    return q + 2 * np.pi * ca.floor((middle - q) / (2 * np.pi) + 0.5)
