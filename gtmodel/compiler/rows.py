@@ -165,7 +165,8 @@ def status_codes(
     """Return the status code of each column, from inputs, `iteration` codes, margins (last of results) and outputs.
 
     The first cause counts, and a condition on known values before an iteration. `tolerance`: fraction of the typical
-    size below which a pivot is singular or a branch is left; limits have the precision of the margins. `sizes`: limits of the inputs.
+    size below which a pivot is singular or a branch is left; limits have the precision of the margins. `sizes`: limits
+    of the inputs.
     """
     n = results[-1].shape[1]
     number = results[-1].dtype.type

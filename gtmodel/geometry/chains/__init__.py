@@ -7,3 +7,5 @@ from .closed import (
     Expressions as Expressions,
     closed_form as closed_form,
 )
+from .elbow import ElbowAngle as ElbowAngle, elbow_angle as elbow_angle
+from .postures import LockedJoint as LockedJoint, Postures as Postures, postures as postures

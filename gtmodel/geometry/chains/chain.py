@@ -25,7 +25,7 @@ def snapped(x: ArrayLike, size: float = 1.0) -> np.ndarray:
     """Return x with entries within round-off of 0 and +-1 times `size` set to these: fewer operations later."""
     x = np.asarray(x, float) / size
     near = np.round(np.clip(x, -1, 1))
-    return np.where(np.abs(x - near) < ROUND_OFF, near, x) * size
+    return np.where(np.abs(x - near) < ROUND_OFF, near, x) * size + 0.0  # no -0
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class Chain:
             raise ArgumentError(f"are {h.tolist()}; expected finite directions that are not zero", "axes")
         for name, value in {
             "axes": snapped(h / lengths[:, None]),
-            "points": o,
+            "points": o + 0.0,
             "revolute": kinds,
             "T": np.asarray(T, float).reshape(3),
             "R": snapped(np.eye(3) if R is None else np.asarray(R, float).reshape(3, 3)),
@@ -77,7 +77,7 @@ class Chain:
 
     @cached_property
     def size(self) -> float:
-        """Length of the chain [m]: distances between neighbouring axes and to the end, added; the unit of tolerances."""
+        """Length of the chain [m]: distances between neighbouring axes and to the end, added."""
         feet, lengths = [self.T], []
         for h, o in zip(self.axes[::-1], self.points[::-1], strict=True):
             foot = o + h * (h @ (feet[-1] - o))
@@ -164,7 +164,7 @@ class Chain:
 
     @staticmethod
     def of_function(f: ca.Function) -> Chain | None:
-        """Return the chain of a function of n joint coordinates with the results T (3) and R (3, 3).
+        """Return the chain of a function of n joint coordinates with the results T (3) and R (3, 3), or (9) by rows.
 
         Joint axes are exact derivatives at zero. Returns None if the function is no product of exponentials: another
         result at random joint coordinates, a screw of pitch, or a joint that does not turn by its coordinate.
@@ -172,13 +172,14 @@ class Chain:
         import casadi as ca
 
         u = ca.MX.sym("u", f.numel_in(0))
-        pose = ca.vertcat(ca.vec(f(u)[0]), ca.vec(f(u)[1]))
+        T, R, *_ = f(u)
+        pose = ca.vertcat(ca.vec(T), ca.vec(R.T) if R.shape == (3, 3) else R)  # entries of R by rows
         both = ca.Function("both", [u], [pose, ca.jacobian(pose, u)])
         home, slopes = (np.asarray(ca.densify(x)) for x in both(np.zeros(f.numel_in(0))))
-        T, R = home[:3, 0], home[3:, 0].reshape(3, 3).T
+        T, R = home[:3, 0], home[3:, 0].reshape(3, 3)
         axes, points, kinds = [], [], []
         for slope in slopes.T:
-            turning = slope[3:].reshape(3, 3).T @ R.T
+            turning = slope[3:].reshape(3, 3) @ R.T
             w = np.array([turning[2, 1], turning[0, 2], turning[1, 0]])
             v = slope[:3] - np.cross(w, T)
             kinds.append(bool(np.linalg.norm(w) > 0.5))
@@ -190,7 +191,7 @@ class Chain:
         scale = np.where(kinds, np.pi, chain.size)
         for q in np.random.default_rng(0).uniform(-scale, scale, (TRIALS, len(scale))):
             wanted = np.asarray(ca.densify(both(q)[0]))[:, 0]
-            found = np.concatenate([x[0].ravel(order="F") for x in chain.pose(q)])
+            found = np.concatenate([x[0].ravel() for x in chain.pose(q)])
             off = np.abs(found - wanted) / np.concatenate([np.full(3, max(1.0, chain.size)), np.ones(9)])
             if not np.all(off < SCREW):
                 return None

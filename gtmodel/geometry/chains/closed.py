@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import product
 from typing import Any
 
@@ -160,6 +160,31 @@ class ClosedForm:
         e = self.expressions(ca.SX.sym("T", 3), ca.SX.sym("R", 3, 3), [ca.SX(1)] * len(self.branches))
         return tuple(kind for kind, _, _ in e.margins)
 
+    def values(self, T: np.ndarray, R: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return q (m, 2^k, n), where it exists (m, 2^k) and the smallest pivot (m, 2^k), for T (m, 3), R (m, 3, 3)."""
+        m, k = len(T), len(self.signs)
+        q, margins = self._columns(np.repeat(T, k, axis=0), None if R is None else np.repeat(R, k, axis=0),
+                                   np.tile(self.signs, (m, 1)))  # fmt: skip
+        exists, pivot = np.isfinite(q).all(axis=1), np.full(m * k, np.inf)
+        for kind, margin in zip(self.kinds, margins.T, strict=True):
+            if kind == "pivot":
+                pivot = np.minimum(pivot, np.abs(margin))
+            else:
+                exists &= margin >= 0
+        return q.reshape(m, k, -1), exists.reshape(m, k), pivot.reshape(m, k)
+
+    def branch_values(self, T: np.ndarray, R: np.ndarray | None, signs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return q (m, n) on one branch for each pose, and the smallest margin (m): >= 0 where the posture exists."""
+        q, margins = self._columns(T, R, signs)
+        deciding = [kind != "pivot" for kind in self.kinds]
+        margin = margins[:, deciding].min(axis=1, initial=np.inf)
+        return q, np.where(np.isfinite(q).all(axis=1), margin, -np.inf)
+
+    def _columns(self, T: np.ndarray, R: np.ndarray | None, signs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        turned = np.zeros((len(T), 9)) if R is None else R.transpose(0, 2, 1).reshape(-1, 9)
+        q, margins = (np.asarray(ca.densify(x)).T for x in self.function(T.T, turned.T, signs.T))
+        return q, margins
+
     @cached_property
     def slope_function(self) -> ca.Function:
         """Joint coordinates (n) to the slopes (k)."""
@@ -196,6 +221,7 @@ class ClosedForm:
         return f"q[{j}]" + (f" ({name})" if name else "")
 
 
+@lru_cache(maxsize=64)
 def closed_form(chain: Chain, *, oriented: bool = True) -> ClosedForm | None:
     """Return the closed form of the inverse kinematics of a chain, or None if its axes have no structure for it.
 

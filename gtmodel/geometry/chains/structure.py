@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -94,7 +95,7 @@ def nominal(chain: Chain, plan: Plan) -> Nominal:
     off = [float(np.abs(h * (sign * (-1 if plan.reverse else 1))[:, None] - chain.axes[order]).max())]
     for group in (wrist if len(wrist) > 1 else (), plan.pair if plan.motion == "meet" and plan.pair else ()):
         if group:
-            point = snapped(_common_point(h[list(group)], o[list(group)]), chain.size)
+            point = snapped(common_point(h[list(group)], o[list(group)]), chain.size)
             off += [_distance(point, chain.axes[order[i]], o[i]) / chain.size for i in group]
             o[list(group)] = point
     # the foot of the base's origin has the most zeros
@@ -121,10 +122,10 @@ class _Lines:
 
     def meet(self, *group: int) -> bool:
         h, o = self.h[list(group)], self.o[list(group)]
-        sines = [np.linalg.norm(np.cross(a, b)) for a, b in zip(h, h[1:], strict=False)]
+        sines = [np.linalg.norm(np.cross(a, b)) for a, b in pairwise(h)]
         if min(sines) < max(10 * self.tolerance, 1e-3):
             return False
-        point = _common_point(h, o)
+        point = common_point(h, o)
         return all(_distance(point, a, b) < self.tolerance * self.size for a, b in zip(h, o, strict=True))
 
     def wrist(self, joints: range) -> bool:
@@ -149,7 +150,7 @@ class _Lines:
         return "slide" if not turns else "plane" if abs(self.h[a] @ self.h[b]) < self.tolerance else ""
 
 
-def _common_point(h: np.ndarray, o: np.ndarray) -> np.ndarray:
+def common_point(h: np.ndarray, o: np.ndarray) -> np.ndarray:
     """Return the point with the least sum of squared distances from lines."""
     across = np.eye(3) - h[:, :, None] * h[:, None, :]
     return np.linalg.solve(across.sum(axis=0), np.einsum("nij,nj->i", across, o))
