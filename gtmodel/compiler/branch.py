@@ -98,7 +98,7 @@ class RootSigns:
         for n, root in enumerate(self._roots):
             if root.name:
                 # at a singular start both signs occur: then +1, as named
-                default = 1 if 2 * np.sum(at_start[:, n] > 0) >= len(at_start) else -1
+                default = root.value or (1 if 2 * np.sum(at_start[:, n] > 0) >= len(at_start) else -1)
                 by = root.name if root.name in requested else ""
                 settled.append(replace(root, settled_by=by, value=requested.get(root.name, default)))
                 signs[n] = settled[n].value

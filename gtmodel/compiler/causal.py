@@ -317,6 +317,8 @@ class CausalFunction:
                 return f"{status.message}: the known values do not satisfy {m.label}"
             if m.kind == "solution" and not value >= 0:
                 return f"{status.message}: no solution satisfies {m.label} together with the other known values"
+            if m.kind == "limit" and not value >= 0:
+                return f"{status.message}: no solution was found within the limits of {m.label}"
             if m.kind == "turn" and not value >= 0:
                 return f"{status.message}: the iteration found {m.label}"
             if m.kind == "discriminant" and not value >= 0:

@@ -197,6 +197,7 @@ def build(
                 scale=block.scale,
                 label=", ".join(block.labels),
                 even=quaternions,
+                starts=None if plan.chain is None else plan.chain.starts(block, a),
             )
         )
     return Built(closed, kernels, guarded(closed, kernels, facts, sizes, name, names_in, with_status))

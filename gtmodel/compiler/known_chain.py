@@ -14,11 +14,13 @@ import casadi as ca
 import numpy as np
 
 from ..geometry.chains import Chain, closed_form
+from ..geometry.chains.search import Search
 from ..lang.source import ModelError
 from .alias import AliasResult
-from .blocks import Margin, Root, SolvedBlock
+from .blocks import Margin, NewtonBlock, Root, SolvedBlock
 from .flat import FlatModel
 from .known_poses import freedoms_of
+from .rows import map_columns
 
 if TYPE_CHECKING:
     from .plan import CausalPlan
@@ -55,6 +57,11 @@ class KnownChain:
         return [pair for _, pair in self.kept]
 
     @property
+    def started(self) -> bool:
+        """Whether a coordinate has a start value."""
+        return any(self.flat.variables[i].start is not None for i in self.joints)
+
+    @property
     def limits(self) -> np.ndarray:
         """Lower and upper limits of the coordinates (n, 2)."""
         return np.array([[self.flat.variables[i].min, self.flat.variables[i].max] for i in self.joints])
@@ -68,6 +75,19 @@ class KnownChain:
             margins += [Margin("limit", q - v.min, label)] if np.isfinite(v.min) else []
             margins += [Margin("limit", v.max - q, label)] if np.isfinite(v.max) else []
         return margins
+
+    def newton_margins(self) -> SolvedBlock:
+        """Return a block with the limits of joints that Newton's method finds, and the reach of the chain."""
+        margins = self.limit_margins([sign * self.flat.scope.symbol(*pair) for sign, pair in self.kept])
+        if all(self.chain.revolute):
+            centre = self.chain.T
+            for h, o in zip(self.chain.axes[::-1], self.chain.points[::-1], strict=True):
+                centre = o + h * (h @ (centre - o))
+            off = self.T - ca.SX(centre)
+            size = (1 + 1e-9) * self.chain.size
+            label = f"a distance of {size:.4g} m from joint 1 at most"
+            margins.insert(0, Margin("condition", size**2 - ca.dot(off, off), label))
+        return SolvedBlock("condition", [], [], [], margins, detail="reach and limits")
 
     def solved(self) -> SolvedBlock | None:
         """Return the block that computes the joints in closed form, None without a closed form."""
@@ -83,9 +103,10 @@ class KnownChain:
         margins += self.limit_margins(q)
         symbols = [flat.scope.symbol(*pair) for pair in self.symbols]
         assignments = [(s, sign * x) for s, x, (sign, _) in zip(symbols, q, self.kept, strict=True)]
+        value = 0 if self.started else 1  # without start values, the first of the two words
         slopes = form.slopes(ca.vertcat(*[sign * s for s, (sign, _) in zip(symbols, self.kept, strict=True)]))
         roots = [
-            Root(sign, slope, f"{b.name}, {b.words[0]} (+) or {b.words[1]} (-)", name=b.name)
+            Root(sign, slope, f"{b.name}, {b.words[0]} (+) or {b.words[1]} (-)", value, name=b.name)
             for sign, slope, b in zip(signs, slopes, form.branches, strict=True)
         ]
         given = self.T if self.R is None else ca.vertcat(self.T, ca.vec(self.R))
@@ -93,6 +114,46 @@ class KnownChain:
         equations = [f"the pose of the chain of {', '.join(names)}"]
         unknowns = [s.name() for s in symbols]
         return SolvedBlock(CLOSED, unknowns, equations, assignments, margins, roots, form.structure, closures=closures)
+
+
+    def is_solved_by(self, blocks: Sequence[NewtonBlock]) -> bool:
+        """Return whether these blocks are one, and its unknowns are the joints of the chain."""
+        found = [self.flat.scope.owner(u) for b in blocks for u in b.unknowns]
+        return len(blocks) == 1 and None not in found and sorted(filter(None, found)) == sorted(self.symbols)
+
+    def starts(self, block: NewtonBlock, a: ca.SX) -> ChainStarts:
+        """Return starts for a Newton block in the joints of the chain, with the known values in the column `a`."""
+        order = np.array([self.symbols.index(p) for p in map(self.flat.scope.owner, block.unknowns) if p is not None])
+        signs = np.array([sign for sign, _ in self.kept])[order]
+        R = ca.SX(ca.DM.eye(3)) if self.R is None else self.R
+        pose = ca.Function("pose", [a], [ca.densify(self.T), ca.densify(ca.vec(R))])
+        starts = np.array([[self.flat.variables[i].start or 0.0 for i in self.joints]])
+        return ChainStarts(Search(self.chain, self.limits, starts, self.R is not None), pose, order, signs)
+
+
+@dataclass(frozen=True, eq=False)
+class ChainStarts:
+    """Starts of Newton's method for a chain of joints, see `newton.Starts`.
+
+    `pose`: known values -> T, R by columns; `order` and `signs`: the joint that stands for each unknown.
+    """
+
+    search: Search
+    pose: ca.Function
+    order: np.ndarray
+    signs: np.ndarray
+
+    def wanted(self, z: np.ndarray) -> np.ndarray:
+        q = np.empty_like(z.T)
+        q[:, self.order] = z.T * self.signs
+        return ~self.search.within(q)  # NaN too
+
+    def guesses(self, a: np.ndarray) -> np.ndarray:
+        T, R = map_columns(self.pose, [a])
+        R = R.T.reshape(-1, 3, 3).transpose(0, 2, 1)
+        u, _, vt = np.linalg.svd(R)  # the nearest rotation: a matrix with six digits is accepted
+        q, _ = self.search.solve(T.T.copy(), u @ vt)
+        return (q[:, self.order] * self.signs).T.copy()
 
 
 def known_chain(flat: FlatModel, alias: AliasResult, known: Sequence[int], forward: Forward) -> KnownChain | None:

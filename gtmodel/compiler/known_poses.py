@@ -29,6 +29,7 @@ from .states import RANK_TOLERANCE
 POINTS = 3
 SPREADS = (0.7, 0.3, 1.2, 0.7, 0.3, 0.1)
 AXES = "xyz"
+LAST = -9  # preference as a state of the model's values beside known ones
 
 Pair = tuple[int, int]
 
@@ -142,7 +143,7 @@ def _known_pose(flat: FlatModel, known: frozenset[int]) -> KnownPose | None:
         for i in indices:
             v = flat.variables[i]
             scope.new_chain(f"reached {v.name}")
-            variables.append(replace(v, name=f"reached {v.name}", index=len(variables), role="variable"))
+            variables.append(replace(v, name=f"reached {v.name}", index=len(variables), role="variable", prefer=LAST))
         symbols = [scope.symbol(first + k, 0) for k in range(len(indices))]
         for k, i in enumerate(indices):
             old.extend(scope.symbol(i, m) for m in range(len(scope.chains[i])))

@@ -45,8 +45,8 @@ class CausalPlan:
     the parameters in the blocks. `conditions` are equations among the elements of one known variable; `on_known` are
     these and their derivatives up to the order of the inputs. `undetermined` variables have too few equations, but no
     target needs them. `moved` are start values that do not satisfy the equations. `sides` are margins that check the
-    branch of Newton's solutions. `numbers`: for a plan with symbolic parameters, the plan with numeric ones, which
-    determines how large inputs may be.
+    branch of Newton's solutions. `chain`: the chain of joints whose pose is known, for Newton's method. `numbers`:
+    for a plan with symbolic parameters, the plan with numeric ones, which determines how large inputs may be.
     """
 
     flat: FlatModel
@@ -69,6 +69,7 @@ class CausalPlan:
     moved: list[Moved] = field(default_factory=list)
     sides: list[Margin] = field(default_factory=list)
     numbers: CausalPlan | None = None
+    chain: KnownChain | None = None
 
     @property
     def newton(self) -> list[NewtonBlock]:
@@ -153,23 +154,29 @@ def make_plan(
             return make_plan(model, joints, wanted, fold=fold)
 
         chain = known_chain(model, posed.alias, known, forward)
-        closed = None if chain is None else chain.solved()
-        shorter = None if chain is None or closed is None else order.without(posed, chain, folded)
-        if closed is not None and shorter is not None:
+        block = None if chain is None else chain.solved()
+        shorter = None if chain is None or block is None else order.without(posed, chain, folded)
+        if block is not None and shorter is not None:
             order = shorter
-            blocks = [closed, *solved(order)]
+            blocks = [block, *solved(order)]
     check_branches(flat, blocks, branches or {})
-    read, on_known = _read(posed, order, fold, sampler, samples, chain if blocks and blocks[0].kind == CLOSED else None)
+    closed = bool(blocks) and blocks[0].kind == CLOSED
+    read, on_known = _read(posed, order, fold, sampler, samples, chain if closed else None)
     if on_known:
         blocks.insert(0, condition_block(on_known, posed.pose.reflections() if posed.pose else ()))
-    if posed.pose is not None and not any(b.kind == CLOSED for b in blocks):
+    if posed.pose is not None and not closed:
         blocks += posed.pose.condition_blocks(posed.alias, any(b.newton for b in blocks))
+    if chain is not None and (closed or not chain.is_solved_by([b.newton for b in blocks if b.newton])):
+        chain = None
+    if chain is not None:
+        blocks.append(chain.newton_margins())
     computed = [folded[i][m] for c in order.components for i, m in c] + [c.residual for c in on_known]
     plan = CausalPlan(
         flat=flat, alias=posed.alias, structure=posed.structure, stages=stages, known=list(known),
         states=order.states, inputs=sorted(read), blocks=blocks, pairs=posed.pairs, samples=samples,
         uses_time=_holds_time(flat, computed), parameters=flat.p if fold is None else fold, sampler=sampler,
         system=system, conditions=posed.conditions, on_known=on_known, undetermined=posed.undetermined, moved=changed,
+        chain=chain,
     )  # fmt: skip
     if at is None:
         plan = settle(plan, sampler, branches or {})
