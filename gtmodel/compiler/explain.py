@@ -91,4 +91,5 @@ def _home(plan: CausalPlan) -> list[str]:
             continue
         values = [f"{sign * plan.samples[0][place[kept, k]]:.6g}" for sign, kept, k in resolved]
         parts.append(f"{name} = {values[0] if len(values) == 1 else '[' + ', '.join(values) + ']'}")
-    return [f"  home pose: {'; '.join(parts)}"] if parts else []
+    moved = "  the start values are singular: the home pose is a regular one near them" if plan.singular else ""
+    return [f"  home pose: {'; '.join(parts)}", *([moved] if moved else [])] if parts else []

@@ -18,6 +18,7 @@ from ..geometry.chains.search import Search
 from ..lang.source import ModelError
 from .alias import AliasResult
 from .blocks import Margin, NewtonBlock, Root, SolvedBlock
+from .consistency.points import Sampler
 from .flat import FlatModel
 from .known_poses import freedoms_of
 from .rows import map_columns
@@ -116,6 +117,15 @@ class KnownChain:
         return SolvedBlock(CLOSED, unknowns, equations, assignments, margins, roots, form.structure, closures=closures)
 
 
+    def regular_starts(self, sampler: Sampler, samples: np.ndarray) -> dict[Pair, float]:
+        """Return start values of the joints for a pose that is not singular; empty if the first sample is regular."""
+        places = [sampler.position[pair] for pair in self.symbols]
+        q = np.array([sign * samples[0][n] for n, (sign, _) in zip(places, self.kept, strict=True)])
+        other = Search(self.chain, self.limits, q[None], self.R is not None).regular(q)
+        if other is q:
+            return {}
+        return {pair: float(sign * x) for x, (sign, pair) in zip(other, self.kept, strict=True)}
+
     def is_solved_by(self, blocks: Sequence[NewtonBlock]) -> bool:
         """Return whether these blocks are one, and its unknowns are the joints of the chain."""
         found = [self.flat.scope.owner(u) for b in blocks for u in b.unknowns]
@@ -127,8 +137,17 @@ class KnownChain:
         signs = np.array([sign for sign, _ in self.kept])[order]
         R = ca.SX(ca.DM.eye(3)) if self.R is None else self.R
         pose = ca.Function("pose", [a], [ca.densify(self.T), ca.densify(ca.vec(R))])
-        starts = np.array([[self.flat.variables[i].start or 0.0 for i in self.joints]])
-        return ChainStarts(Search(self.chain, self.limits, starts, self.R is not None), pose, order, signs)
+        return ChainStarts(Search(self.chain, self.limits, self._declared, self.R is not None), pose, order, signs)
+
+    @property
+    def _declared(self) -> np.ndarray:
+        """Declared starts of the coordinates (k, n), the first from the variables, others from `further_starts`."""
+        rows = [[self.flat.variables[i].start or 0.0 for i in self.joints]]
+        for name, starts in getattr(type(self.flat.root), "further_starts", {}).items():
+            indices = self.flat.groups[name][1] if name in self.flat.groups else []
+            if set(self.joints) <= set(indices):
+                rows += [[row[indices.index(i)] for i in self.joints] for row in starts]
+        return np.array(rows)
 
 
 @dataclass(frozen=True, eq=False)

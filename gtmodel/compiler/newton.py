@@ -31,6 +31,8 @@ EVEN = 1e-9
 CHUNK = 4096
 # ratio of the smallest to the largest singular value below which a solution is singular: half of the digits are lost
 SINGULAR = 1e-8
+# the same at a pose of a chain at which corrections do not contract: then it is the cause
+NEARLY_SINGULAR = 1e-4
 
 
 class Starts(Protocol):
@@ -139,6 +141,7 @@ class NewtonKernel:
             alive[rows[~good]] &= step[rows[~good]] >= SHORTEST_STEP
         converged = alive & (done >= 1.0)
         z[:, ~converged] = np.nan
+        blocked = np.zeros(n, dtype=bool)
         if self.starts is not None:
             guessed = np.zeros(n, dtype=bool) if guess is None else np.all(np.isfinite(guess), axis=0) & converged
             rows = np.flatnonzero(self.starts.wanted(z) & ~guessed & np.all(np.isfinite(a), axis=0))
@@ -146,8 +149,16 @@ class NewtonKernel:
             corrected, good = self._correct(others, a[:, rows])
             z[:, rows[good]] = corrected[:, good]
             converged[rows[good]] = True
-        singular = np.zeros(n, dtype=bool)
-        ok = np.flatnonzero(converged)
+            # a pose was found, but corrections do not contract there
+            slow = np.flatnonzero(~good & np.all(np.isfinite(others), axis=0) & ~converged[rows])
+            if slow.size:
+                _, jacobian = self._evaluate(others[:, slow], a[:, rows[slow]])
+                s = np.linalg.svd(jacobian * self.scale, compute_uv=False)
+                near = slow[s[:, -1] <= NEARLY_SINGULAR * s[:, 0]]
+                z[:, rows[near]], blocked[rows[near]] = others[:, near], True
+                converged[rows[near]] = True
+        singular = blocked
+        ok = np.flatnonzero(converged & ~blocked)
         if ok.size:
             _, jacobian = self._evaluate(z[:, ok], a[:, ok])
             singular[ok] = is_singular(jacobian * self.scale)

@@ -45,8 +45,9 @@ class CausalPlan:
     the parameters in the blocks. `conditions` are equations among the elements of one known variable; `on_known` are
     these and their derivatives up to the order of the inputs. `undetermined` variables have too few equations, but no
     target needs them. `moved` are start values that do not satisfy the equations. `sides` are margins that check the
-    branch of Newton's solutions. `chain`: the chain of joints whose pose is known, for Newton's method. `numbers`:
-    for a plan with symbolic parameters, the plan with numeric ones, which determines how large inputs may be.
+    branch of Newton's solutions. `chain`: the chain of joints whose pose is known, for Newton's method; `singular`:
+    the start values of its joints are singular. `numbers`: for a plan with symbolic parameters, the plan with numeric
+    ones, which determines how large inputs may be.
     """
 
     flat: FlatModel
@@ -70,6 +71,7 @@ class CausalPlan:
     sides: list[Margin] = field(default_factory=list)
     numbers: CausalPlan | None = None
     chain: KnownChain | None = None
+    singular: bool = False
 
     @property
     def newton(self) -> list[NewtonBlock]:
@@ -168,15 +170,20 @@ def make_plan(
         blocks += posed.pose.condition_blocks(posed.alias, any(b.newton for b in blocks))
     if chain is not None and (closed or not chain.is_solved_by([b.newton for b in blocks if b.newton])):
         chain = None
+    regular: dict[Pair, float] = {}
     if chain is not None:
         blocks.append(chain.newton_margins())
+        regular = chain.regular_starts(sampler, samples)
+    if regular:
+        sampler = replace(sampler, starts={**sampler.starts, **regular})
+        samples = sampler.points(SAMPLE_POINTS)
     computed = [folded[i][m] for c in order.components for i, m in c] + [c.residual for c in on_known]
     plan = CausalPlan(
         flat=flat, alias=posed.alias, structure=posed.structure, stages=stages, known=list(known),
         states=order.states, inputs=sorted(read), blocks=blocks, pairs=posed.pairs, samples=samples,
         uses_time=_holds_time(flat, computed), parameters=flat.p if fold is None else fold, sampler=sampler,
         system=system, conditions=posed.conditions, on_known=on_known, undetermined=posed.undetermined, moved=changed,
-        chain=chain,
+        chain=chain, singular=bool(regular),
     )  # fmt: skip
     if at is None:
         plan = settle(plan, sampler, branches or {})

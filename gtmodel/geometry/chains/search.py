@@ -18,6 +18,8 @@ REACHED = 1e-9  # relative size of a remaining pose error
 HOPELESS = 0.3  # a descent whose error is larger after HALFWAY iterations is left
 HALFWAY = 15
 DAMPING, LESS, MORE = 1e-2, 0.2, 4.0  # at the start, and factors after a good and a bad step
+REGULAR = 0.02  # ratio of singular values of the Jacobian, below which a start is nearly singular
+NEIGHBOURHOODS, TRIED = (0.15, 0.3, 0.6, 1.0), 32  # rad, or of half the chain's length; points tried in each
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29)
 
 
@@ -69,6 +71,31 @@ class Search:
         """Return which rows of q (m, n) are within the limits."""
         return np.all((q >= self.limits[:, 0]) & (q <= self.limits[:, 1]), axis=1)
 
+    def regular(self, q: np.ndarray) -> np.ndarray:
+        """Return joint coordinates (n,) at which the chain is not nearly singular: q itself, or the best within the
+        limits in the smallest neighbourhood of q that has any."""
+        if self._conditioning(q[None])[0] >= REGULAR:
+            return q
+        half = np.where(self.chain.revolute, 1.0, self.chain.size / 2)
+        best, most = q, 0.0
+        for part in NEIGHBOURHOODS:
+            low = np.maximum(self.limits[:, 0], q - part * half)
+            high = np.minimum(self.limits[:, 1], q + part * half)
+            points = low + _spread(TRIED, len(q)) * (high - low)
+            values = self._conditioning(points)
+            if np.max(values) > most:
+                best, most = points[int(np.argmax(values))], float(np.max(values))
+            if most >= REGULAR:
+                break
+        return best
+
+    def _conditioning(self, q: np.ndarray) -> np.ndarray:
+        """Return the ratio of the smallest to the largest singular value of the Jacobian at q (m, n)."""
+        rows, unit = 6 if self.oriented else 3, np.where(self.chain.revolute, 1.0, self.chain.size)
+        weight = np.concatenate([np.full(3, 1 / self.chain.size), np.ones(3)])[:rows, None]
+        s = np.linalg.svd(self.chain.jacobian(q)[:, :rows] * weight * unit, compute_uv=False)
+        return s[:, min(rows, len(self.chain)) - 1] / s[:, 0]
+
     @cached_property
     def _middle(self) -> np.ndarray:
         middle = self.limits.mean(axis=1) if np.isfinite(self.limits).any() else np.full(len(self.chain), np.nan)
@@ -82,8 +109,7 @@ class Search:
         half = np.where(self.chain.revolute, np.pi, self.chain.size)
         low = np.maximum(self.limits[:, 0], self._middle - half)
         high = np.minimum(self.limits[:, 1], self._middle + half)
-        parts = np.array([[_radical_inverse(k, PRIMES[j % len(PRIMES)]) for j in range(n)] for k in range(1, TABLE + 1)])
-        return low + parts * (high - low)
+        return low + _spread(TABLE, n) * (high - low)
 
     @cached_property
     def _poses(self) -> tuple[np.ndarray, np.ndarray]:
@@ -141,8 +167,13 @@ class Search:
         return q, square <= REACHED**2
 
 
+def _spread(count: int, n: int) -> np.ndarray:
+    """Return points of low discrepancy (count, n) in the unit cube (Halton 1960)."""
+    return np.array([[_radical_inverse(k, PRIMES[j % len(PRIMES)]) for j in range(n)] for k in range(1, count + 1)])
+
+
 def _radical_inverse(k: int, base: int) -> float:
-    """Return the k-th number of the van der Corput sequence (Halton 1960)."""
+    """Return the k-th number of the van der Corput sequence."""
     value, part = 0.0, 1.0
     while k:
         part /= base

@@ -228,9 +228,10 @@ def arm_class(structure: ArmStructure) -> type[SerialArm]:
     n, moving = len(joints), len(structure.leaders)
     limits = structure.limits()
     low, high = (x if np.all(np.isfinite(x)) else None for x in limits.T)
-    start = np.clip(np.zeros(moving), *limits.T)
+    start = np.array(structure.starts[0]) if structure.starts else np.clip(np.zeros(moving), *limits.T)
     body: dict[str, Any] = {
         "structure": structure,
+        "further_starts": {"q": structure.starts[1:]},
         "q": gt.variable(
             moving, unit=units["q"], start=start, prefer=1, min=low, max=high, description="joint coordinates"
         ),
