@@ -197,7 +197,7 @@ def build(
                 scale=block.scale,
                 label=", ".join(block.labels),
                 even=quaternions,
-                starts=None if plan.chain is None else plan.chain.starts(block, a),
+                starts=plan.chain.starts(block, a) if plan.chain and plan.chain.is_solved_by([block]) else None,
             )
         )
     return Built(closed, kernels, guarded(closed, kernels, facts, sizes, name, names_in, with_status))

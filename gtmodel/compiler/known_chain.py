@@ -41,7 +41,7 @@ class KnownChain:
 
     `joints`: the indices of its coordinates; `kept`: sign and symbol (index, order) that stand for each; `T`, `R`: the
     known pose, R is None if only the position is known; `reached`: T and then R in columns, in terms of `kept`; `read`:
-    the known symbols.
+    the known symbols, and `place` their places in T and the rows of R.
     """
 
     flat: FlatModel
@@ -52,10 +52,21 @@ class KnownChain:
     R: ca.SX | None
     reached: ca.SX
     read: list[Pair]
+    place: list[int]
 
     @property
     def symbols(self) -> list[Pair]:
         return [pair for _, pair in self.kept]
+
+    @property
+    def has_conditions(self) -> bool:
+        """Whether more numbers of the pose are known than the chain has joints."""
+        return len(self.joints) < (6 if self.R is not None else 3)
+
+    def pose_values(self, q: np.ndarray) -> np.ndarray:
+        """Return the known values (m, read) at joint coordinates q (m, n)."""
+        T, R = self.chain.pose(q)
+        return np.hstack([T, R.reshape(-1, 9)])[:, self.place]
 
     @property
     def started(self) -> bool:
@@ -207,8 +218,9 @@ def known_chain(flat: FlatModel, alias: AliasResult, known: Sequence[int], forwa
     kept = [(float(sign), (i, 0)) for sign, i, _ in places]
     reached = ca.substitute(ca.vertcat(T, ca.vec(R)), u, ca.vertcat(*[s * flat.scope.symbol(*p) for s, p in kept]))
     turned = ca.reshape(ca.vertcat(*[flat.scope.symbol(i, 0) for i in rotations]), 3, 3).T if oriented else None
-    read = [(i, 0) for i in (*positions, *rotations) if i in set(known)]
-    return KnownChain(flat, chain, joints, kept, at, turned, reached, read)
+    place = [k for k, i in enumerate((*positions, *rotations)) if i in set(known)]
+    read = [((*positions, *rotations)[k], 0) for k in place]
+    return KnownChain(flat, chain, joints, kept, at, turned, reached, read, place)
 
 
 def _explicit(forward: Forward, joints: Sequence[int], targets: Sequence[Pair]) -> CausalPlan | None:

@@ -45,9 +45,9 @@ class CausalPlan:
     the parameters in the blocks. `conditions` are equations among the elements of one known variable; `on_known` are
     these and their derivatives up to the order of the inputs. `undetermined` variables have too few equations, but no
     target needs them. `moved` are start values that do not satisfy the equations. `sides` are margins that check the
-    branch of Newton's solutions. `chain`: the chain of joints whose pose is known, for Newton's method; `singular`:
-    the start values of its joints are singular. `numbers`: for a plan with symbolic parameters, the plan with numeric
-    ones, which determines how large inputs may be.
+    branch of Newton's solutions. `chain`: the chain of joints whose pose is known; `singular`: the start values of its
+    joints are singular for Newton's method. `numbers`: for a plan with symbolic parameters, the plan with numeric ones,
+    which determines how large inputs may be.
     """
 
     flat: FlatModel
@@ -168,10 +168,11 @@ def make_plan(
         blocks.insert(0, condition_block(on_known, posed.pose.reflections() if posed.pose else ()))
     if posed.pose is not None and not closed:
         blocks += posed.pose.condition_blocks(posed.alias, any(b.newton for b in blocks))
-    if chain is not None and (closed or not chain.is_solved_by([b.newton for b in blocks if b.newton])):
+    newton = [b.newton for b in blocks if b.newton is not None]
+    if chain is not None and not closed and not chain.is_solved_by(newton):
         chain = None
     regular: dict[Pair, float] = {}
-    if chain is not None:
+    if chain is not None and not closed:
         blocks.append(chain.newton_margins())
         regular = chain.regular_starts(sampler, samples)
     if regular:
