@@ -127,7 +127,6 @@ class KnownChain:
         unknowns = [s.name() for s in symbols]
         return SolvedBlock(CLOSED, unknowns, equations, assignments, margins, roots, form.structure, closures=closures)
 
-
     def regular_starts(self, sampler: Sampler, samples: np.ndarray) -> dict[Pair, float]:
         """Return start values of the joints for a pose that is not singular; empty if the first sample is regular."""
         places = [sampler.position[pair] for pair in self.symbols]
@@ -194,7 +193,7 @@ def known_chain(flat: FlatModel, alias: AliasResult, known: Sequence[int], forwa
     """
     freedoms = freedoms_of(flat, known)
     pose = freedoms.pose()
-    if pose is None:
+    if pose is None or not freedoms.is_open:
         return None
     positions, rotations = pose
     oriented, joints = set(rotations) <= set(known), freedoms.joints

@@ -24,6 +24,7 @@ from .consistency.points import RESIDUAL_TOLERANCE, Sampler
 from .flat import FlatEquation, FlatModel
 from .relevance import CONDITION_TOLERANCE
 from .states import RANK_TOLERANCE
+from .tearing import determines
 
 # points at which freedoms are counted, and their distances from the start values in nominals: away from singular poses
 POINTS = 3
@@ -238,6 +239,7 @@ class Freedoms:
         equations = _connected(flat, self._alias, [i for _, indices in self.groups for i in indices])
         if not equations:
             return
+        self._residuals = equations
         residual = ca.vertcat(*equations)
         pairs = sorted(set(flat.scope.symbols_in(residual)))
         starts = {p: x for p, x in starts_of(flat, self._alias).items() if p in set(pairs)}
@@ -289,6 +291,13 @@ class Freedoms:
                 units = [r / np.linalg.norm(r) for r in rows]
                 free = [t - np.outer(t @ u, u) for t, u in zip(free, units, strict=True)]
         return sorted(chosen)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether positions and rotations follow from the joints one after the other: the mechanism has no loops."""
+        pairs = self._sampler.pairs
+        symbols = [self._flat.scope.symbol(*pair) for pair in pairs]
+        return determines(self._residuals, symbols, [n for n, (i, _) in enumerate(pairs) if i in set(self.joints)])
 
     def _rows(self, name: str, indices: list[int], w: np.ndarray, tangent: np.ndarray) -> np.ndarray:
         """Return the velocities (3, freedoms) of a position or a rotation along the free directions at a point."""

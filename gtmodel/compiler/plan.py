@@ -100,6 +100,7 @@ def make_plan(
     fold: ca.SX | None = None,
     at: tuple[np.ndarray, float] | None = None,
     apart: Collection[int] = (),
+    chains: bool = True,
 ) -> CausalPlan:
     """Make the plan of one causality.
 
@@ -114,6 +115,7 @@ def make_plan(
         at: one consistent point over the plan's `pairs`, and its time; states and branches are chosen there,
             regardless of declarations. The simulation uses it to switch states during a run.
         apart: indices of variables that are left out together with their equations.
+        chains: solve chains of joints whose pose is known in closed form if that is possible.
 
     Raises ModelError for a system that is not square, redundant, singular or without a consistent point.
     """
@@ -150,10 +152,10 @@ def make_plan(
 
     blocks = solved(order)
     chain = None
-    if any(b.newton for b in blocks) and at is None:
+    if chains and any(b.newton for b in blocks) and at is None:
 
         def forward(joints: Sequence[int], wanted: Sequence[Pair]) -> CausalPlan:
-            return make_plan(model, joints, wanted, fold=fold)
+            return make_plan(model, joints, wanted, fold=fold, chains=False)
 
         chain = known_chain(model, posed.alias, known, forward)
         block = None if chain is None else chain.solved()

@@ -25,18 +25,11 @@ class Torn:
 def torn(residuals: Sequence[ca.SX], unknowns: Sequence[ca.SX], preference: Sequence[int]) -> Torn | None:
     """Return the block torn at the unknowns of the fewest preference levels that determine the others; None if an
     unknown would have to be solved from an equation in which its coefficient is not a number."""
-    column = ca.vertcat(*unknowns)
-    jacobian = ca.jacobian(ca.vertcat(*residuals), column)
-    numbers = {(i, j): float(value) for i, j, value in triplets(jacobian) if value.is_constant()}
-    numbers = {entry: value for entry, value in numbers.items() if value != 0.0}
-    inside: list[set[int]] = [set() for _ in residuals]
-    rows_of: list[list[int]] = [[] for _ in unknowns]
-    for i, j in sorted(zip(*jacobian.sparsity().get_triplet(), strict=True)):
-        inside[i].add(j)
-        rows_of[j].append(i)
+    use = _Use(residuals, unknowns)
+    numbers = use.numbers
     for level in sorted(set(preference), reverse=True)[:-1]:
         kept = [j for j, p in enumerate(preference) if p >= level]
-        order = _forward(inside, rows_of, numbers, kept)
+        order = use.forward(kept)
         if len(order) + len(kept) == len(unknowns):
             break
     else:
@@ -51,29 +44,45 @@ def torn(residuals: Sequence[ca.SX], unknowns: Sequence[ca.SX], preference: Sequ
     return Torn([unknowns[j] for j in kept], remaining, assignments)
 
 
-def _forward(
-    inside: list[set[int]], rows_of: list[list[int]], numbers: dict[tuple[int, int], float], kept: Sequence[int]
-) -> list[tuple[int, int]]:
-    """Return (row, unknown) in the order in which each row has only this unknown left."""
-    left = [set(row) for row in inside]
-    order: list[tuple[int, int]] = []
-    found = set(kept)
-    for j in kept:
-        for i in rows_of[j]:
-            left[i].discard(j)
-    ready = [i for i, row in enumerate(left) if len(row) == 1]
-    while ready:
-        ready.sort(reverse=True)
-        i = ready.pop()
-        if len(left[i]) != 1:
-            continue
-        (j,) = left[i]
-        if (i, j) not in numbers or j in found:
-            continue
-        found.add(j)
-        order.append((i, j))
-        for k in rows_of[j]:
-            left[k].discard(j)
-            if len(left[k]) == 1:
-                ready.append(k)
-    return order
+def determines(residuals: Sequence[ca.SX], unknowns: Sequence[ca.SX], kept: Sequence[int]) -> bool:
+    """Return whether the unknowns at these positions determine all others one by one, as joints of an open chain do."""
+    return len(_Use(residuals, unknowns).forward(kept)) == len(unknowns) - len(kept) == len(residuals)
+
+
+class _Use:
+    """Which unknowns each equation uses, and the coefficients that are numbers other than zero."""
+
+    def __init__(self, residuals: Sequence[ca.SX], unknowns: Sequence[ca.SX]) -> None:
+        jacobian = ca.jacobian(ca.vertcat(*residuals), ca.vertcat(*unknowns))
+        numbers = {(i, j): float(value) for i, j, value in triplets(jacobian) if value.is_constant()}
+        self.numbers = {entry: value for entry, value in numbers.items() if value != 0.0}
+        self._inside: list[set[int]] = [set() for _ in residuals]
+        self._rows_of: list[list[int]] = [[] for _ in unknowns]
+        for i, j in sorted(zip(*jacobian.sparsity().get_triplet(), strict=True)):
+            self._inside[i].add(j)
+            self._rows_of[j].append(i)
+
+    def forward(self, kept: Sequence[int]) -> list[tuple[int, int]]:
+        """Return (row, unknown) in the order in which each row has only this unknown left."""
+        left = [set(row) for row in self._inside]
+        order: list[tuple[int, int]] = []
+        found = set(kept)
+        for j in kept:
+            for i in self._rows_of[j]:
+                left[i].discard(j)
+        ready = [i for i, row in enumerate(left) if len(row) == 1]
+        while ready:
+            ready.sort(reverse=True)
+            i = ready.pop()
+            if len(left[i]) != 1:
+                continue
+            (j,) = left[i]
+            if (i, j) not in self.numbers or j in found:
+                continue
+            found.add(j)
+            order.append((i, j))
+            for k in self._rows_of[j]:
+                left[k].discard(j)
+                if len(left[k]) == 1:
+                    ready.append(k)
+        return order
