@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -101,8 +102,9 @@ class KnownChain:
             margins.insert(0, Margin("condition", size**2 - ca.dot(off, off), label))
         return SolvedBlock("condition", [], [], [], margins, detail="reach and limits")
 
+    @cached_property
     def solved(self) -> SolvedBlock | None:
-        """Return the block that computes the joints in closed form, None without a closed form."""
+        """The block that computes the joints in closed form, None without a closed form."""
         flat, names = self.flat, [self.flat.variables[i].name for i in self.joints]
         form = closed_form(self.chain, oriented=self.R is not None)
         if form is None:
@@ -185,12 +187,23 @@ class ChainStarts:
         return (q[:, self.order] * self.signs).T.copy()
 
 
-def known_chain(flat: FlatModel, alias: AliasResult, known: Sequence[int], forward: Forward) -> KnownChain | None:
-    """Return the serial chain whose pose is known; None if there is none.
+def known_chain(
+    flat: FlatModel, alias: AliasResult, known: Sequence[int], forward: Forward, fold: ca.SX | None
+) -> KnownChain | None:
+    """Return the serial chain whose pose is known; None if there is none. Cached for parameters that are numbers.
 
     flat: the model before its known rotations are rewritten; alias: the aliases of the rewritten one. forward: returns
-    the plan of the causality from known variables, by index, to targets.
+    the plan of the causality from known variables, by index, to targets. fold: values of the parameters.
     """
+    if fold is None or not fold.is_constant():
+        return _known_chain(flat, alias, known, forward)
+    key = "known chain", frozenset(known), frozenset(alias.removed), tuple(ca.DM(fold).elements())
+    if key not in flat.cache:
+        flat.cache[key] = _known_chain(flat, alias, known, forward)
+    return flat.cache[key]
+
+
+def _known_chain(flat: FlatModel, alias: AliasResult, known: Sequence[int], forward: Forward) -> KnownChain | None:
     freedoms = freedoms_of(flat, known)
     pose = freedoms.pose()
     if pose is None or not freedoms.is_open:
@@ -257,7 +270,7 @@ def _label(label: str, names: Sequence[str]) -> str:
 
 def _turned(q: ca.SX, low: float, high: float) -> ca.SX:
     """Return the angle q, in (-pi, pi], with the full turns that bring it nearest to the middle of the limits."""
-    middle = (low + high) / 2
-    if not np.isfinite(middle) or middle == 0.0:
+    if not (np.isfinite(low) and np.isfinite(high)) or low == -high:
         return q
+    middle = (low + high) / 2
     return q + 2 * np.pi * ca.floor((middle - q) / (2 * np.pi) + 0.5)

@@ -157,8 +157,8 @@ def make_plan(
         def forward(joints: Sequence[int], wanted: Sequence[Pair]) -> CausalPlan:
             return make_plan(model, joints, wanted, fold=fold, chains=False)
 
-        chain = known_chain(model, posed.alias, known, forward)
-        block = None if chain is None else chain.solved()
+        chain = known_chain(model, posed.alias, known, forward, fold)
+        block = None if chain is None else chain.solved
         shorter = None if chain is None or block is None else order.without(posed, chain, folded)
         if block is not None and shorter is not None:
             order = shorter
