@@ -95,7 +95,7 @@ class FlatEnergy:
 @dataclass
 class FlatModel:
     """The flat system. `groups` maps every declared name to its shape and scalar variable indices; `rotations` are the
-    names of those declared as rotation matrices."""
+    names of those declared as rotation matrices. `source`: the model before its known rotations were rewritten."""
 
     scope: Scope
     title: str
@@ -111,6 +111,7 @@ class FlatModel:
     energies: list[FlatEnergy] = field(default_factory=list)
     events: FlatEvents | None = None
     rotations: frozenset[str] = frozenset()
+    source: FlatModel | None = None
     cache: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def unit_of(self, index: int, order: int) -> str:

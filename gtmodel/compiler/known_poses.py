@@ -121,9 +121,12 @@ def known_pose(flat: FlatModel, known: Sequence[int]) -> KnownPose | None:
     """Return the model rewritten for its known rotation matrices; None if no whole rotation matrix is known."""
     key = "known pose", frozenset(known)
     if key not in flat.cache:
+        if (old := flat.source) is not None:  # rewritten before, and now with other parameters
+            variables = flat.variables[: len(old.variables)]
+            return known_pose(replace(old, parameters=flat.parameters, variables=variables, cache={}), known)
         flat.cache[key] = pose = _known_pose(flat, frozenset(known))
         if pose is not None:
-            pose.flat.cache[key] = pose  # rewritten already
+            pose.flat.cache[key] = pose
     return flat.cache[key]
 
 
@@ -183,7 +186,7 @@ def _known_pose(flat: FlatModel, known: frozenset[int]) -> KnownPose | None:
             rows_of(group, column - group.model, labels, freedoms.reach(indices))
     residuals = ca.substitute([e.residual for e in flat.equations], [ca.vertcat(*old)], [ca.vertcat(*new)])
     equations = [replace(e, residual=r) for e, r in zip(flat.equations, residuals, strict=True)]
-    changed = replace(flat, scope=scope, variables=variables, equations=[*equations, *rows], cache={})
+    changed = replace(flat, scope=scope, variables=variables, equations=[*equations, *rows], source=flat, cache={})
     labels = frozenset(e.label for e in rows)
     return KnownPose(changed, tuple(exact), labels, tuple(left), tuple(copies), tuple(rotations))
 

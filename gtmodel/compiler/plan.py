@@ -127,7 +127,8 @@ def make_plan(
         )
     with in_freedoms(flat, known):
         posed = _posed(flat, known, targets, prefer, apart)
-    model, flat = flat, posed.flat
+    flat = posed.flat
+    model = flat.source or flat
     sampler, samples, changed = _located(posed, at)
     folded = posed.derivatives if fold is None else folded_into(flat, posed.derivatives, fold)
     system = system_of(flat, posed.structure, folded)
