@@ -45,7 +45,7 @@ class Root:
     """A square root with a branch: `sign` is a symbol; `slope` = 2 qa t + qb has this sign at a known point.
 
     `settled_by` names the declared branch that selects the solution; if it is empty, the start values select it.
-    `name`: the root is a branch itself, which `branches` may select.
+    `name`: the root is a branch itself, which `branches` may select; `default`: nothing else did.
     """
 
     sign: ca.SX
@@ -54,6 +54,7 @@ class Root:
     value: int = 0
     settled_by: str = ""
     name: str = ""
+    default: bool = False
 
 
 @dataclass(eq=False)

@@ -98,9 +98,12 @@ class RootSigns:
         for n, root in enumerate(self._roots):
             if root.name:
                 # at a singular start both signs occur: then +1, as named
-                default = root.value or (1 if 2 * np.sum(at_start[:, n] > 0) >= len(at_start) else -1)
+                positive = int(np.sum(at_start[:, n] > 0))
+                mixed = positive not in (0, len(at_start))
+                value = root.value or (1 if mixed or positive else -1)
                 by = root.name if root.name in requested else ""
-                settled.append(replace(root, settled_by=by, value=requested.get(root.name, default)))
+                value, default = requested.get(root.name, value), not by and (mixed or bool(root.value))
+                settled.append(replace(root, settled_by=by, value=value, default=default))
                 signs[n] = settled[n].value
                 continue
             values = {}

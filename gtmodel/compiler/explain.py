@@ -49,8 +49,9 @@ def explain(f: CausalFunction, full: bool = True) -> str:
         block = [f"  {n:3d} {b.kind}, {unknowns}: {', '.join(b.unknowns)}", f"      {b.detail}"]
         lines += block if full else []
         for r in b.roots:
-            source = f"branch '{r.settled_by}'" if r.settled_by else "the start values"
-            lines.append(f"      root of {r.label}: sign {'+' if r.value > 0 else '-'}, from {source}")
+            source = f"from branch '{r.settled_by}'" if r.settled_by else "from the start values"
+            source = "by default: the start values are singular, or there are none" if r.default else source
+            lines.append(f"      root of {r.label}: sign {'+' if r.value > 0 else '-'}, {source}")
         for m in b.margins if full else ():
             requirement = "must not be negative" if m.kind == "discriminant" else "must not vanish"
             lines.append(f"      {m.kind} of {m.label} {requirement} (typical size {m.scale:.3g})")
