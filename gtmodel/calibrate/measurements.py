@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..lang.source import ModelError
+from ..measurements.drift import DriftKind
 
+CONDITIONS = ("der(", "load(", "time(", "temperature(")  # names of values that are no signals of the model begin so
 _COMPONENT = re.compile(r"(?P<base>.+)\[(?P<k>\d+)\]$")
 
 
@@ -80,6 +82,10 @@ class Pose:
     `device_starts` by session override `device_start`. `sag`: the end-effector is displaced by k times the load, a
     force [N] in the robot's frame, values "load(T)" (N, 3) or (N, 1) downwards; parameter "T.sag" = k [m/N], starting
     from `sag_start`. T of the model is the measured position less k load.
+
+    `drift`: the readings of the position move in the robot's frame; "linear", from values "time(T)" (N,) [s], with the
+    rate "T.drift[0]"... [m/s], and "temperature", from "temperature(T)" (N,) [K], with "T.thermal[0]"... [m/K]. Both
+    values are relative to the time and temperature at which the frame of the device is that of the parameters.
     """
 
     position: str
@@ -93,6 +99,7 @@ class Pose:
     device_starts: Mapping[str, tuple[ArrayLike, ArrayLike]] = field(default_factory=dict)
     sag: bool = False
     sag_start: float = 0.0
+    drift: tuple[DriftKind, ...] = ()
 
 
 @dataclass(frozen=True)

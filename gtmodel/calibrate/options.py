@@ -40,7 +40,7 @@ class Choice:
 
 Alarm = Literal[
     "unit", "scale", "exchanged_signals", "stuck_columns", "exchanged_columns", "swapped_axes", "scalar_last",
-    "out_of_reach", "moved_too_far", EveryAlarm,
+    "out_of_reach", "moved_too_far", "device_drift", "device_temperature", EveryAlarm,
 ]  # fmt: skip
 Cost = Literal["squared", "length", "inverse", "forward", "orthogonal"]
 COSTS = get_args(Cost)
@@ -112,7 +112,8 @@ class Fit(Options):
     accept: Annotated[
         list[Alarm],
         "alarms that become notes because the readings are right: unit, scale, exchanged_signals, stuck_columns, "
-        "exchanged_columns, swapped_axes, scalar_last, out_of_reach, moved_too_far, copied_rows",
+        "exchanged_columns, swapped_axes, scalar_last, out_of_reach, moved_too_far, device_drift, "
+        "device_temperature, copied_rows",
     ] = field(default_factory=list)  # fmt: skip
     sensitivity_step: Annotated[
         float, Within(least=0), "change of each parameter for the sensitivity (5.8), in SI; 0 to leave it out"

@@ -20,7 +20,7 @@ from ..lang.source import ModelError
 from .blocks import Block, blocks
 from .closure import Closure, closed_start, closure_equations
 from .implicit import Adjustment, Begin
-from .measurements import Measurements, SignalName
+from .measurements import CONDITIONS, Measurements, SignalName
 from .options import Choice
 from .reading import Reading, reading, variables_of
 from .unknowns import SIZE, Parameters, Unknowns, unknowns
@@ -298,7 +298,7 @@ def prepare(
     ready: list[tuple[list[Closure], Reading, Measurements]] = []
     for k, m in enumerate(several, 1):
         poses = variables_of(flat, m, latent)
-        signals = [n for n in m.values if not n.startswith(("der(", "load("))]
+        signals = [n for n in m.values if not n.startswith(CONDITIONS)]
         if actuators not in poses[0][0]:
             raise ModelError(f"the actuators '{actuators}' are not among the measured {', '.join(signals)}")
         closures = [closure_equations(flat, known, hidden) for known, hidden in poses]

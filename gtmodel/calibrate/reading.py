@@ -14,8 +14,9 @@ from ..compiler.flat import FlatModel
 from ..geometry.expressions import rotated
 from ..geometry.quaternions import conjugate, product, turned
 from ..lang.source import ModelError
+from ..measurements.drift import DriftBasis
 from .closure import Closure
-from .measurements import Correction, Measurements, Pose, SignalName
+from .measurements import CONDITIONS, Correction, Measurements, Pose, SignalName
 from .unknowns import Parameters
 
 IDENTITY = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
@@ -70,7 +71,7 @@ def variables_of(flat: FlatModel, m: Measurements, latent: Sequence[str] = ()) -
     known: dict[int, list[str]] = {}
     needed: dict[int, list[str]] = {}
     for name in m.values:
-        if name.startswith(("der(", "load(")):
+        if name.startswith(CONDITIONS):
             continue
         ends = m.distances.get(name, (name,))
         for end in ends:
@@ -247,6 +248,8 @@ class _Reader:
             e = None if e is None else turned_
         if pose.sag:
             p = p - self.sagged(pose)
+        if pose.drift:
+            p = p - self.drifted(pose, p.numel())
         signals[pose.position] = p
         if pose.orientation is not None and e is not None:
             signals[pose.orientation] = e
@@ -256,7 +259,7 @@ class _Reader:
         rows: list[ca.SX] = []
         labels: list[str] = []
         for name in self.m.values:
-            if name.startswith(("der(", "load(")):
+            if name.startswith(CONDITIONS):
                 continue
             if name in self.m.distances:
                 first, second = (self.point(end, signals, False) for end in self.m.distances[name])
@@ -297,6 +300,8 @@ class _Reader:
         if by_device and pose is not None:
             if pose.sag:
                 p = p + self.sagged(pose)
+            if pose.drift:
+                p = p + self.drifted(pose, p.numel())
             if pose.device:
                 back = [(inside, rotated(conjugate(u), p - t)) for inside, t, u in self.device(pose)]
                 p = _sum(inside * part for inside, part in back)
@@ -332,6 +337,22 @@ class _Reader:
             load = load * np.array([0.0, 0.0, -1.0])
         k = self.parameter(f"{pose.position}.sag", np.array([pose.sag_start]), "m/N", scalar=True)
         return k * self.symbol(name, load.T)
+
+    def drifted(self, pose: Pose, size: int) -> ca.SX:
+        """Movement of the readings since the origin of time and temperature."""
+        conditions = []
+        for kind, of in (("linear", "time"), ("temperature", "temperature")):
+            name = f"{of}({pose.position})"
+            if kind in pose.drift and name not in self.m.values:
+                raise ModelError(f"a drift of '{pose.position}' ({kind}) needs values named '{name}'")
+            conditions.append(np.asarray(self.m.values.get(name, np.zeros(len(self.m))), float).reshape(-1))
+        time, temperature = conditions
+        columns = DriftBasis(pose.drift, time, None, temperature, origin=(0.0, 0.0)).columns()
+        return _sum(
+            self.parameter(f"{pose.position}.{prefix}", np.zeros(size), f"m{per}")
+            * self.symbol(f"{prefix} of {pose.position}", column[None])
+            for prefix, per, column in columns
+        )
 
     def frame(self, name: str, start: tuple[ArrayLike, ArrayLike], ending: str = "") -> tuple[ca.SX, ca.SX]:
         t = self.parameter(f"{name}.t{ending}", np.asarray(start[0], float), "m")

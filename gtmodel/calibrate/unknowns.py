@@ -21,7 +21,7 @@ from .options import Choice
 
 # expected error of a parameter before calibration by unit: 1 mm, and its angle at a distance of 1 m
 SIZE = 1e-3
-COMPLIANCE = 1e-6  # m/N: 1 mm at 1000 N
+OTHER_SIZES = {"m/N": 1e-6, "m/s": 1e-3 / 3600, "m/K": 1e-4}  # 1 mm at 1000 N, in an hour, at 10 K
 TURN = " turned about "
 
 
@@ -178,7 +178,7 @@ def _sizes(p: Parameters, choice: Choice, chosen: _Chosen) -> tuple[dict[str, fl
     """Expected errors by name, and the names of stated ones. Raises ModelError for one that is not positive, and for
     priors on parameters that are not free."""
     stated: set[str] = set()
-    sizes = {n: COMPLIANCE if unit == "m/N" else SIZE for n, unit in zip(chosen.names, chosen.units, strict=True)}
+    sizes = {n: OTHER_SIZES.get(unit, SIZE) for n, unit in zip(chosen.names, chosen.units, strict=True)}
     for name, size in choice.sizes.items():
         if not size > 0:
             raise ModelError(f"the expected error of '{name}' is {size:g}; it must be positive")

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ..geometry.quaternions import quaternion_matrix, rpy_quaternion
 from ..geometry.rotations import cross_matrix
+from ..measurements.rest import motion_at_rest
 from ..results.estimate import half_width
 from ..results.refusal import ArgumentError
 from .allan import LEAST, AllanFit, allan_fit
 
 GRAVITY = 9.80665  # m/s2, standard; it differs by 0.3 % over the Earth
 EARTH = 7.292e-5  # rad/s
-BLOCKS = 16  # parts of the log whose means are compared
-ROUNDS = 4.5  # standard deviations of a block mean: at rest, one of 96 exceeds this once in 1,500 logs
 RATE = 0.005  # rad/s, 0.3 deg/s: a unit whose block means differ by more is not at rest
 FORCE = 0.05  # m/s2, 0.3 deg of gravity
 LARGEST_BIAS = 0.1  # rad/s, 6 deg/s: larger than the bias of any gyro on a robot
@@ -186,38 +185,6 @@ def _require_still(rows: np.ndarray, period: float, still: float, name: str, uni
             f"{still:g} {unit}; cut the log",
             name,
         )
-
-
-class MovedBlock(NamedTuple):
-    """Rows `begin` to `end` of a log, whose mean is off the mean of the log by `difference` in a component.
-
-    noise: standard deviation of one row in this component.
-    """
-
-    begin: int
-    end: int
-    component: int
-    difference: float
-    noise: float
-
-
-def motion_at_rest(
-    rows: np.ndarray, allowed: float = 0.0, allowed_deviations: float = 0.0
-) -> tuple[MovedBlock | None, np.ndarray]:
-    """Return the block of rows (n, k) that moves most, None if the log is at rest, and the means of all blocks (b, k).
-
-    A block moves if its mean is off the mean of the log by more than its noise plus `allowed`, in the unit of the rows,
-    plus `allowed_deviations` standard deviations of one row. The means are relative to that of the log.
-    """
-    noise = np.sqrt(np.mean(np.diff(rows, axis=0) ** 2, axis=0) / 2)  # of one row; slow motion cancels
-    blocks = np.array_split(rows, min(BLOCKS, len(rows) // 4))
-    means = np.array([b.mean(axis=0) for b in blocks]) - rows.mean(axis=0)
-    excess = np.abs(means) - ROUNDS * noise / np.sqrt(len(blocks[-1])) - allowed_deviations * noise
-    b, k = (int(i) for i in np.unravel_index(int(np.argmax(excess)), excess.shape))
-    if excess[b, k] <= allowed:
-        return None, means
-    begin = sum(len(block) for block in blocks[:b])
-    return MovedBlock(begin, begin + len(blocks[b]), k, float(means[b, k]), float(noise[k])), means
 
 
 def _attitude(up: np.ndarray, heading: float) -> np.ndarray:

@@ -11,9 +11,9 @@ import numpy as np
 
 from ..inference.chance import chi_squared_bound, chi_squared_chance, chi_squared_ends
 from ..inference.residuals import autocorrelation, portmanteau
+from ..measurements.rest import motion_at_rest
 from ..results.refusal import ArgumentError
 from ..results.trajectory import Trajectory
-from .at_rest import motion_at_rest
 from .belief import InitialState, Readings
 from .manifold import Manifold
 from .system import System

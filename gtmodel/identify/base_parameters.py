@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -74,7 +75,7 @@ class BaseRegressor(Regressor):
         first = len(self.everything) - 10 * len(arm.structure.joints)
         bodies = list(self.everything[first:])
         self.dependencies: Dependencies = dependencies(
-            stacked, self.everything, keep=[*self.everything[:first], *bodies]
+            stacked, self.everything, keep=[*bodies, *self.everything[:first]]
         )
         independent = [n for n in self.everything if n in self.dependencies.independent]
         self._independent = [self.everything.index(n) for n in independent]
@@ -98,6 +99,25 @@ class BaseRegressor(Regressor):
             name: {self.everything[k]: float(row[k]) for k in np.flatnonzero(row)}
             for name, row in zip(self.names, self.matrix, strict=True)
         }
+
+    @property
+    def notes(self) -> list[str]:
+        """Which parameters any motion of the arm determines, alone or in combinations, and which none does."""
+        count = np.count_nonzero(self.matrix, axis=1)
+        used = np.any(self.matrix, axis=0)
+        together = np.any(self.matrix[count > 1], axis=0)
+        alone, sums, without = (
+            _ranges([n for n, chosen in zip(self.everything, where, strict=True) if chosen])
+            for where in (used & ~together, together, ~used)
+        )
+        sentences = [
+            f"the efforts depend on {len(self.everything)} parameters through {len(self.names)} combinations, the base "
+            "parameters; no motion determines more",
+            f"determined alone: {alone}" if alone else "",
+            f"only in combinations (base_parameters lists the terms of each): {sums}" if sums else "",
+            f"without any effect on the efforts: {without}" if without else "",
+        ]
+        return [s for s in sentences if s]
 
     def numbers_of(self, values: Mapping[str, float]) -> dict[str, float]:
         everything = _without_rounding(self.matrix, np.array([values[n] for n in self.everything]))
@@ -143,6 +163,22 @@ def _combination(terms: dict[str, float]) -> str:
         size = "" if written == "1" else f"{written} "
         text += f" {'-' if factor < 0 else '+'} {size}{name}"
     return text
+
+
+def _ranges(names: Sequence[str]) -> str:
+    """Names in one line: "m[1]", "m[2]", "m[3]" become m[1..3]."""
+    runs: list[tuple[str, int, int]] = []  # beginning of the name, first and last index
+    for name in names:
+        start, index = re.fullmatch(r"(.*?)(\d*)\]?", name).groups()  # pyright: ignore[reportOptionalMemberAccess]
+        number = int(index or -1)
+        if runs and runs[-1][0] == start and number == runs[-1][2] + 1:
+            runs[-1] = (start, runs[-1][1], number)
+        else:
+            runs.append((start, number, number))
+    return ", ".join(
+        start + ("" if last < 0 else f"{first}]" if first == last else f"{first}..{last}]")
+        for start, first, last in runs
+    )
 
 
 def parameters_of(arm: Model) -> dict[str, float]:

@@ -74,7 +74,9 @@ def consistent_inertias(
         arm: the arm with prior bodies, such as from a drawing; links without mass get a small body.
         base: the base parameters of the arm.
         estimate: estimated base parameters, as from `identify`; others keep the model's values.
-        width: standard deviation of the model's bodies relative to themselves, in the metric of their pseudo-inertia.
+        width: standard deviation of the model's bodies relative to themselves, in the metric of their pseudo-inertia,
+            and of a rotor inertia that only occurs in a sum with them; if the model's is 0, relative to the largest
+            one that is estimated.
 
     A convex least-squares problem on the cone of positive definite pseudo-inertias P: the estimate weighted by its
     covariance, plus the distance from the model's bodies, |P0^(-1/2) (P - P0) P0^(-1/2)| / width. Newton's method
@@ -108,11 +110,15 @@ def consistent_inertias(
     # floor, relative to the numbers: a perfect log gives a zero covariance
     floor = 1e-12 * np.maximum(np.abs(target), np.max(np.abs(target), initial=1e-12) * 1e-3) ** 2
     whiten = np.linalg.inv(np.linalg.cholesky(covariance + np.diag(floor)))
-    p = _nearest(whiten, K, target, values_of_model, bodies, before, width)
+    others, sizes = _shared(base, K, values_of_model, bodies, estimate)
+    p = _nearest(whiten, K, target, values_of_model, bodies, before, others, sizes, width)
     moved = (K @ p - target) / np.sqrt(np.diag(covariance) + floor)
     ten = np.array([p[b] for b in bodies])
     m, mc, J = ten[:, 9], ten[:, 6:9], ten[:, :6]
     more = {name: _whole(name, base.everything, p) for name in _others(base.everything)}
+    if others:
+        taken = ", ".join(f"{base.everything[k]} = {p[k]:.3g}" for k in others)
+        notes.append(f"determined only in a sum with inertias of the links, and chosen with them: {taken}")
     far = [f"{names[k]} by {abs(moved[k]):.3g}" for k in np.argsort(-np.abs(moved)) if abs(moved[k]) > MOVED]
     if far:
         notes.append(
@@ -138,36 +144,60 @@ def _refuse(arm: SerialArm, base: BaseRegressor, estimate: Estimate, width: floa
         raise ArgumentError("has values or covariances that are not finite", "estimate")
 
 
+def _shared(
+    base: BaseRegressor, K: Array, values: Array, bodies: list[list[int]], estimate: Estimate
+) -> tuple[list[int], Array]:
+    """Places and sizes of the further parameters, such as rotor inertias, that occur only in sums with bodies."""
+    inside = {k for b in bodies for k in b}
+    places = [k for k, n in enumerate(base.everything)
+              if k not in inside and n not in estimate.names and np.any(K[:, k])]  # fmt: skip
+    sizes = []
+    for k in places:
+        array = base.everything[k].partition("[")[0]
+        alike = [
+            abs(estimate.value(n)) for n in estimate.names if n in base.everything and n.partition("[")[0] == array
+        ]
+        sizes.append(abs(values[k]) or max(alike, default=0.0) or float(np.max(np.abs(base.nominal), initial=1e-3)))
+    return places, np.array(sizes)
+
+
 def _nearest(
-    whiten: Array, K: Array, target: Array, nominal: Array, bodies: list[list[int]], before: list[Array], width: float
-) -> Array:
+    whiten: Array, K: Array, target: Array, nominal: Array, bodies: list[list[int]], before: list[Array],
+    others: list[int], sizes: Array, width: float,
+) -> Array:  # fmt: skip
     """All parameters, with the bodies that minimise |whiten (K p - target)|^2 plus their distance from those before.
 
-    Each Newton step is a least-squares problem: with P0^(-1/2) P P0^(-1/2) - THINNEST = L L' the barrier's Hessian has
-    the root L^-1 B L'^-1, one row per entry, and its gradient is that root times the unit matrix.
+    The parameters at `others`, with these sizes, are positive and count in the same way. Each Newton step is a
+    least-squares problem: with P0^(-1/2) P P0^(-1/2) - THINNEST = L L' the barrier's Hessian has the root
+    L^-1 B L'^-1, one row per entry, and its gradient is that root times the unit matrix.
     """
     roots = [np.linalg.inv(np.linalg.cholesky(P)) for P in before]
     basis = [np.array([R @ E @ R.T for E in _BASIS]) for R in roots]
-    places = np.concatenate(bodies)
-    near = scipy.linalg.block_diag(*[B.reshape(10, 16).T for B in basis]) / width
+    places = np.concatenate([*bodies, np.array(others, int)])
+    count = 10 * len(bodies)
+    near = scipy.linalg.block_diag(*[B.reshape(10, 16).T for B in basis], np.diag(1 / sizes)) / width
     A = np.vstack([whiten @ K[:, places], near])
     fixed = nominal.copy()
     fixed[places] = 0.0
     unit = np.tile(np.eye(4).ravel(), len(before))
-    b = np.concatenate([whiten @ (target - K @ fixed), unit / width])
-    x = np.concatenate([_ten_of(P) for P in before])
+    b = np.concatenate([whiten @ (target - K @ fixed), unit / width, nominal[others] / sizes / width])
+    x = np.concatenate([*[_ten_of(P) for P in before], np.where(nominal[others] > 0, nominal[others], sizes)])
+    inward = np.concatenate([unit, np.ones(len(others))])
 
     def factors(x: Array) -> list[Array] | None:
+        if np.any(x[count:] <= 0):
+            return None
         try:
             return [
                 np.linalg.cholesky(np.tensordot(body, B, 1) - THINNEST * np.eye(4))
-                for body, B in zip(x.reshape(-1, 10), basis, strict=True)
+                for body, B in zip(x[:count].reshape(-1, 10), basis, strict=True)
             ]
         except np.linalg.LinAlgError:
             return None
 
     def value(x: Array, weight: float, L: list[Array]) -> float:
-        return float(0.5 * np.sum((A @ x - b) ** 2) - 2 * weight * sum(np.log(np.diag(factor)).sum() for factor in L))
+        logarithms = 2 * sum(np.log(np.diag(factor)).sum() for factor in L) + np.log(x[count:]).sum()
+        return float(0.5 * np.sum((A @ x - b) ** 2) - weight * logarithms)
 
     for weight in WEIGHTS:
         for _ in range(STEPS):
@@ -175,8 +205,8 @@ def _nearest(
             assert L is not None
             inverse = [np.linalg.inv(factor) for factor in L]
             rows = [np.array([M @ E @ M.T for E in B]).reshape(10, 16).T for M, B in zip(inverse, basis, strict=True)]
-            C = np.sqrt(weight) * scipy.linalg.block_diag(*rows)
-            stacked, right = np.vstack([A, C]), np.concatenate([b - A @ x, np.sqrt(weight) * unit])
+            C = np.sqrt(weight) * scipy.linalg.block_diag(*rows, np.diag(1 / x[count:]))
+            stacked, right = np.vstack([A, C]), np.concatenate([b - A @ x, np.sqrt(weight) * inward])
             scale = np.linalg.norm(stacked, axis=0)
             step = np.linalg.lstsq(stacked / scale, right, rcond=None)[0] / scale
             descent = float(right @ (stacked @ step))  # minus the slope along the step: the Newton decrement
@@ -263,7 +293,7 @@ def bodies_of(request: Request, identification: Identification) -> IdentifiedBod
     assert isinstance(base, BaseRegressor) and isinstance(robot, SerialArm)
     values: dict[str, Any] = {"base_parameters": base.combinations}
     if request.how.inertias != "consistent":
-        return IdentifiedBodies(values, {}, [], {})
+        return IdentifiedBodies(values, {}, base.notes, {})
     try:
         c = consistent_inertias(robot, base, identification.estimate)
     except ModelError as error:
@@ -276,7 +306,7 @@ def bodies_of(request: Request, identification: Identification) -> IdentifiedBod
     return IdentifiedBodies(
         values | {"masses": c.m, "first_moments": c.mc, "inertias": c.J},
         {"consistent_bodies_move": at_most(float(np.max(np.abs(c.moved), initial=0.0)), MOVED, "see the notes")},
-        [*c.notes, "where the motion determines nothing, individual masses and inertias are those of the model; "
-         "only the base parameters are measured"],
+        [*base.notes, *c.notes, "where the motion determines nothing, individual masses and inertias are those of the "
+         "model; only the base parameters are measured"],
         {URDF: to_urdf(c.arm, source), ROBOT: tomli_w.dumps({"source": source, **robot_table(c.arm, URDF)})},
     )  # fmt: skip

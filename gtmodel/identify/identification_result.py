@@ -150,8 +150,13 @@ class IdentificationStudy(Study):
             low, high = (self.intervals or {}).get(name, (None, None))
             comparison = "" if truth is None else f" (synthetic truth {truth:g})"
             rows.append(Row("  95 %", "at its bound" if low is None else f"{low:.5g} to {high:.5g}{comparison}"))
-        corrections = (self.corrections or {}).items()
-        return rows + [Row(name, value, "s" if ".delay" in name else "") for name, value in corrections]
+        for name, value in (self.corrections or {}).items():
+            unit = (self.units or {}).get(name, "s" if ".delay" in name else "")
+            rows.append(Row(name, value, "" if unit == "1" else unit))
+            if name in (self.intervals or {}):
+                low, high = (self.intervals or {})[name]
+                rows.append(Row("  95 %", f"{low:.5g} to {high:.5g}"))
+        return rows
 
     def _fit_rows(self, fit: Identification) -> list[Row]:
         rows = []

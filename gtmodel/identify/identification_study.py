@@ -16,9 +16,11 @@ from ..lang import Model, ModelError
 from ..measurements import Session, Signal
 from ..results import ArgumentError, SolveStatus, Trajectory, TrajectoryError, Work, naming
 from ..results.work import WorkOptions, study_function
+from ..robots import SerialArm
 from .bodies import bodies_of
 from .checks import judged
 from .closed_loop import ClosedLoopRun, follow, within_bound
+from .gains import fit_with_gains, with_gains, with_payloads
 from .identification_result import IdentificationStudy
 from .inertia import Identification, Validation, identify
 from .options import ClosedLoop, Fitting, Processing, SyntheticLog
@@ -347,19 +349,39 @@ def _fitted(request: Request, data: Recordings, place: str) -> tuple[Identificat
     request.work.progress("fitting", 0.3)
     how, processing = request.how, request.processing
 
-    def rows_from(sessions: Sequence[Session], selection: Processing, per_session: bool) -> Rows:
+    def rows_from(sessions: Sequence[Session], selection: Processing, masses: Sequence[float]) -> Rows:
         rows = rows_of(sessions, request.regressor, selection, *request.names, accept=how.accept)
+        if not any(masses):
+            return rows
+        assert isinstance(request.robot, SerialArm)
+        return with_payloads(rows, request.robot, request.regressor, masses, how.payload_centre)
+
+    def prepared(rows: Rows, point: tuple[np.ndarray, np.ndarray] | None, per_session: bool) -> Rows:
+        if point is not None:
+            rows = with_gains(rows, how.targets, *point, free=data.gains)
         return rows if data.offsets is None else with_offsets(rows, how.targets, per_session=per_session)
 
+    def fit(rows: Rows) -> Identification:
+        return identify(rows, [*request.free, *rows.signed], nonnegative=request.nonnegative, confidence=how.confidence)
+
+    count, masses, point = len(data.fitted), how.payloads or [], None
     with naming(place, ModelError, TrajectoryError):
-        rows = rows_from(data.fitted, processing, data.offsets == "session")
-        identification = identify(
-            rows, [*request.free, *rows.signed], nonnegative=request.nonnegative, confidence=how.confidence
-        )
+        rows = rows_from(data.fitted, processing, masses[:count])
+        per_session = data.offsets == "session"
+        if data.gains:
+            # of an arm only a payload is known well enough: its friction, even if fixed, is no measure of its gains
+            known = any(masses[:count]) if request.regressor.base else bool(np.any(rows.y0))
+            identification, point = fit_with_gains(rows, lambda r, at: prepared(r, at, per_session), fit, known=known)
+        else:
+            identification = fit(prepared(rows, None, per_session))
+            if any(masses[:count]):  # the payload shows errors of the fixed gains: test for them
+                point = identification.parameters[: len(rows.names)], np.ones(len(rows.targets))
+                identification = fit(prepared(rows, point, per_session))
         if not data.held_out:
             return identification, None
         fixed = replace(processing, cutoff=rows.cutoff_Hz, every=rows.every)
-        return identification, identification.validate(rows_from(data.held_out, fixed, False))
+        unseen = prepared(rows_from(data.held_out, fixed, masses[count:]), point, False)
+        return identification, identification.validate(unseen)
 
 
 def _repeated(request: Request, data: Recordings, s: SyntheticLog) -> Repeated | None:

@@ -59,9 +59,10 @@ class LeftOut:
         names = ", ".join(self.names)
         if self.passed:
             return f"the residuals show no effect of {names} (F = {self.F:.3g}, p = {self.p:.2g})"
+        advice = "estimate the scale of the efforts" if ".scale" in names else "free these too"
         return (
             f"the residuals show an effect of {names} (F = {self.F:.3g}, p = {self.p:.2g}), which also biases the free "
-            "parameters; free these too"
+            f"parameters; {advice}"
         )
 
 
@@ -154,8 +155,8 @@ class Identification:
         if self.delay is not None and not self.delay.passed:
             lines.append(self.delay.message)
         limits = [(n, *self.estimate.interval(n)) for n in self.estimate.names]
-        sentence = "{} cannot be distinguished from zero: {:.3g} to {:.3g}"
-        return lines + [sentence.format(n, low, high) for n, low, high in limits if low <= 0 <= high]
+        zero = [f"{n} ({low:.3g} to {high:.3g})" for n, low, high in limits if low <= 0 <= high]
+        return lines + ([f"cannot be distinguished from zero: {', '.join(zero)}"] if zero else [])
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from .._lazy import hint
-from ..results.options import Options, Unit, Within
+from ..results.options import Long, Options, Unit, Within
 from ..results.suspicion import EveryAlarm
 
 if TYPE_CHECKING:
@@ -74,6 +74,14 @@ class Fitting(Options):
         "inertias of a serial arm to estimate in addition: base parameters, or also physically consistent "
         "bodies that have them",
     ] = None  # fmt: skip
+    payloads: Annotated[
+        list[float] | None, Unit("kg"), Within(least=0.0),
+        "known point masses at the tool of a serial arm, one for each recording, then for each held-out one; with "
+        "them a scale of the efforts can be estimated",
+    ] = None  # fmt: skip
+    payload_centre: Annotated[
+        list[float], Unit("m"), Long(3), "centre of mass of the payloads, tool frame"
+    ] = field(default_factory=lambda: [0.0, 0.0, 0.0])  # fmt: skip
     confidence: Annotated[
         Literal["auto", "white", "newey_west"],
         "assumption of the intervals about the residuals; auto takes newey_west if they are coloured",

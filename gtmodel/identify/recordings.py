@@ -17,6 +17,7 @@ from ..measurements import Signal, session_of
 from ..results import ArgumentError, Trajectory, TrajectoryError, Work, naming
 from ..results.suspicion import EVERY
 from ..robots import actuator_closed_loop
+from .gains import by_data_sheet, check_payloads
 from .options import Fitting, Processing, SyntheticLog
 from .regressor import ParameterError, Regressor, among, scalar_parameters
 from .rows import rows_of, with_offsets
@@ -144,7 +145,10 @@ def corrected(
     {'tau.delay': 0.006}
     """
     if corrections.signals[targets].scale == ESTIMATE:
-        raise ModelError("the scale of the efforts cannot be distinguished from masses and friction; give it a number")
+        raise ModelError(
+            "the scale of the efforts cannot be distinguished from masses and friction; give it a number, or let "
+            "gt.identify.study estimate it with a known payload"
+        )
     if not corrections.free:
         return corrections.apply(), {}
     first = corrections.apply(corrections.start)
@@ -179,6 +183,7 @@ class Recordings:
     corrections: dict[str, float] = field(default_factory=dict)
     # estimated offsets of the efforts are parameters of the fit, by "session" or for "all"
     offsets: str | None = None
+    gains: bool = False  # whether the fit has a free scale of each effort
     truth: dict[str, float] = field(default_factory=dict)
     simulator: LogSimulator | None = None
     sensors: Sensors = field(default_factory=Sensors)
@@ -216,9 +221,10 @@ def measured(
                 f"has {width[0] if width else 1} columns; '{name}' of the robot has {shape[0] if shape else 1}",
                 f"log.{what}",
             )
+    check_payloads(request.how, bool(regressor.base), len(raw), len(others))
     if signals is None:
         return Recordings(raw, others)
-    table = dict(signals)
+    table, gains = by_data_sheet(signals, targets, any(request.how.payloads or ()))
     effort, offsets = table[targets], None
     if effort.offset == ESTIMATE:
         offsets = "session" if "offset" in effort.per_session and len(raw) > 1 else "all"
@@ -229,7 +235,7 @@ def measured(
         fitted, values = corrected(
             Corrections(table, raw), regressor, request.processing, request.free, known, targets, offsets is not None
         )
-        return Recordings(fitted, _held_out(table, others, values) if others else (), values, offsets)
+        return Recordings(fitted, _held_out(table, others, values) if others else (), values, offsets, gains)
 
 
 def _held_out(signals: dict[str, Signal], others: tuple[Session, ...], values: dict[str, float]) -> tuple[Session, ...]:
@@ -254,6 +260,8 @@ def synthetic_recordings(request: Request, plant: Model, s: SyntheticLog, motion
     """A log of the plant to fit, and one of another motion to hold out. Raises ArgumentError."""
     if request.how.inputs:
         raise ArgumentError("is for measured logs; a synthetic log has only the motion", "fitting.inputs")
+    if request.how.payloads is not None:
+        raise ArgumentError("is for measured logs", "fitting.payloads")
     noise = tuple(s.effort_noise) if isinstance(s.effort_noise, list) else float(s.effort_noise)
     count = len(request.regressor.columns)
     if isinstance(noise, tuple) and len(noise) != count:

@@ -5,6 +5,7 @@ Nothing here depends on a model: functions take arrays, and names only for messa
 Fits
     linear_fit, nonlinear_fit   least squares with weights, bounds or losses, priors -> Estimate
     linear_fits                 many measurements with the same matrix, which is factored once
+    random_walk_fit             readings whose bias performs a random walk of unknown size
     bundle                      nonlinear fits with many local unknowns, poses or points, which are eliminated
     Prior                       prior value of a parameter with its standard deviation
 Quality
@@ -69,6 +70,7 @@ if TYPE_CHECKING:
         monte_carlo as monte_carlo,
     )
     from .nonlinear import NonlinearFit as NonlinearFit, nonlinear_fit as nonlinear_fit
+    from .random_walk import RandomWalkFit as RandomWalkFit, random_walk_fit as random_walk_fit
     from .residuals import (
         CrossValidation as CrossValidation,
         Verdict as Verdict,

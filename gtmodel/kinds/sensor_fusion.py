@@ -43,6 +43,7 @@ class AttitudeLogSection(RecordingFiles):
     acceleration: RecordedSignalSection | None = Field(
         default=None, description="acceleration of the same unit, if recorded"
     )
+    temperature: RecordedSignalSection | None = Field(default=None, description="temperature of the gyro, in K")
     reference: OrientationSection
 
 
@@ -120,6 +121,8 @@ def _recording(log: AttitudeLogSection, context: Context) -> filtering.AttitudeR
     columns = {"rate": log.rate}
     if log.acceleration is not None:
         columns["acceleration"] = log.acceleration
+    if log.temperature is not None:
+        columns["temperature"] = log.temperature
     rows = log.reference.row
     if log.time.column and log.sample_time_s is not None:
         raise InputError("belongs to a log without a time column; leave it out", "log.sample_time_s")
@@ -132,9 +135,9 @@ def _recording(log: AttitudeLogSection, context: Context) -> filtering.AttitudeR
     recording = log.recording(columns, context)
     by_name = {name: t for t in recording.values() for name in t.names}
     gyro = by_name["rate"]
-    moving = [name for name in ("rate", "acceleration") if name in columns]
-    if any(by_name[name] is not gyro for name in moving):
-        raise InputError("must have the same clock as the rate", "log.acceleration")
+    moving = [name for name in ("rate", "acceleration", "temperature") if name in columns]
+    if apart := [name for name in moving if by_name[name] is not gyro]:
+        raise InputError("must have the same clock as the rate", f"log.{apart[0]}")
     if rows is None:
         return _checked(gyro.select(moving), _quaternions(log, by_name["quaternion"].select(["quaternion"])))
     references, every = by_name["row"], _every_row(log, context)

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import numpy as np
 from pydantic import Field, PositiveFloat
 
 from gtmodel.control import lead_through
 from gtmodel.control.lead_through.options import Drift, SyntheticReadings, WrenchAlarm
 from gtmodel.control.lead_through.scenes import SyntheticSensor
 from gtmodel.lang.units import UnitError
-from gtmodel.measurements import Column, LogError, Match, joined, read_log, read_recording
-from gtmodel.measurements.log import TIME
-from gtmodel.measurements.orientations import FIRST, VECTOR, WORDS, orientation_vectors
-from gtmodel.measurements.streams.opening import stream_of
+from gtmodel.measurements import Column, RowJoin
+from gtmodel.measurements.orientations import VECTOR, WORDS
 from gtmodel.problem_files.base import Call, Context, FileSection, InputError, Problem
 from gtmodel.problem_files.from_options import Made, made_from, options_of
-from gtmodel.problem_files.keys import LogReading, RecordedSignalSection, TimeColumn
-from gtmodel.results import Trajectory, TrajectoryError
+from gtmodel.problem_files.keys import LogReading, RecordedSignalSection
+from gtmodel.results import ArgumentError, Trajectory
 from gtmodel.results.refusal import naming
 
 RESULT = "gtmodel.control.lead_through.WrenchStudy"
@@ -48,19 +43,12 @@ class WrenchSignals(FileSection):
     temperature: RecordedSignalSection | None = Field(default=None, description="temperature of the sensor, if known")
 
 
-class PosesSection(FileSection):
+@made_from(RowJoin)
+class PosesSection(Made[RowJoin]):
     """Orientations in files of their own, in the same format as the readings."""
 
     file: str = Field(description="orientations of the readings at rest")
     pushes: str | None = Field(default=None, description="orientations of the readings during pushes")
-    match: Match = Field(
-        default="nearest",
-        description="row of a reading: nearest in time, interpolated in time, with the same number, or by the order of "
-        "the rows",
-    )
-    tolerance_s: PositiveFloat | None = Field(default=None, description="nearest: largest difference of the times")
-    number: str | None = Field(default=None, description="number: column with the number of the row, in both files")
-    time: TimeColumn | None = Field(default=None, description="time column; that of the readings if left out")
 
 
 class ReadingsSection(LogReading):
@@ -80,7 +68,7 @@ class ReadingsSection(LogReading):
     drift: bool | Drift | list[Drift] = Field(
         default="none",
         description="drifts of the biases to estimate, one or several: linear in time, by session, with temperature; "
-        "or blocks, for an irregular drift; true is linear, false none",
+        "random_walk, of a size that is estimated, or blocks, for an irregular drift; true is linear, false none",
     )
     accept: list[WrenchAlarm] = Field(
         default_factory=list, description="alarms about the readings that become notes instead of errors"
@@ -100,6 +88,12 @@ ARGUMENTS = {
     "moment_noise": "readings.moment_noise_Nm", "turns": "readings.file", "forces": "readings.file",
     "moments": "readings.file", "drift": "readings.drift", "accept": "readings.accept", "time": "readings.file",
     "session": "readings.session", "temperature": "readings.signals.temperature",
+}  # fmt: skip
+READ = {
+    "representation": "readings.signals.orientation.representation", "time": "readings.time.column",
+    "turn": "readings.signals.orientation", "join.tolerance": "readings.poses.tolerance_s",
+    "join.number": "readings.poses.number",
+    **{name: f"readings.signals.{name}" for name in ("force", "moment", "temperature")},
 }  # fmt: skip
 
 
@@ -131,137 +125,29 @@ def call(problem: Schema, context: Context) -> Call:
 
 
 def _read(keys: ReadingsSection, name: str, poses: str | None, part: str, context: Context) -> Trajectory:
-    """Return turn, force, moment, and session and temperature if known, of the poses at rest or of the pushes (part).
-    Raises InputError."""
+    """Return the readings of the poses at rest, or of the pushes (part). Raises InputError."""
     key = f"readings.{part or 'file'}"
     linear = keys.drift is True or keys.drift == "linear" or (isinstance(keys.drift, list) and "linear" in keys.drift)
     if linear and not keys.time.column and keys.sample_time_s is None:
         raise InputError("is missing; a drift in time needs it without a time column", "readings.sample_time_s")
     path = context.file(name, key, "readings" if not part else key, source=keys.source)
-    try:
-        columns = {signal: _column(keys, signal, path) for signal in ("force", "moment")}
-        if keys.signals.temperature is not None and not part:
-            columns["temperature"] = keys.signals.temperature.recorded()
-        if keys.session is not None and not part:
-            columns["session"] = Column(keys.session, "1")
-        session = None if part else keys.session
-        if poses is None:
-            columns["turn"] = _column(keys, "turn", path)
-            return _turned(_rows(keys, path, columns, session), _representation(keys))
-        assert keys.poses is not None
-        place = f"readings.poses.{part or 'file'}"
-        other = context.file(poses, place, place, source=keys.source)
-        return _turned(_joined(keys, keys.poses, path, other, columns, session), FIRST)
-    except (TrajectoryError, UnitError) as error:
-        # the sentence names the file; a wrong column may be the fault of the section or of the file
-        raise InputError(str(error), key) from error
+    place = f"readings.poses.{part or 'file'}"
+    other = None if poses is None else context.file(poses, place, place, source=keys.source)
+    with naming(READ | {"": key}, ArgumentError, UnitError, refusal=InputError):
+        return lead_through.read_wrenches(path, _form(keys, part), other, keys.poses and keys.poses.options())
 
 
-def _joined(
-    keys: ReadingsSection, apart: PosesSection, path: Path, other: Path, columns: dict[str, Column],
-    session: str | None,
-) -> Trajectory:  # fmt: skip
-    """Return the readings with the orientations of another file as quaternions. Raises InputError and LogError."""
-    turn = _column(keys, "turn", other)
-    if apart.match in ("nearest", "interpolated"):
-        if apart.match == "nearest" and apart.tolerance_s is None:
-            raise InputError("is missing; give the largest difference of the times", "readings.poses.tolerance_s")
-        if not keys.time.column:
-            raise InputError("is missing; a join in time needs it", "readings.time.column")
-        clock = _time(keys, path)
-        theirs = _time(keys, other) if apart.time is None else Column(apart.time.column, apart.time.unit)
-        placed = {n: c._replace(file=str(path), time=clock) for n, c in columns.items()}
-        placed["turn"] = turn._replace(file=str(other), time=turn.time or theirs)
-        recording = read_recording(
-            list(dict.fromkeys([path, other])),
-            placed,
-            late_rows=keys.late_rows,
-            empty_rows=keys.empty_rows,
-            form=keys.form(),
-        )
-        readings, poses = (next(t for t in recording.values() if n in t.names) for n in ("force", "turn"))
-        if other_clock := sorted(set(columns) - set(readings.names)):
-            raise InputError("must have the clock of the force", f"readings.signals.{other_clock[0]}")
-        poses = poses.select("turn")
-        return joined(
-            readings.select(list(columns)), _quaternions(keys, poses), apart.match, tolerance=apart.tolerance_s,
-            natures={("turn",): "quaternion"},
-        )  # fmt: skip
-    more = dict[str, Column]()
-    if apart.match == "number":
-        if apart.number is None:
-            raise InputError("is missing; name the column with the number of the row", "readings.poses.number")
-        more["number"] = Column(apart.number, "1")
-    readings = _rows(keys, path, columns | more, session)
-    (poses,) = read_log(other, {"turn": turn} | more, time=None, sample_time=1.0, uneven=True, form=keys.form())
-    return joined(readings, _quaternions(keys, poses.trajectory), apart.match)
-
-
-def _rows(keys: ReadingsSection, path: Path, columns: dict[str, Column], session: str | None) -> Trajectory:
-    """Return the rows of all sessions; a clock that restarts continues one period after the last row."""
-    for name, column in columns.items():
-        if column.time or column.stream or column.file:
-            key = "orientation" if name == "turn" else name
-            raise InputError("has its own time, stream or file; that needs [readings.poses] with a match in time",
-                             f"readings.signals.{key}")  # fmt: skip
-    time = _time(keys, path) if keys.time.column else None
-    step = 1.0 if time is None and keys.sample_time_s is None else keys.sample_time_s
-    parts = read_log(
-        path, columns, time=time, session=session, sample_time=step, uneven=True, late_rows=keys.late_rows,
-        empty_rows=keys.empty_rows, form=keys.form(),
+def _form(keys: ReadingsSection, part: str) -> lead_through.WrenchForm:
+    signals = keys.signals
+    declared = {"turn": signals.orientation, "force": signals.force, "moment": signals.moment}
+    declared |= {} if part else {"temperature": signals.temperature}
+    time = Column(keys.time.column, keys.time.unit) if keys.time.column else None
+    return lead_through.WrenchForm(
+        {name: section.recorded() for name, section in declared.items() if section is not None},
+        VECTOR if signals.orientation is None else signals.orientation.representation,
+        time if "time" in keys.model_fields_set else "header", None if part else keys.session, keys.sample_time_s,
+        keys.late_rows, keys.empty_rows, keys.form(),
     )  # fmt: skip
-    whole, *rest = [part.trajectory for part in parts]
-    if not rest:
-        return whole
-    grid = whole.time
-    for part in parts[1:]:
-        later = part.trajectory.time
-        gap = 0.0 if later[0] > grid[-1] else grid[-1] + (part.sample_time or 1.0) - later[0]
-        grid = np.concatenate([grid, later + gap])
-    values = {name: np.concatenate([t[name] for t in (whole, *rest)]) for name in whole.names}
-    return Trajectory(grid, values, whole.units, title=whole.title, synthetic=whole.synthetic)
-
-
-DEFAULT = {"turn": "rad", "force": "N", "moment": "N.m"}
-
-
-def _column(keys: ReadingsSection, name: str, path: Path) -> Column:
-    """Return the declared column, or the default one with the unit of the header."""
-    section = keys.signals.orientation if name == "turn" else getattr(keys.signals, name)
-    if section is not None:
-        return section.recorded()
-    heads = stream_of(path, keys.form(), holding=name).heads
-    return Column(name, tuple(heads.units[heads.place(member)] or DEFAULT[name] for member in heads.members(name)))
-
-
-def _time(keys: ReadingsSection, path: Path) -> Column:
-    if "time" in keys.model_fields_set:
-        return Column(keys.time.column, keys.time.unit)
-    try:
-        heads = stream_of(path, keys.form()).heads
-    except LogError:  # a bag with several streams; its times are in s
-        return TIME
-    unit = heads.units[heads.place("time")] if "time" in heads.names else ""
-    return Column("time", unit or "s")
-
-
-def _representation(keys: ReadingsSection) -> str:
-    return VECTOR if keys.signals.orientation is None else keys.signals.orientation.representation
-
-
-def _turned(rows: Trajectory, representation: str) -> Trajectory:
-    """Return the rows with rotation vectors."""
-    with naming("readings.signals.orientation.representation", refusal=InputError):
-        turn = orientation_vectors(rows["turn"], representation, rows.units["turn"])
-    return rows.with_values({"turn": turn}, units={"turn": "rad"})
-
-
-def _quaternions(keys: ReadingsSection, poses: Trajectory) -> Trajectory:
-    """Return the orientations as quaternions, scalar first."""
-    from scipy.spatial.transform import Rotation  # here: the keys alone need no engine
-
-    turn = Rotation.from_rotvec(np.array(_turned(poses, _representation(keys))["turn"]))
-    return poses.with_values({"turn": turn.as_quat(scalar_first=True)}, units={"turn": "1"})
 
 
 def explain(problem: Schema, context: Context) -> str:

@@ -30,8 +30,9 @@ Clocks
     smooth            unwrap angles and remove sign jumps of quaternions
     EvenGrid          the grid: sample time, method, gaps, time interval
     AlignBy           a pair of signals that aligns two clocks
-    joined            join two recordings: nearest or interpolated in time, by row number, or by order
-    Match             the ways to join
+    joined            join two recordings: in time, at rest, by row number, or by order
+    RowJoin, Match    how rows are joined, and the ways
+    ClockColumn       the time column of a file
     align             estimate offset and drift between two clocks from a signal that both record
     Alignment         the result of align
     delay_study       estimate the delay between two signals
@@ -84,7 +85,7 @@ if TYPE_CHECKING:
     )
     from .inspection.data_tests import Stretch as Stretch, copied_stretch as copied_stretch, copies as copies
     from .inspection.inspection_study import InspectionStudy as InspectionStudy, inspect as inspect
-    from .joining import Match as Match, joined as joined
+    from .joining import ClockColumn as ClockColumn, Match as Match, RowJoin as RowJoin, joined as joined
     from .log import (
         Column as Column,
         LogError as LogError,

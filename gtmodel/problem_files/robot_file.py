@@ -193,6 +193,9 @@ class SerialFile(FileSection):
     )
     viscous: list[float] | None = Field(default=None, description="viscous friction, N.m.s/rad or kg/s")
     coulomb: list[float] | None = Field(default=None, description="Coulomb friction, N.m or N")
+    rotor_inertia: list[float] | None = Field(
+        default=None, description="inertias of the rotors times the gear ratio squared, kg.m2 or kg"
+    )
 
     def modifiers(self) -> dict[str, Any]:
         """Return the arguments of `robots.serial_arm`. Raises InputError."""
@@ -207,7 +210,7 @@ class SerialFile(FileSection):
             "limits": self.limits or _radians(self.limits_deg), "base_xyz": self.base_m,
             "base_rpy": _radians(self.base_rpy_deg), "tool_xyz": self.tool_m, "tool_rpy": _radians(self.tool_rpy_deg),
             "m": self.m_kg, **self.moments(), "viscous": self.viscous, "coulomb": self.coulomb,
-            "title": self.title or "arm",
+            "rotor_inertia": self.rotor_inertia, "title": self.title or "arm",
         }  # fmt: skip
         return {name: value for name, value in arguments.items() if value is not None}
 

@@ -25,10 +25,11 @@ TEXTS = {".json", ".csv", ".txt", ".mod"}
 NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
 sys.path.insert(0, str(CLONE))
 
-from tests.support.recordings import NOT_SHIPPED  # noqa: E402
+from tests.support.recordings import EMPS_PULSES, NOT_SHIPPED  # noqa: E402
 
 # a recording that is not shipped, from where the tests have it
 SETTINGS = {name: ["--set", f"log.files=['{file}']"] for name, (file, _) in NOT_SHIPPED.items()}
+SETTINGS["emps_pulses"] += ["--set", f"log.held_out=['{EMPS_PULSES}']"]
 
 
 def solve(out: Path, names: list[str]) -> None:

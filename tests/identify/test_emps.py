@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+import gtmodel as gt
 from gtmodel.identify import ClosedLoop, Fitting, Processing, Regressor, rows_of, study
 from gtmodel.measurements import ESTIMATE, Column, Corrections, Signal, read_signals
 from gtmodel.mechanics import Mass
 from gtmodel.problem_files import Context
 from gtmodel.problem_files.python_models import resolve
 from gtmodel.results import ArgumentError, SolveStatus
-from tests.support.recordings import EMPS, NO_EMPS
+from tests.support.recordings import EMPS, EMPS_PULSES, NO_EMPS, elsewhere
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 PUBLISHED = {"M": 95.1089, "F_v": 203.5034, "F_c": 20.3935, "offset": -3.1648}
@@ -127,3 +128,33 @@ def test_refusals_name_the_argument(options: dict[str, Any], argument: str) -> N
     with pytest.raises(ArgumentError) as caught:
         identified(processing=SHARP, **options)
     assert caught.value.argument == argument
+
+
+def test_the_recording_with_pulses_judges_it(tmp_path: Path) -> None:
+    """Synthetic stand-ins where the recordings are absent: the same problem, its held-out error near the noise."""
+    problem = gt.load(PROBLEMS / "emps_pulses.toml", *elsewhere("emps_pulses", tmp_path))
+    found = problem()
+    assert found.status.ok and all(check.passed for check in found.checks.values()), found.checks
+    assert found.held_out_rms[0] < 1.4 * found.noise[0]
+    assert max(abs(x) for x in found.published.values()) < 0.1
+    assert "held_out" in found.figures
+
+
+@pytest.mark.skipif(not (EMPS.is_file() and EMPS_PULSES.is_file()), reason="the EMPS recordings are not both there")
+def test_the_voltage_contains_the_pulses() -> None:
+    """The residuals of the held-out recording on the pulses: 0, and not 1 N per N."""
+    signals = {name: SIGNALS[name] for name in ("q", "tau")} | {"push": Signal("pulses_N", "N")}
+    raw = read_signals([EMPS_PULSES], signals, time=Column("t", "s"), sample_time=0.001)
+
+    class Pushed(type(model("Emps"))):
+        gain = gt.parameter(1.0, unit="1")
+        push = gt.input(unit="N")
+
+        def equations(self):
+            rate = gt.der(self.q)
+            friction = self.F_v * rate + self.F_c * gt.sign(rate) + self.offset
+            yield self.tau + self.gain * self.push == self.M * gt.der(rate) + friction
+
+    how = Fitting(inputs=["push"], nonnegative=False)
+    found = study(Pushed(), raw, [*FREE, "gain"], signals=signals, fitting=how, processing=SHARP)
+    assert abs(found.parameters["gain"]) < 0.3

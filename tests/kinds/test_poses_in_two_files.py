@@ -9,6 +9,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.calibrate import Measured, MeasuredPoses, MeasuredSignal, read_poses
+from gtmodel.measurements import ClockColumn, RowJoin
 from gtmodel.problem_files import InputError
 from gtmodel.results import ArgumentError
 from tests.calibrate.shipped import PROBLEMS
@@ -96,7 +97,11 @@ LAST = len(ROWS) - 1
     ("order", "join", "said"),
     [
         (np.arange(LAST), "pose", f"robot.csv line {LAST + 2}: no row of 'tracker.csv' has 'pose' {LAST + 1}"),
-        (np.append(np.arange(LAST + 1), 3), "pose", f"tracker.csv line {LAST + 3}: 'pose' is 4 again, as in line 5"),
+        (
+            np.append(np.arange(LAST + 1), 3),
+            "pose",
+            f"tracker.csv line {LAST + 3}: 'pose' is 4 again, as in tracker",
+        ),
         (np.arange(LAST), None, f"robot.csv line {LAST + 2}: this row has no partner"),
         (np.append(np.arange(LAST + 1), 3), None, f"tracker.csv line {LAST + 3}: this row has no partner"),
     ],
@@ -118,3 +123,78 @@ def test_further_rows_of_the_tracker_and_joins_without_a_file(tmp_path: Path) ->
     alone = {n: MeasuredSignal(n, "mm", file="tracker.csv") for n in "qT"}
     with pytest.raises(ArgumentError, match="every signal names a file of its own"):
         read_poses(tmp_path / "robot.csv", Measured(alone))
+
+
+MOVE, REST, STEP = 0.6, 0.8, 0.004  # s: a motion, a rest, and the period of the robot's log
+AT = MOVE + REST / 2 + (MOVE + REST) * np.arange(len(ROWS))  # s: middle of each rest
+
+
+def robot_log(jitter: float) -> tuple[np.ndarray, np.ndarray]:
+    """Times and actuators of a robot that moves from pose to pose and rests there: synthetic, seed 5, white noise."""
+    time = np.arange(0.0, AT[-1] + REST / 2, STEP)
+    place = np.minimum((time / (MOVE + REST)).astype(int), len(ROWS) - 1)
+    s = np.clip((time - place * (MOVE + REST)) / MOVE, 0.0, 1.0)[:, None]
+    way = 10 * s**3 - 15 * s**4 + 6 * s**5
+    before = np.maximum(place - 1, 0)
+    q = ROWS[before, :3] + way * (ROWS[place, :3] - ROWS[before, :3])
+    return time, q + jitter * np.random.default_rng(5).standard_normal(q.shape)
+
+
+def in_time(folder: Path, late: float, jitter: float, join: RowJoin) -> MeasuredPoses:
+    """The tracker's poses, in random order, with a robot's log; its stamps are late by `late`."""
+    time, q = robot_log(jitter)
+    written(folder / "robot.csv", "stamp,q[0],q[1],q[2]", np.column_stack([1e3 * time, q]))
+    written(folder / "tracker.csv", "t,T[0],T[1],T[2]", np.column_stack([AT + late, ROWS[:, 3:]])[SHUFFLED])
+    signals = {"q": MeasuredSignal("q", "mm", file="robot.csv", join=join), "T": MeasuredSignal("T", "mm")}
+    return read_poses(folder / "tracker.csv", Measured(signals, time=ClockColumn("t")))
+
+
+@pytest.mark.parametrize("late", [0.0, 0.25, -0.45])
+def test_the_rest_of_a_robots_log_gives_the_poses_by_hand_with_less_noise(tmp_path: Path, late: float) -> None:
+    jitter = 0.02  # mm; the mean of 50 rows has a seventh of it
+    made = in_time(tmp_path, late, jitter, RowJoin("at_rest", tolerance=0.4, time=ClockColumn("stamp", "ms")))
+    q = 1e3 * np.asarray(made.measurements.values["q"], float)
+    assert np.std(q - ROWS[SHUFFLED, :3]) == pytest.approx(jitter / np.sqrt(50), rel=0.1)
+    assert made.lines is not None and made.lines.tolist() == list(range(2, len(ROWS) + 2))
+
+
+def test_the_nearest_and_the_interpolated_row_of_a_robots_log(tmp_path: Path) -> None:
+    clock = ClockColumn("stamp", "ms")
+    for join in (RowJoin("nearest", tolerance=0.003, time=clock), RowJoin("interpolated", time=clock)):
+        made = in_time(tmp_path, 0.1, 0.0, join)
+        assert np.allclose(1e3 * np.asarray(made.measurements.values["q"]), ROWS[SHUFFLED, :3], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("late", "join", "argument"),
+    [
+        (-0.7, RowJoin("at_rest", time=ClockColumn("stamp", "ms")), "measured.signals.q.join"),
+        (
+            -0.7,
+            RowJoin("at_rest", tolerance=0.5, time=ClockColumn("stamp", "ms")),
+            "measured.signals.q.join",
+        ),
+        (0.1, RowJoin("nearest", time=ClockColumn("stamp", "ms")), "measured.signals.q.join.tolerance"),
+        (9.0, RowJoin("interpolated", time=ClockColumn("stamp", "ms")), "measured.signals.q.join"),
+        (0.1, RowJoin("number"), "measured.signals.q.join.number"),
+    ],
+)
+def test_a_pose_without_a_rest_is_named(tmp_path: Path, late: float, join: RowJoin, argument: str) -> None:
+    with pytest.raises(ArgumentError) as caught:
+        in_time(tmp_path, late, 0.02, join)
+    assert caught.value.argument == argument, str(caught.value)
+    if argument.endswith("join"):
+        assert "tracker.csv line " in str(caught.value)
+
+
+def test_a_left_out_line_and_a_problem_file_with_a_join_at_rest(tmp_path: Path) -> None:
+    in_time(tmp_path, 0.0, 0.0, RowJoin("at_rest", time=ClockColumn("stamp", "ms")))
+    settings = [
+        f"measurements.file='{tmp_path / 'tracker.csv'}'", f"measurements.signals.q.file='{tmp_path / 'robot.csv'}'",
+        "measurements.signals.q.join.match='at_rest'", "measurements.signals.q.join.time.column='stamp'",
+        "measurements.signals.q.join.time.unit='ms'", "measurements.time.column='t'", "measurements.leave_out=[7]",
+    ]  # fmt: skip
+    assert gt.load(L1, *settings)().poses["left_out"] == 1
+    with pytest.raises(InputError) as caught:
+        gt.load(L1, *settings[:2], "measurements.signals.q.join.match='at_rest'")()
+    assert caught.value.key == "measurements.time"

@@ -489,3 +489,29 @@ def test_poses_are_read_by_the_same_reader(tmp_path: Path) -> None:
         tmp_path / "poses.csv", {"q": ("q", "mm"), "T": ("T", "m")}, form=LogForm(decimal="comma"), gaps=True
     )
     assert gaps.values["q"][0, 0] == 0.0015 and np.isnan(gaps.values["q"][1, 0])
+
+
+QUOTED = [
+    ('t,x\n"0,0","1,25"\n"0,1","-2,50"\n"0,2","3,75"\n', [1.25, -2.5, 3.75]),
+    ('t,x\n"0,0",1\n"0,1","2,5"\n"0,2",3\n', [1.0, 2.5, 3.0]),  # whole numbers are not quoted
+    ('"t","x"\n"0,000","1,250"\n"0,100","2,500"\n"0,200","3,750"\n', [1.25, 2.5, 3.75]),  # 0,100 is no thousands
+]
+
+
+@pytest.mark.parametrize(("text", "x"), QUOTED)
+def test_quoted_decimal_commas_between_commas(tmp_path: Path, text: str, x: list[float]) -> None:
+    (tmp_path / "log.csv").write_text(text)
+    columns = {"x": Column("x", "m")}
+    for form in (LogForm(), LogForm(decimal="comma"), LogForm(decimal="comma", delimiter="comma")):
+        (session,) = read_log(tmp_path / "log.csv", columns, time=Column("t", "s"), form=form)
+        assert session.trajectory["x"].tolist() == x
+        assert session.trajectory.time.tolist() == [0.0, 0.1, 0.2]
+    (stream,) = open_log(tmp_path / "log.csv")
+    assert any("decimal commas" in remark for remark in stream.remarks)
+
+
+@pytest.mark.parametrize("rows", ['0.1,"1,250"\n0.2,"2,500"\n0.3,"3,750"\n', '1,"1,250"\n2,"2,500"\n3,"3,750"\n'])
+def test_quoted_thousands_are_no_decimal_commas(tmp_path: Path, rows: str) -> None:
+    (tmp_path / "log.csv").write_text(f"t,x\n{rows}")
+    with pytest.raises(LogError, match="line 2, column 'x'"):
+        read_log(tmp_path / "log.csv", {"x": Column("x", "m")}, time=Column("t", "s"))

@@ -21,17 +21,18 @@ def recording(name: str) -> Path:
 
 
 EMPS = recording("emps/DATA_EMPS.mat")
+EMPS_PULSES = recording("emps/DATA_EMPS_PULSES.mat")
 NO_EMPS = "the EMPS recording is not there; problems/emps.toml says where to get it"
 
 
-def write_synthetic_emps(file: Path) -> None:
-    """A synthetic log like DATA_EMPS.mat, of the published parameters: 4 s at 1 kHz, seed 1, noise of 2 N."""
+def write_synthetic_emps(file: Path, frequencies: tuple[float, float] = (0.5, 1.25), seed: int = 1) -> None:
+    """A synthetic log like DATA_EMPS.mat, of the published parameters: 4 s at 1 kHz, noise of 2 N."""
     t = np.arange(4001) / 1000
-    rates = 2 * np.pi * np.array([0.5, 1.25])
+    rates = 2 * np.pi * np.array(frequencies)
     q = 0.05 * np.sin(np.outer(t, rates)).sum(axis=1)
     v = 0.05 * (rates * np.cos(np.outer(t, rates))).sum(axis=1)
     a = -0.05 * (rates**2 * np.sin(np.outer(t, rates))).sum(axis=1)
-    noise = 2.0 * np.random.default_rng(1).standard_normal(len(t))
+    noise = 2.0 * np.random.default_rng(seed).standard_normal(len(t))
     force = 95.1089 * a + 203.5034 * v + 20.3935 * np.sign(v) - 3.1648 + noise
     scipy.io.savemat(file, {"t": t, "qm": q, "qg": q, "vir": force / 35.15065188248547})
 
@@ -62,7 +63,10 @@ def write_synthetic_abb(file: Path) -> None:
 
 
 # problems whose recording is not shipped: where it is, and what writes a synthetic one like it
-NOT_SHIPPED = {"emps": (EMPS, write_synthetic_emps), "fusion_abb": (ABB_IMU, write_synthetic_abb)}
+NOT_SHIPPED = {
+    "emps": (EMPS, write_synthetic_emps), "emps_pulses": (EMPS, write_synthetic_emps),
+    "fusion_abb": (ABB_IMU, write_synthetic_abb),
+}  # fmt: skip
 
 
 def elsewhere(problem: str, folder: Path) -> tuple[str, ...]:
@@ -73,4 +77,11 @@ def elsewhere(problem: str, folder: Path) -> tuple[str, ...]:
     if not file.is_file():
         file = folder / "synthetic.mat"
         write(file)
-    return (f"log.files=['{file}']",)
+    settings = (f"log.files=['{file}']",)
+    if problem != "emps_pulses":
+        return settings
+    other = EMPS_PULSES
+    if not (other.is_file() and EMPS.is_file()):
+        other = folder / "synthetic_held_out.mat"
+        write_synthetic_emps(other, (0.4, 1.05), seed=2)
+    return (*settings, f"log.held_out=['{other}']")

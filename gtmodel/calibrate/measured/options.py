@@ -9,11 +9,13 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from ...lang.units import UnitError, parse_unit
+from ...measurements.joining import ClockColumn, RowJoin
 from ...results.options import Long, Options, Unit, Within
 from ...results.refusal import ArgumentError, renamed
 
 Free = Literal["estimate"]
 ESTIMATE: Free = "estimate"
+DeviceDrift = Literal["none", "linear", "temperature"]
 
 
 @dataclass(frozen=True)
@@ -70,8 +72,9 @@ class MeasuredSignal(Options):
         str | None, "file of this signal, if not that of the poses, such as of the tracker; path from its folder"
     ] = None  # fmt: skip
     join: Annotated[
-        str | None,
-        "column in both files that names the pose of a row; if left out, row n of both files is pose n",
+        str | RowJoin | None,
+        "column in both files that names the pose of a row, or a table such as { match = \"at_rest\" }; if left out, "
+        "row n of both files is pose n",
     ] = None  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -195,6 +198,12 @@ class Measured(Options):
         "by the model's variables: q, T, e; components: T[2]; points; distances; of a row's second pose: q@2",
     ]  # fmt: skip
     session: Annotated[str | None, "column that names the recording of a row"] = None
+    time: Annotated[ClockColumn | None, "time column of the poses, for a join in time and for a drift"] = None
+    temperature: Annotated[str | None, "column with the temperature in K or its changes, for a drift"] = None
+    drift: Annotated[
+        DeviceDrift | list[DeviceDrift],
+        "drift of the measured position to estimate, one or several: linear in time, or with temperature",
+    ] = "none"  # fmt: skip
     actuators: Annotated[str, "variable that the drives measure"] = "q"
     position: Annotated[str, "variable that the device measures"] = "T"
     orientation: Annotated[str | None, "its quaternion, scalar first, if measured"] = None

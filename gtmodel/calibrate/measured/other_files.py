@@ -1,19 +1,26 @@
-"""Signals of poses in files of their own, such as a tracker's: their rows joined with the poses, by number or order."""
+"""Signals of poses in files of their own, such as a tracker's: their rows joined with the poses."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ...measurements import LogForm, signal_table
+from ...measurements import ClockColumn, LogForm, RowJoin, signal_table
+from ...measurements.joining import IN_TIME, JoinRows, by_number, by_order, in_time
 from ...measurements.signal_table import SignalTable
 from ...results import ArgumentError
+from ...results.interpolation import Nature
+from ...results.refusal import naming
 from .options import Measured
 
 Wanted = dict[str, tuple[str | Sequence[str], str | Sequence[str]]]  # signal -> columns, units
+Reader = Callable[..., SignalTable]
+ROTATIONS: dict[str, Nature] = {"quaternion": "quaternion", "matrix": "matrix"}  # first word of the representation
 
 
 def signal_of(name: str) -> str:
@@ -21,123 +28,133 @@ def signal_of(name: str) -> str:
     return name[4:-1] if name.startswith("der(") else name
 
 
-def file_of(name: str, measured: Measured) -> tuple[str, str | None] | None:
-    """Return the file of a signal, and the column that joins it; None if the signal is in the file of the poses."""
+def file_of(name: str, measured: Measured) -> tuple[str, RowJoin] | None:
+    """Return the file of a signal, and how its rows are joined; None if the signal is in the file of the poses."""
     signal = measured.signals.get(signal_of(name))
-    return None if signal is None or signal.file is None else (signal.file, signal.join)
+    if signal is None or signal.file is None:
+        return None
+    join = signal.join
+    if isinstance(join, RowJoin):
+        return signal.file, join
+    return signal.file, RowJoin("order") if join is None else RowJoin("number", number=join)
+
+
+@dataclass(frozen=True)
+class PoseFile:
+    """A file of poses, its table, and a function that reads further columns of the same rows."""
+
+    path: Path
+    table: SignalTable
+    read: Reader
 
 
 def with_other_files(
-    tables: Sequence[SignalTable], sources: Sequence[Path], columns: Wanted, measured: Measured, form: LogForm
+    files: Sequence[PoseFile], columns: Wanted, measured: Measured, form: LogForm
 ) -> list[SignalTable]:
     """Return the tables with the signals from other files, row by row.
 
-    tables, sources: the poses, and held-out poses if there are any. Raises ArgumentError with file and line for a row
-    that has no partner.
+    files: the poses, and held-out poses if there are any. Raises ArgumentError with file and line for a row that has no
+    partner.
     """
-    complete = list(tables)
-    for file, join in dict.fromkeys(place for n in columns if (place := file_of(n, measured)) is not None):
-        names = {n: pair for n, pair in columns.items() if file_of(n, measured) == (file, join)}
+    complete = [file.table for file in files]
+    for name, join in dict.fromkeys(place for n in columns if (place := file_of(n, measured)) is not None):
+        names = {n: pair for n, pair in columns.items() if file_of(n, measured) == (name, join)}
         argument = f"measured.signals.{signal_of(next(iter(names)))}"
-        path = sources[0].parent / file
+        path = files[0].path.parent / name
         if not path.is_file():
             raise ArgumentError(f"there is no file {path}", f"{argument}.file")
-        other = _read(path, names, join, form, f"{argument}.join")
-        if join is None:
-            rows = [_in_order(tables, sources, other, path, f"{argument}.file")]
+        if join.match in IN_TIME:
+            joined = _in_time(files, path, names, join, measured, form, argument)
         else:
-            first = next(iter(tables[0].columns))
-            keys = [
-                _read(source, {first: columns[first]}, join, form, f"{argument}.join").sessions for source in sources
-            ]
-            rows = _by_key([k or () for k in keys], tables, sources, other, path, join, f"{argument}.join")
-        for k, table in enumerate(complete):
-            values = {n: other.values[n][rows[k]] for n in names}
-            synthetic = table.synthetic or other.synthetic
+            joined = _by_row(files, path, names, join, form, argument)
+        for k, (other, values) in enumerate(joined):
+            table = complete[k]
             complete[k] = replace(
-                table, columns=table.columns | other.columns, values=table.values | values, synthetic=synthetic
-            )
+                table, columns=table.columns | {n: other.columns[n] for n in names}, values=table.values | values,
+                synthetic=table.synthetic or other.synthetic,
+            )  # fmt: skip
     return [
         replace(t, columns={n: t.columns[n] for n in columns}, values={n: t.values[n] for n in columns})
         for t in complete
     ]
 
 
-def _read(path: Path, names: Wanted, join: str | None, form: LogForm, argument: str) -> SignalTable:
-    try:
-        return signal_table.read(path, names, join, form)
-    except ArgumentError as error:
-        raise ArgumentError(error.message, f"measured.{error.argument}" if error.argument else argument) from error
+Joined = list[tuple[SignalTable, dict[str, np.ndarray]]]
 
 
-def _in_order(
-    tables: Sequence[SignalTable], sources: Sequence[Path], other: SignalTable, path: Path, argument: str
-) -> np.ndarray:
-    if len(tables) > 1:
-        raise ArgumentError(
-            f"'{path.name}' has the rows of '{sources[0].name}' in order, and none of '{sources[1].name}'; name a "
-            "column that joins the rows: join",
-            argument,
-        )
-    lines, others = tables[0].lines, other.lines
-    if len(lines) != len(others):
-        longer, place, more = (
-            (sources[0], lines, len(others)) if len(lines) > len(others) else (path, others, len(lines))
-        )
-        raise ArgumentError(
-            f"{longer.name} line {place[more]}: this row has no partner; '{sources[0].name}' has {len(lines)} rows and "
-            f"'{path.name}' {len(others)}; name a column that joins the rows (join), or remove rows",
-            argument,
-        )
-    return np.arange(len(lines))
-
-
-def _by_key(
-    keys: Sequence[Sequence[str]], tables: Sequence[SignalTable], sources: Sequence[Path], other: SignalTable,
-    path: Path, join: str, argument: str,
-) -> list[np.ndarray]:  # fmt: skip
-    """Return for each table the rows of the other file with the same keys. Raises ArgumentError."""
-    row_of = dict[str, int]()
-    for row, key in enumerate(map(_plain, other.sessions or ())):
-        if key in row_of:
+def _by_row(
+    files: Sequence[PoseFile], path: Path, names: Wanted, join: RowJoin, form: LogForm, argument: str
+) -> Joined:
+    key = f"{argument}.file" if join.match == "order" else f"{argument}.join"
+    if join.match == "number" and join.number is None:
+        raise ArgumentError("is missing; name the column with the number of the row", f"{key}.number")
+    other = _read(partial(signal_table.read, path, form=form), names, join.number, key)
+    theirs = _rows(path, other, other.sessions)
+    if join.match == "order":
+        if len(files) > 1:
             raise ArgumentError(
-                f"{path.name} line {other.lines[row]}: '{join}' is {key} again, as in line {other.lines[row_of[key]]}; "
-                "expected one row for each pose",
-                argument,
+                f"'{path.name}' has the rows of '{files[0].path.name}' in order, and none of '{files[1].path.name}'; "
+                "name a column that joins the rows: join",
+                key,
             )
-        row_of[key] = row
-    rows, taken = list[np.ndarray](), dict[str, str]()
-    for table, source, names in zip(tables, sources, keys, strict=True):
-        partners = []
-        for line, key in zip(table.lines, map(_plain, names), strict=True):
-            if key not in row_of:
-                raise ArgumentError(
-                    f"{source.name} line {line}: no row of '{path.name}' has '{join}' {key}; remove this row, or add "
-                    "its partner",
-                    argument,
-                )
-            if key in taken:
-                raise ArgumentError(
-                    f"{source.name} line {line}: '{join}' is {key} again, as in {taken[key]}; expected one row for "
-                    "each pose",
-                    argument,
-                )
-            taken[key] = f"{source.name} line {line}"
-            partners.append(row_of[key])
-        rows.append(np.array(partners))
-    lonely = next((row for key, row in row_of.items() if key not in taken), None)
-    if lonely is not None:
-        raise ArgumentError(
-            f"{path.name} line {other.lines[lonely]}: no row of '{sources[0].name}' has '{join}' "
-            f"{_plain((other.sessions or ())[lonely])}; remove this row, or add its partner",
-            argument,
-        )
-    return rows
+        with naming(key):
+            rows = [by_order(_rows(files[0].path, files[0].table), theirs)]
+    else:
+        first = next(iter(files[0].table.columns))
+        column = {first: (files[0].table.columns[first].names, files[0].table.columns[first].units)}
+        firsts = [_rows(f.path, f.table, _read(f.read, column, join.number, key).sessions) for f in files]
+        with naming(key):
+            rows = by_number(firsts, theirs, join.number or "")
+    return [(other, {n: other.values[n][r] for n in names}) for r in rows]
 
 
-def _plain(text: str) -> str:
-    """Return a number without leading or trailing zeros, other texts without blanks around them."""
+CLOCK = "\0time"  # cannot be the name of a signal
+
+
+def _in_time(
+    files: Sequence[PoseFile], path: Path, names: Wanted, join: RowJoin, measured: Measured, form: LogForm,
+    argument: str,
+) -> Joined:  # fmt: skip
+    if measured.time is None:
+        raise ArgumentError("is missing; a join in time needs the time of each pose", "measured.time")
+    mine, theirs = _clock(measured.time), _clock(join.time or measured.time)
+    other = _read(partial(signal_table.read, path, form=form), theirs | names, None, f"{argument}.join")
+    natures: dict[str, Nature] = {
+        n: nature for n in names if (nature := _nature(measured.signals[signal_of(n)].representation)) is not None
+    }
+    joined: Joined = []
+    for file in files:
+        time = _read(file.read, mine, None, "measured.time").values[CLOCK][:, 0]
+        values = {n: other.values[n] for n in names}
+        with naming({"": f"{argument}.join", "tolerance": f"{argument}.join.tolerance"}):
+            joined.append((other, in_time(
+                _rows(file.path, file.table, time=time), _rows(path, other, time=other.values[CLOCK][:, 0]), values,
+                join, natures,
+            )))  # fmt: skip
+    return joined
+
+
+def _clock(clock: ClockColumn) -> Wanted:
+    return {CLOCK: (clock.column, clock.unit)}
+
+
+def _nature(representation: str | None) -> Nature | None:
+    """Return how rows of an orientation are interpolated; Euler angles as single angles."""
+    if representation is None:
+        return None
+    return ROTATIONS.get(representation.split()[0], "angle")
+
+
+def _rows(path: Path, table: SignalTable, keys: Sequence[str] | None = None, **more: Any) -> JoinRows:
+    return JoinRows(
+        f"'{path.name}'", lambda k: f"{path.name} line {table.lines[k]}", len(table.lines), keys or (), **more
+    )
+
+
+def _read(read: Reader, names: Mapping[str, Any], join: str | None, argument: str) -> SignalTable:
+    """Read the columns; an error about the clock names `measured.time`."""
     try:
-        return f"{float(text):.12g}"
-    except ValueError:
-        return text.strip()
+        return read(names, join)
+    except ArgumentError as error:
+        inner = f"measured.{error.argument}" if error.argument and CLOCK not in error.argument else argument
+        raise ArgumentError(error.message, inner) from error

@@ -16,7 +16,7 @@ from ...measurements.signal_table import Columns
 from ...results import ArgumentError
 from ...results.suspicion import Inspection
 from ..closure import left_open
-from ..measurements import Measurements, Pose, SignalName
+from ..measurements import CONDITIONS, Measurements, Pose, SignalName
 from ..reading import variables_of
 from .options import Refit
 
@@ -80,7 +80,7 @@ class SplitPoses:
     def judged(self) -> list[str]:
         """Measured signals other than actuators, rates and loads."""
         return [n for n in self.all.values
-                if not n.startswith(("der(", "load(")) and n.partition("@")[0] != self.actuators]  # fmt: skip
+                if not n.startswith(CONDITIONS) and n.partition("@")[0] != self.actuators]  # fmt: skip
 
     @property
     def name(self) -> str:
@@ -230,7 +230,7 @@ def _fit_the_model(m: Measurements, poses: MeasuredPoses, model: Model, partly: 
         if name not in m.values and (name == poses.actuators or not partly):
             raise ArgumentError(f"'{name}' is not among the measured {', '.join(m.values)}", "poses")
     for name, rows in m.values.items():
-        if name.startswith("load("):
+        if name.startswith(CONDITIONS[1:]):
             continue
         stem = re.sub(r"@\d+", "", name)
         if name in m.distances or SignalName.of(stem, [*flat.groups, *m.points]).base in m.points:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
 from ...lang import ModelError
 from ...lang.units import parse_unit
 from ...measurements import Conversion, LogError, LogForm, signal_table
+from ...measurements.drift import DriftKind, drift_basis
 from ...measurements.orientations import MATRIX, UNIT_LENGTH, in_angles, quaternions
 from ...measurements.signal_table import SignalTable
 from ...measurements.streams.form import NoNumberError
@@ -18,8 +21,8 @@ from ...results import ArgumentError
 from ...results.disk import path_of
 from ...results.refusal import naming
 from ..measurements import Correction, FixedPoint, Measurements, Pose
-from .options import ESTIMATE, Measured, MeasuredSignal, Sag
-from .other_files import Wanted, file_of, with_other_files
+from .options import ESTIMATE, DeviceDrift, Measured, MeasuredSignal, Sag
+from .other_files import PoseFile, Wanted, file_of, with_other_files
 from .poses import MeasuredPoses
 
 
@@ -63,7 +66,12 @@ def read_poses(
         sources.append(path_of(held_out, "held_out"))
         tables.append(_table(sources[1], columns, measured, form, "held_out.file"))
         mask = np.repeat([False, True], [len(t.lines) for t in tables])
-    tables = with_other_files(tables, sources, columns, measured, form)
+    left_out = [measured.leave_out, ()]
+    files = [
+        PoseFile(source, table, partial(signal_table.read, source, form=form, leave_out=lines))
+        for source, table, lines in zip(sources, tables, left_out, strict=False)
+    ]
+    tables = with_other_files(files, columns, measured, form)
     measurements = _measurements(tables, measured, sources)
     lines = np.concatenate([t.lines for t in tables])
     notes = [t.synthetic for t in tables if t.synthetic]
@@ -102,6 +110,10 @@ def _columns(measured: Measured) -> Wanted:
             raise ArgumentError(f"is '{name}', which is not a signal; choose one of: {choices}", f"measured.{key_}")
     if measured.sag is not None and isinstance(measured.sag.payload, str):
         columns[f"load({measured.position})"] = (measured.sag.payload, "kg")
+    if measured.time is not None:
+        columns[f"time({measured.position})"] = (measured.time.column, measured.time.unit)
+    if measured.temperature is not None:
+        columns[f"temperature({measured.position})"] = (measured.temperature, "K")
     if measured.session is None and (measured.device_per_session or measured.target_per_session):
         raise ArgumentError("is missing; name the column with the recording of each row", "measured.session")
     return columns
@@ -173,6 +185,7 @@ def _measurements(tables: Sequence[SignalTable], measured: Measured, sources: Se
         measured.target_per_session,
         sag=sag is not None,
         sag_start=0.0 if sag is None or isinstance(sag.compliance, str) else sag.compliance,
+        drift=_drift(values, measured),
     )
     if sag is not None:
         values[f"load({measured.position})"] = _load(sag, values, measured.position)
@@ -223,6 +236,22 @@ def conversion_of(s: MeasuredSignal) -> Conversion:
 
 
 _SI = ("1",)  # the columns have been converted to SI; their factors need no unit
+
+
+def _drift(values: dict[str, np.ndarray], measured: Measured) -> tuple[DriftKind, ...]:
+    """Return the drifts to estimate; time and temperature become relative to the last row. Raises ArgumentError."""
+    rows = len(values[measured.actuators])
+    conditions: dict[str, np.ndarray | None] = {}
+    for name in ("time", "temperature"):
+        key = f"{name}({measured.position})"
+        if key in values:
+            values[key] = values[key] - values[key][-1]
+        conditions[name] = values[key][:, 0] if key in values else None
+    order = None if conditions["time"] is None else np.sort(conditions["time"])
+    with naming("measured."):
+        return drift_basis(
+            measured.drift, rows, order, None, conditions["temperature"], kinds=get_args(DeviceDrift)
+        ).kinds
 
 
 def _load(sag: Sag, values: Mapping[str, np.ndarray], position: str) -> np.ndarray:

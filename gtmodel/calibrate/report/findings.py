@@ -25,6 +25,7 @@ from ..prediction import MAD, Outlier, Prediction, outliers
 from ..problem import CalibrationProblem, noise_covariance
 from ..sensitivity import Sensitivity, sensitivity
 from ..variants import cost_of, too_few
+from .device_drift import device_drifts
 from .diagnostics import Shift, against_noise, between_sessions, contradicted_priors, pattern, shift_of
 from .far_poses import FarPose, far_poses, sentence as far_sentence
 from .intervals import Confidence, weighed_over_noise
@@ -139,7 +140,9 @@ class CalibrationFindings:
     @cached_property
     def left(self) -> tuple[dict[str, Check], list[str]]:
         """Results of the residual tests of every run: checks and sentences."""
-        return suspicion_checks(tested(Data(residuals=self.calibration.residuals)), self.inspection.accepted)
+        drifts = device_drifts(self.calibration, self.data.pose, length_covariance(self.calibration, self.loss))
+        tests = [*tested(Data(residuals=self.calibration.residuals)), *drifts]
+        return suspicion_checks(tests, self.inspection.accepted)
 
     @cached_property
     def over_noise(self) -> OverNoise | None:
@@ -313,7 +316,7 @@ def _of_part(
     return CalibrationFindings(
         c.problem, data, c, before, _predicted(c, data.fitted, data),
         {} if kept is None else _predicted(held, kept, data),
-        prior, outliers(c.residuals, _basis(c, fit.loss), _length_noise(c, fit.loss)), _sensitivity(fit, c),
+        prior, outliers(c.residuals, _basis(c, fit.loss), length_covariance(c, fit.loss)), _sensitivity(fit, c),
         _repeatability(data), fit.loss, inspection,
         (), None if held is c else held, kept, variant=fit.variant,
     )  # fmt: skip
@@ -329,7 +332,7 @@ def _basis(c: Calibration, loss: str) -> np.ndarray | None:
     return U[:, s > RANK * s.max(initial=0.0)].reshape(*J.shape[:2], -1)
 
 
-def _length_noise(c: Calibration, loss: str) -> tuple[np.ndarray, np.ndarray] | None:
+def length_covariance(c: Calibration, loss: str) -> tuple[np.ndarray, np.ndarray] | None:
     """Jacobian (N, m, n) of the lengths, without columns for a robust loss, and their covariance (N, m, m) from the
     stated noise; None if it is not fully stated or does not affect every length."""
     p = c.problem

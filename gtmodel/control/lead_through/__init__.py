@@ -2,6 +2,7 @@
 
 Wrenches
     calibrate_wrench -> WrenchCalibration   bias, mass and centre of a sensor's load from poses; contact wrenches
+    read_wrenches, WrenchForm               readings from files, with orientations in the same or another file
     lever_arm -> LeverArm                   point of application of forces; moment_about another point
     sign_test -> SignTest                   whether the sensor reports the force on the tool, tested before any motion
     WrenchStatus                            why a wrench cannot be used
@@ -62,6 +63,7 @@ if TYPE_CHECKING:
         SyntheticReadings as SyntheticReadings,
         WrenchStudy as WrenchStudy,
     )
+    from .reading import WrenchForm as WrenchForm, read_wrenches as read_wrenches
     from .scenes import (
         Contact as Contact,
         SyntheticHole as SyntheticHole,

@@ -11,14 +11,23 @@ import scipy
 from numpy.typing import ArrayLike
 
 from ...geometry.rotations import angle_between, cross_matrix, nearest_rotation
-from ...inference import chi_squared_over_noise, freedom_of, held_out_ratio, linear_fit, newey_west
+from ...inference import (
+    RandomWalkFit,
+    chi_squared_over_noise,
+    freedom_of,
+    held_out_ratio,
+    linear_fit,
+    newey_west,
+    random_walk_fit,
+)
 from ...inference.residuals import SMALL_P, shown_p
+from ...measurements.drift import DriftBasis, drift_basis
 from ...measurements.inspection import residual_tests
 from ...measurements.inspection.data_tests import Data, tested
 from ...measurements.inspection.misread_columns import NEARER, OtherReading, compared
 from ...results import ArgumentError, Estimate, naming
 from ...results.suspicion import Suspicion, alarms, suspicion_checks
-from .drift import BiasDrift, Word, bias_drift
+from .drift import Word, by_blocks, drift_names, drift_suspicions, walk_notes
 from .options import Drift, WrenchAlarm
 from .scenes import GRAVITY
 from .wrench import WrenchStatus, axes, rows_of, sigma_of, turns_of, vector_of
@@ -34,8 +43,9 @@ FRAMES = "give turns whose columns are the sensor's axes in the world frame, and
 
 @dataclass(frozen=True, eq=False)
 class FittedReadings:
-    """A linear fit of readings `values` (poses, 3) with the regressor J (poses, 3, n), in SI. `load`: columns of the
-    load; `load_of`: computes them from gravity in the sensor's frame (poses, 3)."""
+    """A linear fit of `readings` (poses, 3) [SI]: `values` (poses, 3) with the regressor J (poses, 3, n), both whitened
+    if the bias performs a random walk, `walk`. `load`: columns of the load; `load_of`: computes them, not whitened,
+    from gravity in the sensor's frame (poses, 3)."""
 
     word: Word
     estimate: Estimate
@@ -44,10 +54,16 @@ class FittedReadings:
     values: np.ndarray
     load: slice
     load_of: Callable[[np.ndarray], np.ndarray]
+    readings: np.ndarray
+    walk: RandomWalkFit | None = None
+
+    def white(self, rows: np.ndarray) -> np.ndarray:
+        """Return rows (poses, 3, ...) as they are fitted."""
+        return rows if self.walk is None else self.walk.white(rows)
 
     @property
     def rest(self) -> np.ndarray:
-        """Residuals (poses, 3) in the unit of the readings."""
+        """Residuals (poses, 3) in the unit of the readings, or in standard deviations with a random walk."""
         return self.values - self.J @ self.estimate.values
 
     @property
@@ -56,11 +72,11 @@ class FittedReadings:
         return ROUNDING * float(np.abs(self.values).max())
 
 
-def suspicions_of(part: FittedReadings, turns: np.ndarray, drift: BiasDrift, gravity: np.ndarray) -> list[Suspicion]:
+def suspicions_of(part: FittedReadings, turns: np.ndarray, drift: DriftBasis, gravity: np.ndarray) -> list[Suspicion]:
     """Run all tests of the forces or of the moments."""
     word, e, J, rest = part.word, part.estimate, part.J, part.rest
     outcomes = [
-        *drift.suspicions(word, e.units[0], J, rest, part.least),
+        *drift_suspicions(drift, word, e.units[0], J, rest, part.least),
         residual_tests.one_far_off(J, rest, LOOK, name=f"{word}_largest_residual", least=part.least),
         _held_out(part),
         _other_frame(part, turns, gravity),
@@ -68,7 +84,7 @@ def suspicions_of(part: FittedReadings, turns: np.ndarray, drift: BiasDrift, gra
         *tested(Data(residuals=rest, row="pose")),
     ]  # fmt: skip
     if part.sigma is not None:
-        squares = float(np.sum(np.square(rest))) / part.sigma**2
+        squares = float(np.sum(np.square(rest))) / (part.sigma**2 if part.walk is None else 1.0)
         outcomes.append(chi_squared_over_noise(squares, e.degrees_of_freedom).suspicion(f"{word}_over_noise", LOOK))
     return outcomes
 
@@ -76,7 +92,8 @@ def suspicions_of(part: FittedReadings, turns: np.ndarray, drift: BiasDrift, gra
 def beside_the_weight(part: FittedReadings, mass: float, gravity: np.ndarray) -> Suspicion:
     """Test whether the residuals of the forces are too large a share of the weight; not with a stated noise."""
     weight = abs(mass) * float(np.linalg.norm(gravity)) / np.sqrt(3)
-    share = _rms(part.rest, part.estimate.degrees_of_freedom) / weight
+    noise = part.estimate.noise if part.walk is not None else _rms(part.rest, part.estimate.degrees_of_freedom)
+    share = noise / weight
     beyond = part.sigma is None and share > UNEXPLAINED
     return Suspicion(
         "force_unexplained_share", f"the residuals of the forces are {100 * share:.3g} % of the weight",
@@ -118,16 +135,16 @@ def _other_frame(part: FittedReadings, turns: np.ndarray, gravity: np.ndarray) -
     """Compare fits with transposed turns, with readings in the world frame, and with both."""
     world = turns.transpose(0, 2, 1)
     data = {
-        "with transposed turns": (world, part.values),
-        "read in the world frame": (turns, np.einsum("nji,nj->ni", turns, part.values)),
-        "with transposed turns and read in the world frame": (world, np.einsum("nij,nj->ni", turns, part.values)),
+        "with transposed turns": (world, part.readings),
+        "read in the world frame": (turns, np.einsum("nji,nj->ni", turns, part.readings)),
+        "with transposed turns and read in the world frame": (world, np.einsum("nij,nj->ni", turns, part.readings)),
     }
-    dof = part.estimate.degrees_of_freedom
+    dof = float(part.values.size - part.J.shape[2])
 
     def residual(r: OtherReading) -> float:
         R, values = data[r.when]
-        A, y = part.J.copy(), values.reshape(-1)
-        A[:, :, part.load] = part.load_of(R.transpose(0, 2, 1) @ gravity)
+        A, y = part.J.copy(), part.white(values).reshape(-1)
+        A[:, :, part.load] = part.white(part.load_of(R.transpose(0, 2, 1) @ gravity))
         A = A.reshape(len(y), -1)
         return _rms(y - A @ np.linalg.lstsq(A, y, rcond=None)[0], dof)
 
@@ -144,7 +161,7 @@ def _rms(rest: np.ndarray, degrees_of_freedom: float) -> float:
 def _other_axes(part: FittedReadings, turns: np.ndarray, gravity: np.ndarray) -> Suspicion:
     """Test whether the sensor's axes are rotated or scaled against the turns, with a full matrix on gravity."""
     g = turns.transpose(0, 2, 1) @ gravity
-    every = np.einsum("nk,ij->nijk", g, np.eye(3)).reshape(len(g), 3, 9)
+    every = part.white(np.einsum("nk,ij->nijk", g, np.eye(3)).reshape(len(g), 3, 9))
     test = residual_tests.explained_by(part.J, part.rest, every, least=part.least)
     evidence = "axes: there are too few rows to test"
     p = test.p
@@ -192,6 +209,7 @@ class WrenchCalibration:
         the mass is negative; DOUBTFUL if a test of the readings raises an alarm that was not accepted.
     gravity: (3,) [m/s2] in the world frame.
     suspicions: result of each test of the readings. accepted: names of alarms that do not change the status.
+    notes: sentences on a random walk of the bias.
     """
 
     force: Estimate
@@ -201,6 +219,7 @@ class WrenchCalibration:
     gravity: np.ndarray
     suspicions: tuple[Suspicion, ...] = ()
     accepted: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def reversed(self) -> bool:
@@ -235,7 +254,9 @@ class WrenchCalibration:
 
     def __str__(self) -> str:
         parts = [str(self.force), str(self.moment), *([str(self.centre)] if self.centre else [])]
-        return "\n".join([*parts, self.status.message, *suspicion_checks(self.suspicions, self.accepted)[1]])
+        return "\n".join(
+            [*parts, self.status.message, *suspicion_checks(self.suspicions, self.accepted)[1], *self.notes]
+        )
 
 
 def calibrate_wrench(
@@ -273,8 +294,9 @@ def calibrate_wrench(
         drift: drifts of the biases to estimate, one or several: "linear" in time, drift_force_x, ... [N/s] and
             drift_moment_x, ... [N m/s]; "session", with a bias for each; "temperature", thermal_force_x, ... [N/K];
             "blocks" alone, with a bias for each of up to 10 blocks of poses, for an irregular drift: its intervals
-            come from the scatter of the blocks and hold for residuals of any colour. True is "linear", False "none".
-            The biases are then those at the last reading.
+            come from the scatter of the blocks and hold for residuals of any colour; "random_walk", whose size is
+            estimated (`gt.inference.random_walk_fit`). True is "linear", False "none". The biases are then those at the
+            last reading.
         session: (poses,) number of the recording of each reading; a session is contiguous.
         temperature: (poses,) [K] of the sensor at each reading.
         accept: names of alarms that do not change the status, such as "force_coloured".
@@ -300,7 +322,7 @@ def calibrate_wrench(
     sigma_of(sigma_force, "sigma_force")
     sigma_of(sigma_moment, "sigma_moment")
     g = R.transpose(0, 2, 1) @ down
-    drifts = bias_drift(drift, len(R), time, session, temperature)
+    drifts = drift_basis(drift, len(R), time, session, temperature)
     with naming("turns"):
         of_force = _fitted("force", "mass", f, g, sigma_force, drifts)
         of_moment = _fitted("moment", axes("first_moment"), m, g, sigma_moment, drifts)
@@ -325,11 +347,17 @@ def calibrate_wrench(
         raise ArgumentError(f"'{unknown[0]}' is not an alarm of a force sensor; expected {names}", "accept")
     if any(s.name not in accept for s in alarms(outcomes)):
         status = WrenchStatus.DOUBTFUL
-    return WrenchCalibration(force, moment, centre, status, down, tuple(outcomes), tuple(accept))
+    notes = () if of_force.walk is None else walk_notes(of_force.walk, _regressor(of_force, g), force.value("mass"))
+    return WrenchCalibration(force, moment, centre, status, down, tuple(outcomes), tuple(accept), notes)
+
+
+def _regressor(part: FittedReadings, g: np.ndarray) -> np.ndarray:
+    """Regressor (poses, 3, 4) of bias and load."""
+    return np.concatenate([np.broadcast_to(np.eye(3), (len(g), 3, 3)), part.load_of(g)], axis=2)
 
 
 def _fitted(
-    word: Word, load: str | Sequence[str], values: np.ndarray, g: np.ndarray, sigma: float | None, drift: BiasDrift
+    word: Word, load: str | Sequence[str], values: np.ndarray, g: np.ndarray, sigma: float | None, drift: DriftBasis
 ) -> FittedReadings:
     """Fit readings (poses, 3) with a bias, the load and drifts relative to the last reading."""
     force = word == "force"
@@ -343,20 +371,26 @@ def _fitted(
 
     one = np.broadcast_to(np.eye(3), (len(g), 3, 3))
     drifts = [column[:, None, None] * one for _, _, column in drift.columns()]
-    more = drift.names(word, unit)
+    more = drift_names(drift, word, unit)
     J = np.concatenate([one, load_of(g), *drifts], axis=2)
+    place = slice(3, 4 if force else 6)
     estimate = linear_fit(
         J.reshape(values.size, -1), values.reshape(-1), names + more[0], sigma=sigma, units=units + more[1]
     )
-    return FittedReadings(word, estimate, sigma, J, values, slice(3, 4 if force else 6), load_of)
+    if "random_walk" not in drift.kinds:
+        return FittedReadings(word, estimate, sigma, J, values, place, load_of, values)
+    walk = random_walk_fit(J, values, drift.running, estimate.names, sigma=sigma, units=estimate.units)
+    return FittedReadings(word, walk.estimate, sigma, walk.white(J), walk.white(values), place, load_of, values, walk)
 
 
-def _with_colour(part: FittedReadings, outcomes: Sequence[Suspicion], drift: BiasDrift) -> Estimate:
+def _with_colour(part: FittedReadings, outcomes: Sequence[Suspicion], drift: DriftBasis) -> Estimate:
     """The estimate, with the covariance by blocks, or that of Newey and West if the residuals are coloured."""
     e = part.estimate
     if "blocks" in drift.kinds:
-        covariance = drift.by_blocks(part.J, part.values, e.values, part.load)
+        covariance = by_blocks(drift, part.J, part.values, e.values, part.load)
         return replace(e, covariance=covariance, degrees_of_freedom=float(drift.blocks[-1]), known_noise=False)
+    if part.walk is not None:
+        return e
     p = next(s.p for s in outcomes if s.name == f"{part.word}_coloured")
     return replace(e, covariance=newey_west(part.J, part.rest, starts=drift.starts)) if p < SMALL_P else e
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 
 from ..._lazy import hint
+from ...measurements.drift import DriftKind
 from ...results import ArgumentError, Quantity, Study
 from ...results.options import Options, Unit, Within
 from ...results.suspicion import EveryAlarm
@@ -33,7 +34,7 @@ WrenchAlarm = Literal[
     "moment_over_noise", "moment_unit", EveryAlarm,
 ]  # fmt: skip
 # drifts of the bias that can be estimated
-Drift = Literal["none", "linear", "session", "temperature", "blocks"]
+Drift = DriftKind
 Between = tuple[float, float]
 HANDS_BY = ("mass", "damping", "stiffness")
 

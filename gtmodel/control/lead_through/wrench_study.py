@@ -167,7 +167,7 @@ def wrench_study(
         arm = _measured_arm(known, pushes, force_noise, moment_noise)
         notes += ends_of_range(rows[1], "force") + ends_of_range(rows[2], "moment")
     doubts, sentences = suspicion_checks(known.suspicions, accept)
-    notes += sentences
+    notes += [*sentences, *known.notes]
     checks = {"wrench_usable": Check(float(known.status), judged=known.status.ok, advice=known.status.message)} | doubts
     answers: dict[str, Any] = {"usable": known.status.name}
     if isinstance(readings, SyntheticReadings) and readings.repetitions:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, Unpack
 
@@ -10,11 +11,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...inference.chance import chi_squared_bound
+from ...measurements.drift import DriftBasis, drift_basis
 from ...measurements.inspection.columns import ColumnScan
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most
 from ...results.disk import MadeFiles
 from ...results.estimate import Estimate
-from ...results.suspicion import suspicion_checks
+from ...results.refusal import naming
+from ...results.suspicion import Suspicion, suspicion_checks
 from ...results.work import Interrupted, WorkOptions, study_function
 from ..smoother import smooth
 from . import gyro_calibration
@@ -36,7 +39,7 @@ from .conventions import (
     rotations,
     started,
 )  # fmt: skip
-from .gyro_calibration import FEWEST, GyroCalibration, calibrated_on
+from .gyro_calibration import FEWEST, GyroCalibration, calibrated_on, with_drift
 from .gyro_path import BLOCK, gyro_path, picked
 from .options import METHODS, AttitudeJudging, AttitudeStudy, SyntheticAttitude
 from .recording import AttitudeRecording, sampled_instants, synthetic_attitude
@@ -133,22 +136,24 @@ def _studied(
     until = o.calibrate_until if o.calibrate_until is not None else float(np.median(at))
     parts = [at <= until, at > until]
     _fitting(at, parts, o.gaps)
+    basis = _drift(time, gyro, until, o)
+    columns = [column for _, _, column in basis.columns()]
     calibrations = list[GyroCalibration]()
     for n, part in enumerate(parts):
         name = f"the {('first', 'second')[n]} part"
         work.step(f"calibrating on {name}", 0.15 + 0.3 * n)
         begin = started(time, reading, at[part], picked(turned, part), chosen.offset)
         turns = picked(turned, part)
-        calibrations.append(calibrated_on(name, time, reading, at[part], turns, begin, ask, o.sample_period))
+        calibrations.append(calibrated_on(name, time, reading, at[part], turns, begin, ask, o.sample_period, basis))
     for calibration in calibrations:
         if calibration.likeliest is None:
             return AttitudeStudy(status=calibration.status, message=calibration.message, title=title, **so_far)
-    estimates = [
-        c.by(gyro_calibration.PART_NAMES, gyro_calibration.PART_UNITS, gyro_calibration.parts) for c in calibrations
-    ]
-    intervals = [[e.interval(name) for name in gyro_calibration.PART_NAMES] for e in estimates]
+    names, units = with_drift(gyro_calibration.PART_NAMES, gyro_calibration.PART_UNITS, basis)
+    estimates = [c.by(names, units, gyro_calibration.parts) for c in calibrations]
+    intervals = [[e.interval(name) for name in names] for e in estimates]
+    reading = np.column_stack([reading, *columns])
     so_far |= {
-        "names": gyro_calibration.PART_NAMES, "numbers": estimates[0].values.tolist(), "estimate": estimates[0],
+        "names": names, "numbers": estimates[0].values.tolist(), "estimate": estimates[0],
         "first_interval": intervals[0], "second_interval": intervals[1],
     }  # fmt: skip
     work.step("bridging gaps", 0.75)
@@ -271,6 +276,15 @@ def _filtered_until(time: np.ndarray, at: np.ndarray) -> float:
     return float(max(time[row], at[0] + 0.0)) if row < len(time) else float(at[-1])
 
 
+def _drift(time: np.ndarray, gyro: Any, until: float, o: AttitudeJudging) -> DriftBasis:
+    """Drift of the bias to estimate, relative to the end of the first part. Raises ArgumentError."""
+    kelvin = gyro["temperature"] if "temperature" in gyro.names else None
+    with naming({"drift": "judging.drift", "temperature": "recording"}):
+        kinds = drift_basis(o.drift, len(time), time, None, kelvin, kinds=gyro_calibration.KINDS).kinds
+    origin = (until, 0.0 if kelvin is None else float(np.interp(until, time, kelvin)))
+    return DriftBasis(kinds, time, None, kelvin, origin=origin)
+
+
 # -- calibrated, judged -------------------------------------------------------------------------------------
 
 
@@ -317,6 +331,15 @@ def _bridged(
     return means[0], means[1], float(run.nis.sum() / max(run.count.sum(), 1))
 
 
+def _strongest(calibrations: Sequence[GyroCalibration]) -> list[Suspicion]:
+    """Return the tests for a drift, each of the part where it is stronger, with twice its p-value (Bonferroni)."""
+    pairs = zip(*(c.doubts for c in calibrations), strict=True)
+    return [
+        replace(s, evidence=f"{part} part: {s.evidence}", p=min(1.0, 2 * s.p))
+        for part, s in (min(zip(("first", "second"), pair, strict=True), key=lambda x: x[1].p) for pair in pairs)
+    ]
+
+
 def _study(
     title: str,
     o: AttitudeJudging,
@@ -335,7 +358,7 @@ def _study(
     means = [e.mean for e in rows]
     splines = [min(m["spline"], m["slow_spline"]) for m in means]
     checks = dict(checks)
-    doubts = [differing_parts(*estimates)]
+    doubts = [differing_parts(*estimates), *_strongest(calibrations)]
     if truth is not None:
         doubts.append(far_from_truth(estimates[0], gyro_calibration.parts(truth.numbers)))
     alarms, sentences = suspicion_checks(doubts)
@@ -425,7 +448,7 @@ def _notes(
 def _clipped(gyro: Any) -> str:
     """Columns that look clipped, with the number of clipped rows."""
     texts = []
-    for name in gyro.names:
+    for name in (n for n in gyro.names if gyro[n].ndim == 2):
         scan = ColumnScan([f"{name}[{k}]" for k in range(3)], [])
         scan.add(gyro[name])
         texts += [f"{f.name} in {f.clipped} rows" for f in scan.facts() if f.clipped]

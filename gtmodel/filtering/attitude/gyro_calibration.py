@@ -14,18 +14,21 @@ from ...geometry.rotations import cross_matrix
 from ...inference.covariance import carried
 from ...inference.nonlinear import central, nonlinear_fit
 from ...inference.residuals import Verdict, whiteness
+from ...measurements.drift import DriftBasis
 from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError
 from ...results.status import SolveStatus
+from ...results.suspicion import Suspicion
 from .gyro_path import START, GyroPath, RateCorrection, ReferenceNoise, factors, gyro_path, likeliest_noise, whitened
 
+KINDS = ("none", "linear", "temperature")
 _VECTORS = tuple(f"{what}[{k}]" for what in ("mount", "scale", "misalignment", "bias") for k in range(3))
 PART_NAMES = (*_VECTORS, "offset")
 PART_UNITS = ("rad",) * 3 + ("1",) * 3 + ("rad",) * 3 + ("rad/s",) * 3 + ("s",)
 
 
 def parts(numbers: np.ndarray) -> np.ndarray:
-    """Convert the 13 numbers of a correction to mount (3,), scale (3,), misalignment (3,), bias (3,) and clock offset.
+    """Convert the numbers of a correction to mount (3,), scale (3,), misalignment (3,), bias (3,), clock offset, drift.
 
     matrix = turn * stretch, the polar decomposition: `mount` is the rotation vector of the turn from the sensor to the
     body; the stretch is symmetric, with scales on its diagonal and the misalignments yz, zx, xy of the sensor's axes
@@ -39,12 +42,25 @@ def parts(numbers: np.ndarray) -> np.ndarray:
 NAMES = (*(f"matrix[{i}][{j}]" for i in range(3) for j in range(3)), *(f"bias[{i}]" for i in range(3)), "offset")
 UNITS = ("1",) * 9 + ("rad/s",) * 3 + ("s",)
 SIZES = (1.0,) * 9 + (1e-2,) * 3 + (1e-2,)
+DRIFT_SIZE = 1e-6  # rad/s per unit of a condition: half a degree per second in two hours
 ROUNDS = 4  # alternations of noise estimate and fit: the fourth changes no printed digit
 FEWEST = 20  # references: sixty numbers for thirteen unknowns and four noise parameters
 STRETCHED = 2.0  # a gyro scale above this or below its inverse is not plausible
 LEAST_TURN = 0.01  # of the rotations about the strongest axis: below, an axis is known to 10 % at best
 RELATED = 0.15  # of the rotations: a larger disagreement of gyro and references is not due to too little rotation
 BLOCKS = 4  # of equal rotation angle, left out one by one: longer than a low-cost gyro's error persists, 2 to 3 s
+
+
+def with_drift(
+    names: tuple[str, ...], units: tuple[str, ...], basis: DriftBasis
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return names and units with those of the drifts of the bias."""
+    columns = basis.columns()
+    more = [f"bias_{prefix}[{k}]" for prefix, _, _ in columns for k in range(3)]
+    return (*names, *more), (*units, *(f"rad/s{per}" for _, per, _ in columns for _ in range(3)))
+
+
+NONE = DriftBasis((), np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +72,8 @@ class GyroCalibration:
         without each of four blocks (4, 13). noise: disagreement of references and gyro. log_likelihood: of the
         references.
     white: whiteness test of the whitened residuals over time. residual: between neighbouring references (k, 3) [rad],
-    in the axes of the body. time: end of each interval (k,) [s].
+    in the axes of the body. time: end of each interval (k,) [s]. doubts: tests of the residuals for a drift of the
+    bias. basis: drift that was estimated.
     """
 
     status: SolveStatus
@@ -69,11 +86,13 @@ class GyroCalibration:
     white: Verdict | None
     residual: np.ndarray
     time: np.ndarray
+    doubts: tuple[Suspicion, ...] = ()
+    basis: DriftBasis = NONE
 
     @cached_property
     def estimate(self) -> Estimate:
-        """The thirteen numbers with intervals from both covariances. Raises ArgumentError if the fit failed."""
-        return self.by(NAMES, UNITS, lambda x: x)
+        """The numbers with intervals from both covariances. Raises ArgumentError if the fit failed."""
+        return self.by(*with_drift(NAMES, UNITS, self.basis), lambda x: x)
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
         """Return the interval of one of its numbers [SI]. Raises ArgumentError for another name or a failed fit."""
@@ -111,6 +130,7 @@ def calibrate_gyro(
     reference: Rotation,
     start: RateCorrection,
     ask: Callable[[], None] = lambda: None,
+    basis: DriftBasis = NONE,
 ) -> GyroCalibration:
     """Fit matrix, bias and clock offset so that integrated rates match the rotations between neighbouring references.
 
@@ -119,6 +139,9 @@ def calibrate_gyro(
         reference_time, reference: (k,) by the reference's clock, and body to world.
         start: initial guess; its offset must be accurate to about one sample of the gyro.
         ask: called at each evaluation; an exception ends the fit.
+        basis: drift of the bias, with the conditions of each row of `reading`. The bias is that at its origin.
+
+    Residuals are tested for a drift that is not estimated.
 
     Nonlinear least squares, with a cost linear in the number of references. The residual covariance, see
     `ReferenceNoise`, is estimated by maximum likelihood in alternation with the fit. Each standard deviation is the
@@ -140,8 +163,11 @@ def calibrate_gyro(
     """
     if len(reference_time) < FEWEST:
         raise ArgumentError(f"expected at least {FEWEST} references to calibrate; found {len(reference_time)}", "until")
-    problem = _Turns(time, reading, reference_time, reference)
-    x, fit = start.numbers, None
+    columns = [column for _, _, column in basis.columns()]
+    problem = _Turns(time, np.column_stack([reading, *columns]), reference_time, reference)
+    names, units = with_drift(NAMES, UNITS, basis)
+    more = 3 * len(columns)
+    x, fit = np.append(start.numbers[: len(NAMES)], np.zeros(more)), None
     noise, logs, roots = ReferenceNoise(*START), -np.inf, list[np.ndarray]()
     for _ in range(ROUNDS):
         path = problem.path(x)
@@ -153,7 +179,7 @@ def calibrate_gyro(
             r, J = problem(x)
             return whitened(roots, r), whitened(roots, J)
 
-        fit = nonlinear_fit(white_rows, x, NAMES, scale=SIZES, sigma=1.0, units=UNITS)
+        fit = nonlinear_fit(white_rows, x, names, scale=(*SIZES, *(DRIFT_SIZE,) * more), sigma=1.0, units=units)
         if not fit.status.ok or fit.estimate is None:
             break
         done = float(np.max(np.abs(fit.x - x) / fit.estimate.std)) < 1e-2
@@ -161,14 +187,44 @@ def calibrate_gyro(
         if done:
             break
     assert fit is not None
-    white, left_out = None, np.zeros((BLOCKS, len(x)))
+    white, left_out, doubts = None, np.zeros((BLOCKS, len(x))), list[Suspicion]()
     if fit.estimate is not None:
+        doubts = _drifts(problem, x, roots, basis, time)
         left_out = _left_out(problem, x, roots)
         white = whiteness(_along(fit.r))
     correction, r = RateCorrection.of(x), problem.residual(x)[0]
     return GyroCalibration(
-        fit.status, fit.message, correction, fit.estimate, left_out, noise, logs, white, r, reference_time[1:]
+        fit.status,
+        fit.message,
+        correction,
+        fit.estimate,
+        left_out,
+        noise,
+        logs,
+        white,
+        r,
+        reference_time[1:],
+        tuple(doubts),
+        basis,
     )
+
+
+def _drifts(
+    problem: _Turns, x: np.ndarray, roots: list[np.ndarray], basis: DriftBasis, time: np.ndarray
+) -> list[Suspicion]:
+    """Test the residuals for a drift of the bias with time and temperature."""
+    r, J = problem(x)
+    middle = (problem.at[:-1] + problem.at[1:]) / 2
+    temperature = None if basis.temperature is None else np.interp(middle, time, basis.temperature)
+
+    def white(rows: np.ndarray) -> np.ndarray:
+        return whitened(roots, rows.reshape(len(r), -1)).reshape(len(middle), 3, -1)
+
+    conditions = DriftBasis(basis.kinds, middle, None, temperature)
+    return conditions.suspicions(
+        "gyro", "rad/s", white(J), white(r)[:, :, 0], key="judging.drift", kinds=KINDS,
+        by=J[:, 9:12].reshape(len(middle), 3, 3), white=white,
+    )  # fmt: skip
 
 
 def turns_enough(
@@ -207,14 +263,15 @@ def calibrated_on(
     start: RateCorrection,
     ask: Callable[[], None] = lambda: None,
     period: float | None = None,
+    basis: DriftBasis = NONE,
 ) -> GyroCalibration:
     """As `calibrate_gyro`, on a part of a recording. Raises ArgumentError if the part does not determine the gyro.
 
-    period: sampling period of the sensor [s], if stated.
+    period: sampling period of the sensor [s], if stated. basis: drift of the bias to estimate.
     """
     turns_enough(part, time, reading, at, reference, start.offset)
     try:
-        calibration = calibrate_gyro(time, reading, at, reference, start, ask)
+        calibration = calibrate_gyro(time, reading, at, reference, start, ask, basis)
     except ArgumentError as fault:
         raise ArgumentError(f"on {part}: {fault.message}", fault.argument or "recording") from None
     matrix = calibration.correction.matrix

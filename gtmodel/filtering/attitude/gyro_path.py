@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -23,6 +23,8 @@ class RateCorrection:
 
     matrix: (3, 3); scale, misalignment of the axes, and the rotation from the sensor to the body. bias: (3,).
     offset: stamp of an event by the clock of the reference minus its stamp by the clock of the gyro [s].
+    drift: (k, 3), change of the bias with each of k conditions, such as the time, which are further columns of the
+        readings, see `gtmodel.measurements.drift.DriftBasis`.
 
     >>> correction = gt.filtering.RateCorrection(1.02 * np.eye(3), np.array([0.0, 0.0, 0.01]))
     >>> correction(np.array([[0.0, 0.0, 1.0]])).round(3).tolist()
@@ -32,28 +34,30 @@ class RateCorrection:
     matrix: np.ndarray
     bias: np.ndarray
     offset: float = 0.0
+    drift: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
     @classmethod
     def of(cls, numbers: np.ndarray) -> RateCorrection:
-        """Make a correction from its thirteen numbers: matrix by rows, bias, offset."""
-        return cls(np.asarray(numbers[:9]).reshape(3, 3), np.asarray(numbers[9:12]), float(numbers[12]))
+        """Make a correction from its 13 + 3 k numbers: matrix by rows, bias, offset, drift by rows."""
+        matrix, bias, offset, drift = numbers[:9], numbers[9:12], float(numbers[12]), numbers[13:]
+        return cls(np.reshape(matrix, (3, 3)), np.asarray(bias), offset, np.reshape(drift, (-1, 3)))
 
     @property
     def numbers(self) -> np.ndarray:
-        """Its thirteen numbers."""
-        return np.concatenate([self.matrix.ravel(), self.bias, [self.offset]])
+        """Its 13 + 3 k numbers."""
+        return np.concatenate([self.matrix.ravel(), self.bias, [self.offset], self.drift.ravel()])
 
     def __call__(self, reading: np.ndarray) -> np.ndarray:
-        """Return the rates of the body (n, 3) from readings (n, 3)."""
-        return reading @ self.matrix.T - self.bias
+        """Return the rates of the body (n, 3) from readings (n, 3 + k)."""
+        return reading[:, :3] @ self.matrix.T - self.bias - reading[:, 3:] @ self.drift
 
 
 @dataclass(frozen=True, eq=False)
 class GyroPath:
     """Rotations from the first of k instants to each of them, in the axes of the body at the first one.
 
-    rate: of the body (k, 3) at these instants [rad/s]. derivative: (k, 3, 13), derivative of the error of each
-    rotation, in the axes of the first instant, by matrix, bias and offset; None if not requested.
+    rate: of the body (k, 3) at these instants [rad/s]. derivative: (k, 3, n), derivative of the error of each
+    rotation, in the axes of the first instant, by the numbers of the correction; None if not requested.
     """
 
     turn: Rotation
@@ -71,14 +75,14 @@ def gyro_path(
 ) -> GyroPath:
     """Rotations from the first of the ascending instants `at` (k,), by the reference's clock, to each of them.
 
-    time (n,), reading (n, 3): of the gyro, by its own clock. Rates are linear between samples; each step is exact to
-    fourth order (Magnus), and steps are multiplied as rotations.
+    time (n,), reading (n, 3 + k): of the gyro, by its own clock, and conditions of a drift. Rates are linear
+    between samples; each step is exact to fourth order (Magnus), and steps are multiplied as rotations.
     """
     at = np.asarray(at, float) - correction.offset
     inside = time[(time > at[0]) & (time < at[-1])]
     nodes, place = np.unique(np.concatenate([at, inside]), return_inverse=True)
     ends = place[: len(at)]
-    read = np.column_stack([np.interp(nodes, time, reading[:, k]) for k in range(3)])
+    read = np.column_stack([np.interp(nodes, time, column) for column in reading.T])
     rate = correction(read)
     h = np.diff(nodes)[:, None]
     a, b = rate[:-1], rate[1:]
@@ -87,15 +91,19 @@ def gyro_path(
     if not derivative:
         return GyroPath(picked(turn, ends), rate[ends])
     h, A, B, unit = h[:, :, None], cross_matrix(a), cross_matrix(b), np.eye(3)
-    r0, r1 = read[:-1, None, None, :], read[1:, None, None, :]  # against (n, 3, row of the matrix, column of it)
+    r0, r1 = read[:-1, None, None, :3], read[1:, None, None, :3]  # against (n, 3, row of the matrix, column of it)
     by_matrix = h[..., None] / 2 * unit[..., None] * (r0 + r1) + h[..., None] ** 2 / 12 * (
         A[..., None] * r1 - B[..., None] * r0
     )
     by_bias = -h * unit + h**2 / 12 * (B - A)
-    slopes = left_jacobian(step) @ np.concatenate([by_matrix.reshape(-1, 3, 9), by_bias], axis=2)
-    total = np.concatenate([np.zeros((1, 3, 12)), np.cumsum(turn[:-1].as_matrix() @ slopes, axis=0)])
+    c0, c1 = read[:-1, 3:].T[:, :, None, None], read[1:, 3:].T[:, :, None, None]
+    by_drift = -h / 2 * (c0 + c1) * unit + h**2 / 12 * (c0 * B - c1 * A)  # (k, nodes, 3, 3)
+    slopes = left_jacobian(step) @ np.concatenate([by_matrix.reshape(-1, 3, 9), by_bias, *by_drift], axis=2)
+    along = np.cumsum(turn[:-1].as_matrix() @ slopes, axis=0)
+    total = np.concatenate([np.zeros((1, *along.shape[1:])), along])[ends]
     by_offset = rate[ends[0]] - picked(turn, ends).apply(rate[ends])  # both ends move to earlier times
-    return GyroPath(picked(turn, ends), rate[ends], np.concatenate([total[ends], by_offset[:, :, None]], axis=2))
+    derivative_ = np.concatenate([total[:, :, :12], by_offset[:, :, None], total[:, :, 12:]], axis=2)
+    return GyroPath(picked(turn, ends), rate[ends], derivative_)
 
 
 def picked(rotation: Rotation, rows: Any) -> Rotation:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 
 from ...results.options import Options, Unit, Within
 from ...results.quantity import Quantity, Row
 from ...results.study import Study, to_inherit
+
+GyroDrift = Literal["none", "linear", "temperature"]
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,10 @@ class AttitudeJudging(Options):
     longest_offset: Annotated[
         float, Unit("s"), Within(above=0), "largest offset between the two clocks, either way, in the search"
     ] = 0.5  # fmt: skip
+    drift: Annotated[
+        GyroDrift | list[GyroDrift],
+        "drift of the gyro's bias to estimate, one or several: linear in time, or with temperature",
+    ] = "none"  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -67,7 +73,7 @@ SHOWN = 6  # conventions in the table
 _DEG = 180 / np.pi
 _SHOWN = {
     "mount": (_DEG, "deg"), "scale": (1.0, ""), "misalignment": (_DEG, "deg"), "bias": (_DEG, "deg/s"),
-    "offset": (1e3, "ms"),
+    "offset": (1e3, "ms"), "bias_drift": (3600 * _DEG, "deg/s/h"), "bias_thermal": (_DEG, "deg/s/K"),
 }  # fmt: skip
 
 
@@ -77,7 +83,8 @@ class AttitudeStudy(Study):
     """Calibration of a gyro on the first part of a recording, and attitude errors in gaps of the rest.
 
     Names for `interval`: "mount[0]", "scale[0]", "misalignment[0]" (axes yz, zx, xy), "bias[0]" and "offset", of the
-    first part. error[i][j] is the error in gap i with method j.
+    first part; with a drift also "bias_drift[0]" [rad/s2] and "bias_thermal[0]" [rad/s/K]. The bias is then that at the
+    end of the first part. error[i][j] is the error in gap i with method j.
     """
 
     convention: Annotated[str, Quantity("", "units and direction found", "read as")] = ""

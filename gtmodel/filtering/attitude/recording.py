@@ -54,8 +54,9 @@ TRUE_BIAS = (2e-3, -1e-3, 1.5e-3)  # rad/s
 class AttitudeRecording:
     """Recording of an inertial unit and of a device that measures orientation, each with its own clock.
 
-    gyro: "rate" (n, 3), and "acceleration" (n, 3) if available. reference: "quaternion" (k, 4) of unit length. Stamps
-    may be uneven. Signals with the unit "1" are raw: the study finds their units; others are in rad/s and m/s2.
+    gyro: "rate" (n, 3), and "acceleration" (n, 3) and "temperature" (n,) [K] if available. reference: "quaternion"
+    (k, 4) of unit length. Stamps may be uneven.
+    Signals with the unit "1" are raw: the study finds their units; others are in rad/s and m/s2.
 
     Raises ArgumentError if a signal is missing or has another shape.
 
@@ -78,6 +79,9 @@ class AttitudeRecording:
                 raise ArgumentError(f"expected a signal '{name}'; found {names}", argument)
             if trajectory[name].shape[1:] != (size,):
                 raise ArgumentError(f"expected '{name}' (n, {size}); found shape {trajectory[name].shape}", argument)
+        warm = self.gyro.select(["temperature"]) if "temperature" in self.gyro.names else None
+        if warm is not None and (warm["temperature"].ndim != 1 or warm.unit("temperature") != "K"):
+            raise ArgumentError("expected 'temperature' (n,) in K", "gyro")
         if self.gyro.unit("rate") not in ("1", "rad/s"):
             raise ArgumentError(f"expected 'rate' in rad/s, or 1 for raw; found {self.gyro.unit('rate')}", "gyro")
 

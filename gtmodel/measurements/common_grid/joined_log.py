@@ -16,7 +16,7 @@ from ...results.work import Progress, silent
 from ..alignment.delay_study import RELATED
 from ..log import Column, LogError, Session, session_of
 from ..recording import matching, read_recording
-from .joining import JoinedClocks, join
+from .joined_clocks import JoinedClocks, join
 from .options import AlignBy, EvenGrid
 
 JOINED = "joined"  # key of the provenance: sentences about the clocks

@@ -21,7 +21,7 @@ from ..inspection.data_tests import Data, tested
 from ..log import LEFT_OUT
 from ..resampling import Resampled
 from ..sampling import SamplingReport, sampling_of
-from .joining import SESSION, ClockRows, JoinedClocks, join
+from .joined_clocks import SESSION, ClockRows, JoinedClocks, join
 from .options import AlignBy, EvenGrid, ResamplingStudy
 
 COARSER = 1.5  # median steps: a longer sample time of the grid causes aliasing

@@ -3,6 +3,7 @@ tests."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -213,19 +214,30 @@ def drifts(
     unit: str = "",
     least: float = 0.0,
     over: str = "the recording",
+    rate: float = 0.0,
+    by: np.ndarray | None = None,
+    white: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> Suspicion:
     """Test for a linear drift of the readings with `time` (rows,), with a slope for each channel; `over` names the
-    range of `time`, which may be another condition, such as a temperature."""
+    range of `time`, which may be another condition, such as a temperature. rate: recordings in an hour, to say the
+    drift in an hour, too. by: derivative (rows, channels, k) of the residuals by what drifts; by default the channels.
+    white: whitens columns (rows, channels, k), if J and r are whitened.
+    """
     rows = _rows(r)
+    by = np.broadcast_to(np.eye(rows.shape[1]), (len(rows), rows.shape[1], rows.shape[1])) if by is None else by
     t = np.asarray(time, float)
     span = float(np.ptp(t))
     line = (t - t.mean()) / (span or 1.0)
-    test = explained_by(J, rows, line[:, None, None] * np.eye(rows.shape[1]), least=least)
+    lines = line[:, None, None] * by
+    lines = lines if white is None else white(lines)
+    test = explained_by(J, rows, lines, least=least)
     if np.isnan(test.p):
         return Suspicion(name, f"drift: {TOO_FEW}", np.nan, remedy)
-    size = float(np.linalg.norm(_drifts(J, rows, line)))
+    size = float(np.linalg.norm(_factors(J, rows, lines)))
+    said = f"{size:.3g}{unit and f' {unit}'} over {over}"
+    said += f", {rate * size:.3g}{unit and f' {unit}'} per hour" if rate else ""
     return Suspicion(
-        name, f"the readings drift by {size:.3g}{unit and f' {unit}'} over {over} ({shown_p(test.p)})", test.p,
+        name, f"the readings drift by {said} ({shown_p(test.p)})", test.p,
         remedy,
     )  # fmt: skip
 
@@ -308,12 +320,11 @@ def _orthonormal(A: np.ndarray, unit: float | None = None) -> np.ndarray:
     return U[:, s**2 > IN_SPAN]
 
 
-def _drifts(J: np.ndarray, rows: np.ndarray, line: np.ndarray) -> np.ndarray:
-    """Return the slope of each channel along a line (rows,), fitted together with the columns of J."""
-    T, channels = rows.shape
-    lines = (line[:, None, None] * np.eye(channels)).reshape(T * channels, channels)
-    both = np.hstack([lines, _orthonormal(np.asarray(J, float).reshape(T * channels, -1))])
-    return np.linalg.lstsq(both, rows.reshape(-1), rcond=None)[0][:channels]
+def _factors(J: np.ndarray, rows: np.ndarray, lines: np.ndarray) -> np.ndarray:
+    """Return the factors (k,) of columns (rows, channels, k), fitted together with those of J."""
+    both = np.hstack([part.reshape(rows.size, -1) for part in (lines, np.asarray(J, float))])
+    size = np.maximum(np.linalg.norm(both, axis=0), np.finfo(float).tiny)
+    return (np.linalg.lstsq(both / size, rows.reshape(-1), rcond=IN_SPAN)[0] / size)[: lines.shape[-1]]
 
 
 def _averaged(rows: np.ndarray) -> np.ndarray:

@@ -25,6 +25,9 @@ _ABSENT = {"", "nan", "na", "n/a", "#n/a", "null", "none", "nil", "-", "--", "?"
 _NOTES = ("title", "synthetic", "provenance", "scalar")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _WITH_COMMA = re.compile(r"[+-]?\d+(,\d+)?([eE][+-]?\d+)?")
+_QUOTED = re.compile(r'"\s*([+-]?\d+,\d+(?:[eE][+-]?\d+)?)\s*"')  # a quoted number with a comma
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
+_POINT = re.compile(r"(?:^|[,\s\"])[+-]?\d*\.\d")
 _STAMP = re.compile(r"(\d{4}-\d\d-\d\d|\d{1,2}\.\d{1,2}\.\d{4})[T ]\d\d:\d\d(:\d\d([.,]\d{1,9})?)?Z?")
 _DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})(?=[T ])")  # 12.11.2026
 _DATE = re.compile(r"\d{4}-\d\d-\d\d.*|\d{1,2}[./]\d{1,2}[./]\d{2,4}.*|\d{1,2}:\d\d([:.]\d.*)?")
@@ -100,7 +103,7 @@ class TextStream(Stream):
             if layout.decimal_comma:
                 if "." in text:  # a thousands separator or a mistake
                     return None
-                text = text.replace(",", ".")
+                text = text if sign == "," else text.replace(",", ".")  # such numbers are quoted
             if gaps and sign != " ":
                 empty = f"{sign}nan{sign}"
                 text = text.replace(sign * 2, empty).replace(sign * 2, empty)
@@ -235,7 +238,11 @@ def _layout(path: Path, form: LogForm) -> _Layout:
         raise LogError(f"{shown(path)} is empty; expected a header such as 'time [s],q[0] [m]' and rows")
     layout.sign = _sign([line for _, line in rows], form, layout)
     _refuse_blanks_and_commas([line for _, line in rows], layout, path, form)
-    if layout.sign == "," and layout.decimal_comma:
+    quoted = [cell for _, line in rows for cell in _QUOTED.findall(line)] if layout.sign == "," else []
+    if not layout.decimal_comma and _with_decimal_commas(quoted, [line for _, line in rows]):
+        layout.decimal_comma = True
+        layout.remarks.append(f'quoted numbers have decimal commas, such as "{quoted[0]}"')
+    if layout.sign == "," and layout.decimal_comma and not quoted:
         raise LogError(f"{shown(path)}: a comma cannot be both decimal separator and delimiter; name the delimiter")
     tables = [(n, _header_cells(line, layout.sign, f"{shown(path)} line {n}")) for n, line in rows]
     n, cells = tables[0]
@@ -293,6 +300,13 @@ def _recognise_cells(rows: Sequence[list[str]], layout: _Layout) -> None:
         layout.remarks.append(f'{names} seem to contain decimal commas; if they do, set decimal = "comma"')
 
 
+def _with_decimal_commas(quoted: Sequence[str], lines: Sequence[str]) -> bool:
+    """Whether the quoted numbers of a table with commas between its columns have decimal commas: no number has a point,
+    and not all commas can separate thousands."""
+    point = any(_POINT.search(line) for line in lines)
+    return bool(quoted) and not point and not all(map(_THOUSANDS.fullmatch, quoted))
+
+
 def _nanoseconds(cell: str, zero: int = 0) -> int:
     """Return the time from `zero` to a date [ns]. Raises ValueError if the cell is not a date."""
     stamp = np.datetime64(_iso(cell), "ns")
@@ -335,7 +349,7 @@ def _sign(lines: list[str], form: LogForm, layout: _Layout) -> str:
         return SIGNS[form.delimiter]
     plain = [re.sub(r'"[^"]*"', "", line) for line in lines]
     candidates: list[Delimiter] = ["tab", "semicolon", "comma", "bar"]
-    if layout.decimal_comma:
+    if layout.decimal_comma and not any(_QUOTED.search(line) for line in lines):
         candidates.remove("comma")
     counts: dict[Delimiter, list[int]] = {name: [line.count(SIGNS[name]) for line in plain] for name in candidates}
     tests: list[Callable[[list[int]], int]] = [

@@ -52,7 +52,9 @@ class SerialArm(gt.Model):
 
     Parameters: base_xyz, base_rpy, tool_xyz, tool_rpy; per joint xyz, rpy, axis (URDF) or theta, d, a, alpha, beta
     (Denavit-Hartenberg), depending on the style; per link m [kg], mc [kg m] and J [kg m2] as in `mechanics.LinkBody`,
-    in the link frame; per joint viscous and coulomb friction, by default 0, with velocity_scale.
+    in the link frame; per joint viscous and coulomb friction, by default 0, with velocity_scale; per joint
+    rotor_inertia [kg.m2, kg], by default 0: inertia of the rotor times the gear ratio squared, which tau accelerates
+    with the joint. Gyroscopic torques of the rotors are neglected.
 
     Motor torques that hold an arm level with 1 kg at 0.5 m from joint 2:
 
@@ -118,10 +120,10 @@ class SerialArm(gt.Model):
                 yield self.q[place] == link.coordinate()
             else:
                 yield link.coordinate() == multiplier * self.q[place] + offset
-            effort = link.effort()
+            effort = link.effort() + self.rotor_inertia[k] * gt.der(gt.der(link.coordinate()))
             if self.structure.geared(k):  # the leader's effort has the other unit: force for torque, or the reverse
-                effort = getattr(self, f"effort_{k + 1}")
-                yield effort == link.effort()
+                driven, effort = effort, getattr(self, f"effort_{k + 1}")
+                yield effort == driven
             efforts[place].append(multiplier * effort)
             before = link.after
         for place, parts in enumerate(efforts):
@@ -206,9 +208,11 @@ def _link_class(style: Style, kind: JointKind, smoothing: str) -> type[_Link]:
 
 # units of the quantities of a joint
 JOINT_UNITS: dict[str, dict[str, str]] = {
-    "revolute": {"q": "rad", "tau": "N.m", "coulomb": "N.m", "viscous": "N.m.s/rad", "velocity_scale": "rad/s"},
-    "prismatic": {"q": "m", "tau": "N", "coulomb": "N", "viscous": "kg/s", "velocity_scale": "m/s"},
-}
+    "revolute": {"q": "rad", "tau": "N.m", "coulomb": "N.m", "viscous": "N.m.s/rad", "velocity_scale": "rad/s",
+                 "rotor_inertia": "kg.m2"},
+    "prismatic": {"q": "m", "tau": "N", "coulomb": "N", "viscous": "kg/s", "velocity_scale": "m/s",
+                  "rotor_inertia": "kg"},
+}  # fmt: skip
 
 
 def _units(structure: ArmStructure) -> dict[str, str | None]:
@@ -243,6 +247,9 @@ def arm_class(structure: ArmStructure) -> type[SerialArm]:
         ),
         "coulomb": gt.parameter(np.zeros(n), unit=units["coulomb"], min=0.0, description="Coulomb friction"),
         "viscous": gt.parameter(np.zeros(n), unit=units["viscous"], min=0.0, description="viscous friction"),
+        "rotor_inertia": gt.parameter(
+            np.zeros(n), unit=units["rotor_inertia"], min=0.0, description="rotor inertias, times gear ratio squared"
+        ),
         "velocity_scale": gt.parameter(
             VELOCITY_SCALE, unit=units["velocity_scale"], positive=True, description="friction smoothing"
         ),

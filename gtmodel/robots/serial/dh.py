@@ -269,7 +269,7 @@ def as_dh(arm: SerialArm) -> SerialArm:
     values |= {"m": m, "mc": np.array([x for x, _ in bodies]), "J": np.array([x for _, x in bodies])}
     values |= {"base_xyz": frames[0][1], "base_rpy": rpy_of_rotation(frames[0][0])}
     values |= {"tool_xyz": last[1], "tool_rpy": rpy_of_rotation(last[0])}
-    values |= {name: getattr(arm, name) for name in ("viscous", "coulomb", "velocity_scale")}
+    values |= {name: getattr(arm, name) for name in ("viscous", "coulomb", "rotor_inertia", "velocity_scale")}
     return arm_class(replace(s, style="standard"))(**values)
 
 

@@ -13,7 +13,7 @@ from ...lang import ModelError
 from .arm import DH_NAMES, SerialArm
 from .structure import central, moved
 
-BODY = ("m", "mc", "J", "viscous", "coulomb")
+BODY = ("m", "mc", "J", "viscous", "coulomb", "rotor_inertia")
 
 
 def robot_table(arm: SerialArm, urdf: str) -> dict[str, Any]:
@@ -36,7 +36,7 @@ def robot_table(arm: SerialArm, urdf: str) -> dict[str, Any]:
         "names": [j.name for j in s.joints],
     }  # fmt: skip
     for key, name in (("a_m", "a"), ("d_m", "d"), ("base_m", "base_xyz"), ("tool_m", "tool_xyz"), ("m_kg", "m"),
-                      ("viscous", "viscous"), ("coulomb", "coulomb")):  # fmt: skip
+                      ("viscous", "viscous"), ("coulomb", "coulomb"), ("rotor_inertia", "rotor_inertia")):  # fmt: skip
         table[key] = np.asarray(getattr(arm, name), float).tolist()
     for key, name in (("alpha_deg", "alpha"), ("theta_deg", "theta"), ("beta_deg", "beta"),
                       ("base_rpy_deg", "base_rpy"), ("tool_rpy_deg", "tool_rpy")):  # fmt: skip
@@ -59,7 +59,7 @@ def to_urdf(arm: SerialArm, comment: str = "") -> str:
     """Return the URDF text of an arm: placements, limits, mimics, inertias and friction; the tool is a fixed joint.
 
     comment: written at the top, for example the source of the numbers. A link "world" is added before the base unless
-    base_xyz and base_rpy are 0.
+    base_xyz and base_rpy are 0. URDF has no element for rotor_inertia: `robot_table` keeps it.
 
     Raises ModelError for a negative mass, and for a body with moments but no mass, which URDF cannot represent.
 

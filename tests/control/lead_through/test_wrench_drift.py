@@ -196,10 +196,56 @@ def test_true_and_false_keep_their_meaning_and_a_clock_may_restart_with_a_sessio
     assert calibrated(drawn("none", 0), session=np.repeat([1, 2], 50), time=np.r_[TIME[:50], TIME[:50]]).status.ok
 
 
+@RUNS
+@pytest.mark.parametrize("sweep", [False, True], ids=["random order", "sweep"])
+def test_intervals_of_a_random_walk_hold_and_the_mass_is_as_good_as_possible(sweep: bool, count: int) -> None:
+    """The estimate reaches the bound of Cramer and Rao for the true walk: no other one is better."""
+    mass, bias, far, least, doubtful, named = 0, np.zeros(3), 0.0, 0.0, 0, 0
+    for k in range(count):
+        s = drawn("walk", k, sweep=sweep)
+        c = calibrated(s, drift="random_walk")
+        low, high = c.force.intervals(["mass", "bias_force_x", "bias_force_y", "bias_force_z"])
+        mass += low[0] <= s.mass <= high[0]
+        bias += (low[1:] <= s.bias[-1]) & (s.bias[-1] <= high[1:])
+        far += (c.force.value("mass") - s.mass) ** 2
+        least += bound(s) ** 2
+        doubtful += not c.status.ok
+        named += any("because of the order of the poses" in note for note in c.notes)
+    assert mass >= least_hits(count)
+    assert bias.sum() >= least_hits(3 * count)
+    assert np.sqrt(far / least) <= 1 + 3 / np.sqrt(2 * count)
+    assert doubtful <= most_alarms(count)
+    assert named == (count if sweep else 0)
+
+
+def bound(s: Set) -> float:
+    """Least standard deviation of the mass [kg] with the true sizes of walk and noise, by the information matrix."""
+    n = np.arange(POSES)
+    C = 0.05**2 * np.eye(POSES) + SIZE**2 / (3 * POSES) * np.minimum(n[:, None], n)
+    g = s.turns.transpose(0, 2, 1) @ [0.0, 0.0, -9.81]
+    one = np.ones(POSES)
+    information = sum(
+        x @ np.linalg.solve(C, x) - (x @ np.linalg.solve(C, one)) ** 2 / (one @ np.linalg.solve(C, one)) for x in g.T
+    )
+    return float(1 / np.sqrt(information))
+
+
+@pytest.mark.parametrize("kind", ["none", "linear"])
+def test_a_random_walk_covers_no_drift_and_a_linear_one(kind: str) -> None:
+    hits = 0
+    for k in range(FEW):
+        s = drawn(kind, k)
+        c = calibrated(s, drift="random_walk")
+        low, high = c.force.interval("mass")
+        hits += low <= s.mass <= high
+        assert abs(c.force.value("mass") - s.mass) < WITHIN * s.mass
+    assert hits >= least_hits(FEW)
+
+
 def table(count: int) -> None:
     """The table of docs/kinds/wrench_calibration.md."""
     for sweep in (False, True):
-        for drift in ("none", "linear", "blocks"):
+        for drift in ("none", "linear", "blocks", "random_walk"):
             rows = []
             for k in range(count):
                 s = drawn("walk", k, sweep=sweep)
@@ -208,7 +254,7 @@ def table(count: int) -> None:
                 rows.append((s.mass, estimate.value("mass") - s.mass, (high - low) / 2))
             mass, error, half = np.array(rows).T
             print(
-                f"{'slow sweep' if sweep else 'random':<11}{drift:<7}rms {1e3 * np.sqrt(np.mean(error**2)):5.2g} g, "
+                f"{'slow sweep' if sweep else 'random':<11}{drift:<12}rms {1e3 * np.sqrt(np.mean(error**2)):5.2g} g, "
                 f"half-width {1e3 * np.mean(half):5.3g} g, {100 * np.mean(np.abs(error) <= half):.0f} % hit, "
                 f"{100 * np.mean(np.abs(error) >= WITHIN * mass):.0f} % off"
             )
