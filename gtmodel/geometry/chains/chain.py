@@ -191,8 +191,8 @@ class Chain:
         scale = np.where(kinds, np.pi, chain.size)
         for q in np.random.default_rng(0).uniform(-scale, scale, (TRIALS, len(scale))):
             wanted = np.asarray(ca.densify(both(q)[0]))[:, 0]
-            found = np.concatenate([x[0].ravel() for x in chain.pose(q)])
-            off = np.abs(found - wanted) / np.concatenate([np.full(3, max(1.0, chain.size)), np.ones(9)])
+            reached = np.concatenate([x[0].ravel() for x in chain.pose(q)])
+            off = np.abs(reached - wanted) / np.concatenate([np.full(3, max(1.0, chain.size)), np.ones(9)])
             if not np.all(off < SCREW):
                 return None
         return chain

@@ -12,15 +12,15 @@ import casadi as ca
 import numpy as np
 
 from .chain import Chain
-from .equations import EDGE, NoSolution, Root, Steps
+from .equations import EDGE, JointSteps, NoSolution, TwoValued
 from .recipes import solve
 from .structure import EXACT, NEAR, Nominal, nominal, plans
 
 STEPS = 3  # Newton steps of a chain that has a structure nearly: an error of 1e-3 leaves 1e-6, 1e-12, 1e-24
 NEAR_CLIP = 1e-2  # of the discriminants of a nominal chain, whose reach differs from the true one
-CONDITION = 1e-8  # relative length and angle by which a pose may miss what fewer joints reach
+CONDITION = 1e-9  # relative length and angle by which a pose may miss what fewer joints reach
 PROBES = 24  # random joint positions at which a closed form must return where it came from
-FOUND = 1e-6  # their largest error: next to singular positions half of the digits are lost
+RETURNED = 1e-6  # their largest error: next to singular positions half of the digits are lost
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class ClosedForm:
                 sign = sign * raw[i]
             raw.append(sign)
         by_root = [raw[k] for k in self._order]
-        steps = Steps(len(self.chain), self.chain.size, by_root, clip=NEAR_CLIP if self.near else EDGE)
+        steps = JointSteps(len(self.chain), self.chain.size, by_root, clip=NEAR_CLIP if self.near else EDGE)
         solve(self.nominal, steps, _Given(self.nominal, T, R))
         margins = [(kind, e, self._label(kind, j)) for kind, e, j in steps.margins]
         plan = self.nominal.plan
@@ -203,7 +203,7 @@ class ClosedForm:
     def _place(self) -> list[int]:
         return [self._order.index(k) for k in range(len(self.branches))]
 
-    def _roots_at(self, q: ca.SX) -> list[Root]:
+    def _roots_at(self, q: ca.SX) -> list[TwoValued]:
         return roots_at(self.nominal, q)
 
     def _error(self, T: ca.SX, R: ca.SX | None, c: Any, s: Any) -> tuple[ca.SX, ca.SX]:
@@ -227,7 +227,7 @@ def closed_form(chain: Chain, *, oriented: bool = True) -> ClosedForm | None:
 
     `oriented`: T and R are known, else T alone, for up to three joints. The structure is looked for exactly, then
     nearly: axes that are parallel or meet within 5e-3 (rad, or relative to the chain's length), as in a calibrated arm.
-    Fewer joints than the pose has freedoms are solved and the remaining conditions checked.
+    Fewer joints than the pose has degrees of freedom are solved and the remaining conditions checked.
 
     >>> from gtmodel.geometry.chains import Chain, closed_form
     >>> arm = Chain([[0, 0, 1], [0, 0, 1]], [[0, 0, 0], [0.4, 0, 0]], T=[0.7, 0, 0])
@@ -248,10 +248,10 @@ def closed_form(chain: Chain, *, oriented: bool = True) -> ClosedForm | None:
     return None
 
 
-def roots_at(arm: Nominal, q: ca.SX) -> list[Root]:
+def roots_at(arm: Nominal, q: ca.SX) -> list[TwoValued]:
     """Return the roots of a recipe with their slopes at joint coordinates of the original chain."""
     known = [float(arm.sign[j]) * q[i] for j, i in enumerate(arm.plan.order)]
-    steps = Steps(len(known), arm.chain.size, known=known)
+    steps = JointSteps(len(known), arm.chain.size, known=known)
     c, s = _cosines(arm.chain, known)
     solve(arm, steps, _Displaced(arm.chain, c, s))
     return steps.roots
@@ -325,7 +325,7 @@ def _named(chain: Chain, arm: Nominal, oriented: bool, near: bool) -> ClosedForm
 
 
 def _words(
-    arm: Nominal, root: Root, name: str, k: int, shoulder: list[int]
+    arm: Nominal, root: TwoValued, name: str, k: int, shoulder: list[int]
 ) -> tuple[tuple[str, str], float, tuple[int, ...]]:
     """Return the words of a root, the factor between its sign and its branch's, and the roots that multiply it."""
     plan, h, o = arm.plan, arm.chain.axes, arm.chain.points
@@ -373,12 +373,12 @@ def _returns(form: ClosedForm) -> bool:
         return False
     T, R = chain.pose(q)
     signs = np.sign(np.asarray(ca.densify(slopes(q.T)))) if form.branches else np.zeros((0, PROBES))
-    found = np.asarray(ca.densify(f(T.T, R.transpose(0, 2, 1).reshape(-1, 9).T, signs)[0])).T
-    if not np.all(np.isfinite(found)):
+    back = np.asarray(ca.densify(f(T.T, R.transpose(0, 2, 1).reshape(-1, 9).T, signs)[0])).T
+    if not np.all(np.isfinite(back)):
         return False
-    at, turned = chain.pose(found)
+    at, turned = chain.pose(back)
     off = np.maximum(np.abs(at - T).max(axis=1) / chain.size, np.abs(turned - R).max(axis=(1, 2)) * form.oriented)
     if form.near:
-        return bool(np.mean(off < FOUND) > 0.7)
-    difference = np.where(chain.revolute, np.abs(np.exp(1j * found) - np.exp(1j * q)), np.abs(found - q))
-    return bool(np.all(off < FOUND) and np.mean(difference.max(axis=1) < FOUND) > 0.9)
+        return bool(np.mean(off < RETURNED) > 0.7)
+    difference = np.where(chain.revolute, np.abs(np.exp(1j * back) - np.exp(1j * q)), np.abs(back - q))
+    return bool(np.all(off < RETURNED) and np.mean(difference.max(axis=1) < RETURNED) > 0.9)

@@ -157,7 +157,7 @@ class _Search:
     psi: np.ndarray
     direction: np.ndarray
     branches: np.ndarray
-    found: list[tuple[int, np.ndarray]] = field(default_factory=list)
+    hits: list[tuple[int, np.ndarray]] = field(default_factory=list)
 
     @staticmethod
     def of(arm: _Arm, T: np.ndarray, R: np.ndarray, psi: np.ndarray, direction: np.ndarray) -> _Search:
@@ -243,7 +243,7 @@ class _Search:
                 middle = np.where((cut - a) * (cut - b) <= 0, cut, middle)
             q, f, _ = self.values(rows, branch, middle)
             there = np.abs(f) < ANGLE
-            self.found += list(zip(rows[there].tolist(), q[there], strict=True))
+            self.hits += list(zip(rows[there].tolist(), q[there], strict=True))
             left, half = fa * f <= 0, 0.5 if n > BISECTIONS else 1.0
             a, fa = np.where(left, a, middle), np.where(left, half * fa, f)
             b, fb = np.where(left, middle, b), np.where(left, f, half * fb)
@@ -251,9 +251,9 @@ class _Search:
 
     def postures(self) -> np.ndarray:
         """Return what was found, (m, k, 7), with both signs of the shoulder."""
-        if not self.found:
+        if not self.hits:
             return np.full((len(self.T), 1, 7), np.nan)
-        rows, q = np.array([row for row, _ in self.found]), np.array([posture for _, posture in self.found])
+        rows, q = np.array([row for row, _ in self.hits]), np.array([posture for _, posture in self.hits])
         other = flipped(q[:, :3], self.arm.chain)
         kept: list[list[np.ndarray]] = [[] for _ in range(len(self.T))]
         for row, posture in zip(np.tile(rows, 2), np.concatenate([q, np.hstack([other, q[:, 3:]])]), strict=True):

@@ -18,7 +18,7 @@ class NoSolution(Exception):
 
 
 @dataclass(eq=False)
-class Root:
+class TwoValued:
     """A two-valued step: the joint, its sign in the expressions, and the slope that has the same sign.
 
     `fixed`: the equation has no constant term, so that both values exist everywhere.
@@ -31,7 +31,7 @@ class Root:
 
 
 @dataclass(eq=False)
-class Steps:
+class JointSteps:
     """Joint coordinates of a chain, found one after the other; `cosine` and `sine` (prismatic: 1 and the length).
 
     With `known` joints the steps are not solved: their cosines and sines are those of `known`, and each root takes the
@@ -46,7 +46,7 @@ class Steps:
     q: list[ca.SX] = field(default_factory=list)
     cosine: list[Any] = field(default_factory=list)
     sine: list[Any] = field(default_factory=list)
-    roots: list[Root] = field(default_factory=list)
+    roots: list[TwoValued] = field(default_factory=list)
     margins: list[tuple[str, ca.SX, int]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -120,12 +120,12 @@ class Steps:
         self.q[j] = value
         self.cosine[j], self.sine[j] = (ca.SX(1), value) if slides else (ca.cos(value), ca.sin(value))
         if slope is not None:
-            self.roots.append(Root(j, ca.SX(0), slope(self.cosine[j], self.sine[j]), fixed))
+            self.roots.append(TwoValued(j, ca.SX(0), slope(self.cosine[j], self.sine[j]), fixed))
         return True
 
     def _sign(self, j: int, fixed: bool) -> ca.SX:
         sign = self.signs[len(self.roots)]
-        self.roots.append(Root(j, sign, ca.SX(0), fixed))
+        self.roots.append(TwoValued(j, sign, ca.SX(0), fixed))
         return sign
 
     def _set(self, j: int, x: Any, y: Any, norm: Any, regular: bool = False) -> None:

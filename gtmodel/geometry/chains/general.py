@@ -1,14 +1,18 @@
 """All postures of a general chain of six revolute joints: the elimination of Raghavan and Roth.
 
 Raghavan, Roth, J. Mech. Des. 115(3), 1993; as a matrix pencil: Manocha, Canny, IEEE Trans. Robotics and Automation
-10(5), 1994. It loses postures of chains with a structure; these have closed forms.
+10(5), 1994. It loses postures of chains whose axes meet or are parallel: most of these have closed forms, and of the
+others chains slightly off are solved too.
 """
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from .chain import Chain
+from .structure import NEAR
 
 # angles about which half-angle tangents are taken: a solution near a half turn from one of them is lost to infinity
 SHIFTS = np.array([[0.7, -1.1, 0.4], [-1.9, 0.6, 2.3]])
@@ -22,34 +26,55 @@ TANGENT = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 2.0], [1.0, -1.0, 0.0]])
 ONE = TANGENT @ [1.0, 0.0, 0.0]
 
 
+# chains slightly off a chain with parallel or meeting axes: relative size of the differences, and seed
+DISTURBED = ((1e-3, 0), (3e-3, 1), (3e-3, 2))
+
+
 class GeneralArm:
-    """The part of the elimination that depends on the chain alone."""
+    """The part of the elimination that depends on the chain alone. `structured`: some axes meet or are parallel."""
 
     def __init__(self, chain: Chain) -> None:
-        h, o = chain.axes, chain.points
-        self.chain, self.size = chain, chain.size
-        self.centre = (o[1] + o[2]) / 2  # origin of the fourteen functions
-        self.p, self.l = o[5] + h[5] * (h[5] @ (self.centre - o[5])), h[5]
-        self.left = [self._left(shift) for shift in SHIFTS]
+        sines = [np.linalg.norm(np.cross(a, b)) for a, b in pairwise(chain.axes)]
+        normals = [np.cross(a, b) for a, b in pairwise(chain.axes)]
+        gaps = [abs(n @ d) / chain.size for n, d in zip(normals, np.diff(chain.points, axis=0), strict=True)]
+        self.structured = min(sines) < NEAR or min(gaps) < NEAR
+        self.eliminations = [_Elimination(chain, shift) for shift in SHIFTS]
+        for size, seed in DISTURBED if self.structured else ():
+            off = size * np.random.default_rng(seed).standard_normal((2, 6, 3))
+            near = Chain(chain.axes + off[0], chain.points + chain.size * off[1], None, chain.T, chain.R)
+            self.eliminations.append(_Elimination(near, SHIFTS[0]))
 
     def candidates(self, T: np.ndarray, R: np.ndarray) -> np.ndarray:
         """Return joint angles (k, 6) near all postures of one pose, and possibly further ones."""
+        return np.concatenate([elimination(T, R) for elimination in self.eliminations])
+
+
+class _Elimination:
+    """One elimination, with half-angle tangents of joints 3, 4 and 5 about given angles."""
+
+    def __init__(self, chain: Chain, shift: np.ndarray) -> None:
+        h, o = chain.axes, chain.points
+        self.chain, self.size, self.shift = chain, chain.size, shift
+        self.centre = (o[1] + o[2]) / 2  # origin of the fourteen functions
+        self.p, self.l = o[5] + h[5] * (h[5] @ (self.centre - o[5])), h[5]
+        self.left = self._left(shift)
+
+    def __call__(self, T: np.ndarray, R: np.ndarray) -> np.ndarray:
+        """Return joint angles (k, 6) of the real and nearly real roots."""
         X = R @ self.chain.R.T
         p, l = X @ (self.p - self.chain.T) + T, X @ self.l
         grid = self._motions((1, 0), -np.stack(np.meshgrid(GRID, GRID, indexing="ij"), -1).reshape(-1, 2)[:, ::-1])
         values = self._functions(grid, p, l).reshape(3, 3, 14)
         right = np.einsum("ai,bj,ijf->fab", FIT, FIT, values).reshape(14, 9)
-        return np.concatenate(
-            [self._with(shift, left, right, X) for shift, left in zip(SHIFTS, self.left, strict=True)]
-        )
+        return self._with(right, X)
 
-    def _with(self, shift: np.ndarray, left: np.ndarray, right: np.ndarray, X: np.ndarray) -> np.ndarray:
+    def _with(self, right: np.ndarray, X: np.ndarray) -> np.ndarray:
         import scipy
 
         moving, still = right[:, 1:], right[:, 0]
         null = np.linalg.svd(moving)[0][:, 8:]
         constant = np.einsum("f,a,b,c->fabc", still, ONE, ONE, ONE)
-        M = np.einsum("fr,fabc->arbc", null, left - constant)  # powers of x3; rows; powers of x4, x5
+        M = np.einsum("fr,fabc->arbc", null, self.left - constant)  # powers of x3; rows; powers of x4, x5
         pencil = np.zeros((3, 12, 4, 3))
         pencil[:, :6, :3], pencil[:, 6:, 1:] = M, M
         low, middle, high = pencil.reshape(3, 12, 12)
@@ -71,10 +96,10 @@ class GeneralArm:
             with np.errstate(divide="ignore", invalid="ignore"):
                 half.append((upper[rows, best] / lower[rows, best]).real)
         q = np.zeros((len(v), 6))
-        q[:, 2:5] = shift + 2 * np.arctan(np.nan_to_num(np.array(half), posinf=1e12, neginf=-1e12)).T
+        q[:, 2:5] = self.shift + 2 * np.arctan(np.nan_to_num(np.array(half), posinf=1e12, neginf=-1e12)).T
         wanted = self._functions(self._motions((2, 3, 4), q[:, 2:5]), self.p, self.l) - still
-        found = np.linalg.lstsq(moving, wanted.T, rcond=None)[0]
-        q[:, 1], q[:, 0] = np.arctan2(found[1], found[0]), np.arctan2(found[5], found[2])
+        terms = np.linalg.lstsq(moving, wanted.T, rcond=None)[0]
+        q[:, 1], q[:, 0] = np.arctan2(terms[1], terms[0]), np.arctan2(terms[5], terms[2])
         rest = self.chain.exponentials(q)[0][5].transpose(0, 2, 1) @ X
         across = np.cross(self.l, np.eye(3)[np.argmin(np.abs(self.l))])
         image = rest @ across

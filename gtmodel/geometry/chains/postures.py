@@ -14,6 +14,7 @@ from .closed import ClosedForm, closed_form
 from .elbow import ElbowAngle, elbow_postures
 from .general import GeneralArm
 from .numerical import SOLVED, bounds, jacobian, nearest_starts, polished, starts
+from .quartic import QuarticArm
 
 SINGULAR = 1e-6  # relative size of a pivot, or smallest singular value, below which angles have fewer than ten digits
 ROTATION = 1e-6  # largest entry of R'R - I
@@ -41,7 +42,7 @@ class Postures:
 
     `branch` (m, k) is an index of `names`, or a number without a meaning if `names` is empty: a cuspidal or general arm
     changes posture without a singular position, and its postures have no names. `complete`: all postures are known, by
-    algebra. `road` says how they were found.
+    algebra. `method` says how they were found.
     """
 
     q: np.ndarray
@@ -50,11 +51,11 @@ class Postures:
     beyond: np.ndarray
     names: tuple[str, ...]
     complete: bool
-    road: str
+    method: str
     revolute: tuple[bool, ...]
 
     @property
-    def found(self) -> np.ndarray:
+    def exists(self) -> np.ndarray:
         """Where a posture exists within the limits, (m, k)."""
         return np.isfinite(self.q).all(axis=2)
 
@@ -91,14 +92,15 @@ def postures(
     next to these joint coordinates and sorted by their distance. `redundancy`: of seven joints, which may be a
     LockedJoint or an ElbowAngle.
 
-    Roads: the closed form that `closed_form` finds, with named branches; for other six revolute joints the elimination
-    of Raghavan and Roth, all up to sixteen postures; else damped iteration from the nearest of 2,000 stored poses and a
+    Methods: the closed form that `closed_form` finds, with named branches; a quartic for other arms with a spherical
+    wrist and for three revolute joints; for other six revolute joints the elimination of Raghavan and Roth, all up to
+    sixteen postures; else damped iteration from the nearest of 2,000 stored poses and a
     fixed list of starts, which may miss postures (`complete` is False). Raises ArgumentError for wrong shapes.
 
     >>> from gtmodel.geometry.chains import Chain, postures
     >>> arm = Chain([[0, 0, 1], [0, 0, 1]], [[0, 0, 0], [0.4, 0, 0]], T=[0.7, 0, 0])
-    >>> found = postures(arm, [0.5, 0.3, 0.0])
-    >>> found.names, np.degrees(found.q[0]).round(1)
+    >>> both = postures(arm, [0.5, 0.3, 0.0])
+    >>> both.names, np.degrees(both.q[0]).round(1)
     (('left', 'right'), array([[ 61.9, -68. ],
            [  0. ,  68. ]]))
     """
@@ -165,6 +167,10 @@ def _found(
     form = closed_form(chain, oriented=R is not None)
     if form is not None:
         return _by_closed_form(form, T, R)
+    quartic = QuarticArm.of(chain, oriented=R is not None)
+    if quartic is not None:
+        q = _distinct(chain, _within_pi(chain, quartic.postures(chain, T, R)))
+        return _judged(chain, q, (), True, "quartic", oriented=R is not None)
     if len(chain) == 6 and all(chain.revolute) and R is not None:
         return _by_elimination(chain, T, R)
     return _by_iteration(chain, T, R, limits, near)
@@ -187,12 +193,13 @@ def _by_closed_form(form: ClosedForm, T: np.ndarray, R: np.ndarray | None) -> Po
 
 def _by_elimination(chain: Chain, T: np.ndarray, R: np.ndarray) -> Postures:
     arm = GeneralArm(chain)
-    rows = []
-    for t, r in zip(T, R, strict=True):
-        q = arm.candidates(t, r)
-        q, off = polished(chain, np.tile(t, (len(q), 1)), np.tile(r, (len(q), 1, 1)), q)
-        rows.append(_distinct(chain, np.where((off < SOLVED)[:, None], _within_pi(chain, q), np.nan)[None])[0])
-    return _judged(chain, _stacked(rows, len(chain)), (), True, "elimination", oriented=True)
+    more = nearest_starts(chain, T, R, AT_ONCE if arm.structured else 0)
+    starts_of = [np.concatenate([arm.candidates(t, r), start]) for t, r, start in zip(T, R, more, strict=True)]
+    of = np.repeat(np.arange(len(T)), [len(q) for q in starts_of])
+    q, off = polished(chain, T[of], R[of], np.concatenate(starts_of))
+    q = np.where((off < SOLVED)[:, None], _within_pi(chain, q), np.nan)
+    rows = [_distinct(chain, q[None, of == k])[0] for k in range(len(T))]
+    return _judged(chain, _stacked(rows, len(chain)), (), not arm.structured, "elimination", oriented=True)
 
 
 def _by_iteration(
@@ -221,7 +228,7 @@ def _by_iteration(
         q = _distinct(chain, np.concatenate([q, more], axis=1))
     kept = _stacked([row[np.isfinite(row).all(axis=1)][:KEPT] for row in q], n)
     made = _judged(chain, kept, (), False, "iteration", oriented=R is not None)
-    status = np.where(made.found, made.status, Status.NOT_CONVERGED)
+    status = np.where(made.exists, made.status, Status.NOT_CONVERGED)
     return replace(made, status=status)
 
 
@@ -233,7 +240,9 @@ def _polished(chain: Chain, T: np.ndarray, R: np.ndarray | None, q: np.ndarray) 
     return _within_pi(chain, flat).reshape(m, k, n), off.reshape(m, k)
 
 
-def _judged(chain: Chain, q: np.ndarray, names: tuple[str, ...], complete: bool, road: str, oriented: bool) -> Postures:
+def _judged(
+    chain: Chain, q: np.ndarray, names: tuple[str, ...], complete: bool, method: str, oriented: bool
+) -> Postures:
     """Return postures with the status by the smallest singular value of the Jacobian."""
     exists = np.isfinite(q).all(axis=2)
     status = np.full(exists.shape, int(Status.OUT_OF_RANGE))
@@ -242,7 +251,7 @@ def _judged(chain: Chain, q: np.ndarray, names: tuple[str, ...], complete: bool,
         smallest = np.linalg.svd(J, compute_uv=False)[:, -1]
         status[exists] = np.where(smallest < SINGULAR, Status.SINGULAR, Status.OK)
     branch = np.tile(np.arange(q.shape[1]), (len(q), 1))
-    return Postures(q, status, branch, np.zeros(exists.shape, bool), names, complete, road, chain.revolute)
+    return Postures(q, status, branch, np.zeros(exists.shape, bool), names, complete, method, chain.revolute)
 
 
 def _within_pi(chain: Chain, q: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from .chain import snapped, turned
-from .equations import NoSolution, Steps
+from .equations import JointSteps, NoSolution
 from .structure import Nominal
 
 
@@ -20,7 +20,7 @@ class Displacement(Protocol):
     def vector(self, v: np.ndarray) -> Any: ...
 
 
-def solve(nominal: Nominal, steps: Steps, X: Displacement) -> None:
+def solve(nominal: Nominal, steps: JointSteps, X: Displacement) -> None:
     """Fill in the steps of a nominal chain for a displacement. Raises NoSolution if the plan does not suit it."""
     arm = _Arm(nominal, steps, X)
     if nominal.plan.kind == "parallel":
@@ -30,7 +30,7 @@ def solve(nominal: Nominal, steps: Steps, X: Displacement) -> None:
 
 
 class _Arm:
-    def __init__(self, nominal: Nominal, steps: Steps, X: Displacement) -> None:
+    def __init__(self, nominal: Nominal, steps: JointSteps, X: Displacement) -> None:
         self.plan, self.steps, self.X = nominal.plan, steps, X
         self.h, self.o, self.revolute = nominal.chain.axes, nominal.chain.points, nominal.chain.revolute
         self.centre, self.size = nominal.centre, steps.size
@@ -91,14 +91,16 @@ class _Arm:
         else:
             self.steps.linear(j, ca.dot(h, y - x))
 
-    def about(self, j: int, v: Any, u: Any, norm: Any = None, pivot: float = 0.0) -> None:
+    def about(self, j: int, v: Any, u: Any, pivot: float = 0.0) -> None:
         """Solve R_j v = u across the axis."""
         h = ca.SX(self.h[j])
         v, u = v - h * ca.dot(h, v), u - h * ca.dot(h, u)
-        size = ca.dot(v, v) if norm is None else norm
-        if size.is_zero():
+        square = ca.dot(v, v)
+        if square.is_zero():
             raise NoSolution
-        self.steps.direction(j, ca.dot(v, u), ca.dot(h, ca.cross(v, u)), norm=size, pivot=pivot)
+        # near the axis the lengths of v and u differ by round-off: only a norm of their own gives a rotation
+        norm = square if square.is_constant() else None
+        self.steps.direction(j, ca.dot(v, u), ca.dot(h, ca.cross(v, u)), norm, pivot)
 
     def invariant(self) -> tuple[str, Any, Any]:
         """Return what the pair leaves unchanged: a coordinate along n, or the distance from a point or an axis."""
@@ -192,7 +194,7 @@ class _Arm:
         self.steps.trigonometric(b, length * w[0], -length * w[1], D, self.size**2)
         c, s = self.steps.cosine[b], self.steps.sine[b]
         p = [length + (c * w[0] - s * w[1]), s * w[0] + c * w[1]]
-        self.steps.direction(a, p[0] * u[0] + p[1] * u[1], p[0] * u[1] - p[1] * u[0], norm=square)
+        self.steps.direction(a, p[0] * u[0] + p[1] * u[1], p[0] * u[1] - p[1] * u[0])
 
     def two_meet(self, a: int, b: int, x: Any, y: Any) -> None:
         ha, hb, point = self.h[a], self.h[b], ca.SX(self.o[a])
@@ -201,7 +203,7 @@ class _Arm:
         D = along - float(_clean(ha @ hb)) * ca.dot(ca.SX(hb), v)
         A, B = _dot(_clean(ha - (ha @ hb) * hb), v), _dot(_clean(np.cross(ha, hb)), v)
         self.steps.trigonometric(b, A, B, D, self.size)
-        self.about(a, turned(hb, self.steps.cosine[b], self.steps.sine[b]) @ v, u, norm=ca.dot(u, u) - along * along)
+        self.about(a, turned(hb, self.steps.cosine[b], self.steps.sine[b]) @ v, u)
 
     def two_slide(self, a: int, b: int, x: Any, y: Any) -> None:
         lengths = ca.SX(snapped(np.linalg.pinv(np.column_stack([self.h[a], self.h[b]])))) @ (y - x)
@@ -222,11 +224,11 @@ class _Arm:
         w2, u2 = ca.dot(w, w), ca.dot(u, u)
         if turning == a:  # |w + q d| = |u|
             self.steps.quadratic(sliding, ca.dot(d, w), w2 - u2)
-            w, norm = w + d * self.steps.sine[sliding], u2
+            w = w + d * self.steps.sine[sliding]
         else:  # |u - q d| = |w|
             self.steps.quadratic(sliding, -ca.dot(d, u), u2 - w2)
-            u, norm = u - d * self.steps.sine[sliding], w2
-        self.about(turning, w, u, norm=norm, pivot=0.0 if norm.is_constant() else self.size**2)
+            u = u - d * self.steps.sine[sliding]
+        self.about(turning, w, u, pivot=0.0 if w2.is_constant() and turning == b else self.size**2)
 
     # the wrist turns by the displacement's rotation without that of the arm
 

@@ -136,8 +136,8 @@ class _Lines:
         if k < 2:
             yield (0 if k else None), None, ""
             return
-        found = [(self.motion(*pair), pair) for pair in (((1, 2), (0, 1)) if k == 3 else ((0, 1),))]
-        for motion, pair in sorted((f for f in found if f[0]), key=lambda f: PAIRS.index(f[0])):
+        moving = [(self.motion(*pair), pair) for pair in (((1, 2), (0, 1)) if k == 3 else ((0, 1),))]
+        for motion, pair in sorted((f for f in moving if f[0]), key=lambda f: PAIRS.index(f[0])):
             yield (None if k == 2 else 2 if pair[0] == 0 else 0), pair, motion
 
     def motion(self, a: int, b: int) -> str:
