@@ -183,7 +183,7 @@ class ChainStarts:
         T, R = map_columns(self.pose, [a])
         R = R.T.reshape(-1, 3, 3).transpose(0, 2, 1)
         u, _, vt = np.linalg.svd(R)  # the nearest rotation: a matrix with six digits is accepted
-        q, _ = self.search.solve(T.T.copy(), u @ vt)
+        q = self.search.solve(T.T.copy(), u @ vt)
         return (q[:, self.order] * self.signs).T.copy()
 
 
