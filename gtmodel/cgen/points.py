@@ -47,7 +47,7 @@ def draw(face: Interface, rows: int, seed: int, farthest: float = FARTHEST) -> n
         chain = plan.chain
         joints = samples_of(function, chain.symbols)[near[::2]] * [sign for sign, _ in chain.kept]
         joints += spread[::2] * rng.standard_normal(joints.shape)
-        columns = [pairs.index(p) for p in chain.read]
+        columns = np.array([pairs.index(p) for p in chain.read])
         values[np.ix_(np.arange(0, rows, 2), columns)] = chain.pose_values(joints)
     if plan.on_known:
         values[::2] = satisfying(function, pairs, values[::2])

@@ -15,13 +15,13 @@ import casadi as ca
 import numpy as np
 
 from ..geometry.chains import Chain, closed_form
-from ..geometry.chains.search import Search
+from ..geometry.chains.search import ChainSearch
 from ..lang.source import ModelError
 from .alias import AliasResult
 from .blocks import Margin, NewtonBlock, Root, SolvedBlock
 from .consistency.points import Sampler
 from .flat import FlatModel
-from .known_poses import freedoms_of
+from .known_poses import degrees_of_freedom
 from .rows import map_columns
 
 if TYPE_CHECKING:
@@ -133,15 +133,15 @@ class KnownChain:
         """Return start values of the joints for a pose that is not singular; empty if the first sample is regular."""
         places = [sampler.position[pair] for pair in self.symbols]
         q = np.array([sign * samples[0][n] for n, (sign, _) in zip(places, self.kept, strict=True)])
-        other = Search(self.chain, self.limits, q[None], self.R is not None).regular(q)
+        other = ChainSearch(self.chain, self.limits, q[None], self.R is not None).regular(q)
         if other is q:
             return {}
         return {pair: float(sign * x) for x, (sign, pair) in zip(other, self.kept, strict=True)}
 
     def is_solved_by(self, blocks: Sequence[NewtonBlock]) -> bool:
         """Return whether these blocks are one, and its unknowns are the joints of the chain."""
-        found = [self.flat.scope.owner(u) for b in blocks for u in b.unknowns]
-        return len(blocks) == 1 and None not in found and sorted(filter(None, found)) == sorted(self.symbols)
+        owners = [self.flat.scope.owner(u) for b in blocks for u in b.unknowns]
+        return len(blocks) == 1 and None not in owners and sorted(filter(None, owners)) == sorted(self.symbols)
 
     def starts(self, block: NewtonBlock, a: ca.SX) -> ChainStarts:
         """Return starts for a Newton block in the joints of the chain, with the known values in the column `a`."""
@@ -149,7 +149,7 @@ class KnownChain:
         signs = np.array([sign for sign, _ in self.kept])[order]
         R = ca.SX(ca.DM.eye(3)) if self.R is None else self.R
         pose = ca.Function("pose", [a], [ca.densify(self.T), ca.densify(ca.vec(R))])
-        return ChainStarts(Search(self.chain, self.limits, self._declared, self.R is not None), pose, order, signs)
+        return ChainStarts(ChainSearch(self.chain, self.limits, self._declared, self.R is not None), pose, order, signs)
 
     @property
     def _declared(self) -> np.ndarray:
@@ -164,12 +164,12 @@ class KnownChain:
 
 @dataclass(frozen=True, eq=False)
 class ChainStarts:
-    """Starts of Newton's method for a chain of joints, see `newton.Starts`.
+    """Starts of Newton's method for a chain of joints, see `newton.StartSource`.
 
     `pose`: known values -> T, R by columns; `order` and `signs`: the joint that stands for each unknown.
     """
 
-    search: Search
+    search: ChainSearch
     pose: ca.Function
     order: np.ndarray
     signs: np.ndarray
@@ -204,12 +204,12 @@ def known_chain(
 
 
 def _known_chain(flat: FlatModel, alias: AliasResult, known: Sequence[int], forward: Forward) -> KnownChain | None:
-    freedoms = freedoms_of(flat, known)
-    pose = freedoms.pose()
-    if pose is None or not freedoms.is_open:
+    fixed = degrees_of_freedom(flat, known)
+    pose = fixed.pose()
+    if pose is None or not fixed.is_open:
         return None
     positions, rotations = pose
-    oriented, joints = set(rotations) <= set(known), freedoms.joints
+    oriented, joints = set(rotations) <= set(known), fixed.joints
     places = [alias.resolve(i, 0) for i in joints]
     plan = _explicit(forward, joints, [(i, 0) for i in (*positions, *rotations)])
     if plan is None or any(order for _, _, order in places):

@@ -1,8 +1,9 @@
-"""Known rotation matrices and positions: their numbers count as the freedoms that they fix.
+"""Known rotation matrices and positions: they count as the degrees of freedom that they fix.
 
-A known rotation matrix has nine numbers for three freedoms. The matrix of the model becomes an unknown beside the known
-one, and three equations say that no rotation is left between them. If position and rotation of a frame are known and
-the mechanism has fewer freedoms, as many equations as freedoms are solved; the others are conditions on the solution.
+A known rotation matrix has nine numbers for three degrees of freedom. The matrix of the model becomes an unknown beside
+the known one, and three equations say that no rotation is left between them. If position and rotation of a frame are
+known and the mechanism has fewer degrees of freedom, as many equations are solved; the others are conditions on the
+solution.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ from .relevance import CONDITION_TOLERANCE
 from .states import RANK_TOLERANCE
 from .tearing import determines
 
-# points at which freedoms are counted, and their distances from the start values in nominals: away from singular poses
+# points at which degrees of freedom are counted, away from singular poses, and their distances from the start values in
+# nominals
 POINTS = 3
 SPREADS = (0.7, 0.3, 1.2, 0.7, 0.3, 0.1)
 AXES = "xyz"
@@ -134,8 +136,8 @@ def _known_pose(flat: FlatModel, known: frozenset[int]) -> KnownPose | None:
     whole = _rotations(flat, known)
     if not whole:
         return None
-    freedoms = freedoms_of(flat, known)
-    dropped = freedoms.dropped
+    fixed = degrees_of_freedom(flat, known)
+    dropped = fixed.dropped
     scope = copy(flat.scope)  # the new variables are those of the new model alone
     scope.chains, scope.names = [*scope.chains], [*scope.names]
     variables, old, new = [*flat.variables], list[ca.SX](), list[ca.SX]()
@@ -163,7 +165,7 @@ def _known_pose(flat: FlatModel, known: frozenset[int]) -> KnownPose | None:
             else:
                 rows.append(equation)
 
-    for name, indices in freedoms.groups:
+    for name, indices in fixed.groups:
         rotation = name in whole
         if not rotation and not any((name, k) in dropped for k in range(3)):
             continue
@@ -183,7 +185,7 @@ def _known_pose(flat: FlatModel, known: frozenset[int]) -> KnownPose | None:
                 rows.append(FlatEquation(gram[i, j], f"{name} is a rotation matrix", v.component, v.where))
         else:
             labels = [f"{flat.variables[i].name} as known" for i in indices]
-            rows_of(group, column - group.model, labels, freedoms.reach(indices))
+            rows_of(group, column - group.model, labels, fixed.reach(indices))
     residuals = ca.substitute([e.residual for e in flat.equations], [ca.vertcat(*old)], [ca.vertcat(*new)])
     equations = [replace(e, residual=r) for e, r in zip(flat.equations, residuals, strict=True)]
     changed = replace(flat, scope=scope, variables=variables, equations=[*equations, *rows], source=flat, cache={})
@@ -217,13 +219,13 @@ def _rotations(flat: FlatModel, known: Collection[int]) -> frozenset[str]:
     return frozenset(equal | (matrices.keys() & flat.rotations))
 
 
-class Freedoms:
-    """How many freedoms of the mechanism known positions and rotations fix, at some poses near the start values.
+class DegreesOfFreedom:
+    """How many degrees of freedom of a mechanism known positions and rotations fix, at poses near the start values.
 
     `groups`: the positions of which coordinates are known, then the known rotations, by name and indices. `equations`:
     (name, number of the coordinate or of the axis of rotation) of what they fix; `chosen` and `dropped` are independent
-    and dependent ones. `count`: the freedoms of the mechanism that have equations with them. `alone`: nothing else that
-    concerns these is known.
+    and dependent ones. `count`: the degrees of freedom of the mechanism that have equations with them. `alone`: nothing
+    else that concerns these is known.
     """
 
     def __init__(self, flat: FlatModel, known: Collection[int]) -> None:
@@ -303,7 +305,7 @@ class Freedoms:
         return determines(self._residuals, symbols, [n for n, (i, _) in enumerate(pairs) if i in set(self.joints)])
 
     def _rows(self, name: str, indices: list[int], w: np.ndarray, tangent: np.ndarray) -> np.ndarray:
-        """Return the velocities (3, freedoms) of a position or a rotation along the free directions at a point."""
+        """Return the velocities (3, directions) of a position or a rotation along the free directions at a point."""
         places = [self._alias.resolve(i, 0) for i in indices]
         at = [self._sampler.position.get((kept, order)) for _, kept, order in places]
         rates = np.array([np.zeros(tangent.shape[1]) if n is None else s * tangent[n]
@@ -341,7 +343,7 @@ class Freedoms:
 
     @property
     def summary(self) -> str:
-        """A sentence about the freedoms that the known values fix; "" if they are as many as the mechanism has."""
+        """A sentence about the degrees of freedom that the known values fix; "" if they are those of the mechanism."""
         numbers, fixed = len(self.equations), len(self.chosen)
         if not self.count or not self.alone or fixed == numbers == self.count:
             return ""
@@ -349,9 +351,9 @@ class Freedoms:
         has, fix = ("has", "fixes") if len(self.groups) == 1 else ("have", "fix")
         if fixed == self.count:
             entries = ", ".join(f"'{self._element(*c)}'" for c in sorted(self.chosen) if c[0] not in self.rotations)
-            text = f"{names} {has} {numbers} freedoms, and the mechanism has {self.count}"
+            text = f"{names} {has} {numbers} degrees of freedom, and the mechanism has {self.count}"
             return f"{text}: name {self.count} of them" + (f", such as {entries}" if entries else "")
-        text = f"{names} {fix} {fixed} freedoms, and the mechanism has {self.count}"
+        text = f"{names} {fix} {fixed} degrees of freedom, and the mechanism has {self.count}"
         return f"{text}: {self.count - fixed} more must be known" + (f", such as '{self._free}'" if self._free else "")
 
     def _element(self, name: str, k: int) -> str:
@@ -371,22 +373,22 @@ class Freedoms:
         return ""
 
 
-def freedoms_of(flat: FlatModel, known: Collection[int]) -> Freedoms:
-    """Return the freedoms that known variables fix; cached."""
-    key = "freedoms", frozenset(known)
+def degrees_of_freedom(flat: FlatModel, known: Collection[int]) -> DegreesOfFreedom:
+    """Return the degrees of freedom that known variables fix; cached."""
+    key = "degrees of freedom", frozenset(known)
     if key not in flat.cache:
-        flat.cache[key] = Freedoms(flat, known)
+        flat.cache[key] = DegreesOfFreedom(flat, known)
     return flat.cache[key]
 
 
 @contextmanager
-def in_freedoms(flat: FlatModel, known: Sequence[int]) -> Iterator[None]:
-    """Put the freedoms that known positions and rotations fix in front of a message on too many or too few knowns."""
+def counting_freedom(flat: FlatModel, known: Sequence[int]) -> Iterator[None]:
+    """Put the degrees of freedom that known poses fix in front of a message on too many or too few knowns."""
     try:
         yield
     except ModelError as error:
         try:
-            summary = freedoms_of(flat, known).summary
+            summary = degrees_of_freedom(flat, known).summary
         except ModelError:
             summary = ""
         if not summary:

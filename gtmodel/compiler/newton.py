@@ -35,7 +35,7 @@ SINGULAR = 1e-8
 NEARLY_SINGULAR = 1e-4
 
 
-class Starts(Protocol):
+class StartSource(Protocol):
     """Starts for columns that cannot be continued from home."""
 
     def wanted(self, z: np.ndarray) -> np.ndarray:
@@ -62,7 +62,7 @@ class NewtonKernel:
     scale: np.ndarray
     label: str
     even: tuple[tuple[int, ...], ...] = ()
-    starts: Starts | None = None
+    starts: StartSource | None = None
 
     def __post_init__(self) -> None:
         self.even = tuple(entries for entries in self.even if self._is_even(entries))

@@ -18,7 +18,7 @@ from .consistency.points import Sampler
 from .flat import FlatEquation, FlatModel
 from .graph import largest_matching, strong_components
 from .known_chain import CLOSED, KnownChain, known_chain
-from .known_poses import KnownPose, in_freedoms, known_pose
+from .known_poses import KnownPose, counting_freedom, known_pose
 from .relevance import KnownCondition, condition_block, conditions_on, needed, set_apart
 from .solving import solve_block
 from .states import Stage, choose
@@ -125,7 +125,7 @@ def make_plan(
             "sides, or a smooth function",
             flat.events.modes[0].where,
         )
-    with in_freedoms(flat, known):
+    with counting_freedom(flat, known):
         posed = _posed(flat, known, targets, prefer, apart)
     flat = posed.flat
     model = flat.source or flat
@@ -133,7 +133,7 @@ def make_plan(
     folded = posed.derivatives if fold is None else folded_into(flat, posed.derivatives, fold)
     system = system_of(flat, posed.structure, folded)
     jacobians = _jacobians(posed, sampler, samples)
-    with in_freedoms(flat, known):
+    with counting_freedom(flat, known):
         stages = choose(
             flat,
             posed.structure,
@@ -280,9 +280,9 @@ class _Order:
         match = list[int]()
         for n in (None, *[n for n in inside if n not in set(kept)]):
             trial = [*kept, n] if n else kept
-            found = largest_matching([[place[p] for p in inside[m] if p in place] for m in trial], len(columns))
-            if -1 not in found:
-                kept, match = trial, found
+            matched = largest_matching([[place[p] for p in inside[m] if p in place] for m in trial], len(columns))
+            if -1 not in matched:
+                kept, match = trial, matched
             if len(match) == len(columns):
                 break
         if len(match) != len(columns):

@@ -123,7 +123,7 @@ def _unbalanced(
             text += f"; {', '.join(absent)} {verb} in no equation: is {missing} missing?"
         inputs = [flat.variables[i] for i in (unknowns[j] for j in cols) if i not in targets]
         lacking, given = len(unknowns) - len(equations), [flat.variables[i] for i in sorted(known)]
-        whole = any(set(flat.groups[n][1]) <= known for n in flat.rotations)  # nine numbers for three freedoms
+        whole = any(set(flat.groups[n][1]) <= known for n in flat.rotations)  # nine numbers, three degrees of freedom
         if not rows and lacking > 0 and not whole and any(v.role != "input" for v in given):
             of = ", ".join(dict.fromkeys(v.name.partition("[")[0] for v in given))
             text += f"; known ({of}) has {_count(len(given), 'number')}, and {len(given) + lacking} are needed"

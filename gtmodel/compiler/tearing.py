@@ -66,7 +66,7 @@ class _Use:
         """Return (row, unknown) in the order in which each row has only this unknown left."""
         left = [set(row) for row in self._inside]
         order: list[tuple[int, int]] = []
-        found = set(kept)
+        solved = set(kept)
         for j in kept:
             for i in self._rows_of[j]:
                 left[i].discard(j)
@@ -77,9 +77,9 @@ class _Use:
             if len(left[i]) != 1:
                 continue
             (j,) = left[i]
-            if (i, j) not in self.numbers or j in found:
+            if (i, j) not in self.numbers or j in solved:
                 continue
-            found.add(j)
+            solved.add(j)
             order.append((i, j))
             for k in self._rows_of[j]:
                 left[k].discard(j)

@@ -226,8 +226,8 @@ def variable(
         start: start value: a guess unless `fixed`. It also selects among several solutions of an equation.
         fixed: the start value is an initial condition; 0 if there is no start value.
         prefer: preference as a state: variables with higher values are preferred, negative values are avoided.
-        kind: "rotation": a rotation matrix (3, 3). Where it is known, its nine numbers count as three freedoms, and the
-            status is OUT_OF_RANGE for a matrix that is not a rotation.
+        kind: "rotation": a rotation matrix (3, 3). Where it is known, its nine numbers count as three degrees of
+            freedom, and the status is OUT_OF_RANGE for a matrix that is not a rotation.
         description: a few words, shown in errors and listings.
 
     The causality decides whether the variable becomes a state, an unknown to solve for or a known quantity. Raises

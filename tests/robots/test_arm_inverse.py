@@ -146,7 +146,7 @@ def test_scara_of_the_documentation_reaches_every_target() -> None:
         assert len(np.unique(np.sign(q[:, 1]))) == 1
 
 
-def test_fewer_joints_than_the_pose_has_freedoms_leave_conditions() -> None:
+def test_fewer_joints_than_the_pose_has_numbers_leave_conditions() -> None:
     dh = dict(a=[0.3, 0.25, 0.0, 0.0], alpha=[0.0, np.pi, 0.0, 0.0])
     scara = gt.robots.serial_arm(**dh, joints="rrpr", start=[0.3, 0.8, 0.1, 0.2])
     q = np.array([0.5, 0.6, 0.05, -0.4])
@@ -239,12 +239,12 @@ def test_chains_of_joints_by_hand_have_closed_forms_too() -> None:
         np.testing.assert_allclose(found, q, atol=ROUND_OFF)
 
 
-def test_messages_count_freedoms() -> None:
+def test_messages_count_degrees_of_freedom() -> None:
     planar = gt.robots.serial_arm(a=[0.3, 0.2], alpha=0.0)
-    with pytest.raises(gt.ModelError, match=r"T has 3 freedoms, and the mechanism has 2: name 2 .*'T\[0\]', 'T\[1\]'"):
+    with pytest.raises(gt.ModelError, match=r"T has 3 degrees of .* mechanism has 2: name 2 .*'T\[0\]', 'T\[1\]'"):
         planar.causal("T", "q")
     seven = gt.robots.serial_arm(a=0.1, alpha=[1.5, -1.5, 1.5, -1.5, 1.5, -1.5, 0.0])
-    with pytest.raises(gt.ModelError, match=r"T and R fix 6 freedoms, and the mechanism has 7: 1 more .*'q\[0\]'"):
+    with pytest.raises(gt.ModelError, match=r"T and R fix 6 degrees of .* mechanism has 7: 1 more .*'q\[0\]'"):
         seven.causal(["T", "R"], "q")
     assert seven.causal(["T", "R", "q[2]"], "q").inputs[-1].name == "q[2]"
 

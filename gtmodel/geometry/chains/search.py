@@ -18,7 +18,7 @@ NEIGHBOURHOODS, TRIED = (0.15, 0.3, 0.6, 1.0), 32  # rad, or of half the chain's
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class ChainSearch:
     """Joint coordinates for poses of a chain, by damped steps from declared starts, then from stored ones.
 
     `limits` (n, 2) of the coordinates, infinite without one; `declared` (k, n): starts tried first, in order;
@@ -48,18 +48,19 @@ class Search:
                 start = near[rows, here]
             else:
                 start = np.tile(self.declared[k] if here < 0 else others[here - NEAREST], (len(rows), 1))
-            found, error = polished(self.chain, T[rows], R[rows] if self.oriented else None, start, ITERATIONS)
-            found = self.without_turns(found)
-            better = (error <= SOLVED) & (np.isnan(q[rows, 0]) | self.within(found))
-            q[rows[better]] = found[better]
-            inside[rows[better]] = self.within(found[better])
+            ends, error = polished(self.chain, T[rows], R[rows] if self.oriented else None, start, ITERATIONS)
+            ends = self.without_turns(ends)
+            better = (error <= SOLVED) & (np.isnan(q[rows, 0]) | self.within(ends))
+            q[rows[better]] = ends[better]
+            inside[rows[better]] = self.within(ends[better])
         return q
 
     def without_turns(self, q: np.ndarray) -> np.ndarray:
-        """Return q with the full turns that bring angles nearest to the middle of their limits, or to the first declared
-        start."""
-        both = np.isfinite(self.limits).all(axis=1)
-        middle = np.where(both, np.where(both[:, None], self.limits, 0.0).mean(axis=1), self.declared[0])
+        """Return q with the full turns that bring angles nearest to the middle of their limits, or to the first
+        declared start."""
+        finite = np.where(np.isfinite(self.limits), self.limits, np.nan)
+        middle = finite.mean(axis=1)  # NaN for a joint without both limits
+        middle = np.where(np.isnan(middle), self.declared[0], middle)
         return np.where(self.chain.revolute, q - 2 * np.pi * np.round((q - middle) / (2 * np.pi)), q)
 
     def within(self, q: np.ndarray) -> np.ndarray:
