@@ -20,8 +20,8 @@ from ..lang.source import ModelError
 from .alias import AliasResult
 from .blocks import Margin, NewtonBlock, Root, SolvedBlock
 from .consistency.points import Sampler
+from .degrees_of_freedom import degrees_of_freedom
 from .flat import FlatModel
-from .known_poses import degrees_of_freedom
 from .rows import map_columns
 
 if TYPE_CHECKING:
@@ -204,6 +204,8 @@ def known_chain(
 
 
 def _known_chain(flat: FlatModel, alias: AliasResult, known: Sequence[int], forward: Forward) -> KnownChain | None:
+    if not flat.rotations:
+        return None
     fixed = degrees_of_freedom(flat, known)
     pose = fixed.pose()
     if pose is None or not fixed.is_open:

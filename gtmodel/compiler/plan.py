@@ -15,10 +15,11 @@ from .blocks import Margin, NewtonBlock, SignAnalysis, SolvedBlock, median
 from .branch import RootSigns, check_branches, follow, settle, sides
 from .consistency.home import Moved, home_of, moved, starts_of
 from .consistency.points import Sampler
+from .degrees_of_freedom import counting_freedom
 from .flat import FlatEquation, FlatModel
 from .graph import largest_matching, strong_components
 from .known_chain import CLOSED, KnownChain, known_chain
-from .known_poses import KnownPose, counting_freedom, known_pose
+from .known_poses import KnownPose, known_pose
 from .relevance import KnownCondition, condition_block, conditions_on, needed, set_apart
 from .solving import solve_block
 from .states import Stage, choose
