@@ -45,7 +45,8 @@ class Root:
     """A square root with a branch: `sign` is a symbol; `slope` = 2 qa t + qb has this sign at a known point.
 
     `settled_by` names the declared branch that selects the solution; if it is empty, the start values select it.
-    `name`: the root is a branch itself, which `branches` may select; `default`: nothing else did.
+    `name`: the root is a branch itself, which `branches` may select, with its sign at the start as value; `default`:
+    the start does not determine it.
     """
 
     sign: ca.SX

@@ -97,13 +97,8 @@ class RootSigns:
         settled: list[Root] = []
         for n, root in enumerate(self._roots):
             if root.name:
-                # at a singular start both signs occur: then +1, as named
-                positive = int(np.sum(at_start[:, n] > 0))
-                mixed = positive not in (0, len(at_start))
-                value = root.value or (1 if mixed or positive else -1)
                 by = root.name if root.name in requested else ""
-                value, default = requested.get(root.name, value), not by and (mixed or bool(root.value))
-                settled.append(replace(root, settled_by=by, value=value, default=default))
+                settled.append(replace(root, settled_by=by, value=requested.get(root.name, root.value)))
                 signs[n] = settled[n].value
                 continue
             values = {}

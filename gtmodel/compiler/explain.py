@@ -50,7 +50,11 @@ def explain(f: CausalFunction, full: bool = True) -> str:
         lines += block if full else []
         for r in b.roots:
             source = f"from branch '{r.settled_by}'" if r.settled_by else "from the start values"
-            source = "by default: the start values are singular, or there are none" if r.default else source
+            source = (
+                "by default: the start values are singular, or there are none"
+                if r.default and not r.settled_by
+                else source
+            )
             lines.append(f"      root of {r.label}: sign {'+' if r.value > 0 else '-'}, {source}")
         for m in b.margins if full else ():
             requirement = "must not be negative" if m.kind == "discriminant" else "must not vanish"

@@ -32,6 +32,7 @@ Forward = Callable[[Sequence[int], Sequence[Pair]], "CausalPlan"]
 
 # a known coordinate may be missing if the joints do not change it, relative to the size of the chain
 CLOSED = "closed form"  # kind of the block
+SINGULAR_START = 1e-9  # a slope of a root below it, of size one or a length, is zero: the start selects no branch
 CONSTANT = 1e-12
 TRIALS = 4
 
@@ -68,11 +69,6 @@ class KnownChain:
         """Return the known values (m, read) at joint coordinates q (m, n)."""
         T, R = self.chain.pose(q)
         return np.hstack([T, R.reshape(-1, 9)])[:, self.place]
-
-    @property
-    def started(self) -> bool:
-        """Whether a coordinate has a start value."""
-        return any(self.flat.variables[i].start is not None for i in self.joints)
 
     @property
     def limits(self) -> np.ndarray:
@@ -117,12 +113,15 @@ class KnownChain:
         margins += self.limit_margins(q)
         symbols = [flat.scope.symbol(*pair) for pair in self.symbols]
         assignments = [(s, sign * x) for s, x, (sign, _) in zip(symbols, q, self.kept, strict=True)]
-        value = 0 if self.started else 1  # without start values, the first of the two words
         slopes = form.slopes(ca.vertcat(*[sign * s for s, (sign, _) in zip(symbols, self.kept, strict=True)]))
-        roots = [
-            Root(sign, slope, f"{b.name}, {b.words[0]} (+) or {b.words[1]} (-)", value, name=b.name)
-            for sign, slope, b in zip(signs, slopes, form.branches, strict=True)
-        ]
+        started = any(flat.variables[i].start is not None for i in self.joints)
+        at_start = np.asarray(form.slope_function(self._declared[0]).full())[:, 0]
+        roots = []
+        for sign, slope, b, value in zip(signs, slopes, form.branches, at_start.tolist(), strict=True):
+            decided = started and abs(value) > SINGULAR_START
+            label = f"{b.name}, {b.words[0]} (+) or {b.words[1]} (-)"
+            first = -1 if decided and value < 0 else 1
+            roots.append(Root(sign, slope, label, first, name=b.name, default=not decided))
         given = self.T if self.R is None else ca.vertcat(self.T, ca.vec(self.R))
         closures = tuple(ca.vertsplit(self.reached[: given.numel()] - given))
         equations = [f"the pose of the chain of {', '.join(names)}"]

@@ -45,7 +45,7 @@ class KnownPose:
     `flat`: the model with unknown copies of the known values. `exact`: equations between the two, element by element,
     for consistent points, where they stand for the equations `replaced`, by label. `left`: equations that are
     conditions on the solution, each with the size that it is compared with. `copies`: the known variables with a copy,
-    `rotations` the rotation matrices among them.
+    `rotations` the rotation matrices among them. `known`: indices of the known positions and rotations.
     """
 
     flat: FlatModel
@@ -54,11 +54,7 @@ class KnownPose:
     left: tuple[tuple[FlatEquation, float], ...]
     copies: tuple[_Known, ...]
     rotations: tuple[_Known, ...]
-
-    @property
-    def known(self) -> frozenset[int]:
-        """The known variables that have a copy."""
-        return frozenset(i for c in self.copies for i in c.indices)
+    known: frozenset[int]
 
     @property
     def read(self) -> list[Pair]:
@@ -179,7 +175,8 @@ def _known_pose(flat: FlatModel, known: frozenset[int]) -> KnownPose | None:
     equations = [replace(e, residual=r) for e, r in zip(flat.equations, residuals, strict=True)]
     changed = replace(flat, scope=scope, variables=variables, equations=[*equations, *rows], source=flat, cache={})
     labels = frozenset(e.label for e in rows)
-    return KnownPose(changed, tuple(exact), labels, tuple(left), tuple(copies), tuple(rotations))
+    indices = frozenset(i for _, group in fixed.groups for i in group)
+    return KnownPose(changed, tuple(exact), labels, tuple(left), tuple(copies), tuple(rotations), indices & known)
 
 
 def _matrix(column: ca.SX) -> ca.SX:
