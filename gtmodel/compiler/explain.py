@@ -49,12 +49,11 @@ def explain(f: CausalFunction, full: bool = True) -> str:
         block = [f"  {n:3d} {b.kind}, {unknowns}: {', '.join(b.unknowns)}", f"      {b.detail}"]
         lines += block if full else []
         for r in b.roots:
-            source = f"from branch '{r.settled_by}'" if r.settled_by else "from the start values"
-            source = (
-                "by default: the start values are singular, or there are none"
-                if r.default and not r.settled_by
-                else source
-            )
+            source = "from the start values"
+            if r.settled_by:
+                source = f"from branch '{r.settled_by}'"
+            elif r.default:
+                source = "by default: the start values are singular, or there are none"
             lines.append(f"      root of {r.label}: sign {'+' if r.value > 0 else '-'}, {source}")
         for m in b.margins if full else ():
             requirement = "must not be negative" if m.kind == "discriminant" else "must not vanish"

@@ -115,13 +115,12 @@ def smallest(chain: Chain, q: np.ndarray) -> np.ndarray:
     return np.linalg.svd(chain.jacobian(q), compute_uv=False)[:, -1]
 
 
-def check(chain: Chain, count: int, oriented: bool = True, seed: int = 3, limits=None) -> Postures:
-    q = arms.draw(chain, seed, count, limits)
+def again(chain: Chain, count: int, oriented: bool = True) -> tuple[Postures, int, float]:
+    """Postures of random reachable poses, how often that of the draw is among them, and the largest pose error."""
+    q = arms.draw(chain, 3, count)
     T, R = chain.pose(q)
-    found = postures(chain, T, R if oriented else None, limits=limits)
-    assert np.all(nearest(chain, found, q) < SAME)
-    assert residual(chain, found, T, R, oriented) < RESIDUAL
-    return found
+    found = postures(chain, T, R if oriented else None)
+    return found, int((nearest(chain, found, q) < SAME).sum()), residual(chain, found, T, R, oriented)
 
 
 # chains
@@ -217,7 +216,8 @@ def test_wrong_arguments_are_named() -> None:
 @pytest.mark.parametrize("name", NAMED)
 def test_all_postures_of_arms_with_a_closed_form(name: str) -> None:
     chain, oriented, most = NAMED[name]
-    found = check(chain, 100, oriented)
+    found, returned, off = again(chain, 100, oriented)
+    assert returned == 100 and off < RESIDUAL
     assert found.complete and len(found.names) == most == found.exists.sum(axis=1).max()
     assert len(set(found.names)) == most
 
@@ -226,7 +226,8 @@ def test_all_postures_of_arms_with_a_closed_form(name: str) -> None:
 @pytest.mark.parametrize("name", NAMED)
 def test_1000_poses_of_arms_with_a_closed_form(name: str) -> None:
     chain, oriented, _ = NAMED[name]
-    check(chain, 1000, oriented)
+    _, returned, off = again(chain, 1000, oriented)
+    assert returned == 1000 and off < RESIDUAL
 
 
 @pytest.mark.parametrize("name", NAMED)
@@ -316,30 +317,28 @@ def hostile(chain: Chain, count: int, seed: int) -> tuple[np.ndarray, np.ndarray
     return T, R
 
 
-def no_wrong_ok(chain: Chain, oriented: bool, count: int, seed: int = 8) -> None:
+def worst_ok(chain: Chain, oriented: bool, count: int, seed: int) -> float:
+    """The largest pose error of postures with the status OK."""
     T, R = hostile(chain, count, seed)
     with np.errstate(all="ignore"):
         found = postures(chain, T, R if oriented else None)
     good = found.status == Status.OK
-    assert good.any()
     at, turned = chain.pose(found.q[good])
     row = np.nonzero(good)[0]
-    assert np.abs(at - T[row]).max() < RESIDUAL
-    assert not oriented or np.abs(turned - R[row]).max() < RESIDUAL
+    return float(max(np.abs(at - T[row]).max(), np.abs(turned - R[row]).max() if oriented else 0.0))
 
 
 @pytest.mark.parametrize("name", NAMED)
 def test_no_hostile_pose_has_a_wrong_ok(name: str) -> None:
     chain, oriented, _ = NAMED[name]
-    no_wrong_ok(chain, oriented, 2000)
+    assert worst_ok(chain, oriented, 2000, 8) < RESIDUAL
 
 
 @pytest.mark.proof
 @pytest.mark.parametrize("name", NAMED)
 def test_no_wrong_ok_among_100000_hostile_poses(name: str) -> None:
     chain, oriented, _ = NAMED[name]
-    for seed in range(5):
-        no_wrong_ok(chain, oriented, 20_000, seed)
+    assert max(worst_ok(chain, oriented, 20_000, seed) for seed in range(5)) < RESIDUAL
 
 
 def test_instructions_of_closed_forms() -> None:
@@ -353,53 +352,63 @@ def test_instructions_of_closed_forms() -> None:
 # calibrated arms, general arms, seven joints
 
 
-def disturbed(count: int) -> None:
+def share(chain: Chain, found: Postures, q: np.ndarray, regular: np.ndarray) -> float:
+    """How often the posture of the draw is among those of regular poses."""
+    return float(np.mean(nearest(chain, found, q)[regular] < SAME))
+
+
+def disturbed(count: int) -> tuple[float, float]:
     chain = arms.ur5e(TWISTS)
-    form = closed_form(chain)
-    assert form is not None and form.near and form.structure == "nearly: axes 2 3 4 parallel, 5 and 6 meet"
     q = arms.draw(chain, 3, count)
     T, R = chain.pose(q)
     found = postures(chain, T, R)
-    regular = smallest(chain, q) > 1e-3
-    assert np.mean(nearest(chain, found, q)[regular] < SAME) >= 0.998
-    assert residual(chain, found, T, R) < RESIDUAL
-    # three Newton steps in the expressions, without further polishing
-    solved, exists, _ = form.values(T, R)
-    away = (smallest(chain, q) > 0.02)[:, None] & exists
-    row = np.nonzero(away)[0]
-    assert np.abs(chain.pose(solved[away])[0] - T[row]).max() < 1e-8 and away.any(axis=1).mean() > 0.5
+    return share(chain, found, q, smallest(chain, q) > 1e-3), residual(chain, found, T, R)
 
 
 def test_a_calibrated_arm_takes_its_nominal_closed_form_and_newton_steps() -> None:
-    disturbed(100)
+    returned, off = disturbed(100)
+    assert returned >= 0.998 and off < RESIDUAL
+
+
+def test_three_newton_steps_without_further_polishing() -> None:
+    chain = arms.ur5e(TWISTS)
+    form = closed_form(chain)
+    assert form is not None and form.near and form.structure == "nearly: axes 2 3 4 parallel, 5 and 6 meet"
+    q = arms.draw(chain, 3, 100)
+    T, R = chain.pose(q)
+    solved, exists, _ = form.values(T, R)
+    away = (smallest(chain, q) > 0.02)[:, None] & exists
+    assert away.any(axis=1).mean() > 0.5
+    np.testing.assert_allclose(chain.pose(solved[away])[0], T[np.nonzero(away)[0]], atol=RESIDUAL)
 
 
 @pytest.mark.proof
 def test_1000_poses_of_a_calibrated_arm() -> None:
-    disturbed(1000)
+    returned, off = disturbed(1000)
+    assert returned >= 0.998 and off < RESIDUAL
 
 
-def general(seed: int, count: int) -> None:
+def general(seed: int, count: int) -> tuple[Postures, np.ndarray, float, float]:
     chain = arms.random_arm(seed)
-    assert closed_form(chain) is None
     q = arms.draw(chain, 5, count)
     T, R = chain.pose(q)
-    found = postures(chain, T, R)
-    regular = smallest(chain, q) > 1e-3
-    assert np.mean(nearest(chain, found, q)[regular] < SAME) >= 0.998
-    assert found.complete and found.names == () and residual(chain, found, T, R) < RESIDUAL
-    assert np.all(found.exists[regular].sum(axis=1) % 2 == 0)
+    found, regular = postures(chain, T, R), smallest(chain, q) > 1e-3
+    return found, regular, share(chain, found, q, regular), residual(chain, found, T, R)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_general_arms_have_all_their_postures(seed: int) -> None:
-    general(seed, 25)
+    found, regular, returned, off = general(seed, 25)
+    assert closed_form(arms.random_arm(seed)) is None and found.complete and found.names == ()
+    assert returned >= 0.998 and off < RESIDUAL
+    assert np.all(found.exists[regular].sum(axis=1) % 2 == 0)
 
 
 @pytest.mark.proof
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_1000_poses_of_general_arms(seed: int) -> None:
-    general(seed, 1000)
+    _, _, returned, off = general(seed, 1000)
+    assert returned >= 0.998 and off < RESIDUAL
 
 
 def test_the_arm_with_sixteen_postures() -> None:
@@ -415,12 +424,14 @@ def test_the_arm_with_sixteen_postures() -> None:
 
 @pytest.mark.parametrize("chain", [cuspidal_with_wrist(), arms.panda().locked(4, 0.3)], ids=["cuspidal", "panda_q5"])
 def test_wrists_on_arms_in_general_position_by_a_quartic(chain: Chain) -> None:
-    found = check(chain, 100)
+    found, returned, off = again(chain, 100)
+    assert returned == 100 and off < RESIDUAL
     assert found.method == "quartic" and found.names == () and found.complete
 
 
 def test_three_joints_in_general_position() -> None:
-    assert check(cuspidal(), 200, oriented=False).exists.sum(axis=1).max() == 4
+    found, returned, off = again(cuspidal(), 200, oriented=False)
+    assert returned == 200 and off < RESIDUAL and found.exists.sum(axis=1).max() == 4
     # three parallel axes and a place alone: no isolated postures, nothing complete
     found = postures(arms.planar(0.4, 0.3, 0.2), [0.5, 0.1, 0.0])
     assert not found.complete and found.exists.any()
@@ -435,7 +446,8 @@ def test_structured_arms_without_a_closed_form() -> None:
     assert not found.complete and residual(chain, found, T, R) < RESIDUAL
 
 
-def declared_elbow(chain: Chain, count: int, limits=None) -> Postures:
+def declared_elbow(chain: Chain, count: int, limits=None) -> tuple[Postures, float, float, float]:
+    """Postures, share with that of the draw, largest pose error and largest error of the elbow's angle."""
     q = arms.draw(chain, 4, count, limits)
     T, R = chain.pose(q)
     angle = elbow_angle(chain, q)
@@ -446,26 +458,27 @@ def declared_elbow(chain: Chain, count: int, limits=None) -> Postures:
         axis=1,
     )
     seven = np.linalg.svd(np.concatenate([chain.jacobian(q), rates[:, None]], axis=1), compute_uv=False)[:, -1]
-    assert np.mean(nearest(chain, found, q)[seven > 1e-3] < SAME) >= 0.998
-    assert residual(chain, found, T, R) < RESIDUAL
     row = np.nonzero(found.exists)[0]
-    np.testing.assert_allclose(within_pi(elbow_angle(chain, found.q[found.exists]) - angle[row]), 0, atol=1e-6)
-    return found
+    turned = np.abs(within_pi(elbow_angle(chain, found.q[found.exists]) - angle[row])).max()
+    return found, share(chain, found, q, seven > 1e-3), residual(chain, found, T, R), float(turned)
 
 
 def test_spherical_shoulder_and_wrist_with_a_declared_elbow() -> None:
-    found = declared_elbow(arms.iiwa14(), 200)
+    found, returned, off, turned = declared_elbow(arms.iiwa14(), 200)
+    assert returned >= 0.998 and off < RESIDUAL and turned < SAME
     assert len(found.names) == 8 and np.all(found.exists.sum(axis=1) == 8)
 
 
 def test_panda_with_a_declared_elbow() -> None:
-    declared_elbow(arms.panda(), 20, PANDA)
+    _, returned, off, turned = declared_elbow(arms.panda(), 20, PANDA)
+    assert returned >= 0.998 and off < RESIDUAL and turned < SAME
 
 
 @pytest.mark.proof
 def test_1000_poses_of_arms_with_a_declared_elbow() -> None:
-    declared_elbow(arms.iiwa14(), 1000)
-    declared_elbow(arms.panda(), 1000, PANDA)
+    for chain, limits in ((arms.iiwa14(), None), (arms.panda(), PANDA)):
+        _, returned, off, turned = declared_elbow(chain, 1000, limits)
+        assert returned >= 0.998 and off < RESIDUAL and turned < SAME
 
 
 def test_panda_with_a_locked_joint() -> None:
@@ -483,8 +496,8 @@ def test_seven_joints_by_iteration_within_limits() -> None:
     found = postures(chain, T, R, limits=PANDA)
     assert found.exists.any(axis=1).all() and not found.complete and residual(chain, found, T, R) < RESIDUAL
     assert np.all((found.q[found.exists] >= PANDA[:, 0] - 1e-8) & (found.q[found.exists] <= PANDA[:, 1] + 1e-8))
-    again = postures(chain, T, R, limits=PANDA)
-    np.testing.assert_array_equal(found.q, again.q)  # fixed starts
+    repeated = postures(chain, T, R, limits=PANDA)
+    np.testing.assert_array_equal(found.q, repeated.q)  # fixed starts
 
 
 # turns, limits, order
@@ -520,7 +533,9 @@ def test_nearest_first_and_no_turn_unasked() -> None:
 
 def test_sets_of_postures_equal_those_of_eaik() -> None:
     """Ostermeier, Kuelz, Althoff 2025; its answers are judged by their residual."""
-    eaik = pytest.importorskip("eaik.IK_HP", reason="EAIK, the oracle of closed forms, is not installed")
+    eaik = pytest.importorskip(
+        "eaik.IK_HP", reason="EAIK, the oracle of closed forms, is not installed: pip install --no-deps EAIK"
+    )
     for chain in (*(NAMED[n][0] for n in ("ur5e", "puma", "kr500", "panda_q7_locked")), arms.panda().locked(4, 0.3)):
         offsets = np.vstack([chain.points[:1], np.diff(chain.points, axis=0), [chain.T - chain.points[-1]]])
         robot = eaik.HPRobot(chain.axes, offsets)

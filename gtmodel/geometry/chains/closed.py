@@ -267,14 +267,15 @@ class _Given:
     """The displacement of a given pose from the home pose, inverted for a chain from end to base."""
 
     def __init__(self, arm: Nominal, T: ca.SX, R: ca.SX | None) -> None:
-        self.reverse, self.T, self.R, self.T0, self.R0 = arm.plan.reverse, T, R, arm.chain.T, arm.chain.R
+        self.reverse, self.T, self.T0, self.R0 = arm.plan.reverse, T, arm.chain.T, arm.chain.R
+        self.R = ca.SX.eye(3) if R is None else R  # T alone: the wrist is the end, and R has no effect
 
     def point(self, p: np.ndarray) -> Any:
         if self.reverse:
             return ca.SX(self.T0) + ca.SX(self.R0) @ (self.R.T @ (ca.SX(p) - self.T))
         local = self.R0.T @ (p - self.T0)
         local[np.abs(local) < 1e-14] = 0.0
-        if self.R is None or not np.any(local):
+        if not np.any(local):
             return self.T + ca.SX(local)
         return self.T + self.R @ ca.SX(local)
 

@@ -108,7 +108,8 @@ def _spherical(
     still = Chain(chain.axes[:3], np.tile(S, (3, 1)), None, S)
     hand = Chain(chain.axes[4:], np.tile(W, (3, 1)), None, W)
     forms = [closed_form(part) for part in (still, hand)]
-    if forms[0] is None or forms[1] is None:
+    forms = [form for form in forms if form is not None]
+    if len(forms) < 2:
         raise ArgumentError("is an elbow angle; the shoulder and the wrist need three independent axes", "redundancy")
     q = np.full((len(T), 8, 7), np.nan)
     aim = np.stack(_frame(wrist, direction), axis=2)

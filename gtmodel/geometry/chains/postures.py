@@ -57,7 +57,7 @@ class Postures:
     @property
     def exists(self) -> np.ndarray:
         """Where a posture exists within the limits, (m, k)."""
-        return np.isfinite(self.q).all(axis=2)
+        return np.asarray(np.isfinite(self.q).all(axis=2))
 
     def within(self, limits: ArrayLike, pose: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Return all joint coordinates (j, n) of one pose within limits (n, 2), and their branches (j,).
@@ -101,13 +101,13 @@ def postures(
     >>> arm = Chain([[0, 0, 1], [0, 0, 1]], [[0, 0, 0], [0.4, 0, 0]], T=[0.7, 0, 0])
     >>> both = postures(arm, [0.5, 0.3, 0.0])
     >>> both.names, np.degrees(both.q[0]).round(1)
-    (('left', 'right'), array([[ 61.9, -68. ],
-           [  0. ,  68. ]]))
+    (('left', 'right'), array([[ 59.5, -68. ],
+           [  2.5,  68. ]]))
     """
     T, R = _poses(T, R)
     bound = None if limits is None else _limits(limits, len(chain))
     at = None if near is None else np.broadcast_to(np.asarray(near, float), (len(T), len(chain)))
-    usable = np.isfinite(T).all(axis=1) & (True if R is None else np.isfinite(R).all(axis=(1, 2)))
+    usable = np.asarray(np.isfinite(T).all(axis=1) & (True if R is None else np.isfinite(R).all(axis=(1, 2))))
     safe_T = np.where(usable[:, None], T, 0.0)
     safe_R = None if R is None else np.where(usable[:, None, None], R, np.eye(3))
     made = _found(chain, safe_T, safe_R, bound, at, redundancy)
@@ -214,9 +214,9 @@ def _by_iteration(
     redundant = n > (3 if R is None else 6)
     for k in range(ROUNDS + 1):
         if limits is None:
-            inside = np.isfinite(q).all(axis=2)
+            inside = np.asarray(np.isfinite(q).all(axis=2))
         else:
-            inside = np.isfinite(_turned(chain, q, limits, None)[0]).all(axis=2)
+            inside = np.asarray(np.isfinite(_turned(chain, q, limits, None)[0]).all(axis=2))
         # isolated postures: two rounds for all, further ones where none is within limits
         open_ = np.flatnonzero(~inside.any(axis=1) if redundant or k > 1 else np.ones(m, bool))
         if not len(open_):
@@ -292,7 +292,7 @@ def _turned(
         most = np.where(turn > 0, np.floor((high + ON_LIMIT - q) / turn), 0.0)
     turned = q + turn * np.clip(count, least, np.maximum(least, most))
     with np.errstate(invalid="ignore"):
-        beyond = ((turned > high + ON_LIMIT) | (turned < low - ON_LIMIT)).any(axis=2)
+        beyond = np.asarray(((turned > high + ON_LIMIT) | (turned < low - ON_LIMIT)).any(axis=2))
     turned[beyond] = np.nan
     return turned, beyond
 
