@@ -35,6 +35,7 @@ CLOSED = "closed form"  # kind of the block
 SINGULAR_START = 1e-9  # a slope of a root below it, of size one or a length, is zero: the start selects no branch
 CONSTANT = 1e-12
 TRIALS = 4
+DECIMALS = 7  # of guesses, in rad and m
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +184,8 @@ class ChainStarts:
         R = R.T.reshape(-1, 3, 3).transpose(0, 2, 1)
         u, _, vt = np.linalg.svd(R)  # the nearest rotation: a matrix with six digits is accepted
         q = self.search.solve(T.T.copy(), u @ vt)
-        return (q[:, self.order] * self.signs).T.copy()
+        # round-off of a search depends on the number of poses; Newton's method from rounded numbers does not
+        return (np.round(q, DECIMALS)[:, self.order] * self.signs).T.copy()
 
 
 def known_chain(

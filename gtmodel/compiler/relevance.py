@@ -120,7 +120,7 @@ def _own_size(flat: FlatModel, residual: ca.SX, sampler: Sampler, samples: np.nd
     if np.isfinite(constant) and constant > 0:
         return constant
     nominal = max(flat.variables[i].nominal for i, _ in flat.scope.symbols_in(residual))
-    jacobian = [np.linalg.norm(f(w[at], p, time)[1]) for w in samples]
+    jacobian = [np.linalg.norm(f(w[at], p, time)[1].full()) for w in samples]
     values = [max(float(np.linalg.norm(w[at])), nominal) for w in samples]
     size = 0.5 * float(median(np.multiply(jacobian, values)))
     return float(f"{size:.3g}") if np.isfinite(size) and size > 0 else 1.0
