@@ -13,6 +13,7 @@ from ..lang.source import ModelError
 from .blocks import Margin, Root, SolvedBlock, median
 from .consistency.points import RESIDUAL_TOLERANCE, Sampler
 from .flat import FlatModel
+from .matrices import substituted_in_order
 
 if TYPE_CHECKING:
     from .plan import CausalPlan
@@ -258,7 +259,8 @@ def sides(plan: CausalPlan, sampler: Sampler) -> list[Margin]:
     assigned = [a for b in plan.blocks for a in b.assignments]
     computed = list(rewritten.values())
     if assigned:
-        _, computed = ca.substitute_inplace([s for s, _ in assigned], [e for _, e in assigned], computed)
+        given = [s for s, _ in assigned], [e for _, e in assigned]
+        computed = substituted_in_order(*given, computed, bool(flat.scope.calls))
     unknown = {s.element_hash() for b in plan.newton for s in b.unknowns}
     available = unknown | {flat.scope.symbol(*pair).element_hash() for pair in plan.inputs}
     margins = []
@@ -307,9 +309,8 @@ def _functions(
             names.append(b.name)
             expressions.append(e)
     symbols = [flat.scope.symbol(*p) for p in computed]
-    _, results = ca.substitute_inplace(
-        [s for s, _ in assigned], [e for _, e in assigned], [_column(expressions), _column(symbols)]
-    )
+    given = [s for s, _ in assigned], [e for _, e in assigned]
+    results = substituted_in_order(*given, [_column(expressions), _column(symbols)], bool(flat.scope.calls))
     arguments = [sampler.w, flat.p, flat.scope.time, _column([r.sign for r in roots])]
     sides, numbers = (ca.Function("sides", arguments, [e]) for e in results)
     return names, sides, ([sampler.position[p] for p in computed], numbers)

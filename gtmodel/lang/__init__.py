@@ -50,6 +50,7 @@ if TYPE_CHECKING:
         when as when,
     )
     from .expression import Expr as Expr, Relation as Relation, vector as vector
+    from .external import External as External, external as external
     from .functions import (
         absolute as absolute,
         acos as acos,

@@ -53,6 +53,8 @@ class Scope:
         self.modes: list[tuple[ca.SX, Condition]] = []
         # symbols for values just before an event, with their expressions
         self.earlier: list[tuple[ca.SX, ca.SX]] = []
+        # names of external functions that stay calls in the equations
+        self.calls: list[str] = []
 
     def new_chain(self, name: str) -> ca.SX:
         """Add a scalar variable; return its symbol of order 0."""

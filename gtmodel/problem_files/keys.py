@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from datetime import date, datetime
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
@@ -11,7 +12,7 @@ from pydantic import Field, PositiveFloat, PositiveInt
 
 from gtmodel.lang.units import UnitError
 from gtmodel.measurements import AlignBy, Column, Conversion, EvenGrid, LogForm, Session, Signal, read_recording
-from gtmodel.measurements.log import JITTER
+from gtmodel.measurements.log import JITTER, left_out
 from gtmodel.measurements.sampling import EmptyRows, LateRows
 from gtmodel.measurements.signals import read_signals
 from gtmodel.motion.options import Arc, Line, Polyline, Shape, Spline, Taught
@@ -43,8 +44,8 @@ class RobotProblem(Problem):
     """A problem about one robot."""
 
     robot: str = Field(
-        description="catalogue name, TOML robot file, URDF file (arm.urdf, arm.urdf:tip), or a model in Python: "
-        "package.module:Class, file.py:Class"
+        description="catalogue name, TOML robot file, URDF, SDF or MJCF file (arm.urdf, arm.urdf:tip, arm.sdf, "
+        "arm.xml), or a model in Python: package.module:Class, file.py:Class"
     )
     inertia: str | None = Field(
         default=None, description="identified masses and friction of a catalogue robot; model_2 if left out"
@@ -132,11 +133,32 @@ FILES = Field(default=[], description="CSV, MATLAB, Parquet or bag files; paths 
 class TimeColumn(FileSection):
     """The column of time."""
 
-    column: str = Field(
+    column: str | list[str] = Field(
         default="time",
-        description='name of the time column in the log; "" if there is none: then rows are log.sample_time_s apart',
+        description='name of the time column in the log, or names of columns whose sum is the time; "" if there is '
+        "none: then rows are log.sample_time_s apart",
     )
-    unit: str = Field(default="s", description="unit of the time column")
+    unit: str | list[str] = Field(
+        default="s", description='unit of the time column, such as "ms" or "100 ns", or one for each column'
+    )
+    since: datetime | date | str = Field(
+        default="",
+        description="date at which the time is zero, if clocks of different origins are joined; or words in a line "
+        "above the table that has the date",
+    )
+    zone: str = Field(default="", description="zone of dates without one, such as +01:00; UTC if left out")
+    per_channel: bool = Field(
+        default=False,
+        description="whether each channel has a time column of this name, or pattern such as t_*, on its left",
+    )
+
+    def declared(self) -> Column | None:
+        """Return the column for `gtmodel.measurements`, None if there is no time column."""
+        if not self.column:
+            return None
+        since = self.since if isinstance(self.since, str) else self.since.isoformat()
+        column, unit = fixed(self.column), fixed(self.unit)
+        return Column(column, unit, since=since, zone=self.zone, per_channel=self.per_channel)
 
 
 class ColumnSection(FileSection):
@@ -157,6 +179,11 @@ class ColumnSection(FileSection):
         description="square matrix from the columns, after scale and gear ratio, to the quantity, such as for a wrist "
         "whose joint 6 moves with joint 5; efforts have the inverse transpose of the positions' matrix",
     )
+    quantity_unit: str | list[str] = Field(
+        default="",
+        description="SI unit of the quantity, or of each component, if the scale changes the dimension and no model "
+        "states it",
+    )
     time: TimeColumn | None = Field(
         default=None, description="time column of this signal; the log's time column if left out"
     )
@@ -169,8 +196,7 @@ class ColumnSection(FileSection):
 
     def clock(self) -> dict[str, Any]:
         """Return the signal's own time column, stream and file as `gtmodel.measurements` expects them."""
-        time = None if self.time is None else Column(self.time.column, self.time.unit)
-        return {"time": time, "stream": self.stream, "file": self.file}
+        return {"time": None if self.time is None else self.time.declared(), "stream": self.stream, "file": self.file}
 
     def shown(self) -> tuple[str | tuple[str, ...], str | tuple[str, ...]]:
         """Return names and units as `gtmodel.measurements` expects them."""
@@ -206,12 +232,24 @@ class MeasuredSignalSection(ColumnSection):
 
     def signal(self, key: str, unit: str | None = None) -> Signal:
         """Return the signal for `gtmodel.measurements`. The SI unit of the quantity comes from `unit` or from the key,
-        such as force_N; a unit with "?" in front means that components have their own units. Raises InputError."""
+        such as force_N; a unit with "?" in front means that components have their own units, of which quantity_unit
+        tells the declared ones. Raises InputError."""
         unit = unit_of(key.rpartition(".")[2]) if unit is None else unit.removeprefix("?")
+        if unit and self.quantity_unit:
+            raise InputError(f"is known already, {unit}; leave it out", f"{key}.quantity_unit")
         free = tuple(dict.fromkeys(self.per_session))
         try:
             scale, offset, delay = (fixed(x) for x in (self.scale, self.offset, self.delay_s))
-            return Signal(*self.shown(), scale, offset, delay, unit, free, **self.drives(), **self.clock())
+            return Signal(
+                *self.shown(),
+                scale,
+                offset,
+                delay,
+                unit or fixed(self.quantity_unit),
+                free,
+                **self.drives(),
+                **self.clock(),
+            )
         except (TrajectoryError, UnitError) as error:
             raise InputError(str(error), key) from error
 
@@ -225,23 +263,36 @@ class RecordedSignalSection(ColumnSection):
     offset: float | list[float] = Field(
         default=0.0, description="reading when the quantity is zero, in the quantity's SI unit"
     )
-    quantity_unit: str = Field(default="", description="SI unit of the quantity, if the scale changes the dimension")
 
     def recorded(self) -> Column:
         """Return the column for `gtmodel.measurements`. Raises LogError."""
         conversion = Conversion(
-            fixed(self.scale), fixed(self.offset), quantity_unit=self.quantity_unit, **self.drives()
+            fixed(self.scale), fixed(self.offset), quantity_unit=fixed(self.quantity_unit), **self.drives()
         )
         return Column(*self.shown(), conversion=conversion, **self.clock())
 
 
-@made_from(LogForm)
-class FormSection(Made):
+@made_from(LogForm, "by_file")
+class FileForm(Made):
     """Format of a file, as far as it cannot be detected."""
+
+
+class FormSection(FileForm):
+    """Format of files, as far as it cannot be detected."""
+
+    formats: dict[str, FileForm] = Field(
+        default={},
+        description='keys of the format that differ in the files with this name or pattern, [log.formats."*.log"]',
+    )
 
     def form(self) -> LogForm:
         """Return only these keys as options. Raises ArgumentError."""
-        return LogForm(**{field: getattr(self, key) for key, field in FormSection.attributes.items()})
+        common = {field: getattr(self, key) for key, field in FileForm.attributes.items()}
+        own = {
+            name: LogForm(**common | {FileForm.attributes[key]: getattr(form, key) for key in form.model_fields_set})
+            for name, form in self.formats.items()
+        }
+        return LogForm(**common, by_file=own)
 
 
 @made_from(EvenGrid, "start", "end")
@@ -303,7 +354,7 @@ class LogSampling(LogReading):
             sessions = read_signals(
                 [context.file(name, f"{key}[{n}]", source=self.source) for n, name in enumerate(names)],
                 signals,
-                time=Column(self.time.column, self.time.unit) if self.time.column else None,
+                time=self.time.declared(),
                 session=self.session,
                 sample_time=self.sample_time_s,
                 jitter=self.jitter,
@@ -328,6 +379,9 @@ class LogSampling(LogReading):
                 raise InputError(f"{error.message}: declare a pair in [[{table}.align]]", table) from error
             # the sentence names the file; a wrong column may be the fault of the section or of the file
             raise InputError(str(error), section) from error
+        if dropped := left_out(s.trajectory for s in sessions):
+            counts = ", ".join(f"{count} {why.removeprefix('rows ')}" for why, count in dropped.items())
+            context.note(f"rows of the log that are not used: {counts}")
         for sentence in dict.fromkeys(line for s in sessions for line in s.trajectory.provenance.get("joined", [])):
             context.note(sentence)
         widths = {tuple(s.trajectory[name].shape[1:] for name in signals) for s in sessions}
@@ -353,11 +407,10 @@ class RecordingFiles(LogReading):
         if not (files := files_of(self.files, signals)):
             raise InputError("is empty; name a log file", f"{key}.files")
         paths = [context.file(f, f"{key}.files[{n}]", source=self.source) for n, f in enumerate(files)]
-        time = Column(self.time.column, self.time.unit) if self.time.column else None
         try:
             columns = {name: signal.recorded() for name, signal in signals.items()}
             return read_recording(
-                paths, columns, time=time, sample_time=self.sample_time_s, late_rows=self.late_rows,
+                paths, columns, time=self.time.declared(), sample_time=self.sample_time_s, late_rows=self.late_rows,
                 empty_rows=self.empty_rows, form=self.form(), progress=context.progress,
             )  # fmt: skip
         except (TrajectoryError, UnitError) as error:

@@ -69,9 +69,15 @@ def from_urdf(
     >>> arm, tau.round(3)  # a negative torque about +y holds it up
     (SerialArm('lever', 1 joints from base to arm), array([-4.905]))
     """
+    return arm_of(read_urdf(path), tip, start, smoothing, payload, modifiers)
+
+
+def arm_of(
+    urdf: Urdf, tip: str | None, start: ArrayLike | None, smoothing: str, payload: float, modifiers: dict[str, Any]
+) -> SerialArm:
+    """Return the arm to the tip of a file that was read; arguments as for `from_urdf`."""
     if smoothing not in FRICTION:
         raise ModelError(f"friction smoothing is one of {', '.join(FRICTION)}; found {smoothing!r}")
-    urdf = read_urdf(path)
     return _Chain(urdf, _tip(urdf, tip)).arm(start, smoothing, payload, modifiers)
 
 
@@ -156,6 +162,7 @@ class _Chain:
             "xyz": xyz, "rpy": rpy, "axis": np.array([j.axis for j in self.moving]), **values,
             "viscous": np.array([j.damping for j in self.moving]),
             "coulomb": np.array([j.friction for j in self.moving]),
+            "rotor_inertia": np.array([j.rotor for j in self.moving]),
             "tool_xyz": pose[1], "tool_rpy": rpy_of_rotation(pose[0]), **modifiers,
         }  # fmt: skip
         return arm_class(started(structure, start))(**with_payload(parameters, payload, len(self.moving)))
