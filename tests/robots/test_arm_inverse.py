@@ -254,3 +254,13 @@ def test_kind_of_a_variable_is_checked() -> None:
         gt.variable(3, kind="rotation")
     with pytest.raises(gt.ModelError, match="the kind of a variable must be 'rotation'"):
         gt.variable((3, 3), kind="unit")
+
+
+def test_c_code_of_a_closed_form_equals_python(tmp_path: Path) -> None:
+    scara = gt.robots.serial_arm(a=[0.3, 0.25, 0.0, 0.0], alpha=[0.0, np.pi, 0.0, 0.0], joints="rrpr",
+                                 start=[0.3, 0.8, 0.1, 0.2])  # fmt: skip
+    functions = {"inverse": scara.causal(["T", "R"], "q")}
+    gt.cgen.generate(functions, tmp_path / "scara", name="scara")
+    report = gt.cgen.check(tmp_path / "scara", functions, points=200, seed=1)
+    assert report.passed, str(report)
+    assert report.rows_ok["inverse"] > 50  # half of the points are poses that four joints reach
