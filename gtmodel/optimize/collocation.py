@@ -41,7 +41,7 @@ class Layout:
         position = len(self.left)
         m = coefficients(mesh.control, mesh.table)
         unshared = m - 1 if linear else m  # coefficients that belong to this element alone, of controls without blocks
-        own = np.setdiff1d(np.arange(nu), list(self.blocks))
+        own = np.array([k for k in range(nu) if k not in self.blocks], int)  # np.setdiff1d imports numpy.ma
         self.x, self.z = np.zeros((k, nx), int), np.zeros((k, nz), int)
         self.u = np.zeros((m, nu), int)
         self.u[:, self.carries] = self.carried

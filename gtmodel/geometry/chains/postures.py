@@ -110,7 +110,7 @@ def postures(
     usable = np.asarray(np.isfinite(T).all(axis=1) & (True if R is None else np.isfinite(R).all(axis=(1, 2))))
     safe_T = np.where(usable[:, None], T, 0.0)
     safe_R = None if R is None else np.where(usable[:, None, None], R, np.eye(3))
-    made = _found(chain, safe_T, safe_R, bound, at, redundancy)
+    made = _solved(chain, safe_T, safe_R, bound, at, redundancy)
     status, q = made.status.copy(), made.q.copy()
     if safe_R is not None:
         off = np.abs(safe_R.transpose(0, 2, 1) @ safe_R - np.eye(3)).max(axis=(1, 2))
@@ -145,14 +145,14 @@ def _limits(limits: ArrayLike, n: int) -> np.ndarray:
     return bound
 
 
-def _found(
+def _solved(
     chain: Chain, T: np.ndarray, R: np.ndarray | None, limits: np.ndarray | None, near: np.ndarray | None,
     redundancy: LockedJoint | ElbowAngle | None,
 ) -> Postures:  # fmt: skip
     if isinstance(redundancy, LockedJoint):
         j = redundancy.joint % len(chain) if -len(chain) <= redundancy.joint < len(chain) else redundancy.joint
         rest = np.arange(len(chain)) != j
-        made = _found(
+        made = _solved(
             chain.locked(j, redundancy.value), T, R, None if limits is None else limits[rest],
             None if near is None else near[:, rest], None,
         )  # fmt: skip
