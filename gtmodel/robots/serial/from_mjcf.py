@@ -66,7 +66,8 @@ def from_mjcf(
     Args:
         path: of the file, or its text.
         tip: body at the end of the chain, whose frame is the tool; by default the end of the only moving chain.
-        start, smoothing, payload, modifiers: as for `from_urdf`.
+        start: joint coordinates (n,) [rad, m] of the home pose, or rows of them, as for `serial_arm`.
+        smoothing, payload, modifiers: as for `from_urdf`.
 
     Read are the compiler's angle, eulerseq, autolimits and inertiafromgeom; classes of defaults; orientations as quat,
     axisangle, xyaxes, zaxis and euler; hinge and slide joints with pos, axis, range, ref, damping, frictionloss,

@@ -55,7 +55,8 @@ def from_sdf(
     Args:
         path: of the file, or its text.
         tip: link at the end of the chain, whose frame is the tool; by default the end of the only moving chain.
-        start, smoothing, payload, modifiers: as for `from_urdf`.
+        start: joint coordinates (n,) [rad, m] of the home pose, or rows of them, as for `serial_arm`.
+        smoothing, payload, modifiers: as for `from_urdf`.
 
     Read are poses with relative_to, degrees and rotation_format; frames; axes with expressed_in; limits, damping,
     friction and mimic of axes; inertias. The joints are revolute, continuous, prismatic and fixed. The base is "world"
