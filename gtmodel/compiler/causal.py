@@ -17,6 +17,7 @@ from ..lang.slips import named, shortened
 from ..lang.source import ModelError
 from ..results.status import Status
 from .analysis.sizes import DOUBLE, Precision, Sizes, sizes_of
+from .blocks import VERDICTS
 from .columns.kernel import PAID, kernel_of
 from .consistency.guess import Completion
 from .consistency.home import moved_sentence, refuse_starts
@@ -327,8 +328,16 @@ class CausalFunction:
             return "; ".join([f"{status.message}: {reason}", *self.notes])
         for m, row in zip(self.margins, results[-1], strict=True):
             value = float(row[0])
+            if VERDICTS[m.kind] is not status:
+                continue
             if m.kind == "condition" and not value >= 0:
                 return f"{status.message}: the known values do not satisfy {m.label}"
+            if m.kind == "solution" and not value >= 0:
+                return f"{status.message}: no solution satisfies {m.label} together with the other known values"
+            if m.kind == "limit" and not value >= 0:
+                return f"{status.message}: no solution was found within the limits of {m.label}"
+            if m.kind == "turn" and not value >= 0:
+                return f"{status.message}: the iteration found {m.label}"
             if m.kind == "discriminant" and not value >= 0:
                 reason = f"{m.label} has no real solution, the radicand of its square root is {value:.4g}"
                 return f"{status.message}: {reason}"

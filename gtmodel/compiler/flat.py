@@ -136,7 +136,8 @@ class FlatLoops:
 
 @dataclass
 class FlatModel:
-    """The flat system. `groups` maps every declared name to its shape and scalar variable indices."""
+    """The flat system. `groups` maps every declared name to its shape and scalar variable indices; `rotations` are the
+    names of those declared as rotation matrices. `source`: the model before its known rotations were rewritten."""
 
     scope: Scope
     title: str
@@ -152,6 +153,8 @@ class FlatModel:
     energies: list[FlatEnergy] = field(default_factory=list)
     events: FlatEvents | None = None
     loops: FlatLoops = field(default_factory=lambda: FlatLoops([], []))
+    rotations: frozenset[str] = frozenset()
+    source: FlatModel | None = None
     cache: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def unit_of(self, index: int, order: int) -> str:
@@ -292,6 +295,7 @@ def flatten(model: Model | Builder) -> FlatModel:
         initial=initial,
         energies=energies,
         events=collect_events(tree, whens, equations),
+        rotations=frozenset(r.name for r in tree.variables if r.item.kind == "rotation"),
         positive=frozenset(q.name for q in parameters if q.symbol.element_hash() in positive),
         loops=FlatLoops(closings, words, [e for e, _ in edges]),
     )

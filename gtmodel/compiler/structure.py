@@ -128,12 +128,13 @@ def _unbalanced(
             text += f"; {', '.join(absent)} {verb} in no equation: is {missing} missing?"
         inputs = [flat.variables[i] for i in (unknowns[j] for j in cols) if i not in targets]
         lacking, given = len(unknowns) - len(equations), [flat.variables[i] for i in sorted(known)]
-        if not rows and lacking > 0 and any(v.role != "input" for v in given):
+        whole = any(set(flat.groups[n][1]) <= known for n in flat.rotations)  # nine numbers, three degrees of freedom
+        if not rows and lacking > 0 and not whole and any(v.role != "input" for v in given):
             of = ", ".join(dict.fromkeys(v.name.partition("[")[0] for v in given))
             text += f"; known ({of}) has {_count(len(given), 'number')}, and {len(given) + lacking} are needed"
             matrix = _rotation_in(flat, {unknowns[j] for j in cols}) if lacking == 3 else ""
             text += f": name {lacking} more" + (f", such as {_entries(matrix)}" if matrix else "")
-        elif (names := [v.name for v in inputs if v.role == "input"][:6]) and not rows:
+        elif (names := [v.name for v in inputs if v.role == "input"][:6]) and not rows and not whole:
             text += f"; name the inputs that are known: known=[{', '.join(map(repr, names))}]"
     if not equations and (slips := difflib.get_close_matches("equations", vars(type(flat.root)), n=1)):
         text += f"; {type(flat.root).__name__}.{slips[0]}() is never called; rename it to equations()"
@@ -320,11 +321,15 @@ def stage_residuals(
     derivatives: list[list[ca.SX]],
     conditions: list[FlatEquation],
     pairs: list[Pair],
+    without: Collection[str] = (),
 ) -> list[ca.SX]:
-    """Return the residuals of each stage, positions first, including the conditions on known values."""
+    """Return the residuals of each stage, positions first, including the conditions on known values; without the
+    equations of these labels."""
     c = structure.c
+    rows = [i for i, e in enumerate(structure.equations) if e.label not in without]
+    conditions = [e for e in conditions if e.label not in without]
     stages = [
-        ca.vertcat(*[derivatives[i][c[i] + k] for i in range(len(c)) if c[i] + k >= 0])
+        ca.vertcat(*[derivatives[i][c[i] + k] for i in rows if c[i] + k >= 0])
         for k in range(-int(structure.d.max(initial=0)), 1)
     ]
     return [r for r in _with_conditions(flat, stages, conditions, pairs) if r.numel()]

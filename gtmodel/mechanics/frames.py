@@ -65,7 +65,9 @@ class Frame(gt.Connector):
         "close it with rods or spherical joints, which transmit no orientation"
     )
     r = gt.potential(3, unit="m", prefer=-3, description="origin in the world frame")
-    R = gt.potential((3, 3), unit="1", prefer=-4, description="rotation from frame to world coordinates")
+    R = gt.potential(
+        (3, 3), unit="1", prefer=-4, kind="rotation", description="rotation from frame to world coordinates"
+    )
     w = gt.potential(3, unit="rad/s", prefer=-1, description="angular velocity, world coordinates")
     f = gt.flow(3, unit="N", description="force on the component, world coordinates")
     t = gt.flow(3, unit="N.m", description="torque on the component about the origin, world coordinates")

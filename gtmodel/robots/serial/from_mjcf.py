@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import scipy
+from numpy.typing import ArrayLike
 
 from ..._near import meant
 from ...geometry.rotations import rotation_about, rpy_of_rotation, shortest_rotation
@@ -52,13 +53,20 @@ TURNED = ("quat", "axisangle", "xyaxes", "zaxis", "euler")
 
 
 def from_mjcf(
-    path: str | Path, tip: str | None = None, *, smoothing: str = "tanh", payload: float = 0.0, **modifiers: Any
+    path: str | Path,
+    tip: str | None = None,
+    *,
+    start: ArrayLike | None = None,
+    smoothing: str = "tanh",
+    payload: float = 0.0,
+    **modifiers: Any,
 ) -> SerialArm:
     """Return a serial arm from an MJCF file: the chain from the world to a body, with limits, inertias and friction.
 
     Args:
         path: of the file, or its text.
         tip: body at the end of the chain, whose frame is the tool; by default the end of the only moving chain.
+        start: joint coordinates (n,) [rad, m] of the home pose, or rows of them, as for `serial_arm`.
         smoothing, payload, modifiers: as for `from_urdf`.
 
     Read are the compiler's angle, eulerseq, autolimits and inertiafromgeom; classes of defaults; orientations as quat,
@@ -84,7 +92,7 @@ def from_mjcf(
     (SerialArm('lever', 1 joints from world to arm), array([-4.905]))
     """
     urdf = read_file(path, "MJCF", lambda file, root: _Reader(file, root).urdf())
-    return arm_of(urdf, tip, smoothing, payload, modifiers)
+    return arm_of(urdf, tip, start, smoothing, payload, modifiers)
 
 
 @dataclass

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import scipy
+from numpy.typing import ArrayLike
 
 from ..._near import meant
 from ...geometry.rotations import rotation_of_rpy, rpy_of_rotation
@@ -41,13 +42,20 @@ INSIDE = {
 
 
 def from_sdf(
-    path: str | Path, tip: str | None = None, *, smoothing: str = "tanh", payload: float = 0.0, **modifiers: Any
+    path: str | Path,
+    tip: str | None = None,
+    *,
+    start: ArrayLike | None = None,
+    smoothing: str = "tanh",
+    payload: float = 0.0,
+    **modifiers: Any,
 ) -> SerialArm:
     """Return a serial arm from the model of an SDF file: the chain from its base to a link, with limits and inertias.
 
     Args:
         path: of the file, or its text.
         tip: link at the end of the chain, whose frame is the tool; by default the end of the only moving chain.
+        start: joint coordinates (n,) [rad, m] of the home pose, or rows of them, as for `serial_arm`.
         smoothing, payload, modifiers: as for `from_urdf`.
 
     Read are poses with relative_to, degrees and rotation_format; frames; axes with expressed_in; limits, damping,
@@ -74,7 +82,7 @@ def from_sdf(
     (SerialArm('lever', 1 joints from world to arm), array([-4.905]))
     """
     urdf = read_file(path, "SDF", lambda file, root: _Reader(file, root).urdf())
-    return arm_of(urdf, tip, smoothing, payload, modifiers)
+    return arm_of(urdf, tip, start, smoothing, payload, modifiers)
 
 
 class _Reader:
