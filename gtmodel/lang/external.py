@@ -85,6 +85,7 @@ def external(function: ca.Function, inputs: Sequence[str], outputs: Sequence[str
     another model. Raises ModelError if the number of units differs from the number of inputs or outputs, for an unknown
     unit, and for a function without derivatives.
 
+    >>> import casadi as ca
     >>> x = ca.MX.sym("x")
     >>> cam = ca.Function("cam", [x], [0.02 * ca.sin(x) ** 2])
     >>> lift_of = gt.external(cam, inputs=["rad"], outputs=["m"])

@@ -72,7 +72,14 @@ class _Arm:
 
 
 def elbow_angle(chain: Chain, q: ArrayLike, direction: ArrayLike = (0.0, 0.0, 1.0)) -> np.ndarray:
-    """Return the elbow's angle (m,) [rad] as in `ElbowAngle` at joint coordinates (m, 7) or (7,)."""
+    """Return the elbow's angle (m,) [rad] as in `ElbowAngle` at joint coordinates (m, 7) or (7,).
+
+    >>> arm = gt.robots.serial_arm(a=np.zeros(7), alpha=np.array([1, -1, 1, -1, 1, -1, 0]) * np.pi / 2,
+    ...                            d=[0.3, 0.0, 0.4, 0.0, 0.4, 0.0, 0.1])
+    >>> angle = gt.kinematics.elbow_angle(gt.kinematics.chain_of(arm), [0.0, 0.5, 0.4, 1.0, 0.0, 0.6, 0.0])
+    >>> angle.round(3)
+    array([0.227])
+    """
     return _Arm.of(chain).angle(np.atleast_2d(np.asarray(q, float)), np.asarray(direction, float))
 
 
