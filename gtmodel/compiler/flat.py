@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from .._near import meant
+from .._pickling import Kept, Portable
 from ..lang.bind import ParameterRecord, Tree, bind, element_names
 from ..lang.builder import Builder
 from ..lang.connect import Branch, Connection, Energy, TreeEdge, flatten_items
@@ -93,7 +94,7 @@ class FlatEnergy:
 
 
 @dataclass
-class FlatModel:
+class FlatModel(Kept):
     """The flat system. `groups` maps every declared name to its shape and scalar variable indices."""
 
     scope: Scope
@@ -110,6 +111,23 @@ class FlatModel:
     energies: list[FlatEnergy] = field(default_factory=list)
     events: FlatEvents | None = None
     cache: dict[Any, Any] = field(default_factory=dict, repr=False)
+    made: tuple[Any, tuple[Any, ...]] | None = field(default=None, init=False, repr=False, compare=False)  # function and arguments
+
+    def _recipe(self) -> tuple[Any, ...]:
+        if self.made is None:
+            raise ModelError(f"{self.title} was changed by the engine")
+        return self.made
+
+    def _reduced(self, pickler: Any) -> tuple[Any, ...]:
+        if pickler.root is not self:
+            pickler.link(self.scope)
+        return super()._reduced(pickler) if self.made is not None else Portable._reduced(self, pickler)
+
+    def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
+        return (Portable if self.made is None else Kept).__reduce_ex__(self, protocol)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "cache": {}}
 
     def unit_of(self, index: int, order: int) -> str:
         """Return the unit of a variable's derivative, "?" if the variable has no unit."""
@@ -221,7 +239,7 @@ def flatten(model: Model | Builder) -> FlatModel:
         equations.append(FlatEquation(residual, label, path, where))
     parameters = _parameters(tree)
     positive = _flagged(tree, "positive")
-    return FlatModel(
+    flat = FlatModel(
         scope=tree.scope,
         title=model.title if isinstance(model, Builder) else type(model).__name__,
         variables=variables_of(tree),
@@ -236,6 +254,10 @@ def flatten(model: Model | Builder) -> FlatModel:
         events=collect_events(tree, whens, equations),
         positive=frozenset(q.name for q in parameters if q.symbol.element_hash() in positive),
     )
+    flat.made = flatten, (model,)
+    if isinstance(model, Model):
+        tree.scope.source = flat
+    return flat
 
 
 def _label(path: str, count: int, component: Model) -> str:

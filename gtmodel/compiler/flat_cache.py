@@ -75,7 +75,9 @@ def with_values(flat: FlatModel, values: Mapping[int, float]) -> FlatModel:
         others = {v.index: v for v in variables_of(tree)}
         variables = [others.get(v.index, v) for v in variables]
     flat_parameters = [replace(q, value=values[n]) if n in values else q for n, q in enumerate(flat.parameters)]
-    return replace(flat, parameters=flat_parameters, variables=variables, cache={})
+    changed = replace(flat, parameters=flat_parameters, variables=variables, cache={})
+    changed.made = with_values, (flat, dict(values))
+    return changed
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +138,9 @@ def flat_of(model: Model | Builder) -> FlatModel:
     flat: FlatModel | None = getattr(model, "_flat", None)
     old_content: Content | None = getattr(model, "_content", None)
     if isinstance(model, Builder):
-        model._flat = flatten(model) if flat is None else flat
+        if flat is None:
+            model._flat = flatten(model)
+            model._flat.made = flat_of, (model,)
         return model._flat
     if flat is not None and old_content is None:
         return flat
@@ -144,6 +148,7 @@ def flat_of(model: Model | Builder) -> FlatModel:
     if flat is None or old_content is None or old_content.key != content.key:
         alone = isinstance(model, Optimization) or not content.whole
         flat = flatten(model) if alone else shared(_Configuration(model, content))
+        flat.made = flat_of, (model,)
         model._keep(_flat=flat, _content=content)
     return flat
 

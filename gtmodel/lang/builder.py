@@ -5,15 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from .._pickling import Portable, dumps, kept
 from . import declare
 from .bind import Tree, bind_discrete, bind_parameter, bind_part, bind_variable, empty_tree
 from .connect import flatten_items
 from .expression import Expr
 from .model import EngineMethod, Model
+from .scope import Scope
 from .source import ModelError, here
 
 
-class Builder:
+class _Root(Model):
+    def equations(self) -> Iterable[Any]:
+        return tuple(self.__dict__["_items"])
+
+
+class Builder(Portable):
     """A model written line by line, without a class, for scripts and notebooks.
 
     Each name is declared once and can be used immediately. A part is a configured model; its ports and variables are
@@ -36,9 +43,23 @@ class Builder:
         self.items: list[Any] = []
         self.where = here()
         self._flat: Any = None  # cache, cleared when something is added
-        items = self.items
-        root = type(title, (Model,), {"equations": lambda self: tuple(items)})
-        self.tree: Tree = empty_tree(root())
+        self.tree: Tree = empty_tree(type(title, (_Root,), {})())
+        self.tree.root._keep(_items=self.items)
+        self.tree.scope.source = self
+
+    def _reduced(self, pickler: Any) -> tuple[Any, ...]:
+        if pickler.root is not self:  # part of something else, which does not change it
+            return kept, (dumps(self),)
+        pickler.inside = self.tree.scope
+        return super()._reduced(pickler)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_flat": None}
+
+    @property
+    def scope(self) -> Scope:
+        """The symbols of the model."""
+        return self.tree.scope
 
     def variable(self, name: str, shape: Any = None, **attributes: Any) -> Expr:
         """Declare a variable; same attributes as gt.variable."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
+from .._pickling import Portable
 from .source import ModelError, here
 
 if TYPE_CHECKING:
@@ -31,13 +32,14 @@ class Misfit:
     known: bool
 
 
-class Scope:
+class Scope(Portable):
     """Registry of the derivative chains and parameters of one flattened model.
 
     Symbols belong to the scope: two flattenings of the same model share no symbols.
     """
 
     def __init__(self) -> None:
+        self.source: Any = None  # the flat model or the Builder that the symbols belong to
         self.chains: list[list[ca.SX]] = []
         self.names: list[str] = []
         self._owner: dict[int, tuple[int, int]] = {}
@@ -53,6 +55,39 @@ class Scope:
         self.modes: list[tuple[ca.SX, Condition]] = []
         # symbols for values just before an event, with their expressions
         self.earlier: list[tuple[ca.SX, ca.SX]] = []
+
+    def _reduced(self, pickler: Any) -> tuple[Any, ...]:
+        if self.source is None or self is pickler.inside:
+            return Portable._reduced(self, pickler)
+        return pickler.link(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name not in ("_owner", "_symbols", "_time_key")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._time_key, self._symbols = self.time.element_hash(), {}
+        self._owner = {s.element_hash(): (i, k) for i, chain in enumerate(self.chains) for k, s in enumerate(chain)}
+
+    def places(self) -> dict[int, Hashable]:
+        """Return the place of each symbol by its element hash."""
+        return {
+            **{key: ("chain", *pair) for key, pair in self._owner.items()},
+            **{s.element_hash(): ("parameter", n) for n, s in enumerate(self.parameters)},
+            **{s.element_hash(): ("mode", n) for n, (s, _) in enumerate(self.modes)},
+            **{s.element_hash(): ("earlier", n) for n, (s, _) in enumerate(self.earlier)},
+            self._time_key: ("time",),
+        }
+
+    def at_place(self, place: Any) -> ca.SX:
+        """Return the symbol at a place."""
+        kind, *numbers = place
+        if kind == "chain":
+            return self.symbol(*numbers)
+        if kind == "time":
+            return self.time
+        n = numbers[0]
+        return self.parameters[n] if kind == "parameter" else (self.modes if kind == "mode" else self.earlier)[n][0]
 
     def new_chain(self, name: str) -> ca.SX:
         """Add a scalar variable; return its symbol of order 0."""

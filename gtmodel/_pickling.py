@@ -1,0 +1,325 @@
+"""Pickling of models and of everything that is made from them, for other processes and for files.
+
+Three things stop the standard module: CasADi's symbols, which mean something only together with the model that declares
+them; classes and functions of a notebook, of a file without a package, or made at run time; and what was compiled. So a
+`Portable` object pickles in one piece, by `dumps`:
+
+- A model is its class and its modifiers, a causal function the model and the names of its variables, a class made by a
+  function the function and its arguments. They are made again when loaded.
+- Equal models are loaded once in a process, and with them what was compiled: `kept`.
+- Expressions are written together, and their symbols replaced by those of the loaded model.
+- Classes and functions that no other process can import travel by value: cloudpickle.
+"""
+
+from __future__ import annotations
+
+import io
+import pickle
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable, Hashable
+from functools import cache, cached_property, lru_cache, wraps
+from typing import Any, ParamSpec, Protocol, TypeVar
+from weakref import WeakValueDictionary
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+MOST = 32  # loaded models that nobody else holds; each takes some megabytes with its compiled functions
+
+
+class Portable:
+    """Base class of objects that hold models, symbols or functions: they pickle in one piece."""
+
+    __slots__ = ()
+
+    def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
+        return loads, (dumps(self),)
+
+    def _reduced(self, pickler: Any) -> tuple[Any, ...]:
+        """Return the parts of the object, as `__reduce__` does, without what it derives from them on demand."""
+        made, arguments, *rest = object.__reduce_ex__(self, 4)
+        if rest and isinstance(rest[0], dict):
+            derived = _derived(type(self))
+            rest[0] = {name: value for name, value in rest[0].items() if name not in derived}
+        return made, arguments, *rest
+
+    def __copy__(self) -> Any:
+        return _rebuilt(*object.__reduce_ex__(self, 4)[:3])
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Any:
+        from copy import deepcopy
+
+        return _rebuilt(*object.__reduce_ex__(self, 4)[:3], lambda new: memo.setdefault(id(self), new), memo, deepcopy)
+
+
+class Kept(Portable):
+    """Base class of immutable objects of which a process loads equal ones once."""
+
+    def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
+        return kept, (self._bytes(),)
+
+    def _reduced(self, pickler: Any) -> tuple[Any, ...]:
+        return self._recipe() if pickler.root is self else (kept, (self._bytes(),))
+
+    def _recipe(self) -> tuple[Any, ...]:
+        """Return the function and arguments that make the object again."""
+        raise NotImplementedError
+
+    def _bytes(self) -> bytes:
+        data = dumps(self)
+        _alive.setdefault(data, self)  # coming back, it is the same object
+        return data
+
+    def __copy__(self) -> Any:
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Any:
+        return self
+
+
+class SymbolOwner(Protocol):
+    """What declares symbols, a model's scope: `source` is the object that is loaded to get it, None if it has none."""
+
+    @property
+    def source(self) -> Any: ...
+
+    def places(self) -> dict[int, Hashable]:
+        """Return the place of each symbol by its element hash."""
+        ...
+
+    def at_place(self, place: Any) -> Any:
+        """Return the symbol at a place."""
+        ...
+
+
+def made_by_call(function: Callable[P, T]) -> Callable[P, T]:
+    """Decorate a function that makes classes: cached, and its classes pickle as the call."""
+
+    @cache
+    @wraps(function)
+    def made(*arguments: Any) -> Any:
+        cls: Any = function(*arguments)  # type: ignore[call-arg]
+        cls._made_by = made, arguments
+        return cls
+
+    return made  # type: ignore[return-value]
+
+
+def dumps(value: Any) -> bytes:
+    """Return any value of gtmodel, or a user's task that uses one, as bytes for `loads`.
+
+    Raises pickle.PicklingError, with what cannot be sent, for an open file and the like.
+    """
+    buffer = io.BytesIO()
+    pickler = _pickler()(buffer, value)
+    try:
+        pickler.dump(value)
+    except RecursionError:
+        raise
+    except Exception as error:
+        if isinstance(error, _NotSent):
+            raise
+        raise _NotSent(_sentence(value, pickler.last, error)) from error
+    return pickle.dumps((*pickler.symbols_written(), buffer.getvalue()), protocol=5)
+
+
+def loads(data: bytes) -> Any:
+    """Return the value that `dumps` wrote."""
+    owners, written, places, payload = pickle.loads(data)
+    piece = _Piece([kept(owner) for owner in owners])
+    piece.read(written, places)
+    pieces = _open.__dict__.setdefault("pieces", [])
+    pieces.append(piece)
+    try:
+        return pickle.loads(payload)
+    finally:
+        pieces.pop()
+
+
+def kept(data: bytes) -> Any:
+    """Return the one object of this process that `data` describes."""
+    found = _alive.get(data)
+    if found is None:
+        found = loads(data)
+        _alive[data] = found
+    _recent.append(found)
+    return found
+
+
+class _NotSent(pickle.PicklingError):
+    pass
+
+
+class _Piece:
+    """Symbols and their owners while one piece is loaded."""
+
+    def __init__(self, sources: list[Any]) -> None:
+        self.owners = [source.scope for source in sources]
+        self.symbols: list[Any] = []
+
+    def read(self, text: str, places: list[tuple[int, Any] | None]) -> None:
+        if not text:
+            return
+        import casadi as ca
+
+        stream = ca.StringDeserializer(text)
+        leaves, count = stream.unpack(), stream.unpack()
+        self.symbols = [stream.unpack() for _ in range(count)]
+        if any(place is not None for place in places):
+            now = [
+                leaf if place is None else self.owners[place[0]].at_place(place[1])
+                for leaf, place in zip(leaves, places, strict=True)
+            ]
+            numbers = [n for n, x in enumerate(self.symbols) if isinstance(x, ca.SX)]
+            function = ca.Function("read", [ca.vertcat(*leaves)], [self.symbols[n] for n in numbers])
+            for n, x in zip(numbers, function.call([ca.vertcat(*now)]), strict=True):
+                self.symbols[n] = x
+
+
+_open = threading.local()
+_alive: WeakValueDictionary[bytes, Any] = WeakValueDictionary()
+_recent: deque[Any] = deque(maxlen=MOST)
+
+
+def _symbol(number: int) -> Any:
+    return _open.pieces[-1].symbols[number]
+
+
+def _owner(number: int) -> Any:
+    return _open.pieces[-1].owners[number]
+
+
+@cache
+def _pickler() -> Any:
+    import cloudpickle  # here, as elsewhere in this module: a start-up without workers does not need it
+
+    class Pickler(cloudpickle.Pickler):
+        """Pickles one piece; `root` is its whole, `last` the object that it reached."""
+
+        def __init__(self, file: io.BytesIO, root: Any) -> None:
+            super().__init__(file, protocol=5)
+            self.root = self.last = root
+            self.inside: Any = None  # the owner of symbols that is part of the piece
+            self._owners: list[Any] = []
+            self._symbols: list[Any] = []
+            self._numbers: dict[int, int] = {}
+
+        def reducer_override(self, obj: Any) -> Any:
+            self.last = obj
+            if isinstance(obj, type):
+                return self._class(obj)
+            if isinstance(obj, Portable):
+                return obj._reduced(self)
+            if _is_symbolic(obj):
+                if id(obj) not in self._numbers:
+                    self._numbers[id(obj)] = len(self._symbols)
+                    self._symbols.append(obj)
+                return _symbol, (self._numbers[id(obj)],)
+            _send_by_value(obj)
+            return super().reducer_override(obj)
+
+        def _class(self, cls: type) -> Any:
+            if (call := vars(cls).get("_made_by")) is not None:
+                return call
+            _send_by_value(cls)
+            reduced = super().reducer_override(cls)
+            sent = _open.__dict__.setdefault("sent", [])
+            if reduced is NotImplemented or cls is self.root or cls in sent:
+                return reduced
+            sent.append(cls)  # a class may refer to itself
+            try:
+                return kept, (dumps(cls),)  # once: loading it again would replace its functions
+            finally:
+                sent.pop()
+
+        def link(self, owner: SymbolOwner) -> tuple[Any, ...]:
+            """Write symbols of this owner as its own; return the parts of a reference to the owner."""
+            if all(o is not owner for o in self._owners):
+                self._owners.append(owner)
+            return _owner, (next(n for n, o in enumerate(self._owners) if o is owner),)
+
+        def symbols_written(self) -> tuple[list[bytes], str, list[Any]]:
+            """Return the owners, all expressions, and the place of each symbol in them."""
+            owners = [dumps(o.source) for o in self._owners]
+            if not self._symbols:
+                return owners, "", []
+            import casadi as ca
+
+            columns = [ca.vec(ca.SX(x.nz[:])) for x in self._symbols if isinstance(x, ca.SX)]
+            leaves = ca.symvar(ca.vertcat(*columns)) if columns else []
+            known = {h: (n, place) for n, o in enumerate(self._owners) for h, place in o.places().items()}
+            stream = ca.StringSerializer()
+            stream.pack(leaves)
+            stream.pack(len(self._symbols))
+            for x in self._symbols:
+                stream.pack(x)
+            return owners, stream.encode(), [known.get(leaf.element_hash()) for leaf in leaves]
+
+    return Pickler
+
+
+def _is_symbolic(value: Any) -> bool:
+    return type(value).__module__ == "casadi.casadi" and type(value).__name__ in ("SX", "MX")
+
+
+def _send_by_value(value: Any) -> None:
+    """Tell cloudpickle if another process cannot import the module of a class or function."""
+    name = getattr(value, "__module__", None) if callable(value) else None
+    module = sys.modules.get(name) if isinstance(name, str) else None
+    if module is not None and name != "__main__" and not _importable(str(name)):
+        import cloudpickle
+
+        if name not in cloudpickle.list_registry_pickle_by_value():
+            cloudpickle.register_pickle_by_value(module)
+
+
+@lru_cache(maxsize=1024)
+def _importable(name: str) -> bool:
+    root = name.partition(".")[0]
+    if root in sys.stdlib_module_names or root in sys.builtin_module_names:
+        return True
+    for finder in sys.meta_path:
+        find = getattr(finder, "find_spec", None)
+        if find is not None and find(root, None) is not None:
+            return True
+    return False
+
+
+@lru_cache(maxsize=1024)
+def _derived(cls: type) -> frozenset[str]:
+    return frozenset(n for base in cls.__mro__ for n, item in vars(base).items() if isinstance(item, cached_property))
+
+
+def _rebuilt(
+    make: Callable[..., Any],
+    arguments: tuple[Any, ...],
+    state: Any = None,
+    started: Callable[[Any], object] = lambda new: None,
+    memo: dict[int, Any] | None = None,
+    inner: Callable[..., Any] = lambda state, memo: state,
+) -> Any:
+    """Copy an object from its parts, as the module copy does; `inner` copies the state."""
+    new = make(*arguments)
+    started(new)
+    state = inner(state, memo)
+    if state is None:
+        return new
+    if hasattr(new, "__setstate__"):
+        new.__setstate__(state)
+        return new
+    members, slots = state if isinstance(state, tuple) else (state, None)
+    if members:
+        new.__dict__.update(members)
+    for name, value in (slots or {}).items():
+        object.__setattr__(new, name, value)
+    return new
+
+
+def _sentence(value: Any, last: Any, error: Exception) -> str:
+    """Return what cannot be sent: the object at which pickling stopped."""
+    what = type(last).__name__ if not isinstance(last, type) else f"class {last.__name__}"
+    inner = "" if last is value else f": it holds a {what}"
+    return f"a {type(value).__name__} cannot be sent to another process{inner}; {type(error).__name__}: {error}"
+
