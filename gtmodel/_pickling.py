@@ -20,6 +20,8 @@ import threading
 from collections import deque
 from collections.abc import Callable, Hashable
 from functools import cache, cached_property, lru_cache, wraps
+from importlib import import_module
+from types import ModuleType
 from typing import Any, ParamSpec, Protocol, TypeVar
 from weakref import WeakValueDictionary
 
@@ -212,6 +214,8 @@ def _pickler() -> Any:
                 return self._class(obj)
             if isinstance(obj, Portable):
                 return obj._reduced(self)
+            if isinstance(obj, ModuleType) and type(obj) is not ModuleType:  # a package that imports at first use
+                return import_module, (obj.__name__,)
             if _is_symbolic(obj):
                 if id(obj) not in self._numbers:
                     self._numbers[id(obj)] = len(self._symbols)
@@ -322,4 +326,3 @@ def _sentence(value: Any, last: Any, error: Exception) -> str:
     what = type(last).__name__ if not isinstance(last, type) else f"class {last.__name__}"
     inner = "" if last is value else f": it holds a {what}"
     return f"a {type(value).__name__} cannot be sent to another process{inner}; {type(error).__name__}: {error}"
-

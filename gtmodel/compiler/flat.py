@@ -111,7 +111,9 @@ class FlatModel(Kept):
     energies: list[FlatEnergy] = field(default_factory=list)
     events: FlatEvents | None = None
     cache: dict[Any, Any] = field(default_factory=dict, repr=False)
-    made: tuple[Any, tuple[Any, ...]] | None = field(default=None, init=False, repr=False, compare=False)  # function and arguments
+    made: tuple[Any, tuple[Any, ...]] | None = field(
+        default=None, init=False, repr=False, compare=False
+    )  # function and arguments
 
     def _recipe(self) -> tuple[Any, ...]:
         if self.made is None:

@@ -253,7 +253,7 @@ class PlainMargin(NamedTuple):
 
 
 class RowFunction:
-    """A closed-form CausalFunction without its model: takes rows, returns rows and status codes; can be pickled.
+    """A closed-form CausalFunction without its model: takes rows, returns rows and status codes.
 
     Arguments are arrays (n, ...) as for the CausalFunction; the results are identical. Raises ModelError for a function
     with Newton blocks, which need the model.
@@ -277,10 +277,3 @@ class RowFunction:
         results, status = judged_columns(self._function, columns, self._margins, self._sizes, answers=True)
         values = [r.T for r in results]
         return (*(v.reshape(len(status), *s) for v, s in zip(values, self._shapes, strict=True)), status)
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_function": self._function.serialize()}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._function = ca.Function.deserialize(state["_function"])

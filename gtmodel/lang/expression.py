@@ -196,7 +196,7 @@ class Expr(Portable):
 
 
 @dataclass(frozen=True, eq=False)
-class Relation:
+class Relation(Portable):
     """An equation or a constraint: `lhs == rhs`, `lhs <= rhs` or `lhs >= rhs`, with its file and line.
 
     Comparing expressions creates it. It has no truth value: yield it. In `gt.when` and `gt.If` it is a condition;

@@ -106,15 +106,15 @@ class Model(Kept):
         return _configured, (type(self), self.__dict__["_modifiers"], self.__dict__["where"])
 
     def _reduced(self, pickler: Any) -> tuple[Any, ...]:
-        if "_scope" not in self.__dict__:
+        if "_modifiers" in self.__dict__:
             return super()._reduced(pickler)
-        scope = self.__dict__["_scope"]
-        if scope.source is None or scope is pickler.inside:
+        scope = self.__dict__.get("_scope")
+        if scope is None or scope.source is None or scope is pickler.inside:
             return Portable._reduced(self, pickler)
-        return _component, (scope, self._path)
+        return _component, (scope, self._path)  # a component of a flattened model
 
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
-        return (Portable if "_scope" in self.__dict__ else Kept).__reduce_ex__(self, protocol)
+        return (Kept if "_modifiers" in self.__dict__ else Portable).__reduce_ex__(self, protocol)
 
     def _keep(self, **values: Any) -> None:
         """Store an engine's data with a model; they are not part of the configuration."""
