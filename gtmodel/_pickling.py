@@ -63,9 +63,9 @@ class Kept(Portable):
         return kept, (self._bytes(),)
 
     def _reduced(self, pickler: Any) -> tuple[Any, ...]:
-        return self._recipe() if pickler.root is self else (kept, (self._bytes(),))
+        return self._recipe(pickler) if pickler.root is self else (kept, (self._bytes(),))
 
-    def _recipe(self) -> tuple[Any, ...]:
+    def _recipe(self, pickler: Any) -> tuple[Any, ...]:
         """Return the function and arguments that make the object again."""
         raise NotImplementedError
 
@@ -158,7 +158,7 @@ class _Piece:
     """Symbols and their owners while one piece is loaded."""
 
     def __init__(self, sources: list[Any]) -> None:
-        self.owners = [source.scope for source in sources]
+        self.owners = [source.tree.scope for source in sources]
         self.symbols: list[Any] = []
 
     def read(self, text: str, places: list[tuple[int, Any] | None]) -> None:
@@ -323,6 +323,9 @@ def _rebuilt(
 
 def _sentence(value: Any, last: Any, error: Exception) -> str:
     """Return what cannot be sent: the object at which pickling stopped."""
-    what = type(last).__name__ if not isinstance(last, type) else f"class {last.__name__}"
-    inner = "" if last is value else f": it holds a {what}"
-    return f"a {type(value).__name__} cannot be sent to another process{inner}; {type(error).__name__}: {error}"
+    inner = "" if last is value else f": it holds {_kind(last)}"
+    return f"{_kind(value)} cannot be sent to another process{inner}; {type(error).__name__}: {error}"
+
+
+def _kind(value: Any) -> str:
+    return f"the class {value.__name__}" if isinstance(value, type) else f"an object of {type(value).__name__}"

@@ -111,22 +111,25 @@ class FlatModel(Kept):
     energies: list[FlatEnergy] = field(default_factory=list)
     events: FlatEvents | None = None
     cache: dict[Any, Any] = field(default_factory=dict, repr=False)
-    made: tuple[Any, tuple[Any, ...]] | None = field(
-        default=None, init=False, repr=False, compare=False
-    )  # function and arguments
+    # the function and the arguments that made this model, for pickling; None if only its content describes it
+    made: tuple[Any, tuple[Any, ...]] | None = field(default=None, init=False, repr=False, compare=False)
 
-    def _recipe(self) -> tuple[Any, ...]:
-        if self.made is None:
-            raise ModelError(f"{self.title} was changed by the engine")
-        return self.made
+    def _recipe(self, pickler: Any) -> tuple[Any, ...]:
+        if self.made is not None:
+            return self.made
+        pickler.inside = self.scope
+        return Portable._reduced(self, pickler)
 
     def _reduced(self, pickler: Any) -> tuple[Any, ...]:
         if pickler.root is not self:
             pickler.link(self.scope)
-        return super()._reduced(pickler) if self.made is not None else Portable._reduced(self, pickler)
+        return (Kept if self._is_kept() else Portable)._reduced(self, pickler)
 
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
-        return (Portable if self.made is None else Kept).__reduce_ex__(self, protocol)
+        return (Kept if self._is_kept() else Portable).__reduce_ex__(self, protocol)
+
+    def _is_kept(self) -> bool:
+        return self.made is not None or self.scope.source is self
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "cache": {}}
@@ -258,7 +261,7 @@ def flatten(model: Model | Builder) -> FlatModel:
     )
     flat.made = flatten, (model,)
     if isinstance(model, Model):
-        tree.scope.source = flat
+        tree.scope.belong(flat)
     return flat
 
 

@@ -146,6 +146,8 @@ def flat_of(model: Model | Builder) -> FlatModel:
         return flat
     content = Content(model)
     if flat is None or old_content is None or old_content.key != content.key:
+        if flat is not None:
+            flat.made = None
         alone = isinstance(model, Optimization) or not content.whole
         flat = flatten(model) if alone else shared(_Configuration(model, content))
         flat.made = flat_of, (model,)

@@ -35,6 +35,7 @@ class PointFunction:
     """
 
     def __init__(self, f: ca.Function) -> None:
+        self._f = f
         f = densified(f)
         self._arguments = [np.zeros(f.numel_in(k)) for k in range(f.n_in())]
         self._results = [np.zeros((f.size2_out(k), f.size1_out(k))) for k in range(f.n_out())]
@@ -47,6 +48,9 @@ class PointFunction:
                 if a.size:
                     setter(k, memoryview(a))
         self._lock = Lock()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return PointFunction, (self._f,)
 
     def __call__(self, *values: Any) -> list[np.ndarray]:
         with self._lock:

@@ -11,7 +11,6 @@ from .bind import Tree, bind_discrete, bind_parameter, bind_part, bind_variable,
 from .connect import flatten_items
 from .expression import Expr
 from .model import EngineMethod, Model
-from .scope import Scope
 from .source import ModelError, here
 
 
@@ -45,7 +44,7 @@ class Builder(Portable):
         self._flat: Any = None  # cache, cleared when something is added
         self.tree: Tree = empty_tree(type(title, (_Root,), {})())
         self.tree.root._keep(_items=self.items)
-        self.tree.scope.source = self
+        self.tree.scope.belong(self, growing=True)
 
     def _reduced(self, pickler: Any) -> tuple[Any, ...]:
         if pickler.root is not self:  # part of something else, which does not change it
@@ -55,11 +54,6 @@ class Builder(Portable):
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_flat": None}
-
-    @property
-    def scope(self) -> Scope:
-        """The symbols of the model."""
-        return self.tree.scope
 
     def variable(self, name: str, shape: Any = None, **attributes: Any) -> Expr:
         """Declare a variable; same attributes as gt.variable."""
@@ -86,7 +80,7 @@ class Builder(Portable):
     def add(self, *items: Any) -> None:
         """Add equations (a == b), connections, branches or energies."""
         self.items.extend(flatten_items(list(items)))
-        self._flat = None
+        self._change()
 
     def _declare(self, name: str, item: Any, bind: Callable[[Any, Tree], Any]) -> Any:
         values = self.tree.root.__dict__["_values"]
@@ -98,8 +92,13 @@ class Builder(Portable):
             raise ModelError(f"'{name}' is declared twice in {self.title}", here())
         item.name = name
         values[name] = bind(item, self.tree)
-        self._flat = None
+        self._change()
         return values[name]
+
+    def _change(self) -> None:
+        if self._flat is not None:
+            self._flat.made = None  # what was compiled until now is of an earlier model
+        self._flat = None
 
     @property
     def time(self) -> Expr:

@@ -102,7 +102,7 @@ class Model(Kept):
         self.__dict__["_modifiers"] = {name: _frozen(value) for name, value in modifiers.items()}
         check_modifiers(type(self), modifiers, here())
 
-    def _recipe(self) -> tuple[Any, ...]:
+    def _recipe(self, pickler: Any) -> tuple[Any, ...]:
         return _configured, (type(self), self.__dict__["_modifiers"], self.__dict__["where"])
 
     def _reduced(self, pickler: Any) -> tuple[Any, ...]:

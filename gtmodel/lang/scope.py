@@ -39,7 +39,8 @@ class Scope(Portable):
     """
 
     def __init__(self) -> None:
-        self.source: Any = None  # the flat model or the Builder that the symbols belong to
+        self.source: Any = None
+        self._most: tuple[int, int, int, int] | None = None
         self.chains: list[list[ca.SX]] = []
         self.names: list[str] = []
         self._owner: dict[int, tuple[int, int]] = {}
@@ -69,15 +70,21 @@ class Scope(Portable):
         self._time_key, self._symbols = self.time.element_hash(), {}
         self._owner = {s.element_hash(): (i, k) for i, chain in enumerate(self.chains) for k, s in enumerate(chain)}
 
+    def belong(self, source: Any, growing: bool = False) -> None:
+        """Declare the Builder or the flat model that the symbols of now belong to."""
+        self.source = source
+        if not growing:
+            self._most = len(self.chains), len(self.parameters), len(self.modes), len(self.earlier)
+
     def places(self) -> dict[int, Hashable]:
-        """Return the place of each symbol by its element hash."""
-        return {
-            **{key: ("chain", *pair) for key, pair in self._owner.items()},
-            **{s.element_hash(): ("parameter", n) for n, s in enumerate(self.parameters)},
-            **{s.element_hash(): ("mode", n) for n, (s, _) in enumerate(self.modes)},
-            **{s.element_hash(): ("earlier", n) for n, (s, _) in enumerate(self.earlier)},
-            self._time_key: ("time",),
-        }
+        """Return the place of each symbol of the source by its element hash."""
+        chains, parameters, modes, earlier = self._most or (None,) * 4
+        placed: list[tuple[ca.SX, tuple[Any, ...]]] = [(self.time, ("time",))]
+        placed += [(s, ("chain", i, k)) for i, chain in enumerate(self.chains[:chains]) for k, s in enumerate(chain)]
+        placed += [(s, ("parameter", n)) for n, s in enumerate(self.parameters[:parameters])]
+        placed += [(s, ("mode", n)) for n, (s, _) in enumerate(self.modes[:modes])]
+        placed += [(s, ("earlier", n)) for n, (s, _) in enumerate(self.earlier[:earlier])]
+        return {symbol.element_hash(): place for symbol, place in placed}
 
     def at_place(self, place: Any) -> ca.SX:
         """Return the symbol at a place."""
