@@ -2,7 +2,7 @@
 
 Three things stop the standard module: CasADi's symbols, which mean something only together with the model that declares
 them; classes and functions of a notebook, of a file without a package, or made at run time; and what was compiled. So a
-`Portable` object pickles in one piece, by `dumps`:
+`Portable` object pickles in one piece:
 
 - A model is its class and its modifiers, a causal function the model and the names of its variables, a class made by a
   function the function and its arguments. They are made again when loaded.
@@ -23,7 +23,7 @@ from functools import cache, cached_property, lru_cache, wraps
 from importlib import import_module
 from types import ModuleType
 from typing import Any, ParamSpec, Protocol, TypeVar
-from weakref import WeakValueDictionary
+from weakref import WeakKeyDictionary, WeakValueDictionary
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -37,7 +37,7 @@ class Portable:
     __slots__ = ()
 
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
-        return loads, (dumps(self),)
+        return unpacked, (packed(self),)
 
     def _reduced(self, pickler: Any) -> tuple[Any, ...]:
         """Return the parts of the object, as `__reduce__` does, without what it derives from them on demand."""
@@ -70,9 +70,11 @@ class Kept(Portable):
         raise NotImplementedError
 
     def _bytes(self) -> bytes:
-        data = dumps(self)
-        _alive.setdefault(data, self)  # coming back, it is the same object
-        return data
+        return _registered(self, isinstance(self._symbols_from(), Kept))
+
+    def _symbols_from(self) -> Any:
+        """Return the object that is loaded for the symbols of this one."""
+        return self
 
     def __copy__(self) -> Any:
         return self
@@ -110,25 +112,37 @@ def made_by_call(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def dumps(value: Any) -> bytes:
-    """Return any value of gtmodel, or a user's task that uses one, as bytes for `loads`.
+    """Return any value of gtmodel, or a task that uses one, as bytes for `pickle.loads` in another process.
 
-    Raises pickle.PicklingError, with what cannot be sent, for an open file and the like.
+    A list of expressions and a user's lambda are written too, which the standard module cannot. Raises
+    pickle.PicklingError, with what cannot be sent, for a generator and the like.
     """
+    return pickle.dumps(value if isinstance(value, Portable) else _Parcel(value), protocol=5)
+
+
+class _Parcel:
+    def __init__(self, value: Any) -> None:
+        self._value = value
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return unpacked, (packed(self._value),)
+
+
+def packed(value: Any) -> bytes:
+    """Return the parts of a value as bytes for `unpacked`. Raises pickle.PicklingError with what cannot be sent."""
     buffer = io.BytesIO()
     pickler = _pickler()(buffer, value)
     try:
         pickler.dump(value)
-    except RecursionError:
+    except _NotSent:
         raise
     except Exception as error:
-        if isinstance(error, _NotSent):
-            raise
         raise _NotSent(_sentence(value, pickler.last, error)) from error
     return pickle.dumps((*pickler.symbols_written(), buffer.getvalue()), protocol=5)
 
 
-def loads(data: bytes) -> Any:
-    """Return the value that `dumps` wrote."""
+def unpacked(data: bytes) -> Any:
+    """Return a new object from what `packed` wrote."""
     owners, written, places, payload = pickle.loads(data)
     piece = _Piece([kept(owner) for owner in owners])
     piece.read(written, places)
@@ -144,10 +158,22 @@ def kept(data: bytes) -> Any:
     """Return the one object of this process that `data` describes."""
     found = _alive.get(data)
     if found is None:
-        found = loads(data)
+        found = unpacked(data)
         _alive[data] = found
+        if isinstance(found, Hashable):
+            _came_as[found] = data
     _recent.append(found)
     return found
+
+
+def _registered(value: Any, comes_back: bool = True) -> bytes:
+    """Return a value as bytes, the same ones with which it came; coming back, they give the same object."""
+    data = _came_as.get(value) if isinstance(value, Hashable) else None
+    if data is None:
+        data = packed(value)
+    if comes_back:
+        _alive.setdefault(data, value)
+    return data
 
 
 class _NotSent(pickle.PicklingError):
@@ -182,6 +208,7 @@ class _Piece:
 
 _open = threading.local()
 _alive: WeakValueDictionary[bytes, Any] = WeakValueDictionary()
+_came_as: WeakKeyDictionary[Any, bytes] = WeakKeyDictionary()
 _recent: deque[Any] = deque(maxlen=MOST)
 
 
@@ -234,7 +261,7 @@ def _pickler() -> Any:
                 return reduced
             sent.append(cls)  # a class may refer to itself
             try:
-                return kept, (dumps(cls),)  # once: loading it again would replace its functions
+                return kept, (_registered(cls),)  # once: loading it again would replace its functions
             finally:
                 sent.pop()
 
@@ -246,7 +273,7 @@ def _pickler() -> Any:
 
         def symbols_written(self) -> tuple[list[bytes], str, list[Any]]:
             """Return the owners, all expressions, and the place of each symbol in them."""
-            owners = [dumps(o.source) for o in self._owners]
+            owners = [packed(o.source) for o in self._owners]
             if not self._symbols:
                 return owners, "", []
             import casadi as ca

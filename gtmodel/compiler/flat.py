@@ -128,6 +128,9 @@ class FlatModel(Kept):
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
         return (Kept if self._is_kept() else Portable).__reduce_ex__(self, protocol)
 
+    def _symbols_from(self) -> Any:
+        return self.scope.source
+
     def _is_kept(self) -> bool:
         return self.made is not None or self.scope.source is self
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from .._pickling import Portable, dumps, kept
+from .._pickling import Portable, kept, packed
 from . import declare
 from .bind import Tree, bind_discrete, bind_parameter, bind_part, bind_variable, empty_tree
 from .connect import flatten_items
@@ -48,7 +48,7 @@ class Builder(Portable):
 
     def _reduced(self, pickler: Any) -> tuple[Any, ...]:
         if pickler.root is not self:  # part of something else, which does not change it
-            return kept, (dumps(self),)
+            return kept, (packed(self),)
         pickler.inside = self.tree.scope
         return super()._reduced(pickler)
 

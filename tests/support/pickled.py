@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import hashlib
+import pickle
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from gtmodel._pickling import dumps, loads
+from gtmodel._pickling import dumps
+from gtmodel.cgen import generate
 
-CACHES = frozenset({"kept", "cache", "made", "_flat", "_content", "_buffers", "_owner", "_symbols", "_time_key"})
+CACHES = frozenset({
+    "kept", "cache", "made", "_flat", "_content", "_buffers", "_owner", "_symbols", "_time_key", "_smooth",
+})  # fmt: skip
 DEEPEST = 60
 
 
@@ -25,18 +31,28 @@ def content(value: Any) -> str:
 
 def differing(value: Any, data: bytes) -> list[str]:
     """The lines of the contents of a value and of its copy that differ, for a message."""
-    old, new = (list(_lines(x, "", {}, 0)) for x in (value, loads(data)))
+    old, new = (list(_lines(x, "", {}, 0)) for x in (value, pickle.loads(data)))
     return [f"{a} | {b}" for a, b in zip(old, new, strict=False) if a != b][:3]
 
 
 def content_of(data: bytes) -> str:
     """The digest of what a worker loads."""
-    return content(loads(data))
+    return content(pickle.loads(data))
 
 
 def sent_again(data: bytes) -> bytes:
     """What a worker loads, sent back."""
-    return dumps(loads(data))
+    return dumps(pickle.loads(data))
+
+
+def answers(data: bytes) -> tuple[list[bytes], dict[str, str], bool]:
+    """Values of a function in many rows, its C text, and whether loading it twice compiles once."""
+    function, rows = pickle.loads(data)
+    again, _ = pickle.loads(data)
+    with TemporaryDirectory() as folder:
+        generate({"f": function}, Path(folder) / "c", name="sent")
+        texts = {p.name: p.read_text() for p in sorted((Path(folder) / "c").rglob("*")) if p.is_file()}
+    return [np.asarray(x).tobytes() for x in function(*rows)], texts, again is function
 
 
 def _lines(value: Any, at: str, seen: dict[int, int], depth: int) -> Iterator[str]:
@@ -65,9 +81,8 @@ def _lines(value: Any, at: str, seen: dict[int, int], depth: int) -> Iterator[st
         yield from _lines(value.__self__, f"{at}.self", seen, depth + 1)
     elif isinstance(value, Mapping):
         for key, item in value.items():
-            yield from _lines(
-                item, f"{at}[{key!r}]" if isinstance(key, (str, int, tuple)) else f"{at}[]", seen, depth + 1
-            )
+            name = repr(key) if isinstance(key, (str, int, tuple)) else ""
+            yield from _lines(item, f"{at}[{name}]", seen, depth + 1)
     elif isinstance(value, (set, frozenset)):
         yield f"{at} {sorted(map(repr, value))}"
     elif isinstance(value, (list, tuple)):
