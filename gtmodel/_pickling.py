@@ -146,12 +146,11 @@ def unpacked(data: bytes) -> Any:
     owners, written, places, payload = pickle.loads(data)
     piece = _Piece([kept(owner) for owner in owners])
     piece.read(written, places)
-    pieces = _open.__dict__.setdefault("pieces", [])
-    pieces.append(piece)
+    _open.pieces.append(piece)
     try:
         return pickle.loads(payload)
     finally:
-        pieces.pop()
+        _open.pieces.pop()
 
 
 def kept(data: bytes) -> Any:
@@ -206,7 +205,15 @@ class _Piece:
                 self.symbols[n] = x
 
 
-_open = threading.local()
+class _Open(threading.local):
+    """What this thread is at: pieces being loaded, and classes being written."""
+
+    def __init__(self) -> None:
+        self.pieces: list[_Piece] = []
+        self.classes: list[type] = []
+
+
+_open = _Open()
 _alive: WeakValueDictionary[bytes, Any] = WeakValueDictionary()
 _came_as: WeakKeyDictionary[Any, bytes] = WeakKeyDictionary()
 _recent: deque[Any] = deque(maxlen=MOST)
@@ -256,14 +263,13 @@ def _pickler() -> Any:
                 return call
             _send_by_value(cls)
             reduced = super().reducer_override(cls)
-            sent = _open.__dict__.setdefault("sent", [])
-            if reduced is NotImplemented or cls is self.root or cls in sent:
+            if reduced is NotImplemented or cls is self.root or cls in _open.classes:
                 return reduced
-            sent.append(cls)  # a class may refer to itself
+            _open.classes.append(cls)  # a class may refer to itself
             try:
                 return kept, (_registered(cls),)  # once: loading it again would replace its functions
             finally:
-                sent.pop()
+                _open.classes.pop()
 
         def link(self, owner: SymbolOwner) -> tuple[Any, ...]:
             """Write symbols of this owner as its own; return the parts of a reference to the owner."""
@@ -342,7 +348,7 @@ def _rebuilt(
         return new
     members, slots = state if isinstance(state, tuple) else (state, None)
     if members:
-        new.__dict__.update(members)
+        vars(new).update(members)
     for name, value in (slots or {}).items():
         object.__setattr__(new, name, value)
     return new
