@@ -56,7 +56,7 @@ class Portable:
         return _rebuilt(*object.__reduce_ex__(self, 4)[:3], lambda new: memo.setdefault(id(self), new), memo, deepcopy)
 
 
-class Kept(Portable):
+class Interned(Portable):
     """Base class of immutable objects of which a process loads equal ones once."""
 
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
@@ -70,7 +70,7 @@ class Kept(Portable):
         raise NotImplementedError
 
     def _bytes(self) -> bytes:
-        return _registered(self, isinstance(self._symbols_from(), Kept))
+        return _registered(self, isinstance(self._symbols_from(), Interned))
 
     def _symbols_from(self) -> Any:
         """Return the object that is loaded for the symbols of this one."""
@@ -155,14 +155,13 @@ def unpacked(data: bytes) -> Any:
 
 def kept(data: bytes) -> Any:
     """Return the one object of this process that `data` describes."""
-    found = _alive.get(data)
-    if found is None:
-        found = unpacked(data)
-        _alive[data] = found
-        if isinstance(found, Hashable):
-            _came_as[found] = data
-    _recent.append(found)
-    return found
+    value = _alive.get(data)
+    if value is None:
+        value = _alive[data] = unpacked(data)
+        if isinstance(value, Hashable):
+            _came_as[value] = data
+    _recent.append(value)
+    return value
 
 
 def _registered(value: Any, comes_back: bool = True) -> bytes:

@@ -22,7 +22,7 @@ import pytest
 import gtmodel as gt
 from docs._ext.public_names import LIBRARIES, public
 from gtmodel._pickling import dumps
-from tests.support.pickled import content, content_of, differing
+from tests.support.pickled import content, content_of
 
 LACKING = Path(__file__).parent / "suites" / "without_example.txt"
 """Names that a user calls directly and whose docstring holds no example yet; the list may only become shorter."""
@@ -83,9 +83,10 @@ def unlike(value: Any, worker: Executor) -> list[str]:
         data = dumps(value)
         if type(value).__module__.startswith("gtmodel"):
             pickle.dumps(value)
-        return (
-            [] if worker.submit(content_of, data).result() == content(value) else ["differs", *differing(value, data)]
-        )
+        if worker.submit(content_of, data).result() == content(value):
+            return []
+        lines = zip(trail(value), worker.submit(trail_of, data).result(), strict=False)
+        return ["differs", *(f"{a} | {b}" for a, b in lines if a != b)][:4]
     except Exception as error:  # every fault of a library at once
         return [f"{type(error).__name__}: {error}"[:400]]
 

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from .._near import meant
-from .._pickling import Kept, Portable
+from .._pickling import Interned, Portable
 from ..lang.bind import ParameterRecord, Tree, bind, element_names
 from ..lang.builder import Builder
 from ..lang.connect import Branch, Connection, Energy, TreeEdge, flatten_items
@@ -94,7 +94,7 @@ class FlatEnergy:
 
 
 @dataclass
-class FlatModel(Kept):
+class FlatModel(Interned):
     """The flat system. `groups` maps every declared name to its shape and scalar variable indices."""
 
     scope: Scope
@@ -123,15 +123,15 @@ class FlatModel(Kept):
     def _reduced(self, pickler: Any) -> tuple[Any, ...]:
         if pickler.root is not self:
             pickler.link(self.scope)
-        return (Kept if self._is_kept() else Portable)._reduced(self, pickler)
+        return (Interned if self._is_interned() else Portable)._reduced(self, pickler)
 
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
-        return (Kept if self._is_kept() else Portable).__reduce_ex__(self, protocol)
+        return (Interned if self._is_interned() else Portable).__reduce_ex__(self, protocol)
 
     def _symbols_from(self) -> Any:
         return self.scope.source
 
-    def _is_kept(self) -> bool:
+    def _is_interned(self) -> bool:
         return self.made is not None or self.scope.source is self
 
     def __getstate__(self) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from .._near import meant, near
-from .._pickling import Kept, Portable
+from .._pickling import Interned, Portable
 from . import functions as _functions  # noqa: F401  # fills UFUNCS: NumPy on the left of an expression
 from .declare import ATTRIBUTES, Declaration, Discrete, Each, Free, Outer, Parameter, Part, Port, Variable
 from .expression import Expr
@@ -28,7 +28,7 @@ class EngineMethod:
         return function if model is None else function.__get__(model, owner)
 
 
-class Model(Kept):
+class Model(Interned):
     """Base class of components and of whole models: declarations in the class body, physics in `equations()`.
 
     The body declares with gt.variable, input, parameter, part, parts, port, ports and outer. `equations()` yields
@@ -114,7 +114,7 @@ class Model(Kept):
         return _component, (scope, self._path)  # a component of a flattened model
 
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
-        return (Kept if "_modifiers" in self.__dict__ else Portable).__reduce_ex__(self, protocol)
+        return (Interned if "_modifiers" in self.__dict__ else Portable).__reduce_ex__(self, protocol)
 
     def _keep(self, **values: Any) -> None:
         """Store an engine's data with a model; they are not part of the configuration."""

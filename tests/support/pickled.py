@@ -1,13 +1,13 @@
-"""What a value holds, as text that another process can compare: numbers to the last bit."""
+"""What a value holds, as a digest that another process can compare: numbers to the last bit."""
 
 from __future__ import annotations
 
 import hashlib
 import pickle
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import cached_property
-from pathlib import Path
+from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
 from typing import Any
@@ -15,29 +15,59 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+import gtmodel as gt
 from gtmodel._pickling import dumps
 from gtmodel.cgen import generate
+from gtmodel.compiler.flat import FlatModel
+from gtmodel.lang.scope import Scope
 
-CACHES = frozenset({
-    "kept", "cache", "made", "_flat", "_content", "_buffers", "_owner", "_symbols", "_time_key", "_smooth",
-})  # fmt: skip
-DEEPEST = 60
+# filled on demand, or where an object came from
+CACHES = frozenset({"kept", "cache", "made", "_flat", "_content", "_buffers", "_smooth", "where"})
+Parts = tuple[str, list[tuple[str, Any]]]
+
+
+class Digests:
+    """Digests of values and of everything inside; an object that refers to itself counts once."""
+
+    def __init__(self) -> None:
+        self._known: dict[int, tuple[Any, str]] = {}
+        self._open: set[int] = set()
+
+    def __call__(self, value: Any) -> str:
+        if id(value) in self._known:
+            return self._known[id(value)][1]
+        if id(value) in self._open:
+            return "itself"
+        self._open.add(id(value))
+        text, inside = parts(value)
+        digest = hashlib.sha256("\n".join([text, *(f"{n}: {self(x)}" for n, x in inside)]).encode()).hexdigest()
+        self._open.remove(id(value))
+        self._known[id(value)] = value, digest  # keeps the object, so that Python does not reuse its id
+        return digest
 
 
 def content(value: Any) -> str:
-    """A digest of everything that a value holds, but for caches and what it derives on demand."""
-    return hashlib.sha256("\n".join(_lines(value, "", {}, 0)).encode()).hexdigest()
+    """The digest of a value."""
+    return Digests()(value)
 
 
-def differing(value: Any, data: bytes) -> list[str]:
-    """The lines of the contents of a value and of its copy that differ, for a message."""
-    old, new = (list(_lines(x, "", {}, 0)) for x in (value, pickle.loads(data)))
-    return [f"{a} | {b}" for a, b in zip(old, new, strict=False) if a != b][:3]
+def trail(value: Any) -> list[tuple[str, str, str]]:
+    """Name, text and digest of everything two levels inside, for a message."""
+    lines, digest = [], Digests()
+    for name, x in [("", value), *parts(value)[1]]:
+        for inner, y in [("", x), *parts(x)[1]]:
+            lines.append((f"{name}.{inner}", parts(y)[0][:80], digest(y)))
+    return lines
 
 
 def content_of(data: bytes) -> str:
     """The digest of what a worker loads."""
     return content(pickle.loads(data))
+
+
+def trail_of(data: bytes) -> list[tuple[str, str, str]]:
+    """The trail of what a worker loads."""
+    return trail(pickle.loads(data))
 
 
 def sent_again(data: bytes) -> bytes:
@@ -55,44 +85,40 @@ def answers(data: bytes) -> tuple[list[bytes], dict[str, str], bool]:
     return [np.asarray(x).tobytes() for x in function(*rows)], texts, again is function
 
 
-def _lines(value: Any, at: str, seen: dict[int, int], depth: int) -> Iterator[str]:
-    if value is None or isinstance(value, (bool, int, str, bytes)):
-        yield f"{at} {value!r}"
-        return
+def parts(value: Any) -> Parts:
+    """The text of a value, and what is inside of it by name."""
+    kind = type(value).__qualname__
+    if value is None or isinstance(value, (bool, int, str, bytes, np.generic, complex, ca.DM, PurePath)):
+        return f"{kind} {value!r}", []
     if isinstance(value, float):
-        yield f"{at} {value.hex()}"
-        return
-    if id(value) in seen or depth > DEEPEST:
-        return
-    seen[id(value)] = len(seen)
-    kind = type(value)
-    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
-        yield f"{at} {value.dtype} {value.shape} {hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()}"
-    elif isinstance(value, (np.generic, complex, ca.DM)):
-        yield f"{at} {value!r}"
-    elif isinstance(value, (ca.SX, ca.MX)):
-        yield f"{at} {value.shape} {hashlib.sha256(str(value).encode()).hexdigest()}"
-    elif isinstance(value, ca.Function):
-        yield f"{at} {value} {value.n_instructions() if value.class_name() == 'SXFunction' else ''}"
-    elif isinstance(value, (type, FunctionType, BuiltinFunctionType, ModuleType)):
-        yield f"{at} {getattr(value, '__qualname__', value.__name__)}"
-    elif isinstance(value, MethodType):
-        yield f"{at} {value.__qualname__}"
-        yield from _lines(value.__self__, f"{at}.self", seen, depth + 1)
-    elif isinstance(value, Mapping):
-        for key, item in value.items():
-            name = repr(key) if isinstance(key, (str, int, tuple)) else ""
-            yield from _lines(item, f"{at}[{name}]", seen, depth + 1)
-    elif isinstance(value, (set, frozenset)):
-        yield f"{at} {sorted(map(repr, value))}"
-    elif isinstance(value, (list, tuple)):
-        yield f"{at} {kind.__name__} of {len(value)}"
-        for n, item in enumerate(value):
-            yield from _lines(item, f"{at}[{n}]", seen, depth + 1)
-    else:
-        yield f"{at} {kind.__qualname__}"
-        for name in sorted(_names(value)):
-            yield from _lines(getattr(value, name, None), f"{at}.{name}", seen, depth + 1)
+        return value.hex(), []
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype} {value.shape} {value.tobytes() if not value.dtype.hasobject else value.tolist()}", []
+    if isinstance(value, (ca.SX, ca.MX)):
+        return f"{value.shape} {value}", []
+    if isinstance(value, ca.Function):
+        return f"{value} {value.n_instructions() if value.is_a('SXFunction') else ''}", []
+    if isinstance(value, (type, FunctionType, BuiltinFunctionType, ModuleType)):
+        return getattr(value, "__qualname__", value.__name__), []
+    if isinstance(value, MethodType):
+        return value.__qualname__, [("self", value.__self__)]
+    if isinstance(value, Mapping):
+        names = [repr(k) if isinstance(k, (str, int, tuple)) else str(n) for n, k in enumerate(value)]
+        return kind, list(zip(names, value.values(), strict=True))
+    if isinstance(value, (set, frozenset)):
+        return f"{kind} {sorted(map(repr, value))}", []
+    if isinstance(value, (list, tuple)):
+        return kind, [(str(n), x) for n, x in enumerate(value)]
+    if isinstance(value, Scope):
+        return f"{value.names} {value.parameter_names}", []
+    if isinstance(value, gt.Builder):
+        return f"{value.title} {value.names()}", [("items", value.items)]
+    if isinstance(value, gt.Model):
+        return f"{kind} {value.__dict__.get('_path')}", [("modifiers", value.__dict__.get("_modifiers"))]
+    if isinstance(value, FlatModel):
+        named = ("variables", "parameters", "equations", "branches", "initial", "energies", "groups")
+        return value.title, [(name, getattr(value, name)) for name in named]
+    return kind, [(name, getattr(value, name, None)) for name in sorted(_names(value))]
 
 
 def _names(value: Any) -> set[str]:
