@@ -19,6 +19,7 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Hashable
+from copy import deepcopy
 from functools import cache, cached_property, lru_cache, wraps
 from importlib import import_module
 from types import ModuleType
@@ -41,19 +42,18 @@ class Portable:
 
     def _reduced(self, pickler: Any) -> tuple[Any, ...]:
         """Return the parts of the object, as `__reduce__` does, without what it derives from them on demand."""
-        made, arguments, *rest = object.__reduce_ex__(self, 4)
+        parts: Any = object.__reduce_ex__(self, 4)
+        made, arguments, *rest = parts
         if rest and isinstance(rest[0], dict):
             derived = _derived(type(self))
             rest[0] = {name: value for name, value in rest[0].items() if name not in derived}
         return made, arguments, *rest
 
     def __copy__(self) -> Any:
-        return _rebuilt(*object.__reduce_ex__(self, 4)[:3])
+        return _copied(self)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Any:
-        from copy import deepcopy
-
-        return _rebuilt(*object.__reduce_ex__(self, 4)[:3], lambda new: memo.setdefault(id(self), new), memo, deepcopy)
+        return _copied(self, memo)
 
 
 class Interned(Portable):
@@ -328,28 +328,22 @@ def _derived(cls: type) -> frozenset[str]:
     return frozenset(n for base in cls.__mro__ for n, item in vars(base).items() if isinstance(item, cached_property))
 
 
-def _rebuilt(
-    make: Callable[..., Any],
-    arguments: tuple[Any, ...],
-    state: Any = None,
-    started: Callable[[Any], object] = lambda new: None,
-    memo: dict[int, Any] | None = None,
-    inner: Callable[..., Any] = lambda state, memo: state,
-) -> Any:
-    """Copy an object from its parts, as the module copy does; `inner` copies the state."""
-    new = make(*arguments)
-    started(new)
-    state = inner(state, memo)
-    if state is None:
-        return new
+def _copied(value: Any, memo: dict[int, Any] | None = None) -> Any:
+    """Copy an object as the module copy does where a class says nothing; with `memo` deeply."""
+    parts: Any = object.__reduce_ex__(value, 4)
+    new = parts[0](*parts[1])
+    state = parts[2]
+    if memo is not None:
+        memo[id(value)] = new
+        state = deepcopy(state, memo)
     if hasattr(new, "__setstate__"):
         new.__setstate__(state)
         return new
     members, slots = state if isinstance(state, tuple) else (state, None)
     if members:
         vars(new).update(members)
-    for name, value in (slots or {}).items():
-        object.__setattr__(new, name, value)
+    for name, item in (slots or {}).items():
+        object.__setattr__(new, name, item)
     return new
 
 

@@ -22,7 +22,7 @@ import pytest
 import gtmodel as gt
 from docs._ext.public_names import LIBRARIES, public
 from gtmodel._pickling import dumps
-from tests.support.pickled import content, content_of
+from tests.support.pickled import content, content_of, trail, trail_of
 
 LACKING = Path(__file__).parent / "suites" / "without_example.txt"
 """Names that a user calls directly and whose docstring holds no example yet; the list may only become shorter."""
