@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from .lang import *  # noqa: F403
     from .optimize import (
         Blocks as Blocks,
+        LengthCost as LengthCost,
         Mesh as Mesh,
         NotSolved as NotSolved,
         Phases as Phases,
@@ -105,8 +106,8 @@ def load_robot(
     """The model of a robot that is named as in a problem file, such as a robot file of one's own.
 
     Args:
-        robot: a robot file, such as the parameters.toml of a calibration, "arm.urdf" or "arm.urdf:tip",
-            "file.py:Class", or a name of the catalogue. Paths start at the working directory.
+        robot: a robot file, such as the parameters.toml of a calibration, "arm.urdf" or "arm.urdf:tip" (also .sdf and
+            .xml), "file.py:Class", or a name of the catalogue. Paths start at the working directory.
         inertia, smoothing, velocity_scale [m/s], payload [kg]: as in `gt.robots.gantry_tau`.
         parameters: new values of the model's parameters, by name.
 

@@ -117,6 +117,9 @@ def explain(
     prefer: Annotated[list[str] | None, typer.Option(help="Variables to keep as states.")] = None,
     settings: Set = None,
     full: Annotated[bool, typer.Option("--full", help="List every block of equations with its source line.")] = False,
+    mobility: Annotated[
+        bool, typer.Option("--mobility", help="Show degrees of freedom, redundant constraints and idle motions.")
+    ] = False,
     python: Annotated[bool, typer.Option("--python", help="Print a Modelica class in Python.")] = False,
     flat: Annotated[bool, typer.Option("--flat", help="Print a Modelica class flattened, without components.")] = False,
 ) -> None:
@@ -130,7 +133,12 @@ def explain(
     with answering(context, False, what):
         refuse_twice(settings or ())
         options = (known or (), targets or (), prefer or (), settings or ())
-        text = explaining.printed(what, flat, *options) if python or flat else explaining.of(what, *options, full=full)
+        if mobility:
+            text = explaining.mobility_of(what, *options)
+        else:
+            text = (
+                explaining.printed(what, flat, *options) if python or flat else explaining.of(what, *options, full=full)
+            )
     print(text)
 
 

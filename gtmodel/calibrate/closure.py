@@ -12,6 +12,7 @@ from .._pickling import Portable
 from ..compiler.alias import AliasResult, eliminate
 from ..compiler.causal import flat_of
 from ..compiler.flat import FlatEquation, FlatModel
+from ..compiler.matrices import substituted_in_order
 from ..compiler.rows import map_columns
 from ..compiler.structure import overdetermined_and_underdetermined
 from ..lang.builder import Builder
@@ -69,7 +70,8 @@ def closure_equations(model: Model | Builder | FlatModel, known: Sequence[str], 
     positive = set(parameters) | _declared_positive(flat, alias)
     results = [e.residual for e in closing] + [_rooted(e.residual, positive) for e in closing]
     if order:
-        _, results = ca.substitute_inplace([s for s, _ in order], [v for _, v in order], results)
+        symbols, values = [s for s, _ in order], [v for _, v in order]
+        results = substituted_in_order(symbols, values, results, bool(flat.scope.calls))
     hidden = {flat.scope.symbol(i, 0).element_hash() for n in latent for i in groups[n]}
     rows: list[tuple[FlatEquation, ca.SX, ca.SX]] = []
     touched: set[int] = set()

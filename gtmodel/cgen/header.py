@@ -103,6 +103,10 @@ def conditions(function: CausalFunction) -> list[str]:
         lines.append("- GT_OUT_OF_RANGE if no real solution exists")
     if "condition" in kinds:
         lines.append("- GT_OUT_OF_RANGE if inputs contradict each other, such as a quaternion not of unit length")
+    if "limit" in kinds:
+        lines.append("- GT_OUT_OF_RANGE if the solution exceeds the limits of a joint")
+    if "solution" in kinds:
+        lines.append("- GT_OUT_OF_RANGE if the solution for some of the inputs does not satisfy the others")
     sides = [m.label for m in function.margins if m.kind == "branch"]
     if sides:
         lines.append(

@@ -184,6 +184,12 @@ def interfaces(
     result = []
     for key, function in functions.items():
         check_identifier(key, "a function", "functions")
+        if calls := function.plan.flat.scope.calls:
+            raise GenerationError(
+                f"'{key}' cannot become C, since its model calls the external function '{calls[0]}', whose operations "
+                "CasADi cannot write out; give gt.external an SX function, or a table with gt.interpolate",
+                "functions",
+            )
         time = (CausalSignal("time", (), "s", ()),) if function.plan.uses_time else ()
         inputs = _members(function, (*function.inputs, *time))
         symbol = f"gt_{name}_{key}"

@@ -51,7 +51,7 @@ class Group:
 
 
 @dataclass
-class Chain:
+class LaneSum:
     """A sum over lanes, node by node. Each lane adds or subtracts its node of the same groups, in the same order."""
 
     start: int
@@ -68,7 +68,7 @@ class Lanes:
     nodes: list[Node] = field(default_factory=list)
     outputs: dict[tuple[int, int], int] = field(default_factory=dict)
     groups: list[Group] = field(default_factory=list)
-    chains: list[Chain] = field(default_factory=list)
+    chains: list[LaneSum] = field(default_factory=list)
     group_of: dict[int, int] = field(default_factory=dict)
     lane_of: dict[int, int] = field(default_factory=dict)
     chain_of: dict[int, int] = field(default_factory=dict)
@@ -337,7 +337,7 @@ def _chain(program: Lanes, live: set[int]) -> None:
         ):  # fmt: skip
             for m in run:
                 program.chain_of[m] = len(program.chains)
-            program.chains.append(Chain(program.nodes[n].reads[0], lanes, run, kinds[:period]))
+            program.chains.append(LaneSum(program.nodes[n].reads[0], lanes, run, kinds[:period]))
 
 
 def lines_of(program: Lanes) -> int:

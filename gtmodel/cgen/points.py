@@ -43,6 +43,12 @@ def draw(face: Interface, rows: int, seed: int, farthest: float = FARTHEST) -> n
     spread = NEAREST * (farthest / NEAREST) ** rng.random((rows, 1))
     near = rng.integers(len(centres), size=rows)
     values = centres[near] + spread * sizes * rng.standard_normal((rows, len(pairs)))
+    if plan.chain is not None and plan.chain.has_conditions:  # random poses are none that its joints reach
+        chain = plan.chain
+        joints = samples_of(function, chain.symbols)[near[::2]] * [sign for sign, _ in chain.kept]
+        joints += spread[::2] * rng.standard_normal(joints.shape)
+        columns = np.array([pairs.index(p) for p in chain.read])
+        values[np.ix_(np.arange(0, rows, 2), columns)] = chain.pose_values(joints)
     if plan.on_known:
         values[::2] = satisfying(function, pairs, values[::2])
     if plan.uses_time:

@@ -290,6 +290,12 @@ def _margin(n: int, margin: Margin) -> str:
         return _guard(f"margins[{n}] >= 0.0", Status.OUT_OF_RANGE, f"discriminant of {margin.label}")
     if margin.kind == "condition":
         return _guard(f"margins[{n}] >= 0.0", Status.OUT_OF_RANGE, f"condition on the inputs: {margin.label}")
+    if margin.kind == "solution":
+        return _guard(f"margins[{n}] >= 0.0", Status.OUT_OF_RANGE, f"the solution satisfies the input: {margin.label}")
+    if margin.kind == "limit":
+        return _guard(f"margins[{n}] >= 0.0", Status.OUT_OF_RANGE, f"limits of {margin.label}")
+    if margin.kind == "turn":
+        return _guard(f"margins[{n}] >= 0.0", Status.NOT_CONVERGED, f"the solution is {margin.label}")
     least = f"GT_PIVOT_TOLERANCE * {decimal(margin.scale)}"
     if margin.kind == "branch":
         return _guard(f"margins[{n}] > ({least})", Status.WRONG_BRANCH, f"the solution lies on {margin.label}")

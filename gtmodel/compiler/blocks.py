@@ -17,6 +17,9 @@ from .flat import FlatModel
 VERDICTS = {
     "discriminant": Status.OUT_OF_RANGE,
     "condition": Status.OUT_OF_RANGE,
+    "solution": Status.OUT_OF_RANGE,
+    "turn": Status.NOT_CONVERGED,
+    "limit": Status.OUT_OF_RANGE,
     "pivot": Status.SINGULAR,
     "branch": Status.WRONG_BRANCH,
 }
@@ -26,8 +29,9 @@ VERDICTS = {
 class Margin:
     """A quantity that decides the status: discriminant or condition >= 0, |pivot| and branch above a tolerance.
 
-    `kind` is a key of VERDICTS. A condition restricts known values; a branch checks which solution Newton's method
-    reached. `scale` is the typical size at the sample points.
+    `kind` is a key of VERDICTS. A condition restricts known values alone; "solution" compares them with the solution,
+    "turn" excludes a rotation by half a turn, "limit" keeps a joint within its limits, and a branch checks which
+    solution Newton's method reached. `scale` is the typical size at the sample points.
     """
 
     kind: str
@@ -41,6 +45,8 @@ class Root:
     """A square root with a branch: `sign` is a symbol; `slope` = 2 qa t + qb has this sign at a known point.
 
     `settled_by` names the declared branch that selects the solution; if it is empty, the start values select it.
+    `name`: the root is a branch itself, which `branches` may select, with its sign at the start as value; `default`:
+    the start does not determine it.
     """
 
     sign: ca.SX
@@ -48,6 +54,8 @@ class Root:
     label: str
     value: int = 0
     settled_by: str = ""
+    name: str = ""
+    default: bool = False
 
 
 @dataclass(eq=False)

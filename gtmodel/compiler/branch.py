@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -10,9 +10,10 @@ import casadi as ca
 import numpy as np
 
 from ..lang.source import ModelError
-from .blocks import Margin, Root, median
+from .blocks import Margin, Root, SolvedBlock, median
 from .consistency.points import RESIDUAL_TOLERANCE, Sampler
 from .flat import FlatModel
+from .matrices import substituted_in_order
 
 if TYPE_CHECKING:
     from .plan import CausalPlan
@@ -20,12 +21,16 @@ if TYPE_CHECKING:
 # tolerance of a branch expression that only changes its sign with the root: it is preferred for this root
 OWN = 1e-9
 # a home pose on another branch is searched from this many starts, at these distances in nominals
+STILL_CLOSED = 1e-6  # m or rad by which a dropped constraint may be off
 MIRROR_TRIES = 24
 MIRRORED = 5
 MIRROR_SPREADS = (0.002, 0.02, 0.05)
 # of the poses found, keep those at most this much farther from the home pose than the nearest, in nominals: variables
 # that need not change with a branch stay unchanged
 AS_NEAR = 0.1
+# poses far from the start values, at distances up to this in nominals: every branch of an arm has some
+FAR_POINTS = 24
+FAR = 2.0
 CROSSINGS = 4
 CROSSING_STEPS = 20
 CROSSED = 1e-3  # a step this short, in nominals, ends a crossing; the full equations are solved afterwards
@@ -35,9 +40,9 @@ DAMPED = 0.1
 STILL = 1e-3  # weight of a known variable, or of one that need not move
 
 
-def check_branches(flat: FlatModel, requested: Mapping[str, int]) -> None:
-    """Raise ModelError for an undeclared branch, or a sign other than +1 or -1."""
-    names = {b.name for b in flat.branches}
+def check_branches(flat: FlatModel, blocks: Sequence[SolvedBlock], requested: Mapping[str, int]) -> None:
+    """Raise ModelError for a branch that neither the model nor a block has, or a sign other than +1 or -1."""
+    names = {b.name for b in flat.branches} | {r.name for b in blocks for r in b.roots if r.name}
     for name, sign in requested.items():
         if name not in names:
             raise ModelError(f"{flat.title} has no branch '{name}'; it has {', '.join(sorted(names)) or 'none'}")
@@ -93,6 +98,11 @@ class RootSigns:
         signs = np.ones(len(self._roots))
         settled: list[Root] = []
         for n, root in enumerate(self._roots):
+            if root.name:
+                by = root.name if root.name in requested else ""
+                settled.append(replace(root, settled_by=by, value=requested.get(root.name, root.value)))
+                signs[n] = settled[n].value
+                continue
             values = {}
             for side in (1, -1):
                 signs[n] = side
@@ -112,8 +122,11 @@ class RootSigns:
             signs[n] = settled[n].value
         return settled
 
-    def samples(self, sampler: Sampler, samples: np.ndarray, settled: list[Root]) -> np.ndarray:
-        """Return samples at which the roots have these signs. Raises ModelError if no sample has them."""
+    def samples(self, sampler: Sampler, samples: np.ndarray, settled: list[Root], far: bool = True) -> np.ndarray:
+        """Return samples at which the roots have these signs. Raises ModelError if no sample has them.
+
+        far: if roots are branches themselves, and no sample has them, look for poses far from the start values too.
+        """
         p, signs = sampler.flat.p0, np.array([r.value for r in settled], float)
         points = []
         for sample in samples:
@@ -124,11 +137,23 @@ class RootSigns:
                 continue
             if np.all(_row(self._jacobian(w, p, sampler.time)) * signs > 0):
                 points.append(w)
+        if not points and far and any(r.name for r in settled):
+            return self.samples(sampler, _far_points(sampler, samples[0]), settled, far=False)
         if not points:
             raise ModelError(
                 f"{sampler.flat.title}: no pose on the selected branches was found; set start values near such a pose"
             )
         return np.array(points)
+
+
+def _far_points(sampler: Sampler, start: np.ndarray) -> np.ndarray:
+    """Return consistent points at growing distances from the start values."""
+    points = []
+    for seed in range(FAR_POINTS):
+        w = sampler.near(np.random.default_rng(seed), FAR * (seed + 1) / FAR_POINTS)
+        if sampler.correct(w) <= RESIDUAL_TOLERANCE:
+            points.append(w)
+    return np.array(points) if points else start[None]
 
 
 def _with_moved_home(plan: CausalPlan, sampler: Sampler, requested: Mapping[str, int]) -> CausalPlan:
@@ -235,7 +260,8 @@ def sides(plan: CausalPlan, sampler: Sampler) -> list[Margin]:
     assigned = [a for b in plan.blocks for a in b.assignments]
     computed = list(rewritten.values())
     if assigned:
-        _, computed = ca.substitute_inplace([s for s, _ in assigned], [e for _, e in assigned], computed)
+        given = [s for s, _ in assigned], [e for _, e in assigned]
+        computed = substituted_in_order(*given, computed, bool(flat.scope.calls))
     unknown = {s.element_hash() for b in plan.newton for s in b.unknowns}
     available = unknown | {flat.scope.symbol(*pair).element_hash() for pair in plan.inputs}
     margins = []
@@ -249,6 +275,32 @@ def sides(plan: CausalPlan, sampler: Sampler) -> list[Margin]:
             if np.all(sign * values > 0):
                 margin = sign * expression
                 margins.append(Margin("branch", margin, f"{name} = {sign:+d}", float(median(sign * values))))
+    return margins
+
+
+def open_loops(plan: CausalPlan) -> list[Margin]:
+    """Return margins that are positive if the constraints that were dropped as redundant hold, to 1e-6 m or rad.
+
+    Only for constraints that do not hold identically, among symbols that the plan computes.
+    """
+    flat, dropped = plan.flat, plan.flat.loops.dropped
+    if not dropped:
+        return []
+    residuals = ca.substitute(
+        plan.alias.rewrite_all(flat, [e.residual for e in dropped]), [flat.p], [ca.SX(plan.parameters)]
+    )
+    assigned = [a for b in plan.blocks for a in b.assignments]
+    computed = residuals
+    if assigned:
+        _, computed = ca.substitute_inplace([s for s, _ in assigned], [e for _, e in assigned], list(residuals))
+    available = {s.element_hash() for b in plan.newton for s in b.unknowns}
+    available |= {flat.scope.symbol(*pair).element_hash() for pair in plan.inputs}
+    margins = []
+    for e, residual, solved in zip(dropped, residuals, computed, strict=True):
+        inside = {flat.scope.symbol(*pair).element_hash() for pair in flat.scope.symbols_in(solved)}
+        if inside and inside <= available:
+            label = f"the redundant constraint '{e.label}', which was dropped"
+            margins.append(Margin("condition", STILL_CLOSED**2 - residual**2, label))
     return margins
 
 
@@ -284,9 +336,8 @@ def _functions(
             names.append(b.name)
             expressions.append(e)
     symbols = [flat.scope.symbol(*p) for p in computed]
-    _, results = ca.substitute_inplace(
-        [s for s, _ in assigned], [e for _, e in assigned], [_column(expressions), _column(symbols)]
-    )
+    given = [s for s, _ in assigned], [e for _, e in assigned]
+    results = substituted_in_order(*given, [_column(expressions), _column(symbols)], bool(flat.scope.calls))
     arguments = [sampler.w, flat.p, flat.scope.time, _column([r.sign for r in roots])]
     sides, numbers = (ca.Function("sides", arguments, [e]) for e in results)
     return names, sides, ([sampler.position[p] for p in computed], numbers)

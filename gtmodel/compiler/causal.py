@@ -18,6 +18,7 @@ from ..lang.slips import named, shortened
 from ..lang.source import ModelError
 from ..results.status import Status
 from .analysis.sizes import DOUBLE, Precision, Sizes, sizes_of
+from .blocks import VERDICTS
 from .columns.kernel import PAID, kernel_of
 from .consistency.guess import Completion
 from .consistency.home import moved_sentence, refuse_starts
@@ -169,7 +170,21 @@ class CausalFunction(Portable):
         others = [i for i in self.preferred if self.plan.alias.resolve(i, 0)[1] not in states]
         names = ", ".join(f"'{self.flat.variables[i].name}'" for i in others)
         preferred = f"preferred as states, but not states of this causality: {names}" if others else ""
-        return tuple(filter(None, [moved_sentence(self.flat, self.plan.moved), preferred]))
+        return tuple(filter(None, [moved_sentence(self.flat, self.plan.moved), preferred, self._undetermined]))
+
+    @property
+    def _undetermined(self) -> str:
+        """Return a sentence if a target is a reaction that redundant constraints leave undetermined."""
+        loose = self.flat.loops.loose
+        flows = {v.name: v.component for v in self.flat.variables if v.role == "flow"} if loose else {}
+        owners = {self.flat.variables[i].component for s in self.outputs for i, _ in s.pairs
+                  if self.flat.variables[i].name in flows}  # fmt: skip
+        hit = sorted(joint for joint in loose if any(o == joint or o.startswith(f"{joint}.") for o in owners))
+        return (
+            f"forces of {', '.join(hit)} depend on which redundant constraints were dropped; see explain()"
+            if hit
+            else ""
+        )
 
     @property
     def parameter_names(self) -> list[str]:
@@ -327,8 +342,16 @@ class CausalFunction(Portable):
             return "; ".join([f"{status.message}: {reason}", *self.notes])
         for m, row in zip(self.margins, results[-1], strict=True):
             value = float(row[0])
+            if VERDICTS[m.kind] is not status:
+                continue
             if m.kind == "condition" and not value >= 0:
                 return f"{status.message}: the known values do not satisfy {m.label}"
+            if m.kind == "solution" and not value >= 0:
+                return f"{status.message}: no solution satisfies {m.label} together with the other known values"
+            if m.kind == "limit" and not value >= 0:
+                return f"{status.message}: no solution was found within the limits of {m.label}"
+            if m.kind == "turn" and not value >= 0:
+                return f"{status.message}: the iteration found {m.label}"
             if m.kind == "discriminant" and not value >= 0:
                 reason = f"{m.label} has no real solution, the radicand of its square root is {value:.4g}"
                 return f"{status.message}: {reason}"

@@ -1,4 +1,4 @@
-"""Equations of connections: equal potentials and flows that sum to zero; trees of overdetermined connectors."""
+"""Equations of connections: equal potentials and flows that sum to zero."""
 
 from __future__ import annotations
 
@@ -7,59 +7,12 @@ from collections.abc import Iterator
 import casadi as ca
 
 from ..lang.bind import Tree, element_names
-from ..lang.connect import Connection, TreeEdge
+from ..lang.connect import Connection
 from ..lang.declare import Variable
 from ..lang.expression import row_by_row
 from ..lang.model import Connector, Model
 from ..lang.source import ModelError, SourceLocation
 from .matrices import difference, total
-
-ROOT = -1  # one node for all roots: two roots in one tree form a loop through it
-
-
-def check_trees(connections: list[Connection], edges: list[TreeEdge]) -> None:
-    """Raise ModelError for a loop of edges and connections between overdetermined connectors.
-
-    The message names the ports along the loop and the line of the connection that closes it.
-    """
-    links: list[tuple[Connector | None, Connector, SourceLocation]] = [(e.a, e.b, e.where) for e in edges]
-    links += [(c.a, c.b, c.where) for c in connections if c.a.overdetermined]
-    neighbours: dict[int, list[int]] = {ROOT: []}
-    ports: dict[int, Connector] = {}
-    for a, b, where in links:
-        ports.update({id(p): p for p in (a, b) if p is not None})
-        start, end = ROOT if a is None else id(a), id(b)
-        path = _path(neighbours, start, end)
-        if path:
-            raise ModelError(_sentence([ports[n] for n in path if n != ROOT], ROOT in path), where)
-        neighbours.setdefault(start, []).append(end)
-        neighbours.setdefault(end, []).append(start)
-
-
-def _path(neighbours: dict[int, list[int]], start: int, end: int) -> list[int]:
-    """Return the only path from start to end in a forest, or an empty list."""
-    before: dict[int, int] = {start: start}
-    stack = [start]
-    while stack:
-        node = stack.pop()
-        for other in neighbours.get(node, []):
-            if other not in before:
-                before[other] = node
-                stack.append(other)
-    if end not in before:
-        return []
-    path = [end]
-    while path[-1] != start:
-        path.append(before[path[-1]])
-    return path[::-1]
-
-
-def _sentence(ports: list[Connector], through_root: bool) -> str:
-    names = " - ".join(p._path for p in ports)
-    components = list(dict.fromkeys(p._path.rpartition(".")[0] or p._path for p in ports))
-    cause = "two components fix it in the world, and this line connects them" if through_root else "this line closes it"
-    return f"a loop of {', '.join(components)} ({names}): {cause}; {ports[0].overdetermined}"
-
 
 Face = tuple[int, bool]  # port number, seen from inside its owner
 

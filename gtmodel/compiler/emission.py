@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from .matrices import difference, product, quotient, total
+from .matrices import difference, product, quotient, substituted_in_order, total
 from .plan import CausalPlan
 from .rewriting import Instruction, applied, rewritten, walked
 
@@ -268,5 +268,6 @@ def substituted(plan: CausalPlan, expressions: Sequence[ca.SX], extra: Sequence[
     pairs += [a for b in plan.blocks for a in b.assignments if a[0].element_hash() not in replaced]
     results = list(expressions)
     if pairs:
-        _, results = ca.substitute_inplace([s for s, _ in pairs], [v for _, v in pairs], results)
+        symbols, values = [s for s, _ in pairs], [v for _, v in pairs]
+        results = substituted_in_order(symbols, values, results, bool(plan.flat.scope.calls))
     return results

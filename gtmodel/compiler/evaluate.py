@@ -43,6 +43,9 @@ def judged(
             good = margins[k] >= 0
         code = ca.if_else(good, code, ca.SX(VERDICTS[m.kind]))
     code = ca.if_else(ca.SX(iteration) == 0, code, ca.SX(iteration))
+    for k, m in enumerate(facts):
+        if m.kind == "condition":  # on known values: it counts before the iteration
+            code = ca.if_else(margins[k] >= 0, code, ca.SX(VERDICTS[m.kind]))
     if sizes is not None and inputs:
         code = ca.if_else(sizes.norm(inputs) <= sizes.most, code, ca.SX(Status.OUT_OF_RANGE))
     return ca.if_else(_finite(inputs), code, ca.SX(Status.NOT_FINITE))
@@ -194,6 +197,7 @@ def build(
                 scale=block.scale,
                 label=", ".join(block.labels),
                 even=quaternions,
+                starts=plan.chain.starts(block, a) if plan.chain and plan.chain.is_solved_by([block]) else None,
             )
         )
     return Built(closed, kernels, guarded(closed, kernels, facts, sizes, name, names_in, with_status))

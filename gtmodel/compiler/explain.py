@@ -39,7 +39,7 @@ def explain(f: CausalFunction, full: bool = True) -> str:
     lines[-1] += "" if full or not plan.blocks else "; add --full to list each with its source lines"
     for n, b in enumerate(plan.blocks, 1):
         if b.kind == "condition":
-            lines += [f"  {n:3d} condition on the known values: {e}" for e in b.equations]
+            lines += [f"  {n:3d} {b.detail}: {e}" for e in b.equations]
             continue
         if b.kind == "explicit":
             block = [f"  {n:3d} explicit  {b.unknowns[0]}  from {b.equations[0]}"]
@@ -49,14 +49,19 @@ def explain(f: CausalFunction, full: bool = True) -> str:
         block = [f"  {n:3d} {b.kind}, {unknowns}: {', '.join(b.unknowns)}", f"      {b.detail}"]
         lines += block if full else []
         for r in b.roots:
-            source = f"branch '{r.settled_by}'" if r.settled_by else "the start values"
-            lines.append(f"      root of {r.label}: sign {'+' if r.value > 0 else '-'}, from {source}")
+            source = "from the start values"
+            if r.settled_by:
+                source = f"from branch '{r.settled_by}'"
+            elif r.default:
+                source = "by default: the start values are singular, or there are none"
+            lines.append(f"      root of {r.label}: sign {'+' if r.value > 0 else '-'}, {source}")
         for m in b.margins if full else ():
             requirement = "must not be negative" if m.kind == "discriminant" else "must not vanish"
             lines.append(f"      {m.kind} of {m.label} {requirement} (typical size {m.scale:.3g})")
         lines += [f"      {e}" for e in b.equations] if full else []
-    if plan.sides:
-        lines.append(f"  branches of Newton's solutions: {', '.join(m.label for m in plan.sides)}")
+    if branches := [m.label for m in plan.sides if m.kind == "branch"]:
+        lines.append(f"  branches of Newton's solutions: {', '.join(branches)}")
+    lines += [f"  {note}" for note in flat.loops.notes]
     lines += _home(plan) if plan.newton or any(not r.settled_by for b in plan.blocks for r in b.roots) else []
     lines += [f"  {note}" for note in f.notes]
     assumed = sorted(q.name for q in flat.parameters if q.nonzero)
@@ -91,4 +96,5 @@ def _home(plan: CausalPlan) -> list[str]:
             continue
         values = [f"{sign * plan.samples[0][place[kept, k]]:.6g}" for sign, kept, k in resolved]
         parts.append(f"{name} = {values[0] if len(values) == 1 else '[' + ', '.join(values) + ']'}")
-    return [f"  home pose: {'; '.join(parts)}"] if parts else []
+    moved = "  the start values are singular: the home pose is a regular one near them" if plan.singular else ""
+    return [f"  home pose: {'; '.join(parts)}", *([moved] if moved else [])] if parts else []

@@ -15,7 +15,7 @@ from .._near import meant
 from .._pickling import Interned, Portable
 from ..lang.bind import ParameterRecord, Tree, bind, element_names
 from ..lang.builder import Builder
-from ..lang.connect import Branch, Connection, Energy, TreeEdge, flatten_items
+from ..lang.connect import Branch, Connection, Energy, JointConstraint, Loops, TreeEdge, flatten_items
 from ..lang.declare import Declaration
 from ..lang.events import When
 from ..lang.expression import Relation
@@ -25,8 +25,9 @@ from ..lang.slips import each_of, line_of, persons_code
 from ..lang.source import ModelError, SourceLocation, of_frame
 from ..lang.units import rate_unit
 from .analysis.events import FlatEvents, collect_events
-from .connections import check_trees, connection_equations
+from .connections import connection_equations
 from .matrices import stacked
+from .trees import LoopCut, cuts_of
 
 _DER = re.compile(r"^der\((?P<inner>.+?)(?:,\s*(?P<order>\d+))?\)$")
 
@@ -93,9 +94,51 @@ class FlatEnergy:
     expression: ca.SX
 
 
+@dataclass(frozen=True, eq=False)
+class FlatConstraint:
+    """A constraint of a joint that closes a loop: the number of its equation, its reaction, and what it fixes."""
+
+    equation: int
+    reaction: ca.SX
+    item: JointConstraint
+
+
+@dataclass(frozen=True, eq=False)
+class FlatClosing:
+    """A component that closes a loop by constraints; `cut` is the loop, None for a component that always does so."""
+
+    component: Model
+    constraints: list[FlatConstraint]
+    cut: LoopCut | None
+
+
+@dataclass(frozen=True, eq=False)
+class FlatLoops:
+    """The closings of a model, the user's words on them, all edges of components, and the constraints that were dropped
+    as redundant.
+
+    `loose` are the components whose reactions depend on that choice; `notes` say both. `mobility` counts the degrees
+    of freedom of the assembled mechanism; it is None before the loops are settled.
+    """
+
+    closings: list[FlatClosing]
+    words: list[Loops]
+    edges: list[TreeEdge] = field(default_factory=list)
+    dropped: list[FlatEquation] = field(default_factory=list)
+    mobility: int | None = None
+    loose: frozenset[str] = frozenset()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def drop(self) -> bool:
+        """Whether the user has redundant constraints dropped."""
+        return any(w.drop for w in self.words)
+
+
 @dataclass
 class FlatModel(Interned):
-    """The flat system. `groups` maps every declared name to its shape and scalar variable indices."""
+    """The flat system. `groups` maps every declared name to its shape and scalar variable indices; `rotations` are the
+    names of those declared as rotation matrices. `source`: the model before its known rotations were rewritten."""
 
     scope: Scope
     title: str
@@ -110,6 +153,9 @@ class FlatModel(Interned):
     positive: frozenset[str] = frozenset()
     energies: list[FlatEnergy] = field(default_factory=list)
     events: FlatEvents | None = None
+    loops: FlatLoops = field(default_factory=lambda: FlatLoops([], []))
+    rotations: frozenset[str] = frozenset()
+    source: FlatModel | None = None
     cache: dict[Any, Any] = field(default_factory=dict, repr=False)
     # the function and the arguments that made this model, for pickling; None if only its content describes it
     made: tuple[Any, tuple[Any, ...]] | None = field(default=None, init=False, repr=False, compare=False)
@@ -121,7 +167,7 @@ class FlatModel(Interned):
         return Portable._reduced(self, pickler)
 
     def _reduced(self, pickler: Any) -> tuple[Any, ...]:
-        if pickler.root is not self:
+        if pickler.root is not self and self.scope.is_owned:
             pickler.link(self.scope)
         return (Interned if self._is_interned() else Portable)._reduced(self, pickler)
 
@@ -212,29 +258,45 @@ def flatten(model: Model | Builder) -> FlatModel:
     branches: list[FlatBranch] = []
     energies: list[FlatEnergy] = []
     connections: list[tuple[Connection, Model]] = []
-    edges: list[TreeEdge] = []
     whens: list[tuple[When, Model]] = []
+    items_of = {id(c): list(_items(c, "equations")) for c in tree.components}
+    every = [(item, c) for c in tree.components for item, _ in items_of[id(c)]]
+    words = [item for item, _ in every if isinstance(item, Loops)]
+    edges = [(item, c) for item, c in every if isinstance(item, TreeEdge)]
+    loop_cuts, backwards = cuts_of([item for item, _ in every if isinstance(item, Connection)], edges, words)
+    cuts = {id(cut.component): cut for cut in loop_cuts}
+    closings: list[FlatClosing] = []
     for component in tree.components:
         path = component._path
         count = at_start = 0
-        for item, where in _items(component, "equations"):
-            if isinstance(item, Relation):
-                for residual in _scalars(item, path, tree.scope):
+        cut = cuts.get(id(component))
+        constraints: list[FlatConstraint] = []
+        for item, where in items_of[id(component)] if cut is None else _closing_items(cut):
+            if isinstance(item, (Relation, JointConstraint)):
+                relation = item.relation if isinstance(item, JointConstraint) else item
+                if isinstance(item, JointConstraint):
+                    constraints.append(FlatConstraint(len(equations), item.reaction.sx, item))
+                for residual in _scalars(relation, path, tree.scope):
                     count += 1
-                    equations.append(FlatEquation(residual, _label(path, count, component), path, item.where))
+                    equations.append(FlatEquation(residual, _label(path, count, component), path, relation.where))
             elif isinstance(item, Connection):
                 connections.append((item, component))
             elif isinstance(item, Branch):
                 name = f"{path}.{item.name}" if path else item.name
                 branches.append(FlatBranch(name, item.expression.sx, item.where))
-            elif isinstance(item, TreeEdge):
-                edges.append(item)
             elif isinstance(item, When):
                 whens.append((item, component))
             elif isinstance(item, Energy):
                 energies.append(FlatEnergy(item.kind, path, item.expression.sx))
-            else:
+            elif isinstance(item, TreeEdge):
+                relation = None if item.either is None else item.either[id(item) in backwards]
+                for residual in () if relation is None else _scalars(relation, path, tree.scope):
+                    count += 1
+                    equations.append(FlatEquation(residual, _label(path, count, component), path, item.where))
+            elif not isinstance(item, Loops):
                 raise _no_equation(item, component, "equations", where)
+        if constraints:
+            closings.append(FlatClosing(component, constraints, cut))
         for item, where in _items(component, "initial_equations"):
             if not isinstance(item, Relation) or item.op != "==":
                 raise _no_equation(item, component, "initial_equations", where)
@@ -242,7 +304,6 @@ def flatten(model: Model | Builder) -> FlatModel:
                 at_start += 1
                 label = f"{_label(path, at_start, component)} (initial)"
                 initial.append(FlatEquation(residual, label, path, item.where))
-    check_trees([c for c, _ in connections], edges)
     for residual, label, path, where in connection_equations(tree, connections):
         equations.append(FlatEquation(residual, label, path, where))
     parameters = _parameters(tree)
@@ -260,7 +321,9 @@ def flatten(model: Model | Builder) -> FlatModel:
         initial=initial,
         energies=energies,
         events=collect_events(tree, whens, equations),
+        rotations=frozenset(r.name for r in tree.variables if r.item.kind == "rotation"),
         positive=frozenset(q.name for q in parameters if q.symbol.element_hash() in positive),
+        loops=FlatLoops(closings, words, [e for e, _ in edges]),
     )
     flat.made = flatten, (model,)
     if isinstance(model, Model):
@@ -286,6 +349,14 @@ def _items(component: Model, method: str) -> Iterable[tuple[Any, SourceLocation 
         where = of_frame(frame.f_code.co_filename, frame.f_lineno) if frame is not None else None
         for single in flatten_items(item):
             yield single, where
+
+
+def _closing_items(cut: LoopCut) -> Iterable[tuple[Any, SourceLocation | None]]:
+    """Yield the items with which a joint closes a loop."""
+    assert cut.edge.closing is not None
+    for item in cut.edge.closing():
+        for single in flatten_items(item):
+            yield single, cut.edge.where
 
 
 def _no_equation(item: Any, component: Model, method: str, where: SourceLocation | None) -> ModelError:

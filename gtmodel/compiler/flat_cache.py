@@ -21,6 +21,7 @@ from ..lang.optimization import Optimization
 from ..lang.source import ModelError, about
 from ..lang.values import BoundParameters, check_parameter
 from .flat import FlatModel, flatten, variables_of
+from .loops import settled
 
 
 def values_by_place(flat: FlatModel, parameters: Mapping[str, Any]) -> dict[int, float]:
@@ -112,6 +113,11 @@ def _with(record: ParameterRecord, values: Mapping[int, float]) -> ParameterReco
     return replace(record, values=np.array(numbers))
 
 
+def flattened(model: Model | Builder) -> FlatModel:
+    """Return the flattened model with its loops settled; see `loops.settled` for its errors."""
+    return settled(flatten(model))
+
+
 KEPT = 16  # each takes some megabytes with its compiled functions
 
 
@@ -139,7 +145,7 @@ def flat_of(model: Model | Builder) -> FlatModel:
     old_content: Content | None = getattr(model, "_content", None)
     if isinstance(model, Builder):
         if flat is None:
-            model._flat = flatten(model)
+            model._flat = flattened(model)
             model._flat.made = flat_of, (model,)
         return model._flat
     if flat is not None and old_content is None:
@@ -149,12 +155,14 @@ def flat_of(model: Model | Builder) -> FlatModel:
         if flat is not None:
             flat.made = None
         alone = isinstance(model, Optimization) or not content.whole
-        flat = flatten(model) if alone else shared(_Configuration(model, content))
+        flat = flattened(model) if alone else shared(_Configuration(model, content))
         flat.made = flat_of, (model,)
+        if flat.scope.source is not flat:
+            flat.scope.belong(flat)
         model._keep(_flat=flat, _content=content)
     return flat
 
 
 @lru_cache(maxsize=KEPT)
 def shared(configuration: _Configuration) -> FlatModel:
-    return flatten(configuration.model)
+    return flattened(configuration.model)

@@ -57,6 +57,21 @@ def quotient(a: ca.SX, b: ca.SX) -> ca.SX:
     return ca.SX.binary(ca.OP_DIV, a, b)
 
 
+def substituted_in_order(
+    symbols: Sequence[ca.SX], values: Sequence[ca.SX], results: Sequence[ca.SX], calls: bool
+) -> list[ca.SX]:
+    """Return `results` with each symbol replaced by its value, which may contain the symbols before it.
+
+    calls: whether expressions may contain calls of functions, which ca.substitute_inplace would lose.
+    """
+    if not calls:
+        return ca.substitute_inplace(list(symbols), list(values), list(results))[1]
+    replaced: list[ca.SX] = []
+    for k, value in enumerate(values):
+        replaced.append(ca.substitute([value], list(symbols[:k]), replaced)[0] if k else value)
+    return ca.substitute(list(results), list(symbols), replaced)
+
+
 def left_over(a: np.ndarray, b: np.ndarray, rank: float) -> np.ndarray:
     """Return a correction to a weighted least-norm solution: solve a x = b with columns of equal size.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -30,6 +31,20 @@ EVEN = 1e-9
 CHUNK = 4096
 # ratio of the smallest to the largest singular value below which a solution is singular: half of the digits are lost
 SINGULAR = 1e-8
+# the same at a pose of a chain at which corrections do not contract: then it is the cause
+NEARLY_SINGULAR = 1e-4
+
+
+class StartSource(Protocol):
+    """Starts for columns that cannot be continued from home."""
+
+    def wanted(self, z: np.ndarray) -> np.ndarray:
+        """Return for which columns of solutions z (m, n), NaN without one, another is to be found."""
+        ...
+
+    def guesses(self, a: np.ndarray) -> np.ndarray:
+        """Return guesses (m, n) for columns of known values a (k, n), NaN where there is none."""
+        ...
 
 
 @dataclass(eq=False)
@@ -37,7 +52,7 @@ class NewtonKernel:
     """r(z, a) == 0 for unknown z (m,) and known a (k,), with the known solution (z0, a0).
 
     `residual`: (z, a) -> r, dr/dz; `sensitivity`: (z, a) -> dr/da. `even`: groups of entries of `a` whose sign may be
-    flipped together, as that of a quaternion.
+    flipped together, as that of a quaternion. `starts`: others than home, for a chain of joints.
     """
 
     residual: ca.Function
@@ -47,6 +62,7 @@ class NewtonKernel:
     scale: np.ndarray
     label: str
     even: tuple[tuple[int, ...], ...] = ()
+    starts: StartSource | None = None
 
     def __post_init__(self) -> None:
         self.even = tuple(entries for entries in self.even if self._is_even(entries))
@@ -71,8 +87,8 @@ class NewtonKernel:
         """Return the solutions for columns of a (k, n): z (m, n), converged (n,), singular (n,).
 
         Continues along the straight line from a0 to a, in as few steps as contraction allows, usually one. A column
-        that cannot be reached is NaN. If a guess (m, n) is so near that every correction contracts, its solution is
-        used instead.
+        that cannot be reached is tried from other `starts`, and is NaN without a solution. If a guess (m, n) is so near
+        that every correction contracts, its solution is used instead.
         """
         n = a.shape[1]
         parts = [
@@ -125,8 +141,24 @@ class NewtonKernel:
             alive[rows[~good]] &= step[rows[~good]] >= SHORTEST_STEP
         converged = alive & (done >= 1.0)
         z[:, ~converged] = np.nan
-        singular = np.zeros(n, dtype=bool)
-        ok = np.flatnonzero(converged)
+        blocked = np.zeros(n, dtype=bool)
+        if self.starts is not None:
+            guessed = np.zeros(n, dtype=bool) if guess is None else np.all(np.isfinite(guess), axis=0) & converged
+            rows = np.flatnonzero(self.starts.wanted(z) & ~guessed & np.all(np.isfinite(a), axis=0))
+            others = self.starts.guesses(a[:, rows])
+            corrected, good = self._correct(others, a[:, rows])
+            z[:, rows[good]] = corrected[:, good]
+            converged[rows[good]] = True
+            # a pose was found, but corrections do not contract there
+            slow = np.flatnonzero(~good & np.all(np.isfinite(others), axis=0) & ~converged[rows])
+            if slow.size:
+                _, jacobian = self._evaluate(others[:, slow], a[:, rows[slow]])
+                s = np.linalg.svd(jacobian * self.scale, compute_uv=False)
+                near = slow[s[:, -1] <= NEARLY_SINGULAR * s[:, 0]]
+                z[:, rows[near]], blocked[rows[near]] = others[:, near], True
+                converged[rows[near]] = True
+        singular = blocked
+        ok = np.flatnonzero(converged & ~blocked)
         if ok.size:
             _, jacobian = self._evaluate(z[:, ok], a[:, ok])
             singular[ok] = is_singular(jacobian * self.scale)

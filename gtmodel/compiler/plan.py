@@ -13,11 +13,14 @@ from .._pickling import Portable
 from ..lang.source import ModelError
 from .alias import AliasResult, eliminate
 from .blocks import Margin, NewtonBlock, SignAnalysis, SolvedBlock, median
-from .branch import RootSigns, check_branches, follow, settle, sides
+from .branch import RootSigns, check_branches, follow, open_loops, settle, sides
 from .consistency.home import Moved, home_of, moved, starts_of
 from .consistency.points import Sampler
+from .degrees_of_freedom import counting_freedom
 from .flat import FlatEquation, FlatModel
-from .graph import strong_components
+from .graph import largest_matching, strong_components
+from .known_chain import CLOSED, KnownChain, known_chain
+from .known_poses import KnownPose, known_pose
 from .relevance import KnownCondition, condition_block, conditions_on, needed, set_apart
 from .solving import solve_block
 from .states import Stage, choose
@@ -44,8 +47,9 @@ class CausalPlan(Portable):
     the parameters in the blocks. `conditions` are equations among the elements of one known variable; `on_known` are
     these and their derivatives up to the order of the inputs. `undetermined` variables have too few equations, but no
     target needs them. `moved` are start values that do not satisfy the equations. `sides` are margins that check the
-    branch of Newton's solutions. `numbers`: for a plan with symbolic parameters, the plan with numeric ones, which
-    determines how large inputs may be.
+    branch of Newton's solutions, and the constraints that were dropped. `chain`: the chain of joints whose pose is
+    known; `singular`: the start values of its joints are singular for Newton's method. `numbers`: for a plan with
+    symbolic parameters, the plan with numeric ones, which determines how large inputs may be.
     """
 
     flat: FlatModel
@@ -68,6 +72,8 @@ class CausalPlan(Portable):
     moved: list[Moved] = field(default_factory=list)
     sides: list[Margin] = field(default_factory=list)
     numbers: CausalPlan | None = None
+    chain: KnownChain | None = None
+    singular: bool = False
 
     @property
     def newton(self) -> list[NewtonBlock]:
@@ -96,6 +102,7 @@ def make_plan(
     fold: ca.SX | None = None,
     at: tuple[np.ndarray, float] | None = None,
     apart: Collection[int] = (),
+    chains: bool = True,
 ) -> CausalPlan:
     """Make the plan of one causality.
 
@@ -110,6 +117,7 @@ def make_plan(
         at: one consistent point over the plan's `pairs`, and its time; states and branches are chosen there,
             regardless of declarations. The simulation uses it to switch states during a run.
         apart: indices of variables that are left out together with their equations.
+        chains: solve chains of joints whose pose is known in closed form if that is possible.
 
     Raises ModelError for a system that is not square, redundant, singular or without a consistent point.
     """
@@ -119,38 +127,73 @@ def make_plan(
             "sides, or a smooth function",
             flat.events.modes[0].where,
         )
-    check_branches(flat, branches or {})
-    posed = _posed(flat, known, targets, prefer, apart)
+    with counting_freedom(flat, known):
+        posed = _posed(flat, known, targets, prefer, apart)
+    flat = posed.flat
+    model = flat.source or flat
     sampler, samples, changed = _located(posed, at)
     folded = posed.derivatives if fold is None else folded_into(flat, posed.derivatives, fold)
     system = system_of(flat, posed.structure, folded)
     jacobians = _jacobians(posed, sampler, samples)
-    stages = choose(
-        flat,
-        posed.structure,
-        jacobians,
-        frozenset(posed.alias.resolve(i, 0)[1] for i in prefer),
-        set(zip(*system.sparsity().get_triplet(), strict=True)),  # entries that are not identically zero
-    )
+    with counting_freedom(flat, known):
+        stages = choose(
+            flat,
+            posed.structure,
+            jacobians,
+            frozenset(posed.alias.resolve(i, 0)[1] for i in prefer),
+            set(zip(*system.sparsity().get_triplet(), strict=True)),  # entries that are not identically zero
+        )
     order = _ordered(posed, stages, folded, rates)
     signs = SignAnalysis(flat, sampler, samples)
-    blocks = [
-        solve_block(flat, posed.structure, folded, c, order.unknown_of, signs, order.uses(flat, c))
-        for c in order.components
-    ]
-    read, on_known = _read(posed, order, fold, sampler, samples)
+
+    def solved(order: _Order) -> list[SolvedBlock]:
+        pose = posed.pose is not None
+        return [
+            solve_block(flat, posed.structure, folded, c, order.unknown_of, signs, order.uses(flat, c), pose)
+            for c in order.components
+        ]
+
+    blocks = solved(order)
+    chain = None
+    if chains and any(b.newton for b in blocks) and at is None:
+
+        def forward(joints: Sequence[int], wanted: Sequence[Pair]) -> CausalPlan:
+            return make_plan(model, joints, wanted, fold=fold, chains=False)
+
+        chain = known_chain(model, posed.alias, known, forward, fold)
+        block = None if chain is None else chain.solved
+        shorter = None if chain is None or block is None else order.without(posed, chain, folded)
+        if block is not None and shorter is not None:
+            order = shorter
+            blocks = [block, *solved(order)]
+    check_branches(flat, blocks, branches or {})
+    closed = bool(blocks) and blocks[0].kind == CLOSED
+    read, on_known = _read(posed, order, fold, sampler, samples, chain if closed else None)
     if on_known:
-        blocks.insert(0, condition_block(on_known))
+        blocks.insert(0, condition_block(on_known, posed.pose.reflections() if posed.pose else ()))
+    if posed.pose is not None and not closed:
+        blocks += posed.pose.condition_blocks(posed.alias, any(b.newton for b in blocks))
+    newton = [b.newton for b in blocks if b.newton is not None]
+    if chain is not None and not closed and not chain.is_solved_by(newton):
+        chain = None
+    regular: dict[Pair, float] = {}
+    if chain is not None and not closed:
+        blocks.append(chain.newton_margins())
+        regular = chain.regular_starts(sampler, samples)
+    if regular:
+        sampler = replace(sampler, starts={**sampler.starts, **regular})
+        samples = sampler.points(SAMPLE_POINTS)
     computed = [folded[i][m] for c in order.components for i, m in c] + [c.residual for c in on_known]
     plan = CausalPlan(
         flat=flat, alias=posed.alias, structure=posed.structure, stages=stages, known=list(known),
         states=order.states, inputs=sorted(read), blocks=blocks, pairs=posed.pairs, samples=samples,
         uses_time=_holds_time(flat, computed), parameters=flat.p if fold is None else fold, sampler=sampler,
         system=system, conditions=posed.conditions, on_known=on_known, undetermined=posed.undetermined, moved=changed,
+        chain=chain, singular=bool(regular),
     )  # fmt: skip
     if at is None:
         plan = settle(plan, sampler, branches or {})
-        plan = replace(plan, sides=sides(plan, sampler))
+        plan = replace(plan, sides=[*sides(plan, sampler), *open_loops(plan)])
     else:
         plan = follow(plan, sampler)
     return _with_sizes(plan, sampler)
@@ -170,15 +213,18 @@ class _Posed:
     pairs: list[Pair]
     conditions: list[FlatEquation]
     undetermined: list[int]
+    pose: KnownPose | None
 
 
 def _posed(
     flat: FlatModel, known: Sequence[int], targets: Sequence[Pair], prefer: Sequence[int], apart: Collection[int]
 ) -> _Posed:
+    pose = known_pose(flat, known)
+    flat = flat if pose is None else pose.flat
     alias = eliminate(flat, frozenset([*known, *prefer]), frozenset(apart))
     excluded = {*known, *apart}
     unknowns = [v.index for v in flat.variables if v.index not in alias.removed and v.index not in excluded]
-    wanted = [alias.resolve(*t)[1:] for t in targets]
+    wanted = [alias.resolve(*t)[1:] for t in [*targets, *(pose.read if pose else [])]]
     equations, conditions = set_apart(flat, alias.equations, set(known))
     equations, unknowns, undetermined = needed(flat, equations, unknowns, {i for i, _ in wanted})
     structure = analyse(flat, equations, unknowns, {i for i, _ in wanted})
@@ -188,15 +234,20 @@ def _posed(
     derivatives = differentiate(flat, structure)
     pairs = pairs_of(flat, derivatives, structure, conditions, wanted)
     return _Posed(
-        flat, alias, frozenset(known), wanted, structure, unknowns, derivatives, pairs, conditions, undetermined
+        flat, alias, frozenset(known), wanted, structure, unknowns, derivatives, pairs, conditions, undetermined, pose
     )
 
 
 def _located(posed: _Posed, at: tuple[np.ndarray, float] | None) -> tuple[Sampler, np.ndarray, list[Moved]]:
     """Return the sampler, consistent points (or the point `at`), and the start values that were moved."""
     flat = posed.flat
-    residuals = stage_residuals(flat, posed.structure, posed.derivatives, posed.conditions, posed.pairs)
-    sampler = Sampler(flat, posed.pairs, residuals, starts_of(flat, posed.alias), posed.known)
+    given, pose = posed.known, posed.pose
+    without = () if pose is None else pose.replaced
+    residuals = stage_residuals(flat, posed.structure, posed.derivatives, posed.conditions, posed.pairs, without)
+    if pose is not None:
+        residuals = pose.at_points(posed.alias, residuals, posed.pairs)
+        given -= pose.known  # it follows the joints
+    sampler = Sampler(flat, posed.pairs, residuals, starts_of(flat, posed.alias), given)
     if at is None:
         return _points(sampler, posed.alias)
     sampler.time = at[1]
@@ -218,6 +269,31 @@ class _Order:
     def uses(self, flat: FlatModel, nodes: list[Pair]) -> tuple[tuple[str, ...], ...]:
         """Return the names of all symbols in each equation."""
         return tuple(tuple(flat.symbol_name(*p) for p in (*self.used[n], self.unknown_of[n])) for n in sorted(nodes))
+
+    def without(self, posed: _Posed, chain: KnownChain, folded: list[list[ca.SX]]) -> _Order | None:
+        """Return the order in which the joints of a chain are known; None if the others do not follow from them.
+
+        As many equations are left out as there are joints, and rather those with known values of the pose.
+        """
+        columns = [p for p in self.solver if p not in set(chain.symbols)]
+        place, read = {p: k for k, p in enumerate(columns)}, set(chain.read)
+        inside = {n: (*self.used[n], p) for n, p in self.unknown_of.items()}
+        kept = [n for n, pairs in inside.items() if read.isdisjoint(pairs)]
+        match = list[int]()
+        for n in (None, *[n for n in inside if n not in set(kept)]):
+            trial = [*kept, n] if n else kept
+            matched = largest_matching([[place[p] for p in inside[m] if p in place] for m in trial], len(columns))
+            if -1 not in matched:
+                kept, match = trial, matched
+            if len(match) == len(columns):
+                break
+        if len(match) != len(columns):
+            return None
+        unknown_of = {n: columns[k] for n, k in zip(kept, match, strict=True)}
+        solver = {p: n for n, p in unknown_of.items()}
+        roots = [solver[p] for p in self.wanted if p in solver]
+        used = _users(posed.flat, folded, unknown_of, solver)
+        return _Order(self.states, self.wanted, solver, unknown_of, roots, used, _reached(roots, solver, used))
 
     def reached(self, used: dict[Pair, list[Pair]]) -> list[list[Pair]]:
         """Return the blocks of nodes that the targets need, in order."""
@@ -246,7 +322,7 @@ def _reached(roots: list[Pair], solver: dict[Pair, Pair], used: dict[Pair, list[
 
 
 def _read(
-    posed: _Posed, order: _Order, fold: ca.SX | None, sampler: Sampler, samples: np.ndarray
+    posed: _Posed, order: _Order, fold: ca.SX | None, sampler: Sampler, samples: np.ndarray, closed: KnownChain | None
 ) -> tuple[set[Pair], list[KnownCondition]]:
     """Return the symbols that the unfolded equations read, and the conditions on them.
 
@@ -256,6 +332,8 @@ def _read(
     used = order.used if fold is None else _users(flat, posed.derivatives, order.unknown_of, solver)
     read = {p for c in order.reached(used) for node in c for p in used[node] if p not in solver}
     read |= {p for p in order.wanted if p not in solver}
+    if closed is not None:
+        read = (read - set(closed.symbols)) | set(closed.read)
     on_known = conditions_on(flat, posed.conditions, read, sampler, samples)
     if on_known:
         read |= set().union(*[c.symbols for c in on_known])
@@ -330,9 +408,9 @@ def _jacobians(posed: _Posed, sampler: Sampler, samples: np.ndarray) -> list[np.
 
 def _with_sizes(plan: CausalPlan, sampler: Sampler) -> CausalPlan:
     """Return the plan with typical sizes of the margins at the consistent points; pivots that are negative there change
-    their sign, which saves an operation."""
+    their sign, which saves an operation. Margins of the closed form of a chain are relative to its size already."""
     flat = plan.flat
-    margins = [m for b in plan.blocks for m in b.margins]
+    margins = [m for b in plan.blocks if b.kind != CLOSED for m in b.margins]
     if not margins:
         return plan
     sizes = ca.Function("sizes", [sampler.w, flat.p, flat.scope.time], [ca.vertcat(*[m.expression for m in margins])])
@@ -345,4 +423,5 @@ def _with_sizes(plan: CausalPlan, sampler: Sampler) -> CausalPlan:
         )
         for m, row in zip(margins, values.T, strict=True)
     }
-    return replace(plan, blocks=[replace(b, margins=[sized[id(m)] for m in b.margins]) for b in plan.blocks])
+    blocks = [replace(b, margins=[sized.get(id(m), m) for m in b.margins]) for b in plan.blocks]
+    return replace(plan, blocks=blocks)

@@ -120,14 +120,15 @@ def _own_size(flat: FlatModel, residual: ca.SX, sampler: Sampler, samples: np.nd
     if np.isfinite(constant) and constant > 0:
         return constant
     nominal = max(flat.variables[i].nominal for i, _ in flat.scope.symbols_in(residual))
-    jacobian = [np.linalg.norm(f(w[at], p, time)[1]) for w in samples]
+    jacobian = [np.linalg.norm(f(w[at], p, time)[1].full()) for w in samples]
     values = [max(float(np.linalg.norm(w[at])), nominal) for w in samples]
     size = 0.5 * float(median(np.multiply(jacobian, values)))
     return float(f"{size:.3g}") if np.isfinite(size) and size > 0 else 1.0
 
 
-def condition_block(conditions: Sequence[KnownCondition]) -> SolvedBlock:
-    """Return a block that computes nothing; its margins are negative if the known values violate a condition."""
-    labels = [c.label for c in conditions]
+def condition_block(conditions: Sequence[KnownCondition], more: Sequence[Margin] = ()) -> SolvedBlock:
+    """Return a block that computes nothing; its margins, and `more`, are negative if the known values violate a
+    condition."""
+    labels = list(dict.fromkeys(c.label for c in conditions))
     margins = [Margin("condition", CONDITION_TOLERANCE**2 * c.square - c.residual**2, c.label) for c in conditions]
-    return SolvedBlock("condition", [], labels, [], margins, detail="condition on the known values")
+    return SolvedBlock("condition", [], labels, [], [*margins, *more], detail="condition on the known values")

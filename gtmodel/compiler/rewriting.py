@@ -7,9 +7,14 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 import casadi as ca
 
+from ..lang.source import ModelError
 from .flat import FlatModel
 from .matrices import stacked
 
+CALLED = (
+    "an expression with an external function (gt.external) cannot be rewritten here, since CasADi cannot write out its "
+    "operations; give its value a variable and an equation of its own"
+)
 LARGEST = 50_000  # operations; a pass over a larger expression would take too long
 
 
@@ -53,8 +58,11 @@ def instructions(f: ca.Function) -> list[Instruction]:
         else:
             reads = [latest[i] for i in sources]
             result.append(Instruction(op, reads, target[1]) if op == ca.OP_OUTPUT else Instruction(op, reads))
-        if op != ca.OP_OUTPUT:
-            latest[target[0]] = k
+        if op == ca.OP_CALL:  # one instruction for each value of the called function
+            result += [result[-1]] * (len(target) - 1)
+            latest |= {t: len(result) - len(target) + n for n, t in enumerate(target)}
+        elif op != ca.OP_OUTPUT:
+            latest[target[0]] = len(result) - 1
     return result
 
 
@@ -81,7 +89,9 @@ def walked(read: Sequence[Instruction], symbols: Sequence[ca.SX], forms: Forms[F
 
 
 def applied(op: int, parts: Sequence[ca.SX]) -> ca.SX:
-    """Return the operation with this code applied to expressions."""
+    """Return the operation with this code applied to expressions. Raises ModelError for a call of a function."""
+    if op == ca.OP_CALL:
+        raise ModelError(CALLED)
     return ca.SX.unary(op, *parts) if len(parts) == 1 else ca.SX.binary(op, *parts)
 
 
@@ -92,7 +102,7 @@ def rewritten(expressions: Sequence[ca.SX], rewrite: Rewrite) -> list[ca.SX]:
     if not symbols:
         return list(expressions)
     f = ca.Function("f", [ca.vertcat(*symbols)], [ca.vertcat(*numbers)])
-    outputs = rewrite(instructions(f), symbols) if f.n_instructions() <= LARGEST else None
+    outputs = rewrite(instructions(f), symbols) if f.n_instructions() <= LARGEST and not f.get_function() else None
     if outputs is None:
         return list(expressions)
     results = iter(outputs)

@@ -168,8 +168,9 @@ def status_codes(
 ) -> np.ndarray:
     """Return the status code of each column, from inputs, `iteration` codes, margins (last of results) and outputs.
 
-    The first cause counts. `tolerance`: fraction of the typical size below which a pivot is singular or a branch is
-    left; limits have the precision of the margins. `sizes`: limits of the inputs.
+    The first cause counts, and a condition on known values before an iteration. `tolerance`: fraction of the typical
+    size below which a pivot is singular or a branch is left; limits have the precision of the margins. `sizes`: limits
+    of the inputs.
     """
     n = results[-1].shape[1]
     number = results[-1].dtype.type
@@ -181,7 +182,8 @@ def status_codes(
             else:
                 good = row >= 0
         if not good.all():
-            code[(code == 0) & ~good] = VERDICTS[m.kind]
+            first = code == 0 if m.kind != "condition" else np.isin(code, (0, Status.NOT_CONVERGED, Status.SINGULAR))
+            code[first & ~good] = VERDICTS[m.kind]
     code[(code == 0) & ~_finite(results[:-1], n)] = Status.NOT_FINITE
     if sizes is not None:
         code[~sizes.within(columns)] = Status.OUT_OF_RANGE

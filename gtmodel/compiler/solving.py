@@ -11,6 +11,7 @@ from .matrices import difference, product, quotient, stacked, triplets
 from .quadric import NoClosedForm, eliminate_explicit, solve_nonlinear
 from .rewriting import is_nonsmooth, kinked_in
 from .structure import EquationStructure
+from .tearing import torn
 
 # relative difference of constants below which it is round-off of zero: entries are short decimals, seldom 1e-12
 CANCELLED = 1e-13
@@ -217,8 +218,12 @@ def solve_block(
     unknown_of: dict[Pair, Pair],
     signs: SignAnalysis,
     uses: tuple[tuple[str, ...], ...],
+    pose: bool = False,
 ) -> SolvedBlock:
-    """Solve the block of these nodes (equation, derivative) for their unknowns. uses: see `SolvedBlock`."""
+    """Solve the block of these nodes (equation, derivative) for their unknowns.
+
+    uses: see `SolvedBlock`. pose: a rotation is known, and the block may contain a chain of joints.
+    """
     order = sorted(nodes, key=lambda n: unknown_of[n])  # canonical: by declaration of the unknowns
     rows = sorted(nodes)
     residuals = [derivatives[i][m] for i, m in rows]
@@ -234,15 +239,34 @@ def solve_block(
         assignments, margins, detail, core = solve_linear(residuals, unknowns, jacobian, signs, label)
         kind = "explicit" if len(nodes) == 1 and not margins else "linear"
         return SolvedBlock(kind, names, equations, assignments, margins, [], detail, None, uses, (), core)
+    if pose:
+        preference = [flat.variables[unknown_of[n][0]].prefer for n in order]
+        cut = torn(residuals, unknowns, preference)
+        if cut is not None:
+            return _newton(flat, names, equations, residuals, cut.residuals, cut.unknowns, cut.assignments, uses)
     try:
         assignments, margins, roots, detail = solve_nonlinear(residuals, unknowns, signs, kinked)
     except NoClosedForm:
         reduced, implicit, explicit = eliminate_explicit(residuals, unknowns, signs, True, kinked)
-        scale = np.array([flat.variables[p[0]].nominal for p in map(flat.scope.owner, implicit) if p is not None])
-        labels = [u.name() for u in implicit]
-        detail = f"Newton in {', '.join(labels)}" + (f", {len(explicit)} explicit" if explicit else "")
-        newton = NewtonBlock(implicit, reduced, labels, scale)
         assigned = list(reversed(explicit))
-        return SolvedBlock("Newton", names, equations, assigned, [], [], detail, newton, uses, tuple(residuals))
+        return _newton(flat, names, equations, residuals, reduced, implicit, assigned, uses)
     kind = detail.split(" in ")[0]
     return SolvedBlock(kind, names, equations, assignments, margins, roots, detail, None, uses, tuple(residuals))
+
+
+def _newton(
+    flat: FlatModel,
+    names: list[str],
+    equations: list[str],
+    residuals: list[ca.SX],
+    reduced: list[ca.SX],
+    implicit: list[ca.SX],
+    assigned: Assignments,
+    uses: tuple[tuple[str, ...], ...],
+) -> SolvedBlock:
+    """Return a block for Newton's method: reduced residuals of the implicit unknowns, which determine the others."""
+    scale = np.array([flat.variables[p[0]].nominal for p in map(flat.scope.owner, implicit) if p is not None])
+    labels = [u.name() for u in implicit]
+    detail = f"Newton in {', '.join(labels)}" + (f", {len(assigned)} explicit" if assigned else "")
+    newton = NewtonBlock(implicit, reduced, labels, scale)
+    return SolvedBlock("Newton", names, equations, assigned, [], [], detail, newton, uses, tuple(residuals))

@@ -10,9 +10,12 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ..lang.connect import place_of
 from ..lang.source import ModelError, SourceLocation
 from .flat import FlatEquation, FlatModel
 from .graph import alternating, highest_transversal, largest_matching, neighbours_of, reversed_matching
+from .positions import is_position
+from .trees import loop_of
 
 MAX_SHOWN = 12  # equations named in one message
 
@@ -101,6 +104,8 @@ def _unbalanced(
     sigma: dict[tuple[int, int], int],
 ) -> str:  # fmt: skip
     """Return the message for a system that is not square or cannot be matched; it names the surplus items."""
+    if sentence := _locked(flat, equations, set(unknowns)):
+        return sentence
     rows, cols = overdetermined_and_underdetermined(len(equations), len(unknowns), sigma)
     text = f"{flat.title}: {_count(len(equations), 'equation')} for {_count(len(unknowns), 'unknown')}"
     known = {i for e in equations for i, _ in flat.scope.symbols_in(e.residual)} - set(unknowns)
@@ -123,12 +128,13 @@ def _unbalanced(
             text += f"; {', '.join(absent)} {verb} in no equation: is {missing} missing?"
         inputs = [flat.variables[i] for i in (unknowns[j] for j in cols) if i not in targets]
         lacking, given = len(unknowns) - len(equations), [flat.variables[i] for i in sorted(known)]
-        if not rows and lacking > 0 and any(v.role != "input" for v in given):
+        whole = any(set(flat.groups[n][1]) <= known for n in flat.rotations)  # nine numbers, three degrees of freedom
+        if not rows and lacking > 0 and not whole and any(v.role != "input" for v in given):
             of = ", ".join(dict.fromkeys(v.name.partition("[")[0] for v in given))
             text += f"; known ({of}) has {_count(len(given), 'number')}, and {len(given) + lacking} are needed"
             matrix = _rotation_in(flat, {unknowns[j] for j in cols}) if lacking == 3 else ""
             text += f": name {lacking} more" + (f", such as {_entries(matrix)}" if matrix else "")
-        elif (names := [v.name for v in inputs if v.role == "input"][:6]) and not rows:
+        elif (names := [v.name for v in inputs if v.role == "input"][:6]) and not rows and not whole:
             text += f"; name the inputs that are known: known=[{', '.join(map(repr, names))}]"
     if not equations and (slips := difflib.get_close_matches("equations", vars(type(flat.root)), n=1)):
         text += f"; {type(flat.root).__name__}.{slips[0]}() is never called; rename it to equations()"
@@ -141,6 +147,31 @@ def _unbalanced(
     if loose := _unconnected(flat):
         text += f"; unconnected ports, whose flows are 0: {', '.join(loose[:6])}"
     return text
+
+
+def _locked(flat: FlatModel, equations: list[FlatEquation], unknowns: set[int]) -> str:
+    """Return a sentence if more positions are known than a closed mechanism has degrees of freedom, else ""."""
+    mobility, closings = flat.loops.mobility, flat.loops.closings
+    if mobility is None or not closings:
+        return ""
+    shown = [f"{loop_of(c.component, c.cut)} ({place_of(c.component)})" for c in closings]
+    where = f"loop{'s' if len(shown) > 1 else ''} {', '.join(shown[:4])}{', ...' if len(shown) > 4 else ''}"
+    if mobility == 0:
+        return f"{flat.title}: its mobility is 0: the mechanism is locked by the {where}; free a joint or a length"
+    known = {i for e in equations for i, _ in flat.scope.symbols_in(e.residual)} - unknowns
+    given = [flat.variables[i].name for i in sorted(known) if is_position(flat.variables[i])]
+    names, surplus = ", ".join(given[:6]), len(equations) - len(unknowns)
+    if len(given) <= mobility and 0 < surplus <= len(given):
+        return (
+            f"{flat.title}: {names} {'is' if len(given) == 1 else 'are'} known, and {_count(surplus, 'motor')} too few "
+            f"to move the {where}: connect a motor, whose force follows"
+        )
+    if len(given) <= mobility:
+        return ""
+    return (
+        f"{flat.title}: {len(given)} positions are known ({names}), and the mobility is {mobility} with the {where}; "
+        f"name {mobility} of them"
+    )
 
 
 def _rotation_in(flat: FlatModel, variables: Collection[int]) -> str:
@@ -290,11 +321,15 @@ def stage_residuals(
     derivatives: list[list[ca.SX]],
     conditions: list[FlatEquation],
     pairs: list[Pair],
+    without: Collection[str] = (),
 ) -> list[ca.SX]:
-    """Return the residuals of each stage, positions first, including the conditions on known values."""
+    """Return the residuals of each stage, positions first, including the conditions on known values; without the
+    equations of these labels."""
     c = structure.c
+    rows = [i for i, e in enumerate(structure.equations) if e.label not in without]
+    conditions = [e for e in conditions if e.label not in without]
     stages = [
-        ca.vertcat(*[derivatives[i][c[i] + k] for i in range(len(c)) if c[i] + k >= 0])
+        ca.vertcat(*[derivatives[i][c[i] + k] for i in rows if c[i] + k >= 0])
         for k in range(-int(structure.d.max(initial=0)), 1)
     ]
     return [r for r in _with_conditions(flat, stages, conditions, pairs) if r.numel()]

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..geometry.rotations import within_pi
+from ..geometry.chains import postures
+from ..geometry.rotations import rotation_about, within_pi
+from ..kinematics import chain_of
 from ..kinematics.section import SectionPlane
-from ..kinematics.wrist_partition import WristPartition
 from ..lang import Model
 from ..results import ArgumentError, Status
 from .options import ArmSprings, Load
@@ -174,26 +175,27 @@ class SprungArm:
         self.compliance = 1 / np.asarray(arm.joint)
         self.tool = np.asarray(arm.tool)
         q = np.array([arm.pose])
+        self.chain = chain_of(model, named=True)
+        if abs(self.chain.axes[0, 2]) < 1 or self.chain.axes[1, 2]:
+            raise ArgumentError("expected an arm such as kr500, with axis 1 vertical and axis 2 horizontal", "robot")
         try:
-            self.partition = WristPartition.of(model.origins, model.axes)  # pyright: ignore[reportAttributeAccessIssue]
             nominal = arm_poses(model, q, arm.tool)
         except (AttributeError, ValueError) as error:
             raise ArgumentError(f"expected a serial arm such as kr500; {error}", "robot") from error
         self.R = nominal.R[0]
         self.limits = getattr(model, "joint_limits", None)
         self.home = nominal.T[0] if pose is None else np.asarray(pose, float)
-        branches = self.partition.inverse(nominal.T - self.R @ self.tool, self.R[None]).q[0]
+        branches = postures(self.chain, nominal.T - self.R @ self.tool, self.R).q[0]
         self.branch = int(np.nanargmin(np.abs(within_pi(branches - q[0])).sum(axis=1)))
-        across = np.array([np.cos(-q[0, 0]), np.sin(-q[0, 0]), 0.0])
+        across = rotation_about(self.chain.axes[0], q[0, 0]) @ np.cross(self.chain.axes[1], [0.0, 0.0, 1.0])
         normal = np.cross(across, [0.0, 0.0, 1.0])
         self.section = SectionPlane((self.home @ normal) * normal, across, np.array([0.0, 0.0, 1.0]), normal)
         self.marks = np.zeros((0, 2))
 
     @property
     def window(self) -> tuple[Array, Array]:
-        reach = sum(self.partition.reach[1:]) + abs(self.partition.base[0]) + self.partition.flange
-        reach += float(np.linalg.norm(self.tool))
-        return np.array([0.0, self.partition.base[1] - reach]), np.array([reach, self.partition.base[1] + reach])
+        reach, height = self.chain.size + float(np.linalg.norm(self.tool)), self.chain.points[1, 2]
+        return np.array([0.0, height - reach]), np.array([reach, height + reach])
 
     @property
     def assumptions(self) -> list[str]:
@@ -207,7 +209,7 @@ class SprungArm:
     def __call__(self, T: Array) -> ComplianceAtPoses:
         T = np.atleast_2d(np.asarray(T, float))
         n = len(T)
-        branches = self.partition.inverse(T - self.R @ self.tool, np.tile(self.R, (n, 1, 1)))
+        branches = postures(self.chain, T - self.R @ self.tool, np.tile(self.R, (n, 1, 1)))
         q, status = branches.q[:, self.branch], branches.status[:, self.branch]
         reason = ["" if code == Status.OK else Status(int(code)).message for code in status]
         if self.limits is not None:

@@ -37,6 +37,7 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
+    from .alignment import corrected as corrected
     from .base_parameters import BaseRegressor as BaseRegressor
     from .bodies import (
         ConsistentInertias as ConsistentInertias,
@@ -102,7 +103,6 @@ if TYPE_CHECKING:
         Processing as Processing,
         SyntheticLog as SyntheticLog,
     )
-    from .recordings import corrected as corrected
     from .regressor import Regressor as Regressor, RegressorRows as RegressorRows
     from .repeated_fits import (
         LeftOutInTurn as LeftOutInTurn,

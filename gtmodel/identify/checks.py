@@ -23,6 +23,7 @@ from ..measurements.inspection.data_tests import Data, tested
 from ..results import Check, at_least, at_most
 from ..results.estimate import half_width
 from ..results.suspicion import accepted_checks, suspicion_checks
+from .delay import MATTERS
 from .inertia import Identification, Validation
 from .recordings import Recordings, Request
 from .repeated_fits import Repeated
@@ -94,6 +95,7 @@ def exchanged_efforts(identification: Identification) -> Compared | None:
     return columns_compared(rows.targets, rows.effort, squares_of, n * m - Q.shape[1])
 
 
+TINY = np.finfo(float).tiny
 BALANCE = 1e-3  # of the absolute work: largest energy imbalance of a log
 DEVIATIONS = 4.0  # or as many standard deviations of the work, from noise and parameter errors
 ONE_SIGN = 0.98  # of a column's absolute work: friction, up to what the filter rounds off at reversals
@@ -197,12 +199,118 @@ def work_of(identification: Identification, rows: Rows | None = None) -> Mechani
     )
 
 
+@dataclass(frozen=True)
+class BeyondBound:
+    """How far the data push a parameter beyond its bound, zero.
+
+    `name` is the parameter whose unbounded estimate is most standard deviations below zero, by `deviations` of them;
+    `value` is that estimate, `unit` its unit. If all true values are at zero or above, `deviations` exceeds `bound`
+    with a probability of FALSE_ALARM at most.
+    """
+
+    name: str
+    value: float
+    unit: str
+    deviations: float
+    bound: float
+
+    @property
+    def passed(self) -> bool:
+        return self.deviations <= self.bound
+
+    @property
+    def message(self) -> str:
+        return (
+            f"{self.name} is held at 0, but the data say {self.value:.3g} {self.unit}, {self.deviations:.3g} standard "
+            "deviations below it: check the sign of effort and position, the frame (is gravity the other way round?) "
+            "and the order of the channels; if it may be negative, leave it out of nonnegative"
+        )
+
+
+def beyond_bound(identification: Identification) -> BeyondBound | None:
+    """Test whether the data push a parameter beyond its bound; None if no parameter is held at zero.
+
+    The test is one-sided, Student's t of the fit without bounds, at the level FALSE_ALARM shared by all parameters
+    (Bonferroni): it is least favourable if all true values are zero.
+
+    >>> class Cart(gt.Model):  # gravity along the slope, which the model takes as downhill
+    ...     m, f = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="N")
+    ...     q, tau = gt.variable(unit="m"), gt.variable(unit="N")
+    ...     def equations(self):
+    ...         yield self.tau == self.m * gt.der(gt.der(self.q)) + self.f
+    >>> time = 0.004 * np.arange(2000)
+    >>> q = gt.identify.multisine(time, np.zeros(1), np.array([0.2]), np.array([0.5, 1.1]), seed=1)[:, 0]
+    >>> log = gt.identify.LogSimulator(Cart(f=-5.0), q).draw(1, gt.identify.Sensors(effort_noise=0.5))
+    >>> s = gt.identify.study(Cart(), log, ["m", "f"])
+    >>> s.status.name, s.checks["deviations_beyond_bound"].passed, s.at_bound
+    ('CHECK_FAILED', False, ['f'])
+    """
+    e, free = identification.estimate, identification.unbounded
+    if not e.held:
+        return None
+    std, tests = dict(zip(free.names, free.std, strict=True)), len(free.names)
+    pushed = {n: -free.value(n) / max(std[n], TINY) for n in e.held if n in std}
+    name = max(pushed, key=lambda n: pushed[n])
+    rows = identification.rows
+    return BeyondBound(
+        name, free.value(name), rows.units[rows.names.index(name)], pushed[name],
+        half_width(1 - 2 * FALSE_ALARM / tests, free.degrees_of_freedom),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class HalfCutoff:
+    """Comparison of a fit with that at half its cut-off frequency, which sees less noise of the position.
+
+    `name` is the free parameter that moves most, by `moves` of its standard deviations, relative to `bound`: one, or
+    what chance explains with a probability of FALSE_ALARM, shared by all parameters. `advised` is a cut-off [Hz] to
+    set instead.
+    """
+
+    name: str
+    moves: float
+    bound: float
+    cutoff: float
+    advised: float
+
+    @property
+    def passed(self) -> bool:
+        return self.moves <= self.bound
+
+    @property
+    def message(self) -> str:
+        return (
+            f"at half the cut-off of {self.cutoff:.3g} Hz, {self.name} would move by {self.moves:.3g} standard "
+            "deviations: noise or jitter of the position biases it, or the model lacks an effect; set cutoff_Hz of the "
+            f"filter to {self.advised:.2g} (in Python, cutoff)"
+        )
+
+
+def half_cutoff(identification: Identification, half: Identification, advised: float) -> HalfCutoff | None:
+    """Compare a fit with that at half its cut-off, as Hausman 1978 (Econometrica 46) compares two estimators.
+
+    The larger of the two variances stands for that of the difference, which is smaller. None if the fits have no
+    parameter in common. `advised` is the cut-off of the advice [Hz].
+    """
+    e, other, signed = identification.estimate, half.estimate, identification.rows.signed
+    names = [n for n in e.names if n in other.names and n not in signed]
+    if not names:
+        return None
+    std, wide = (np.array([x.std[x.names.index(n)] for n in names]) for x in (e, other))
+    change = np.abs([other.value(n) - e.value(n) for n in names])
+    most = half_width(1 - FALSE_ALARM / len(names), other.degrees_of_freedom)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        moves = np.where(std > 0, change / std, 0.0)
+        bounds = np.maximum(MATTERS, most * np.where(std > 0, np.maximum(wide / std, 1.0), 0.0))
+    worst = int(np.argmax(moves / bounds))
+    return HalfCutoff(names[worst], float(moves[worst]), float(bounds[worst]), identification.rows.cutoff_Hz, advised)
+
+
 LOOK = "the notes say what to look at"
 READ = f"{LOOK}; if the data are right, name the alarm in accept"
 UNEXPLAINED = 0.5  # rms of the residuals over rms of the effort: above, the model does not belong to the log
 FAR = 300.0  # times the nominal value: a unit off by a factor of 1000, not a payload
 SATURATED = 0.02  # of the samples at the largest or smallest reading: noise alone does not stay there
-TINY = np.finfo(float).tiny
 PILED = 5.0  # times as many samples as at the next reading: a coarse reading of a smooth peak has up to 2.5
 
 
@@ -212,6 +320,7 @@ def judged(
     identification: Identification,
     validation: Validation | None,
     repeated: Repeated | None,
+    half: HalfCutoff | None,
 ) -> tuple[dict[str, Check], list[str]]:
     """Checks by name, and notes on suspected errors of the log: signs, units, order of columns, saturation."""
     rows, notes = identification.rows, list[str]()
@@ -250,8 +359,13 @@ def judged(
     delay = identification.delay
     if delay is not None:
         checks["delay_moves_a_parameter"] = Check(delay.moves, delay.bound, READ, judged=delay.passed)
+    if half is not None:
+        checks["cutoff_moves_a_parameter"] = at_most(half.moves, half.bound, half.message)
     if order is not None:
         checks["exchanged_columns"] = Check(order.ratio, order.bound, READ, judged=order.passed)
+    beyond = beyond_bound(identification)
+    if beyond is not None:
+        checks["deviations_beyond_bound"] = at_most(beyond.deviations, beyond.bound, beyond.message)
     far = _far_off(identification, request.regressor.base)
     checks["parameters_far_off"] = at_most(float(len(far)), 0.0, READ)
     saturated = _piled(data, request.how.targets)
@@ -281,7 +395,8 @@ def _far_off(identification: Identification, base: Sequence[str]) -> list[str]:
     rows, e = identification.rows, identification.estimate
     sized = np.where(negligible(rows.nominal, rows.units), 0.0, rows.nominal)
     nominal = dict(zip(rows.names, sized, strict=True))
-    nonzero = [n for n in e.names if nominal[n] and n not in base and e.interval(n)[0] * e.interval(n)[1] > 0]
+    inner = [n for n in e.names if n not in base and n not in rows.signed]
+    nonzero = [n for n in inner if nominal[n] and e.interval(n)[0] * e.interval(n)[1] > 0]
     ratios = {n: abs(e.value(n) / nominal[n]) for n in nonzero}
     far = [n for n in nonzero if ratios[n] > FAR] or (nonzero if nonzero and max(ratios.values()) < 1 / FAR else [])
     if not far:

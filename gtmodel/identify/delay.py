@@ -101,7 +101,9 @@ def delay_of(identification: Identification) -> Delay | None:
         covariance = newey_west(J, residuals, starts=rows.starts)
     else:
         covariance = white(J.reshape(-1, k), float(np.sum(residuals**2)) / degrees_of_freedom, scale=1 / scale)
-    std = np.sqrt(np.diag(covariance))
+    # the larger of two: noise that grows with the speed is not white although its autocorrelation is
+    robust = newey_west(J, residuals, starts=rows.starts, lags=0)
+    std = np.sqrt(np.maximum(np.diag(covariance), np.diag(robust)))
     if not std[-1] > 0:  # efforts without noise
         return None
     # relative to the intervals of the result

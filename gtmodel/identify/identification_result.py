@@ -60,6 +60,9 @@ class IdentificationStudy(Study):
     ] = None
     row_count: Annotated[int | None, Quantity("", "fitted rows", key="rows")] = None
     dropped_share: Annotated[float | None, "share of the samples dropped near standstill"] = None
+    rows_left_out: Annotated[
+        int | None, "rows of the logs dropped because they lack a number, are late or repeat, or lie between gaps"
+    ] = None
     cutoff: Annotated[float | None, Quantity("Hz", "of the zero-phase low pass")] = None
     condition: Annotated[
         float | None,

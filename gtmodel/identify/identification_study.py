@@ -14,11 +14,12 @@ import tomli_w
 from ..inference import autocorrelation
 from ..lang import Model, ModelError
 from ..measurements import Session, Signal
+from ..measurements.log import left_out as left_out_rows
 from ..results import ArgumentError, SolveStatus, Trajectory, TrajectoryError, Work, naming
 from ..results.work import WorkOptions, study_function
 from ..robots import SerialArm
 from .bodies import bodies_of
-from .checks import judged
+from .checks import HalfCutoff, half_cutoff, judged
 from .closed_loop import ClosedLoopRun, follow, within_bound
 from .gains import fit_with_gains, with_gains, with_payloads
 from .identification_result import IdentificationStudy
@@ -34,7 +35,7 @@ from .repeated_fits import (
     leave_out_in_turn,
     repeat_identification,
 )
-from .rows import Rows, rows_of, with_offsets
+from .rows import Rows, cutoff_of, rows_of, with_offsets
 
 LAGS = 40  # of the drawn autocorrelation
 
@@ -45,6 +46,7 @@ def assembled_study(
     identification: Identification,
     validation: Validation | None,
     *,
+    half: HalfCutoff | None = None,
     repeated: Repeated | None = None,
     loop: ClosedLoop | None = None,
     runs: Sequence[ClosedLoopRun] = (),
@@ -54,7 +56,7 @@ def assembled_study(
     """The result of a fit."""
     e, rows, title, parameters = identification.estimate, identification.rows, request.title, identification.numbers
     compared = {name: number for name, number in request.published.items() if name in parameters}
-    checks, suspicions = judged(request, data, identification, validation, repeated)
+    checks, suspicions = judged(request, data, identification, validation, repeated, half)
     bodies = bodies_of(request, identification)
     full_title = (title or "identification") + (" (synthetic)" if rows.synthetic else "")
     stopped = repeated is not None and repeated.runs.interrupted
@@ -63,7 +65,6 @@ def assembled_study(
         c = repeated.coverage
         hits = {n: int(h) for n, h in zip(c.names, c.hits, strict=True)}
         coverage = {"runs": c.runs, "hits": hits, "pooled": c.pooled, "band": list(c.band)}
-    fixed_corrections = ", ".join(data.corrections)
     return IdentificationStudy(
         status=SolveStatus.INTERRUPTED if stopped else SolveStatus.SOLVED,
         message=f"{len(e.names)} parameters from {len(rows)} rows",
@@ -84,6 +85,7 @@ def assembled_study(
         left_out_in_turn=None if left_out is None else left_out.rms,
         row_count=len(rows),
         dropped_share=rows.dropped,
+        rows_left_out=sum(left_out_rows(s.trajectory for s in (*data.fitted, *data.held_out)).values()),
         cutoff=rows.cutoff_Hz,
         condition=identification.identifiability.condition,
         left_out={", ".join(t.names): t.p for t in identification.left_out},
@@ -98,7 +100,6 @@ def assembled_study(
             *identification.notes,
             *([recordings.apart.message] if recordings is not None and recordings.apart is not None else []),
             *bodies.notes,
-            *([f"the intervals treat the estimated {fixed_corrections} as known"] if fixed_corrections else []),
         ],
         synthetic=rows.synthetic,
         published={name: parameters[name] / number - 1 for name, number in compared.items() if number}
@@ -238,7 +239,7 @@ def study(
     >>> log = gt.identify.LogSimulator(Axis(), q).draw(1, gt.identify.Sensors(effort_noise=0.5))
     >>> s = gt.identify.study(Axis(), log, ["m", "d", "c"])
     >>> s.status.ok, {name: round(value, 1) for name, value in s.parameters.items()}
-    (True, {'m': 2.0, 'd': 4.9, 'c': 3.0})
+    (True, {'m': 2.0, 'd': 5.0, 'c': 3.0})
     """
     work = Work(**work_options)
     request = request_of(robot, free, fitting, processing, published, work.title, work)
@@ -246,12 +247,12 @@ def study(
     _check_inputs(closed_loop, data)
     if work.interrupted():
         return _stopped(work.title)
-    identification, validation = _fitted(request, data, "log")
+    identification, validation, half = _fitted(request, data, "log")
     runs: list[ClosedLoopRun] = []
     if closed_loop is not None:
         runs = follow(closed_loop, identification.numbers, data.fitted + data.held_out, *request.names, work)
     return assembled_study(
-        request, data, identification, validation, loop=closed_loop, runs=runs,
+        request, data, identification, validation, half=half, loop=closed_loop, runs=runs,
         recordings=_each(request, data, identification, validation), left_out=_in_turn(request, identification),
     )  # fmt: skip
 
@@ -302,9 +303,9 @@ def synthetic_study(
     data = synthetic_recordings(request, plant or robot, synthetic, motion)
     if work.interrupted():
         return _stopped(work.title)
-    identification, validation = _fitted(request, data, "synthetic")
+    identification, validation, half = _fitted(request, data, "synthetic")
     return assembled_study(
-        request, data, identification, validation, repeated=_repeated(request, data, synthetic),
+        request, data, identification, validation, half=half, repeated=_repeated(request, data, synthetic),
         left_out=_in_turn(request, identification),
     )  # fmt: skip
 
@@ -345,7 +346,9 @@ def _check_inputs(loop: ClosedLoop | None, data: Recordings) -> None:
                 raise ArgumentError(f"'{session.name}' has no signal '{name}'", "closed_loop.inputs")
 
 
-def _fitted(request: Request, data: Recordings, place: str) -> tuple[Identification, Validation | None]:
+def _fitted(
+    request: Request, data: Recordings, place: str
+) -> tuple[Identification, Validation | None, HalfCutoff | None]:
     request.work.progress("fitting", 0.3)
     how, processing = request.how, request.processing
 
@@ -359,29 +362,55 @@ def _fitted(request: Request, data: Recordings, place: str) -> tuple[Identificat
     def prepared(rows: Rows, point: tuple[np.ndarray, np.ndarray] | None, per_session: bool) -> Rows:
         if point is not None:
             rows = with_gains(rows, how.targets, *point, free=data.gains)
-        return rows if data.offsets is None else with_offsets(rows, how.targets, per_session=per_session)
+        if data.offsets is None:
+            return rows
+        return with_offsets(rows, how.targets, per_session=per_session, drift=how.drift)
 
-    def fit(rows: Rows) -> Identification:
+    def fit_once(rows: Rows) -> Identification:
         return identify(rows, [*request.free, *rows.signed], nonnegative=request.nonnegative, confidence=how.confidence)
 
-    count, masses, point = len(data.fitted), how.payloads or [], None
-    with naming(place, ModelError, TrajectoryError):
-        rows = rows_from(data.fitted, processing, masses[:count])
-        per_session = data.offsets == "session"
+    def fit(rows: Rows) -> Identification:
+        if not data.alignments:
+            return fit_once(rows)
+        (alignment, values), first = data.alignments[0], fit_once(rows).parameters
+        return fit_once(alignment.with_columns(rows, values, first[: request.regressor.size]))
+
+    count, masses, per_session = len(data.fitted), how.payloads or [], data.offsets == "session"
+
+    def fit_whole(rows: Rows) -> tuple[Identification, tuple[np.ndarray, np.ndarray] | None]:
+        loaded = any(masses[:count])
         if data.gains:
             # of an arm only a payload is known well enough: its friction, even if fixed, is no measure of its gains
-            known = any(masses[:count]) if request.regressor.base else bool(np.any(rows.y0))
-            identification, point = fit_with_gains(rows, lambda r, at: prepared(r, at, per_session), fit, known=known)
-        else:
-            identification = fit(prepared(rows, None, per_session))
-            if any(masses[:count]):  # the payload shows errors of the fixed gains: test for them
-                point = identification.parameters[: len(rows.names)], np.ones(len(rows.targets))
-                identification = fit(prepared(rows, point, per_session))
-        if not data.held_out:
+            known = loaded if request.regressor.base else bool(np.any(rows.y0))
+            return fit_with_gains(rows, lambda r, at: prepared(r, at, per_session), fit, known=known)
+        identification = fit(prepared(rows, None, per_session))
+        if not loaded:
             return identification, None
+        # the payload shows errors of the fixed gains: test for them
+        point = identification.parameters[: len(rows.names)], np.ones(len(rows.targets))
+        return fit(prepared(rows, point, per_session)), point
+
+    def compared_cutoffs(rows: Rows, identification: Identification) -> HalfCutoff | None:
+        lower = replace(processing, cutoff=rows.cutoff_Hz / 2, every=None)
+        try:
+            half, _ = fit_whole(rows_from(data.fitted, lower, masses[:count]))
+            usual = cutoff_of(data.fitted, how.known)
+        except (ModelError, TrajectoryError):  # too short for it
+            return None
+        return half_cutoff(identification, half, usual if usual < 0.8 * rows.cutoff_Hz else rows.cutoff_Hz / 2)
+
+    with naming(place, ModelError, TrajectoryError):
+        rows = rows_from(data.fitted, processing, masses[:count])
+        identification, point = fit_whole(rows)
+        half = compared_cutoffs(rows, identification)
+        if not data.held_out:
+            return identification, None, half
         fixed = replace(processing, cutoff=rows.cutoff_Hz, every=rows.every)
         unseen = prepared(rows_from(data.held_out, fixed, masses[count:]), point, False)
-        return identification, identification.validate(unseen)
+        if data.alignments:
+            alignment, values = data.alignments[1]
+            unseen = alignment.with_columns(unseen, values, identification.parameters[: request.regressor.size])
+        return identification, identification.validate(unseen), half
 
 
 def _repeated(request: Request, data: Recordings, s: SyntheticLog) -> Repeated | None:

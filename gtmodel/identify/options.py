@@ -23,6 +23,8 @@ LogAlarm = Literal[
     "parameters_far_off",
     "saturated_share",
     "delay_moves_a_parameter",
+    "cutoff_moves_a_parameter",
+    "deviations_beyond_bound",
     EveryAlarm,
 ]
 MASK_STEPS = 3.0  # quantisation steps per sample: below, the sign of a velocity is unknown
@@ -38,7 +40,7 @@ class Processing(Options):
     """
 
     cutoff: Annotated[
-        float | None, Unit("Hz"), Within(above=0.0), "default: 2.5 times the excitation band"
+        float | None, Unit("Hz"), Within(above=0.0), "default: 2.5 times the band in which the motion exceeds the noise"
     ] = None  # fmt: skip
     order: Annotated[int, Within(least=1), "of the Butterworth filter"] = 4
     every: Annotated[
@@ -86,6 +88,9 @@ class Fitting(Options):
         Literal["auto", "white", "newey_west"],
         "assumption of the intervals about the residuals; auto takes newey_west if they are coloured",
     ] = "auto"
+    drift: Annotated[
+        bool, 'whether the estimated offsets of the efforts (offset = "estimate") drift linearly over each recording'
+    ] = False  # fmt: skip
     folds: Annotated[
         int | None, Within(least=2),
         "number of blocks for cross-validation, each predicted by a fit without it; as many as rows leaves one out",
@@ -93,7 +98,8 @@ class Fitting(Options):
     accept: Annotated[
         list[LogAlarm],
         "alarms about how the log was read that become notes, not failures: unexplained_share, work_of_friction, "
-        "exchanged_columns, parameters_far_off, saturated_share, delay_moves_a_parameter, copied_rows",
+        "exchanged_columns, parameters_far_off, saturated_share, delay_moves_a_parameter, "
+        "cutoff_moves_a_parameter, deviations_beyond_bound, copied_rows",
     ] = field(default_factory=list)  # fmt: skip
 
 

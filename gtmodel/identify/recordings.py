@@ -9,18 +9,17 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gtmodel.measurements import ESTIMATE, Corrections, Session, cutoff_for
+from gtmodel.measurements import ESTIMATE, Corrections, Session
 
 from ..compiler.causal import flat_of
 from ..lang import Model, ModelError
 from ..measurements import Signal, session_of
 from ..results import ArgumentError, Trajectory, TrajectoryError, Work, naming
-from ..results.suspicion import EVERY
 from ..robots import actuator_closed_loop
+from .alignment import CorrectionModel, aligned
 from .gains import by_data_sheet, check_payloads
 from .options import Fitting, Processing, SyntheticLog
 from .regressor import ParameterError, Regressor, among, scalar_parameters
-from .rows import rows_of, with_offsets
 from .simulated_log import LogSimulator, Sensors, Tracking, reference_motion
 
 
@@ -103,73 +102,6 @@ def free_of(regressor: Regressor, free: Sequence[str], how: Fitting) -> Sequence
     return free if how.inertias is None else regressor.names
 
 
-def corrected(
-    corrections: Corrections,
-    regressor: Regressor,
-    processing: Processing,
-    free: Sequence[str],
-    known: str = "q",
-    targets: str = "tau",
-    offsets: bool = False,
-) -> tuple[tuple[Session, ...], dict[str, float]]:
-    """Estimate the free corrections of the signals; return the corrected sessions and the estimates by name [SI].
-
-    Args:
-        corrections: the signals of raw sessions, with the delays, scales and offsets to estimate.
-        regressor, processing, known, targets: as for `rows_of`.
-        free: parameters of the regressor that are fitted at the same time.
-        offsets: whether the fit also has a free offset of the efforts for each session, see `with_offsets`.
-
-    The corrections minimise the residual of the least-squares fit; variable projection eliminates the parameters of the
-    fit. A delay is positive if the column is late [s]. Raises ModelError if the scale of the efforts is free: it cannot
-    be distinguished from the masses.
-
-    >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
-    ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
-    ...     q, tau = gt.variable(unit="m"), gt.variable(unit="N")
-    ...     def equations(self):
-    ...         v = gt.der(self.q)
-    ...         yield self.tau == self.m * gt.der(v) + self.d * v + self.c * gt.sign(v)
-    >>> time = 0.004 * np.arange(2000)
-    >>> q = gt.identify.multisine(time, np.zeros(1), np.array([0.2]), np.array([0.5, 1.1]), seed=1)[:, 0]
-    >>> truth = gt.identify.LogSimulator(Axis(), q).truth
-    >>> late = np.interp(time - 0.006, time, truth["tau"])  # the efforts come 6 ms late
-    >>> log = gt.Trajectory(time, {"q": q, "tau": late}, {"q": "m", "tau": "N"})
-    >>> Signal = gt.measurements.Signal
-    >>> signals = {"q": Signal("q", "m"), "tau": Signal("tau", "N", delay="estimate")}
-    >>> raw = gt.measurements.Corrections(signals, [gt.measurements.session_of(log)])
-    >>> regressor = gt.identify.Regressor(Axis(), ["m", "d", "c"])
-    >>> how = gt.identify.Processing(cutoff=8.0)
-    >>> _, values = gt.identify.corrected(raw, regressor, how, ["m", "d", "c"])
-    >>> {name: round(value, 3) for name, value in values.items()}
-    {'tau.delay': 0.006}
-    """
-    if corrections.signals[targets].scale == ESTIMATE:
-        raise ModelError(
-            "the scale of the efforts cannot be distinguished from masses and friction; give it a number, or let "
-            "gt.identify.study estimate it with a known payload"
-        )
-    if not corrections.free:
-        return corrections.apply(), {}
-    first = corrections.apply(corrections.start)
-    cutoff = processing.cutoff or max(cutoff_for(s.trajectory[known], s.sample_time) for s in first)
-    # keep all rows: the number of residuals must not depend on the corrections
-    steady = replace(processing, cutoff=cutoff, position_step=0.0, mask_steps=0.0)
-    fitted = among(regressor.names, free)
-    fixed = [k for k in range(regressor.size) if k not in fitted]
-
-    def residual(sessions: tuple[Session, ...]) -> np.ndarray:
-        rows = rows_of(sessions, regressor, steady, known, targets, accept=EVERY)  # the fit itself checks the log
-        A = rows.Y[:, :, fitted].reshape(-1, len(fitted))
-        if offsets:
-            A = np.hstack([A, with_offsets(rows, targets).Y[:, :, regressor.size :].reshape(len(A), -1)])
-        b = (rows.effort - rows.y0 - rows.Y[:, :, fixed] @ rows.nominal[fixed]).reshape(-1)
-        return b - A @ np.linalg.lstsq(A, b, rcond=None)[0]
-
-    values = corrections.estimate(residual)
-    return corrections.apply(values), corrections.named(values)
-
-
 Array = np.ndarray
 Log = Session | Trajectory | Sequence[Session | Trajectory]
 
@@ -181,6 +113,8 @@ class Recordings:
     fitted: tuple[Session, ...]
     held_out: tuple[Session, ...] = ()
     corrections: dict[str, float] = field(default_factory=dict)
+    # how the rows of either depend on the estimated corrections, with their values
+    alignments: tuple[tuple[CorrectionModel, Array], ...] = ()
     # estimated offsets of the efforts are parameters of the fit, by "session" or for "all"
     offsets: str | None = None
     gains: bool = False  # whether the fit has a free scale of each effort
@@ -221,7 +155,12 @@ def measured(
                 f"has {width[0] if width else 1} columns; '{name}' of the robot has {shape[0] if shape else 1}",
                 f"log.{what}",
             )
-    check_payloads(request.how, bool(regressor.base), len(raw), len(others))
+    check_payloads(request.how, bool(request.regressor.base), len(raw), len(others))
+    estimated = signals is not None and signals[targets].offset == ESTIMATE
+    if request.how.drift and not (estimated and not others):
+        lack = "needs estimated offsets of the efforts" if not estimated else "belongs to one recording"
+        todo = 'set offset = "estimate" of the efforts' if not estimated else "leave out held_out"
+        raise ArgumentError(f"{lack}; {todo}, or drift = false", "fitting.drift")
     if signals is None:
         return Recordings(raw, others)
     table, gains = by_data_sheet(signals, targets, any(request.how.payloads or ()))
@@ -231,21 +170,35 @@ def measured(
         if offsets == "session" and others:
             raise _by_session("offset", targets)
         table[targets] = dataclasses.replace(effort, offset=0.0)
+    work = request.work
+
+    def progress(share: float) -> bool:
+        work.progress("estimating " + ", ".join(dict.fromkeys(f.what for f in corrections.free)), share)
+        return work.interrupted()
+
     with naming("log", TrajectoryError, ModelError):
-        fitted, values = corrected(
-            Corrections(table, raw), regressor, request.processing, request.free, known, targets, offsets is not None
+        corrections = Corrections(table, raw)
+        alignment, values = aligned(
+            corrections, regressor, request.processing, request.free, known, targets, offsets is not None, progress
         )
-        return Recordings(fitted, _held_out(table, others, values) if others else (), values, offsets, gains)
+        alignments, fitted, unseen = [(alignment, values)], alignment.sessions(values), ()
+        if others:
+            alignments.append(_held_out(alignment, others, corrections.named(values)))
+            unseen = alignments[1][0].sessions(alignments[1][1])
+        return Recordings(
+            fitted, unseen, corrections.named(values), tuple(alignments) if corrections.free else (), offsets, gains
+        )
 
 
-def _held_out(signals: dict[str, Signal], others: tuple[Session, ...], values: dict[str, float]) -> tuple[Session, ...]:
+def _held_out(
+    alignment: CorrectionModel, others: tuple[Session, ...], values: dict[str, float]
+) -> tuple[CorrectionModel, Array]:
     """Held-out recordings with the corrections that all sessions share. Raises ArgumentError for one by session."""
-    corrections = Corrections(signals, others)
-    estimates = [values.get(f.name) for f in corrections.free]
-    for f, value in zip(corrections.free, estimates, strict=True):
-        if value is None or f.session is not None:
+    corrections = Corrections(alignment.corrections.signals, others)
+    for f in corrections.free:
+        if f.name not in values or f.session is not None:
             raise _by_session(f.what, f.signal)
-    return corrections.apply([v for v in estimates if v is not None])
+    return replace(alignment, corrections=corrections), np.array([values[f.name] for f in corrections.free])
 
 
 def _by_session(what: str, signal: str) -> ArgumentError:

@@ -61,6 +61,8 @@ def between_sessions(
     free = (*identification.estimate.names, *identification.estimate.held)
     estimates: dict[str, Estimate] = {}
     for n, (name, part) in enumerate(parts, 1):
+        if not len(part):
+            continue
         # the offset parameter of another recording has no row here
         names = [p for p in free if p in part.names and np.any(part.Y[:, :, part.names.index(p)])]
         limited = nonnegative if isinstance(nonnegative, bool) else [p for p in nonnegative if p in names]

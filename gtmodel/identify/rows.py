@@ -21,6 +21,7 @@ from gtmodel.measurements import (
 )
 from gtmodel.measurements.filters import WIDEST
 from gtmodel.measurements.inspection.data_tests import Data, tested
+from gtmodel.measurements.log import recordings_of
 from gtmodel.results import Status, Trajectory, TrajectoryError
 from gtmodel.results.interpolation import smooth
 from gtmodel.results.suspicion import alarms
@@ -49,7 +50,8 @@ class Rows:
 
     The parameters have `names`, `nominal` values (p,) and `units`, the efforts `targets` (m,) and `effort_unit`. Each
     row has a `time` (n,) [s], `position` and `velocity` (n, k), and the rates `effort_rate` (n, m) of the efforts,
-    filtered alike; a delay adds a multiple of these. Recordings begin at the rows `starts`. The filter has the cut-off
+    filtered alike; a delay adds a multiple of these. Recordings, and stretches between their
+    gaps, begin at the rows `starts`; `too_short` stretches have no rows. The filter has the cut-off
     `cutoff_Hz`; only every `every`-th sample is used, so that rows are `interval` [s] apart; the share `dropped` of the
     samples is slower than `threshold` [`velocity_unit`]. `synthetic` is the note of a synthetic log. Parameters in
     `signed` may be negative even if masses and friction may not. `target_units` (m,) are the units of the efforts of an
@@ -78,6 +80,7 @@ class Rows:
     velocity_unit: str = "m/s"
     effort_rate: Array | None = None
     target_units: tuple[str, ...] = ()
+    too_short: int = 0
 
     @property
     def units_of_targets(self) -> tuple[str, ...]:
@@ -112,10 +115,12 @@ class Rows:
     def filter_sentence(self) -> str:
         """Filter and selection of rows, as a sentence for tables."""
         rows = "every row" if self.every == 1 else f"one row in {self.every}"
+        count = "one stretch" if self.too_short == 1 else f"{self.too_short} stretches"
+        short = f"; {count} between gaps, too short for the filter, not used" if self.too_short else ""
         return (
             f"zero-phase Butterworth low pass at {self.cutoff_Hz:.3g} Hz on efforts and regressor alike, "
             f"five-point differences, {rows}; {100 * self.dropped:.2g} % of the samples dropped near "
-            f"standstill, slower than {self.threshold:.2g} {self.velocity_unit}"
+            f"standstill, slower than {self.threshold:.2g} {self.velocity_unit}{short}"
         )
 
 
@@ -159,7 +164,7 @@ def rows_of(
     >>> regressor = gt.identify.Regressor(Axis(), ["m", "d", "c"])
     >>> rows = gt.identify.rows_of(gt.measurements.session_of(log), regressor)
     >>> rows.Y.shape, rows.effort.shape, round(rows.cutoff_Hz, 1), rows.every  # independent rows only
-    ((58, 1, 3), (58, 1), 5.0, 28)
+    ((64, 1, 3), (64, 1), 5.5, 26)
     """
     sessions = [sessions] if isinstance(sessions, Session) else list(sessions)
     for suspicion in alarms(tested(recorded(sessions, (known, targets)))):
@@ -169,12 +174,19 @@ def rows_of(
     processing = processing or Processing()
     cutoff = processing.cutoff
     if cutoff is None:
-        cutoff = max(cutoff_for(s.trajectory[known], s.sample_time) for s in sessions)
+        cutoff = cutoff_of(sessions, known)
     low_pass = ZeroPhase(cutoff, processing.order)
     every = processing.every or max(1, round(INDEPENDENT / (cutoff * sessions[0].sample_time)))
-    parts = [_rows(s, regressor, low_pass, every, processing, known, targets) for s in sessions]
+    recordings = recordings_of(sessions)
+    long = [len(s.trajectory) > 2 * sum(_margins(low_pass, s.sample_time)[:2]) for s in sessions]
+    used = {number for number, enough in zip(recordings, long, strict=True) if enough}
+    # a stretch between gaps may be too short, a whole recording not
+    kept = [enough or number not in used for number, enough in zip(recordings, long, strict=True)]
+    parts = [_rows(s, regressor, low_pass, every, processing, known, targets)
+             for s, keep in zip(sessions, kept, strict=True) if keep]  # fmt: skip
     joined: dict[str, Any] = {k: np.concatenate([p[k] for p in parts]) for k in parts[0] if parts[0][k].ndim}
-    lengths = [len(p["time"]) for p in parts]
+    counts = iter([len(p["time"]) for p in parts])
+    lengths = [next(counts) if keep else 0 for keep in kept]
     threshold, unit = float(max(p["threshold"] for p in parts)), rate_unit(sessions[0].trajectory.unit(known))
     if not sum(lengths):
         raise ModelError(
@@ -198,8 +210,17 @@ def rows_of(
         synthetic="; ".join(notes) or None,
         velocity_unit=unit,
         target_units=regressor.column_units,
+        too_short=kept.count(False),
         **joined,
     )
+
+
+def cutoff_of(sessions: Sequence[Session], known: str) -> float:
+    """Return the cut-off [Hz] for some sessions, from the longest stretch of each recording."""
+    longest = dict[int, Session]()
+    for number, s in zip(recordings_of(sessions), sessions, strict=True):
+        longest[number] = max(longest.get(number, s), s, key=lambda s: len(s.trajectory))
+    return max(cutoff_for(s.trajectory[known], s.sample_time) for s in longest.values())
 
 
 def recorded(sessions: Sequence[Session], signals: Sequence[str]) -> Data:
@@ -210,8 +231,11 @@ def recorded(sessions: Sequence[Session], signals: Sequence[str]) -> Data:
     return Data(columns, signals[-1:], recordings=[(s.name, s.trajectory.time) for s in sessions])
 
 
-def with_offsets(rows: Rows, signal: str, *, per_session: bool = True) -> Rows:
+def with_offsets(rows: Rows, signal: str, *, per_session: bool = True, drift: bool = False) -> Rows:
     """Return the rows with offsets of the measured efforts as further parameters, by recording or one for all.
+
+    Each stretch between gaps has its own, because offsets drift; a stretch without rows has none. With `drift` each
+    also has a linear drift [effort/s] about its middle, such as "tau.drift[0]".
 
     They are named as by `Corrections`, such as "tau.offset[0] of session 2", and may be negative. An offset is the
     reading at zero effort. Free offsets widen the intervals of the other parameters.
@@ -232,18 +256,33 @@ def with_offsets(rows: Rows, signal: str, *, per_session: bool = True) -> Rows:
     """
     n, m = rows.effort.shape
     lengths = np.diff([*rows.starts, n])
-    count = len(lengths) if per_session else 1
+    numbers = np.flatnonzero(lengths).tolist() if per_session else [0]
+    count, several = len(numbers), per_session and len(lengths) > 1
     names = [
-        f"{signal}.offset{f'[{i}]' if m > 1 else ''}{f' of session {k + 1}' if count > 1 else ''}"
-        for k in range(count)
+        f"{signal}.offset{f'[{i}]' if m > 1 else ''}{f' of session {k + 1}' if several else ''}"
+        for k in numbers
         for i in range(m)
     ]
-    columns = offset_columns(lengths.tolist(), m, per_session=per_session).reshape(n, m, len(names))
+    filled = lengths[lengths > 0].tolist()
+    columns = offset_columns(filled, m, per_session=per_session).reshape(n, m, len(names))
+    units = rows.units_of_targets * count
+    if drift:
+        parts = np.flatnonzero(lengths).tolist()
+        names += [
+            f"{signal}.drift{f'[{i}]' if m > 1 else ''}{f' of session {k + 1}' if len(lengths) > 1 else ''}"
+            for k in parts
+            for i in range(m)
+        ]
+        middle = [0.5 * (t[0] + t[-1]) for t in (rows.part(k).time for k in parts)]
+        since = rows.time - np.repeat(middle, filled)
+        slopes = offset_columns(filled, m).reshape(n, m, -1) * since[:, None, None]
+        columns = np.concatenate([columns, slopes], axis=2)
+        units += tuple(f"{unit}/s" for unit in rows.units_of_targets) * len(parts)
     return replace(
         rows,
         names=(*rows.names, *names),
         nominal=np.concatenate([rows.nominal, np.zeros(len(names))]),
-        units=(*rows.units, *rows.units_of_targets * count),
+        units=(*rows.units, *units),
         Y=np.concatenate([rows.Y, columns], axis=2),
         signed=(*rows.signed, *names),
     )
@@ -262,31 +301,34 @@ def _noise_step(position: Array, low_pass: ZeroPhase | None, step: float) -> flo
     return position_noise(position) * float(np.linalg.norm(rate))
 
 
+def _margins(low_pass: ZeroPhase, step: float) -> tuple[int, int, ZeroPhase | None]:
+    """Rows that the filter and what precedes it cut off either end; the prefilter, None if sampling is too slow."""
+    wide = ZeroPhase(WIDER * low_pass.cutoff_Hz, low_pass.order)
+    if wide.cutoff_Hz >= WIDEST / step:
+        return low_pass.end_rows(step), HALF, None
+    return low_pass.end_rows(step), HALF + wide.end_rows(step), wide
+
+
 def _rows(
     session: Session, regressor: Regressor, low_pass: ZeroPhase, every: int, how: Processing, known: str, targets: str
 ) -> dict[str, Array]:
     raw, step = session.trajectory, session.sample_time
-    cut, lead, reach = low_pass.end_rows(step), HALF, int(np.ceil(1 / (low_pass.cutoff_Hz * step)))
-    wide = ZeroPhase(WIDER * low_pass.cutoff_Hz, low_pass.order)
-    prefiltered = wide.cutoff_Hz < WIDEST / step
-    lead += wide.end_rows(step) if prefiltered else 0
+    (cut, lead, wide), reach = _margins(low_pass, step), int(np.ceil(1 / (low_pass.cutoff_Hz * step)))
     if len(raw) <= 2 * (cut + lead):
         raise TrajectoryError(
             f"'{session.name}' lasts {raw.duration:g} s; the filter cuts {(cut + lead) * step:g} s off either end. "
             "Record more than twice that, or raise the cut-off"
         )
-    position, effort = (wide(raw[name], step) if prefiltered else raw[name] for name in (known, targets))
+    position, effort = (raw[name] if wide is None else wide(raw[name], step) for name in (known, targets))
     quantum = how.position_step
     if quantum is None:
-        quantum = max(
-            smallest_step(raw[known]), NOISE_STEPS * _noise_step(raw[known], wide if prefiltered else None, step)
-        )
+        quantum = max(smallest_step(raw[known]), NOISE_STEPS * _noise_step(raw[known], wide, step))
     rate, acceleration = velocity_and_acceleration(position, step)
     inside = slice(lead, len(raw) - lead)
     effort_rate, _ = velocity_and_acceleration(effort, step)
     time, position, effort, effort_rate = raw.time[inside], position[inside], effort[inside], effort_rate[inside]
     signals = {known: position, f"der({known})": rate[inside], f"der({known},2)": acceleration[inside]}
-    signals |= {name: x[inside] for name, x in _further(raw, regressor, signals, wide if prefiltered else None, step)}
+    signals |= {name: x[inside] for name, x in _further(raw, regressor, signals, wide, step)}
     values = regressor(*[signals[s.name] for s in regressor.inputs])
     bad = np.flatnonzero(values.status != Status.OK)
     if bad.size:

@@ -11,7 +11,9 @@ from gtmodel.motion import axes, options
 from gtmodel.motion.axes import options as axis_options
 from gtmodel.problem_files.base import Call, Context
 from gtmodel.problem_files.from_options import Made, options_of
-from gtmodel.problem_files.keys import PATH_ARGUMENTS, PathSection, Point, RobotProblem
+from gtmodel.problem_files.keys import RobotProblem
+
+from .trajectory.keys import PATH_ARGUMENTS, PathSection, Point
 
 RESULT = "gtmodel.motion.AxisStudy"
 

@@ -3,19 +3,50 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, PositiveFloat, PositiveInt
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from gtmodel import lang, modelica, optimize, problem_files
 from gtmodel.modelica.reference import is_reference
-from gtmodel.optimize import Mesh
+from gtmodel.optimize import Blocks, LengthCost, Mesh
 from gtmodel.problem_files import start as earlier
 from gtmodel.problem_files.base import Call, Context, FileSection, Problem
+from gtmodel.problem_files.files import InputError
 from gtmodel.results import Trajectory
+from gtmodel.results.refusal import naming
 
 RESULT = "gtmodel.optimize.OptimizationStudy"
+
+
+class BlockSection(FileSection):
+    """Blocks of one control, which is constant on each of them."""
+
+    sizes: PositiveInt | list[PositiveInt] = Field(
+        description="elements in each block, with mesh.elements as sum; or one number for every block, the last of "
+        "which takes the rest"
+    )
+    step_max: PositiveFloat | None = Field(
+        default=None, description="largest step between neighbouring blocks, in the control's SI unit"
+    )
+    step_penalty: NonNegativeFloat = Field(
+        default=0.0, description="weight of the squared step, in SI units, in the objective"
+    )
+
+
+class LengthCostSection(FileSection):
+    """Cost of free element lengths, added to the objective."""
+
+    uneven: NonNegativeFloat = Field(
+        default=0.0, description="weight of the squared relative deviations from equal lengths"
+    )
+    rates: dict[str, NonNegativeFloat] = Field(
+        default={},
+        description="weights of the squared rates of states by name, in SI units: sum over the elements of "
+        "h^(1 + power) times the integral of weight * rate^2, with h as fraction of the horizon",
+    )
+    power: NonNegativeFloat = Field(default=1.0, description="exponent in the term of the rates")
 
 
 class MeshSection(FileSection):
@@ -29,6 +60,38 @@ class MeshSection(FileSection):
         description="controls on an element: polynomial, bounded at the collocation points; bernstein, a polynomial "
         "bounded at every instant; linear, continuous; or constant",
     )
+    blocks: dict[str, BlockSection] = Field(
+        default={},
+        description="controls that are constant over several elements, by name; the others follow mesh.control",
+    )
+    length_ratio: Annotated[list[PositiveFloat], Field(min_length=2, max_length=2)] | None = Field(
+        default=None,
+        description="smallest and largest length of an element, relative to equal lengths, which makes the lengths "
+        "free; fixed lengths if left out",
+    )
+    shortest_element_s: NonNegativeFloat | None = Field(
+        default=None, description="shortest duration of an element with free length"
+    )
+    longest_element_s: PositiveFloat | None = Field(
+        default=None, description="longest duration of an element with free length"
+    )
+    length_cost: LengthCostSection | None = Field(default=None, description="cost of free lengths; none if left out")
+
+    def mesh(self) -> Mesh:
+        """Return the mesh. Raises InputError."""
+        limits = (self.shortest_element_s, self.longest_element_s)
+        low, high = limits[0] or 0.0, float("inf") if limits[1] is None else limits[1]
+        sizes = {n: b.sizes if isinstance(b.sizes, int) else tuple(b.sizes) for n, b in self.blocks.items()}
+        steps = {n: b.step_max for n, b in self.blocks.items() if b.step_max is not None}
+        penalties = {n: b.step_penalty for n, b in self.blocks.items() if b.step_penalty}
+        with naming("mesh", ValueError, refusal=InputError):
+            return Mesh(
+                self.elements, self.points, self.scheme, self.control,
+                length_ratio=None if self.length_ratio is None else (self.length_ratio[0], self.length_ratio[1]),
+                length_limits=None if limits == (None, None) else (low, high),
+                length_cost=None if self.length_cost is None else LengthCost(**self.length_cost.model_dump()),
+                blocks=Blocks(sizes=sizes, step_max=steps, step_penalty=penalties) if sizes else None,
+            )  # fmt: skip
 
 
 class SolverSection(FileSection):
@@ -70,7 +133,7 @@ class Schema(Problem):
 def call(problem: Schema, context: Context) -> Call:
     """Return the call of the optimisation. Raises InputError and ModelError if the model is wrong."""
     model = _model(problem, context)
-    mesh = Mesh(**problem.mesh.model_dump())
+    mesh = problem.mesh.mesh()
     if getattr(type(model), "_static", False) and "mesh" not in problem.model_fields_set:
         mesh = Mesh(1, points=2)  # a static Optimica problem has no time
     guess = _guess(problem, context, model)

@@ -8,7 +8,7 @@ from gtmodel.control import lead_through
 from gtmodel.control.lead_through.options import Drift, SyntheticReadings, WrenchAlarm
 from gtmodel.control.lead_through.scenes import SyntheticSensor
 from gtmodel.lang.units import UnitError
-from gtmodel.measurements import Column, RowJoin
+from gtmodel.measurements import RowJoin
 from gtmodel.measurements.orientations import VECTOR, WORDS
 from gtmodel.problem_files.base import Call, Context, FileSection, InputError, Problem
 from gtmodel.problem_files.from_options import Made, made_from, options_of
@@ -141,7 +141,7 @@ def _form(keys: ReadingsSection, part: str) -> lead_through.WrenchForm:
     signals = keys.signals
     declared = {"turn": signals.orientation, "force": signals.force, "moment": signals.moment}
     declared |= {} if part else {"temperature": signals.temperature}
-    time = Column(keys.time.column, keys.time.unit) if keys.time.column else None
+    time = keys.time.declared()
     return lead_through.WrenchForm(
         {name: section.recorded() for name, section in declared.items() if section is not None},
         VECTOR if signals.orientation is None else signals.orientation.representation,

@@ -9,8 +9,11 @@ assembly_modes    all assembly modes of a platform on six legs of known lengths
 section           a plane across the guideways
 workspace         reachable tool centre points, and the reason why the other points cannot be reached
 mechanism         a robot on guideways as arrays: `Mechanism`
+mobility          degrees of freedom, redundant constraints and idle motions of a mechanism: `model.mobility()`
 singularity       distance of a pose from a singularity, as lengths and angles
-WristPartition    all branches of the inverse kinematics of a six-axis arm with a spherical wrist
+postures          all postures of a serial arm for poses: named branches, limits, nearest ones; a Postures
+chain_of          joint axes of an arm's model: a Chain, the argument of `postures` and `closed_form`
+ElbowAngle        redundancy of seven joints resolved by the elbow; LockedJoint: by a joint that is held
 MotionMaps        velocity and acceleration maps of any position causality
 
 Measured guideways
@@ -31,11 +34,22 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
+    from ..geometry.chains import (
+        Chain as Chain,
+        ClosedForm as ClosedForm,
+        ElbowAngle as ElbowAngle,
+        LockedJoint as LockedJoint,
+        Postures as Postures,
+        closed_form as closed_form,
+        elbow_angle as elbow_angle,
+        postures as postures,
+    )
     from ..geometry.rotations import rotation_vector as rotation_vector, zyz as zyz
     from . import (
         accuracy as accuracy,
         assembly_modes as assembly_modes,
         causality as causality,
+        mobility as mobility,
         section as section,
         singularity as singularity,
         workspace as workspace,
@@ -44,6 +58,7 @@ if TYPE_CHECKING:
     from .assembly_modes import ModesStudy as ModesStudy, modes_study as modes_study
     from .causality import CausalityStudy as CausalityStudy, causality_study as causality_study
     from .orientation import OrientationMap as OrientationMap, grid as grid, orientation_map as orientation_map
+    from .serial_chain import chain_of as chain_of
     from .singularity import MotionMaps as MotionMaps
     from .transmission import (
         Backlash as Backlash,
@@ -55,6 +70,5 @@ if TYPE_CHECKING:
         fit_guideway as fit_guideway,
     )
     from .workspace import WorkspaceStudy as WorkspaceStudy, workspace_study as workspace_study
-    from .wrist_partition import InverseBranches as InverseBranches, WristPartition as WristPartition
 
 public(__name__)

@@ -11,11 +11,15 @@ if TYPE_CHECKING:
         Branch as Branch,
         Connection as Connection,
         Energy as Energy,
+        JointConstraint as JointConstraint,
+        Loops as Loops,
         TreeEdge as TreeEdge,
         between as between,
         branch as branch,
         connect as connect,
+        constraint as constraint,
         energy as energy,
+        loops as loops,
         tree_edge as tree_edge,
         tree_root as tree_root,
     )
@@ -50,6 +54,7 @@ if TYPE_CHECKING:
         when as when,
     )
     from .expression import Expr as Expr, Relation as Relation, vector as vector
+    from .external import External as External, external as external
     from .functions import (
         absolute as absolute,
         acos as acos,

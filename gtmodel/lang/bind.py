@@ -94,7 +94,9 @@ def bind_discrete(item: Discrete, tree: Tree) -> Expr:
 
 def bind_part(item: Part, config: Model, tree: Tree) -> Model:
     """Bind one more component of the root."""
-    return _bind(config, {}, item.name, tree.root, tree)
+    part = _bind(config, {}, item.name, tree.root, tree)
+    part.__dict__["_where"] = item.where
+    return part
 
 
 def join(path: str, name: str) -> str:
@@ -322,7 +324,9 @@ def _part(item: Part, modifier: Any, full: str, parent: Model, tree: Tree, place
         if place is not None and isinstance(outer, dict):
             places |= dict.fromkeys(outer, place)
         cls, mods = _split(merged, full, item.where, places)
-        return _bind(cls(), mods, full, parent, tree, places)
+        bound = _bind(cls(), mods, full, parent, tree, places)
+        bound.__dict__["_where"] = item.where
+        return bound
 
     if item.count is None:
         return bind_one({k: _resolve(v, parent) for k, v in item.modifiers.items()}, modifier, full)

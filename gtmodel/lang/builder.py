@@ -36,6 +36,7 @@ class Builder(Portable):
 
     causal = EngineMethod("gtmodel.compiler.causal", "compile_causal")
     simulate = EngineMethod("gtmodel.simulation.run", "simulate")
+    mobility = EngineMethod("gtmodel.kinematics.mobility", "mobility")
 
     def __init__(self, title: str = "Builder") -> None:
         self.title = title

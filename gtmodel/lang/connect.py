@@ -1,14 +1,14 @@
-"""Items yielded by equations(): connections of ports, branches, energies and edges of orientation trees."""
+"""Items yielded by equations(): connections of ports, branches, energies, edges of orientation trees and loops."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 from .declare import Port
 from .expression import Expr, Relation
-from .model import Connector
+from .model import Connector, Model
 from .slips import CallError, named
 from .source import ModelError, SourceLocation, here
 from .units import si_unit
@@ -45,21 +45,50 @@ class Energy:
 class TreeEdge:
     """The orientation of port b follows from port a; if a is None, the component fixes it and b is a root.
 
-    Created by `gt.tree_edge` and `gt.tree_root`.
+    Created by `gt.tree_edge` and `gt.tree_root`. `closing` returns the equations that replace those of the component if
+    it closes a loop; None for a component that cannot. `either` is one equation in two forms: the first if the
+    orientation of b follows from a, the second if that of a follows from b.
     """
 
     a: Connector | None
     b: Connector
     where: SourceLocation
+    closing: Callable[[], Iterable[Any]] | None = None
+    either: tuple[Relation, Relation] | None = None
 
 
-def tree_edge(a: Any, b: Any) -> TreeEdge:
+@dataclass(frozen=True, eq=False)
+class JointConstraint:
+    """One constraint of a joint that closes a loop, and the reaction that enforces it. Created by `gt.constraint`."""
+
+    relation: Relation
+    reaction: Expr
+    direction: str
+    ports: tuple[Connector, Connector]
+    where: SourceLocation
+
+
+@dataclass(frozen=True, eq=False)
+class Loops:
+    """How the loops of a model are closed. Created by `gt.loops`."""
+
+    cut: tuple[Model, ...]
+    drop: bool
+    where: SourceLocation
+
+
+def tree_edge(
+    a: Any, b: Any, closing: Callable[[], Iterable[Any]] | None = None, either: tuple[Any, Any] | None = None
+) -> TreeEdge:
     """Declare that this component's equations determine the orientation of port b from that of port a.
 
     Yield it in the equations of a component whose ports are `overdetermined` connectors, such as gt.mechanics.Frame,
     whose rotation matrix has nine entries for three degrees of freedom. Connections and edges must form trees, each
-    with at most one root (see `tree_root`). A loop would determine the same orientation twice; the error names its
-    connections. Raises ModelError for a port whose connector is not overdetermined.
+    with at most one root (see `tree_root`). A loop would determine the same orientation twice. So in each loop one
+    component uses the equations that `closing` yields, with a `gt.constraint` for each direction that it holds; see
+    `gt.loops`. If no component of a loop has them, the error names its connections. `either` is the equation of the
+    orientations in two forms, solved for that of b and for that of a: the one that follows the tree is used. Raises
+    ModelError for a port whose connector is not overdetermined.
 
     >>> class Flipped(gt.Model):  # frame b is frame a turned by 180 degrees about z
     ...     a = gt.port(gt.mechanics.Frame)
@@ -82,7 +111,7 @@ def tree_edge(a: Any, b: Any) -> TreeEdge:
     [-1.0, -1.0, 1.0]
     """
     first, second = _overdetermined("tree_edge", a, b)
-    return TreeEdge(first, second, here())
+    return TreeEdge(first, second, here(), closing, either)
 
 
 def tree_root(port: Any) -> TreeEdge:
@@ -103,6 +132,80 @@ def tree_root(port: Any) -> TreeEdge:
     """
     (root,) = _overdetermined("tree_root", port)
     return TreeEdge(None, root, here())
+
+
+def constraint(a: Any, b: Any, relation: Any, reaction: Any, direction: str) -> JointConstraint:
+    """Declare one constraint between the ports a and b of a joint that closes a loop.
+
+    Args:
+        relation: the scalar equation of the constraint.
+        reaction: the scalar force or torque that enforces it. It is zero instead if the constraint is redundant and is
+            dropped, see `gt.loops`. Its gradient by the flows of b gives the direction in messages.
+        direction: what the constraint fixes, for messages: "position along" or "rotation about".
+
+    Raises ModelError for a relation that is not a scalar equation.
+
+    >>> class Bead(gt.Model):  # at the height of frame a, without friction
+    ...     a = gt.port(gt.mechanics.Frame)
+    ...     b = gt.port(gt.mechanics.Frame)
+    ...     def equations(self):
+    ...         a, b = self.a, self.b
+    ...         yield gt.constraint(a, b, b.r[2] == a.r[2], b.f[2], "position along")
+    ...         yield b.f[:2] == np.zeros(2)
+    ...         yield a.f + b.f == 0
+    ...         yield a.t + gt.cross(b.r - a.r, b.f) == 0
+    ...         yield b.t == 0
+    """
+    first, second = _overdetermined("constraint", a, b)
+    if not isinstance(relation, Relation) or relation.op != "==" or relation.residual.numel() != 1:
+        raise ModelError("constraint() takes a scalar equation 'a == b'", here())
+    if not isinstance(reaction, Expr) or reaction.shape != ():
+        raise ModelError("constraint() takes the reaction as a scalar expression", here())
+    return JointConstraint(relation, reaction, direction, (first, second), here())
+
+
+def loops(cut: Any = (), redundant: str = "error") -> Loops:
+    """Declare how the loops of joints in a model are closed; yield it in `equations()`.
+
+    In every loop of frames one joint is cut: it uses its constraints instead of carrying an orientation on. By default
+    it is a passive joint far from the ground, the last declared of these. A planar or otherwise special loop has
+    redundant constraints: they prevent no further motion, and their reactions are not determined.
+
+    Args:
+        cut: the joint, or a list of joints, to be cut.
+        redundant: "error" reports redundant constraints. "drop" replaces each by the equation that its reaction is
+            zero, at the joints that are cut; positions and motor forces do not depend on this choice, other reactions
+            do. `model.mobility()` lists both.
+
+    Raises ModelError for another value of `redundant`, and for something that is not a part.
+
+    A four-bar of four revolute joints:
+
+    >>> class FourBar(gt.Model):
+    ...     ground = gt.part(gt.mechanics.Ground)
+    ...     crank, elbow, rocker, tip = (gt.part(gt.mechanics.Revolute) for _ in range(4))
+    ...     bar, arm = (gt.part(gt.mechanics.FixedTranslation, d=[d, 0.0, 0.0]) for d in (0.3, 0.6))
+    ...     top, base = (gt.part(gt.mechanics.FixedTranslation, d=[d, 0.0, 0.0]) for d in (0.7, 0.8))
+    ...     motor = gt.part(gt.mechanics.TorqueMotor)
+    ...     def equations(self):
+    ...         ground, crank, elbow, rocker, tip = self.ground, self.crank, self.elbow, self.rocker, self.tip
+    ...         yield gt.connect([ground.frame, crank.b, self.bar.b], [crank.a, self.bar.a, elbow.a])
+    ...         yield gt.connect(elbow.b, self.top.a)
+    ...         yield gt.connect([ground.frame, self.base.b, rocker.b], [self.base.a, rocker.a, self.arm.a])
+    ...         yield gt.connect([self.top.b, self.arm.b, self.motor.shaft], [tip.a, tip.b, crank.shaft])
+    ...         yield gt.loops(cut=tip, redundant="drop")
+    >>> follow = FourBar().causal(known="crank.shaft.phi", targets="rocker.shaft.phi")
+    >>> angle, status = follow(0.8)
+    >>> print(round(abs(angle), 6), status)
+    1.581155 OK
+    """
+    joints = tuple(flatten_items(cut))
+    for joint in joints:
+        if not isinstance(joint, Model) or isinstance(joint, Connector):
+            raise ModelError(f"loops(cut=...) takes parts of the model; found {type(joint).__name__}", here())
+    if redundant not in ("error", "drop"):
+        raise ModelError(f"loops(redundant=...) is 'error' or 'drop'; found {redundant!r}", here())
+    return Loops(joints, redundant == "drop", here())
 
 
 def _overdetermined(name: str, *ports: Any) -> tuple[Connector, ...]:
@@ -231,6 +334,17 @@ def between(low: Any, x: Any, high: Any) -> list[Relation]:
     ('>=', '<=')
     """
     return [x >= low, x <= high]
+
+
+def place_of(component: Model) -> SourceLocation | None:
+    """Return file and line where the user declares a component: of the innermost enclosing part not in gtmodel."""
+    place = None
+    while component is not None:
+        where = component.__dict__.get("_where")
+        if where is not None and not where.ours:
+            return where
+        place, component = place or where, component._parent
+    return place
 
 
 def flatten_items(item: Any) -> Iterator[Any]:

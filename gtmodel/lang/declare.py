@@ -64,14 +64,22 @@ class _Quantity(Declaration):
 
 
 class Variable(_Quantity):
-    """Declaration of a variable: unit, role and attributes (nominal, min, max, start, fixed, prefer)."""
+    """Declaration of a variable: unit, role, attributes (nominal, min, max, start, fixed, prefer) and kind."""
 
-    def __init__(self, shape: Any, unit: str | None, description: str, role: str, attributes: dict[str, Any]) -> None:
+    def __init__(
+        self, shape: Any, unit: str | None, description: str, role: str, attributes: dict[str, Any],
+        kind: Literal["rotation"] | None = None,
+    ) -> None:  # fmt: skip
         super().__init__(shape, unit, description)
         if -1 in self.shape:
             raise ModelError(f"the shape of a variable must consist of integers; found {shape}", self.where)
+        if kind not in (None, "rotation"):
+            raise ModelError(f"the kind of a variable must be 'rotation'; found {kind!r}", self.where)
+        if kind is not None:
+            _check_kind(kind, self.shape, self.where)
         self.role = role
         self.attributes = attributes
+        self.kind = kind
 
 
 class Parameter(_Quantity):
@@ -205,6 +213,7 @@ def variable(
     start: Any = None,
     fixed: bool = False,
     prefer: int = 0,
+    kind: Literal["rotation"] | None = None,
     description: str = "",
 ) -> Any:
     """Declare a variable of the model in the class body: `x = gt.variable(unit="m", start=0.1)`.
@@ -217,6 +226,8 @@ def variable(
         start: start value: a guess unless `fixed`. It also selects among several solutions of an equation.
         fixed: the start value is an initial condition; 0 if there is no start value.
         prefer: preference as a state: variables with higher values are preferred, negative values are avoided.
+        kind: "rotation": a rotation matrix (3, 3). Where it is known, its nine numbers count as three degrees of
+            freedom, and the status is OUT_OF_RANGE for a matrix that is not a rotation.
         description: a few words, shown in errors and listings.
 
     The causality decides whether the variable becomes a state, an unknown to solve for or a known quantity. Raises
@@ -233,7 +244,7 @@ def variable(
     >>> float(fall.trajectory["height"][-1].round(3))  # 2 - 9.81 * 0.5**2 / 2
     0.774
     """
-    return Variable(shape, unit, description, "variable", _attributes(nominal, min, max, start, fixed, prefer))
+    return Variable(shape, unit, description, "variable", _attributes(nominal, min, max, start, fixed, prefer), kind)
 
 
 @named
@@ -271,7 +282,12 @@ def input(
 
 @named
 def potential(
-    shape: int | Shape | None = None, *, unit: str | None = None, prefer: int = 0, description: str = ""
+    shape: int | Shape | None = None,
+    *,
+    unit: str | None = None,
+    prefer: int = 0,
+    kind: Literal["rotation"] | None = None,
+    description: str = "",
 ) -> Any:
     """Declare a connector variable that is equal at all connected ports: a position, a temperature, a voltage.
 
@@ -283,7 +299,8 @@ def potential(
     >>> Pin.v.role
     'potential'
     """
-    return Variable(shape, unit, description, "potential", _attributes(None, None, None, None, False, prefer))
+    attributes = _attributes(None, None, None, None, False, prefer)
+    return Variable(shape, unit, description, "potential", attributes, kind)
 
 
 @named
@@ -595,4 +612,4 @@ def _check_kind(kind: Kind, shape: Shape, where: SourceLocation) -> None:
     fits = {"unit": bool(shape), "direction": bool(shape), "semidefinite": square}.get(kind, shape == (3, 3))
     if not fits:
         expected = {"unit": "rows", "direction": "rows", "semidefinite": "(n, n)"}.get(kind, "(3, 3)")
-        raise ModelError(f"a parameter of kind '{kind}' must have shape {expected}; found {shape}", where)
+        raise ModelError(f"a declaration of kind '{kind}' must have shape {expected}; found {shape}", where)

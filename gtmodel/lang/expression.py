@@ -158,6 +158,11 @@ class Expr(Portable):
     def __xor__(self, power: Any) -> Expr:
         raise ModelError("'^' is not the power operator in Python; write **", here())
 
+    @property
+    def T(self) -> Expr:
+        """The transposed matrix; a scalar or a vector is its own."""
+        return Expr(self.sx.T, self.shape[::-1], self.dimension, self.scope) if len(self.shape) == 2 else self
+
     def __matmul__(self, other: Any) -> Expr:
         return matmul(self, other)
 

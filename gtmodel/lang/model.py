@@ -74,6 +74,7 @@ class Model(Interned):
     _values: dict[str, Any]
     causal = EngineMethod("gtmodel.compiler.causal", "compile_causal")
     simulate = EngineMethod("gtmodel.simulation.run", "simulate")
+    mobility = EngineMethod("gtmodel.kinematics.mobility", "mobility")
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -109,7 +110,7 @@ class Model(Interned):
         if "_modifiers" in self.__dict__:
             return super()._reduced(pickler)
         scope = self.__dict__.get("_scope")
-        if scope is None or scope.source is None or scope is pickler.inside:
+        if scope is None or not scope.is_owned or scope is pickler.inside:
             return Portable._reduced(self, pickler)
         return _component, (scope, self._path)  # a component of a flattened model
 
@@ -311,5 +312,16 @@ def _symbolic(value: Any) -> bool:
 
 
 _RESERVED = frozenset(
-    ["equations", "initial_equations", "with_", "time", "causal", "simulate", "objective", "where", "constraints"]
+    [
+        "equations",
+        "initial_equations",
+        "with_",
+        "time",
+        "causal",
+        "mobility",
+        "simulate",
+        "objective",
+        "where",
+        "constraints",
+    ]
 )

@@ -56,11 +56,23 @@ class Scope(Portable):
         self.modes: list[tuple[ca.SX, Condition]] = []
         # symbols for values just before an event, with their expressions
         self.earlier: list[tuple[ca.SX, ca.SX]] = []
+        # names of external functions that stay calls in the equations
+        self.calls: list[str] = []
 
     def _reduced(self, pickler: Any) -> tuple[Any, ...]:
-        if self.source is None or self is pickler.inside:
+        if not self.is_owned or self is pickler.inside:
             return Portable._reduced(self, pickler)
         return pickler.link(self)
+
+    @property
+    def is_owned(self) -> bool:
+        """Whether a flat model or a Builder declares these symbols; not of a copy with further symbols."""
+        return self.source is not None and self.source.tree.scope is self
+
+    def __copy__(self) -> Scope:
+        other = object.__new__(Scope)
+        other.__dict__.update(self.__dict__)
+        return other
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name not in ("_owner", "_symbols", "_time_key")}

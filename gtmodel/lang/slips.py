@@ -29,6 +29,10 @@ _FOLDERS = (*_ENGINES, *map(sysconfig.get_path, ("stdlib", "purelib")))
 _LIBRARIES = (*(folder + os.sep for folder in _FOLDERS), _PACKAGE + "_lazy.py", "<frozen")
 
 
+# CasADi's message about a function without derivatives
+_UNDIFFERENTIABLE = re.compile(r"Derivatives cannot be calculated for (\w+)")
+
+
 class CallError(ModelError, TypeError):
     """A call with wrong arguments: a ModelError that is also a TypeError."""
 
@@ -42,7 +46,8 @@ def shortened(value: Any) -> str:
 def named(function: Callable[P, T]) -> Callable[P, T]:
     """Decorate a function so that an unknown, missing or surplus argument raises CallError with the caller's line.
 
-    A ModelError without a line also gets the caller's line, if the caller is a user's code.
+    A ModelError without a line also gets the caller's line, if the caller is a user's code. CasADi's error about a
+    function without derivatives becomes a ModelError.
     """
 
     @functools.wraps(function)
@@ -52,6 +57,15 @@ def named(function: Callable[P, T]) -> Callable[P, T]:
         except ModelError as error:
             error.placed(_line_of_text(args) or _users_line())
             raise
+        except RuntimeError as error:
+            missing = _UNDIFFERENTIABLE.search(str(error))
+            if missing is None:
+                raise
+            raise ModelError(
+                f"the external function '{missing[1]}' has no derivatives, but this model needs them, of its values or "
+                "of its Jacobian; give its ca.Function one more order of derivatives",
+                _users_line(),
+            ) from None
         except TypeError as error:
             # only errors of the call itself, not of the function's body
             if error.__traceback__ is None or error.__traceback__.tb_next is not None:

@@ -213,9 +213,10 @@ class ParsedUnit:
     @property
     def si_text(self) -> str:
         """The same unit with every scaled symbol replaced by its SI symbol: ``"N.mm"`` -> ``"N.m"``."""
-        if self.text in _SCALED:
-            return _SCALED[self.text].si
-        return re.sub(r"[A-Za-z]+", lambda match: _si_symbol(match.group()), self.text)
+        text = _LEADING.sub("", self.text)
+        if text in _SCALED:
+            return _SCALED[text].si
+        return re.sub(r"[A-Za-z]+", lambda match: _si_symbol(match.group()), text)
 
 
 def _si_symbol(symbol: str) -> str:
@@ -235,6 +236,7 @@ class _Value:
         return _Value(self.dimension * other.dimension, self.factor * other.factor, self.pi_power + other.pi_power)
 
 
+_LEADING = re.compile(r"(?P<factor>\d+(?:\.\d+)?) +(?=[A-Za-z(])")  # of "100 ns"
 _SYMBOL = re.compile(r"[A-Za-z]+")
 _NUMBER = re.compile(r"[0-9]+")
 _POWER = re.compile(r"\^?(?P<whole>-?[0-9]+)|\^\((?P<above>-?[0-9]+)(?:/(?P<below>[0-9]+))?\)")
@@ -286,7 +288,7 @@ class _Reader:
             if match.group() != "1":
                 raise UnitError(
                     f"unit {self.text!r} has the factor {match.group()}; the only number allowed is 1, as in '1/s': "
-                    "put the factor into the value"
+                    "put the factor in front, with a blank, as in '100 ns', or into the value"
                 )
             self.at = match.end()
             return _Value(DIMENSIONLESS)
@@ -355,7 +357,13 @@ SECOND = _BASE["s"]
 
 @functools.lru_cache(maxsize=1024)
 def _parse(text: str) -> ParsedUnit:
-    value = _Reader(text).read() if text else _Value(DIMENSIONLESS)
+    leading = _LEADING.match(text)
+    value = _Reader(text[leading.end() :] if leading else text).read() if text else _Value(DIMENSIONLESS)
+    if leading:
+        factor = Fraction(leading["factor"])
+        if not factor:
+            raise UnitError(f"unit {text!r} has the factor 0; expected more than zero")
+        value = value * _Value(DIMENSIONLESS, factor)
     bits = max(value.factor.numerator.bit_length(), value.factor.denominator.bit_length()) + 2 * abs(value.pi_power)
     if bits > MAX_SCALE_BITS:
         raise UnitError(f"unit {text!r} has a scale outside the range of a double; use smaller powers")
@@ -368,7 +376,7 @@ def parse_unit(text: str) -> ParsedUnit:
     Symbols: kg m s A K mol cd rad, N Pa J W V Ohm S F H Hz C Wb T, and with a scale um mm km ns us ms min g deg
     rev urad rpm kN MN kPa MPa GPa bar kHz kW mA mV mH uF kOhm. Products are written with ".", "*" or a space, quotients
     with "/", powers as "m2", "m^2", "s-1" or "m^(1/2)"; parentheses are allowed. "" and "1" are dimensionless. A
-    product after "/" is ambiguous and raises an error.
+    product after "/" is ambiguous and raises an error. A decimal factor in front belongs to the unit: "100 ns".
 
     Raises UnitError if the text is not a string, has an unknown symbol (with close matches), or has a syntax error
     (with its position).

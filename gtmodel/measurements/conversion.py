@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,8 @@ class Conversion:
         motor_constant: torque per current of the motor [N.m/A], for columns of a current.
         coupling: square matrix, component by column, after all factors. For positions of a wrist whose joint 6 turns by
             -1/50 of joint 5: ((1, 0), (-0.02, 1)). The efforts of the same joints have its inverse transpose.
-        quantity_unit: SI unit of the quantity; default: the unit of the columns, or N.m with a motor constant.
+        quantity_unit: SI unit of the quantity, or of each component; default: the unit of the columns, or N.m with a
+            motor constant.
 
     Raises LogError for a factor of zero, a coupling that is not square or is singular, and columns whose dimension is
     not that of the quantity if there is no scale.
@@ -48,7 +49,7 @@ class Conversion:
     gear_ratio: Numbers | None = None
     motor_constant: Numbers | None = None
     coupling: Matrix | None = None
-    quantity_unit: str = ""
+    quantity_unit: str | tuple[str, ...] = ""
 
     def __post_init__(self) -> None:
         for name in ("scale", "gear_ratio", "motor_constant"):
@@ -72,16 +73,19 @@ class Conversion:
 
     def si_unit(self, units: Sequence[str]) -> str:
         """Return the SI unit of the quantity, "1" if its components differ in unit."""
-        texts = {self._quantity(unit) for unit in units}
+        texts = {quantity for _, quantity in self._each(units)}
         return texts.pop() if len(texts) == 1 else "1"
+
+    def is_effort(self, units: Sequence[str]) -> bool:
+        """Return whether the quantity, or each component, is a force or torque."""
+        return all(parse_unit(quantity).dimension in EFFORTS for _, quantity in self._each(units))
 
     def check(self, units: Sequence[str], column: Any) -> None:
         """Raise LogError if a column of one of these units needs a scale and has none.
 
         column: name or names, for the message.
         """
-        for unit in units:
-            quantity = self._quantity(unit)
+        for unit, quantity in self._each(units):
             differs = parse_unit(quantity).dimension != parse_unit(self._driven(unit)).dimension
             if differs and self.scale == 1.0:
                 named = f"column '{column}' is" if isinstance(column, str) else f"columns {', '.join(column)} are"
@@ -96,13 +100,14 @@ class Conversion:
         factor = self.each("scale", self.scale, width)
         if self.motor_constant is not None:
             factor = factor * self.each("motor_constant", self.motor_constant, width)
-        for k, unit in enumerate(units):
-            quantity, driven = parse_unit(self._quantity(unit)), parse_unit(self._driven(unit))
+        pairs = self._each(units)
+        for k, (unit, text) in enumerate(pairs):
+            quantity, driven = parse_unit(text), parse_unit(self._driven(unit))
             if quantity.dimension != driven.dimension:  # the scale refers to the unit as declared
                 factor[k] /= float(convert(1.0, unit, parse_unit(unit).si_text))
         if self.gear_ratio is not None:
             gears = self.each("gear_ratio", self.gear_ratio, width)
-            multiplied = [parse_unit(self._quantity(unit)).dimension in EFFORTS for unit in units]
+            multiplied = [parse_unit(text).dimension in EFFORTS for _, text in pairs]
             factor = factor * np.where(multiplied, gears, 1 / gears)
         return factor
 
@@ -120,6 +125,15 @@ class Conversion:
             raise LogError(f"has {len(self.coupling)} rows for {rows.shape[1]} columns", "coupling")
         return rows @ np.asarray(self.coupling, float).T
 
+    def component(self, k: int, width: int) -> Conversion:
+        """Return the conversion of one column of `width`. Raises LogError for a coupling: it needs all of them."""
+        if self.coupling is not None:
+            raise LogError("needs columns with one clock; these have a time column each", "coupling")
+        given = {n: getattr(self, n) for n in ("scale", "offset", "gear_ratio", "motor_constant")}
+        own = {n: None if v is None else float(self.each(n, v, width)[k]) for n, v in given.items()}
+        unit = self.quantity_unit if isinstance(self.quantity_unit, str) else self.quantity_unit[k]
+        return replace(self, **own, quantity_unit=unit)
+
     @staticmethod
     def each(name: str, value: Numbers, width: int) -> Array:
         """Return one number for each column. Raises LogError for another number of them."""
@@ -135,8 +149,16 @@ class Conversion:
             raise LogError(f"needs columns of a current; found the unit {unit}", "motor_constant")
         return "N.m"
 
-    def _quantity(self, unit: str) -> str:
-        return parse_unit(self.quantity_unit or self._driven(unit)).si_text
+    def _each(self, units: Sequence[str]) -> list[tuple[str, str]]:
+        """Return the unit of each column with the SI unit of its quantity. Raises LogError if they are not as many."""
+        quantities = [self.quantity_unit] if isinstance(self.quantity_unit, str) else self.quantity_unit
+        count = max(len(units), len(quantities))
+        if {len(units), len(quantities)} - {1, count}:
+            raise LogError(
+                f"has {len(quantities)} units for {len(units)} columns; give one, or one each", "quantity_unit"
+            )
+        columns, quantities = (list(x) * count if len(x) == 1 else list(x) for x in (units, quantities))
+        return [(u, parse_unit(q or self._driven(u)).si_text) for u, q in zip(columns, quantities, strict=True)]
 
 
 _PLAIN = Conversion()

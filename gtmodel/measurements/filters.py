@@ -20,6 +20,7 @@ BAND_FACTOR = 2.5  # cut-off over excitation band; 2 to 3 keeps the motion and r
 BAND_SHARE = 0.999  # of the velocity's power
 ORDER = 4
 FLOOR = (0.25, 0.4)  # range of frequencies, over the sampling rate, from which the position noise is estimated
+ABOVE = 24.0  # times the expected power of noise at one frequency: chance exceeds it with a probability of 1e-6
 BEYOND = 10.0  # threshold in units of 1/sqrt(n), the relative scatter of the sum of n periodogram values of noise
 DIFFERENCES, MEDIAN = 6, 0.6745  # order; median of the absolute value of a standard normal variable
 WIDEST = 0.4  # largest cut-off over the sampling rate
@@ -123,8 +124,10 @@ def excitation_band(position: Array, sample_time: float, share: float = BAND_SHA
         sample_time: [s].
         share: share of the power of the velocity.
 
-    The power of white position noise, estimated at high frequencies, is subtracted. Raises TrajectoryError if nothing
-    moves, or if the motion is not larger than the noise.
+    The velocity is continued by its mirror image, so that a motion may begin and end at any speed. Only frequencies
+    count at which the power exceeds that of white position noise, estimated at high frequencies, so far that chance
+    does not explain it: the band ends where the spectrum of the motion falls into the noise. Raises TrajectoryError if
+    nothing moves, or if the motion is not larger than the noise.
 
     >>> t = 0.004 * np.arange(1000)
     >>> q = np.sin(2 * np.pi * 0.5 * t) + 0.1 * np.sin(2 * np.pi * 3.0 * t)
@@ -132,18 +135,21 @@ def excitation_band(position: Array, sample_time: float, share: float = BAND_SHA
     3.0
     """
     velocity = derivative(position, sample_time)
-    power = np.abs(np.fft.rfft(velocity - velocity.mean(axis=0), axis=0)) ** 2
-    power = power.reshape(len(power), -1).sum(axis=1)
-    frequency = np.fft.rfftfreq(len(velocity), sample_time)
-    transfer = np.sin(2 * np.pi * frequency * sample_time) ** 2  # of central differences
+    velocity = (velocity - velocity.mean(axis=0)).reshape(len(velocity), -1)
+    # the cosine transform of the mirrored velocity; each coefficient has one degree of freedom
+    power = scipy.fft.dct(velocity, axis=0) ** 2
+    frequency = np.arange(len(power)) / (2 * len(power) * sample_time)
+    transfer = np.sin(2 * np.pi * frequency * sample_time)[:, None] ** 2  # of central differences
     upper = (frequency > FLOOR[0] / sample_time) & (frequency < FLOOR[1] / sample_time)
-    noise = transfer * (np.median(power[upper] / transfer[upper]) if upper.any() else 0.0)
-    total = np.cumsum(power - noise)
-    if not np.max(total) > 0:
+    level = np.median(power[upper] / transfer[upper], axis=0) / MEDIAN**2 if upper.any() else 0.0
+    noise = transfer * level
+    if not np.max(power) > 0:
         raise TrajectoryError("nothing moves, so there is no excitation band; set the cut-off of the filter")
-    if np.max(total) < BEYOND / np.sqrt(len(power)) * noise.sum():
+    motion = np.where(power > ABOVE * noise, power - noise, 0.0).sum(axis=1)
+    if not np.max(motion) > 0 or motion.sum() < BEYOND / np.sqrt(len(power)) * noise.sum():
         raise TrajectoryError("the motion does not exceed the position noise; set the cut-off of the filter")
-    return float(frequency[np.argmax(total >= share * np.max(total))])
+    total = np.cumsum(motion)
+    return float(frequency[np.argmax(total >= share * total[-1])])
 
 
 def position_noise(position: Array) -> float:

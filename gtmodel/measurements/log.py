@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import UTC, datetime, timedelta
+from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,6 +21,7 @@ from .sampling import MISSING, EmptyRows, LateRows, in_order
 from .streams.form import LogError as LogError, LogForm, NoNumberError, shown
 from .streams.opening import stream_of
 from .streams.stream import Lines, Stream, TableRows
+from .streams.text import date_in
 
 JITTER = 0.1  # share of the sample time; the relative error of central differences on an uneven grid is about as large
 
@@ -32,6 +35,13 @@ class Column(NamedTuple):
 
     time, stream, file: time column, stream and file (name, path or pattern) of this column, for `read_recording` only.
     conversion: from the columns to the quantity; default: the columns are the quantity.
+
+    Of a time column alone: several names are parts that are added, `Column(("sec", "usec"), ("s", "us"))`.
+    since: when the time is zero: a date such as "1970-01-01", "2026-11-28T08:15:00.25+01:00", or words of a line above
+        the table that has the date, such as "Log started". The times then count from the first row, as dates do, and
+        `read_recording` joins the clock with others of known origin.
+    zone: zone of `since` and of dates in the column if they have none, such as "+01:00"; default: UTC.
+    per_channel: each channel has a time column of this name, or pattern such as "t_*", on its left.
     """
 
     name: str | Sequence[str]
@@ -40,6 +50,9 @@ class Column(NamedTuple):
     stream: str = ""
     file: str = ""
     conversion: Conversion = Conversion()
+    since: str = ""
+    zone: str = ""
+    per_channel: bool = False
 
 
 TIME = Column("time", "s")
@@ -47,11 +60,13 @@ TIME = Column("time", "s")
 
 class Session(NamedTuple):
     """One recording: a name for messages, the quantities in SI units, and the sample time [s]. It is evenly sampled,
-    unless it was read with `uneven`; then the sample time is the median step."""
+    unless it was read with `uneven`; then the sample time is the median step. If gaps split a recording, each stretch
+    is a session, and `stretch` is its number in the recording, from 0."""
 
     name: str
     trajectory: Trajectory
     sample_time: float
+    stretch: int = 0
 
 
 def session_of(
@@ -90,8 +105,8 @@ def read_log(
     Args:
         columns: quantity -> its `Column`. Other columns of the file are ignored. If a header cell states a unit, such
             as "pos [mm]", it must agree with the declared one.
-        time: the time column. None: there is none, and the rows are `sample_time` apart. If the file has its own times,
-            as bags do, and no column "time", the default means these times.
+        time: the time column, or columns whose sum is the time. None: there is none, and the rows are `sample_time`
+            apart. If the file has its own times, as bags do, and no column "time", the default means these times.
         session: a column with the number of the recording that a row belongs to; the time may restart with each.
         sample_time: expected sample time [s]; None: the median step of the file.
         jitter: largest deviation of a step from the sample time, as a share of it.
@@ -125,6 +140,8 @@ def read_log(
     stream = stream_of(path, form, time="" if time is None else _one_name(time))
     if time is not None and time == TIME and "time" not in stream.heads.names and stream.clock:
         time = Column(stream.clock, "s")
+    if time is not None and time.per_channel:
+        time = time._replace(name=_beside(stream, columns, time))
     if time is None and sample_time is None:
         raise LogError(f"{shown(path)}: there is no time column, so the sample time is needed")
     gaps = empty_rows == "drop"
@@ -132,9 +149,15 @@ def read_log(
         rows, shape = _in_si(stream, columns, time, session, gaps, progress)
     except NoNumberError as error:
         raise LogError(f'{error}; empty_rows = "drop" leaves such rows out') from error
+    origin = None if time is None else _count(rows, stream, time)
+    last = len(rows.lines)
+    if time is not None and time.per_channel and gaps:  # a channel may end before others
+        last = int(np.max(np.flatnonzero(np.isfinite(rows.values[_TIME][:, 0])), initial=-1)) + 1
     sessions = []
-    for begin, end in pairwise([*_begins(rows, session, stream), len(rows.lines)]):
+    for begin, end in pairwise([*_begins(rows, session, stream), last]):
         part, numbers, note = slice(begin, end), rows.lines, dict[str, Any]()
+        if origin is not None:
+            note[ORIGIN] = origin
         label = Path(path).name if session is None else f"{Path(path).name} {session} {rows.values[_OF][begin, 0]:g}"
         if time is None:
             assert sample_time is not None
@@ -161,7 +184,24 @@ def read_log(
     return tuple(sessions)
 
 
-LEFT_OUT = ("rows without a number", "rows that came late or twice")  # keys of the provenance: numbers of dropped rows
+def recordings_of(sessions: Sequence[Session]) -> list[int]:
+    """Return the number of the recording, from 0, to which each session belongs."""
+    return (np.cumsum([n == 0 or session.stretch == 0 for n, session in enumerate(sessions)]) - 1).tolist()
+
+
+# keys of the provenance: numbers of dropped rows
+SHORT = "rows between gaps, too few to interpolate"
+LEFT_OUT = ("rows without a number", "rows that came late or twice", SHORT)
+ORIGIN = "origin of the time [ns since 1970]"  # key of the provenance, if it is known
+
+
+def left_out(trajectories: Iterable[Trajectory]) -> dict[str, int]:
+    """Return the numbers of dropped rows, by reason, as kept in the provenance; without zeros."""
+    provenances = [trajectory.provenance for trajectory in trajectories]
+    counts = {why: sum(provenance.get(why, 0) for provenance in provenances) for why in LEFT_OUT}
+    return {why: count for why, count in counts.items() if count}
+
+
 _TIME, _OF = "\0time", "\0session"  # keys that cannot be names of quantities
 
 
@@ -173,7 +213,7 @@ def check_units(columns: Mapping[str, Column], time: Column | None) -> None:
                 unit = parse_unit(text)
             except UnitError as error:
                 raise LogError(f"the unit declared for '{name}': {error}") from error
-            if name == "time" and unit.dimension != parse_unit("s").dimension:
+            if column is time and unit.dimension != parse_unit("s").dimension:
                 raise LogError(f"the time is declared in {text}; expected a unit of time such as s or ms")
         column.conversion.check(_units(column), column.name)
 
@@ -183,7 +223,76 @@ def _units(column: Column) -> Sequence[str]:
 
 
 def _one_name(time: Column) -> str:
-    return time.name if isinstance(time.name, str) else ""
+    return time.name if isinstance(time.name, str) else time.name[0] if len(time.name) else ""
+
+
+def _beside(stream: Stream, columns: Mapping[str, Column], time: Column) -> str:
+    """Return the time column of the channels. Raises LogError if they have different ones."""
+    if not isinstance(time.name, str):
+        raise LogError("each channel has a time column of its own; expected one name or pattern for them")
+    channels = {stream.heads.time_of(time.name, m): m for c in columns.values() for m in stream.heads.members(c.name)}
+    if len(channels) > 1:
+        one, other = list(channels.values())[:2]
+        raise LogError(
+            f"{stream.heads.where}: '{one}' and '{other}' have time columns of their own; read_recording reads them"
+        )
+    return next(iter(channels))
+
+
+def _count(rows: TableRows, stream: Stream, time: Column) -> int | None:
+    """Put the time [s] in place of its columns; return its origin [ns since 1970] if it is known.
+
+    With a declared origin the time counts from the first row: seconds since 1970 have no room for microseconds.
+    """
+    columns, units, names = rows.values[_TIME], _units(time), [time.name] if isinstance(time.name, str) else time.name
+    zero = next((stream.stamps[name] for name in names if name in stream.stamps), None)
+    if time.since and zero is not None:
+        raise LogError(f"{stream.source}: '{_one_name(time)}' holds dates, which need no origin; leave `since` out")
+    width, begin = columns.shape[1], Fraction()
+    if width > 1 or time.since:
+        units = list(units) * width if len(units) == 1 else units
+        whole = np.isfinite(columns).all(axis=1)
+        first = columns[np.argmax(whole)] if time.since and whole.any() else np.zeros(width)
+        parts = [convert(x - x_0, unit, "s") for x, x_0, unit in zip(columns.T, first, units, strict=True)]
+        rows.values[_TIME] = np.sum(parts, axis=0)[:, None]
+        rows.values[_TIME].setflags(write=False)
+        begin = sum((Fraction(x) * parse_unit(unit).factor for x, unit in zip(first, units, strict=True)), begin)
+    if time.since:
+        return _since(time, stream) + round(begin * 10**9)
+    return None if zero is None else zero - _ahead(time) // timedelta(microseconds=1) * 1000
+
+
+def _since(time: Column, stream: Stream) -> int:
+    """Return the declared origin of a time [ns since 1970]. Raises LogError if it is no date."""
+    text, place = time.since, ""
+    if not (date := _date(text)):
+        place = next((line.strip() for line in stream.above() if text in line), "")
+        date = _date(date_in(place.partition(text)[2]))
+    if date is None:
+        line = f"the line {place[:60]!r} has no date behind it" if place else "it is not in a line above the table"
+        raise LogError(
+            f"{stream.source}: since = {text!r} is no date such as 2026-11-28T08:15:00, and {line}", "time.since"
+        )
+    ahead = _ahead(time) if date.tzinfo is None else timedelta()
+    return (date.replace(tzinfo=date.tzinfo or UTC) - ahead - _EPOCH) // timedelta(microseconds=1) * 1000
+
+
+def _ahead(time: Column) -> timedelta:
+    """Return by how much the zone of the dates is ahead of UTC. Raises LogError if it is no zone."""
+    dated = _date(f"2000-01-01T00:00{time.zone}")
+    if dated is None or (time.zone and dated.tzinfo is None):
+        raise LogError(f"zone = {time.zone!r}; expected a time ahead of UTC such as +01:00", "time.zone")
+    return dated.utcoffset() or timedelta()
+
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def _date(text: str) -> datetime | None:
+    try:
+        return datetime.fromisoformat(text)
+    except ValueError:
+        return None
 
 
 def _in_si(
@@ -200,11 +309,14 @@ def _in_si(
     groups, units = dict[str, list[str]](), dict[str, list[str]]()
     for name, column in declared.items():
         groups[name] = stream.heads.members(column.name)
-        units[name] = _each(column.unit, groups[name], name)
+        units[name] = each(column.unit, groups[name], name)
         for member, unit in zip(groups[name], units[name], strict=True):
             stream.heads.refuse_other_unit(member, unit)
+    columns_of_time = len(groups.get(_TIME, []))
 
     def si(name: str, values: Array) -> Array:
+        if name == _TIME and (columns_of_time > 1 or (time is not None and time.since)):
+            return values  # `_count` adds them
         if len(set(units[name])) > 1:
             values = np.column_stack([in_si(part, u) for part, u in zip(values.T, units[name], strict=True)])
         else:
@@ -222,7 +334,7 @@ def _in_si(
     return rows, {name: len(groups[name]) > 1 for name in columns}
 
 
-def _each(unit: str | Sequence[str], members: Sequence[str], name: str) -> list[str]:
+def each(unit: str | Sequence[str], members: Sequence[str], name: str) -> list[str]:
     """Return the unit of each column. Raises LogError if their numbers differ."""
     units = [unit] * len(members) if isinstance(unit, str) else list(unit)
     if len(units) != len(members):

@@ -6,14 +6,15 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from ..results.disk import path_of
 from ..results.trajectory import Trajectory
 from ..results.trajectory_files import PathLike
 from ..results.work import Progress, silent
-from .log import TIME, Column, LogError, read_log
+from .log import ORIGIN, TIME, Column, LogError, each, read_log
 from .sampling import EmptyRows, LateRows
-from .streams.form import LogForm, shown
+from .streams.form import LogForm, matching, shown
 from .streams.opening import open_log, stream_of
 
 
@@ -37,9 +38,11 @@ def read_recording(
         late_rows, empty_rows, form, progress: as in `read_log`.
 
     The keys name the clocks by file, stream and time column, as far as these differ: "MATLABtime", "/imu",
-    "force.csv". Absolute time stamps (bags, Parquet) count from the earliest stamp in all files. Nothing is resampled;
-    `sampling_of(trajectory.time)` describes the sampling. Raises LogError as `read_log` does, and if a column could be
-    in several files.
+    "force.csv". Times of known origin (dates, bags, Parquet, `Column.since`) count from the earliest origin in all
+    files. If the columns of a vector "q" have time columns of their own (`Column.per_channel`), each is a signal,
+    "q[0]", "q[1]". Nothing is resampled; `sampling_of(trajectory.time)` describes the sampling. Raises LogError as
+    `read_log` does, if a column could be in several files, and if the origin of one clock is declared and that of
+    another is unknown.
 
     >>> from pathlib import Path
     >>> written = Path("robot.csv").write_text("t,q\n0.0,1.0\n0.1,1.2\n0.2,1.1\n")
@@ -58,28 +61,54 @@ def read_recording(
     files = [path_of(path, "paths") for path in ([paths] if isinstance(paths, (str, os.PathLike)) else paths)]
     if not columns or not files:
         raise LogError("a recording needs at least one file and one column")
-    groups: dict[tuple[Path, str, Column | None], dict[str, Column]] = {}
+    groups: dict[_Key, dict[str, Column]] = {}
     for name, column in columns.items():
-        key = _file_of(name, column, files, form), column.stream or form.stream, column.time or time
-        groups.setdefault(key, {})[name] = column._replace(time=None, stream="", file="")
-    trajectories: dict[str, Trajectory] = {}
-    zeros = {key: _zero(*key, form) for key in groups}
-    first = min((zero for zero in zeros.values() if zero is not None), default=0)
-    for (file, stream, clock), group in groups.items():
+        file, stream, clock = _file_of(name, column, files, form), column.stream or form.stream, column.time or time
+        for part, plain, label in _by_clock(name, column, file, stream, clock, form):
+            groups.setdefault(_Key(file, stream, clock, label), {})[part] = plain
+    read = dict[str, tuple[_Key, Trajectory]]()
+    for key, group in groups.items():
         (session,) = read_log(
-            file, group, time=clock, sample_time=sample_time, uneven=True, late_rows=late_rows, empty_rows=empty_rows,
-            form=replace(form, stream=stream), progress=progress,
+            key.file, group, time=key.clock, sample_time=sample_time, uneven=True, late_rows=late_rows,
+            empty_rows=empty_rows, form=replace(form, stream=key.stream), progress=progress,
         )  # fmt: skip
-        zero, trajectory = zeros[file, stream, clock], session.trajectory
-        if zero is not None and zero > first:
-            trajectory = _later(trajectory, (zero - first) * 1e-9)
-        trajectories[_name(file, stream, clock, list(groups))] = trajectory
-    return trajectories
+        read[_name(key, list(groups))] = key, session.trajectory
+    zeros = {name: trajectory.provenance.get(ORIGIN) for name, (_, trajectory) in read.items()}
+    declared = next((name for name, (key, _) in read.items() if key.clock and key.clock.since), "")
+    if declared and (unknown := next((name for name, zero in zeros.items() if zero is None), "")):
+        raise LogError(f"the origin of the clock '{declared}' is declared, that of '{unknown}' is not; declare `since`")
+    first = min((zero for zero in zeros.values() if zero is not None), default=0)
+    shifts = {name: 0.0 if zero is None else (zero - first) * 1e-9 for name, zero in zeros.items()}
+    return {name: _later(trajectory, shifts[name]) for name, (_, trajectory) in read.items()}
 
 
-def matching(files: Sequence[Path], name: str) -> list[Path]:
-    """Return the files with this name, path or pattern."""
-    return [file for file in files if name in (str(file), file.name) or file.match(name)]
+class _Key(NamedTuple):
+    """What the signals of one clock share; time: label of the time column."""
+
+    file: Path
+    stream: str
+    clock: Column | None
+    time: str
+
+
+def _by_clock(
+    name: str, column: Column, file: Path, stream: str, clock: Column | None, form: LogForm
+) -> list[tuple[str, Column, str]]:
+    """Return the signals of a declared column, one for each of its clocks, with the label of the time column."""
+    plain = column._replace(time=None, stream="", file="")
+    if clock is None or not clock.per_channel or not isinstance(clock.name, str):
+        named = "rows" if clock is None else clock.name
+        return [(name, plain, named if isinstance(named, str) else " + ".join(named))]
+    heads = stream_of(file, form, stream, time=clock.name).heads
+    members = heads.members(column.name)
+    labels = [heads.time_of(clock.name, member) for member in members]
+    if len(set(labels)) == 1:
+        return [(name, plain, labels[0])]
+    units = each(column.unit, members, name)
+    return [
+        (f"{name}[{k}]", Column(member, unit, conversion=column.conversion.component(k, len(members))), label)
+        for k, (member, unit, label) in enumerate(zip(members, units, labels, strict=True))
+    ]
 
 
 def _file_of(name: str, column: Column, files: Sequence[Path], form: LogForm) -> Path:
@@ -100,16 +129,9 @@ def _file_of(name: str, column: Column, files: Sequence[Path], form: LogForm) ->
     return matches[0]
 
 
-def _zero(file: Path, stream: str, clock: Column | None, form: LogForm) -> int | None:
-    """Return the origin [ns since 1970] of the times of a stream, None if unknown."""
-    if clock is None:
-        return None
-    name = clock.name if isinstance(clock.name, str) else ""
-    opened = stream_of(file, form, stream, time=name)
-    return opened.stamps.get(opened.clock if clock == TIME and name not in opened.heads.names else name)
-
-
 def _later(trajectory: Trajectory, shift: float) -> Trajectory:
+    if not shift:
+        return trajectory
     values = {name: trajectory[name] for name in trajectory.names}
     return Trajectory(
         trajectory.time + shift, values, trajectory.units, title=trajectory.title, provenance=trajectory.provenance,
@@ -121,11 +143,10 @@ def _holds(names: Sequence[str], labels: Sequence[str]) -> bool:
     return all(label in names or f"{label}[0]" in names for label in labels)
 
 
-def _name(file: Path, stream: str, clock: Column | None, groups: Sequence[tuple[Path, str, Column | None]]) -> str:
+def _name(key: _Key, groups: Sequence[_Key]) -> str:
     """Return the shortest name that distinguishes this clock; the time column if there is only one clock."""
-    by_file = {(f, s): {t for g, r, t in groups if (g, r) == (f, s)} for f, s, _ in groups}
-    parts = [file.name] if len({f for f, _, _ in groups}) > 1 else []
-    parts += [stream] if len({s for _, s, _ in groups}) > 1 else []
-    if not parts or len(by_file[file, stream]) > 1:
-        parts.append("rows" if clock is None else str(clock.name))
+    parts = [key.file.name] if len({g.file for g in groups}) > 1 else []
+    parts += [key.stream] if len({g.stream for g in groups}) > 1 else []
+    if not parts or sum((g.file, g.stream) == (key.file, key.stream) for g in groups) > 1:
+        parts.append(key.time)
     return " ".join(parts)

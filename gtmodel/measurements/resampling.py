@@ -12,12 +12,13 @@ from ..results.interpolation import Nature, natures, rotations_again, smooth
 from ..results.refusal import ArgumentError, naming
 from ..results.trajectory import Trajectory
 from ..results.trajectory_checks import Array
-from .log import LogError, Session
+from .log import SHORT, LogError, Session, left_out
 from .sampling import Gap, sampling_of
 
 Method = Literal["cubic", "linear", "monotone"]
 METHODS: tuple[Method, ...] = ("cubic", "linear", "monotone")
 FEWEST = 8  # rows between gaps: every other one is left out to estimate the error
+LEAST = 3  # rows on the grid between gaps
 LONGEST_GAP = 5.0  # median steps: interpolation across a longer gap is a guess
 
 
@@ -83,8 +84,8 @@ def resample(
     Quaternions, rotation matrices and directions are recognised and remain valid between the rows; the sign of a
     quaternion does not jump. Wrapped angles are unwrapped in each stretch separately.
 
-    Raises LogError if a stretch between gaps has fewer than eight rows, or if the sense of rotation between two rows is
-    ambiguous; ArgumentError for a wrong argument.
+    A stretch of fewer than eight rows between gaps is left out. Raises LogError if there is no longer one, or if the
+    sense of rotation between two rows is ambiguous; ArgumentError for a wrong argument.
 
     >>> rng = np.random.default_rng(0)
     >>> t = np.sort(0.01 * np.arange(500) + 0.003 * rng.uniform(-1, 1, 500))
@@ -113,25 +114,32 @@ def resample(
     time = trajectory.time
     steps = np.diff(time)
     breaks = np.flatnonzero(steps > longest) + 1
-    sessions, misses, kinds = list[Session](), dict[str, list[Array]](), natures(trajectory)
+    pieces, most = list[tuple[int, int, Array, Array]](), (0, 0)
     for begin, end in zip([0, *breaks.tolist()], [*breaks.tolist(), len(time)], strict=True):
-        part = slice(begin, end)
-        if end - begin < FEWEST:
-            raise LogError(
-                f"'{name}' has {end - begin} rows from {time[begin]:.6g} s to the next gap; expected "
-                f"at least {FEWEST}: bridge longer gaps (longest_gap), or cut the recording",
-                "longest_gap",
-            )
         first, last = np.ceil((time[begin] - origin) / step - 1e-9), np.floor((time[end - 1] - origin) / step + 1e-9)
         grid = origin + step * np.arange(first, last + 1)
         if at is not None:
             grid = at[(at >= time[begin] - 1e-9 * step) & (at <= time[end - 1] + 1e-9 * step)]
-        inside = np.clip(grid, time[begin], time[end - 1])
-        grid = inside if at is None else grid
-        if len(grid) < 3:
-            raise LogError(
-                f"'{name}': a sample time of {step:g} s leaves {len(grid)} rows; expected at least 3", "sample_time"
-            )
+        most = max(most, (end - begin, len(grid)))
+        if end - begin >= FEWEST and len(grid) >= LEAST:
+            inside = np.clip(grid, time[begin], time[end - 1])
+            pieces.append((begin, end, inside, inside if at is None else grid))
+    if not pieces and most[0] < FEWEST:
+        raise LogError(
+            f"'{name}' has at most {most[0]} rows between gaps; expected at least {FEWEST}: bridge longer gaps "
+            "(longest_gap), or cut the recording",
+            "longest_gap",
+        )
+    if not pieces:
+        raise LogError(
+            f"'{name}': a sample time of {step:g} s leaves {most[1]} rows; expected at least {LEAST}", "sample_time"
+        )
+    dropped = left_out([trajectory])
+    if short := len(time) - sum(end - begin for begin, end, _, _ in pieces):
+        dropped[SHORT] = dropped.get(SHORT, 0) + short
+    sessions, misses, kinds = list[Session](), dict[str, list[Array]](), natures(trajectory)
+    for k, (begin, end, inside, grid) in enumerate(pieces):
+        part = slice(begin, end)
         values, stretch = dict[str, Array](), smooth(_rows(trajectory, part), kinds)
         straight = stretch.resample(inside) if method == "linear" else None
         for signal in trajectory.names:
@@ -139,14 +147,20 @@ def resample(
             values[signal] = straight[signal] if straight is not None else _curve(method)(time[part], y)(inside)
             misses.setdefault(signal, []).append(_misses(method, time[part], y))
         values = rotations_again(values, kinds)
-        label = name if not len(breaks) else f"{name} from {time[begin]:.6g} s"
+        label = name if not len(breaks) else f"{name} from {at_time(time[begin])}"
         sessions.append(Session(label, Trajectory(
             grid, values, {n: trajectory.unit(n) for n in trajectory.names}, title=trajectory.title,
-            provenance={"resampled": method, "sample_time_s": step}, synthetic=trajectory.synthetic,
-        ), step))  # fmt: skip
+            provenance={"resampled": method, "sample_time_s": step} | ({} if k else dropped),
+            synthetic=trajectory.synthetic,
+        ), step, k))  # fmt: skip
     error = {n: np.sqrt(np.mean(np.concatenate(parts) ** 2, axis=0)) for n, parts in misses.items()}
     bridged, cut = (tuple(g for g in sampling.gaps if (g.duration > longest) == over) for over in (False, True))
     return Resampled(tuple(sessions), method, error, bridged, cut, kinds)
+
+
+def at_time(time: float) -> str:
+    """Return a time for the name of a stretch; those since an epoch have more digits."""
+    return f"{time:.6g} s" if abs(time) < 1e6 else f"{time:.3f} s"
 
 
 def _rows(trajectory: Trajectory, part: slice) -> Trajectory:

@@ -15,7 +15,7 @@ from ..results.trajectory import Trajectory
 from ..results.trajectory_checks import Array
 from ..results.trajectory_files import PathLike
 from .conversion import Conversion, Matrix, Numbers
-from .log import JITTER, TIME, Column, LogError, Session, read_log
+from .log import JITTER, TIME, Column, LogError, Session, read_log, recordings_of
 
 if TYPE_CHECKING:
     from .common_grid.options import AlignBy, EvenGrid
@@ -40,8 +40,9 @@ class Signal:
         scale: quantity per column [quantity_unit / unit], one number or one for each column.
         offset: scale times the reading at zero quantity [quantity_unit], one number or one for each component.
         delay: delay of the column [s], one number or one for each column.
-        quantity_unit: SI unit of the quantity; default: the unit of the column.
-        per_session: which of the estimated corrections have a value for each session.
+        quantity_unit: SI unit of the quantity, or of each component; default: the unit of the column.
+        per_session: which of the estimated corrections have a value for each session; stretches of one recording
+            between gaps share it.
         gear_ratio, motor_constant, coupling: of the drives, see `Conversion`.
         time, stream, file: own time column, stream and file, as of a `Column`; see `read_signals`.
 
@@ -59,7 +60,7 @@ class Signal:
     scale: Numbers | Estimate = 1.0
     offset: Numbers | Estimate = 0.0
     delay: Numbers | Estimate = 0.0
-    quantity_unit: str = ""
+    quantity_unit: str | tuple[str, ...] = ""
     per_session: tuple[What, ...] = ("offset",)
     gear_ratio: Numbers | None = None
     motor_constant: Numbers | None = None
@@ -128,17 +129,22 @@ class Corrections:
         self.signals = dict(signals)
         self.sessions = tuple(sessions)
         self.longest_delay = longest_delay
+        self._recordings = recordings_of(self.sessions)
         self.free = tuple(_free(self.signals, self.sessions))
         self._places = {free: k for k, free in enumerate(self.free)}
         self.start = np.array([1.0 if free.what == "scale" else 0.0 for free in self.free])
 
-    def apply(self, values: Array | Sequence[float] = ()) -> tuple[Session, ...]:
+    def apply(self, values: Array | Sequence[float] = (), *, still: str = "") -> tuple[Session, ...]:
         """Return the sessions with the quantities, in SI units, in place of the columns; `values` belong to `free`.
 
         Both ends are cut by the longest possible delay, so that the number of rows does not depend on `values`. A cubic
         spline interpolates between samples; apply a low-pass filter to noisy signals first.
+
+        `still` names a signal that is not smooth, such as an effort with noise and with the steps of friction: its
+        samples stay, and the other signals move by its mean delay instead. Only differences between the delays of its
+        columns are interpolated. The time is then that of its samples.
         """
-        return tuple(self._session(k, np.asarray(values, dtype=float)) for k in range(len(self.sessions)))
+        return tuple(self._session(k, np.asarray(values, dtype=float), still) for k in range(len(self.sessions)))
 
     def bounds(self) -> tuple[Array, Array]:
         """Return lower and upper bounds of the estimated values; only delays are bounded."""
@@ -155,7 +161,7 @@ class Corrections:
         """
         if not self.free:
             return np.zeros(0)
-        size = np.array([self._size(free) for free in self.free])
+        size = self.sizes()
         residuals = by_differences(lambda z: residual(self.apply(z * size)), len(residual(self.apply(self.start))))
         names, most = [free.name for free in self.free], self.bounds()[1] / size
         fit = nonlinear_fit(
@@ -164,34 +170,44 @@ class Corrections:
         )  # fmt: skip
         if fit.estimate is None:
             raise LogError(f"the estimation of {', '.join(names)} failed: {fit.message}")
-        for name in fit.estimate.held:
-            raise LogError(
-                f"the estimate of {name} has reached its bound, {1e3 * (fit.x * size)[names.index(name)]:.3g} ms; "
-                "cut the logs to a common start, or set the delay"
-            )
+        self.refuse_bounds(fit.x * size)
         return fit.x * size
+
+    def refuse_bounds(self, values: Array) -> None:
+        """Raise LogError if a delay is at its bound."""
+        for free, value in zip(self.free, values, strict=True):
+            if free.what == "delay" and abs(value) >= self.longest_delay * (1 - 1e-9):
+                raise LogError(
+                    f"the estimate of {free.name} has reached its bound, {1e3 * value:.3g} ms; "
+                    "cut the logs to a common start, or set the delay"
+                )
 
     def named(self, values: Array) -> dict[str, float]:
         """Return the estimated values by name; delays in s."""
         return {free.name: float(x) for free, x in zip(self.free, values, strict=True)}
 
+    def sizes(self) -> Array:
+        """Return a size for each value: a sample time, 1 for a scale, the signal's deviation for an offset."""
+        return np.array([self._size(free) for free in self.free])
+
     def _size(self, free: FreeCorrection) -> float:
-        """Return the unit of a value in the fit: a sample time, 1 for a scale, the signal's deviation for an offset."""
         if free.what == "delay":
             return min(session.sample_time for session in self.sessions)
         if free.what == "scale":
             return 1.0
-        trajectory = self.sessions[free.session or 0].trajectory
+        trajectory = self.sessions[self._recordings.index(free.session or 0)].trajectory
         return float(np.std(trajectory[free.signal])) or 1.0
 
-    def _session(self, k: int, values: Array) -> Session:
+    def _session(self, k: int, values: Array, still: str) -> Session:
         session = self.sessions[k]
         kinds = natures(session.trajectory.select([n for n in session.trajectory.names if n in self.signals]))
         raw, step = smooth(session.trajectory, kinds), session.sample_time
-        reach = max(
-            self.longest_delay if isinstance(s.delay, str) else float(np.max(np.abs(s.delay)))
-            for s in [*self.signals.values(), _STILL]
-        )
+        reaches = {n: self._reach(s) for n, s in self.signals.items()}
+        reach, common = max(reaches.values(), default=0.0), 0.0
+        if still in raw and still in self.signals:
+            width = 1 if raw[still].ndim == 1 else raw[still].shape[1]
+            common = float(np.mean(self._values(still, self.signals[still], "delay", k, width, values)))
+            reach += reaches[still]
         cut = int(np.ceil(reach / step - 1e-9))
         if 2 * cut + 3 > len(raw):
             raise LogError(f"'{session.name}' lasts {raw.duration:g} s, too short for delays of {reach:g} s")
@@ -199,7 +215,8 @@ class Corrections:
         quantities, units, late, moved = {}, {}, dict[str, Array](), set[str]()
         for name, signal in [(n, s) for n, s in self.signals.items() if n in raw]:
             width = 1 if raw[name].ndim == 1 else raw[name].shape[1]
-            rows, delay = raw[name].reshape(len(raw), width), self._values(name, signal, "delay", k, width, values)
+            rows = raw[name].reshape(len(raw), width)
+            delay = self._values(name, signal, "delay", k, width, values) - common
             columns = [_at(raw.time, rows[:, j], time, cut, float(delay[j])) for j in range(width)]
             late[name] = columns[0] if raw[name].ndim == 1 else np.column_stack(columns)
             moved |= {name} if np.any(delay != 0) else set()
@@ -219,18 +236,19 @@ class Corrections:
         derived = Trajectory(
             time, quantities, units, title=raw.title, provenance=raw.provenance, synthetic=raw.synthetic
         )
-        return Session(session.name, derived, step)
+        return session._replace(trajectory=derived)
+
+    def _reach(self, signal: Signal) -> float:
+        """Return the longest possible delay of a signal [s]."""
+        return self.longest_delay if isinstance(signal.delay, str) else float(np.max(np.abs(signal.delay)))
 
     def _values(self, name: str, signal: Signal, what: What, k: int, width: int, values: Array) -> Array:
         fixed = getattr(signal, what)
         if not isinstance(fixed, str):
             return Conversion.each(what, fixed, width)
-        session = k if what in signal.per_session else None
+        session = self._recordings[k] if what in signal.per_session else None
         parts = range(width) if width > 1 else [None]
         return np.array([values[self._places[FreeCorrection(name, what, session, part)]] for part in parts])
-
-
-_STILL = Signal("", "1")
 
 
 def read_signals(
@@ -268,7 +286,8 @@ def read_signals(
     ([1.0, 1.5, 1.0], 'V')
     """
     columns = {n: Column(s.column, s.unit, s.time, s.stream, s.file) for n, s in signals.items()}
-    if align_by or curves or any(c.time or c.stream or c.file for c in columns.values()):
+    several = any(c.time or c.stream or c.file for c in columns.values()) or (time is not None and time.per_channel)
+    if align_by or curves or several:
         from .common_grid.joined_log import read_joined  # here: logs with one clock need no alignment
 
         if session is not None:
@@ -311,13 +330,13 @@ def offset_columns(rows: Sequence[int], width: int = 1, *, per_session: bool = T
 
 
 def _free(signals: Mapping[str, Signal], sessions: Sequence[Session]) -> list[FreeCorrection]:
-    free = []
+    free, count = [], recordings_of(sessions)[-1] + 1
     for name, signal in signals.items():
         rows = sessions[0].trajectory[name]
         parts: Sequence[int | None] = [None] if rows.ndim == 1 else range(rows.shape[1])
         for what in ("delay", "scale", "offset"):
             if getattr(signal, what) == ESTIMATE:
-                where: Sequence[int | None] = range(len(sessions)) if what in signal.per_session else [None]
+                where: Sequence[int | None] = range(count) if what in signal.per_session else [None]
                 free += [FreeCorrection(name, what, k, part) for k in where for part in parts]
     return free
 

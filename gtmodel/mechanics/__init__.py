@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         UnitQuaternion as UnitQuaternion,
         ZYZAngles as ZYZAngles,
     )
+    from .closures import LoopClosure as LoopClosure, PlanarLoopClosure as PlanarLoopClosure
     from .drives import (
         BallScrew as BallScrew,
         ForceMotor as ForceMotor,
@@ -75,10 +76,11 @@ if TYPE_CHECKING:
         SplineGuideway as SplineGuideway,
     )
     from .joints import (
-        LoopClosure as LoopClosure,
-        PlanarLoopClosure as PlanarLoopClosure,
+        Cylindrical as Cylindrical,
+        Planar as Planar,
         Prismatic as Prismatic,
         Revolute as Revolute,
+        Screw as Screw,
         Spherical as Spherical,
         Universal as Universal,
     )
@@ -95,6 +97,7 @@ if TYPE_CHECKING:
         PointOnFrame as PointOnFrame,
     )
     from .rod import ElasticRod as ElasticRod, MidpointRod as MidpointRod, Rod as Rod, UniformRod as UniformRod
+    from .transmissions import BeltDrive as BeltDrive, GearPair as GearPair, Rack as Rack
     from .wrist import Wrist as Wrist, WristAxis as WristAxis
 
 public(__name__)

@@ -60,12 +60,14 @@ class Frame(gt.Connector):
     """
 
     overdetermined: ClassVar[str] = (
-        "the orientation R of a Frame has nine numbers for three degrees of freedom, so a closed loop of frames is "
-        "overdetermined; replace one connection of the loop by gt.mechanics.LoopClosure, or if all axes are parallel "
-        "by gt.mechanics.PlanarLoopClosure, or close it with rods or spherical joints, which transmit no orientation"
+        "the orientation R of a Frame has nine numbers for three degrees of freedom, so a closed loop of frames "
+        "without a joint is overdetermined; remove a connection, or put a joint of gt.mechanics into the loop, or "
+        "close it with rods or spherical joints, which transmit no orientation"
     )
     r = gt.potential(3, unit="m", prefer=-3, description="origin in the world frame")
-    R = gt.potential((3, 3), unit="1", prefer=-4, description="rotation from frame to world coordinates")
+    R = gt.potential(
+        (3, 3), unit="1", prefer=-4, kind="rotation", description="rotation from frame to world coordinates"
+    )
     w = gt.potential(3, unit="rad/s", prefer=-1, description="angular velocity, world coordinates")
     f = gt.flow(3, unit="N", description="force on the component, world coordinates")
     t = gt.flow(3, unit="N.m", description="torque on the component about the origin, world coordinates")

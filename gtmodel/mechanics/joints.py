@@ -1,11 +1,17 @@
-"""Joints between two frames: revolute, prismatic, universal, spherical, and loop closures."""
+"""Joints between two frames: revolute, prismatic, cylindrical, planar, screw, universal and spherical.
+
+A joint that closes a loop uses the equations of `closing` instead of `equations`, see `gt.loops`.
+"""
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
+
+import numpy as np
 
 from .. import lang as gt
-from .bodies import rotation_about
+from .closures import angle_between_frames, held_position, held_rotation, held_tilt, normals, turned
+from .drives import RackAndPinion
 from .frames import Flange, Frame, Shaft
 
 
@@ -30,6 +36,10 @@ class Revolute(gt.Model):
     [0.433 0.25  0.   ] -4.33
     """
 
+    if_redundant: ClassVar[str] = (
+        "in a loop with parallel axes, use gt.mechanics.PlanarLoopClosure instead of this joint"
+    )
+
     axis = gt.parameter(
         [0.0, 0.0, 1.0], unit="1", kind="direction", description="direction of the axis, the same in frames a and b"
     )
@@ -40,14 +50,26 @@ class Revolute(gt.Model):
     def equations(self):
         a, b = self.a, self.b
         n = self.axis / gt.norm(self.axis)
-        n_world = a.R @ n
-        yield gt.tree_edge(a, b)
         yield b.r == a.r
-        yield a.R @ rotation_about(n, self.shaft.phi) == b.R
-        yield b.w == a.w + gt.der(self.shaft.phi) * n_world
+        yield gt.tree_edge(a, b, self.closing, either=turned(a, b, n, self.shaft.phi))
+        yield b.w == a.w + gt.der(self.shaft.phi) * (a.R @ n)
+        yield from self._flows(n)
+
+    def closing(self):
+        """Yield the equations of a revolute joint that closes a loop: five constraints and its angle."""
+        a, b = self.a, self.b
+        n = self.axis / gt.norm(self.axis)
+        across = normals(n)
+        yield from held_position(a, b, (n, *across))
+        yield from held_tilt(a, b, n, across)
+        yield angle_between_frames(a, b, across, self.shaft.phi)
+        yield from self._flows(n)
+
+    def _flows(self, n):
+        a, b = self.a, self.b
         yield a.f + b.f == 0
         yield a.t + b.t == 0
-        yield self.shaft.t + gt.dot(n_world, b.t) == 0
+        yield self.shaft.t + gt.dot(a.R @ n, b.t) == 0
 
 
 class Prismatic(gt.Model):
@@ -78,15 +100,185 @@ class Prismatic(gt.Model):
 
     def equations(self):
         a, b = self.a, self.b
-        v = a.R @ self.v
-        slide = self.flange.s * v
-        yield gt.tree_edge(a, b)
-        yield b.r == a.r + slide
-        yield b.R == a.R
+        yield b.r == a.r + self.flange.s * (a.R @ self.v)
+        yield gt.tree_edge(a, b, self.closing, either=(b.R == a.R, b.R == a.R))
         yield b.w == a.w
+        yield from self._flows()
+
+    def closing(self):
+        """Yield the equations of a prismatic joint that closes a loop: five constraints and its travel."""
+        a, b, v = self.a, self.b, self.v
+        yield from held_position(a, b, normals(v / gt.norm(v)))
+        yield from held_rotation(a, b)
+        yield gt.dot(a.R @ v, b.r - a.r) == self.flange.s * gt.dot(v, v)
+        yield from self._flows()
+
+    def _flows(self):
+        a, b = self.a, self.b
+        v = a.R @ self.v
+        yield a.f + b.f == 0
+        yield a.t + b.t + gt.cross(self.flange.s * v, b.f) == 0
+        yield self.flange.f + gt.dot(v, b.f) == 0
+
+
+class Cylindrical(gt.Model):
+    """Frame b turns about an axis of frame a by the angle of `shaft` and slides along it by the travel s of `flange`.
+
+    `axis` (3) is in a's coordinates and may have any nonzero length; the travel is in metres. Shaft and flange may
+    carry motors, friction or springs, as those of Revolute and Prismatic.
+
+    A bolt turned by 90 degrees and pushed out by 0.1 m; 2 kg hang from its end:
+
+    >>> bench = gt.Builder("bench")
+    >>> ground = bench.part("ground", gt.mechanics.Ground())
+    >>> bolt = bench.part("bolt", gt.mechanics.Cylindrical(axis=[0.0, 0.0, 1.0]))
+    >>> body = bench.part("body", gt.mechanics.RigidBody(m=2.0, c=[0.3, 0.0, 0.0], I=0.01 * np.eye(3)))
+    >>> pusher = bench.part("pusher", gt.mechanics.ForceMotor())
+    >>> turner = bench.part("turner", gt.mechanics.TorqueMotor())
+    >>> bench.add(gt.connect([ground.frame, bolt.b], [bolt.a, body.frame]))
+    >>> bench.add(gt.connect(bolt.flange, pusher.flange), gt.connect(bolt.shaft, turner.shaft))
+    >>> f = bench.causal(known=["bolt.flange.s", "bolt.shaft.phi"], targets=["body.frame.R", "pusher.force"])
+    >>> R, force, status = f(0.1, 0.0, 0.0, np.pi / 2, 0.0, 0.0)
+    >>> print(R[:, 0].round(6) + 0.0, round(force, 6))
+    [0. 1. 0.] 19.62
+    """
+
+    axis = gt.parameter(
+        [0.0, 0.0, 1.0], unit="1", kind="direction", description="direction of the axis, the same in frames a and b"
+    )
+    a = gt.port(Frame)
+    b = gt.port(Frame)
+    shaft = gt.port(Shaft)
+    flange = gt.port(Flange)
+
+    def equations(self):
+        a, b = self.a, self.b
+        n = self.axis / gt.norm(self.axis)
+        yield b.r == a.r + self.flange.s * (a.R @ n)
+        yield gt.tree_edge(a, b, self.closing, either=turned(a, b, n, self.shaft.phi))
+        yield b.w == a.w + gt.der(self.shaft.phi) * (a.R @ n)
+        yield from self._flows(n)
+
+    def closing(self):
+        """Yield the equations of a cylindrical joint that closes a loop: four constraints, its angle and its travel."""
+        a, b = self.a, self.b
+        n = self.axis / gt.norm(self.axis)
+        across = normals(n)
+        yield from held_position(a, b, across)
+        yield from held_tilt(a, b, n, across)
+        yield angle_between_frames(a, b, across, self.shaft.phi)
+        yield gt.dot(a.R @ n, b.r - a.r) == self.flange.s
+        yield from self._flows(n)
+
+    def _flows(self, n):
+        a, b = self.a, self.b
+        along = a.R @ n
+        yield a.f + b.f == 0
+        yield a.t + b.t + gt.cross(self.flange.s * along, b.f) == 0
+        yield self.shaft.t + gt.dot(along, b.t) == 0
+        yield self.flange.f + gt.dot(along, b.f) == 0
+
+
+class Planar(gt.Model):
+    """Frame b slides in a plane of frame a and turns about the plane's normal, `axis` (3) in a's coordinates.
+
+    `first` (3), in the plane and perpendicular to `axis`, is the direction of the travel of `flange_1`; that of
+    `flange_2` is axis x first. Both are used as unit vectors. `shaft` carries the angle. All three may carry motors.
+
+    A puck at (0.3, 0.4) m, turned by 30 degrees, on a horizontal table that bears its weight:
+
+    >>> bench = gt.Builder("bench")
+    >>> ground = bench.part("ground", gt.mechanics.Ground())
+    >>> table = bench.part("table", gt.mechanics.Planar())
+    >>> puck = bench.part("puck", gt.mechanics.RigidBody(m=2.0, I=0.01 * np.eye(3)))
+    >>> bench.add(gt.connect(ground.frame, table.a), gt.connect(table.b, puck.frame))
+    >>> coordinates = ["table.flange_1.s", "table.flange_2.s", "table.shaft.phi"]
+    >>> f = bench.causal(targets=["puck.frame.r", "table.b.f"], prefer=coordinates)
+    >>> r, force, status = f(0.3, 0.4, np.pi / 6, 0.0, 0.0, 0.0)
+    >>> print(r + 0.0, force.round(6) + 0.0)
+    [0.3 0.4 0. ] [  0.     0.   -19.62]
+    """
+
+    axis = gt.parameter([0.0, 0.0, 1.0], unit="1", kind="direction", description="normal of the plane, in frame a")
+    first = gt.parameter(
+        [1.0, 0.0, 0.0], unit="1", kind="direction", description="direction of flange_1 in the plane, in frame a"
+    )
+    a = gt.port(Frame)
+    b = gt.port(Frame)
+    flange_1 = gt.port(Flange)
+    flange_2 = gt.port(Flange)
+    shaft = gt.port(Shaft)
+
+    def equations(self):
+        a, b = self.a, self.b
+        n, across = self._directions()
+        yield b.r == a.r + a.R @ (self.flange_1.s * across[0] + self.flange_2.s * across[1])
+        yield gt.tree_edge(a, b, self.closing, either=turned(a, b, n, self.shaft.phi))
+        yield b.w == a.w + gt.der(self.shaft.phi) * (a.R @ n)
+        yield from self._flows(n, across)
+
+    def closing(self):
+        """Yield the equations of a planar joint that closes a loop: three constraints and its coordinates."""
+        a, b = self.a, self.b
+        n, across = self._directions()
+        yield from held_position(a, b, (n,))
+        yield from held_tilt(a, b, n, across)
+        yield angle_between_frames(a, b, across, self.shaft.phi)
+        for flange, direction in zip((self.flange_1, self.flange_2), across, strict=True):
+            yield gt.dot(a.R @ direction, b.r - a.r) == flange.s
+        yield from self._flows(n, across)
+
+    def _directions(self):
+        n, first = self.axis / gt.norm(self.axis), self.first / gt.norm(self.first)
+        return n, (first, gt.cross(n, first))
+
+    def _flows(self, n, across):
+        a, b = self.a, self.b
+        slide = a.R @ (self.flange_1.s * across[0] + self.flange_2.s * across[1])
         yield a.f + b.f == 0
         yield a.t + b.t + gt.cross(slide, b.f) == 0
-        yield self.flange.f + gt.dot(v, b.f) == 0
+        yield self.shaft.t + gt.dot(a.R @ n, b.t) == 0
+        for flange, direction in zip((self.flange_1, self.flange_2), across, strict=True):
+            yield flange.f + gt.dot(a.R @ direction, b.f) == 0
+
+
+class Screw(gt.Model):
+    """Frame b turns about an axis of frame a and slides along it by `lead` [m] per turn, without losses.
+
+    A positive lead is a right-hand thread. The joint has one degree of freedom: motors may act on `shaft` or `flange`.
+
+    A spindle of 5 mm lead lifts 100 kg; without friction that takes m g lead / (2 pi):
+
+    >>> bench = gt.Builder("bench")
+    >>> ground = bench.part("ground", gt.mechanics.Ground())
+    >>> spindle = bench.part("spindle", gt.mechanics.Screw(lead=0.005))
+    >>> load = bench.part("load", gt.mechanics.RigidBody(m=100.0, I=np.eye(3)))
+    >>> motor = bench.part("motor", gt.mechanics.TorqueMotor())
+    >>> bench.add(gt.connect([ground.frame, spindle.b, spindle.shaft], [spindle.a, load.frame, motor.shaft]))
+    >>> f = bench.causal(known="spindle.shaft.phi", targets=["load.frame.r", "motor.torque"])
+    >>> r, torque, status = f(2 * np.pi, 0.0, 0.0)
+    >>> print(r, round(torque, 6))
+    [0.    0.    0.005] 0.780655
+    """
+
+    axis = gt.parameter(
+        [0.0, 0.0, 1.0], unit="1", kind="direction", description="direction of the axis, the same in frames a and b"
+    )
+    lead = gt.parameter(unit="m", nonzero=True, description="travel per turn, positive for a right-hand thread")
+    a = gt.port(Frame)
+    b = gt.port(Frame)
+    shaft = gt.port(Shaft)
+    flange = gt.port(Flange)
+    joint = gt.part(Cylindrical, axis=axis)
+    thread = gt.part(RackAndPinion, radius=lambda self: self.lead / (2 * np.pi))
+
+    def equations(self):
+        yield gt.connect(self.a, self.joint.a)
+        yield gt.connect(self.joint.b, self.b)
+        yield gt.connect(self.joint.shaft, self.thread.shaft)
+        yield gt.connect(self.joint.flange, self.thread.flange)
+        yield gt.connect(self.shaft, self.joint.shaft)
+        yield gt.connect(self.flange, self.joint.flange)
 
 
 class Universal(gt.Model):
@@ -154,92 +346,5 @@ class Spherical(gt.Model):
         a, b = self.a, self.b
         yield b.r == a.r
         yield a.f + b.f == 0
-        yield a.t == 0
-        yield b.t == 0
-
-
-class LoopClosure(gt.Model):
-    """Closes a loop: two frames coincide, with six constraints, a force and a torque.
-
-    A chain of joints from the ground back to the ground is a loop of orientations, which connected Frames cannot have:
-    replace one connection by a LoopClosure. The loop must be spatial, with seven joint coordinates or more. In a planar
-    loop three of the constraints are redundant; see PlanarLoopClosure.
-
-    Force and torque of the six constraints that hold a free body of 2 kg:
-
-    >>> bench = gt.Builder("bench")
-    >>> ground = bench.part("ground", gt.mechanics.Ground())
-    >>> body = bench.part("body", gt.mechanics.FreeBody(m=2.0, c=[0.1, 0.0, 0.0], I=0.01 * np.eye(3)))
-    >>> closure = bench.part("closure", gt.mechanics.LoopClosure())
-    >>> bench.add(gt.connect([ground.frame, closure.b], [closure.a, body.frame]))
-    >>> force, torque, status = bench.causal(targets=["closure.a.f", "closure.a.t"])()
-    >>> print(force.round(6) + 0.0, torque.round(6) + 0.0)
-    [ 0.    0.   19.62] [ 0.    -1.962  0.   ]
-    """
-
-    if_redundant: ClassVar[str] = (
-        "if all axes of the loop are parallel, close it with gt.mechanics.PlanarLoopClosure instead of "
-        "gt.mechanics.LoopClosure; otherwise remove from the closure the constraints that the joints already impose, "
-        "or make a part compliant"
-    )
-
-    a = gt.port(Frame)
-    b = gt.port(Frame)
-
-    def equations(self):
-        a, b = self.a, self.b
-        turned: list[list[Any]] = [[gt.dot(a.R[:, i], b.R[:, j]) for j in range(3)] for i in range(3)]
-        yield b.r == a.r
-        # the axis of the rotation from a to b times tan(angle/2): zero only if they are parallel
-        trace = turned[0][0] + turned[1][1] + turned[2][2]
-        for i, j in ((1, 2), (2, 0), (0, 1)):
-            yield (turned[j][i] - turned[i][j]) / (1.0 + trace) == 0
-        yield a.f + b.f == 0
-        yield a.t + b.t == 0
-
-
-class PlanarLoopClosure(gt.Model):
-    """A revolute joint that closes a planar loop: the origins of two frames coincide in the plane.
-
-    `first` and `second` (3), coordinates of a, span the plane; the axis is normal to it. The other joints of the loop
-    are parallel to the axis. They alone keep b in the plane and bear loads out of it, so this joint transmits no torque
-    and no force along the axis.
-
-    A parallelogram linkage with a crank of 0.3 m and a coupler of 0.5 m: the coupler stays level, and the rocker turns
-    with the crank.
-
-    >>> bench = gt.Builder("parallelogram")
-    >>> ground = bench.part("ground", gt.mechanics.Ground())
-    >>> crank, coupler, rocker = (bench.part(n, gt.mechanics.Revolute()) for n in ("crank", "coupler", "rocker"))
-    >>> lengths = {"bar": [0.3, 0.0, 0.0], "top": [0.5, 0.0, 0.0], "base": [0.5, 0.0, 0.0], "arm": [0.3, 0.0, 0.0]}
-    >>> bar, top, base, arm = (bench.part(n, gt.mechanics.FixedTranslation(d=d)) for n, d in lengths.items())
-    >>> closure = bench.part("closure", gt.mechanics.PlanarLoopClosure())
-    >>> bench.add(gt.connect([ground.frame, crank.b, bar.b, coupler.b], [crank.a, bar.a, coupler.a, top.a]))
-    >>> bench.add(gt.connect([ground.frame, base.b, rocker.b], [base.a, rocker.a, arm.a]))
-    >>> motor = bench.part("motor", gt.mechanics.TorqueMotor())
-    >>> bench.add(gt.connect([top.b, arm.b, motor.shaft], [closure.a, closure.b, crank.shaft]))
-    >>> follow = bench.causal(known="crank.shaft.phi", targets=["rocker.shaft.phi", "coupler.shaft.phi"])
-    >>> rocker_angle, coupler_angle, status = follow(0.8)
-    >>> print(round(rocker_angle, 6), round(np.sin(coupler_angle), 6))  # the sine of -0.8
-    0.8 -0.717356
-    """
-
-    if_redundant: ClassVar[str] = (
-        "gt.mechanics.PlanarLoopClosure closes a loop with parallel axes, with `first` and `second` normal to them; "
-        "close a spatial loop with gt.mechanics.LoopClosure"
-    )
-
-    first = gt.parameter([1.0, 0.0, 0.0], unit="1", kind="direction", description="direction in the plane, of a")
-    second = gt.parameter([0.0, 1.0, 0.0], unit="1", kind="direction", description="second direction in the plane")
-    a = gt.port(Frame)
-    b = gt.port(Frame)
-
-    def equations(self):
-        a, b = self.a, self.b
-        gap = b.r - a.r
-        yield gt.dot(a.R @ self.first, gap) == 0
-        yield gt.dot(a.R @ self.second, gap) == 0
-        yield a.f + b.f == 0
-        yield gt.dot(a.R @ gt.cross(self.first, self.second), b.f) == 0
         yield a.t == 0
         yield b.t == 0

@@ -113,9 +113,8 @@ class FixedShaft(gt.Model):
 def rigid(a: Any, b: Any, d: Any, R: Any = None) -> Iterator[Any]:
     """Yield the equations of frame b fixed to frame a at d [m] with the rotation R from b to a, None for parallel."""
     arm = a.R @ d
-    yield gt.tree_edge(a, b)
     yield b.r == a.r + arm
-    yield b.R == (a.R if R is None else a.R @ R)
+    yield gt.tree_edge(a, b, either=(b.R == a.R, b.R == a.R) if R is None else (b.R == a.R @ R, b.R @ R.T == a.R))
     yield b.w == a.w
     yield a.f + b.f == 0
     yield a.t + b.t + gt.cross(arm, b.f) == 0

@@ -13,7 +13,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from ..geometry.rotations import rotation_by
-from ..kinematics.wrist_partition import WristPartition
+from ..kinematics import Chain, postures
 from ..results import ArgumentError
 from ..results.refusal import naming
 from ..vibration import OscillatorField
@@ -83,7 +83,7 @@ def tool_rotations(angles: ArrayLike, axis: ArrayLike, spindle: ArrayLike, zero:
 
 
 def angle_sweep(
-    arm: WristPartition, limits: ArrayLike, place: ArrayLike, *, axis: ArrayLike = (0.0, 0.0, -1.0),
+    arm: Chain, limits: ArrayLike, place: ArrayLike, *, axis: ArrayLike = (0.0, 0.0, -1.0),
     tool: ArrayLike = (0.0, 0.0, 0.0), spindle: ArrayLike = (0.0, 0.0, 1.0), angles: ArrayLike = ANGLES,
     zero: float = 0.0,
 ) -> AngleSweep:  # fmt: skip
@@ -95,7 +95,7 @@ def angle_sweep(
     ValueError for wrong shapes.
 
     >>> robot = gt.robots.kr500()
-    >>> arm = gt.kinematics.WristPartition.of(robot.origins, robot.axes)
+    >>> arm = gt.kinematics.chain_of(robot)
     >>> sweep = gt.milling.angle_sweep(arm, robot.joint_limits, place=[1.2, 0.0, 0.3], angles=[0.0, 1.5, 3.0])
     >>> sweep.reachable, sweep.q.shape
     (array([ True,  True,  True]), (6, 6))
@@ -103,7 +103,7 @@ def angle_sweep(
     angles = np.asarray(angles, float).ravel()
     low, high = np.asarray(limits, float).reshape(6, 2).T
     R = tool_rotations(angles, axis, spindle, zero)
-    solutions = arm.inverse(np.asarray(place, float) - R @ np.asarray(tool, float), R)
+    solutions = postures(arm, np.asarray(place, float) - R @ np.asarray(tool, float), R)
     q, row, branch = [], [], []
     for n in range(len(angles)):
         turns, branches = solutions.within(limits, n)

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from ..compliance import arm_poses, translational_compliance
-from ..kinematics import WristPartition
+from ..kinematics import Chain, chain_of
 from ..lang import Model
 from ..results import ArgumentError
 from ..results.refusal import naming
@@ -122,7 +122,7 @@ class MillingTask:
     """Checked inputs of a study."""
 
     model: Any
-    arm: WristPartition
+    arm: Chain
     limits: np.ndarray
     cutter: Cutter
     cut: Cut
@@ -188,10 +188,7 @@ def task_of(
         with naming(name, ValueError):
             to_world(np.zeros(3), direction, up)
     model: Any = robot
-    try:
-        arm = WristPartition.of(model.origins, model.axes)
-    except (ValueError, AttributeError) as error:
-        raise ArgumentError(f"expected a serial arm with a spherical wrist such as kr500; {error}", "robot") from error
+    arm = chain_of(model, named=True)
     joint_limits = getattr(model, "joint_limits", None)
     if limits is not None:
         joint_limits = np.array(_six(limits), float)

@@ -10,6 +10,7 @@ import numpy as np
 
 from .._lazy import hint
 from ..results.options import Long, Options, Unit, Within
+from ..results.refusal import ArgumentError
 
 if TYPE_CHECKING:
     from ..lang import Model
@@ -317,6 +318,11 @@ class MotionMesh(Options):
         Literal["polynomial", "constant"],
         "force on each element: a polynomial, bounded at the collocation points only, or a constant",
     ] = "polynomial"
+    blocks: Annotated[
+        list[int] | None, Within(least=1), Long(3),
+        "number of elements over which the force of each motor is constant, one number for each motor; for motions "
+        "without a path and without a limit on velocity, acceleration or jerk",
+    ] = None  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -382,6 +388,15 @@ class MotionProblem(Options):
     solver: Solver = field(default_factory=Solver)
     export: Export = field(default_factory=Export)
     title: str = ""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.mesh.blocks is not None and self.order is not None:
+            raise ArgumentError(
+                "blocks of forces need forces as the control, so neither a path nor a limit on velocity, acceleration "
+                "or jerk; leave them out",
+                "mesh.blocks",
+            )
 
     @property
     def begin(self) -> np.ndarray:

@@ -11,12 +11,12 @@ import numpy as np
 
 from .._lazy import hint
 from ..lang import Optimization
-from ..optimize import Mesh, Solution, SolverOptions, solve as collocate
+from ..optimize import Blocks, Mesh, Solution, SolverOptions, solve as collocate
 from ..optimize.judgement.resimulate import Resimulation, resimulate
 from ..optimize.multistart import ReachedOptima
 from ..results import SolveStatus, Trajectory, Work
 from .constraints import NO_GUARD, MotionConstraints
-from .options import MotionProblem
+from .options import MotionMesh, MotionProblem
 from .task import FurtherStart, motion
 
 if TYPE_CHECKING:
@@ -180,7 +180,7 @@ class MotionSearch:
         self.work.progress("collocation")
         solution = collocate(
             model,
-            Mesh(mesh.elements, mesh.points, control=control),
+            _collocation_mesh(mesh, control),
             guess=guess,
             solver=SolverOptions(
                 error_bound=None,  # the study judges the motion by its re-simulation
@@ -228,6 +228,11 @@ class MotionSearch:
         run = solution.trajectory
         least = self.problem.limits.link_along_guideway
         return "along_guideway" not in run or bool(np.min(run["along_guideway"]) >= least * (1 - 1e-6))
+
+
+def _collocation_mesh(mesh: MotionMesh, control: Control) -> Mesh:
+    sizes = {f"robot.tau[{i}]": n for i, n in enumerate(mesh.blocks or ())}
+    return Mesh(mesh.elements, mesh.points, control=control, blocks=Blocks(sizes=sizes) if sizes else None)
 
 
 def _loss(solution: Solution, optimum: Solution) -> float:

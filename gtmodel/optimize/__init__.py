@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from .events.phases_of_events import EventPhases as EventPhases, phases_of_events as phases_of_events
     from .judgement.refine import Refinement as Refinement, refine as refine
     from .judgement.resimulate import Resimulation as Resimulation, resimulate as resimulate
-    from .mesh import Blocks as Blocks, Mesh as Mesh
+    from .mesh import Blocks as Blocks, LengthCost as LengthCost, Mesh as Mesh
     from .multistart import MultiStart as MultiStart, Optimum as Optimum, multi_start as multi_start
     from .optimization_result import OptimizationStudy as OptimizationStudy
     from .phases import Phases as Phases, PhasesSolution as PhasesSolution, solve_phases as solve_phases

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..lang.source import ModelError
 from .formulation.dynamic import DynamicProblem
-from .formulation.horizon import ConstraintRow
+from .formulation.horizon import ConstraintRow, names_of
 from .mesh import Mesh, basis, basis_slope, coefficients, control_basis
 
 
@@ -17,10 +17,11 @@ from .mesh import Mesh, basis, basis_slope, coefficients, control_basis
 class Layout:
     """Indices into the unknowns of one element: y = [left end; points; length], divided by nominals.
 
-    `left`: quantities continuous across elements: the states (`left[:nx]`), the control if it is continuous or
-    blocked, and the position of the edge on the horizon if the lengths are free. `x` (points, nx): states. `z`
-    (points, nz): variables free at each point (delayed inputs, algebraic variables). `u` (coefficients, nu): controls.
-    `h`: the element length, -1 if it is fixed.
+    `left`: quantities continuous across elements: the states (`left[:nx]`), the controls that are continuous or blocked
+    (`carries`: their numbers; `carried`: their indices), and the position of the edge on the horizon if the lengths are
+    free. `x` (points, nx): states. `z` (points, nz): variables free at each point (delayed inputs, algebraic
+    variables). `u` (coefficients, nu): controls; all coefficients of a blocked one are the same unknown. `h`: the
+    element length, -1 if it is fixed. `blocks`: by number of the control.
     """
 
     problem: DynamicProblem
@@ -31,27 +32,30 @@ class Layout:
         k, nx, nu = mesh.points, p.x.numel(), len(p.control_indices)
         nz = p.u.numel() - nu
         self.nx, self.nu, self.nz = nx, nu, nz
-        carried = mesh.control == "linear" or mesh.blocks is not None
-        free = mesh.length_ratio is not None
-        self.carried = nx + np.arange(nu) if carried else np.zeros(0, int)
+        self.blocks = {} if mesh.blocks is None else mesh.blocks.of(p.control_names, mesh.elements, p.flat.title)
+        linear, free = mesh.control == "linear", mesh.length_ratio is not None
+        self.carries = np.arange(nu) if linear else np.array(list(self.blocks), int)
+        self.carried = nx + np.arange(len(self.carries))
         self.edge = nx + len(self.carried) if free else -1
         self.left = np.arange(nx + len(self.carried) + free)
         position = len(self.left)
         m = coefficients(mesh.control, mesh.table)
-        unshared = m if not carried else m - 1  # coefficients that belong to this element alone
+        unshared = m - 1 if linear else m  # coefficients that belong to this element alone, of controls without blocks
+        own = np.array([k for k in range(nu) if k not in self.blocks], int)  # np.setdiff1d imports numpy.ma
         self.x, self.z = np.zeros((k, nx), int), np.zeros((k, nz), int)
-        u = [self.carried] if carried else []
+        self.u = np.zeros((m, nu), int)
+        self.u[:, self.carries] = self.carried
         if unshared < k:
-            u += [position + c * nu + np.arange(nu) for c in range(unshared)]
-            position += unshared * nu
+            for c in range(m - unshared, m):
+                self.u[c, own] = position + np.arange(len(own))
+                position += len(own)
         for c in range(k):
             self.x[c] = position + np.arange(nx)
             self.z[c] = position + nx + np.arange(nz)
             position += nx + nz
             if unshared == k:
-                u.append(position + np.arange(nu))
-                position += nu
-        self.u = np.array(u, int).reshape(m, nu)
+                self.u[c + m - unshared, own] = position + np.arange(len(own))
+                position += len(own)
         self.h = position if free else -1
         self.size = position + free
         self.scale = np.ones(self.size)
@@ -92,8 +96,41 @@ class Element:
     high: np.ndarray
     row_names: list[tuple[str, int]]
     cost: ca.SX
+    length_cost: ca.SX  # not part of `cost`
     integrals: ca.SX
     at_edge: list[int]  # path rows also imposed at the right edge, if the edge is not a collocation point
+
+
+DURATION = "element duration"
+
+
+class LengthTerms:
+    """Cost and limits of free element lengths. `limits` (2,): shortest and longest [s]; None without limits."""
+
+    def __init__(self, problem: DynamicProblem, mesh: Mesh) -> None:
+        self.declared = mesh.length_cost
+        self.rates = np.zeros(problem.x.numel())
+        if mesh.length_cost is not None:
+            names = [[n for n, _ in names_of(problem.flat, problem.base.alias, p)] for p in problem.state_pairs]
+            self.rates[: len(names)] = mesh.length_cost.weights(names)
+        self.limits = None if mesh.length_limits is None else np.array(mesh.length_limits, float)
+        self.scale = 1.0
+        if self.limits is not None:
+            self.scale = float(next((x for x in self.limits if 0 < x < np.inf), 1.0))
+
+    def cost(self, slope: ca.SX, h: ca.SX, nominal: ca.SX, horizon: ca.SX, weight: ca.SX | float) -> ca.SX:
+        """Return one collocation point's share of its element's cost.
+
+        slope: derivative of the states by the fraction of the element; h, nominal: length and initial length, fractions
+        of the horizon; weight: quadrature weight of the point.
+        """
+        if self.declared is None:
+            return ca.SX(0)
+        share = self.declared.uneven * (h / nominal - 1) ** 2
+        if np.any(self.rates):
+            length = h * horizon
+            share += h ** (1 + self.declared.power) * length * ca.dot(ca.DM(self.rates), (slope / length) ** 2)
+        return weight * share
 
 
 def pointwise(problem: DynamicProblem) -> ca.Function:
@@ -141,13 +178,14 @@ def make_element(problem: DynamicProblem, mesh: Mesh) -> Element:
     rows: list[ca.SX] = [end / ca.DM(x_scale)]
     names: list[tuple[str, int]] = [(f"continuity of {n}", -1) for n in problem.state_names]
     if layout.carried.size:
-        rows.append(y[layout.u[-1].tolist()])
-        names += [(f"continuity of {n}", -1) for n in problem.control_names]
+        rows.append(y[layout.u[-1, layout.carries].tolist()])
+        names += [(f"continuity of {problem.control_names[j]}", -1) for j in layout.carries]
     if layout.h >= 0:
         rows.append(left + h)
         names.append(("element lengths", -1))
     low, high = [np.zeros(layout.nl)], [np.zeros(layout.nl)]
-    quadrature = ca.SX.zeros(len(problem.integrals), 1)
+    quadrature, length_cost = ca.SX.zeros(len(problem.integrals), 1), ca.SX(0)
+    of_lengths = LengthTerms(problem, mesh)
     path_rows: list[ca.SX] = []
     path_names: list[tuple[str, int]] = []
     for c in range(k):
@@ -166,6 +204,7 @@ def make_element(problem: DynamicProblem, mesh: Mesh) -> Element:
         path_rows.append(path / ca.DM([r.scale for r in problem.path]) if path.numel() else path)
         path_names += [(r.label, c) for r in problem.path]
         quadrature = quadrature + length * float(table.weights[c]) * integrand
+        length_cost = length_cost + of_lengths.cost(slope, h, d[0], horizon, float(table.weights[c]))
     edges: list[int] = []
     if table.points[-1] < 1.0:
         edges = [n for n, r in enumerate(problem.path) if r.low != r.high and of_states(problem, r)]
@@ -182,10 +221,28 @@ def make_element(problem: DynamicProblem, mesh: Mesh) -> Element:
     names += path_names
     low += [np.array([r.low / r.scale for r in problem.path])] * k
     high += [np.array([r.high / r.scale for r in problem.path])] * k
+    if of_lengths.limits is not None:  # the last row, see point_kernels
+        rows.append(length / of_lengths.scale)
+        names.append((DURATION, -1))
+        low.append(of_lengths.limits[:1] / of_lengths.scale)
+        high.append(of_lengths.limits[1:] / of_lengths.scale)
     weights = ca.DM([w for _, _, w in problem.integrals]) if problem.integrals else ca.DM(0, 1)
     cost = ca.dot(weights, quadrature) if problem.integrals else ca.SX(0)
     all_rows = ca.vertcat(*rows)
-    return Element(layout, y, P, d, all_rows, np.concatenate(low), np.concatenate(high), names, cost, quadrature, edges)
+    return Element(
+        layout,
+        y,
+        P,
+        d,
+        all_rows,
+        np.concatenate(low),
+        np.concatenate(high),
+        names,
+        cost,
+        length_cost,
+        quadrature,
+        edges,
+    )
 
 
 def of_states(problem: DynamicProblem, row: ConstraintRow) -> bool:

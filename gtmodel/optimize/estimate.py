@@ -12,7 +12,8 @@ from ..lang.scope import Misfit
 from ..lang.source import ModelError
 from ..results.estimate import Estimate
 from .formulation.scaling import objective_scale
-from .linking import Joined, is_of
+from .linking import Joined
+from .mesh import is_of
 from .nlp import Nlp, instants, placed
 from .phases import PhasesSolution
 from .solution import Solution
@@ -135,10 +136,10 @@ def _data(misfits: list[Misfit]) -> np.ndarray:
 
 def _holds_more(solution: Solution) -> bool:
     """Return whether the objective has terms besides misfits, even ones that vanish at the optimum."""
-    problem, blocks = solution.problem, solution.nlp.mesh.blocks
+    problem, mesh = solution.problem, solution.nlp.mesh
     if any(weight != 0.0 for _, _, weight in problem.integrals):
         return True
-    if blocks is not None and any(blocks.step_penalty.values()):
+    if mesh.length_cost is not None or (mesh.blocks is not None and any(mesh.blocks.step_penalty.values())):
         return True
     if not problem.misfits:
         return bool(ca.symvar(problem.mayer))

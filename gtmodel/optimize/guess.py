@@ -76,25 +76,32 @@ def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
                 us[:, n] = np.where(np.isfinite(solved[:, n - known]), solved[:, n - known], us[:, n])
     us = np.clip(us, u.low, u.high).reshape(N, mesh.points, -1)
     values = np.zeros(nlp.size)
-    blocks = values[: nlp.end].reshape(N, layout.size)
-    blocks[:, layout.left[: layout.nx]] = xs[:, 0]
-    blocks[:, layout.x.ravel()] = xs[:, 1:].reshape(N, -1)
-    blocks[:, layout.z.ravel()] = us[:, :, layout.nu :].reshape(N, -1)
+    rows = values[: nlp.end].reshape(N, layout.size)
+    rows[:, layout.left[: layout.nx]] = xs[:, 0]
+    rows[:, layout.x.ravel()] = xs[:, 1:].reshape(N, -1)
+    rows[:, layout.z.ravel()] = us[:, :, layout.nu :].reshape(N, -1)
     if mesh.control == "polynomial":  # the coefficients are the values at the points
-        blocks[:, layout.u] = us[:, :, : layout.nu]
+        rows[:, layout.u] = us[:, :, : layout.nu]
     else:
         for k in range(N):
             c = _coefficients(nlp, us[k, :, : layout.nu], [f for f, _ in inputs[: layout.nu]], k)
-            blocks[k, layout.u] = np.clip(c, u.low[: layout.nu], u.high[: layout.nu])
+            rows[k, layout.u] = np.clip(c, u.low[: layout.nu], u.high[: layout.nu])
+    for j, block in layout.blocks.items():
+        edges = mesh.edges[np.concatenate([[0], np.cumsum(block.sizes)])]
+        means = [
+            inputs[j][0](np.linspace(a, b, 2 * size + 1)).mean()
+            for a, b, size in zip(edges[:-1], edges[1:], block.sizes, strict=True)
+        ]
+        rows[:, layout.u[0, j]] = np.clip(np.repeat(means, block.sizes), u.low[j], u.high[j])
     end = np.zeros(layout.nl)
     ends = np.array([f(np.array([1.0]))[0] for f, _ in states])
     end[: layout.nx] = np.clip(ends, x.low, x.high)
     end_scale = layout.scale[layout.left]
     if layout.carried.size:
-        end[layout.carried] = blocks[-1, layout.u[-1]]
+        end[layout.carried] = rows[-1, layout.u[-1, layout.carries]]
     if layout.h >= 0:
-        blocks[:, layout.edge], blocks[:, layout.h], end[-1] = mesh.edges[:-1], mesh.h, 1.0
-    blocks /= layout.scale
+        rows[:, layout.edge], rows[:, layout.h], end[-1] = mesh.edges[:-1], mesh.h, 1.0
+    rows /= layout.scale
     values[nlp.end : nlp.constants] = end / end_scale
     values[nlp.constants :] = free / nlp.p_scale
     return values
@@ -104,12 +111,6 @@ def _coefficients(nlp: Nlp, at_points: np.ndarray, series: list[Series], k: int)
     """Return control coefficients (m, nu) of element k from values at its points or ends."""
     mesh = nlp.mesh
     if mesh.control == "constant":
-        block = mesh.blocks
-        if block is not None:  # one value for all elements of a block
-            first = int(np.searchsorted(np.cumsum(block.sizes), k, side="right"))
-            edges = np.concatenate([[0], np.cumsum(block.sizes)])
-            s = np.linspace(mesh.edges[edges[first]], mesh.edges[edges[first + 1]], 2 * block.sizes[first] + 1)
-            return np.array([[f(s).mean() for f in series]]).reshape(1, len(series))
         return at_points.mean(axis=0, keepdims=True)
     if mesh.control == "linear":
         ends = mesh.edges[k : k + 2]

@@ -19,6 +19,7 @@ from ..lang.units import parse_unit
 from .collocation import value_at
 from .formulation.horizon import ConstraintRow, relation_rows
 from .formulation.scaling import scale_of
+from .mesh import is_of
 from .nlp import Nlp, functions_of, scatter
 from .watch import Program
 
@@ -301,8 +302,3 @@ def _shared(model: PhaseLinks, nlps: dict[str, Nlp], ends: dict[str, list[Border
                     p = ca.SX(ends[a][0].P[i] * first.p_scale[i] - ends[b][0].P[j] * second.p_scale[j])
                     rows.append(ConstraintRow(p, 0.0, 0.0, f"{element} of '{a}' and '{b}'", None))
     return rows
-
-
-def is_of(name: str, element: str) -> bool:
-    """Return whether `element` is that constant or an entry of that vector."""
-    return element == name or element.startswith(f"{name}[")

@@ -100,7 +100,22 @@ def placed(nlp: Nlp, x: np.ndarray) -> Mesh:
     if layout.h < 0:
         return mesh
     h = x[: nlp.end].reshape(mesh.elements, layout.size)[:, layout.h] * layout.scale[layout.h]
-    return replace(mesh, lengths=tuple(h.tolist()), length_ratio=None)
+    return replace(mesh, lengths=tuple(h.tolist()), length_ratio=None, length_limits=None, length_cost=None)
+
+
+def mesh_cost(nlp: Nlp, x: np.ndarray) -> float:
+    """Return the share of the objective that the mesh adds: steps between blocks, and free element lengths."""
+    layout, element, mesh = nlp.element.layout, nlp.element, nlp.mesh
+    y = nlp.physical(x)
+    cost = 0.0
+    for j, block in layout.blocks.items():
+        cost += block.step_penalty * float(np.sum(np.diff(y[:, layout.u[0, j]]) ** 2))
+    if mesh.length_cost is not None:
+        f = ca.Function("lengths", [element.y, element.P, element.d], [element.length_cost])
+        P, d = x[nlp.constants :] * nlp.p_scale, np.vstack([mesh.h, mesh.edges[:-1]])
+        each = f.map(mesh.elements)((y / layout.scale).T, np.tile(P[:, None], mesh.elements), d)
+        cost += float(np.sum(np.asarray(each)))
+    return cost
 
 
 def make_nlp(problem: DynamicProblem, mesh: Mesh, machine_code: bool = False) -> Nlp:
@@ -111,7 +126,6 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh, machine_code: bool = False) ->
     element = make_element(problem, mesh)
     n, m, N = element.layout.size, element.rows.numel(), mesh.elements
     nx, nP = element.layout.nl, problem.P.numel()
-    _check_names(problem, mesh)
     delays = delay_rows(problem, mesh, element.layout)
     p_scale = problem.P_scale
     total = N * n + nx + nP
@@ -168,7 +182,7 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh, machine_code: bool = False) ->
     lbx, ubx = _bounds(problem, element, mesh, p_scale)
     lbg = np.concatenate([np.tile(element.low, N), [r.low / r.scale for r in problem.points], delays.value])
     ubg = np.concatenate([np.tile(element.high, N), [r.high / r.scale for r in problem.points], delays.value])
-    _step_bounds(problem, mesh, element.layout, m, lbg, ubg)
+    _step_bounds(element.layout, m, lbg, ubg)
     _open_end(problem, mesh, element, lbg, ubg)
     return Nlp(
         functions, nlp, lbx, ubx, lbg, ubg, problem, mesh, element, p_scale, delays.names, compile_seconds,
@@ -254,26 +268,12 @@ def functions_of(
     }
 
 
-def _check_names(problem: DynamicProblem, mesh: Mesh) -> None:
-    """Raise ModelError if the blocks name an unknown control."""
-    for what in (mesh.blocks.step_max, mesh.blocks.step_penalty) if mesh.blocks is not None else ():
-        for name in what:
-            if name not in problem.control_names:
-                raise ModelError(
-                    f"blocks name the unknown control '{name}'; controls of {problem.flat.title} are "
-                    f"{', '.join(problem.control_names) or 'none'}"
-                )
-
-
-def _step_bounds(problem: DynamicProblem, mesh: Mesh, layout: Layout, m: int, lbg: np.ndarray, ubg: np.ndarray) -> None:
+def _step_bounds(layout: Layout, m: int, lbg: np.ndarray, ubg: np.ndarray) -> None:
     """Turn the continuity row of a control at the border of two blocks into a bound on the step."""
-    if mesh.blocks is None:
-        return
-    for j, name in enumerate(problem.control_names):
-        most = mesh.blocks.step_max.get(name, np.inf) / problem.u_scale[j]
-        for k in mesh.blocks.borders:
-            row = (k - 1) * m + layout.nx + j
-            lbg[row], ubg[row] = -most, most
+    for j, block in layout.blocks.items():
+        place, most = layout.u[0, j], block.step_max / layout.problem.u_scale[j]  # the index of its carried unknown
+        for k in block.borders:
+            lbg[(k - 1) * m + place], ubg[(k - 1) * m + place] = -most, most
 
 
 def _link(X: ca.MX, n: int, m: int, nx: int, N: int) -> ca.MX:
@@ -349,8 +349,8 @@ def instants(problem: DynamicProblem, mesh: Mesh, layout: Layout, p_scale: np.nd
 
 def _points(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.ndarray) -> _Point:
     layout = element.layout
-    stepped = mesh.blocks is not None and any(mesh.blocks.step_penalty.values())
-    borders = mesh.blocks.borders if stepped and mesh.blocks is not None else []
+    penalised = {j: block for j, block in layout.blocks.items() if block.step_penalty}
+    borders = [k for block in penalised.values() for k in block.borders]
     values_at = instants(problem, mesh, layout, p_scale, [*borders, *(k - 1 for k in borders)])
     z, index, ys = values_at.z, values_at.index, values_at.ys
     exprs = [
@@ -360,11 +360,10 @@ def _points(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.n
     if values_at.old.numel():
         exprs = ca.substitute(exprs, [values_at.old], [values_at.new])
     mayer, rows = exprs
-    for k in borders:
-        assert mesh.blocks is not None
-        for j, name in enumerate(problem.control_names):
+    for j, block in penalised.items():
+        for k in block.borders:
             step = (ys[k][int(layout.u[0, j])] - ys[k - 1][int(layout.u[0, j])]) * problem.u_scale[j]
-            mayer += mesh.blocks.step_penalty.get(name, 0.0) * step**2
+            mayer += block.step_penalty * step**2
     # keep only the unknowns that occur
     columns = sorted(set(ca.jacobian_sparsity(ca.vertcat(mayer, rows), z).get_triplet()[1])) if z.numel() else []
     zs = [z[j] for j in columns]

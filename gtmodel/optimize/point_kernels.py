@@ -16,7 +16,7 @@ from ..compiler.tape.elimination import Entries, gradient, hessian, jacobian
 from ..compiler.tape.function import TapeFunction
 from ..compiler.tape.operations import Tape, read_in
 from ..compiler.toolchain import FLAGS, SHOWN, CompilerMissing, build, find, place, whole
-from .collocation import Element, Layout, pointwise
+from .collocation import Element, Layout, LengthTerms, pointwise
 from .formulation.dynamic import DynamicProblem
 from .mesh import Mesh, basis, control_basis
 
@@ -70,7 +70,7 @@ class PointKernel:
     """
 
     name: str
-    key: tuple[bool, tuple[int, ...]]
+    key: tuple[object, ...]
     w: ca.SX
     P: ca.SX
     d: ca.SX
@@ -99,7 +99,8 @@ class PointKernel:
 
 
 def point_kernels(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.ndarray) -> list[PointKernel]:
-    """Return the kernel of the collocation points and, if an element has rows at its right edge, that of the edge."""
+    """Return the kernels of the collocation points, of an element's duration if it is limited, and of its right edge
+    if it has rows there."""
     layout, K = element.layout, mesh.points
     nx, nP, free = layout.nx, problem.P.numel(), layout.h >= 0
     point = pointwise(problem)
@@ -119,24 +120,33 @@ def point_kernels(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale
     ]
     weights = ca.DM([w for _, _, w in problem.integrals]) if problem.integrals else ca.DM(0, 1)
     cost = length * d[3] * ca.dot(weights, integrand) if problem.integrals else ca.SX(1, 1)
+    of_lengths = LengthTerms(problem, mesh)
+    if mesh.length_cost is not None:
+        cost += of_lengths.cost(slope, h, d[0], tf - t0, d[3])
     first, npath, m = len(with_rate) + algebraic.numel(), path.numel(), element.rows.numel()
     inner = layout.nl + first * K  # order: rates and equations of all points, rows at the edge, path rows
     edge_count = len(element.at_edge)
     c, r = np.meshgrid(np.arange(K), np.arange(first + npath), indexing="ij")
     place = np.where(r < first, layout.nl + c * first + r, inner + edge_count + c * npath + r - first)
-    kernel = PointKernel(
-        "point", (free, ()), ca.vertcat(x, slope, u, own), P, d, ca.vertcat(*parts), cost, mesh.table.points,
-        mesh.table.weights, _point_matrix(layout), place.ravel(), m,
-    )  # fmt: skip
+    kernels = [PointKernel(
+        "point", (free, mesh.length_cost), ca.vertcat(x, slope, u, own), P, d, ca.vertcat(*parts), cost,
+        mesh.table.points, mesh.table.weights, _point_matrix(layout), place.ravel(), m,
+    )]  # fmt: skip
+    one, no_weight = np.ones(1), np.zeros(1)
+    if of_lengths.limits is not None:
+        kernels.append(PointKernel(
+            "duration", (of_lengths.scale,), own, P, d, length / of_lengths.scale, ca.SX(1, 1), one, no_weight,
+            _lengths_of(layout), np.array([m - 1]), m,
+        ))  # fmt: skip
     if not edge_count:
-        return [kernel]
+        return kernels
     nothing = ca.SX.zeros(nx), ca.SX.zeros(problem.u.numel())
     at_edge = point(x, *nothing, physical, t)[2][element.at_edge] / ca.DM(path_scale[element.at_edge])
-    edge = PointKernel(
-        "edge", (free, tuple(element.at_edge)), ca.vertcat(x, own), P, d, at_edge, ca.SX(1, 1), np.ones(1), np.zeros(1),
+    kernels.append(PointKernel(
+        "edge", (free, tuple(element.at_edge)), ca.vertcat(x, own), P, d, at_edge, ca.SX(1, 1), one, no_weight,
         _edge_matrix(layout), inner + np.arange(edge_count), m,
-    )  # fmt: skip
-    return [kernel, edge]
+    ))  # fmt: skip
+    return kernels
 
 
 def linear_rows(layout: Layout, m: int) -> SparseMatrix:
@@ -144,7 +154,7 @@ def linear_rows(layout: Layout, m: int) -> SparseMatrix:
     nx, end = layout.nx, layout.mesh.table.end
     entries = [(np.arange(nx), layout.nodes[j], np.full(nx, end[j])) for j in np.flatnonzero(end)]
     if layout.carried.size:
-        entries.append((layout.carried, layout.u[-1], np.ones(len(layout.carried))))
+        entries.append((layout.carried, layout.u[-1, layout.carries], np.ones(len(layout.carried))))
     if layout.h >= 0:
         edge = np.full(2, layout.edge)
         entries.append((edge, np.array([layout.edge, layout.h]), np.array([1.0, layout.scale[layout.h]])))
@@ -242,8 +252,9 @@ def derivatives(problem: DynamicProblem, kernel: PointKernel) -> Derivatives:
     """Differentiate a kernel, on a tape if it is large; cached per problem for all meshes."""
     key = f"{POINT_FUNCTIONS} {kernel.name} {kernel.key}"
     if key not in problem.cache:
-        operations = ca.Function("f", [kernel.w, kernel.P, kernel.d], [kernel.value, kernel.cost]).n_instructions()
-        problem.cache[key] = _on_tape(kernel) if operations > LARGE else _by_casadi(kernel)
+        f = ca.Function("f", [kernel.w, kernel.P, kernel.d], [kernel.value, kernel.cost])
+        large = f.n_instructions() > LARGE and not f.get_function()  # a tape has no calls of functions
+        problem.cache[key] = _on_tape(kernel) if large else _by_casadi(kernel)
     return _placed(kernel, *problem.cache[key])
 
 

@@ -17,6 +17,7 @@ from ..results.check import Check
 from ..results.refusal import ArgumentError
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
+from .collocation import DURATION, LengthTerms
 from .formulation.dynamic import DynamicProblem
 from .formulation.quadratures import summed
 from .formulation.system import RateSystem, on_rows
@@ -124,6 +125,7 @@ class Solution(Portable):
         with_rate = [n for n, r in enumerate(problem.rates) if r is not None]
         each = np.concatenate([problem.x_scale[with_rate], problem.algebraic_scale])
         known = {f"{place}{r.label}": r.scale for r in problem.path for place in ("", "at the edge: ")}
+        known[DURATION] = LengthTerms(problem, self.nlp.mesh).scale
         scale = np.array([known.get(label, 1.0) for label, _ in self.nlp.element.row_names])
         scale[: layout.nl] = layout.scale[layout.left]
         scale[layout.nl : layout.nl + len(each) * self.nlp.mesh.points] = np.tile(each, self.nlp.mesh.points)
@@ -148,7 +150,9 @@ class Solution(Portable):
             n = problem.free_names.index(name)
             return np.array([[self.bound_multipliers[self.nlp.free][n] / self.nlp.p_scale[n]]])
         columns = dict(zip(problem.state_names, layout.x.T, strict=True))
-        columns |= dict(zip(problem.control_names, layout.u.T, strict=True))
+        # all coefficients of a blocked control are one unknown
+        unknowns = [np.array(list(dict.fromkeys(c)), int) for c in layout.u.T.tolist()]
+        columns |= dict(zip(problem.control_names, unknowns, strict=True))
         columns |= dict(zip(problem.point_names, layout.z.T, strict=True))
         if name not in columns:
             raise KeyError(f"no bounds belong to '{name}'; names are {', '.join([*columns, *problem.free_names])}")
@@ -173,8 +177,9 @@ class Solution(Portable):
         if name in problem.state_names:
             ends = mesh.table.points[-1] == 1.0
             return int(layout.left[problem.state_names.index(name)]) if ends else None
-        if name in problem.control_names and layout.carried.size:
-            return int(layout.carried[problem.control_names.index(name)])
+        carried = dict(zip(layout.carries.tolist(), layout.carried.tolist(), strict=True))
+        if name in problem.control_names:
+            return carried.get(problem.control_names.index(name))
         return None
 
     @property

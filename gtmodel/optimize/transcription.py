@@ -183,6 +183,8 @@ class Transcription(Portable):
     def _check_attributes(self, changed: FlatModel, names: str) -> None:
         for old, new in zip(self.problem.flat.variables, changed.variables, strict=True):
             for name in ATTRIBUTES:
+                if name == "start" and new.start is None:
+                    continue  # of a joint in a loop, whose start is that of the assembled position
                 if getattr(old, name) != getattr(new, name):
                     raise ModelError(
                         f"{name} of '{old.name}' depends on {names}, but transcribe() fixes attributes; write it as a "

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from gtmodel.compiler.causal import compile_causal, flat_of
+from gtmodel.kinematics.mobility import mobility
 from gtmodel.modelica import flat_of_text, python_of
 from gtmodel.modelica.reference import is_reference, libraries, whole
 from gtmodel.robots import SerialArm, description
@@ -45,6 +46,18 @@ def of(
     if not targets:
         raise InputError(f"name its --targets; top-level names are {flat_of(model).top()}")
     return "\n".join([compile_causal(model, known, targets, prefer).explain(full), *context.notes])
+
+
+def mobility_of(what: str, *options: Iterable[str]) -> str:
+    """Return the mobility of a robot as text.
+
+    Raises InputError for a problem file and for other options, and ModelError for a mechanism that cannot be assembled.
+    """
+    if _is_problem(what) or any(options):
+        raise InputError("--mobility takes a robot, such as l1_tape or FILE.py:CLASS, and no other options")
+    context = Context()
+    model = resolve(whole(what) if is_reference(what) else what, context, key="")
+    return "\n".join([str(mobility(model)), *context.notes])
 
 
 def printed(what: str, flat: bool, *options: Iterable[str]) -> str:

@@ -1,23 +1,21 @@
-"""Keys that several kinds share: the robot, a path to follow, logs with their measured signals."""
+"""Keys that several kinds share: the robot, and logs with their measured signals."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from datetime import date, datetime
+from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-from pydantic import Field, PositiveFloat, PositiveInt
+from pydantic import Field, PositiveFloat
 
 from gtmodel.lang.units import UnitError
 from gtmodel.measurements import AlignBy, Column, Conversion, EvenGrid, LogForm, Session, Signal, read_recording
-from gtmodel.measurements.log import JITTER
+from gtmodel.measurements.log import JITTER, left_out
 from gtmodel.measurements.sampling import EmptyRows, LateRows
 from gtmodel.measurements.signals import read_signals
-from gtmodel.motion.options import Arc, Line, Polyline, Shape, Spline, Taught
 from gtmodel.results import ArgumentError, Trajectory, TrajectoryError
 from gtmodel.results.quantity import unit_of
-from gtmodel.results.refusal import naming
 
 from .base import Context, FileSection, InputError, Problem, Source
 from .from_options import Made, key_of, made_from, options_of
@@ -43,8 +41,8 @@ class RobotProblem(Problem):
     """A problem about one robot."""
 
     robot: str = Field(
-        description="catalogue name, TOML robot file, URDF file (arm.urdf, arm.urdf:tip), or a model in Python: "
-        "package.module:Class, file.py:Class"
+        description="catalogue name, TOML robot file, URDF, SDF or MJCF file (arm.urdf, arm.urdf:tip, arm.sdf, "
+        "arm.xml), or a model in Python: package.module:Class, file.py:Class"
     )
     inertia: str | None = Field(
         default=None, description="identified masses and friction of a catalogue robot; model_2 if left out"
@@ -68,63 +66,6 @@ class RobotProblem(Problem):
         )
 
 
-Point = Annotated[list[float], Field(min_length=3, max_length=3)]
-OWN = {
-    "polyline": {"via_m", "blend_m"},
-    "arc": {"through_m"},
-    "spline": {"file", "source"},
-    "taught": {"file", "source", "tolerance_m"},
-}
-PATH_ARGUMENTS = {"path.points": "path.file"}  # argument of the library -> key
-
-
-class PathSection(FileSection):
-    """The path to follow, from start to goal."""
-
-    shape: Literal["line", "polyline", "arc", "spline", "taught"] = Field(
-        "line",
-        description="line: straight; polyline: straight segments with blended corners; arc: arc of a circle; spline: "
-        "smooth curve through the points of a file; taught: a recorded path, smoothed",
-    )
-    via_m: list[Point] = Field([], description="polyline: corners between start and goal")
-    blend_m: PositiveFloat = Field(0.05, description="polyline: distance from a corner at which its blend begins")
-    through_m: Point | None = Field(None, description="arc: a third point between start and goal")
-    file: str = Field("", description="spline, taught: CSV file with the columns x_m, y_m, z_m")
-    source: Source = ""
-    tolerance_m: PositiveFloat = Field(5e-4, description="taught: rms distance between recorded and smoothed path")
-    intervals: PositiveInt = Field(
-        400, description="intervals of the squared speed in the exported motion of kind trajectory"
-    )
-
-    def options(self, context: Context) -> Shape:
-        """Return the shape, with the points of its file. Raises InputError."""
-        for key in self.model_fields_set & set().union(*OWN.values()) - OWN.get(self.shape, set()):
-            raise InputError(
-                f"does not belong to shape '{self.shape}'; remove it or choose another shape", f"path.{key}"
-            )
-        match self.shape:
-            case "line":
-                return Line(intervals=self.intervals)
-            case "polyline":
-                return Polyline(self.via_m, self.blend_m, intervals=self.intervals)
-            case "arc":
-                if self.through_m is None:
-                    raise InputError("is missing; give a third point of the arc", "path.through_m")
-                return Arc(self.through_m, intervals=self.intervals)
-            case "spline":
-                return Spline(self._points(context), intervals=self.intervals)
-        return Taught(self._points(context), self.tolerance_m, intervals=self.intervals)
-
-    def _points(self, context: Context) -> np.ndarray:
-        if not self.file:
-            raise InputError("is missing; name a CSV file with the columns x_m, y_m, z_m", "path.file")
-        file = context.file(self.file, "path.file", "path", source=self.source)
-        with naming("path.file", refusal=InputError):
-            from gtmodel.motion.paths import read_points  # here: the keys alone need no splines
-
-            return read_points(file)
-
-
 Free = Literal["estimate"]
 FILES = Field(default=[], description="CSV, MATLAB, Parquet or bag files; paths start at the problem's folder")
 
@@ -132,11 +73,32 @@ FILES = Field(default=[], description="CSV, MATLAB, Parquet or bag files; paths 
 class TimeColumn(FileSection):
     """The column of time."""
 
-    column: str = Field(
+    column: str | list[str] = Field(
         default="time",
-        description='name of the time column in the log; "" if there is none: then rows are log.sample_time_s apart',
+        description='name of the time column in the log, or names of columns whose sum is the time; "" if there is '
+        "none: then rows are log.sample_time_s apart",
     )
-    unit: str = Field(default="s", description="unit of the time column")
+    unit: str | list[str] = Field(
+        default="s", description='unit of the time column, such as "ms" or "100 ns", or one for each column'
+    )
+    since: datetime | date | str = Field(
+        default="",
+        description="date at which the time is zero, if clocks of different origins are joined; or words in a line "
+        "above the table that has the date",
+    )
+    zone: str = Field(default="", description="zone of dates without one, such as +01:00; UTC if left out")
+    per_channel: bool = Field(
+        default=False,
+        description="whether each channel has a time column of this name, or pattern such as t_*, on its left",
+    )
+
+    def declared(self) -> Column | None:
+        """Return the column for `gtmodel.measurements`, None if there is no time column."""
+        if not self.column:
+            return None
+        since = self.since if isinstance(self.since, str) else self.since.isoformat()
+        column, unit = fixed(self.column), fixed(self.unit)
+        return Column(column, unit, since=since, zone=self.zone, per_channel=self.per_channel)
 
 
 class ColumnSection(FileSection):
@@ -157,6 +119,11 @@ class ColumnSection(FileSection):
         description="square matrix from the columns, after scale and gear ratio, to the quantity, such as for a wrist "
         "whose joint 6 moves with joint 5; efforts have the inverse transpose of the positions' matrix",
     )
+    quantity_unit: str | list[str] = Field(
+        default="",
+        description="SI unit of the quantity, or of each component, if the scale changes the dimension and no model "
+        "states it",
+    )
     time: TimeColumn | None = Field(
         default=None, description="time column of this signal; the log's time column if left out"
     )
@@ -169,8 +136,7 @@ class ColumnSection(FileSection):
 
     def clock(self) -> dict[str, Any]:
         """Return the signal's own time column, stream and file as `gtmodel.measurements` expects them."""
-        time = None if self.time is None else Column(self.time.column, self.time.unit)
-        return {"time": time, "stream": self.stream, "file": self.file}
+        return {"time": None if self.time is None else self.time.declared(), "stream": self.stream, "file": self.file}
 
     def shown(self) -> tuple[str | tuple[str, ...], str | tuple[str, ...]]:
         """Return names and units as `gtmodel.measurements` expects them."""
@@ -206,12 +172,18 @@ class MeasuredSignalSection(ColumnSection):
 
     def signal(self, key: str, unit: str | None = None) -> Signal:
         """Return the signal for `gtmodel.measurements`. The SI unit of the quantity comes from `unit` or from the key,
-        such as force_N; a unit with "?" in front means that components have their own units. Raises InputError."""
+        such as force_N; a unit with "?" in front means that components have their own units, of which quantity_unit
+        tells the declared ones. Raises InputError."""
         unit = unit_of(key.rpartition(".")[2]) if unit is None else unit.removeprefix("?")
+        if unit and self.quantity_unit:
+            raise InputError(f"is known already, {unit}; leave it out", f"{key}.quantity_unit")
         free = tuple(dict.fromkeys(self.per_session))
         try:
             scale, offset, delay = (fixed(x) for x in (self.scale, self.offset, self.delay_s))
-            return Signal(*self.shown(), scale, offset, delay, unit, free, **self.drives(), **self.clock())
+            return Signal(
+                *self.shown(), scale, offset, delay, unit or fixed(self.quantity_unit), free, **self.drives(),
+                **self.clock(),
+            )  # fmt: skip
         except (TrajectoryError, UnitError) as error:
             raise InputError(str(error), key) from error
 
@@ -225,23 +197,36 @@ class RecordedSignalSection(ColumnSection):
     offset: float | list[float] = Field(
         default=0.0, description="reading when the quantity is zero, in the quantity's SI unit"
     )
-    quantity_unit: str = Field(default="", description="SI unit of the quantity, if the scale changes the dimension")
 
     def recorded(self) -> Column:
         """Return the column for `gtmodel.measurements`. Raises LogError."""
         conversion = Conversion(
-            fixed(self.scale), fixed(self.offset), quantity_unit=self.quantity_unit, **self.drives()
+            fixed(self.scale), fixed(self.offset), quantity_unit=fixed(self.quantity_unit), **self.drives()
         )
         return Column(*self.shown(), conversion=conversion, **self.clock())
 
 
-@made_from(LogForm)
-class FormSection(Made):
+@made_from(LogForm, "by_file")
+class FileForm(Made):
     """Format of a file, as far as it cannot be detected."""
+
+
+class FormSection(FileForm):
+    """Format of files, as far as it cannot be detected."""
+
+    formats: dict[str, FileForm] = Field(
+        default={},
+        description='keys of the format that differ in the files with this name or pattern, [log.formats."*.log"]',
+    )
 
     def form(self) -> LogForm:
         """Return only these keys as options. Raises ArgumentError."""
-        return LogForm(**{field: getattr(self, key) for key, field in FormSection.attributes.items()})
+        common = {field: getattr(self, key) for key, field in FileForm.attributes.items()}
+        own = {
+            name: LogForm(**common | {FileForm.attributes[key]: getattr(form, key) for key in form.model_fields_set})
+            for name, form in self.formats.items()
+        }
+        return LogForm(**common, by_file=own)
 
 
 @made_from(EvenGrid, "start", "end")
@@ -303,7 +288,7 @@ class LogSampling(LogReading):
             sessions = read_signals(
                 [context.file(name, f"{key}[{n}]", source=self.source) for n, name in enumerate(names)],
                 signals,
-                time=Column(self.time.column, self.time.unit) if self.time.column else None,
+                time=self.time.declared(),
                 session=self.session,
                 sample_time=self.sample_time_s,
                 jitter=self.jitter,
@@ -328,6 +313,9 @@ class LogSampling(LogReading):
                 raise InputError(f"{error.message}: declare a pair in [[{table}.align]]", table) from error
             # the sentence names the file; a wrong column may be the fault of the section or of the file
             raise InputError(str(error), section) from error
+        if dropped := left_out(s.trajectory for s in sessions):
+            counts = ", ".join(f"{count} {why.removeprefix('rows ')}" for why, count in dropped.items())
+            context.note(f"rows of the log that are not used: {counts}")
         for sentence in dict.fromkeys(line for s in sessions for line in s.trajectory.provenance.get("joined", [])):
             context.note(sentence)
         widths = {tuple(s.trajectory[name].shape[1:] for name in signals) for s in sessions}
@@ -353,11 +341,10 @@ class RecordingFiles(LogReading):
         if not (files := files_of(self.files, signals)):
             raise InputError("is empty; name a log file", f"{key}.files")
         paths = [context.file(f, f"{key}.files[{n}]", source=self.source) for n, f in enumerate(files)]
-        time = Column(self.time.column, self.time.unit) if self.time.column else None
         try:
             columns = {name: signal.recorded() for name, signal in signals.items()}
             return read_recording(
-                paths, columns, time=time, sample_time=self.sample_time_s, late_rows=self.late_rows,
+                paths, columns, time=self.time.declared(), sample_time=self.sample_time_s, late_rows=self.late_rows,
                 empty_rows=self.empty_rows, form=self.form(), progress=context.progress,
             )  # fmt: skip
         except (TrajectoryError, UnitError) as error:

@@ -28,17 +28,21 @@ from .base import Context, InputError
 
 def is_reference(text: str) -> bool:
     """Return True for a text that names an object in Python."""
-    return ":" in text and not is_urdf(text)
+    return ":" in text and not is_arm_file(text)
 
 
-def is_urdf(text: str) -> bool:
-    """Return True for "arm.urdf" and for "arm.urdf:tip", which names the last link of the chain."""
-    return text.endswith(".urdf") or ".urdf:" in text
+ARM_FILES = {".urdf": "URDF", ".sdf": "SDF", ".xml": "MJCF"}  # by ending
+
+
+def is_arm_file(text: str) -> bool:
+    """Return True for a file of an arm, "arm.urdf", "arm.sdf" or "arm.xml" (MJCF), and for "arm.urdf:tip", which names
+    the last link of the chain."""
+    return any(text.endswith(ending) or f"{ending}:" in text for ending in ARM_FILES)
 
 
 def hint(text: str) -> str:
     """Return advice for a text that looks like Python but names no class; "" for any other text."""
-    if text.endswith(".py") or ("." in text and not text.endswith((".toml", ".csv", ".json", ".urdf", ".xml"))):
+    if text.endswith(".py") or ("." in text and not text.endswith((".toml", ".csv", ".json", *ARM_FILES))):
         return f"for a model in Python name its class too, as in '{text}:Robot'"
     return ""
 

@@ -18,7 +18,7 @@ from gtmodel.robots.serial.structure import moments
 from .._near import near
 from .base import FileSection, InputError
 from .load import shown, validate
-from .python_models import is_reference, is_urdf, sentence_of
+from .python_models import is_arm_file, is_reference, sentence_of
 
 NotNegativeFloat = Annotated[float, Field(ge=0)]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
@@ -259,7 +259,7 @@ def is_robot_file(data: Mapping[str, Any]) -> bool:
 def is_python_robot(data: Mapping[str, Any]) -> bool:
     """Return True for another robot with parameters, in Python, URDF or TOML, as a calibration writes it."""
     name = str(data.get("robot", ""))
-    another = is_reference(name) or is_urdf(name) or name.endswith(".toml")
+    another = is_reference(name) or is_arm_file(name) or name.endswith(".toml")
     return "kind" not in data and another and set(data) <= PYTHON_KEYS
 
 

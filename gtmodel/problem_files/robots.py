@@ -44,8 +44,9 @@ def resolve(
     """Return the model that a reference names.
 
     Args:
-        reference: catalogue name ("l1_tape"), "robot.toml", "arm.urdf" or "arm.urdf:tip", "package.module:Class" or
-            "file.py:Class"; paths start at the problem's folder, then at the working directory.
+        reference: catalogue name ("l1_tape"), "robot.toml", "arm.urdf" or "arm.urdf:tip" (also .sdf, and .xml for
+            MJCF), "package.module:Class" or "file.py:Class"; paths start at the problem's folder, then at the working
+            directory.
         key: key of the reference in the file, for messages.
         parameters: values of the model's parameters by name.
         inertia, smoothing, velocity_scale [m/s], payload [kg]: options of robots of the catalogue and of robot files;
@@ -66,9 +67,9 @@ def resolve(
             )
         return python_models.resolve(reference, context, key, parameters)
     modifiers = dict(parameters or {})
-    if python_models.is_urdf(reference):
+    if python_models.is_arm_file(reference):
         _refuse_options(modifiers, given)
-        arm = _urdf(reference, context, key, given, modifiers)
+        arm = _arm(reference, context, key, given, modifiers)
         context.models.append(arm)
         return arm
     name: str | None = None  # a robot file has the whole geometry
@@ -100,18 +101,21 @@ def resolve(
     return model
 
 
-def _urdf(
+def _arm(
     reference: str, context: Context, key: str, given: Mapping[str, Any], parameters: Mapping[str, Any]
 ) -> SerialArm:
-    """The arm of a URDF file, with notes about ignored elements. Raises InputError."""
-    if "inertia" in given:
-        raise InputError("applies to three-link robots only; a URDF file contains its masses", "inertia")
-    from gtmodel.robots import from_urdf
+    """The arm of a URDF, SDF or MJCF file, with notes about ignored elements. Raises InputError."""
+    from gtmodel.robots import from_mjcf, from_sdf, from_urdf
 
-    name, _, tip = reference.partition(".urdf")
-    path = context.file(f"{name}.urdf", key, "robot", "URDF file")
+    read = {".urdf": from_urdf, ".sdf": from_sdf, ".xml": from_mjcf}
+    ending = next(e for e in read if reference.endswith(e) or f"{e}:" in reference)
+    form = python_models.ARM_FILES[ending]
+    if "inertia" in given:
+        raise InputError(f"applies to three-link robots only; an arm's {form} file contains its masses", "inertia")
+    name, _, tip = reference.partition(ending)
+    path = context.file(f"{name}{ending}", key, "robot", f"{form} file")
     try:
-        arm = from_urdf(path, tip.removeprefix(":") or None, **given, **parameters)
+        arm = read[ending](path, tip.removeprefix(":") or None, **given, **parameters)
     except ModelError as error:
         raise InputError(
             python_models.sentence_of(error), "parameters" if "no declaration" in str(error) else key

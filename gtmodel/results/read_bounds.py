@@ -84,8 +84,10 @@ def walk_xml(
     content: bytes,
     begin: Callable[[str, dict[str, str], int], None] = lambda tag, attributes, line: None,
     end: Callable[[], None] = lambda: None,
+    text: Callable[[str], None] = lambda text: None,
 ) -> None:
-    """Walk through XML: call `begin` with tag, attributes and line of each element, and `end` after its content.
+    """Walk through XML: call `begin` with tag, attributes and line of each element, `text` with parts of its text, and
+    `end` after its content.
 
     Raises XmlFault for invalid XML, for elements nested too deep and for declared entities, which can expand from a few
     hundred bytes to gigabytes.
@@ -110,6 +112,7 @@ def walk_xml(
         )
 
     parser.StartElementHandler, parser.EndElementHandler, parser.EntityDeclHandler = begins, ends, entity
+    parser.CharacterDataHandler = text
     try:
         parser.Parse(content, True)
     except expat.ExpatError as error:

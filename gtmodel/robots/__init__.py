@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     )
     from .serial.arm import SerialArm as SerialArm, description as description
     from .serial.dh import as_dh as as_dh, independent_geometry as independent_geometry, serial_arm as serial_arm
+    from .serial.from_mjcf import from_mjcf as from_mjcf
+    from .serial.from_sdf import from_sdf as from_sdf
     from .serial.from_urdf import from_urdf as from_urdf
     from .serial.to_urdf import robot_table as robot_table, to_urdf as to_urdf
     from .six_link import (

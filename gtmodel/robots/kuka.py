@@ -40,8 +40,8 @@ class SphericalWristArm(gt.Model):
     and angular velocity, W [m] the wrist centre and v_W its velocity. The flange carries `load.force` [N] and
     `load.torque` [N.m], world coordinates. `tau` [N.m] are the motor torques that hold this load, tau = -J'F, with F
     the load at the flange (compliant joints deflect under +J'F). Links are massless: no masses are printed. `known="q"`
-    with targets v and w gives the geometric Jacobian through der(q). `kinematics.WristPartition` returns all branches
-    of the inverse.
+    with targets v and w gives the geometric Jacobian through der(q). `kinematics.postures` returns all branches of
+    the inverse.
 
     Motor torques [N.m] that hold 100 N downwards at the flange of a KR 500-3 with its forearm level:
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
+import scipy
 
 import gtmodel as gt
 from gtmodel.identify import (
@@ -191,8 +192,9 @@ def test_friction_by_direction():
 def test_a_delay_is_estimated_beside_the_masses():
     late = 0.006  # one and a half samples
     t = simulator(8.0).truth
-    tau = np.stack([np.interp(t.time - late, t.time, t["tau"][:, i]) for i in range(3)], axis=1)
-    raw = gt.Trajectory(t.time, {"q": t["q"], "tau": tau}, {"q": "m", "tau": "N"}, synthetic="delayed, no noise")
+    # the steps of friction would not survive interpolation between the samples, the smooth positions do
+    q = scipy.interpolate.CubicSpline(t.time, t["q"])(t.time + late)
+    raw = gt.Trajectory(t.time, {"q": q, "tau": t["tau"]}, {"q": "m", "tau": "N"}, synthetic="delayed, no noise")
     signals = {
         "q": Signal("q", "m"),
         "tau": Signal("tau", "N", delay="estimate"),
@@ -200,7 +202,7 @@ def test_a_delay_is_estimated_beside_the_masses():
     corrections = Corrections(signals, [Session("late", raw, SAMPLE_TIME)])
     sessions, values = corrected(corrections, regressor(), Processing(cutoff=8.0), ["m_p", "m_c", "m_a", *TEN[2:]])
     assert list(values) == [f"tau.delay[{i}]" for i in range(3)]
-    assert list(values.values()) == pytest.approx([late] * 3, abs=2e-4)
+    assert list(values.values()) == pytest.approx([late] * 3, abs=3e-4)  # a twelfth of a sample
     found = identify(rows_of(sessions, regressor(), Processing(cutoff=8.0)), nonnegative=False)
     assert found.estimate.value("m_p") == pytest.approx(plant().m_p, abs=0.15)
 

@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 import numpy as np
+import tomli_w
 
 import gtmodel as gt
 from gtmodel import der
@@ -46,6 +47,7 @@ class TwoAxesAndSlide(ThreeAxes):
 _HEAD = """kind = "identification"
 robot = "tests.identify.vendor_problems:{robot}"
 free = {free}
+drift = true                             # of the sensors of the efforts, as the data sheet says
 [log]
 files = {files}
 """
@@ -62,20 +64,42 @@ resample = { sample_time_s = 0.008 }
 """,
     "siemens": """encoding = "cp1252"
 decimal = "comma"
-delimiter = "semicolon"
 header = 5
 time = { column = "Zeitstempel", unit = "s" }
-empty_rows = "drop"                      # the line of units
 late_rows = "drop"
 resample = { sample_time_s = 0.004 }
 """,
+    "abb": """formats."tunemaster*" = { header = 7 }
+late_rows = "drop"
+resample = { sample_time_s = 0.004032 }
+""",
+    "beckhoff": """header = 6
+time = { column = "Name", unit = "100 ns", per_channel = true }
+empty_rows = "drop"                      # lines about the channels, blank cells below slow channels, EOF
+late_rows = "drop"
+resample = { sample_time_s = 0.004 }
+""",
+}
+_CLOCKS = {  # of a signal: its file, and when its time is zero
+    "abb": (
+        {"file": "egm*", "time": {"column": ["sec", "usec"], "unit": ["s", "us"], "since": "1970-01-01"}},
+        {"file": "tunemaster*", "time": {"column": "Time", "unit": "s", "since": "Log started", "zone": "+01:00"}},
+    ),
 }
 _COLUMNS = {
     "kuka": (["AIPos_A1", "AIPos_A2", "AIPos_A3"], ["MACur_A1", "MACur_A2", "MACur_A3"]),
     "ur": ([f"actual_q_{i}" for i in range(3)], [f"actual_current_{i}" for i in range(3)]),
     "siemens": (["C1 Motorlage", "B2 Istposition", "Z3 Istposition"], [f"{a} Strom Iq" for a in ("C1", "B2", "Z3")]),
+    "abb": ([f"joint_{i}" for i in (1, 2, 3)], [f"Axis {i} Torque" for i in (1, 2, 3)]),
+    "beckhoff": ([f"ActPosRaw_{i}" for i in (1, 2, 3)], [f"ActTorque_{i}" for i in (1, 2, 3)]),
 }  # fmt: skip
-_UNITS = {"kuka": ("deg", "1"), "ur": ("rad", "A"), "siemens": (["rev", "deg", "mm"], "A")}
+_UNITS = {
+    "abb": ("deg", "N.m"),
+    "beckhoff": ("1", "1"),
+    "kuka": ("deg", "1"),
+    "ur": ("rad", "A"),
+    "siemens": (["rev", "deg", "mm"], "A"),
+}
 
 
 def problem(truth: Truth) -> str:
@@ -83,11 +107,11 @@ def problem(truth: Truth) -> str:
     kind, numbers = VENDORS[truth.vendor], truth.numbers
     gears, signs = np.array(numbers["gears"]), np.array(numbers["position_signs"])
     zero = signs * np.array(numbers["position_zero"]) / np.array(numbers["position_units_per_SI"])
-    per_Nm = np.array(numbers["effort_units_per_Nm"])
+    per_Nm, counts = np.array(numbers["effort_units_per_Nm"]), kind.units[0] == "counts"
     position: dict[str, Any] = {
         "column": _COLUMNS[truth.vendor][0],
         "unit": _UNITS[truth.vendor][0],
-        "scale": signs.tolist(),
+        "scale": (signs / np.array(numbers["position_units_per_SI"]) if counts else signs).tolist(),
     }
     effort: dict[str, Any] = {"column": _COLUMNS[truth.vendor][1], "unit": _UNITS[truth.vendor][1]}
     share = float(np.asarray(numbers["n_32"])) / gears[2]
@@ -105,12 +129,10 @@ def problem(truth: Truth) -> str:
     if share:
         effort["coupling"] = [[1, 0, 0], [0, 1, share], [0, 0, 1]]
     effort["offset"] = "estimate"  # of the sensor, one for each recording
+    if counts:
+        effort["quantity_unit"] = ["N.m", "N.m", "N"]
+    clocks: tuple[dict[str, Any], dict[str, Any]] = _CLOCKS.get(truth.vendor, ({}, {}))
     robot = TwoAxesAndSlide if kind.linear else ThreeAxes
     head = _HEAD.format(robot=robot.__name__, free=json.dumps(NAMES), files=json.dumps([f.name for f in truth.files]))
-    filters = "[filter]\ncutoff_Hz = 8.0\n" if truth.vendor == "siemens" else ""  # stamps of 1 ms: noise above
-    return head + _FORMS[truth.vendor] + _table("position", position) + _table("effort", effort) + filters
-
-
-def _table(name: str, keys: dict[str, object]) -> str:
-    lines = (f"{key} = {json.dumps(value, ensure_ascii=False)}\n" for key, value in keys.items())
-    return f"[log.{name}]\n" + "".join(lines)
+    signals = {"position": position | clocks[0], "effort": effort | clocks[1]}
+    return head + _FORMS[truth.vendor] + tomli_w.dumps({"log": signals})

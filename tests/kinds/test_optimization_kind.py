@@ -94,3 +94,50 @@ def test_no_compiler_is_one_sentence(gtmodel: Commands, monkeypatch: pytest.Monk
 def test_a_tolerance_out_of_range(gtmodel: Commands) -> None:
     done = gtmodel("solve", problem(), "--set", "solver.tolerance=2")
     assert done.code == 2 and "tolerance must lie between 0 and 1; found 2" in done.err
+
+
+def test_blocks_and_free_lengths_from_the_file(gtmodel: Commands) -> None:
+    import gtmodel as gt
+
+    file = Path(problem())
+    text = file.read_text(encoding="utf-8").replace('[mesh]\nelements = 8\ncontrol = "polynomial"', TABLES)
+    file.write_text(text, encoding="utf-8")
+    done = gtmodel("solve", "problem.toml", "--json")
+    assert done.code == 0, done.err
+    mesh = gt.Mesh(
+        8, control="linear", length_ratio=(0.5, 2.0), length_limits=(0.07, 0.2),
+        length_cost=gt.LengthCost(uneven=0.001, rates={"x": 0.1}),
+        blocks=gt.Blocks(sizes={"u": (1, 3, 4)}, step_max={"u": 0.1}, step_penalty={"u": 0.01}),
+    )  # fmt: skip
+    namespace: dict[str, object] = {}
+    exec(MODEL, namespace)
+    solution = gt.solve(namespace["Implicit"](), mesh)  # type: ignore[operator]
+    assert done.json["objective"] == pytest.approx(solution.objective, rel=SOLVER)
+
+
+TABLES = """[mesh]
+elements = 8
+control = "linear"
+length_ratio = [0.5, 2.0]
+shortest_element_s = 0.07
+longest_element_s = 0.2
+length_cost = { uneven = 0.001, rates = { x = 0.1 } }
+[mesh.blocks.u]
+sizes = [1, 3, 4]
+step_max = 0.1
+step_penalty = 0.01"""
+
+
+@pytest.mark.parametrize(
+    "setting, key",
+    [
+        ("mesh.blocks.u.sizes=[1,2]", "mesh: block sizes of 'u' sum to 3, but the mesh has 8 elements"),
+        ("mesh.blocks.u.sizes=0", "mesh.blocks.u.sizes"),
+        ("mesh.blocks.q.sizes=2", "unknown control 'q'; controls of Implicit are u"),
+        ("mesh.longest_element_s=0.1", "mesh: length_limits needs free element lengths"),
+        ("mesh.length_ratio=[2.0,3.0]", "mesh: length_ratio"),
+    ],
+)
+def test_wrong_blocks_and_lengths(gtmodel: Commands, setting: str, key: str) -> None:
+    done = gtmodel("solve", problem(), "--set", setting)
+    assert done.code == 2 and key in done.err and "Traceback" not in done.err

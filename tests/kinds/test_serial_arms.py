@@ -12,6 +12,7 @@ import gtmodel as gt
 from gtmodel.problem_files import Context, InputError, explaining
 from gtmodel.problem_files.robots import resolve
 from tests.robots.arm_oracle import URDF
+from tests.robots.test_mjcf_and_sdf import BY_HAND, DEFAULTS
 
 SCARA = """
 family = "serial"
@@ -46,6 +47,25 @@ def test_a_urdf_is_a_robot(context: Context) -> None:
         np.testing.assert_array_equal(x, y)
     assert context.inputs["robot"].name == "serial.urdf"
     assert context.notes[0].startswith("serial.urdf: not used: 1 visual shapes")
+
+
+def test_sdf_and_mjcf_are_robots_too(context: Context) -> None:
+    (context.folder / "arm.xml").write_text(DEFAULTS)
+    (context.folder / "arm.sdf").write_text(BY_HAND)
+    for name, direct in (("arm.xml", gt.robots.from_mjcf(DEFAULTS)), ("arm.sdf", gt.robots.from_sdf(BY_HAND))):
+        q = 0.1 * np.arange(1, 1 + len(direct.structure.leaders))
+        (T, *_), (expected, *_) = (a.causal(known="q", targets=["T", "R"])(q) for a in (resolve(name, context), direct))
+        np.testing.assert_array_equal(T, expected)
+    assert resolve("arm.xml:two", context).structure.tool == "two"
+    assert resolve("arm.sdf:upper", context).structure.tool == "upper"
+    assert "q[0]  j1" in explaining.of(str(context.folder / "arm.xml"))
+    (context.folder / "rough.toml").write_text('robot = "arm.xml"\n[parameters]\ncoulomb = [1, 2, 3, 4, 5]\n')
+    assert list(resolve("rough.toml", context).coulomb) == [1.0, 2.0, 3.0, 4.0, 5.0]
+    with pytest.raises(InputError, match=r"^robot: there is no MJCF file 'no.xml'"):
+        resolve("no.xml", context)
+    (context.folder / "wrong.sdf").write_text(BY_HAND.replace("prismatic", "ball"))
+    with pytest.raises(InputError, match=r"^robot: wrong.sdf, line 6: joint 'elbow' is ball"):
+        resolve("wrong.sdf", context)
 
 
 def test_its_tip_stands_behind_a_colon(context: Context) -> None:

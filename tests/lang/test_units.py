@@ -249,8 +249,9 @@ GRAMMAR = "expected symbols joined by '.', '*', a space or '/', with powers such
         (
             "1000.m",
             "unit '1000.m' has the factor 1000; the only number allowed is 1, as in '1/s': "
-            "put the factor into the value",
+            "put the factor in front, with a blank, as in '100 ns', or into the value",
         ),
+        ("0 ns", "unit '0 ns' has the factor 0; expected more than zero"),
         ("(m/s", "unit '(m/s' has a '(' that is never closed; add the missing ')'"),
         ("m/", "unit 'm/' ends where a symbol was expected; complete or remove the last operator"),
         ("m²", f"unit 'm²' has an unexpected '²' at character 2; {GRAMMAR}"),

@@ -109,8 +109,21 @@ def test_the_band_of_a_motion_sets_the_cutoff() -> None:
     q = np.sin(2 * np.pi * 1.0 * TIME) + 0.2 * np.sin(2 * np.pi * 4.0 * TIME)
     assert excitation_band(q, DT) == pytest.approx(4.0, abs=0.5)
     assert cutoff_for(q, DT) == pytest.approx(2.5 * excitation_band(q, DT))
-    noise = np.random.default_rng(6).normal(size=len(TIME))  # seed 6
-    assert cutoff_for(noise, DT) == pytest.approx(100.0)
+    assert cutoff_for(np.sin(2 * np.pi * 60.0 * TIME), DT) == pytest.approx(100.0)  # 0.4 of the sampling rate
+
+
+def test_the_band_does_not_depend_on_the_ends_or_on_the_noise() -> None:
+    """Sums of sines up to 1.7 Hz, cut anywhere, with white noise from none to 1 % of the motion."""
+    for seed in range(20):  # fixed beforehand
+        rng = np.random.default_rng(seed)
+        frequency, phase = np.append(rng.uniform(0.1, 1.7, 5), 1.7), rng.uniform(0, 2 * np.pi, 6)
+        time = DT * np.arange(rng.integers(4000, 6000))
+        q = np.sin(2 * np.pi * frequency * time[:, None] + phase).sum(axis=1)
+        for noise in (0.0, 1e-4, 1e-2):
+            band = excitation_band(q + noise * np.std(q) * rng.standard_normal(len(q)), DT)
+            assert 1.5 < band < 3.3, (seed, noise, band)
+    with pytest.raises(TrajectoryError, match="does not exceed the position noise"):
+        excitation_band(rng.standard_normal(len(TIME)), DT)
 
 
 def test_slow_rows_are_dropped_and_counted() -> None:

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gtmodel.kinematics import WristPartition
+from gtmodel.kinematics import Chain
 from gtmodel.milling import ANGLES, Findings, angle_sweep, choices, guideline, nearest_mode, tool_rotations
 from gtmodel.robots.kuka import FLANGE, kr500_limits
 from tests.milling.thesis import OSCILLATORS, PRINTED
 
 O, AXES = (np.array(PRINTED["geometry"][k], float) for k in ("joint_origins_m", "joint_axes"))
-ARM = WristPartition.of(O, AXES)
+ARM = Chain(AXES, np.cumsum(O, axis=0), T=O.sum(axis=0), R=FLANGE)
 TOOL, SPINDLE = np.array([0.3, 0.0, 0.25]), np.array([1.0, 0.0, 0.0])
 PLACE = np.array([-0.01073, -2.40047, 0.30341])
 

@@ -166,6 +166,19 @@ class TestMotion:
         assert figure.axes[3].get_title().startswith("motor forces, constant per element")
         assert figure.get_suptitle() == f"optimal motion: {o.final_time:.4f} s"
 
+    def test_forces_in_blocks(self):
+        """Each motor keeps its force over its own number of elements; so does the exported motion."""
+        blocks = (4, 1, 2)
+        o = solution(cost__energy=0.01, mesh__elements=12, mesh__most_elements=12, mesh__blocks=list(blocks))
+        fine = solution(cost__energy=0.01, mesh__elements=12, mesh__most_elements=12, mesh__control="constant")
+        assert o.status.ok and o.objective > fine.objective
+        time, tau = o.trajectory.time, o.trajectory["tau"]
+        element = np.clip((time / time[-1] * 12 - 1e-6).astype(int), 0, 11)
+        for motor, size in enumerate(blocks):
+            held = [np.unique(tau[element // size == n, motor].round(4)) for n in range(12 // size)]
+            assert all(len(values) == 1 for values in held)
+        assert refused(limits__tcp_acceleration=9.0, mesh__blocks=list(blocks)).argument == "mesh.blocks"
+
 
 class TestSearch:
     def test_a_motion_that_the_first_attempt_misses(self):

@@ -138,7 +138,7 @@ class TestBlocks:
 
     def test_unknown_control(self):
         mesh = Mesh(2, 2, control="constant", blocks=Blocks(sizes=(1, 1), step_max={"v": 1.0}))
-        with pytest.raises(ModelError, match="unknown control 'v'; controls of Regulator are u"):
+        with pytest.raises(ModelError, match="unknown control 'v' in step_max; controls of Regulator are u"):
             solve(Regulator(), mesh)
 
 

@@ -8,7 +8,8 @@ from hypothesis import given, settings, strategies as st
 from scipy.linalg import expm
 
 from gtmodel import Status, robots
-from gtmodel.kinematics import WristPartition
+from gtmodel.kinematics import chain_of, closed_form, postures
+from gtmodel.results import ArgumentError
 
 # Products of six rotations and sums of metres.
 ROUND_OFF = 1e-12
@@ -19,7 +20,7 @@ PRINTED_MM = 0.01
 LIMITS = robots.kr500_limits()
 ROBOT = robots.kr500()
 ORIGINS, AXES = np.array(ROBOT.origins), np.array(ROBOT.axes)
-ARM = WristPartition.of(ORIGINS, AXES)
+ARM = chain_of(ROBOT)
 HOME = np.deg2rad([0.0, -90.0, 90.0, 0.0, 0.0, 0.0])
 angles = st.tuples(*(st.floats(low, high) for low, high in LIMITS)).map(np.array)
 
@@ -106,7 +107,7 @@ def test_torques_of_a_load_are_the_jacobian_transposed():
 def test_every_branch_gives_the_pose_back(q):
     forward = ROBOT.causal(known="q", targets=["T", "R"])
     T, R, _ = forward(q)
-    found = ARM.inverse(T, R)
+    found = postures(ARM, T, R)
     there = found.status[0] != Status.OUT_OF_RANGE
     assert there.any()  # at least the one it came from
     T2, R2, status = forward(found.q[0, there])
@@ -121,7 +122,7 @@ def test_the_angles_it_came_from_are_among_the_turns(forward):
     q = reachable(4, 300)
     q = q[np.abs(np.sin(q[:, 4])) > 0.05]
     T, R, _ = forward(q)
-    found = ARM.inverse(T, R)
+    found = postures(ARM, T, R)
     missed = []
     for k in range(len(q)):
         turns, branch = found.within(LIMITS, k)
@@ -138,20 +139,20 @@ def test_windows_of_axes_4_and_6(forward):
     """Within 350 degrees each angle comes in two turns, in one near zero."""
     q = np.deg2rad([10.0, -60.0, 100.0, 40.0, 50.0, -70.0])
     T, R, _ = forward(q)
-    turns, branch = ARM.inverse(T, R).within(LIMITS)
+    turns, branch = postures(ARM, T, R).within(LIMITS)
     same = turns[branch == branch[np.abs(turns - q).max(axis=1).argmin()]]
     np.testing.assert_allclose(np.rad2deg(sorted({round(a, 9) for a in same[:, 3]})), [-320.0, 40.0], atol=1e-6)
     np.testing.assert_allclose(np.rad2deg(sorted({round(a, 9) for a in same[:, 5]})), [-70.0, 290.0], atol=1e-6)
     small = q * [1, 1, 1, 0.1, 1, 0.1]  # 4 and -7 degrees have no second turn
     T, R, _ = forward(small)
-    turns, branch = ARM.inverse(T, R).within(LIMITS)
+    turns, branch = postures(ARM, T, R).within(LIMITS)
     assert np.sum(branch == branch[np.abs(turns - small).max(axis=1).argmin()]) == 1
 
 
 def test_singular_and_out_of_reach(forward):
     straight = np.deg2rad([20.0, -60.0, 90.0, 30.0, 0.0, 40.0])
     T, R, _ = forward(straight)
-    found = ARM.inverse(T, R)
+    found = postures(ARM, T, R)
     # the elbow and shoulder it came from, both wrists; the others have an OK wrist
     came = np.abs(found.q[0, :, :3] - straight[:3]).max(axis=1) < 1e-9
     assert came.sum() == 2 and np.all(found.status[0, came] == Status.SINGULAR)
@@ -159,21 +160,22 @@ def test_singular_and_out_of_reach(forward):
     np.testing.assert_allclose(T2, np.tile(T, (len(T2), 1)), atol=POSE)
     np.testing.assert_allclose(R2, np.tile(R, (len(R2), 1, 1)), atol=POSE)
     # wrist centre on axis 1: shoulder
-    above = ARM.inverse([0.0, 0.0, 2.6], np.eye(3))
+    above = postures(ARM, [0.0, 0.0, 2.6], np.eye(3))
     assert (above.status == Status.SINGULAR).any() and not (above.status == Status.OK).any()
-    far = ARM.inverse([4.0, 0.0, 1.0], np.eye(3))
+    far = postures(ARM, [4.0, 0.0, 1.0], np.eye(3))
     assert np.all(far.status == Status.OUT_OF_RANGE) and np.isnan(far.q).all()
     assert far.within(LIMITS)[0].shape == (0, 6)
-    bad = ARM.inverse([np.nan, 0.0, 1.0], np.eye(3))
+    bad = postures(ARM, [np.nan, 0.0, 1.0], np.eye(3))
     assert np.all(bad.status == Status.NOT_FINITE)
-    # the name R2830: from axis 1 to the wrist centre
-    assert round(1e3 * (ARM.base[0] + ARM.reach[1])) == 2826
+    # the name R2830: from axis 1 to the wrist centre, without the flange
+    assert round(1e3 * (ARM.size - 0.29)) == 2826
 
 
-def test_refusals():
-    with pytest.raises(ValueError, match="expected -z, y, y, -x, y, -x"):
-        WristPartition.of(ORIGINS, -AXES)
-    with pytest.raises(ValueError, match="axes 4, 5 and 6"):
-        WristPartition.of(np.array([0.0, 0.1, 0.0]) + ORIGINS, AXES)
-    with pytest.raises(ValueError, match=r"T has shape \(2, 3\) for 1 orientations"):
-        ARM.inverse(np.zeros((2, 3)), np.eye(3))
+def test_structure_and_refusals():
+    assert closed_form(ARM).structure == "axes 4 5 6 meet in a point, axes 2 and 3 parallel"
+    with pytest.raises(ArgumentError) as caught:
+        postures(ARM, np.zeros((2, 3)), np.eye(3))
+    assert caught.value.argument == "R"
+    with pytest.raises(ArgumentError) as caught:
+        chain_of(robots.gantry_tau("l1_tape"))
+    assert caught.value.argument == "robot"

@@ -133,7 +133,7 @@ WRONG = {
     f'<robot name="r">{LINKS}\n\n<joint name="j" type="planar">{ENDS}</joint></robot>': "line 3: joint 'j' is planar",
     '<!DOCTYPE r [\n<!ENTITY x "y">]><robot name="r"/>': "line 2: declares an entity",
     "<robot name='r'>\n<link name='a'></robot>": "line 2: is not XML: mismatched tag",
-    "<sdf/>": "line 1: the file is SDF; expected URDF",
+    "<sdf/>": "line 1: the file is SDF; read it with from_sdf",
     "<robot>\n" + "<link>" * 60 + "</link>" * 60 + "</robot>": "line 2: has elements nested more than",
     "<model/>": "line 1: the outermost element is <model>; expected <robot>",
     '<robot name="r"><link name="${n}"/></robot>': "line 1: this is a xacro template",

@@ -11,7 +11,8 @@ from collections.abc import Iterable, Sequence
 
 import casadi as ca
 
-from ..rewriting import Instruction, instructions
+from ...lang.source import ModelError
+from ..rewriting import CALLED, Instruction, instructions
 
 NONE = -1  # instead of a missing second operand
 _SYMMETRIC = frozenset([ca.OP_ADD, ca.OP_MUL, ca.OP_FMIN, ca.OP_FMAX, ca.OP_EQ, ca.OP_NE, ca.OP_AND, ca.OP_OR])
@@ -119,8 +120,10 @@ class Tape:
             return self.constant(0.0)
         return self._written(ca.OP_SUB, x, y)
 
-    def applied(self, op: int, x: int, y: int = NONE) -> int:
-        """Return the operation with this code."""
+    def applied(self, op: int, x: int, y: int = NONE, *more: int) -> int:
+        """Return the operation with this code. Raises ModelError for a call of a function."""
+        if op == ca.OP_CALL:
+            raise ModelError(CALLED)
         if op == ca.OP_ADD:
             return self.total(x, y)
         if op == ca.OP_MUL:

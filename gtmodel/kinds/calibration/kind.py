@@ -46,7 +46,7 @@ def call(problem: Schema, context: Context) -> Call:
         return study.then(partial(_calibration, problem=problem, context=context))
     carts = _carts(problem, context)
     reference, before = robots.in_python(problem.robot, context)
-    external = python_models.is_reference(reference) or python_models.is_urdf(reference)
+    external = python_models.is_reference(reference) or python_models.is_arm_file(reference)
     origin = Origin(problem.robot, reference if external else "", merged(before, problem.parameters))
     title = problem.title or f"{problem.kind} of {problem.robot}"
     split = problem.held_out

@@ -91,4 +91,14 @@ def _signals(problem: Schema, log: IdentificationLogSection, model: Model, conte
         except ModelError as error:
             raise InputError(str(error), key) from error
         signals[name] = measured.signal(place, flat.unit_of(indices[0], order))
+        if (
+            key == "targets"
+            and measured.gear_ratio is not None
+            and not signals[name].conversion.is_effort(signals[name].units)
+        ):
+            raise InputError(
+                f"is missing: a gear ratio multiplies forces and torques, and the model declares no unit of '{name}'; "
+                'give the unit after all factors, such as "N.m", or one for each component',
+                f"{place}.quantity_unit",
+            )
     return signals | ({} if problem.closed_loop is None else problem.closed_loop.signals(context))

@@ -8,9 +8,8 @@ from gtmodel.motion.options import MotionProblem
 from gtmodel.motion.planning import plan_of
 from gtmodel.optimize.formulation.problem import build
 from gtmodel.problem_files.base import Call, Context
-from gtmodel.problem_files.keys import PATH_ARGUMENTS
 
-from .keys import Schema
+from .keys import PATH_ARGUMENTS, Schema
 
 ARGUMENTS = {**PATH_ARGUMENTS, "earlier": "--start"}
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from gtmodel.motion import table_study
 from gtmodel.problem_files.base import Call, Context, InputError
-from gtmodel.problem_files.keys import PATH_ARGUMENTS
 
+from ..trajectory.keys import PATH_ARGUMENTS
 from ..trajectory.kind import explained
 from .keys import Schema
 

@@ -11,13 +11,13 @@ from ...results import ArgumentError, Work
 from ...results.trajectory import Trajectory
 from ...results.trajectory_checks import Array
 from ..alignment.align import Alignment, align
-from ..resampling import Resampled, resample
+from ..log import SHORT
+from ..resampling import LEAST, Resampled, resample
 from ..sampling import sampling_of
 from .derived_curves import curves
 from .options import AlignBy, EvenGrid
 
 SESSION = "session"  # the signal that numbers the stretches between gaps
-FEWEST = 3  # rows on the grid
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +180,7 @@ def _refuse_apart(parts: Sequence[ClockRows]) -> None:
             for p in (early, late)
         )
         raise ArgumentError(
-            f"0 times are common to all signals; expected at least {FEWEST}: {spans}; if the clocks have different "
+            f"0 times are common to all signals; expected at least {LEAST}: {spans}; if the clocks have different "
             "origins, align them by two signals of one motion",
             "recording.time",
         )
@@ -209,7 +209,7 @@ def _joined(
         common = common[common >= 0]
     if grid.end is not None:
         common = common[common <= np.floor((grid.end - start) / step + 1e-9)]
-    if len(common) < FEWEST:
+    if len(common) < LEAST:
         spans = ", ".join(
             f"{', '.join(one.sessions[0].trajectory.names)} from {one.sessions[0].trajectory.time[0]:.6g} to "
             f"{one.sessions[-1].trajectory.time[-1]:.6g} s"
@@ -217,22 +217,26 @@ def _joined(
         )
         interval = "" if grid.start is None and grid.end is None else " between start and end of the grid"
         raise ArgumentError(
-            f"{len(common)} times are common to all signals{interval}; expected at least {FEWEST}: {spans}",
+            f"{len(common)} times are common to all signals{interval}; expected at least {LEAST}: {spans}",
             "grid" if interval else "recording",
         )
+    stretch = np.concatenate([[0], np.cumsum(np.diff(common) > 1)])
+    long = np.bincount(stretch)[stretch] >= LEAST
+    short = {SHORT: int(np.sum(~long))} if long.any() and not long.all() else {}
+    if short:
+        common, stretch = common[long], np.unique(stretch[long], return_inverse=True)[1]
     values, units = dict[str, Array](), dict[str, str]()
     for one, instants in zip(even, numbers, strict=True):
         rows = np.searchsorted(instants, common)
         for name in one.sessions[0].trajectory.names:
             values[name] = np.concatenate([s.trajectory[name] for s in one.sessions])[rows]
             units[name] = one.sessions[0].trajectory.unit(name)
-    stretch = np.concatenate([[0], np.cumsum(np.diff(common) > 1)])
     if stretch[-1]:
         values, units = {SESSION: stretch.astype(float), **values}, {SESSION: "1", **units}
     notes = list(dict.fromkeys(s.trajectory.synthetic for one in even for s in one.sessions if s.trajectory.synthetic))
     trajectory = Trajectory(
         start + step * common if at is None else at[common], values, units, title=title,
-        provenance={"resampled": grid.method, "sample_time_s": step}, synthetic="; ".join(notes) or None,
+        provenance={"resampled": grid.method, "sample_time_s": step, **short}, synthetic="; ".join(notes) or None,
     )  # fmt: skip
     return trajectory, stretch
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,10 @@ from ...results.trajectory import Trajectory
 from ...results.trajectory_files import PathLike
 from ...results.work import Progress, silent
 from ..alignment.delay_study import RELATED
-from ..log import Column, LogError, Session, session_of
-from ..recording import matching, read_recording
+from ..log import ORIGIN, SHORT, Column, LogError, Session, left_out, session_of
+from ..recording import read_recording
+from ..resampling import at_time
+from ..streams.form import matching
 from .joined_clocks import JoinedClocks, join
 from .options import AlignBy, EvenGrid
 
@@ -46,19 +49,42 @@ def read_joined(
         )  # fmt: skip
         joined = join(recording, grid, align_by, {}, Work(progress=progress))
         label = " + ".join(file.name for file in files)
-        rows, notes = joined.rows.select(list(columns)), _notes(recording, joined, align_by)
+        rows, notes = _stacked(joined.rows, columns), _notes(recording, joined, align_by)
+        dropped = left_out([joined.rows, *recording.values()])
+        if short := sum(one.sessions[0].trajectory.provenance.get(SHORT, 0) for one in joined.even):
+            dropped[SHORT] = dropped.get(SHORT, 0) + short
         for k in range(int(joined.stretch[-1]) + 1):
             part = joined.stretch == k
             stretch = Trajectory(
                 rows.time[part], {n: rows[n][part] for n in rows.names}, rows.units, title=rows.title,
-                provenance={**(joined.rows.provenance if grid else {}), JOINED: notes}, synthetic=rows.synthetic,
+                provenance={
+                    **(joined.rows.provenance if grid else {}), JOINED: notes,
+                    **({} if k else dropped),
+                },
+                synthetic=rows.synthetic,
             )  # fmt: skip
-            name = f"{label} from {stretch.time[0]:.6g} s" if joined.stretch[-1] else label
+            name = f"{label} from {at_time(stretch.time[0])}" if joined.stretch[-1] else label
             if grid is None:
-                sessions.append(session_of(stretch, name, jitter=jitter, sample_time=sample_time))
+                even = session_of(stretch, name, jitter=jitter, sample_time=sample_time)
+                sessions.append(even._replace(stretch=k))
             else:
-                sessions.append(Session(name, stretch, joined.step))
+                sessions.append(Session(name, stretch, joined.step, k))
     return tuple(sessions)
+
+
+def _stacked(rows: Trajectory, columns: Mapping[str, Column]) -> Trajectory:
+    """Return the declared signals; a vector whose components have clocks of their own was read one by one."""
+    values, units = dict[str, np.ndarray](), dict[str, str]()
+    for name in columns:
+        parts = (
+            [name]
+            if name in rows
+            else [part for part in rows.names if re.fullmatch(rf"{re.escape(name)}\[\d+\]", part)]
+        )
+        values[name] = rows[name] if parts == [name] else np.column_stack([rows[part] for part in parts])
+        each = {rows.unit(part) for part in parts}
+        units[name] = each.pop() if len(each) == 1 else "1"
+    return Trajectory(rows.time, values, units, title=rows.title, synthetic=rows.synthetic)
 
 
 def _recordings(paths: Sequence[Path], columns: Mapping[str, Column]) -> list[tuple[list[Path], dict[str, Column]]]:
@@ -88,7 +114,7 @@ def _recordings(paths: Sequence[Path], columns: Mapping[str, Column]) -> list[tu
 
 def _notes(recording: Mapping[str, Trajectory], joined: JoinedClocks, align_by: Sequence[AlignBy]) -> list[str]:
     """Return a sentence about each clock other than the reference, with its alignment or overlap."""
-    notes, reference = list[str](), joined.reference
+    notes, reference, loose = list[str](), joined.reference, dict[str, list[str]]()
     clock_of = {name: clock for clock, rows in recording.items() for name in rows.names}
     pairs = {clock_of[pair.other]: pair for pair in align_by}
     for clock, rows in recording.items():
@@ -106,10 +132,16 @@ def _notes(recording: Mapping[str, Trajectory], joined: JoinedClocks, align_by: 
             )
             notes += [f"{clock}: {note}" for note in fit.notes]
             continue
-        first = recording[reference].time
-        span = min(first[-1], rows.time[-1]) - max(first[0], rows.time[0])
+        known = all(ORIGIN in recording[c].provenance for c in (clock, reference))
+        how = "by the known origins of their times" if known else "as if their times had one origin"
+        loose.setdefault(how, []).append(clock)
+    first = recording[reference].time
+    for how, clocks in loose.items():
+        names = ", ".join(f"'{clock}' ({', '.join(recording[clock].names)})" for clock in clocks)
+        times = [recording[clock].time for clock in clocks]
+        span = min(first[-1], *(t[-1] for t in times)) - max(first[0], *(t[0] for t in times))
+        verb = "is" if len(clocks) == 1 else "are"
         notes.append(
-            f"'{clock}' ({names}) is joined with '{reference}' as if their times had one origin; they overlap for "
-            f"{span:.6g} s of {np.ptp(first):.6g} s"
+            f"{names} {verb} joined with '{reference}' {how}; they overlap for {span:.6g} s of {np.ptp(first):.6g} s"
         )
     return notes

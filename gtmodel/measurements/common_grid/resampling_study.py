@@ -18,7 +18,7 @@ from ...results.work import WorkOptions, study_function
 from ..alignment.align import Alignment
 from ..alignment.delay_study import RELATED
 from ..inspection.data_tests import Data, tested
-from ..log import LEFT_OUT
+from ..log import left_out
 from ..resampling import Resampled
 from ..sampling import SamplingReport, sampling_of
 from .joined_clocks import SESSION, ClockRows, JoinedClocks, join
@@ -100,7 +100,7 @@ def _study(
         title=text, checks=checks, notes=[*_notes(clocks, reference, fits, sampling, even, step), *sentences],
         estimate=_estimate(fits), trajectory=rows, figures=figures,
         clocks=order, rows_read=[len(clocks[c]) for c in order],
-        rows_left_out=[sum(clocks[c].provenance.get(why, 0) for why in LEFT_OUT) for c in order],
+        rows_left_out=[sum(left_out([clocks[c]]).values()) for c in order],
         rate=[sampling[c].rate for c in order], jitter=[sampling[c].jitter for c in order],
         gaps=[len(sampling[c].gaps) for c in order],
         longest_gap=[float(np.max(np.diff(clocks[c].time))) for c in order],

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -308,14 +310,17 @@ def quantum(values: Array) -> float:
 
 G = 9.81  # m/s2
 BACKWARD = 0.2  # largest share of backward steps of a time, from late rows
+LATE = 0.05  # the same of a column that is not named like a time, repeated rows included
+FILETIME = (1.19e17, 1.58e17)  # 1978 to 2101 in 100 ns since 1601
 TURN_RAD, TURN_DEG = 3.2, 7.0  # angles below the first are probably in rad, above the second in deg
 _FORCES = r"force|torque|effort|tau|moment|drehm|load"
 _CURRENTS = r"(current|strom|curr)s?(_?\d+)?$|^i_?[dquvw]$"
-_ANGLES = r"angle|joint|axis|motor|enc|rot|phi|theta|psi|roll|pitch|yaw|winkel|achse|^q\d*$|^q\[|^j\d+$"
+_ANGLES = r"angle|joint|axis|motor|enc|rot|phi|theta|psi|roll|pitch|yaw|winkel|achse|^q\d*$|^q\[|^j\d+$|(^|[._ ])a\d$"
 _RATES = r"gyr|omega|angular_vel|rate"
 _PLACES = r"pos|tcp|place|coord|travel|stroke|height|length|leg|^[xyz]\d*$|(^|[._])[xyz]$|cart"
 _ACCELERATIONS = r"acc"
 _TIMES = r"(^|[._ /])(t|time|zeit|stamp|timestamp|clock|uhr)($|[._ \[])|time$|stamp$"
+_WHOLE, _PART = r"(^|[._ ])s(ecs?|econds?)?$", r"(^|[._ ])(milli|micro|nano|m|u|µ|n)s(ecs?|econds?)?$"
 _NOTHING = r"count|index|token|_id$|number|flag|state|status|mode|seq"
 
 
@@ -343,12 +348,51 @@ def counts_rows(values: Array) -> bool:
     return len(values) > 2 and values[0] % 1 == 0 and bool(np.all(np.diff(values) == 1.0))
 
 
-def unit_guess(facts: ColumnFacts, stated: str, head: Array, group: Array | None) -> UnitGuess:
+def runs_forward(name: str, values: Array) -> bool:
+    """Return whether a column of another name counts time: whole numbers that increase, apart from late rows."""
+    values = values[np.isfinite(values)]
+    steps = np.diff(values)
+    if re.search(_NOTHING, name.lower()) or not len(steps) or np.any(values % 1 != 0):
+        return False
+    return bool(np.mean(steps <= 0) <= LATE and float(np.median(steps)) > 1)
+
+
+class TimeParts(NamedTuple):
+    """Two columns whose sum is the time: whole seconds, and the rest in `unit`."""
+
+    whole: str
+    rest: str
+    unit: str
+
+    @property
+    def label(self) -> str:
+        return f"{self.whole} + {self.rest}"
+
+
+def time_parts(names: Sequence[str], head: Array) -> TimeParts | None:
+    """Recognise a time in two neighbouring columns, such as sec and usec."""
+    for j, (whole, rest) in enumerate(pairwise(names)):
+        match = re.search(_PART, rest.lower())
+        if match is None or not re.search(_WHOLE, whole.lower()):
+            continue
+        unit = "us" if match[2] in ("micro", "µ") else f"{match[2][0]}s"
+        most = 1 / parse_unit(unit).scale
+        two = head[np.isfinite(head[:, j : j + 2]).all(axis=1), j : j + 2]
+        if len(two) < 3 or np.any(two % 1 != 0) or np.any((two[:, 1] < 0) | (two[:, 1] >= most)):
+            continue
+        if np.mean(np.diff(two[:, 0] - two[0, 0] + two[:, 1] / most) < 0) <= BACKWARD:
+            return TimeParts(whole, rest, unit)
+    return None
+
+
+def unit_guess(facts: ColumnFacts, stated: str, head: Array, group: Array | None, time: bool = False) -> UnitGuess:
     """Return the unit of a column from the header, its name, or its numbers.
 
     stated: unit in the header, "" if there is none. head: first rows of the column. group: first rows (n, k) of the
-    vector that it belongs to, or None.
+    vector that it belongs to, or None. time: whether the column is known to be a time.
     """
+    if time and not stated and facts.rows:
+        return _of_time(facts, head)
     if stated:
         return UnitGuess(stated, "stated in the header", stated=True)
     name = re.sub(r"\[\d+\]$", "", facts.name)
@@ -379,7 +423,7 @@ def unit_guess(facts: ColumnFacts, stated: str, head: Array, group: Array | None
         if TURN_DEG < size <= 3600.0:
             return UnitGuess("deg", f"named like an angle, up to {size:.4g}")
     if re.search(_PLACES, lower) and not re.search(r"vel|speed", lower):
-        if size > 20.0:
+        if 20.0 < size < 1e5:
             return UnitGuess("mm", f"named like a position, up to {size:.4g}: too large for m")
         if 0.0 < size <= 10.0 and "leg" not in lower:
             return UnitGuess("m", f"named like a position, within {size:.3g}")
@@ -390,6 +434,8 @@ def unit_of_name(name: str) -> str:
     """Return the unit at the end of a name: force_N, act_vel_deg_per_s, torque_nm."""
     plain = re.sub(r"_per_", "_", name)
     last = re.split(r"[_.\s/]", plain)[-1]
+    if re.fullmatch(r"[A-Z]\d+", last):  # axis A1, which is no square of amperes
+        return ""
     if last.lower() == "nm":
         return "N.m"
     if "_" in plain and (unit := unit_of(plain.rpartition(".")[2])):
@@ -404,6 +450,9 @@ def _of_time(facts: ColumnFacts, head: Array) -> UnitGuess:
     for unit, low in (("ns", 1e18), ("us", 1e15), ("ms", 1e12), ("s", 1e9)):
         if low < facts.least and facts.most < 4 * low:
             return UnitGuess(unit, f"about {facts.least:.4g}: {unit} since 1970")
+    if FILETIME[0] < facts.least and facts.most < FILETIME[1]:
+        return UnitGuess("100 ns", f"about {facts.least:.4g}: 100 ns since 1601")
+    head = head[np.isfinite(head)]
     step = float(np.nanmedian(np.abs(np.diff(head)))) if len(head) > 1 else 0.0
     if facts.step == 1.0 and step == 1.0:
         return UnitGuess("1", "counts rows")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Unpack
 
 import numpy as np
 
+from ...lang.units import convert
 from ...results.quantity import Quantity, Row
 from ...results.status import SolveStatus
 from ...results.study import Study, to_inherit
@@ -22,18 +23,21 @@ from ..streams.form import FormError, LogError, LogForm, shown
 from ..streams.matlab import MatFile
 from ..streams.opening import content_of
 from ..streams.stream import MOST_SHOWN, Stream
-from ..streams.text import TextStream
+from ..streams.text import TextStream, date_in
 from .columns import (
     Clock,
     ClockPair,
     ColumnFacts,
     ColumnScan,
     Envelope,
+    TimeParts,
     UnitGuess,
     clock_of,
     counts_rows,
     is_clock,
     pairs,
+    runs_forward,
+    time_parts,
     unit_guess,
     unit_of_name,
 )
@@ -44,6 +48,7 @@ if TYPE_CHECKING:
 SHORTEST = 16  # samples of a stream of a MATLAB file; shorter ones beside others are parameters
 MOST_CLOCKS = 4
 MOST_GAPS = 20  # gaps listed
+STARTED = 60.0  # s; a time that begins later does not count from the start of the recording
 MOST_NAMES = 12
 MOST_WORDS = 4  # columns with words among their numbers listed
 _COMPONENT = re.compile(r"(?P<base>.+?)(?:\[\d+\]|[_. ](?:[xyzw]|\d+)|(?<=[^\d\W])\d+)")
@@ -61,6 +66,7 @@ class InspectedStream:
     pairs: list[ClockPair]
     envelope: Envelope
     groups: list[list[int]]
+    declarations: list[str] = field(default_factory=list)  # notes on the keys that the time needs
 
     @property
     def clock(self) -> Clock | None:
@@ -185,13 +191,16 @@ def _answer(title: str, tables: list[InspectedStream], notes: list[str], ended: 
 def _inspected(stream: Stream, work: Work, others: bool) -> tuple[InspectedStream | None, bool]:
     """Return the inspected stream, None if it is too short beside others; and whether the study was stopped."""
     names = [name for name in stream.heads.names if name and _once(stream, name)]
-    units = dict(zip(stream.heads.names, stream.heads.units, strict=True))
-    scan, time_names, ended = None, list[str](), False
+    labels = [label for group in stream.heads.channel_times().values() for label in group]
+    names = sorted([*names, *labels], key=stream.heads.place)
+    units = {name: stream.heads.units[stream.heads.place(name)] for name in names}
+    scan, time_names, ended, parts = None, list[str](), False, None
     blocks = stream.blocks(names, gaps=True) if names else iter(())
     for block in blocks:
         if scan is None:
-            time_names = _clock_names(stream, names, block.values)
-            scan = ColumnScan(names, time_names)
+            parts = None if stream.clock else time_parts(names, block.values)
+            time_names = [] if parts else _clock_names(stream, names, labels, block.values)
+            scan = ColumnScan(names, [*time_names, *(parts[:2] if parts else ())])
         scan.add(block.values)
         work.progress(f"reading {stream.source}", block.fraction)
         if work.interrupted() and block.fraction < 1.0:
@@ -204,15 +213,48 @@ def _inspected(stream: Stream, work: Work, others: bool) -> tuple[InspectedStrea
     for group in groups:
         rows = scan.head[:, group] if len(group) > 1 else None
         for j in group:
-            guesses[j] = unit_guess(facts[j], units[names[j]], scan.head[:, j], rows)
+            guesses[j] = unit_guess(facts[j], units[names[j]], scan.head[:, j], rows, names[j] in labels)
         _as_one(group, guesses, facts)
     clocks = [clock_of(name, guesses[names.index(name)].unit, scan.numbers(name)) for name in time_names]
+    if parts:
+        rest = convert(scan.numbers(parts.rest), parts.unit, "s")
+        clocks = [clock_of(parts.label, "s", scan.numbers(parts.whole) + rest)]
     scan.forget()
     clocks.sort(key=lambda clock: clock.name != stream.clock)
     inspected = InspectedStream(
-        stream.name, scan.lines, facts, guesses, clocks, pairs(clocks), scan.envelope, groups
+        stream.name, scan.lines, facts, guesses, clocks, [] if labels else pairs(clocks), scan.envelope, groups,
+        _declarations(stream, clocks, parts, guesses, names, labels),
     )  # fmt: skip
     return inspected, ended
+
+
+def _declarations(
+    stream: Stream, clocks: list[Clock], parts: TimeParts | None, guesses: list[UnitGuess], names: list[str],
+    labels: list[str],
+) -> list[str]:  # fmt: skip
+    """Return notes on the keys that declare a time in several columns, one for each channel, or of known origin."""
+    notes, time = list[str](), clocks[0].name if clocks else ""
+    if parts is not None:
+        notes.append(
+            f'the time is in two columns: time = {{ column = ["{parts.whole}", "{parts.rest}"], '
+            f'unit = ["s", "{parts.unit}"] }}'
+        )
+    if time in labels:
+        name, unit = stream.heads.names[stream.heads.place(time)], guesses[names.index(time)].unit
+        notes.append(
+            "each channel has its own time column on its left: "
+            f'time = {{ column = "{name}", unit = "{unit or "?"}", per_channel = true }}'
+        )
+    dated = [(line, date) for line in stream.above() if (date := date_in(line))]
+    if dated and clocks and not stream.stamps and abs(float(np.nanmin(clocks[0].time))) < STARTED:
+        line, _ = dated[0]
+        words = re.split(r"[\d:\t;,]", line, maxsplit=1)[0].strip('#% "')
+        if words:
+            notes.append(
+                f"'{words}' above the table has a date; if '{time}' counts from it, time.since = \"{words}\" joins it "
+                'with other clocks, with time.zone = "+01:00" if the date has that zone'
+            )
+    return notes
 
 
 def _once(stream: Stream, name: str) -> bool:
@@ -222,8 +264,9 @@ def _once(stream: Stream, name: str) -> bool:
 def _left_out(stream: Stream) -> list[str]:
     """Return notes on ignored columns, and on words among numbers, which count as empty."""
     names = stream.heads.names
+    read = stream.heads.channel_times()
     notes = [f"{stream.cell}s {_places(names, n)} are all called '{n}' and are ignored; give each a different name"
-             for n in dict.fromkeys(names) if n and not _once(stream, n)]  # fmt: skip
+             for n in dict.fromkeys(names) if n and not _once(stream, n) and n not in read]  # fmt: skip
     if "" in names:
         notes.append(f"{stream.cell} {_places(names, '')} has no name and is ignored")
     for name, (line, word, advice) in list(stream.words.items())[:MOST_WORDS]:
@@ -236,12 +279,14 @@ def _places(names: Sequence[str], name: str) -> str:
     return _listed([str(k + 1) for k, n in enumerate(names) if n == name])
 
 
-def _clock_names(stream: Stream, names: list[str], values: Array) -> list[str]:
+def _clock_names(stream: Stream, names: list[str], labels: list[str], values: Array) -> list[str]:
     """Return the time columns by name; if there are none, the columns that increase with every row."""
     columns = list(zip(names, values.T, strict=True))
     named = [name for name, column in columns if name == stream.clock or is_clock(name, column)]
     if not named and len(values) > 2:
-        named = [name for name, column in columns if np.all(np.diff(column) > 0) and not counts_rows(column)]
+        named = [name for name, column in columns
+                 if (np.all(np.diff(column) > 0) or runs_forward(name, column) or name in labels)
+                 and not counts_rows(column)]  # fmt: skip
     return named[:MOST_CLOCKS]
 
 
@@ -277,7 +322,7 @@ def _on(stream: Stream, sentence: str) -> str:
 def _remarkable(stream: InspectedStream, several: bool) -> list[str]:
     """Return notes on peculiarities to check before the log is used."""
     lead = f"{stream.name}: " if several else ""
-    notes: list[str] = []
+    notes = [lead + sentence for sentence in stream.declarations]
     guessed = dict[tuple[str, str], list[tuple[str, float, str]]]()  # unit, reason without numbers -> columns
     for group in stream.groups:
         guess, name = stream.guesses[group[0]], _group_name([stream.columns[j] for j in group])

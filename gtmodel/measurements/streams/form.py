@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -82,6 +83,18 @@ class LogForm(Options):
         "largest ratio of the data in memory to the file size, if the data exceed 268 MB; protects against damaged "
         "files",
     ] = GROWTH
+    by_file: Annotated[
+        Mapping[str, LogForm], "format of the files with this name, path or pattern, instead of the other fields"
+    ] = field(default_factory=dict)
+
+    def of(self, path: PathLike) -> LogForm:
+        """Return the format of one file."""
+        return next((form for name, form in self.by_file.items() if matching([Path(path)], name)), self)
+
+
+def matching(files: Sequence[Path], name: str) -> list[Path]:
+    """Return the files with this name, path or pattern."""
+    return [file for file in files if name in (str(file), file.name) or file.match(name)]
 
 
 def refuse_swollen(path: PathLike, size: float, form: LogForm, what: str) -> None:

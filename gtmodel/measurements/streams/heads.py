@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ _SPELLED = (
 )  # fmt: skip
 _WORDS = {"-": "1", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "degree": "deg", "degrees": "deg"}
 _WORDS |= {"radian": "rad", "radians": "rad", "volt": "V", "volts": "V", "meter": "m", "meters": "m", "newton": "N"}
+_WORDS |= {"sek": "s", "umdr": "rev", "umdr/min": "rpm", "u/min": "rpm", "revolutions": "rev", "turns": "rev"}
 MOST_NAMES = 8  # columns listed in a message
 
 
@@ -63,6 +65,7 @@ class Heads:
         parts = [_parts(cell) for cell in cells]
         self.names = [name for name, _ in parts]
         self.units = [unit or other for (_, unit), other in zip(parts, units or [""] * len(parts), strict=True)]
+        self._labels = dict[str, int]()  # of time columns whose name is repeated
 
     def members(self, name: str | Sequence[str]) -> list[str]:
         """Return the columns of a declared name: "q", or "q[0]", "q[1]" and so on if there is no "q"."""
@@ -74,14 +77,37 @@ class Heads:
             self.place(member)
         return members
 
+    def time_of(self, name: str, channel: str) -> str:
+        """Return a label, which `place` knows, of the time column of a channel: of the columns with this name or
+        pattern the nearest one on its left. Raises LogError if there is none."""
+        place = self.place(channel)
+        left = [k for k in range(place) if self.names[k] == name or fnmatchcase(self.names[k], name)]
+        if not left:
+            raise LogError(f"{self.where}: there is no time column '{name}' on the left of '{channel}'")
+        label = f"{self.names[left[-1]]} of {self.names[left[-1] + 1]}"
+        self._labels[label] = left[-1]
+        return label
+
+    def channel_times(self) -> dict[str, list[str]]:
+        """Return repeated names, each with the labels of its columns, which stand one before each other channel."""
+        times = dict[str, list[str]]()
+        for name in dict.fromkeys(name for name in self.names if self.names.count(name) > 1):
+            channels = [self.names[k + 1 : k + 2] for k, n in enumerate(self.names) if n == name]
+            if all(after and self.names.count(after[0]) == 1 for after in channels):
+                times[name] = [self.time_of(name, after[0]) for after in channels]
+        return times
+
     def place(self, name: str) -> int:
         """Return the index of a column. Raises LogError if it is missing or occurs twice."""
         places = self._places(name)
         if not places:
             raise LogError(self.missing(name))
         if len(places) > 1:
-            columns = f"columns {places[0] + 1} and {places[1] + 1}"
-            raise LogError(f"{self.where}: '{name}' occurs twice, in {columns}; remove or rename one of them")
+            columns = f"columns {', '.join(str(k + 1) for k in places[:-1])} and {places[-1] + 1}"
+            advice = "remove or rename one of them"
+            if len(places) > 2 or places[1] - places[0] > 1:
+                advice += "; if it is the time column of the channels on its right, set per_channel = true"
+            raise LogError(f"{self.where}: '{name}' occurs {_times(len(places))}, in {columns}; {advice}")
         return places[0]
 
     def missing(self, name: str) -> str:
@@ -102,6 +128,8 @@ class Heads:
 
     def _places(self, name: str) -> list[int]:
         """Return the indices of columns with this name, or with this header cell including the unit."""
+        if name in self._labels:
+            return [self._labels[name]]
         return [k for k, n in enumerate(self.names) if n == name] or [
             k for k, cell in enumerate(self._cells) if cell == name
         ]
@@ -111,6 +139,10 @@ class Heads:
         more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
         some = f"it has {', '.join(n[:24] for n in names[:MOST_NAMES]) or 'none'}{more}"
         return meant(name, self.names, some, cutoff=0.5)
+
+
+def _times(count: int) -> str:
+    return "twice" if count == 2 else f"{count} times"
 
 
 def _parts(cell: str) -> tuple[str, str]:

@@ -71,7 +71,7 @@ def stream_of(path: PathLike, form: LogForm, name: str = "", time: str = "", hol
     Raises LogError if no table or several tables match.
     """
     content = content_of(path, form)
-    name = name or form.stream
+    name = name or form.stream or form.of(path).stream
     if isinstance(content, MatFile) and time and not name:
         return content.of_time(time)
     streams = [content] if isinstance(content, Stream) else content.streams()
@@ -93,6 +93,7 @@ def stream_of(path: PathLike, form: LogForm, name: str = "", time: str = "", hol
 def content_of(path: PathLike, form: LogForm) -> Stream | MatFile | Bag:
     """Open a file with the reader for its type."""
     path = path_of(path)
+    form = form.of(path)
     if path.is_dir() or path.name == "metadata.yaml":
         if not path.is_dir() or (path / "metadata.yaml").is_file():
             return _bag(path, form)

@@ -98,6 +98,10 @@ class Stream(ABC):
         gaps: read cells without a finite number as NaN; otherwise they raise LogError with the line.
         """
 
+    def above(self) -> list[str]:
+        """Return the lines of a text file above its table."""
+        return []
+
     def texts(self, column: str) -> list[str]:
         """Return the cells of a column as text."""
         return [f"{x:.17g}" for block in self.blocks([column]) for x in block.values[:, 0]]

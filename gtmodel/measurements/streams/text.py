@@ -62,6 +62,11 @@ class TextStream(Stream):
         place = self.heads.place(column)
         return [row[place] for _, row in self.cells()]
 
+    def above(self) -> list[str]:
+        """See `Stream.above`."""
+        first = next(chunks(self.path, self.layout.encoding), None)
+        return [] if first is None else first.lines[: self.layout.first_row - 1]
+
     def cells(self) -> Iterator[tuple[int, list[str]]]:
         """Yield line number and cells of each row."""
         for chunk in chunks(self.path, self.layout.encoding):
@@ -149,7 +154,10 @@ class TextStream(Stream):
                     if gaps and place not in self.layout.words and word.lower() not in _ABSENT:
                         self.words.setdefault(columns[j], (n, word, self._advice(word)))
                     if not gaps:
-                        raise self.no_number(n, columns[j], cells[place], self._advice(cells[place]))
+                        advice = self._advice(cells[place])
+                        if not advice and _only_words(cells, self.layout):
+                            advice = '; if the line is no row, empty_rows = "drop" leaves it out'
+                        raise self.no_number(n, columns[j], cells[place], advice)
         return values
 
     def _split(self, line: str, n: int, cut: bool = False, gaps: bool = False) -> list[str]:
@@ -171,7 +179,14 @@ class TextStream(Stream):
             if cut:
                 raise LogError(f'{where}: {ends}; delete the line, or set empty_rows = "drop"')
             count = "one cell" if len(cells) == 1 else f"{len(cells)} cells"
-            other = ""
+            wordy = width > 1 and _only_words(cells, self.layout)
+            if gaps and wordy:
+                if sum("holds no number" in remark for remark in self.remarks) < MOST_NAMES:
+                    self.remarks.append(
+                        f'line {n}, {line.strip()[:40]!r}, holds no number: empty_rows = "drop" leaves it out'
+                    )
+                return [""] * width
+            other = '; empty_rows = "drop" leaves such lines out' if wordy else ""
             if width == 1 and all(_like_number(cell, self.layout) for cell in cells):
                 other = "; if the table begins here without column names, begin the lines above it with #"
             elif width == 1:
@@ -307,6 +322,14 @@ def _with_decimal_commas(quoted: Sequence[str], lines: Sequence[str]) -> bool:
     return bool(quoted) and not point and not all(map(_THOUSANDS.fullmatch, quoted))
 
 
+def date_in(text: str) -> str:
+    """Return the first date with a time of day in a text, and its zone, as in ISO 8601, "" if there is none."""
+    if (stamp := _STAMP.search(text)) is None:
+        return ""
+    zone = re.match(r" ?([+-]\d\d:\d\d)", text[stamp.end() :])
+    return _iso(stamp[0]) + (zone[1] if zone else "")
+
+
 def _nanoseconds(cell: str, zero: int = 0) -> int:
     """Return the time from `zero` to a date [ns]. Raises ValueError if the cell is not a date."""
     stamp = np.datetime64(_iso(cell), "ns")
@@ -425,9 +448,11 @@ def _refuse_row_of_words(tables: Sequence[tuple[int, list[str]]], layout: _Layou
 
 
 def _units(cells: Sequence[str], width: int) -> list[str]:
-    """Return the units of a line that contains only units, else an empty list."""
+    """Return the units of a line that contains only units, else an empty list. An unknown one in brackets is empty."""
     units = [spelled(cell) if cell else "" for cell in cells]
     bracketed = [cell.startswith(("[", "(")) for cell in cells if cell]
+    if all(bracketed):
+        units = [unit if is_unit(unit) else "" for unit in units]
     if len(units) != width or not any(units) or not all(is_unit(unit) for unit in units if unit):
         return []
     # digits without brackets are numbers, not units
@@ -444,15 +469,20 @@ def _refuse_preamble(tables: Sequence[tuple[int, list[str]]], layout: _Layout, p
         matches = len(below) == LIKE and len(names) > 1 and all(len(row) == len(names) for _, row in below)
         holds_numbers = all(any(_like_number(cell, layout) for cell in row) for _, row in below)
         if matches and holds_numbers and not any(_like_number(cell, layout) for cell in names):
-            above = rest[k - 1] if k else (line, names)
-            if len(above[1]) == len(names) and _units(names, len(names)):
-                line = above[0]  # the units stand below the column names
+            while k and len(rest[k - 1][1]) == len(names) and (_units(names, len(names)) or _described(names)):
+                k -= 1  # units, or lines about the channels, stand below the column names
+                line, names = rest[k]
             count = "one cell" if len(cells) == 1 else f"{len(cells)} cells"
             raise FormError(
                 f"{shown(path)} line {n}: found {count} above a table of {len(names)} columns; if line {line} is its "
                 f"header, set header = {line}",
                 header=line,
             )
+
+
+def _described(cells: Sequence[str]) -> bool:
+    """Return whether a line tells one thing about each of several channels: "Offset", 0, "Offset", 1."""
+    return len(cells) > 2 and len(set(cells[::2])) == 1 and not cells[0].isdigit()
 
 
 def _refuse_prose(tables: Sequence[tuple[int, list[str]]], layout: _Layout, path: Path) -> None:
@@ -465,6 +495,10 @@ def _refuse_prose(tables: Sequence[tuple[int, list[str]]], layout: _Layout, path
             f"{shown(path)} is a text without a table: of its first {len(rows)} lines {count} of numbers; name "
             "the log, or give the line of its column names as header"
         )
+
+
+def _only_words(cells: Sequence[str], layout: _Layout) -> bool:
+    return not any(not cell or _like_number(cell, layout) for cell in cells)
 
 
 def _like_number(cell: str, layout: _Layout) -> bool:

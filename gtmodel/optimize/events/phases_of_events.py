@@ -12,8 +12,8 @@ import numpy as np
 
 from ...compiler.analysis.events import FlatEvents, Pair
 from ...compiler.analysis.switching import in_mode, listing, with_switching_signs
-from ...compiler.flat import FlatModel, FlatParameter, flatten
-from ...compiler.flat_cache import with_values
+from ...compiler.flat import FlatModel, FlatParameter
+from ...compiler.flat_cache import flattened, with_values
 from ...compiler.matrices import stacked
 from ...compiler.plan import make_plan
 from ...lang.expression import Relation
@@ -325,7 +325,7 @@ def phases_of_events(
         raise ModelError(f"gt.phases_of_events takes a configured Optimization; found {model!r}")
     names: list[Any] = list(order) if isinstance(order, Iterable) and not isinstance(order, str) else [order]
     groups = [list(item) if isinstance(item, (list, tuple)) else [item] for item in names]
-    flat = flatten(model)
+    flat = flattened(model)
     if any("sign()" in str(name) for group in groups for name in group):
         flat = with_switching_signs(flat)
     events = flat.events

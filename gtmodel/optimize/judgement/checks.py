@@ -242,6 +242,8 @@ def _first(expression: ca.SX, numbers: dict[int, float], infinite_slope: bool) -
             value = constant
         elif op == ca.OP_OUTPUT:
             value = arguments[0]
+        elif op == ca.OP_CALL:
+            value = np.nan  # of a function whose operations are unknown: it and what follows are not judged
         else:
             value = float(ca.DM.unary(op, arguments[0]) if len(reads) == 1 else ca.DM.binary(op, *arguments))
             if all(np.isfinite(arguments)) and (_steep(op, arguments) if infinite_slope else not np.isfinite(value)):

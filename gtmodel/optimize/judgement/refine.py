@@ -145,7 +145,7 @@ def refine(
         tolerance: bound of the error estimate, in nominals.
         passes: largest number of solves.
         most_elements: largest number of elements; see `reached` of the result.
-        merge: merge neighbours whose estimate is far below the tolerance.
+        merge: merge neighbours whose estimate is far below the tolerance, in the first half of the passes.
         options: options of `solve`.
 
     Each pass starts from the last solution and splits elements into up to four. With throw=False, a failed pass ends
@@ -179,7 +179,9 @@ def refine(
         if not solution.status.converged:
             return Refinement(solution, errors, (*history, last), tolerance, excess)
         worse = np.maximum(errors, tolerance * np.maximum(excess / BETWEEN, _unresolved(solution)))
-        lengths, split, merged = _next_lengths(placed(solution.nlp, solution.x), worse, tolerance, merge)
+        # a merged pair may violate a limit and be split again: the second half of the passes only splits
+        merging = merge and len(history) < passes // 2
+        lengths, split, merged = _next_lengths(placed(solution.nlp, solution.x), worse, tolerance, merging)
         done = worse.max() <= tolerance or len(history) + 1 >= passes or len(lengths) > most_elements
         history.append(last if done else replace(last, split=split, merged=merged))
         if done:

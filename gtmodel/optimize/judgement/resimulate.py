@@ -18,7 +18,7 @@ from ..collocation import pointwise
 from ..formulation.dynamic import DynamicProblem
 from ..formulation.system import RateSystem, on_rows
 from ..mesh import Mesh, coefficients, control_basis
-from ..nlp import Nlp, placed
+from ..nlp import Nlp, mesh_cost, placed
 from ..solution import Solution, constants, horizon, named, states_and_controls, totals
 
 
@@ -166,7 +166,8 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
         size = [problem.flat.variables[q.index].nominal for q in problem.quadratures]
         defect = max(defect, float(np.max(np.abs(sums[at_edges] - sums_c) / size)))
     trajectory = named(problem, xs, rates, us, times, P, sums)
-    cost_error = cost + _mayer(solution, integrated, P) + _steps(nlp, solution.x) - float(nlp.nlp(solution.x, [])[0])
+    cost += _mayer(solution, integrated, P) + mesh_cost(nlp, solution.x)
+    cost_error = cost - float(nlp.nlp(solution.x, [])[0])
     return Resimulation(
         SolveStatus.SOLVED, "re-simulated", trajectory, end, defect, excess.value, excess.name, cost_error, ranges,
         excess.unit, excess.time, excess.share,
@@ -234,16 +235,6 @@ def _mayer(solution: Solution, integrated: Callable[[float], tuple[np.ndarray, .
         values.append(float(ca.Function("instant", problem.arguments, [i.expression])(x, rate, u, P, t)))
     symbols = ca.vertcat(*[i.symbol for i in problem.instants]) if values else ca.SX(0, 1)
     return float(ca.Function("mayer", [symbols, problem.P], [problem.mayer])(values, P))
-
-
-def _steps(nlp: Nlp, x: np.ndarray) -> float:
-    """Return the penalties on the steps between blocks."""
-    blocks = nlp.mesh.blocks
-    if blocks is None:
-        return 0.0
-    controls = _external_inputs(nlp, x, np.zeros(1))[:, 0]
-    each = {name: np.sum(np.diff(controls[:, j]) ** 2) for j, name in enumerate(nlp.problem.control_names)}
-    return float(sum(weight * each[name] for name, weight in blocks.step_penalty.items()))
 
 
 def make_integrator(nlp: Nlp, tolerance: float, outputs: Sequence[float] = (), sums: bool = False) -> ca.Function:

@@ -70,7 +70,7 @@ class SerialArm(gt.Model):
     tool_xyz = gt.parameter([0.0, 0.0, 0.0], unit="m", description="tool position in the last link's frame")
     tool_rpy = gt.parameter([0.0, 0.0, 0.0], unit="rad", description="tool orientation in the last link's frame")
     T = gt.variable(3, unit="m", description="origin of the tool frame")
-    R = gt.variable((3, 3), unit="1", prefer=-4, description="rotation from tool to world coordinates")
+    R = gt.variable((3, 3), unit="1", prefer=-4, kind="rotation", description="rotation from tool to world coordinates")
     v = gt.variable(3, unit="m/s", description="velocity of T")
     w = gt.variable(3, unit="rad/s", prefer=-1, description="angular velocity of the tool, world coordinates")
     end = gt.port(Frame)
@@ -232,9 +232,10 @@ def arm_class(structure: ArmStructure) -> type[SerialArm]:
     n, moving = len(joints), len(structure.leaders)
     limits = structure.limits()
     low, high = (x if np.all(np.isfinite(x)) else None for x in limits.T)
-    start = np.clip(np.zeros(moving), *limits.T)
+    start = np.array(structure.starts[0]) if structure.starts else np.clip(np.zeros(moving), *limits.T)
     body: dict[str, Any] = {
         "structure": structure,
+        "further_starts": {"q": structure.starts[1:]},
         "q": gt.variable(
             moving, unit=units["q"], start=start, prefer=1, min=low, max=high, description="joint coordinates"
         ),

@@ -14,7 +14,7 @@ from ...geometry.rotations import rotation_of_rpy, rpy_of_rotation
 from ...inference import dependencies
 from ...lang import ModelError
 from .arm import DH_NAMES, FRICTION, SerialArm, arm_class
-from .structure import ArmJoint, ArmStructure, moments, moved, with_payload
+from .structure import ArmJoint, ArmStructure, moments, moved, started, with_payload
 from .to_urdf import dh_step
 
 Array = np.ndarray
@@ -32,6 +32,7 @@ def serial_arm(
     joints: str | Sequence[str] = "r",
     names: Sequence[str] | None = None,
     limits: ArrayLike | None = None,
+    start: ArrayLike | None = None,
     c: ArrayLike | None = None,
     I: ArrayLike | None = None,
     title: str = "arm",
@@ -52,6 +53,9 @@ def serial_arm(
         joints: "r" or "p" for each joint, such as "rrp", or one letter for all.
         names: of the joints.
         limits: lower and upper (n, 2) [rad, m].
+        start: joint coordinates (n,) [rad, m] of the home pose, by default 0, or the nearest limit. Inverse kinematics
+            starts there and takes the branches of this pose. Rows (k, n) are further starts, which are tried in order
+            where Newton's method finds nothing from the first.
         c, I: centres of mass (n, 3) [m] and inertias about them (n, 3, 3) [kg m2] in the link frames, instead of mc and
             J.
         title: name of the arm.
@@ -104,7 +108,7 @@ def serial_arm(
         if "mc" in modifiers or "J" in modifiers:
             raise ModelError("c and I describe the same as mc and J; give one of the two pairs")
         values["mc"], values["J"] = moments(values.get("m", np.zeros(n)), c, I)
-    return arm_class(structure)(**with_payload(values, payload, n))
+    return arm_class(started(structure, start))(**with_payload(values, payload, n))
 
 
 def _numbers(name: str, value: ArrayLike) -> Array:

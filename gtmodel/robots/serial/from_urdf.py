@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..._near import meant
 from ...geometry.rotations import rotation_about, rotation_of_rpy, rpy_of_rotation
 from ...lang import ModelError
 from .arm import FRICTION, SerialArm, arm_class
-from .structure import ArmJoint, ArmStructure, moved, with_payload
+from .structure import ArmJoint, ArmStructure, moved, started, with_payload
 from .urdf_file import MOVING, Urdf, UrdfJoint, read_urdf
 
 Array = np.ndarray
@@ -21,13 +22,20 @@ IDENTITY: Pose = (np.eye(3), np.zeros(3))
 
 
 def from_urdf(
-    path: str | Path, tip: str | None = None, *, smoothing: str = "tanh", payload: float = 0.0, **modifiers: Any
+    path: str | Path,
+    tip: str | None = None,
+    *,
+    start: ArrayLike | None = None,
+    smoothing: str = "tanh",
+    payload: float = 0.0,
+    **modifiers: Any,
 ) -> SerialArm:
     """Return a serial arm from a URDF file: the chain from its root to a link, with limits, inertias and friction.
 
     Args:
         path: of the file, or its text.
         tip: link at the end of the chain, whose frame is the tool; by default the end of the only moving chain.
+        start: joint coordinates (n,) [rad, m] of the home pose, or rows of them, as for `serial_arm`.
         smoothing: of Coulomb friction. "tanh", the default, is coulomb * tanh(velocity / velocity_scale);
             "piecewise_linear" rises linearly up to velocity_scale; "sign" is exact except at standstill; "stiction" is
             exact and can stick, with events.
@@ -61,10 +69,16 @@ def from_urdf(
     >>> arm, tau.round(3)  # a negative torque about +y holds it up
     (SerialArm('lever', 1 joints from base to arm), array([-4.905]))
     """
+    return arm_of(read_urdf(path), tip, start, smoothing, payload, modifiers)
+
+
+def arm_of(
+    urdf: Urdf, tip: str | None, start: ArrayLike | None, smoothing: str, payload: float, modifiers: dict[str, Any]
+) -> SerialArm:
+    """Return the arm to the tip of a file that was read; arguments as for `from_urdf`."""
     if smoothing not in FRICTION:
         raise ModelError(f"friction smoothing is one of {', '.join(FRICTION)}; found {smoothing!r}")
-    urdf = read_urdf(path)
-    return _Chain(urdf, _tip(urdf, tip)).arm(smoothing, payload, modifiers)
+    return _Chain(urdf, _tip(urdf, tip)).arm(start, smoothing, payload, modifiers)
 
 
 def tips_of(urdf: Urdf) -> list[str]:
@@ -129,7 +143,7 @@ class _Chain:
         self.on_chain = {j.name for j in self.path}
         self.moving = [j for j in self.path if j.kind in MOVING and not self.locked(j)]
 
-    def arm(self, smoothing: str, payload: float, modifiers: dict[str, Any]) -> SerialArm:
+    def arm(self, start: ArrayLike | None, smoothing: str, payload: float, modifiers: dict[str, Any]) -> SerialArm:
         urdf, values, pose, placements, direct = self.urdf, self.values(), IDENTITY, [], True
         moving = {j.name for j in self.moving}
         for j in self.path:
@@ -148,9 +162,10 @@ class _Chain:
             "xyz": xyz, "rpy": rpy, "axis": np.array([j.axis for j in self.moving]), **values,
             "viscous": np.array([j.damping for j in self.moving]),
             "coulomb": np.array([j.friction for j in self.moving]),
+            "rotor_inertia": np.array([j.rotor for j in self.moving]),
             "tool_xyz": pose[1], "tool_rpy": rpy_of_rotation(pose[0]), **modifiers,
         }  # fmt: skip
-        return arm_class(structure)(**with_payload(parameters, payload, len(self.moving)))
+        return arm_class(started(structure, start))(**with_payload(parameters, payload, len(self.moving)))
 
     def joints(self) -> Iterator[ArmJoint]:
         places = {j.name: k for k, j in enumerate(self.moving)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -39,7 +39,8 @@ class ArmStructure:
     """The joints of an arm from the base to the tool, and the form of their placements.
 
     style: xyz and rpy ("rpy"), or standard or modified Denavit-Hartenberg parameters. smoothing: of friction. notes:
-    sentences about elements of the source file that were not used.
+    sentences about elements of the source file that were not used. starts: joint coordinates at which inverse
+    kinematics starts, the home pose first; empty for zero, or the nearest limit.
     """
 
     name: str
@@ -49,6 +50,7 @@ class ArmStructure:
     tool: str = "tool"
     smoothing: str = "tanh"
     notes: tuple[str, ...] = ()
+    starts: tuple[tuple[float, ...], ...] = ()
 
     @property
     def leaders(self) -> list[int]:
@@ -95,6 +97,20 @@ class ArmStructure:
     def effort_limits(self) -> np.ndarray:
         """Return the largest efforts tau (n,): those of the leaders alone, which drive their followers."""
         return np.array([self.joints[k].effort for k in self.leaders])
+
+
+def started(structure: ArmStructure, start: ArrayLike | None) -> ArmStructure:
+    """Return the structure with starts from one row of joint coordinates or several; unchanged for None. Raises
+    ModelError for other shapes, and for starts outside the limits."""
+    if start is None:
+        return structure
+    rows = np.atleast_2d(np.asarray(start, float))
+    n, limits = len(structure.leaders), structure.limits()
+    if rows.ndim != 2 or rows.shape[1] != n or not len(rows) or not np.all(np.isfinite(rows)):
+        raise ModelError(f"start takes {n} joint coordinates, or rows of them; found the shape {np.shape(start)}")
+    if not np.all((rows >= limits[:, 0]) & (rows <= limits[:, 1])):
+        raise ModelError("start lies outside the limits of the joints; move it inside")
+    return replace(structure, starts=tuple(tuple(float(x) for x in row) for row in rows))
 
 
 Array = np.ndarray

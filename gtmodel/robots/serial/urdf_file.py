@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,12 +20,13 @@ from .structure import moved, six_of
 
 @dataclass
 class XmlElement:
-    """An element with its tag, attributes, first line and inner elements."""
+    """An element with its tag, attributes, first line, inner elements and text."""
 
     tag: str
     attributes: dict[str, str]
     line: int
     inside: list[XmlElement] = field(default_factory=list)
+    text: str = ""
 
     def all(self, tag: str) -> list[XmlElement]:
         """Return the direct inner elements with a tag."""
@@ -52,13 +53,16 @@ def parsed(content: bytes) -> XmlElement:
     def end() -> None:
         stack.pop()
 
-    walk_xml(content, begin, end)
+    def text(part: str) -> None:
+        stack[-1].text += part
+
+    walk_xml(content, begin, end, text)
     return outside.inside[0]
 
 
 Array = np.ndarray
 MOVING = {"revolute", "continuous", "prismatic"}
-COUNTED = {3: "three", 4: "four"}
+COUNTED = {2: "two", 3: "three", 4: "four", 6: "six"}
 KINDS = (*sorted(MOVING), "fixed")
 DEGREES = 13.0  # rad; limits beyond two turns are probably degrees
 MILLIMETRES = 100.0  # m; origins farther away are probably millimetres
@@ -96,7 +100,8 @@ class UrdfLink:
 
 @dataclass(frozen=True)
 class UrdfJoint:
-    """A joint as written; `leader` is the name of the joint that it mimics."""
+    """A joint as written; `leader` is the name of the joint that it mimics, `rotor` the inertia of its motor times the
+    gear ratio squared (armature in MJCF)."""
 
     name: str
     kind: str
@@ -115,6 +120,7 @@ class UrdfJoint:
     leader: str | None = None
     multiplier: float = 1.0
     offset: float = 0.0
+    rotor: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -139,10 +145,16 @@ class Urdf:
 
 def read_urdf(source: str | Path) -> Urdf:
     """Read a URDF file, or a text that begins with "<". Raises ModelError with file and line."""
+    return read_file(source, "URDF", lambda file, robot: _Reader(file, robot).urdf())
+
+
+def read_file(source: str | Path, kind: str, read: Callable[[str, XmlElement], Urdf]) -> Urdf:
+    """Read a file, or a text that begins with "<"; kind: of the text, for messages. Raises ModelError with file and
+    line."""
     path_of(source, "source")
     text = str(source)
     if text.lstrip().startswith("<"):
-        file, content = "URDF text", text.encode()
+        file, content = f"{kind} text", text.encode()
     else:
         file = Path(source).name
         try:
@@ -150,7 +162,7 @@ def read_urdf(source: str | Path) -> Urdf:
         except OSError as error:
             raise ModelError(f"{text} cannot be read: {error.strerror}") from None
     try:
-        return _Reader(file, parsed(content)).urdf()
+        return read(file, parsed(content))
     except XmlFault as fault:
         raise ModelError(f"{file}, line {fault.line}: {fault.sentence}") from None
 
@@ -163,7 +175,9 @@ class _Reader:
     def urdf(self) -> Urdf:
         robot = self.robot
         if robot.tag == "sdf":
-            raise XmlFault("the file is SDF; expected URDF, whose outermost element is <robot>", robot.line)
+            raise XmlFault("the file is SDF; read it with from_sdf, or name it arm.sdf", robot.line)
+        if robot.tag == "mujoco":
+            raise XmlFault("the file is MJCF; read it with from_mjcf, or name it arm.xml", robot.line)
         if robot.tag != "robot":
             raise XmlFault(f"the outermost element is <{robot.tag}>; expected <robot>", robot.line)
         self.refuse_xacro(robot)
@@ -226,7 +240,7 @@ class _Reader:
             raise XmlFault(f"two elements <{what}> have the name '{name}'; the first is in line {line}", element.line)
 
     def link(self, e: XmlElement) -> UrdfLink:
-        name = _attribute(e, "name")
+        name = attribute(e, "name")
         inertial = e.one("inertial")
         if inertial is None:
             return UrdfLink(name, e.line, 0.0, np.zeros(3), np.zeros(6))
@@ -234,11 +248,10 @@ class _Reader:
         if mass is None or inertia is None:
             missing = "mass" if mass is None else "inertia"
             raise XmlFault(f"the <inertial> of link '{name}' has no <{missing}>", inertial.line)
-        m = _number(mass, "value")
+        m = number(mass, "value")
         if m < 0:
             raise XmlFault(f"the mass of link '{name}' is {m:g} kg; it cannot be negative", mass.line)
-        xx, xy, xz, yy, yz, zz = (_number(inertia, f"i{k}") for k in ("xx", "xy", "xz", "yy", "yz", "zz"))
-        I = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        I = inertia_of([number(inertia, f"i{k}") for k in ("xx", "yy", "zz", "xy", "xz", "yz")])
         principal = np.linalg.eigvalsh(I)
         if principal[0] < -1e-9 * abs(principal[2]) or principal[2] > (1 + 1e-6) * (principal[0] + principal[1]):
             self.notes.append(f"line {inertia.line}: the inertia of link '{name}' is physically impossible: its "
@@ -248,7 +261,7 @@ class _Reader:
         return UrdfLink(name, e.line, m, mc, J)
 
     def joint(self, e: XmlElement) -> UrdfJoint:
-        name, kind = _attribute(e, "name"), _attribute(e, "type")
+        name, kind = attribute(e, "name"), attribute(e, "type")
         if kind not in KINDS:
             base = "; a serial arm has a fixed base" if kind in ("floating", "planar") else ""
             raise XmlFault(f"joint '{name}' is {kind}; expected one of {', '.join(KINDS)}{base}", e.line)
@@ -257,10 +270,10 @@ class _Reader:
             element = e.one(side)
             if element is None:
                 raise XmlFault(f"joint '{name}' has no <{side}>", e.line)
-            ends.append(_attribute(element, "link"))
+            ends.append(attribute(element, "link"))
         xyz, rpy = _origin(e)
         axis_element = e.one("axis")
-        axis = np.array([1.0, 0.0, 0.0]) if axis_element is None else _vector(axis_element, "xyz", [1.0, 0.0, 0.0])
+        axis = np.array([1.0, 0.0, 0.0]) if axis_element is None else vector(axis_element, "xyz", [1.0, 0.0, 0.0])
         length = float(np.linalg.norm(axis))
         if kind != "fixed" and length == 0.0:
             raise XmlFault(f"the axis of joint '{name}' is zero", axis_element.line if axis_element else e.line)
@@ -268,21 +281,21 @@ class _Reader:
         limit = e.one("limit")
         if limit is not None and kind != "fixed":
             if kind != "continuous":
-                options["lower"], options["upper"] = (_number(limit, k, 0.0) for k in ("lower", "upper"))
+                options["lower"], options["upper"] = (number(limit, k, 0.0) for k in ("lower", "upper"))
                 if options["lower"] > options["upper"]:
                     raise XmlFault(f"the lower limit of joint '{name}' is above the upper one", limit.line)
             for key in ("velocity", "effort"):
-                value = _number(limit, key, 0.0)
+                value = number(limit, key, 0.0)
                 options[key] = value if value > 0 else np.inf
         elif kind in ("revolute", "prismatic"):
             self.notes.append(f"line {e.line}: joint '{name}' is {kind} without a <limit>; it is used without limits")
         dynamics = e.one("dynamics")
         if dynamics is not None:
-            options["damping"], options["friction"] = (_number(dynamics, k, 0.0) for k in ("damping", "friction"))
+            options["damping"], options["friction"] = (number(dynamics, k, 0.0) for k in ("damping", "friction"))
         mimic = e.one("mimic")
         if mimic is not None and kind != "fixed":
-            options["leader"] = _attribute(mimic, "joint")
-            options["multiplier"], options["offset"] = _number(mimic, "multiplier", 1.0), _number(mimic, "offset", 0.0)
+            options["leader"] = attribute(mimic, "joint")
+            options["multiplier"], options["offset"] = number(mimic, "multiplier", 1.0), number(mimic, "offset", 0.0)
         return UrdfJoint(name, kind, e.line, ends[0], ends[1], xyz, rpy, axis / (length or 1.0), **options)
 
     def root(self, links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> str:
@@ -349,28 +362,34 @@ def _origin(e: XmlElement) -> tuple[Array, Array]:
     origin = e.one("origin")
     if origin is None:
         return np.zeros(3), np.zeros(3)
-    xyz = _vector(origin, "xyz", [0.0, 0.0, 0.0])
+    xyz = vector(origin, "xyz", [0.0, 0.0, 0.0])
     if "quat_xyzw" not in origin.attributes:
-        return xyz, _vector(origin, "rpy", [0.0, 0.0, 0.0])
+        return xyz, vector(origin, "rpy", [0.0, 0.0, 0.0])
     if "rpy" in origin.attributes:
         raise XmlFault("<origin> has both rpy and quat_xyzw; expected one of them", origin.line)
-    quaternion = _vector(origin, "quat_xyzw", [0.0, 0.0, 0.0, 1.0])
+    quaternion = vector(origin, "quat_xyzw", [0.0, 0.0, 0.0, 1.0])
     norm = float(np.linalg.norm(quaternion))
     if abs(norm - 1.0) > UNIT_NORM:
         raise XmlFault(f"quat_xyzw of <origin> has the norm {norm:.4g}; expected 1", origin.line)
     return xyz, rpy_of_rotation(scipy.spatial.transform.Rotation.from_quat(quaternion).as_matrix())
 
 
-def _attribute(e: XmlElement, name: str) -> str:
+def inertia_of(entries: Sequence[float]) -> Array:
+    """Return the tensor (3, 3) from xx, yy, zz, xy, xz, yz."""
+    xx, yy, zz, xy, xz, yz = entries
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def attribute(e: XmlElement, name: str) -> str:
     if name not in e.attributes:
         raise XmlFault(f"<{e.tag}> has no attribute '{name}'", e.line)
     return e.attributes[name]
 
 
-def _number(e: XmlElement, name: str, default: float | None = None) -> float:
+def number(e: XmlElement, name: str, default: float | None = None) -> float:
     if default is not None and name not in e.attributes:
         return default
-    text = _attribute(e, name)
+    text = attribute(e, name)
     try:
         value = float(text)
     except ValueError:
@@ -380,7 +399,7 @@ def _number(e: XmlElement, name: str, default: float | None = None) -> float:
     return value
 
 
-def _vector(e: XmlElement, name: str, default: list[float]) -> Array:
+def vector(e: XmlElement, name: str, default: list[float]) -> Array:
     if name not in e.attributes:
         return np.array(default)
     words, count = e.attributes[name].split(), len(default)

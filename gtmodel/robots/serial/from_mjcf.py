@@ -1,0 +1,445 @@
+"""Serial arms from MJCF, the XML of MuJoCo: defaults, orientations and joints of bodies as links and joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike
+
+from ..._near import meant
+from ...geometry.rotations import rotation_about, rpy_of_rotation, shortest_rotation
+from ...results.read_bounds import XmlFault
+from .arm import SerialArm
+from .from_urdf import arm_of
+from .structure import moved, six_of
+from .urdf_file import Urdf, UrdfJoint, UrdfLink, XmlElement, attribute, inertia_of, number, read_file, vector
+
+Array = np.ndarray
+Pose = tuple[Array, Array]  # R (3, 3), r (3,)
+DENSITY = 1000.0  # kg/m3, MuJoCo's default
+# sections of the file that change no position, mass or joint
+UNUSED = (
+    "asset",
+    "visual",
+    "statistic",
+    "size",
+    "contact",
+    "sensor",
+    "keyframe",
+    "custom",
+    "actuator",
+    "extension",
+    "tendon",
+)
+# elements of a body that have no mass
+MASSLESS = ("site", "camera", "light", "plugin")
+TOP = ("compiler", "option", "default", "worldbody", "equality", *UNUSED)
+ORIENTED = "pos quat axisangle xyaxes zaxis euler"
+# attributes of the elements whose misspelling would change the motion without a word
+ATTRIBUTES = {
+    "body": f"name childclass {ORIENTED} mocap gravcomp user sleep",
+    "inertial": f"mass diaginertia fullinertia {ORIENTED}",
+    "joint": "name class type group pos axis stiffness range limited actuatorfrcrange actuatorfrclimited margin ref "
+    "springref armature damping frictionloss user actuatorgravcomp solreflimit solimplimit "
+    "solreffriction solimpfriction",
+}  # fmt: skip
+INSIDE = {"mujoco": TOP, "worldbody": ("body", "geom", *MASSLESS),
+          "body": ("body", "inertial", "joint", "freejoint", "geom", *MASSLESS)}  # fmt: skip
+TURNED = ("quat", "axisangle", "xyaxes", "zaxis", "euler")
+
+
+def from_mjcf(
+    path: str | Path,
+    tip: str | None = None,
+    *,
+    start: ArrayLike | None = None,
+    smoothing: str = "tanh",
+    payload: float = 0.0,
+    **modifiers: Any,
+) -> SerialArm:
+    """Return a serial arm from an MJCF file: the chain from the world to a body, with limits, inertias and friction.
+
+    Args:
+        path: of the file, or its text.
+        tip: body at the end of the chain, whose frame is the tool; by default the end of the only moving chain.
+        start: joint coordinates (n,) [rad, m] of the home pose, or rows of them, as for `serial_arm`.
+        smoothing, payload, modifiers: as for `from_urdf`.
+
+    Read are the compiler's angle, eulerseq, autolimits and inertiafromgeom; classes of defaults; orientations as quat,
+    axisangle, xyaxes, zaxis and euler; hinge and slide joints with pos, axis, range, ref, damping, frictionloss,
+    armature and actuatorfrcrange; several joints of one body; inertial, or else the masses of spheres, boxes, capsules,
+    cylinders and ellipsoids; and `<equality><joint>` of first order, as a joint that follows another. The coordinates
+    are those of MuJoCo's qpos. `structure.notes` lists what is not used, such as springs and actuators.
+
+    Raises ModelError with file and line for invalid MJCF, and for what is not supported: free and ball joints, loops
+    (`<equality>` connect and weld), includes, and bodies whose mass depends on a mesh.
+
+    >>> text = '''<mujoco model="lever">
+    ...   <worldbody>
+    ...     <body name="arm">
+    ...       <joint name="shoulder" axis="0 1 0" range="-86 86"/>
+    ...       <inertial pos="0.25 0 0" mass="2" diaginertia="0.001 0.01 0.01"/>
+    ...     </body>
+    ...   </worldbody>
+    ... </mujoco>'''
+    >>> arm = gt.robots.from_mjcf(text)
+    >>> tau, status = arm.causal(known="q", targets="tau")([0.0], [0.0], [0.0])
+    >>> arm, tau.round(3)
+    (SerialArm('lever', 1 joints from world to arm), array([-4.905]))
+    """
+    urdf = read_file(path, "MJCF", lambda file, root: _Reader(file, root).urdf())
+    return arm_of(urdf, tip, start, smoothing, payload, modifiers)
+
+
+@dataclass
+class _Class:
+    """A class of defaults: attributes by tag, with those of the classes around it."""
+
+    attributes: dict[str, dict[str, str]] = field(default_factory=dict)
+
+    def within(self, e: XmlElement) -> _Class:
+        merged = {tag: dict(values) for tag, values in self.attributes.items()}
+        for inner in e.inside:
+            if inner.tag != "default":
+                merged[inner.tag] = {**merged.get(inner.tag, {}), **inner.attributes}
+        return _Class(merged)
+
+
+class _Reader:
+    def __init__(self, file: str, root: XmlElement) -> None:
+        self.file, self.root = file, root
+        self.notes: list[str] = []
+        self.links: dict[str, UrdfLink] = {}
+        self.joints: dict[str, UrdfJoint] = {}
+        self.classes: dict[str, _Class] = {"": _Class()}
+        self.degrees, self.sequence, self.autolimits, self.from_geoms = True, "xyz", True, "auto"
+        self.references: dict[str, float] = {}
+
+    def urdf(self) -> Urdf:
+        root = self.root
+        if root.tag != "mujoco":
+            raise XmlFault(f"the outermost element is <{root.tag}>; expected <mujoco>", root.line)
+        self.refuse(root)
+        for e in root.all("compiler"):
+            self.compiler(e)
+        for e in root.all("default"):
+            self.defaults(e, self.classes[""], "main")
+        self.links["world"] = UrdfLink("world", root.line, 0.0, np.zeros(3), np.zeros(6))
+        worlds = root.all("worldbody")
+        for world in worlds:
+            for body in world.all("body"):
+                self.body(body, "world", world.attributes.get("childclass", "main"))
+        if not self.joints:
+            raise XmlFault("no <body> of the file has a joint", worlds[0].line if worlds else root.line)
+        for e in root.all("equality"):
+            self.equality(e)
+        unused = [tag for tag in UNUSED if root.all(tag)]
+        if unused:
+            self.notes.append(f"not used: {', '.join(unused)}")
+        for e in root.all("option"):
+            gravity = vector(e, "gravity", [0.0, 0.0, -9.81])
+            if np.any(gravity[:2]) or abs(gravity[2] + 9.81) > 0.02:
+                self.notes.append(f"line {e.line}: the gravity {gravity.tolist()} m/s2 is not used; that of the arm is "
+                                  "along -z")  # fmt: skip
+        return Urdf(root.attributes.get("model", "arm"), self.file, "world", self.links, self.joints, self.notes)
+
+    def refuse(self, e: XmlElement) -> None:
+        for inner in e.inside:
+            if inner.tag in ("include", "frame", "replicate", "attach", "composite", "flexcomp", "flex", "deformable"):
+                raise XmlFault(
+                    f"<{inner.tag}> is not read; save the compiled model first: "
+                    "mujoco.mj_saveLastXML('arm.xml', mujoco.MjModel.from_xml_path(...))",
+                    inner.line,
+                )
+            if e.tag in INSIDE and inner.tag not in INSIDE[e.tag]:
+                known = meant(inner.tag, INSIDE[e.tag], f"it takes {', '.join(INSIDE[e.tag])}")
+                raise XmlFault(f"<{e.tag}> holds the unknown <{inner.tag}>; {known}", inner.line)
+            names = ATTRIBUTES.get(inner.tag, "").split() if e.tag in ("body", "worldbody", "default") else []
+            for name in inner.attributes if names else ():
+                if name not in names:
+                    known = meant(name, names, f"it takes {', '.join(names)}")
+                    raise XmlFault(f"<{inner.tag}> has the unknown attribute '{name}'; {known}", inner.line)
+            if e.tag not in UNUSED:
+                self.refuse(inner)
+
+    def compiler(self, e: XmlElement) -> None:
+        words = {"angle": ("degree", "radian"), "autolimits": ("true", "false"),
+                 "inertiafromgeom": ("auto", "true", "false"), "coordinate": ("local",)}  # fmt: skip
+        for name, known in words.items():
+            if e.attributes.get(name, known[0]) not in known:
+                raise XmlFault(f"{name} of <compiler> is '{e.attributes[name]}'; expected {' or '.join(known)}", e.line)
+        for name in ("inertiagrouprange", "settotalmass", "balanceinertia", "boundmass", "boundinertia"):
+            if e.attributes.get(name, "false") not in ("false", "0", "-1"):
+                raise XmlFault(f"{name} of <compiler> changes masses and is not read; remove it", e.line)
+        self.degrees = e.attributes.get("angle", "degree") == "degree"
+        self.sequence = e.attributes.get("eulerseq", self.sequence)
+        if len(self.sequence) != 3 or set(self.sequence.lower()) - set("xyz"):
+            raise XmlFault(f"eulerseq takes three of x, y, z, X, Y, Z; found '{self.sequence}'", e.line)
+        self.autolimits = e.attributes.get("autolimits", "true") == "true"
+        self.from_geoms = e.attributes.get("inertiafromgeom", self.from_geoms)
+
+    def defaults(self, e: XmlElement, outer: _Class, name: str) -> None:
+        name = e.attributes.get("class", name)
+        self.classes[name] = outer.within(e)
+        for inner in e.all("default"):
+            attribute(inner, "class")
+            self.defaults(inner, self.classes[name], "")
+
+    def filled(self, e: XmlElement, around: str) -> XmlElement:
+        """Return an element with the defaults of its class."""
+        name = e.attributes.get("class", around)
+        if name not in self.classes and name != "main":
+            raise XmlFault(f"<{e.tag}> has the class '{name}', which no <default> declares", e.line)
+        values = self.classes.get(name, self.classes[""]).attributes.get(e.tag, {})
+        own = dict(e.attributes)
+        if set(TURNED) & set(own):  # an orientation of the element replaces one of its class in another form
+            values = {k: v for k, v in values.items() if k not in TURNED}
+        return XmlElement(e.tag, {**values, **own}, e.line, e.inside)
+
+    def angle(self, value: float) -> float:
+        return float(np.radians(value)) if self.degrees else value
+
+    def pose(self, e: XmlElement) -> Pose:
+        """Return the pose of an element in its body. Raises XmlFault for two orientations."""
+        given = [name for name in TURNED if name in e.attributes]
+        if len(given) > 1:
+            raise XmlFault(f"<{e.tag}> has the orientations {' and '.join(given)}; expected one", e.line)
+        r = vector(e, "pos", [0.0, 0.0, 0.0])
+        return (self.turned(e, given[0]) if given else np.eye(3)), r
+
+    def turned(self, e: XmlElement, name: str) -> Array:
+        if name == "quat":
+            w, x, y, z = vector(e, name, [1.0, 0.0, 0.0, 0.0])
+            self.unless(w == x == y == z == 0.0, e, name)
+            return scipy.spatial.transform.Rotation.from_quat([x, y, z, w]).as_matrix()
+        if name == "axisangle":
+            *axis, angle = vector(e, name, [0.0] * 4)
+            self.unless(not np.any(axis), e, name)
+            return rotation_about(np.array(axis) / np.linalg.norm(axis), self.angle(angle))
+        if name == "euler":
+            return self.euler([self.angle(a) for a in vector(e, name, [0.0] * 3)])
+        if name == "zaxis":
+            z = vector(e, name, [0.0, 0.0, 1.0])
+            self.unless(not np.any(z), e, name)
+            return shortest_rotation(np.array([0.0, 0.0, 1.0]), z / np.linalg.norm(z))
+        x, y = np.split(vector(e, name, [0.0] * 6), 2)
+        self.unless(np.linalg.norm(np.cross(x, y)) == 0.0, e, name)
+        x = x / np.linalg.norm(x)
+        y = y - (x @ y) * x
+        y = y / np.linalg.norm(y)
+        return np.column_stack([x, y, np.cross(x, y)])
+
+    def euler(self, angles: list[float]) -> Array:
+        R = np.eye(3)
+        for letter, angle in zip(self.sequence, angles, strict=True):
+            turn = rotation_about(np.eye(3)["xyz".index(letter.lower())], angle)
+            R = R @ turn if letter.islower() else turn @ R  # about the turned axes, or about the fixed ones
+        return R
+
+    def unless(self, wrong: bool, e: XmlElement, name: str) -> None:
+        if wrong:
+            raise XmlFault(f"{name} of <{e.tag}> is no orientation; found '{e.attributes[name]}'", e.line)
+
+    def body(self, e: XmlElement, parent: str, around: str) -> None:
+        name = e.attributes.get("name", f"body_{len(self.links)}")
+        around = e.attributes.get("childclass", around)
+        if name in self.links:
+            raise XmlFault(f"two bodies have the name '{name}'; the first is in line {self.links[name].line}", e.line)
+        if e.attributes.get("mocap", "false") == "true":
+            raise XmlFault(f"body '{name}' is a mocap body; a serial arm has none", e.line)
+        if e.all("freejoint"):
+            raise XmlFault(f"body '{name}' has a free joint; a serial arm has a fixed base", e.all("freejoint")[0].line)
+        if float(e.attributes.get("gravcomp", "0")):
+            self.notes.append(f"line {e.line}: gravcomp of body '{name}' is not used")
+        self.links[name] = UrdfLink(name, e.line, 0.0, np.zeros(3), np.zeros(6))  # keeps the order of the file
+        pose, at = self.pose(e), np.zeros(3)  # of the body in its parent; position of the last joint in the body
+        moving = [self.filled(j, around) for j in e.all("joint")]
+        for n, j in enumerate(moving):
+            child = f"{name}/{n + 1}" if n + 1 < len(moving) or np.any(vector(j, "pos", [0.0] * 3)) else name
+            at = self.joint(j, parent, child, pose, at, name)
+            parent, pose = child, (np.eye(3), np.zeros(3))
+        if parent != name:
+            offset = pose[1] - at if moving else pose[1]
+            self.fixed(parent, name, (pose[0], offset), e.line)
+        self.links[name] = self.link(e, name, around)
+        for inner in e.all("body"):
+            self.body(inner, name, around)
+
+    def fixed(self, parent: str, child: str, pose: Pose, line: int) -> None:
+        name = f"{child} fixed"
+        zero = np.zeros(3)
+        self.joints[name] = UrdfJoint(name, "fixed", line, parent, child, pose[1], rpy_of_rotation(pose[0]), zero)
+
+    def joint(self, e: XmlElement, parent: str, child: str, pose: Pose, at: Array, body: str) -> Array:
+        """Add a joint; return its position in the body. at: position of the joint before it, the origin of `parent`."""
+        name = e.attributes.get("name", f"{body}_joint_{len(self.joints) + 1}")
+        kind = e.attributes.get("type", "hinge")
+        if kind not in ("hinge", "slide"):
+            base = "; a serial arm has a fixed base" if kind == "free" else ""
+            raise XmlFault(f"joint '{name}' is {kind}; expected hinge or slide{base}", e.line)
+        if name in self.joints:
+            first = self.joints[name].line
+            raise XmlFault(f"two joints have the name '{name}'; the first is in line {first}", e.line)
+        axis = vector(e, "axis", [0.0, 0.0, 1.0])
+        if not np.any(axis):
+            raise XmlFault(f"the axis of joint '{name}' is zero", e.line)
+        axis = axis / np.linalg.norm(axis)
+        place, hinge = vector(e, "pos", [0.0, 0.0, 0.0]), kind == "hinge"
+        scaled = self.angle if hinge else float
+        R, r = pose[0], pose[1] + pose[0] @ (place - at)
+        reference = scaled(number(e, "ref", 0.0))
+        self.references[name] = reference
+        if reference:  # the file shows the arm at this coordinate
+            R, r = (R @ rotation_about(axis, -reference), r) if hinge else (R, r - R @ axis * reference)
+        limits = self.limits(e, scaled)
+        force = vector(e, "actuatorfrcrange", [0.0, 0.0])
+        if e.attributes.get("actuatorfrclimited", "auto") == "false":
+            force = np.zeros(2)
+        if e.attributes.get("stiffness", "0").strip(" 0."):
+            self.notes.append(f"line {e.line}: stiffness of joint '{name}' is not used")
+        damping = e.attributes.get("damping", "0").split() or ["0"]
+        if len(damping) > 1:
+            self.notes.append(f"line {e.line}: damping of joint '{name}' is used in first order only")
+        if child not in self.links:
+            self.links[child] = UrdfLink(child, e.line, 0.0, np.zeros(3), np.zeros(6))
+        viscous = number(XmlElement("joint", {"damping": damping[0]}, e.line), "damping")
+        self.joints[name] = UrdfJoint(
+            name, "revolute" if hinge else "prismatic", e.line, parent, child, r, rpy_of_rotation(R), axis,
+            *limits, effort=float(force[1]) if np.any(force) else np.inf, damping=viscous,
+            friction=number(e, "frictionloss", 0.0), rotor=number(e, "armature", 0.0),
+        )  # fmt: skip
+        return place
+
+    def limits(self, e: XmlElement, scaled: Any) -> tuple[float, float]:
+        word = e.attributes.get("limited", "auto")
+        if word == "auto" and not self.autolimits and "range" in e.attributes:
+            raise XmlFault('the joint has a range without limited, and autolimits is "false"; set limited', e.line)
+        if word == "false" or (word == "auto" and not (self.autolimits and "range" in e.attributes)):
+            return -np.inf, np.inf
+        low, high = (scaled(x) for x in vector(e, "range", [0.0, 0.0]))
+        if low >= high:
+            raise XmlFault(
+                f"range of a joint takes a lower and a larger upper limit; found {low:g} and {high:g}", e.line
+            )
+        return low, high
+
+    def link(self, e: XmlElement, name: str, around: str) -> UrdfLink:
+        inertial = e.one("inertial")
+        geoms = [self.filled(g, around) for g in e.all("geom")]
+        if self.from_geoms == "true" or (inertial is None and self.from_geoms == "auto"):
+            return self.of_geoms(e, name, geoms)
+        if inertial is None:
+            return UrdfLink(name, e.line, 0.0, np.zeros(3), np.zeros(6))
+        m, (R, r) = number(inertial, "mass"), self.pose(inertial)
+        if "fullinertia" in inertial.attributes:
+            I = inertia_of(vector(inertial, "fullinertia", [0.0] * 6).tolist())
+        else:
+            attribute(inertial, "diaginertia")
+            I = np.diag(vector(inertial, "diaginertia", [0.0] * 3))
+        if m < 0:
+            raise XmlFault(f"the mass of body '{name}' is {m:g} kg; it cannot be negative", inertial.line)
+        return UrdfLink(name, e.line, m, *moved(R, r, m, np.zeros(3), six_of(I)))
+
+    def of_geoms(self, e: XmlElement, name: str, geoms: list[XmlElement]) -> UrdfLink:
+        m, mc, J = 0.0, np.zeros(3), np.zeros(6)
+        for g in geoms:
+            mass, I, (R, r) = self.geom(g, name)
+            first, second = moved(R, r, mass, np.zeros(3), six_of(I))
+            m, mc, J = m + mass, mc + first, J + second
+        return UrdfLink(name, e.line, m, mc, J)
+
+    def geom(self, g: XmlElement, body: str) -> tuple[float, Array, Pose]:
+        """Return mass, inertia about the centre and pose of a geom."""
+        kind = g.attributes.get("type", "mesh" if "mesh" in g.attributes else "sphere")
+        density = number(g, "density", DENSITY)
+        given = number(g, "mass") if "mass" in g.attributes else None
+        if given == 0.0 or (given is None and density == 0.0):
+            return 0.0, np.zeros((3, 3)), (np.eye(3), np.zeros(3))
+        if g.attributes.get("shellinertia", "false") == "true" or kind not in _SOLIDS:
+            raise XmlFault(
+                f"body '{body}' has no <inertial>, and the mass of its {kind} is not computed; save the compiled model "
+                "with its inertias first: mujoco.mj_saveLastXML",
+                g.line,
+            )
+        (R, r), size = self.pose(g), [float(x) for x in g.attributes.get("size", "0").split()]
+        if "fromto" in g.attributes:
+            a, b = np.split(vector(g, "fromto", [0.0] * 6), 2)
+            length = float(np.linalg.norm(b - a))
+            if length == 0.0:
+                raise XmlFault("fromto of <geom> takes two different points", g.line)
+            R, r, size = shortest_rotation(np.array([0.0, 0.0, 1.0]), (a - b) / length), (a + b) / 2, size[:1]
+            size += [length / 2] if kind in ("capsule", "cylinder") else [size[0], length / 2]
+        if len(size) < _SIZES[kind] or not all(np.isfinite(size)) or min(size[: _SIZES[kind]]) <= 0:
+            raise XmlFault(f"size of a {kind} takes {_SIZES[kind]} positive numbers; found {size}", g.line)
+        volume, I = _SOLIDS[kind](*size[: _SIZES[kind]])
+        mass = density * volume if given is None else given
+        return mass, np.diag(I) * mass, (R, r)
+
+    def equality(self, e: XmlElement) -> None:
+        for rule in e.inside:
+            if rule.attributes.get("active", "true") == "false":
+                continue
+            if rule.tag in ("connect", "weld"):
+                raise XmlFault(
+                    f"<{rule.tag}> closes a loop, which a serial arm has not; write the mechanism with the joints of "
+                    "gt.mechanics",
+                    rule.line,
+                )
+            if rule.tag != "joint":
+                raise XmlFault(f"<{rule.tag}> of <equality> is not read; remove it", rule.line)
+            self.follow(rule)
+
+    def follow(self, rule: XmlElement) -> None:
+        names = [attribute(rule, "joint1"), rule.attributes.get("joint2")]
+        for name in names:
+            if name is not None and name not in self.references:
+                raise XmlFault(f"<equality> names '{name}', which is not a joint", rule.line)
+        words = rule.attributes.get("polycoef", "0 1 0 0 0").split()
+        a = [number(XmlElement("joint", {"polycoef": w}, rule.line), "polycoef") for w in words] + [0.0] * 5
+        follower, leader = names
+        if leader is None or any(a[2:5]):
+            raise XmlFault("<equality> of joints is read as a line, polycoef = 'a b 0 0 0', with two joints", rule.line)
+        # q1 - ref1 = a + b (q2 - ref2)
+        offset = self.references[follower] + a[0] - a[1] * self.references[leader]
+        j = self.joints[follower]
+        self.joints[follower] = UrdfJoint(
+            j.name, j.kind, j.line, j.parent, j.child, j.xyz, j.rpy, j.axis, j.lower, j.upper, j.velocity, j.effort,
+            j.damping, j.friction, leader, a[1], offset, j.rotor,
+        )  # fmt: skip
+
+
+def _sphere(a: float) -> tuple[float, Array]:
+    return 4 / 3 * np.pi * a**3, np.full(3, 0.4 * a**2)
+
+
+def _box(a: float, b: float, c: float) -> tuple[float, Array]:
+    return 8 * a * b * c, np.array([b**2 + c**2, a**2 + c**2, a**2 + b**2]) / 3
+
+
+def _ellipsoid(a: float, b: float, c: float) -> tuple[float, Array]:
+    return 4 / 3 * np.pi * a * b * c, np.array([b**2 + c**2, a**2 + c**2, a**2 + b**2]) / 5
+
+
+def _cylinder(radius: float, half: float) -> tuple[float, Array]:
+    across = radius**2 / 4 + half**2 / 3
+    return 2 * np.pi * radius**2 * half, np.array([across, across, radius**2 / 2])
+
+
+def _capsule(radius: float, half: float) -> tuple[float, Array]:
+    """A cylinder with two half balls, whose centres of mass are 3/8 of the radius beyond its ends."""
+    tube, ball = 2 * np.pi * radius**2 * half, 4 / 3 * np.pi * radius**3
+    across = tube * (radius**2 / 4 + half**2 / 3)
+    across += ball * (0.4 * radius**2 - (3 / 8 * radius) ** 2 + (half + 3 / 8 * radius) ** 2)
+    along = tube * radius**2 / 2 + ball * 0.4 * radius**2
+    return tube + ball, np.array([across, across, along]) / (tube + ball)
+
+
+# volume and principal moments per mass from the half sizes
+_SOLIDS: dict[str, Any] = {
+    "sphere": _sphere, "box": _box, "ellipsoid": _ellipsoid, "cylinder": _cylinder, "capsule": _capsule,
+}  # fmt: skip
+_SIZES = {"sphere": 1, "box": 3, "ellipsoid": 3, "cylinder": 2, "capsule": 2}
