@@ -5,9 +5,15 @@ from __future__ import annotations
 import ast
 import doctest
 import inspect
+import io
+import multiprocessing
+import pickle
 import re
 import textwrap
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
 from pathlib import Path
+from types import FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -15,6 +21,8 @@ import pytest
 
 import gtmodel as gt
 from docs._ext.public_names import LIBRARIES, public
+from gtmodel._pickling import dumps
+from tests.support.pickled import content, content_of, trail, trail_of
 
 LACKING = Path(__file__).parent / "suites" / "without_example.txt"
 """Names that a user calls directly and whose docstring holds no example yet; the list may only become shorter."""
@@ -63,18 +71,44 @@ def test_a_function_of_arrays_says_their_shapes(library: str) -> None:
     assert not silent
 
 
+@pytest.fixture(scope="module")
+def worker() -> Iterator[Executor]:
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        yield pool
+
+
+def unlike(value: Any, worker: Executor) -> list[str]:
+    """How a value differs in another process; the standard pickle must take what gtmodel offers."""
+    try:
+        data = dumps(value)
+        if type(value).__module__.startswith("gtmodel"):
+            pickle.dumps(value)
+        if worker.submit(content_of, data).result() == content(value):
+            return []
+        lines = zip(trail(value), worker.submit(trail_of, data).result(), strict=False)
+        return ["differs", *(f"{a} | {b}" for a, b in lines if a != b)][:4]
+    except Exception as error:  # every fault of a library at once
+        return [f"{type(error).__name__}: {error}"[:400]]
+
+
 @pytest.mark.parametrize("library", ["", *LIBRARIES])
-def test_examples_run(library: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_examples_run_and_what_they_make_pickles(
+    library: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, worker: Executor
+) -> None:
     monkeypatch.chdir(tmp_path)
-    finder, failed = doctest.DocTestFinder(recurse=True), []
+    finder, failed, unpickled = doctest.DocTestFinder(recurse=True), [], []
     runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE, verbose=False)
     methods = {} if library else {"Model.causal": gt.Model.causal}  # bound from elsewhere: the finder skips it
     for name, item in (public(library) | methods).items():
         told: list[str] = []
         for example in finder.find(inspect.unwrap(item), name, globs={"gt": gt, "np": np}):
-            if runner.run(example, out=told.append).failed:
+            if runner.run(example, out=told.append, clear_globs=False).failed:
                 failed.append("".join(told))
+            for variable, value in example.globs.items():
+                if variable[:2] != "__" and not isinstance(value, (ModuleType, FunctionType, type, io.IOBase)):
+                    unpickled += [f"{name}, {variable}: {line}" for line in unlike(value, worker)]
     assert not failed, "\n".join(failed)
+    assert not unpickled, "\n".join(unpickled)
 
 
 def test_the_list_of_what_lacks_an_example_becomes_shorter() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .._pickling import Portable
 from ..compiler.flat import FlatModel
 from ..inference import Identifiability
 from ..inference.nonlinear import descend
@@ -30,7 +31,7 @@ from .unknowns import modifiers
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class Calibration(Portable):
     """The result of calibrate().
 
     `estimate` of the unknowns: None if not solved or if not computed. `values` of all parameters in the closure

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from .._pickling import Portable
 from ..compiler.alias import AliasResult, eliminate
 from ..compiler.causal import flat_of
 from ..compiler.flat import FlatEquation, FlatModel
@@ -20,7 +21,7 @@ from ..lang.source import ModelError
 
 
 @dataclass(frozen=True, eq=False)
-class Closure:
+class Closure(Portable):
     """Residuals (m,) that vanish on a perfect robot, in `symbols` of the known and latent variables and in flat.p.
 
     `labels` per row: the component that declares the equation, such as "arm[0].rod", "tool x" or, numbered, "leg 2".

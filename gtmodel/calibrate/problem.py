@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .._pickling import Portable
 from ..compiler.causal import flat_of
 from ..compiler.flat import FlatModel
 from ..inference import Identifiability, identifiability
@@ -35,7 +36,7 @@ LOOKED_AT = 40  # number of poses
 
 
 @dataclass(frozen=True, eq=False)
-class CalibrationProblem:
+class CalibrationProblem(Portable):
     """A prepared calibration: closure equations of the model with data, unknowns and functions; nothing is solved.
 
     `beside`: other measurements of the same robot, with the same unknowns. `closure`: of the first pose of a row.

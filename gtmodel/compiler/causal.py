@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from .._pickling import Portable
 from ..lang.builder import Builder
 from ..lang.model import Model
 from ..lang.scope import derivative_name
@@ -47,7 +48,7 @@ class CausalSignal:
         return len(self.pairs)
 
 
-class CausalFunction:
+class CausalFunction(Portable):
     """The function that `Model.causal` returns: values and a status, for a choice of known variables and targets.
 
     Call it with one argument per entry of `inputs` (states first, then the known variables and their
@@ -89,7 +90,20 @@ class CausalFunction:
         self.outputs = outputs
         self.name = name
         self.margins = plan.margins
+        self.made: tuple[Any, ...] | None = None  # arguments of `compile_causal`
         self.kept: dict[Any, Any] = {}  # cache for results that other modules derive from this function
+
+    def _reduced(self, pickler: Any) -> tuple[Any, ...]:
+        return super()._reduced(pickler) if self.made is None else (compile_causal, self.made)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "kept": {}}
+
+    def __copy__(self) -> CausalFunction:
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> CausalFunction:
+        return self
 
     @cached_property
     def sizes(self) -> Sizes:
@@ -474,7 +488,8 @@ def compile_causal(
     known, targets, prefer = _names("known", known), _names("targets", targets), _names("prefer", prefer)
     key = (tuple(known), tuple(targets), tuple(prefer), tuple(sorted((branches or {}).items())), name)
     if key not in flat.cache:
-        flat.cache[key] = _compile(flat, known, targets, prefer, branches, name)
+        function = flat.cache[key] = _compile(flat, known, targets, prefer, branches, name)
+        function.made = flat, known, targets, prefer, branches and dict(branches), name
     return flat.cache[key]
 
 

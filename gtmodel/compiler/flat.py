@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from .._near import meant
+from .._pickling import Interned, Portable
 from ..lang.bind import ParameterRecord, Tree, bind, element_names
 from ..lang.builder import Builder
 from ..lang.connect import Branch, Connection, Energy, JointConstraint, Loops, TreeEdge, flatten_items
@@ -135,7 +136,7 @@ class FlatLoops:
 
 
 @dataclass
-class FlatModel:
+class FlatModel(Interned):
     """The flat system. `groups` maps every declared name to its shape and scalar variable indices; `rotations` are the
     names of those declared as rotation matrices. `source`: the model before its known rotations were rewritten."""
 
@@ -156,6 +157,31 @@ class FlatModel:
     rotations: frozenset[str] = frozenset()
     source: FlatModel | None = None
     cache: dict[Any, Any] = field(default_factory=dict, repr=False)
+    # the function and the arguments that made this model, for pickling; None if only its content describes it
+    made: tuple[Any, tuple[Any, ...]] | None = field(default=None, init=False, repr=False, compare=False)
+
+    def _recipe(self, pickler: Any) -> tuple[Any, ...]:
+        if self.made is not None:
+            return self.made
+        pickler.inside = self.scope
+        return Portable._reduced(self, pickler)
+
+    def _reduced(self, pickler: Any) -> tuple[Any, ...]:
+        if pickler.root is not self and self.scope.is_owned:
+            pickler.link(self.scope)
+        return (Interned if self._is_interned() else Portable)._reduced(self, pickler)
+
+    def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
+        return (Interned if self._is_interned() else Portable).__reduce_ex__(self, protocol)
+
+    def _symbols_from(self) -> Any:
+        return self.scope.source
+
+    def _is_interned(self) -> bool:
+        return self.made is not None or self.scope.source is self
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "cache": {}}
 
     def unit_of(self, index: int, order: int) -> str:
         """Return the unit of a variable's derivative, "?" if the variable has no unit."""
@@ -282,7 +308,7 @@ def flatten(model: Model | Builder) -> FlatModel:
         equations.append(FlatEquation(residual, label, path, where))
     parameters = _parameters(tree)
     positive = _flagged(tree, "positive")
-    return FlatModel(
+    flat = FlatModel(
         scope=tree.scope,
         title=model.title if isinstance(model, Builder) else type(model).__name__,
         variables=variables_of(tree),
@@ -299,6 +325,10 @@ def flatten(model: Model | Builder) -> FlatModel:
         positive=frozenset(q.name for q in parameters if q.symbol.element_hash() in positive),
         loops=FlatLoops(closings, words, [e for e, _ in edges]),
     )
+    flat.made = flatten, (model,)
+    if isinstance(model, Model):
+        tree.scope.belong(flat)
+    return flat
 
 
 def _label(path: str, count: int, component: Model) -> str:

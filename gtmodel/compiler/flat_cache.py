@@ -76,7 +76,9 @@ def with_values(flat: FlatModel, values: Mapping[int, float]) -> FlatModel:
         others = {v.index: v for v in variables_of(tree)}
         variables = [others.get(v.index, v) for v in variables]
     flat_parameters = [replace(q, value=values[n]) if n in values else q for n, q in enumerate(flat.parameters)]
-    return replace(flat, parameters=flat_parameters, variables=variables, cache={})
+    changed = replace(flat, parameters=flat_parameters, variables=variables, cache={})
+    changed.made = with_values, (flat, dict(values))
+    return changed
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,14 +144,21 @@ def flat_of(model: Model | Builder) -> FlatModel:
     flat: FlatModel | None = getattr(model, "_flat", None)
     old_content: Content | None = getattr(model, "_content", None)
     if isinstance(model, Builder):
-        model._flat = flattened(model) if flat is None else flat
+        if flat is None:
+            model._flat = flattened(model)
+            model._flat.made = flat_of, (model,)
         return model._flat
     if flat is not None and old_content is None:
         return flat
     content = Content(model)
     if flat is None or old_content is None or old_content.key != content.key:
+        if flat is not None:
+            flat.made = None
         alone = isinstance(model, Optimization) or not content.whole
         flat = flattened(model) if alone else shared(_Configuration(model, content))
+        flat.made = flat_of, (model,)
+        if flat.scope.source is not flat:
+            flat.scope.belong(flat)
         model._keep(_flat=flat, _content=content)
     return flat
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 
+from .._pickling import Portable
 from ..lang.source import ModelError
 from .alias import AliasResult, eliminate
 from .blocks import Margin, NewtonBlock, SignAnalysis, SolvedBlock, median
@@ -39,7 +40,7 @@ Pair = tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)
-class CausalPlan:
+class CausalPlan(Portable):
     """The plan of a causality: `inputs` are the chain symbols that it reads, `blocks` compute the unknowns.
 
     `samples` are consistent points (rows) over the chain symbols `pairs`. `parameters` are the numbers or symbols of

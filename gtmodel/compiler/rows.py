@@ -35,6 +35,7 @@ class PointFunction:
     """
 
     def __init__(self, f: ca.Function) -> None:
+        self._f = f
         f = densified(f)
         self._arguments = [np.zeros(f.numel_in(k)) for k in range(f.n_in())]
         self._results = [np.zeros((f.size2_out(k), f.size1_out(k))) for k in range(f.n_out())]
@@ -47,6 +48,9 @@ class PointFunction:
                 if a.size:
                     setter(k, memoryview(a))
         self._lock = Lock()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return PointFunction, (self._f,)
 
     def __call__(self, *values: Any) -> list[np.ndarray]:
         with self._lock:
@@ -255,7 +259,7 @@ class PlainMargin(NamedTuple):
 
 
 class RowFunction:
-    """A closed-form CausalFunction without its model: takes rows, returns rows and status codes; can be pickled.
+    """A closed-form CausalFunction without its model: takes rows, returns rows and status codes.
 
     Arguments are arrays (n, ...) as for the CausalFunction; the results are identical. Raises ModelError for a function
     with Newton blocks, which need the model.
@@ -279,10 +283,3 @@ class RowFunction:
         results, status = judged_columns(self._function, columns, self._margins, self._sizes, answers=True)
         values = [r.T for r in results]
         return (*(v.reshape(len(status), *s) for v, s in zip(values, self._shapes, strict=True)), status)
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_function": self._function.serialize()}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._function = ca.Function.deserialize(state["_function"])

@@ -11,12 +11,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from .._pickling import Portable
 from ..results.refusal import ArgumentError
 from .manifold import Manifold, StatePart
 from .process import ProcessEquations, covariance_matrix, only_named
 
 
-class DiscreteProcess:
+class DiscreteProcess(Portable):
     """A process given as its step from one instant to the next, with a covariance per step.
 
     Args:

@@ -29,6 +29,9 @@ class RowsFunction:
         self._sizes = [a.numel() for a in arguments]
         self._buffers: dict[int, tuple[list[np.ndarray], list[np.ndarray], Any, Any]] = {}
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_buffers": {}}
+
     def __call__(self, *values: Any) -> list[np.ndarray]:
         rows = 1
         for v in values:

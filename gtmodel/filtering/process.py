@@ -13,6 +13,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from .._lazy import hint
+from .._pickling import Portable
 from ..compiler.causal import CausalFunction, compile_causal, state_groups
 from ..compiler.flat_cache import flat_of
 from ..lang.scope import derivative_name
@@ -156,7 +157,7 @@ class AnyProcess(Protocol):
         ...
 
 
-class ProcessModel:
+class ProcessModel(Portable):
     """A compiled model as the process of a filter.
 
     Args:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from .._pickling import Portable
 from ..inference.chance import chi_squared_bound, chi_squared_chance, chi_squared_share
 from ..results.refusal import ArgumentError
 from .manifold import Manifold, RowsFunction, StatePart
@@ -32,7 +33,7 @@ class SensorGroup(NamedTuple):
     robust: tuple[tuple[int, str], ...]
 
 
-class System:
+class System(Portable):
     """A process and its sensors as numeric functions on rows of states.
 
     Args:

@@ -20,6 +20,7 @@ from gtmodel.lang import Model, ModelError
 from gtmodel.results import Status
 
 from .._near import meant
+from .._pickling import Portable
 
 
 class ParameterError(ModelError):
@@ -95,7 +96,7 @@ class RegressorRows(NamedTuple):
         return self.Y.reshape(n * m, p), self.y0.reshape(n * m)
 
 
-class Regressor:
+class Regressor(Portable):
     """Y and y0 with effort = Y p + y0 for a prescribed motion: the exact Jacobian of the causal inverse dynamics.
 
     `Regressor(robot, ["m_p", "m_c", "coulomb", "viscous"], known="q", targets="tau")` is the regressor of Dressler
@@ -343,17 +344,6 @@ class Regressor:
                 raise TypeError(f"the regressor: '{name}' takes shape {text}; found {a.shape}")
             columns.append(np.ascontiguousarray(a.reshape(a.shape[0], -1).T))
         return columns
-
-    def __getstate__(self) -> dict[str, Any]:
-        """State without the model, for other processes. Raises ModelError if Newton blocks tie it to the model."""
-        if self._kernels:
-            raise ModelError("a regressor with Newton blocks cannot be pickled; create one in each process")
-        state = {k: v for k, v in self.__dict__.items() if k not in ("_plan", "_built", "casadi")}
-        return {**state, "_function": self._function.serialize()}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._function = ca.Function.deserialize(state["_function"])
 
     def __repr__(self) -> str:
         return f"Regressor({', '.join(self.columns)} linear in {', '.join(self.names)})"

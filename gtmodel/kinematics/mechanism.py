@@ -52,7 +52,7 @@ class InverseKinematics:
 
     Args:
         function: called with T (n, 3); returns q (n, m), a_1 (n, 3), b_1 (n, 3), a_2, ..., and Status codes (n,).
-            A CausalFunction fits; if it has no Newton blocks, it is separated from its model and can be pickled.
+            A CausalFunction fits.
         offsets: (l, 3) added to both ends of each link [m], from the simplified joint A to the real joint: R B_i of a
             plate with constant orientation (Dressler 2012, eq. (4.9)). Default: zero.
     """
@@ -69,10 +69,6 @@ class InverseKinematics:
         if self._causal is not None and np.isfinite(T).all():
             return self._causal.diagnose(T)
         return Status(int(self(np.asarray(T)[None]).status[0])).message
-
-    def __getstate__(self) -> dict[str, Any]:
-        # symbols cannot be pickled; `_function` does not need them
-        return {**self.__dict__, "_causal": None}
 
     def __call__(self, T: Array) -> Poses:
         """Return the poses at T (n, 3) [m]. A row without a solution is NaN, and its status gives the reason."""

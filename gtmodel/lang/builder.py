@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from .._pickling import Portable, kept, packed
 from . import declare
 from .bind import Tree, bind_discrete, bind_parameter, bind_part, bind_variable, empty_tree
 from .connect import flatten_items
@@ -13,7 +14,12 @@ from .model import EngineMethod, Model
 from .source import ModelError, here
 
 
-class Builder:
+class _Root(Model):
+    def equations(self) -> Iterable[Any]:
+        return tuple(self.__dict__["_items"])
+
+
+class Builder(Portable):
     """A model written line by line, without a class, for scripts and notebooks.
 
     Each name is declared once and can be used immediately. A part is a configured model; its ports and variables are
@@ -37,9 +43,18 @@ class Builder:
         self.items: list[Any] = []
         self.where = here()
         self._flat: Any = None  # cache, cleared when something is added
-        items = self.items
-        root = type(title, (Model,), {"equations": lambda self: tuple(items)})
-        self.tree: Tree = empty_tree(root())
+        self.tree: Tree = empty_tree(type(title, (_Root,), {})())
+        self.tree.root._keep(_items=self.items)
+        self.tree.scope.belong(self, growing=True)
+
+    def _reduced(self, pickler: Any) -> tuple[Any, ...]:
+        if pickler.root is not self:  # part of something else, which does not change it
+            return kept, (packed(self),)
+        pickler.inside = self.tree.scope
+        return super()._reduced(pickler)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_flat": None}
 
     def variable(self, name: str, shape: Any = None, **attributes: Any) -> Expr:
         """Declare a variable; same attributes as gt.variable."""
@@ -66,7 +81,7 @@ class Builder:
     def add(self, *items: Any) -> None:
         """Add equations (a == b), connections, branches or energies."""
         self.items.extend(flatten_items(list(items)))
-        self._flat = None
+        self._change()
 
     def _declare(self, name: str, item: Any, bind: Callable[[Any, Tree], Any]) -> Any:
         values = self.tree.root.__dict__["_values"]
@@ -78,8 +93,13 @@ class Builder:
             raise ModelError(f"'{name}' is declared twice in {self.title}", here())
         item.name = name
         values[name] = bind(item, self.tree)
-        self._flat = None
+        self._change()
         return values[name]
+
+    def _change(self) -> None:
+        if self._flat is not None:
+            self._flat.made = None  # what was compiled until now is of an earlier model
+        self._flat = None
 
     @property
     def time(self) -> Expr:

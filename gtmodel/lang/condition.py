@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import casadi as ca
 
 from .._lazy import hint
+from .._pickling import Portable
 from .source import ModelError, SourceLocation, here
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ Operation = Literal["relation", "and", "or", "not", "sample", "initial"]
 
 
 @dataclass(frozen=True, eq=False)
-class Condition:
+class Condition(Portable):
     """A logical condition: a relation `a <= b`, or several combined with `&` (and), `|` (or) and `~` (not).
 
     Comparing two expressions creates a `Relation`, which can be used as a condition. Combining relations needs

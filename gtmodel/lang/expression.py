@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from .._pickling import Portable
 from .condition import Condition, joined
 from .scope import Scope
 from .slips import floats
@@ -34,7 +35,7 @@ class IndexRangeError(ModelError, IndexError):
     """An index out of range: a ModelError that is also an IndexError."""
 
 
-class Expr:
+class Expr(Portable):
     """A scalar (shape ()), vector (n,) or matrix (n, m) expression of a model.
 
     Inside `equations()` every `self.name` of a variable, an input or a parameter is an expression. It supports NumPy's
@@ -200,7 +201,7 @@ class Expr:
 
 
 @dataclass(frozen=True, eq=False)
-class Relation:
+class Relation(Portable):
     """An equation or a constraint: `lhs == rhs`, `lhs <= rhs` or `lhs >= rhs`, with its file and line.
 
     Comparing expressions creates it. It has no truth value: yield it. In `gt.when` and `gt.If` it is a condition;

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from .._near import meant, near
+from .._pickling import Interned, Portable
 from . import functions as _functions  # noqa: F401  # fills UFUNCS: NumPy on the left of an expression
 from .declare import ATTRIBUTES, Declaration, Discrete, Each, Free, Outer, Parameter, Part, Port, Variable
 from .expression import Expr
@@ -27,7 +28,7 @@ class EngineMethod:
         return function if model is None else function.__get__(model, owner)
 
 
-class Model:
+class Model(Interned):
     """Base class of components and of whole models: declarations in the class body, physics in `equations()`.
 
     The body declares with gt.variable, input, parameter, part, parts, port, ports and outer. `equations()` yields
@@ -102,6 +103,20 @@ class Model:
         self.__dict__["_modifiers"] = {name: _frozen(value) for name, value in modifiers.items()}
         check_modifiers(type(self), modifiers, here())
 
+    def _recipe(self, pickler: Any) -> tuple[Any, ...]:
+        return _configured, (type(self), self.__dict__["_modifiers"], self.__dict__["where"])
+
+    def _reduced(self, pickler: Any) -> tuple[Any, ...]:
+        if "_modifiers" in self.__dict__:
+            return super()._reduced(pickler)
+        scope = self.__dict__.get("_scope")
+        if scope is None or not scope.is_owned or scope is pickler.inside:
+            return Portable._reduced(self, pickler)
+        return _component, (scope, self._path)  # a component of a flattened model
+
+    def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
+        return (Interned if "_modifiers" in self.__dict__ else Portable).__reduce_ex__(self, protocol)
+
     def _keep(self, **values: Any) -> None:
         """Store an engine's data with a model; they are not part of the configuration."""
         self.__dict__.update(values)
@@ -156,6 +171,19 @@ class Model:
     def __repr__(self) -> str:
         modifiers = ", ".join(f"{k}={v!r}" for k, v in self.__dict__.get("_modifiers", {}).items())
         return f"{type(self).__name__}({modifiers})"
+
+
+def _configured(cls: type[Model], modifiers: dict[str, Any], where: SourceLocation) -> Model:
+    model = object.__new__(cls)
+    model._keep(where=where, _modifiers=modifiers)
+    return model
+
+
+def _component(scope: Any, path: str) -> Model:
+    """Return a bound component, port or part of the model that a scope belongs to."""
+    tree = scope.source.tree
+    everything = [tree.root, *tree.components, *tree.ports, *tree.inner_defaults.values()]
+    return next(c for c in everything if c._path == path)
 
 
 class Connector(Model):

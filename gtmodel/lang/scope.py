@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
+from .._pickling import Portable
 from .source import ModelError, here
 
 if TYPE_CHECKING:
@@ -31,13 +32,15 @@ class Misfit:
     known: bool
 
 
-class Scope:
+class Scope(Portable):
     """Registry of the derivative chains and parameters of one flattened model.
 
     Symbols belong to the scope: two flattenings of the same model share no symbols.
     """
 
     def __init__(self) -> None:
+        self.source: Any = None
+        self._most: tuple[int, int, int, int] | None = None
         self.chains: list[list[ca.SX]] = []
         self.names: list[str] = []
         self._owner: dict[int, tuple[int, int]] = {}
@@ -55,6 +58,55 @@ class Scope:
         self.earlier: list[tuple[ca.SX, ca.SX]] = []
         # names of external functions that stay calls in the equations
         self.calls: list[str] = []
+
+    def _reduced(self, pickler: Any) -> tuple[Any, ...]:
+        if not self.is_owned or self is pickler.inside:
+            return Portable._reduced(self, pickler)
+        return pickler.link(self)
+
+    @property
+    def is_owned(self) -> bool:
+        """Whether a flat model or a Builder declares these symbols; not of a copy with further symbols."""
+        return self.source is not None and self.source.tree.scope is self
+
+    def __copy__(self) -> Scope:
+        other = object.__new__(Scope)
+        other.__dict__.update(self.__dict__)
+        return other
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name not in ("_owner", "_symbols", "_time_key")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._time_key, self._symbols = self.time.element_hash(), {}
+        self._owner = {s.element_hash(): (i, k) for i, chain in enumerate(self.chains) for k, s in enumerate(chain)}
+
+    def belong(self, source: Any, growing: bool = False) -> None:
+        """Declare the Builder or the flat model that the symbols of now belong to."""
+        self.source = source
+        if not growing:
+            self._most = len(self.chains), len(self.parameters), len(self.modes), len(self.earlier)
+
+    def places(self) -> dict[int, Hashable]:
+        """Return the place of each symbol of the source by its element hash."""
+        chains, parameters, modes, earlier = self._most or (None,) * 4
+        placed: list[tuple[ca.SX, tuple[Any, ...]]] = [(self.time, ("time",))]
+        placed += [(s, ("chain", i, k)) for i, chain in enumerate(self.chains[:chains]) for k, s in enumerate(chain)]
+        placed += [(s, ("parameter", n)) for n, s in enumerate(self.parameters[:parameters])]
+        placed += [(s, ("mode", n)) for n, (s, _) in enumerate(self.modes[:modes])]
+        placed += [(s, ("earlier", n)) for n, (s, _) in enumerate(self.earlier[:earlier])]
+        return {symbol.element_hash(): place for symbol, place in placed}
+
+    def at_place(self, place: Any) -> ca.SX:
+        """Return the symbol at a place."""
+        kind, *numbers = place
+        if kind == "chain":
+            return self.symbol(*numbers)
+        if kind == "time":
+            return self.time
+        n = numbers[0]
+        return self.parameters[n] if kind == "parameter" else (self.modes if kind == "mode" else self.earlier)[n][0]
 
     def new_chain(self, name: str) -> ca.SX:
         """Add a scalar variable; return its symbol of order 0."""

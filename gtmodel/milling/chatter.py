@@ -11,6 +11,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from .._pickling import Portable
 from ..linear.state_space import second_order
 from .cutter import Cut, Cutter
 from .forces import force_spectrum, mean_directional_matrix, plane, receptance_in_plane, to_world
@@ -25,7 +26,7 @@ ROUNDS = 12  # of bisection
 
 
 @dataclass(frozen=True, eq=False)
-class Lobes:
+class Lobes(Portable):
     """Points on the stability limit: spindle speed [1/s], axial depth [m], chatter frequency [Hz], numbers of lobe and
     branch.
 

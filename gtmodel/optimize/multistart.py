@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from .._pickling import Portable
 from ..results.agreement import Within, agree
 from ..results.trajectory import Trajectory
 from .nlp import Nlp
@@ -29,7 +30,7 @@ def local_optimum(here: int, starts: int) -> str:
 
 
 @dataclass
-class ReachedOptima:
+class ReachedOptima(Portable):
     """Costs of the optima that successive starts ended in; None for a start that failed.
 
     repeated: number of the most recent starts without a new optimum.
@@ -92,7 +93,7 @@ class Optimum:
 
 
 @dataclass(frozen=True, eq=False)
-class MultiStart:
+class MultiStart(Portable):
     """Result of `multi_start`: distinct optima, best first; each message says how many starts ended there.
 
     `failures`: messages of the starts that failed. Printing the object shows a table.

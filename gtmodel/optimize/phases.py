@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from .._pickling import Portable
 from ..lang.model import Model
 from ..lang.optimization import Optimization
 from ..lang.source import ModelError, SourceLocation
@@ -30,7 +31,7 @@ from .solve import NotSolved, SolverOptions
 from .watch import Multipliers, Progress
 
 
-class Phases:
+class Phases(Portable):
     """Several Optimizations in a row that are solved as one: the objective is the sum of theirs.
 
     Args:
@@ -84,7 +85,7 @@ class Phases:
 
 
 @dataclass(frozen=True, eq=False)
-class PhasesSolution:
+class PhasesSolution(Portable):
     """Result of solving Phases: the whole, and a Solution for each phase by name.
 
     A phase's Solution has the status and message of the whole, and its own share of the cost and the multipliers.

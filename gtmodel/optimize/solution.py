@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from .._lazy import hint
+from .._pickling import Portable
 from ..lang.scope import derivative_name
 from ..lang.source import SourceLocation
 from ..results.check import Check
@@ -31,7 +32,7 @@ else:
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class Solution(Portable):
     """Result of `solve`.
 
     `trajectory`: every top-level quantity at the start and the collocation points, in SI units; a control polynomial is

@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from .._pickling import Portable
 from ..compiler.causal import flat_of
 from ..compiler.flat import FlatModel, flatten
 from ..lang.declare import Parameter
@@ -31,7 +32,7 @@ HALVINGS = 4  # how often a continuation step is halved before giving up
 
 
 @dataclass(frozen=True, eq=False)
-class Continuation:
+class Continuation(Portable):
     """Result of `Transcription.continuation`: (parameters, solution) of each step in order, halved steps included.
 
     `message`: where and why the continuation stopped early; else empty.
@@ -57,7 +58,7 @@ class Continuation:
         return "\n".join([*lines, *([self.message] if self.message else [])])
 
 
-class Transcription:
+class Transcription(Portable):
     """A model transcribed on a mesh by `transcribe`, with its derivatives, for repeated solves.
 
     `solve` takes one set of parameters; `continuation` takes a sequence and starts each solve from the last solution.

@@ -16,10 +16,11 @@ from gtmodel.results.disk import is_marked
 from gtmodel.results.trajectory_files import TRAJECTORY
 from gtmodel.results.work import Progress, RunClock, silent
 
+from .._pickling import Portable
 from .files import InputError
 
 
-class Call:
+class Call(Portable):
     """A study with its arguments; calling it runs the study and accepts the study's progress=, max_seconds= and stop=.
 
     study: the function of the library. arguments, options: its positional and keyword arguments; they can be changed

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, get_type_hints
 
 from .._lazy import hint
+from .._pickling import Portable
 from .check import Check, failed_of, verdict
 from .estimate import Estimate
 from .quantity import Quantity, Row, quantities
@@ -36,7 +37,7 @@ def to_inherit(cls: type[S]) -> type[S]:
 
 @to_inherit
 @dataclass(frozen=True, kw_only=True)
-class Study:
+class Study(Portable):
     """Result of a study of any library; a subclass declares its quantities as annotated attributes.
 
     status, message: outcome, and a sentence about it. objective, iterations: of the solver, if one ran.

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 import numpy as np
 
 from .._lazy import hint
+from .._pickling import Portable
 from ..linear.response import free_responses, simulate, states
 from ..results import ArgumentError
 from .options import BLOCK_ROWS, HELD_OUT, LARGEST
@@ -117,7 +118,7 @@ UNSTABLE = 1 + 1e-9  # modulus of a pole; allows rounding of a pole on the unit 
 
 
 @dataclass(frozen=True, eq=False)
-class SubspaceModel:
+class SubspaceModel(Portable):
     """x[k+1] = A x + B u, y = C x + D u + offset, fitted to all samples.
 
     `system` is a discrete-time control.StateSpace; `initial_state` (n,); `offset` (p,) of the outputs, which the system

@@ -50,8 +50,7 @@ def each(
     its error. A caller that ends the iteration, Ctrl-C, and `stop` returning True end the workers.
 
     Args:
-        task: for other processes a function of a module, or functools.partial of one; with the package cloudpickle any
-            function. It is sent once to each worker.
+        task: any function whose values can be pickled, also one of a notebook. It is sent once to each worker.
         items: read as needed; each is pickled.
         workers: number of processes; 0 for this process, None for one per usable core.
         executor: runs the tasks instead: an object with submit() as in concurrent.futures.Executor, or a Dask client.

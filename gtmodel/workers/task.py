@@ -9,15 +9,11 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from .._pickling import dumps
 from .._version import __version__
 from ..results.refusal import ArgumentError
 
 KEPT = 4  # tasks that a worker keeps unpacked, with everything that they have compiled
-
-try:
-    from cloudpickle import dumps  # functions and classes of notebooks and of scripts
-except ImportError:  # it comes with the extra `cluster`
-    from pickle import dumps
 
 
 class Packed(NamedTuple):
@@ -34,8 +30,8 @@ def packed(task: Callable[[Any], Any]) -> Packed:
         content = dumps(task)
     except Exception as error:
         raise ArgumentError(
-            f"cannot be sent to another process ({type(error).__name__}: {error}); expected a function of a module, "
-            "or functools.partial of one; with the package cloudpickle, functions of notebooks work too",
+            f"cannot be sent to another process ({type(error).__name__}: {error}); expected a function, or "
+            "functools.partial of one, whose values can be pickled",
             "task",
         ) from error
     return Packed(content, hashlib.sha256(content).hexdigest(), __version__)

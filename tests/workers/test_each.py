@@ -109,8 +109,7 @@ def test_a_script_without_main_guard_is_told_so(tmp_path: Path) -> None:
     assert done.returncode == 1 and "if __name__ == '__main__':" in done.stderr.splitlines()[-1]
 
 
-def test_a_function_of_a_notebook_needs_cloudpickle_only(tmp_path: Path) -> None:
-    pytest.importorskip("cloudpickle")
+def test_a_function_of_a_notebook_can_be_a_task() -> None:
     script = (
         "from gtmodel.workers import each\ndef square(k):\n    return k * k\n"
         "print([d.value for d in each(square, range(4), workers=2)])"

@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ..._pickling import Portable
 from ...compiler.analysis.events import BlockSignal, FlatBlock, block_numbers
 from ...compiler.flat_cache import flat_of
 from ...lang.model import Model
@@ -22,7 +23,7 @@ SAME = 1e-12
 LARGEST = 3.0  # standard deviation of the numbers of these points, and of examples
 
 
-class BlockFunction(StepFunction):
+class BlockFunction(StepFunction, Portable):
     """A `gt.SampledBlock` of a model as a step function in C.
 
     Its `step` is traced with CasADi symbols, so it must not branch on a number, and its functions must accept symbols,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from ..._lazy import hint
+from ..._pickling import Portable
 from ...linear.state_space import held, ramped
 from ...results import ArgumentError
 from .lifted import Lifted, lifted
@@ -23,7 +24,7 @@ Signal = Literal["motor", "tool", "acceleration"]
 
 
 @dataclass(frozen=True, eq=False)
-class AxisPlant:
+class AxisPlant(Portable):
     """Plants from the reference of an axis, including the learned input, to its measured signals, from rest.
 
     signals: a plant for each of "motor" (z_c, the tool by forward kinematics [m]), "tool" (z [m]) and "acceleration"

@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 
 from ..._lazy import hint
+from ..._pickling import Portable
 from ...linear.state_space import settled_covariance
 from ...results import ArgumentError
 from .plants import frequency_response, pulse_response
@@ -23,7 +24,7 @@ DECADES = (-20.0, 0.0)  # range of log10 of the process noise in the search
 
 
 @dataclass(frozen=True, eq=False)
-class ExtendedKalman:
+class ExtendedKalman(Portable):
     """Kalman filter for a model x(t + T) = A x + B u, z = C x, extended by the tool's velocity and acceleration.
 
     model: discrete, from z_c [m], or from z_c at this and the following samples, to the tool z [m]; `tool_model`, or

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import scipy
 
+from ..._pickling import Portable
 from ...results import ArgumentError
 from .plants import Plant, pulse_response, stable
 
@@ -24,7 +25,7 @@ SHORT = 64  # samples up to which a direct sum is faster than an FFT
 
 
 @dataclass(frozen=True, eq=False)
-class Lifted:
+class Lifted(Portable):
     """A linear map of signals of `size` samples. forward, backward: the map and its adjoint, for columns (size, k).
 
     Maps are composed like matrices: `Q @ L`, `A + B`, `A - B`, `2.0 * A`, `A.adjoint`, `A(x)`. `dense()` is the matrix,

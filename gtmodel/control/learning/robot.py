@@ -11,6 +11,7 @@ import numpy as np
 from gtmodel import lang as gt
 
 from ..._lazy import hint
+from ..._pickling import Portable
 from ...linear.state_space import continuous_poles, frequency_and_damping
 from ...results import ArgumentError
 from ...results.refusal import naming
@@ -31,7 +32,7 @@ EXCITED, HELD = 4000, 10  # samples of the identification of a plant's tool, and
 
 
 @dataclass(frozen=True, eq=False)
-class ModelledRobot:
+class ModelledRobot(Portable):
     """The law's model of the robot, with a plant for each of one to three axes.
 
     plants: stable `AxisPlant`s with a common sampling period, for example from `identified_axis`. tools: for each axis

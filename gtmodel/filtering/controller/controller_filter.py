@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ..._pickling import Portable
 from ...cgen.real import DOUBLE, FILTER, Real
 from ...cgen.steps.function import StepFunction, StepMember, StepTwin, dtype_of
 from ...results.refusal import ArgumentError
@@ -27,7 +28,7 @@ WRONG = 9  # one step in so many has a reading that is refused
 SPREAD = 3.0  # initial deviations over which the examples vary
 
 
-class ControllerFilter(StepFunction):
+class ControllerFilter(StepFunction, Portable):
     """The error-state Kalman filter of a system as a step function, for C code in a control loop.
 
     Each step advances the belief by one period and then uses the readings whose valid flag is set; without a reading it

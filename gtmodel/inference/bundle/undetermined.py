@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from ..._pickling import Portable
 from ..covariance import listed
 from .elimination import SILENT, BlockDirections, ReducedEquations
 from .residual_block import Linearised
@@ -17,7 +18,7 @@ SHOWN, PART = 6, 0.05  # names in a sentence, and their least share of the large
 
 
 @dataclass(frozen=True, eq=False)
-class GaugeMotion:
+class GaugeMotion(Portable):
     """A motion of unknowns that may leave all residuals unchanged.
 
     words: description, "all cameras and points move together along x"; remedy: "fix a camera". direction: values by

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ... import lang as gt
+from ..._pickling import Portable
 from ...compiler.causal import CausalFunction, compile_causal
 from ...control.input_shaping import residual_vibration, zero_vibration, zero_vibration_derivative
 from ...lang import Model, Optimization
@@ -236,7 +237,7 @@ def three_link(robot: Model) -> GantryTau:
 
 
 @dataclass(frozen=True, eq=False)
-class Plans:
+class Plans(Portable):
     """The plans on one mesh, the compared motions, their table of results by name, and the checks.
 
     left: offset of the tool [m] from its static equilibrium after re-simulating the elastic plan's forces.

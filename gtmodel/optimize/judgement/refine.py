@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.polynomial import legendre
 
+from ..._pickling import Portable
 from ...lang.optimization import Delayed, Optimization
 from ...lang.source import ModelError
 from ..collocation import of_states
@@ -41,7 +42,7 @@ class Pass:
 
 
 @dataclass(frozen=True, eq=False)
-class Refinement:
+class Refinement(Portable):
     """Result of `refine`: the last solution with its error estimate per element, and the passes.
 
     errors: (elements,), in nominals. passes: one per solve; printing the object shows their table.

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ... import lang as gt
+from ..._pickling import made_by_call
 from ...mechanics import (
     FixedDH,
     FixedModifiedDH,
@@ -189,7 +189,7 @@ def _prismatic(smoothing: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-@cache
+@made_by_call
 def _link_class(style: Style, kind: JointKind, smoothing: str) -> type[_Link]:
     body = _revolute(smoothing) if kind == "revolute" else _prismatic(smoothing)
     joint, direction = (Revolute, "axis") if kind == "revolute" else (Prismatic, "v")
@@ -225,7 +225,7 @@ def _row(name: str, k: int) -> Any:
     return lambda arm: getattr(arm, name)[k]
 
 
-@cache
+@made_by_call
 def arm_class(structure: ArmStructure) -> type[SerialArm]:
     """Return the class of all arms of a structure; cached."""
     joints, units = structure.joints, _units(structure)

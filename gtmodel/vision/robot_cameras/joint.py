@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..._pickling import Portable
 from ...calibrate.measured.column_checks import NEARER, aligned, degrees_of_freedom, length
 from ...calibrate.options import Choice
 from ...geometry.quaternions import quaternion_matrix, quaternion_of, turn_matrix
@@ -130,7 +131,7 @@ CAMERA_UNITS = ("pixel",) * 4 + ("1",) * 5 + ("rad",) * 3 + ("m",) * 3
 
 
 @dataclass(frozen=True, eq=False)
-class JointFit:
+class JointFit(Portable):
     """The calibrated robot and cameras.
 
     `pictures`: those used in the final fit. `wrong_pictures`, `wrong_corners`, `wrong_poses`: descriptions of what was

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from ..._pickling import Portable
 from ...calibrate.calibration import Calibration, calibrate
 from ...calibrate.measurements import Measurements, Pose
 from ...calibrate.options import Choice
@@ -35,7 +36,7 @@ class Intersected(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class TwoStepFit:
+class TwoStepFit(Portable):
     """Result of a calibration in two steps.
 
     `cameras`: bundle of the pictures alone, with `residuals` (n, 2) [pixel]. `centres` (N, 3) [m]: of the target, with
