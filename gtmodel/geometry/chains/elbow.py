@@ -244,15 +244,16 @@ class _Search:
         for n in range(BISECTIONS + SECANTS):
             if not len(rows):
                 return
-            middle = (a + b) / 2
+            middle: np.ndarray = (a + b) / 2
             if n >= BISECTIONS:
                 with np.errstate(divide="ignore", invalid="ignore"):
-                    cut = b - fb * (b - a) / (fb - fa)
+                    cut: np.ndarray = b - fb * (b - a) / (fb - fa)
                 middle = np.where((cut - a) * (cut - b) <= 0, cut, middle)
             q, f, _ = self.values(rows, branch, middle)
             there = np.abs(f) < ANGLE
             self.hits += list(zip(rows[there].tolist(), q[there], strict=True))
-            left, half = fa * f <= 0, 0.5 if n > BISECTIONS else 1.0
+            left: np.ndarray = fa * f <= 0
+            half = 0.5 if n > BISECTIONS else 1.0
             a, fa = np.where(left, a, middle), np.where(left, half * fa, f)
             b, fb = np.where(left, middle, b), np.where(left, f, half * fb)
             rows, branch, a, b, fa, fb = (x[~there] for x in (rows, branch, a, b, fa, fb))
