@@ -26,7 +26,7 @@ F = {
 OF_STATS = {"f", "beta", "chi2", "t", "norm"}  # of scipy.stats: chance.py and half_width have them without its import
 # bounded linear fits; solvers of equations, which raise and lower a damping or a step but fit no residuals
 DESCENT_HOMES = {"inference/descent.py", "inference/least_squares.py"}
-EQUATIONS = {"compiler/newton.py", "calibrate/closure.py"}
+EQUATIONS = {"compiler/newton.py", "calibrate/closure.py", "geometry/chains/numerical.py"}
 F_HOMES = {"inference/chance.py"}
 
 

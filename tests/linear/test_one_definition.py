@@ -23,8 +23,11 @@ EXPONENTIALS = {
     "linear/state_space.py:held", "filtering/transition.py:_covariance", "loop/plant.py:__init__",
     "milling/stability.py:_step",
 }  # fmt: skip
-# the second needs the rates of an integrator, which Brent's method does not take
-HALVED = {"linear/roots.py:bisected", "simulation/hybrid/comparisons.py:first_root"}
+# the second takes many rows at once beyond bisection, the third needs the rates of an integrator: Brent's method does
+# neither
+HALVED = {
+    "linear/roots.py:bisected", "geometry/chains/elbow.py:roots", "simulation/hybrid/comparisons.py:first_root",
+}  # fmt: skip
 SAME = 1e-9  # of a hold computed in another way, such as by eigenvectors
 TRACE = {0.5, 0.25, 0.375}  # where a bisection looks for 1/3 in 0..1
 
@@ -59,10 +62,14 @@ def exponential(f: ast.FunctionDef) -> bool:
 def halves(f: ast.FunctionDef) -> bool:
     """A loop takes the middle of two names and puts it in place of one of them."""
     for loop in (n for n in ast.walk(f) if isinstance(n, ast.For | ast.While)):
-        lines = [n for n in ast.walk(loop) if isinstance(n, ast.Assign)]
-        middles = {ast.unparse(line.targets[0]): ends for line in lines if (ends := _ends(line.value))}
-        for line in lines:
-            written, read = _names(line.targets), _names([line.value])
+        lines = [
+            (n.targets if isinstance(n, ast.Assign) else [n.target], n.value)
+            for n in ast.walk(loop)
+            if isinstance(n, ast.Assign | ast.AnnAssign) and n.value is not None
+        ]
+        middles = {ast.unparse(targets[0]): ends for targets, value in lines if (ends := _ends(value))}
+        for targets, value in lines:
+            written, read = _names(targets), _names([value])
             if any(written & ends and middle in read and middle not in written for middle, ends in middles.items()):
                 return True
     return False

@@ -79,7 +79,7 @@ import gtmodel as gt
 from tests.sweep.tasks import counted
 if __name__ == "__main__":
     ran, out = map(Path, sys.argv[1:])
-    gt.sweep.study(partial(counted, ran, 0.02), {"x": [k / 8 for k in range(200)]}, workers=2, folder=out, identity="1")
+    gt.sweep.study(partial(counted, ran, 0.06), {"x": [k / 8 for k in range(200)]}, workers=2, folder=out, identity="1")
 """
 
 

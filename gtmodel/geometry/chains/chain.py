@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ...results import ArgumentError
 from ..rotations import cross_matrix, rotation_about
-
-if TYPE_CHECKING:
-    import casadi as ca
 
 SCREW = 1e-11  # relative: a function that differs more is no product of exponentials
 TRIALS = 4  # random joint positions at which a function is compared with its product of exponentials
@@ -121,8 +119,6 @@ class Chain:
 
     def symbolic_pose(self, c: Sequence[Any], s: Sequence[Any]) -> tuple[ca.SX, ca.SX, list[ca.SX]]:
         """Return T, R and the columns of the geometric Jacobian from cosines and sines; prismatic: s is the length."""
-        import casadi as ca
-
         R, p, lines = ca.SX.eye(3), ca.SX.zeros(3), []
         for h, o, turns, ci, si in zip(self.axes, self.points, self.revolute, c, s, strict=True):
             h, o = ca.SX(h), ca.SX(o)
@@ -169,8 +165,6 @@ class Chain:
         Joint axes are exact derivatives at zero. Returns None if the function is no product of exponentials: another
         result at random joint coordinates, a screw of pitch, or a joint that does not turn by its coordinate.
         """
-        import casadi as ca
-
         u = ca.MX.sym("u", f.numel_in(0))
         T, R, *_ = f(u)
         pose = ca.vertcat(ca.vec(T), ca.vec(R.T) if R.shape == (3, 3) else R)  # entries of R by rows

@@ -220,18 +220,16 @@ class _Search:
         self, rows: np.ndarray, branch: np.ndarray, a: np.ndarray, b: np.ndarray, fa: np.ndarray, fb: np.ndarray
     ) -> None:
         """Look for postures between angles a and b of joint 7, with the differences there."""
+        from ...linear.roots import bisected  # here: it imports SciPy
+
         both = np.isfinite(fa) & np.isfinite(fb)
         self.roots(*(x[both] for x in (rows, branch, a, b, fa, fb)))
         # the branch ends in between: the last posture on it by bisection
         ends = np.isfinite(fa) ^ np.isfinite(fb)
         rows, branch, a, b, fa, fb = (x[ends] for x in (rows, branch, a, b, fa, fb))
         inner, outer = np.where(np.isfinite(fa), a, b), np.where(np.isfinite(fa), b, a)
-        last = inner
-        for _ in range(LAST if len(rows) else 0):
-            middle = (last + outer) / 2
-            exists = self.values(rows, branch, middle)[2] >= 0
-            last, outer = np.where(exists, middle, last), np.where(exists, outer, middle)
         if len(rows):
+            last, _ = bisected(lambda q7: self.values(rows, branch, q7)[2] >= 0, inner, outer, LAST)
             f = self.values(rows, branch, last)[1]
             self.roots(rows, branch, inner, last, np.where(np.isfinite(fa), fa, fb), f)
 
