@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from importlib import import_module
+from itertools import count
 from typing import Any
 
 from ..results.refusal import ArgumentError
@@ -29,6 +30,7 @@ class Elsewhere:
                 "executor",
             )
         self.size = _size(client, self._executor)
+        self._number = count()
         self._threads = isinstance(self._executor, ThreadPoolExecutor)
         self._task: Any = task if self._threads else packed(task)
         if client is not None and hasattr(client, "submit"):
@@ -40,7 +42,8 @@ class Elsewhere:
         """Submit one item."""
         if self._threads:
             return self._executor.submit(run_here, self._task, item)
-        return self._executor.submit(run, self._task, dumps(item))
+        # the number tells equal rows apart: Dask answers a repeated call with the reply, or the death, of the first
+        return self._executor.submit(run, self._task, dumps(item), next(self._number))
 
     def lost(self, error: BaseException) -> bool:
         """Return True if the error says that the workers of this item died, as often as the scheduler allows."""
