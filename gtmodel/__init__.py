@@ -3,8 +3,8 @@
 Language: Model, Connector, Optimization; variable, input, parameter, part, parts, port, outer, connect, der.
 Engines: Model.causal (any causality), solve (optimal control), simulate, cgen.generate (C code).
 Libraries, imported when first used: calibrate, cgen, compliance, control, filtering, fmu, identify, inference,
-kinematics, loop, measurements, mechanics, milling, modelica, motion, optimize, plot, results, robots, simulation,
-sweep, vibration, vision, workers.
+kinematics, loop, measurements, mechanics, milling, modelica, motion, optimize, plot, predictive, results, robots,
+simulation, sweep, vibration, vision, workers.
 load("problem.toml") returns the study that a problem file describes, as a call on Python objects,
 load_robot the model of a robot file, shipped the path of a file that comes with gtmodel.
 """
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
         motion as motion,
         optimize as optimize,
         plot as plot,
+        predictive as predictive,
         results as results,
         robots as robots,
         simulation as simulation,

@@ -14,7 +14,7 @@ LIBRARIES = [
     "kinematics.accuracy", "kinematics.assembly_modes", "kinematics.causality", "kinematics.singularity",
     "kinematics.workspace", "loop", "measurements", "mechanics", "milling", "modelica", "motion",
     "motion.axes",
-    "motion.elastic", "optimize", "results", "robots", "simulation", "sweep", "vibration", "vision",
+    "motion.elastic", "optimize", "predictive", "results", "robots", "simulation", "sweep", "vibration", "vision",
     "vision.detection", "vision.rendering", "vision.stereo", "vision.robot_cameras", "workers",
 ]  # fmt: skip
 

@@ -29,7 +29,8 @@ _INLINE = {
     for name, order in (("fmin", "<="), ("fmax", ">="))
 }
 _INLINE["fabs"] = (
-    re.compile(r"^(casadi_real casadi_fabs\(casadi_real x\) \{)\n.*?^\}\n", re.M | re.S), r"\1 return fabs(x);}\n"
+    re.compile(r"^(casadi_real casadi_fabs\(casadi_real x\) \{)\n.*?^\}\n", re.M | re.S),
+    r"\1 return fabs(x);}\n",
 )
 # our own calls pass no null pointer: CasADi's test of each pointer costs two instructions
 _NULL_CHECKS = (

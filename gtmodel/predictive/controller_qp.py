@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from .._pickling import Portable
 from ..cgen.real import DOUBLE, Real, decimal
 from ..cgen.steps.function import StepFunction, StepMember, StepTwin, dtype_of, step_prototype
 from ..results.refusal import ArgumentError
@@ -19,7 +20,7 @@ from .stage_qp import StageQP
 SPREAD, MISSING = 0.1, 0.1  # of the examples: relative to the typical numbers; share with a number that is not finite
 
 
-class ControllerQP(StepFunction):
+class ControllerQP(StepFunction, Portable):
     """A quadratic program over a horizon for C code in a control loop.
 
     Each cycle solves the problem from the measured state and the data of the cycle, starting from the last solution,
@@ -36,8 +37,9 @@ class ControllerQP(StepFunction):
     >>> import casadi as ca
     >>> x, u, none = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX(0, 1)
     >>> after = ca.vertcat(x[0] + 0.1 * x[1] + 0.005 * u, x[1] + 0.1 * u)
-    >>> stage = gt.predictive.Stage(x, u, none, after, ca.sumsqr(x) + 0.01 * u**2, [gt.predictive.Row(u, -1, 1)])
-    >>> end = gt.predictive.Stage(x, None, none, None, 10 * ca.sumsqr(x))
+    >>> rows = [gt.predictive.LimitedRow(u, -1, 1)]
+    >>> stage = gt.predictive.HorizonStage(x, u, none, after, ca.sumsqr(x) + 0.01 * u**2, rows)
+    >>> end = gt.predictive.HorizonStage(x, None, none, None, 10 * ca.sumsqr(x))
     >>> law = gt.predictive.ControllerQP(gt.predictive.StageQP(stage, 20, end), 0.1, [1.0, 0.0])
     >>> [m.identifier for m in law.inputs], [m.identifier for m in law.outputs]
     (['x'], ['u', 'plan', 'cost', 'iterations'])
@@ -73,7 +75,7 @@ class ControllerQP(StepFunction):
             StepMember("sides", max(1, self._sides), "1", "distances from the limits, and multipliers"),
             StepMember("begun", description="1 after the first solution", integer=True),
         ]
-        self.start: list[StepMember] = []
+        self.start = []
         self.defaults: Mapping[str, Any] = {}
 
     @property

@@ -16,7 +16,7 @@ import numpy as np
 from ..cgen.newton_steps import run
 from ..cgen.real import DOUBLE, Real
 from ..results.status import Status
-from .stage import Stage
+from .stage import HorizonStage
 
 GRADIENT = 10.0  # tolerances: the gradient, over 1 + |cost|
 TO_BOUNDARY = 0.995
@@ -24,7 +24,7 @@ TO_BOUNDARY = 0.995
 Columns = list[np.ndarray]
 
 
-class Evaluator:
+class StageEvaluator:
     """Functions of a stage on the columns of all stages."""
 
     def __init__(self, functions: dict[str, ca.Function], count: int, real: Real) -> None:
@@ -55,9 +55,9 @@ class Evaluator:
         now, results = [np.reshape(c, (-1, 1)) for c in carried], []
         for k in range(self.count):
             own = [_part(a, f.size2_in(size + i), k) for i, a in enumerate(arguments)]
-            found = run(f, [*now, *own])
-            now = found[:size]
-            results.append([r.reshape(f.size_out(i), order="F") for i, r in enumerate(found)])
+            evaluated = run(f, [*now, *own])
+            now = evaluated[:size]
+            results.append([r.reshape(f.size_out(i), order="F") for i, r in enumerate(evaluated)])
         return [np.concatenate(r, axis=1) for r in zip(*results, strict=True)]
 
 
@@ -70,7 +70,7 @@ def _part(argument: np.ndarray, width: int, k: int) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class LastIterate:
     """As `StageSolution`, with stages as columns."""
 
     status: Status
@@ -89,23 +89,23 @@ class InteriorPoint:
     """The method for one shape of problem. `real`: number type of all operations."""
 
     def __init__(
-        self, stage: Stage, count: int, last: Stage, tolerance: float, max_iterations: int,
+        self, stage: HorizonStage, count: int, last: HorizonStage, tolerance: float, max_iterations: int,
         functions: tuple[dict[str, ca.Function], dict[str, ca.Function]], real: Real = DOUBLE,
     ) -> None:  # fmt: skip
         self.real, self.count, self.stage = real, count, stage
         self.tolerance, self.max_iterations = real.dtype(tolerance), max_iterations
-        self.of, self.end = Evaluator(functions[0], count, real), Evaluator(functions[1], 1, real)
+        self.of, self.end = StageEvaluator(functions[0], count, real), StageEvaluator(functions[1], 1, real)
         own, at_end = (len(s.sides) + len(s.soft) for s in (stage, last))
         self.limits = real.dtype(max(count * own + at_end, 1))
         self.none, self.none_end = np.zeros((own, count), real.dtype), np.zeros((at_end, 1), real.dtype)
 
-    def solve(self, x: np.ndarray, p: np.ndarray, q: np.ndarray, start: tuple[np.ndarray, ...] | None) -> Outcome:
+    def solve(self, x: np.ndarray, p: np.ndarray, q: np.ndarray, start: tuple[np.ndarray, ...] | None) -> LastIterate:
         """Return the solution from the state x with data p (numbers, count) and q (numbers, 1) from the inputs and
         sides `start`."""
         with np.errstate(all="ignore"):
             return self._solved(x.reshape(-1, 1), p, q, start)
 
-    def _solved(self, x: np.ndarray, p: np.ndarray, q: np.ndarray, start: tuple[np.ndarray, ...] | None) -> Outcome:
+    def _solved(self, x: np.ndarray, p: np.ndarray, q: np.ndarray, start: tuple[np.ndarray, ...] | None) -> LastIterate:
         of, end, one = self.of, self.end, self.real.dtype(1.0)
         u = np.zeros((self.stage.inputs, self.count), self.real.dtype) if start is None else start[0]
         states, y, after, y_end, cost = self._followed(x, p, q, u)
@@ -150,7 +150,7 @@ class InteriorPoint:
             u, s, s_end = u + length * du, s + length * ds, s_end + length * ds_end
             states, y, after, y_end, cost = self._followed(x, p, q, u)
         states = np.column_stack([states, after])
-        return Outcome(
+        return LastIterate(
             status, states, u, float(total), iteration, float(gap), float(residual), float(gradient), s, s_end
         )
 

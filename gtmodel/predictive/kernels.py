@@ -16,7 +16,7 @@ from typing import Any
 
 import casadi as ca
 
-from .stage import Stage
+from .stage import HorizonStage
 
 SX = ca.SX
 KERNELS = ("begin", "push", "weigh", "change", "judge", "ahead", "follow", "factor", "vector", "move", "adjoint")
@@ -25,7 +25,7 @@ COLD = 1.0  # distance and product of distance and multiplier at the beginning
 WARM = 0.01  # the same, at least, with a start
 
 
-def kernels(stage: Stage) -> dict[str, ca.Function]:
+def kernels(stage: HorizonStage) -> dict[str, ca.Function]:
     """Return the functions of a stage by name; arguments and results are listed with each of them below.
 
     p: data. P: upper triangle of the symmetric Hessian of what follows, by columns; g: its gradient. The last stage has
@@ -42,7 +42,7 @@ def _column(entries: Sequence[Any]) -> Any:
     return ca.vertcat(SX(0, 1), *entries)
 
 
-def _of_sides(stage: Stage) -> dict[str, ca.Function]:
+def _of_sides(stage: HorizonStage) -> dict[str, ca.Function]:
     """First sides, weights and slopes of the rows, steps of the sides, residuals, gap.
 
     begin    p y                       -> s at the beginning
@@ -112,7 +112,7 @@ def _of_sides(stage: Stage) -> dict[str, ca.Function]:
     }
 
 
-def _slope_of(stage: Stage, s: Any) -> Any:
+def _slope_of(stage: HorizonStage, s: Any) -> Any:
     """Slope of the rows by the multipliers as they are."""
     slope = [SX(0)] * len(stage.rows)
     for j, side in enumerate(stage.sides):
@@ -120,7 +120,7 @@ def _slope_of(stage: Stage, s: Any) -> Any:
     return _column(slope)
 
 
-def _of_the_end(stage: Stage) -> dict[str, ca.Function]:
+def _of_the_end(stage: HorizonStage) -> dict[str, ca.Function]:
     """Functions of the last stage.
 
     follow   p x                -> y cost
@@ -145,7 +145,7 @@ def _of_the_end(stage: Stage) -> dict[str, ca.Function]:
     }
 
 
-def _of_the_dynamics(stage: Stage) -> dict[str, ca.Function]:
+def _of_the_dynamics(stage: HorizonStage) -> dict[str, ca.Function]:
     """Functions of a stage with an input.
 
     follow   x p u                          -> after y cost

@@ -8,11 +8,12 @@ from typing import Any
 
 import casadi as ca
 
+from .._pickling import Portable
 from ..results.refusal import ArgumentError
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class LimitedRow(Portable):
     """A quantity of a stage with limits: low <= value <= high.
 
     value: an expression, linear in state and input, in units in which its typical size is 1. low, high: numbers,
@@ -29,7 +30,7 @@ class Row:
 
 
 @dataclass(frozen=True, eq=False)
-class Side:
+class Side(Portable):
     """One limit as sign * row >= bound; prices of a soft one."""
 
     row: int
@@ -39,7 +40,7 @@ class Side:
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class HorizonStage(Portable):
     """One stage of a horizon, in CasADi SX symbols and expressions.
 
     The expressions hold what is constant as numbers; only what changes from stage to stage or from cycle to cycle
@@ -58,7 +59,8 @@ class Stage:
     >>> import casadi as ca
     >>> x, u, goal = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX.sym("goal")
     >>> after = ca.vertcat(x[0] + 0.1 * x[1] + 0.005 * u, x[1] + 0.1 * u)
-    >>> stage = gt.predictive.Stage(x, u, goal, after, (x[0] - goal) ** 2 + 0.01 * u**2, [gt.predictive.Row(u, -1, 1)])
+    >>> rows = [gt.predictive.LimitedRow(u, -1, 1)]
+    >>> stage = gt.predictive.HorizonStage(x, u, goal, after, (x[0] - goal) ** 2 + 0.01 * u**2, rows)
     >>> stage.inputs, len(stage.sides)
     (1, 2)
     """
@@ -68,7 +70,7 @@ class Stage:
     data: Any
     after: Any
     cost: Any
-    rows: Sequence[Row] = ()
+    rows: Sequence[LimitedRow] = ()
     sides: list[Side] = field(init=False)
     matrices: dict[str, Any] = field(init=False)
 

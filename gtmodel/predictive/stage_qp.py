@@ -9,11 +9,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from .._pickling import Portable
 from ..results.refusal import ArgumentError
 from ..results.status import Status
 from .interior_point import InteriorPoint
 from .kernels import kernels
-from .stage import Stage
+from .stage import HorizonStage
 
 MAX_ITERATIONS = 30
 TOLERANCE = 1e-8
@@ -31,9 +32,10 @@ class StageSolution:
     what the limits lack. gradient: sum of the absolute derivatives by the inputs.
     sides, last_sides: distances t and multipliers l of the limits, then excesses and their multipliers, by stage.
 
+    >>> import casadi as ca
     >>> x, u, none = ca.SX.sym("x"), ca.SX.sym("u"), ca.SX(0, 1)
-    >>> stage = gt.predictive.Stage(x, u, none, x + 0.1 * u, x**2 + u**2, [gt.predictive.Row(u, -1, 1)])
-    >>> qp = gt.predictive.StageQP(stage, 20, gt.predictive.Stage(x, None, none, None, x**2))
+    >>> stage = gt.predictive.HorizonStage(x, u, none, x + 0.1 * u, x**2 + u**2, [gt.predictive.LimitedRow(u, -1, 1)])
+    >>> qp = gt.predictive.StageQP(stage, 20, gt.predictive.HorizonStage(x, None, none, None, x**2))
     >>> cold = qp.solve([3.0])
     >>> next_cycle = qp.solve(cold.x[1], start=cold.shifted())
     >>> next_cycle.iterations < cold.iterations
@@ -57,7 +59,7 @@ class StageSolution:
         return replace(self, x=on(self.x), u=on(self.u), sides=on(self.sides))
 
 
-class StageQP:
+class StageQP(Portable):
     """Least cost over `count` stages from a given state, within the limits of the rows.
 
     The work grows linearly with `count`. A limit of the state at the first stage cannot be influenced; make it soft.
@@ -74,8 +76,9 @@ class StageQP:
     >>> import casadi as ca
     >>> x, u, none = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX(0, 1)
     >>> after = ca.vertcat(x[0] + 0.1 * x[1] + 0.005 * u, x[1] + 0.1 * u)
-    >>> stage = gt.predictive.Stage(x, u, none, after, ca.sumsqr(x) + 0.01 * u**2, [gt.predictive.Row(u, -1, 1)])
-    >>> end = gt.predictive.Stage(x, None, none, None, 10 * ca.sumsqr(x))
+    >>> rows = [gt.predictive.LimitedRow(u, -1, 1)]
+    >>> stage = gt.predictive.HorizonStage(x, u, none, after, ca.sumsqr(x) + 0.01 * u**2, rows)
+    >>> end = gt.predictive.HorizonStage(x, None, none, None, 10 * ca.sumsqr(x))
     >>> s = gt.predictive.StageQP(stage, 20, end).solve([1.0, 0.0])
     >>> s.status.name, s.u[0].round(6)
     ('OK', array([-1.]))
@@ -83,9 +86,9 @@ class StageQP:
 
     def __init__(
         self,
-        stage: Stage,
+        stage: HorizonStage,
         count: int,
-        last: Stage,
+        last: HorizonStage,
         *,
         tolerance: float = TOLERANCE,
         max_iterations: int = MAX_ITERATIONS,
@@ -94,9 +97,9 @@ class StageQP:
             raise ArgumentError("expected a stage with input and state after it; found one without", "stage")
         if last.u is not None or last.after is not None:
             raise ArgumentError("expected a stage without input and state after it; found one with", "last")
-        for found, name in ((stage.after.numel(), "stage"), (last.states, "last")):
-            if found != stage.states:
-                raise ArgumentError(f"expected {stage.states} states; found {found}", name)
+        for states, name in ((stage.after.numel(), "stage"), (last.states, "last")):
+            if states != stage.states:
+                raise ArgumentError(f"expected {stage.states} states; found {states}", name)
         if count < 1 or max_iterations < 1:
             raise ArgumentError(
                 f"expected at least 1; found {min(count, max_iterations)}", "count" if count < 1 else "max_iterations"
@@ -140,7 +143,7 @@ class StageQP:
 
 
 def _sized(value: Any, shape: tuple[int, ...], name: str) -> np.ndarray:
-    found = np.asarray(value, float)
-    if found.shape != shape:
-        raise ArgumentError(f"expected an array of shape {shape}; found {found.shape}", name)
-    return found
+    array = np.asarray(value, float)
+    if array.shape != shape:
+        raise ArgumentError(f"expected an array of shape {shape}; found {array.shape}", name)
+    return array

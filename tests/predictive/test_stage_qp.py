@@ -12,7 +12,7 @@ import scipy
 
 import gtmodel as gt
 from gtmodel import Status, cgen
-from gtmodel.predictive import ControllerQP, Row, Stage, StageQP, StageSolution
+from gtmodel.predictive import ControllerQP, HorizonStage, LimitedRow, StageQP, StageSolution
 from gtmodel.results import ArgumentError
 
 SX = ca.SX
@@ -33,14 +33,16 @@ def drawn(rng: np.random.Generator) -> tuple[StageQP, np.ndarray, np.ndarray, np
     H = half.T @ half + 0.1 * np.eye(n + m)
     z = ca.vertcat(x, u)
     wide = 10 ** rng.uniform(-1, 1)
-    rows = [Row(u[i] / wide, -1, 1) for i in range(m)]
-    rows += [Row(ca.dot(p[:m], u) + 0.1 * x[0], None, 1 + wide)]
-    rows += [Row(x[i], -1 - p[m + i], 2, (float(rng.uniform(0, 100)), float(rng.uniform(0.1, 10)))) for i in range(n)]
+    rows = [LimitedRow(u[i] / wide, -1, 1) for i in range(m)]
+    rows += [LimitedRow(ca.dot(p[:m], u) + 0.1 * x[0], None, 1 + wide)]
+    rows += [LimitedRow(x[i], -1 - p[m + i], 2, (rng.uniform(0, 100), rng.uniform(0.1, 10))) for i in range(n)]
     if rng.random() < 0.3:
-        rows.append(Row(x[0] + u[0], -3, 3))
-    stage = Stage(x, u, p, A @ x + B @ u + p[m:], ca.dot(z, H @ z) / 2 + ca.dot(p[m:], x), rows)
-    end_rows = [Row(x[0], -1, None, (20.0, 1.0)), Row(x[-1] - q[0], None, 5)] if rng.random() < 0.5 else []
-    last = Stage(x, None, q, None, ca.sumsqr(x - q), end_rows)
+        rows.append(LimitedRow(x[0] + u[0], -3, 3))
+    stage = HorizonStage(x, u, p, A @ x + B @ u + p[m:], ca.dot(z, H @ z) / 2 + ca.dot(p[m:], x), rows)
+    end_rows = (
+        [LimitedRow(x[0], -1, None, (20.0, 1.0)), LimitedRow(x[-1] - q[0], None, 5)] if rng.random() < 0.5 else []
+    )
+    last = HorizonStage(x, None, q, None, ca.sumsqr(x - q), end_rows)
     data = rng.normal(size=(count, n + m)) * 0.3
     return StageQP(stage, count, last), 2 * rng.normal(size=n), data, rng.normal(size=n)
 
@@ -95,7 +97,7 @@ def flat(qp: StageQP, x: np.ndarray, data: np.ndarray, end: np.ndarray) -> tuple
     return H, c, np.vstack(A), np.concatenate(b), np.array(G), np.array(h), np.array(constant)
 
 
-def limits(row: Row) -> list[tuple[int, Any]]:
+def limits(row: LimitedRow) -> list[tuple[int, Any]]:
     return [(sign, limit) for sign, limit in ((-1, row.low), (1, row.high)) if limit is not None]
 
 
@@ -160,11 +162,11 @@ def test_many_drawn_problems_have_the_cost_of_piqp() -> None:
     assert sum(check(np.random.default_rng([2, k])) for k in range(MANY)) >= SOLVED * MANY
 
 
-def cart(*rows: Row, weight: float = 0.01, count: int = 20, P: Any = None) -> StageQP:
+def cart(*rows: LimitedRow, weight: float = 0.01, count: int = 20, P: Any = None) -> StageQP:
     """A mass of 1 kg pushed by a force, 0.1 s a stage."""
     after = ca.vertcat(X[0] + 0.1 * X[1] + 0.005 * U, X[1] + 0.1 * U)
-    last = Stage(X, None, SX(0, 1), None, ca.sumsqr(X) if P is None else ca.dot(X, SX(P) @ X) / 2)
-    return StageQP(Stage(X, U, SX(0, 1), after, ca.sumsqr(X) + weight * U**2, rows), count, last)
+    last = HorizonStage(X, None, SX(0, 1), None, ca.sumsqr(X) if P is None else ca.dot(X, SX(P) @ X) / 2)
+    return StageQP(HorizonStage(X, U, SX(0, 1), after, ca.sumsqr(X) + weight * U**2, rows), count, last)
 
 
 X, U = SX.sym("x", 2), SX.sym("u")
@@ -182,14 +184,14 @@ def test_without_limits_it_is_the_linear_quadratic_regulator() -> None:
 
 def test_a_price_above_the_multiplier_keeps_the_limit_and_one_below_does_not() -> None:
     """Nesterov: a linear price is exact if it is larger than the multiplier of the exact limit."""
-    exact = cart(Row(X[1], -0.3, None)).solve([1.0, 0.0])
+    exact = cart(LimitedRow(X[1], -0.3, None)).solve([1.0, 0.0])
     largest = exact.sides[:, 1].max()
-    dear, cheap = (cart(Row(X[1], -0.3, None, (k * largest, 0.0))).solve([1.0, 0.0]) for k in (1.1, 0.5))
+    dear, cheap = (cart(LimitedRow(X[1], -0.3, None, (k * largest, 0.0))).solve([1.0, 0.0]) for k in (1.1, 0.5))
     assert np.abs(dear.x - exact.x).max() < 1e-5 and cheap.x[:, 1].min() < -0.3 - 1e-3
 
 
 def test_a_solution_nearby_halves_the_iterations_and_changes_nothing() -> None:
-    qp = cart(Row(U, -1, 1), Row(X[1], -0.4, 0.4, (50.0, 1.0)))
+    qp = cart(LimitedRow(U, -1, 1), LimitedRow(X[1], -0.4, 0.4, (50.0, 1.0)))
     x, start = np.array([1.0, 0.0]), None
     warm, cold = 0, 0
     for _ in range(8):
@@ -203,26 +205,26 @@ def test_a_solution_nearby_halves_the_iterations_and_changes_nothing() -> None:
 
 @pytest.mark.parametrize("x", [[np.nan, 0.0], [np.inf, 0.0], [1e200, 0.0]])
 def test_what_is_not_finite_is_told(x: list[float]) -> None:
-    assert cart(Row(U, -1, 1)).solve(x).status == Status.NOT_FINITE
+    assert cart(LimitedRow(U, -1, 1)).solve(x).status == Status.NOT_FINITE
 
 
 def test_what_has_no_solution_is_never_ok() -> None:
-    assert cart(Row(X[0] + U, None, -1), Row(X[0] + U, 1, None)).solve([0.1, 0.0]).status != Status.OK
-    unbounded = StageQP(Stage(X, U, SX(0, 1), X, ca.sumsqr(X) + U), 3, cart().last)
+    assert cart(LimitedRow(X[0] + U, None, -1), LimitedRow(X[0] + U, 1, None)).solve([0.1, 0.0]).status != Status.OK
+    unbounded = StageQP(HorizonStage(X, U, SX(0, 1), X, ca.sumsqr(X) + U), 3, cart().last)
     assert unbounded.solve([1.0, 0.0]).status == Status.SINGULAR
-    hasty = StageQP(cart(Row(U, -1, 1)).stage, 20, cart().last, max_iterations=2)
+    hasty = StageQP(cart(LimitedRow(U, -1, 1)).stage, 20, cart().last, max_iterations=2)
     assert hasty.solve([1.0, 0.0]).status == Status.NOT_CONVERGED
 
 
 @pytest.mark.parametrize(
     ("argument", "wrong"),
     [
-        ("after", lambda: Stage(X, U, SX(0, 1), X * U, U**2)),
-        ("cost", lambda: Stage(X, U, SX(0, 1), X, U**4)),
-        ("rows", lambda: Stage(X, U, SX(0, 1), X, U**2, [Row(U**2, 0, 1)])),
-        ("rows[0]", lambda: Stage(X, U, SX(0, 1), X, U**2, [Row(U)])),
-        ("rows[0].price", lambda: Stage(X, U, SX(0, 1), X, U**2, [Row(U, 0, 1, (-1.0, 0.0))])),
-        ("cost", lambda: Stage(X, U, SX(0, 1), X, SX.sym("other") * U**2)),
+        ("after", lambda: HorizonStage(X, U, SX(0, 1), X * U, U**2)),
+        ("cost", lambda: HorizonStage(X, U, SX(0, 1), X, U**4)),
+        ("rows", lambda: HorizonStage(X, U, SX(0, 1), X, U**2, [LimitedRow(U**2, 0, 1)])),
+        ("rows[0]", lambda: HorizonStage(X, U, SX(0, 1), X, U**2, [LimitedRow(U)])),
+        ("rows[0].price", lambda: HorizonStage(X, U, SX(0, 1), X, U**2, [LimitedRow(U, 0, 1, (-1.0, 0.0))])),
+        ("cost", lambda: HorizonStage(X, U, SX(0, 1), X, SX.sym("other") * U**2)),
         ("stage", lambda: StageQP(cart().last, 3, cart().last)),
         ("last", lambda: StageQP(cart().stage, 3, cart().stage)),
         ("count", lambda: cart(count=0)),
@@ -240,11 +242,15 @@ def test_wrong_arguments_are_named(argument: str, wrong: Any) -> None:
 
 def controlled() -> dict[str, Any]:
     p, q = SX.sym("p", 2), SX.sym("q", 2)
-    rows = [Row(U, -1, 1), Row(X[1] + p[0], -0.4, 0.4, (100.0, 10.0)), Row(X[0], None, 2 + p[1], (5.0, 1.0))]
+    rows = [
+        LimitedRow(U, -1, 1),
+        LimitedRow(X[1] + p[0], -0.4, 0.4, (100.0, 10.0)),
+        LimitedRow(X[0], None, 2 + p[1], (5.0, 1.0)),
+    ]
     after = ca.vertcat(X[0] + 0.1 * X[1] + 0.005 * U, X[1] + 0.1 * U)
-    stage = Stage(X, U, p, after, ca.sumsqr(X) + 0.01 * U**2, rows)
-    last = Stage(X, None, q, None, 10 * ca.sumsqr(X - q), [Row(X[1], -0.1, 0.1, (50.0, 1.0))])
-    bare = cart(Row(U, -1, 1), count=1)
+    stage = HorizonStage(X, U, p, after, ca.sumsqr(X) + 0.01 * U**2, rows)
+    last = HorizonStage(X, None, q, None, 10 * ca.sumsqr(X - q), [LimitedRow(X[1], -0.1, 0.1, (50.0, 1.0))])
+    bare = cart(LimitedRow(U, -1, 1), count=1)
     qp = StageQP(stage, 10, last)
     return {
         "law": ControllerQP(qp, 0.1, [1.0, 0.0], [0.01, 0.1], [0.1, 0.0]),
