@@ -60,7 +60,7 @@ def implausible_arm(table: Mapping[str, Any]) -> tuple[str, str] | None:
         far = np.max(np.abs(table.get(key) or [0.0]))
         if far > LONGEST:
             return key, f"lengths up to {far:g} m look like millimetres; give metres"
-    for key in ("alpha_deg", "theta_deg", "beta_deg", "limits_deg", "base_rpy_deg", "tool_rpy_deg"):
+    for key in ("alpha_deg", "theta_deg", "beta_deg", "limits_deg", "start_deg", "base_rpy_deg", "tool_rpy_deg"):
         if wrong := implausible_angle(table.get(key) or [], "deg"):
             return key, wrong
     limits = table.get("limits") or []

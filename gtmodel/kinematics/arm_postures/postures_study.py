@@ -300,7 +300,8 @@ def _message(
     if without:
         return _reason(case, 0, words[0], q[0], excess[0], short)
     inside = sum(p["within_limits"] for p in study.each)
-    return f"{len(study.each)} postures, {inside} within limits"
+    count = len(study.each)
+    return f"{count} posture{'s' * (count > 1)}, {inside} within limits"
 
 
 def _labels(solutions: Postures) -> list[str]:

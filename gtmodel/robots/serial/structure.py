@@ -108,8 +108,13 @@ def started(structure: ArmStructure, start: ArrayLike | None) -> ArmStructure:
     n, limits = len(structure.leaders), structure.limits()
     if rows.ndim != 2 or rows.shape[1] != n or not len(rows) or not np.all(np.isfinite(rows)):
         raise ModelError(f"start takes {n} joint coordinates, or rows of them; found the shape {np.shape(start)}")
-    if not np.all((rows >= limits[:, 0]) & (rows <= limits[:, 1])):
-        raise ModelError("start lies outside the limits of the joints; move it inside")
+    outside = np.argwhere((rows < limits[:, 0]) | (rows > limits[:, 1]))
+    if len(outside):
+        k, j = outside[0].tolist()
+        joint = structure.joints[structure.leaders[j]]
+        raise ModelError(
+            f"start of joint '{joint.name}' is {rows[k, j]:g}; its limits are {limits[j, 0]:g} and {limits[j, 1]:g}"
+        )
     return replace(structure, starts=tuple(tuple(float(x) for x in row) for row in rows))
 
 
