@@ -68,7 +68,8 @@ way.figure("path")
 
 # %% [markdown]
 # The dots are all postures within limits, the line is the way that the study takes. It does not begin at the joint
-# coordinates nearest to zero: there the flange turns down to its limit before the end. The study begins one turn higher.
+# coordinates nearest to zero: from there the flange would turn beyond its limit before the end. The study begins one
+# turn higher.
 
 # %%
 nearest = gt.kinematics.postures_study(welder, ToolPoses(seam.T[:1], seam.R[:1])).chosen[0]
@@ -78,8 +79,8 @@ assert not np.allclose(nearest, way.chosen[0], atol=0.1)
 # %% [markdown]
 # ## 3 Where a jump is unavoidable
 #
-# With a flange that turns by 180 degrees to each side, no choice avoids a jump. The row before which the furthest of all
-# ways ends, and the joint that stops it:
+# With a flange that turns by 180 degrees to each side, no choice avoids a jump. The row before which the furthest
+# of all ways ends, and the joint that stops it:
 
 # %%
 limits = welder.joint_limits.copy()
