@@ -111,5 +111,6 @@ def explain(problem: Schema, context: Context) -> str:
 
 def _redundancy(problem: Schema) -> kinematics.ElbowAngle | kinematics.LockedJoint | None:
     if problem.elbow is not None:
-        return kinematics.ElbowAngle(float(np.radians(problem.elbow.angle_deg)), tuple(problem.elbow.direction))
+        x, y, z = problem.elbow.direction
+        return kinematics.ElbowAngle(float(np.radians(problem.elbow.angle_deg)), (x, y, z))
     return None if problem.locked is None else kinematics.LockedJoint(problem.locked.joint, problem.locked.value)

@@ -37,7 +37,7 @@ def postures_figure(
                      label="limits" if j == 0 else None)  # fmt: skip
     for n, k in enumerate(np.flatnonzero(np.isfinite(q[0]).all(axis=1))[:SHOWN]):
         style = STYLES[n // len(COLOURS) % 2] if inside[0, k] else ":"
-        label = labels[k] + ("" if inside[0, k] else " (beyond limits)")
+        label = f"{labels[k]}{'' if inside[0, k] else ' (beyond limits)'}"
         axes.plot(at, q[0, k] * factor, style, marker="o", color=COLOURS[n % len(COLOURS)], label=label)
     axes.set_xticks(at, [f"{j}\n[{u}]" for j, u in zip(joints, units, strict=True)])
     axes.set_ylabel("joint coordinate [" + ", ".join(dict.fromkeys(units)) + "]")

@@ -139,9 +139,12 @@ class _Case:
                 made = postures(self.chain, T, R, redundancy=self.redundancy, limits=self.limits)
             parts.append(made)
         k = max(p.q.shape[1] for p in parts)
-        whole = [np.concatenate([_wide(getattr(p, name), k) for p in parts]) for name in ("q", "status", "branch")]
+        q, status, branch = (
+            np.concatenate([_wide(getattr(p, name), k) for p in parts]) for name in ("q", "status", "branch")
+        )
         p = parts[0]
-        return Postures(*whole, np.zeros(whole[1].shape, bool), p.names, p.complete, p.method, p.revolute)
+        none = np.zeros(status.shape, bool)
+        return Postures(q, status, branch, none, p.names, p.complete, p.method, p.revolute)
 
     def written(self, joint: int, value: float) -> str:
         """Return a coordinate in degrees or millimetres, with its unit."""
@@ -150,7 +153,7 @@ class _Case:
     def limit_text(self, excess: Array, q: Array) -> str:
         """Return the limits that joint coordinates (n,) exceed, in words; "" for none."""
         texts = []
-        for j in np.flatnonzero(excess):
+        for j in np.flatnonzero(excess).tolist():
             side, limit = ("upper", self.limits[j, 1]) if excess[j] > 0 else ("lower", self.limits[j, 0])
             texts.append(
                 f"{self.joints[j]} at {self.written(j, q[j])}, beyond its {side} limit {self.written(j, limit)}"
@@ -192,7 +195,7 @@ def _study_of(case: _Case, solutions: Postures, way: PosturePath | None, work: W
     m = len(case.rows)
     near = case.near if way is None else np.where(np.isfinite(way.q), way.q, case.near)
     q, excess = solutions.placed(case.limits, near)
-    exists = np.isfinite(q).all(axis=2)
+    exists = np.asarray(np.isfinite(q).all(axis=2))
     inside = exists & (excess == 0).all(axis=2)
     words = [_word(solutions.status[i], exists[i], inside[i]) for i in range(m)]
     short = _shortfalls(case, words)

@@ -124,7 +124,7 @@ def started(structure: ArmStructure, start: ArrayLike | None) -> ArmStructure:
     if len(outside):
         k, j = outside[0].tolist()
         joint = structure.joints[structure.leaders[j]]
-        value, low, high = (shown(joint.kind, x) for x in (rows[k, j], *limits[j]))
+        value, low, high = (shown(joint.kind, float(x)) for x in (rows[k, j], limits[j, 0], limits[j, 1]))
         raise wrong(f"the start of joint '{joint.name}' is {value}; its limits are {low} and {high}", "start")
     return replace(structure, starts=tuple(tuple(float(x) for x in row) for row in rows))
 
