@@ -55,10 +55,10 @@ def along_path(
 
     >>> from gtmodel.geometry.chains import Chain, along_path, postures
     >>> arm = Chain([[0, 0, 1], [0, 0, 1]], [[0, 0, 0], [0.4, 0, 0]], T=[0.7, 0, 0])
-    >>> T = np.array([[0.5, y, 0.0] for y in (-0.3, 0.0, 0.3)])
+    >>> T = np.array([[0.5, y, 0.0] for y in (-0.2, 0.0, 0.2)])
     >>> way = along_path(arm, postures(arm, T), T, None, limits=[[-2.0, 2.0], [-2.0, 0.0]])  # elbow on one side
     >>> way.jumps, np.degrees(way.q[:, 1]).round(1)
-    ((), array([-68. , -91.1, -68. ]))
+    ((), array([-80.4, -90. , -80.4]))
     """
     m, n = len(T), len(chain)
     bound = np.tile([-np.inf, np.inf], (n, 1)) if limits is None else np.asarray(limits, float)

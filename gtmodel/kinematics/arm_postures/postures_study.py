@@ -93,7 +93,7 @@ def postures_study(
     ...                            limits=[[-3.0, 3.0], [-2.0, 2.0], [0.0, 0.2]])
     >>> s = gt.kinematics.postures_study(arm, gt.kinematics.ToolPose([0.5, 0.3, -0.1]))
     >>> s.names, s.chosen.round(2)
-    (('left', 'right'), array([[1.04, 0.04, 0.1 ]]))
+    (('left', 'right'), array([[0.04, 1.19, 0.1 ]]))
     """
     work = Work(**work_options)
     work.step("axes of the arm")
