@@ -123,7 +123,8 @@ def _function(face: Interface) -> str:
         *[f"    arg[{n}] = {address};\n" for n, address in enumerate([*inputs, *unknowns])],
         *[f"    res[{n}] = {address};\n" for n, address in enumerate(results)],
         f"    (void){face.body}(arg, res, iw, w, 0); /* always returns 0 */\n",
-        *[_margin(n, margins[n]) for n in _distinct(face)],
+        # as in `compiler.rows.status_codes`, a pose that cannot be reached is no singular one
+        *[_margin(n, margins[n]) for n in sorted(_distinct(face), key=lambda n: margins[n].kind != "condition")],
         _finite(face.outputs, "y."),
         *_copies(face, into_state=True),
         f"    *out = y;\n    return {Status.OK.c_name};\n}}\n\n",

@@ -8,6 +8,7 @@ from .analysis.sizes import DOUBLE
 
 if TYPE_CHECKING:
     from .causal import CausalFunction
+    from .known_chain import KnownChain
     from .plan import CausalPlan
 
 
@@ -53,7 +54,8 @@ def explain(f: CausalFunction, full: bool = True) -> str:
             if r.settled_by:
                 source = f"from branch '{r.settled_by}'"
             elif r.default:
-                source = "by default: the start values are singular, or there are none"
+                started = plan.chain is not None and plan.chain.started
+                source = f"by default: {'the start values are singular' if started else 'there are no start values'}"
             lines.append(f"      root of {r.label}: sign {'+' if r.value > 0 else '-'}, {source}")
         for m in b.margins if full else ():
             requirement = "must not be negative" if m.kind == "discriminant" else "must not vanish"
@@ -62,7 +64,10 @@ def explain(f: CausalFunction, full: bool = True) -> str:
     if branches := [m.label for m in plan.sides if m.kind == "branch"]:
         lines.append(f"  branches of Newton's solutions: {', '.join(branches)}")
     lines += [f"  {note}" for note in flat.loops.notes]
-    lines += _home(plan) if plan.newton or any(not r.settled_by for b in plan.blocks for r in b.roots) else []
+    if plan.chain is not None and not plan.newton:
+        lines.append(_start(plan.chain, [r.name for b in plan.blocks for r in b.roots if r.name and r.default]))
+    elif plan.newton or any(not r.settled_by for b in plan.blocks for r in b.roots):
+        lines += _home(plan)
     lines += [f"  {note}" for note in f.notes]
     assumed = sorted(q.name for q in flat.parameters if q.nonzero)
     if assumed:
@@ -73,6 +78,14 @@ def explain(f: CausalFunction, full: bool = True) -> str:
     if flat.branches:
         lines.append(f"  declared branches: {', '.join(b.name for b in flat.branches)}")
     return "\n".join(lines)
+
+
+def _start(chain: KnownChain, default: list[str]) -> str:
+    """Return the home pose of a chain of joints solved in closed form, and the branches that it does not select."""
+    line = f"  home pose: {chain.start_text}" if chain.started else "  no home pose: the joints have no start values"
+    if chain.started and default:
+        line += f", singular for {', '.join(default)}: another start, or `branches`, selects these branches"
+    return line
 
 
 def _home(plan: CausalPlan) -> list[str]:

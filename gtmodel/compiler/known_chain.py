@@ -115,11 +115,10 @@ class KnownChain:
         symbols = [flat.scope.symbol(*pair) for pair in self.symbols]
         assignments = [(s, sign * x) for s, x, (sign, _) in zip(symbols, q, self.kept, strict=True)]
         slopes = form.slopes(ca.vertcat(*[sign * s for s, (sign, _) in zip(symbols, self.kept, strict=True)]))
-        started = any(flat.variables[i].start is not None for i in self.joints)
-        at_start = np.asarray(form.slope_function(self._declared[0]).full())[:, 0]
+        at_start = np.asarray(form.slope_function(self.declared[0]).full())[:, 0]
         roots = []
         for sign, slope, b, value in zip(signs, slopes, form.branches, at_start.tolist(), strict=True):
-            decided = started and abs(value) > SINGULAR_START
+            decided = self.started and abs(value) > SINGULAR_START
             label = f"{b.name}, {b.words[0]} (+) or {b.words[1]} (-)"
             first = -1 if decided and value < 0 else 1
             roots.append(Root(sign, slope, label, first, name=b.name, default=not decided))
@@ -149,10 +148,24 @@ class KnownChain:
         signs = np.array([sign for sign, _ in self.kept])[order]
         R = ca.SX(ca.DM.eye(3)) if self.R is None else self.R
         pose = ca.Function("pose", [a], [ca.densify(self.T), ca.densify(ca.vec(R))])
-        return ChainStarts(ChainSearch(self.chain, self.limits, self._declared, self.R is not None), pose, order, signs)
+        return ChainStarts(ChainSearch(self.chain, self.limits, self.declared, self.R is not None), pose, order, signs)
 
     @property
-    def _declared(self) -> np.ndarray:
+    def started(self) -> bool:
+        """Whether a joint has a start value."""
+        return any(self.flat.variables[i].start is not None for i in self.joints)
+
+    @property
+    def start_text(self) -> str:
+        """The start of the joints, which selects the branches of a closed form, as explain() prints it."""
+        names = {tuple(indices): name for name, (_, indices) in self.flat.groups.items() if len(indices) > 1}
+        numbers = [f"{x + 0.0:.6g}" for x in self.declared[0]]
+        if (name := names.get(tuple(self.joints))) is not None:
+            return f"{name} = [{', '.join(numbers)}]"
+        return ", ".join(f"{self.flat.variables[i].name} = {x}" for i, x in zip(self.joints, numbers, strict=True))
+
+    @property
+    def declared(self) -> np.ndarray:
         """Declared starts of the coordinates (k, n), the first from the variables, others from `further_starts`."""
         rows = [[self.flat.variables[i].start or 0.0 for i in self.joints]]
         for name, starts in getattr(type(self.flat.root), "further_starts", {}).items():
@@ -272,8 +285,13 @@ def _label(label: str, names: Sequence[str]) -> str:
 
 
 def _turned(q: ca.SX, low: float, high: float) -> ca.SX:
-    """Return the angle q, in (-pi, pi], with the full turns that bring it nearest to the middle of the limits."""
-    if not (np.isfinite(low) and np.isfinite(high)) or low == -high:
-        return q
-    middle = (low + high) / 2
-    return q + 2 * np.pi * ca.floor((middle - q) / (2 * np.pi) + 0.5)
+    """Return the angle q, in (-pi, pi], with the full turns that bring it nearest to the middle of the limits, or
+    inside the only one."""
+    if np.isfinite(low) and np.isfinite(high):
+        middle = (low + high) / 2
+        return q if middle == 0.0 else q + 2 * np.pi * ca.floor((middle - q) / (2 * np.pi) + 0.5)
+    if np.isfinite(low):
+        return q if low <= -np.pi else q + 2 * np.pi * ca.fmax(0.0, ca.ceil((low - q) / (2 * np.pi)))
+    if np.isfinite(high):
+        return q if high >= np.pi else q - 2 * np.pi * ca.fmax(0.0, ca.ceil((q - high) / (2 * np.pi)))
+    return q

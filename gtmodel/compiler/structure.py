@@ -4,6 +4,7 @@ equations."""
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
@@ -11,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from ..lang.connect import place_of
+from ..lang.model import Model
 from ..lang.source import ModelError, SourceLocation
 from .flat import FlatEquation, FlatModel
 from .graph import alternating, highest_transversal, largest_matching, neighbours_of, reversed_matching
@@ -145,7 +147,8 @@ def _unbalanced(
         if remedy := remedy_of(flat, [equations[i] for i in rows]):
             text += f"; {remedy}"
     if loose := _unconnected(flat):
-        text += f"; unconnected ports, whose flows are 0: {', '.join(loose[:6])}"
+        placed = [f"{name}{_declared_at(flat, name)}" for name in loose[:6]]
+        text += f"; unconnected ports, whose flows are 0: {', '.join(placed)}"
     return text
 
 
@@ -208,6 +211,17 @@ def _unconnected(flat: FlatModel) -> list[str]:
     """Return the unconnected ports of components: their flow equation has only one port."""
     alone = (e.label for e in flat.equations if e.label.startswith("flow ") and " ~ " not in e.label)
     return list(dict.fromkeys(name for label in alone if "." in (name := label.partition(" of ")[2])))
+
+
+def _declared_at(flat: FlatModel, port: str) -> str:
+    """Return the line, in parentheses, where the user declares the component of a port; "" if it is not known."""
+    component = flat.root
+    for name, index in re.findall(r"(\w+)(?:\[(\d+)\])?", port.rpartition(".")[0]):
+        component = getattr(component, name, None)
+        if index and isinstance(component, (list, tuple)):
+            component = component[int(index)]
+    where = place_of(component) if isinstance(component, Model) else None
+    return "" if where is None or where.ours else f" ({where})"
 
 
 def _count(n: int, word: str) -> str:

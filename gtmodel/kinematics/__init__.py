@@ -11,7 +11,9 @@ workspace         reachable tool centre points, and the reason why the other poi
 mechanism         a robot on guideways as arrays: `Mechanism`
 mobility          degrees of freedom, redundant constraints and idle motions of a mechanism: `model.mobility()`
 singularity       distance of a pose from a singularity, as lengths and angles
+postures_study    all postures of an arm for a pose, a table or a path: a PosturesStudy; poses as ToolPose, ToolPoses
 postures          all postures of a serial arm for poses: named branches, limits, nearest ones; a Postures
+along_path        one posture for each row of a path, without jumps where the arm allows it: a PosturePath
 chain_of          joint axes of an arm's model: a Chain, the argument of `postures` and `closed_form`
 ElbowAngle        redundancy of seven joints resolved by the elbow; LockedJoint: by a joint that is held
 MotionMaps        velocity and acceleration maps of any position causality
@@ -39,7 +41,10 @@ if TYPE_CHECKING:
         ClosedForm as ClosedForm,
         ElbowAngle as ElbowAngle,
         LockedJoint as LockedJoint,
+        PostureJump as PostureJump,
+        PosturePath as PosturePath,
         Postures as Postures,
+        along_path as along_path,
         closed_form as closed_form,
         elbow_angle as elbow_angle,
         postures as postures,
@@ -47,6 +52,7 @@ if TYPE_CHECKING:
     from ..geometry.rotations import rotation_vector as rotation_vector, zyz as zyz
     from . import (
         accuracy as accuracy,
+        arm_postures as arm_postures,
         assembly_modes as assembly_modes,
         causality as causality,
         mobility as mobility,
@@ -55,6 +61,14 @@ if TYPE_CHECKING:
         workspace as workspace,
     )
     from .accuracy import AccuracyStudy as AccuracyStudy, accuracy_study as accuracy_study
+    from .arm_postures import (
+        PosturesStudy as PosturesStudy,
+        ToolColumns as ToolColumns,
+        ToolPose as ToolPose,
+        ToolPoses as ToolPoses,
+        postures_study as postures_study,
+        read_tool_poses as read_tool_poses,
+    )
     from .assembly_modes import ModesStudy as ModesStudy, modes_study as modes_study
     from .causality import CausalityStudy as CausalityStudy, causality_study as causality_study
     from .orientation import OrientationMap as OrientationMap, grid as grid, orientation_map as orientation_map

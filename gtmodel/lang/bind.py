@@ -253,7 +253,7 @@ def _variable(item: Variable, modifier: dict[str, Any], full: str, path: str, bo
             value = value(bound)
         if isinstance(value, str):
             raise ModelError(f"attribute {key} of '{full}' takes numbers; found {value!r}", item.where)
-        sx, shape = operand(value, scope)
+        sx, shape = _bound(key, value) or operand(value, scope)
         if shape != item.shape and shape != ():
             raise ModelError(f"attribute {key} of '{full}' has shape {shape}; expected {item.shape}", item.where)
         column = ca.repmat(sx, len(names), 1) if shape == () and len(names) > 1 else row_by_row(sx)
@@ -261,6 +261,20 @@ def _variable(item: Variable, modifier: dict[str, Any], full: str, path: str, bo
     indices = list(range(first, first + len(names)))
     tree.variables.append(VariableRecord(full, item, path, indices, attributes))
     return Expr(_assemble(symbols, item.shape), item.shape, item.dimension, scope)
+
+
+def _bound(key: str, value: Any) -> tuple[ca.SX, tuple[int, ...]] | None:
+    """Return bounds of which some are infinite, because an entry has none; None for any other attribute."""
+    if key not in ("min", "max") or isinstance(value, Expr):
+        return None
+    try:
+        array = np.asarray(value, float)
+    except (TypeError, ValueError):
+        return None
+    none = array == (-np.inf if key == "min" else np.inf)
+    if array.ndim > 2 or not np.any(none) or not np.all(none | np.isfinite(array)):
+        return None
+    return ca.SX(ca.DM(array)), array.shape
 
 
 def _port(item: Port, full: str, owner: Model, tree: Tree) -> Any:

@@ -222,7 +222,7 @@ def variable(
         shape: None for a scalar, n for a vector, (n, m) for a matrix.
         unit: SI unit, e.g. "N/m"; None switches the dimension check off for this variable.
         nominal: expected magnitude (> 0), used for scaling.
-        min, max: bounds, used by optimisation.
+        min, max: bounds, used by optimisation; -inf or inf for an entry of an array that has none.
         start: start value: a guess unless `fixed`. It also selects among several solutions of an equation.
         fixed: the start value is an initial condition; 0 if there is no start value.
         prefer: preference as a state: variables with higher values are preferred, negative values are avoided.

@@ -180,6 +180,8 @@ class SerialFile(FileSection):
     beta_deg: list[float] | None = Field(default=None, description="Hayati's angles, for parallel consecutive axes")
     limits_deg: list[Pair] | None = Field(default=None, description="lower and upper limits of revolute joints")
     limits: list[Pair] | None = Field(default=None, description="lower and upper limits, in rad or, if prismatic, in m")
+    start_deg: list[float] | list[list[float]] | None = Field(default=None, description="home pose, further starts")
+    start: list[float] | list[list[float]] | None = Field(default=None, description="the same in rad or m")
     base_m: Vector | None = Field(default=None, description="position of the base in the world frame")
     base_rpy_deg: Vector | None = Field(default=None, description="roll, pitch and yaw of the base")
     tool_m: Vector | None = Field(default=None, description="tool centre point in the last frame")
@@ -202,15 +204,16 @@ class SerialFile(FileSection):
         if wrong := implausible_arm(self.model_dump()):
             raise InputError(wrong[1], wrong[0])
         turning = self.joints if isinstance(self.joints, str) else "".join(k[:1] for k in self.joints)
-        if self.limits_deg is not None and (self.limits is not None or "p" in turning):
-            raise InputError("needs revolute joints only; give limits instead, in rad and m", "limits_deg")
+        for key in ("limits", "start"):
+            if getattr(self, f"{key}_deg") is not None and (getattr(self, key) is not None or "p" in turning):
+                raise InputError(f"needs revolute joints only; give {key} instead, in rad and m", f"{key}_deg")
         arguments = {
             "a": self.a_m, "alpha": _radians(self.alpha_deg), "d": self.d_m, "theta": _radians(self.theta_deg),
             "beta": _radians(self.beta_deg), "convention": self.convention, "joints": self.joints, "names": self.names,
-            "limits": self.limits or _radians(self.limits_deg), "base_xyz": self.base_m,
-            "base_rpy": _radians(self.base_rpy_deg), "tool_xyz": self.tool_m, "tool_rpy": _radians(self.tool_rpy_deg),
-            "m": self.m_kg, **self.moments(), "viscous": self.viscous, "coulomb": self.coulomb,
-            "rotor_inertia": self.rotor_inertia, "title": self.title or "arm",
+            "limits": self.limits or _radians(self.limits_deg), "start": self.start or _radians(self.start_deg),
+            "base_xyz": self.base_m, "base_rpy": _radians(self.base_rpy_deg), "tool_xyz": self.tool_m,
+            "tool_rpy": _radians(self.tool_rpy_deg), "m": self.m_kg, **self.moments(), "viscous": self.viscous,
+            "coulomb": self.coulomb, "rotor_inertia": self.rotor_inertia, "title": self.title or "arm",
         }  # fmt: skip
         return {name: value for name, value in arguments.items() if value is not None}
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..lang import Model
+from ..lang import Model, ModelError
 from .six_link import ARM, LINKS
 
 # link lengths [m] of a robot on carts: lengths outside this range are in another unit. The limits are a factor of 1000
@@ -60,7 +60,7 @@ def implausible_arm(table: Mapping[str, Any]) -> tuple[str, str] | None:
         far = np.max(np.abs(table.get(key) or [0.0]))
         if far > LONGEST:
             return key, f"lengths up to {far:g} m look like millimetres; give metres"
-    for key in ("alpha_deg", "theta_deg", "beta_deg", "limits_deg", "base_rpy_deg", "tool_rpy_deg"):
+    for key in ("alpha_deg", "theta_deg", "beta_deg", "limits_deg", "start_deg", "base_rpy_deg", "tool_rpy_deg"):
         if wrong := implausible_angle(table.get(key) or [], "deg"):
             return key, wrong
     limits = table.get("limits") or []
@@ -68,7 +68,31 @@ def implausible_arm(table: Mapping[str, Any]) -> tuple[str, str] | None:
     joints = joints if len(joints) == len(limits) else joints[:1] * len(limits)
     turning = [x for x, joint in zip(limits, joints, strict=True) if joint.startswith("r")]
     wrong = implausible_angle(turning, "rad")
-    return ("limits", f"{wrong}, or write limits_deg") if wrong else None
+    return ("limits", f"{wrong}, or write limits_deg") if wrong else _wrong_joints(table)
+
+
+def _wrong_joints(table: Mapping[str, Any]) -> tuple[str, str] | None:
+    """Return the key that `serial_arm` would refuse, with its sentence."""
+    from .serial.dh import checked_joints  # here: implausible lengths of other robots need no arms
+
+    keys = {"a": "a_m", "alpha": "alpha_deg", "d": "d_m", "theta": "theta_deg", "beta": "beta_deg", "m": "m_kg"}
+    more = {}
+    for name in ("limits", "start"):
+        keys[name] = name if table.get(name) is not None else f"{name}_deg"
+        more[name] = table[name] if table.get(name) is not None else _radians(table.get(f"{name}_deg"))
+    numbers = {name: table[keys[name]] for name in ("a", "alpha", "d", "theta", "beta") if table.get(keys[name])}
+    try:
+        checked_joints(numbers, joints=table["joints"], names=table.get("names"), m=table.get("m_kg"), **more)
+    except ModelError as error:
+        return keys.get(error.argument, error.argument), str(error)
+    return None
+
+
+def _radians(degrees: Any) -> Any:
+    try:
+        return None if degrees is None else np.radians(degrees)
+    except ValueError:  # rows of different lengths
+        return degrees
 
 
 def implausible_length(table: Mapping[str, Any]) -> tuple[str, str] | None:

@@ -1,4 +1,4 @@
-"""Generated C beside closed forms by hand (tests/oracle/three_link.c): instructions per call at gcc -O2.
+"""Generated C beside closed forms by hand (tests/oracle/three_link.c and arms.c): instructions per call at gcc -O2.
 
 Prints Markdown; ends with 1 if a generated body costs more than RATIO times its peer, or the peer more than its
 limit. Without valgrind it says so and measures nothing.
@@ -10,21 +10,24 @@ import sys
 import tempfile
 from pathlib import Path
 
+from tests.bench.arm_pairs import PEER as ARMS, arm_pairs
 from tests.bench.callgrind import FLAGS, body_call, count, generate, guarded_call, missing
-from tests.bench.three_link_pairs import LIMITS, LINK_MASSES, PEER, POINTS, RATIO, three_link_pairs
+from tests.bench.three_link_pairs import LIMITS, LINK_MASSES, PEER, POINTS, RATIO, Pairs, three_link_pairs
 
 
 def table(links: str) -> tuple[list[str], bool]:
-    """Lines of the table for one robot, and whether all is within the limits."""
-    pairs = three_link_pairs(links)
+    """Lines of the table for one robot, or for two arms ("arms"), and whether all is within the limits."""
+    pairs = three_link_pairs(links) if links != "arms" else Pairs(arm_pairs(), "")
+    peer = PEER if links != "arms" else ARMS
     calls = {f"hand {p.key}": p.peer for p in pairs.all}
     calls |= {f"body {p.key}": body_call(p.key, p.function, p.peer.points) for p in pairs.all}
     calls |= {f"guarded {p.key}": guarded_call(p.key, p.function, p.peer.points) for p in pairs.all}
     with tempfile.TemporaryDirectory() as folder:
         sources = generate({p.key: p.function for p in pairs.all}, Path(folder) / "generated")
-        counts = count(calls, [*sources, PEER], pairs.parameters)
+        counts = count(calls, [*sources, peer], pairs.parameters)
+    what = links if links == "arms" else f"L1 with {links}"
     lines = [
-        f"| L1 with {links} | by hand | at most | generated | ratio | | with guards |",
+        f"| {what} | by hand | at most | generated | ratio | | with guards |",
         "|---|---:|---:|---:|---:|---|---:|",
     ]
     good = True
@@ -47,7 +50,7 @@ def main() -> int:
     print(f"Instructions per call by callgrind, gcc {' '.join(FLAGS)}, mean of {POINTS} poses.")
     print(f"Parameters are folded in (generated) or inputs (by hand); pass: generated at most {RATIO} times by hand.")
     good = True
-    for links in LINK_MASSES:
+    for links in (*LINK_MASSES, "arms"):
         lines, passed = table(links)
         good &= passed
         print("\n" + "\n".join(lines))

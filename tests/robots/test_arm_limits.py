@@ -69,3 +69,84 @@ def test_motions_of_gantry_tau_robots_name_the_way_for_an_arm(problem: str) -> N
 
 def test_the_wrist_of_a_urdf_is_found_whatever_its_axes_are_called(arm) -> None:
     assert gt.kinematics.closed_form(gt.kinematics.chain_of(arm)).names[0] == "front, up, no flip"
+
+
+SOME = [[-np.inf, np.inf], [0.0, 2.0], [1.0, np.inf]]  # the first joint without limits, the last with one
+
+
+def some(**more) -> gt.Model:
+    return gt.robots.serial_arm(a=[0.4, 0.3, 0.2], alpha=0.0, limits=SOME, start=[0.0, 0.5, 1.1], **more)
+
+
+def test_limits_of_some_joints_are_kept() -> None:
+    arm = some()
+    inverse, forward = arm.causal(["T", "R"], "q"), arm.causal("q", ["T", "R"])
+    q = np.array([[0.3, 0.5, 1.5], [3.0, 0.5, 4.5], [0.3, 0.5, 0.7]])
+    *pose, _ = forward(q)
+    got, status = inverse(*pose)
+    assert not status.any()
+    np.testing.assert_allclose(got[:2], q[:2], atol=ROUND_OFF)
+    np.testing.assert_allclose(got[2], q[2] + [0, 0, 2 * np.pi], atol=ROUND_OFF)  # one turn inside its only limit
+    *pose, _ = forward([0.3, 2.5, 1.5])  # the other elbow is below zero
+    _, status = inverse(*pose)
+    assert status is gt.Status.OUT_OF_RANGE and "q[1], 0 to 2" in inverse.diagnose(*pose)
+
+
+def test_a_bound_of_some_entries_is_one_of_an_optimisation() -> None:
+    from gtmodel.compiler.causal import flat_of
+
+    bounds = {v.name: (v.min, v.max) for v in flat_of(some()).variables if v.name.startswith("q[")}
+    assert bounds == {"q[0]": (-np.inf, np.inf), "q[1]": (0.0, 2.0), "q[2]": (1.0, np.inf)}
+    with pytest.raises(gt.ModelError, match="must be finite"):
+        flat_of(some().with_(q={"min": [np.nan, -np.inf, 0.0]}))
+
+    class Fall(gt.Optimization):
+        final_time = 1.0
+        x = gt.variable(2, start=[1.0, 1.0], fixed=True, min=[-np.inf, 0.2])
+        u = gt.input(2)
+
+        def equations(self):
+            yield gt.der(self.x) == self.u
+
+        def objective(self):
+            return (
+                self.x.at(self.final_time)[0] + self.x.at(self.final_time)[1] + gt.integral(gt.dot(self.u, self.u)) / 4
+            )
+
+    # without bounds u = -2 on the whole way, to -1; the second entry stops at 0.2 on a straight line
+    end = gt.solve(Fall(), gt.Mesh(elements=4)).trajectory["x"][-1]
+    np.testing.assert_allclose(end, [-1.0, 0.2], atol=1e-6)
+
+
+def test_elimination_and_iteration_respect_the_only_limit_of_a_joint() -> None:
+    slide = gt.robots.serial_arm(
+        a=[0.4, 0.3, 0.2, 0.1], alpha=[1.0, 0.5, 0.3, 0.2], d=0.1, joints="rrpr",
+        limits=[[-np.inf, np.inf], [0.0, 2.0], [1.0, np.inf], [-1.0, 1.0]],
+    )  # fmt: skip
+    q = np.array([0.1, 0.6, 1.3, 0.3])
+    chain = gt.kinematics.chain_of(slide)
+    T, R = chain.pose(q)
+    known = gt.kinematics.postures(chain, T, R, limits=slide.joint_limits)
+    assert not known.complete
+    np.testing.assert_allclose(known.q[0, 0], q, atol=ROUND_OFF)
+
+
+def test_explain_says_which_home_pose_selects_the_branches(arm) -> None:
+    singular = arm.causal(["T", "R"], "q").explain(full=False)
+    assert "home pose: q = [0, 0, 0, 0, 0, 0], singular for shoulder, elbow, wrist" in singular
+    started = gt.robots.from_urdf(ARM, start=POSE).causal(["T", "R"], "q").explain(full=False)
+    assert "home pose: q = [-0.6, 0.4, 1, 0.2, 0.8, 0.3]\n" in started and "singular" not in started
+
+
+def test_a_robot_file_has_a_start(tmp_path: Path) -> None:
+    text = 'family = "serial"\na_m = [0.4, 0.3]\nalpha_deg = [0.0, 0.0]\nd_m = [0.0, 0.0]\n'
+    for key, starts in (("start_deg = [0.0, 90.0]", ((0.0, np.pi / 2),)), ("start = [[0.0, 1.0], [0.5, -1.0]]",
+                                                                      ((0.0, 1.0), (0.5, -1.0)))):  # fmt: skip
+        (tmp_path / "two.toml").write_text(f"{text}{key}\n")
+        assert gt.load_robot(tmp_path / "two.toml").structure.starts == starts
+    for key, wrong in (("start_deg = [0.0, 90.0, 0.0]", "start takes 2 joint coordinates"),
+                       ("start_deg = [0.0, 90.0]\nstart = [0.0, 1.0]", "start_deg"),
+                       ("limits = [[-1, 1], [-1, 1]]\nstart = [0.0, 2.0]", "joint 'joint_2' is 2")):  # fmt: skip
+        (tmp_path / "two.toml").write_text(f"{text}{key}\n")
+        with pytest.raises(InputError, match=wrong):
+            gt.load_robot(tmp_path / "two.toml")

@@ -145,9 +145,9 @@ WRONG = {
     f'<robot name="r">{LINKS}\n<joint name="j" type="revolute">{ENDS}<axis xyz="0 0 0"/></joint></robot>':
         "line 2: the axis of joint 'j' is zero",
     f'<robot name="r">{LINKS}\n<joint name="j" type="revolute">{ENDS}<origin xyz="0 0,1 0"/></joint></robot>':
-        "line 2: xyz of <origin> takes three numbers; found '0 0,1 0'",
+        "line 2: joint 'j': xyz of <origin> takes three numbers; found '0 0,1 0'",
     f'<robot name="r">{LINKS}\n<joint name="j" type="revolute">{ENDS}<limit lower="a"/></joint></robot>':
-        "line 2: lower of <limit> takes a number; found 'a'",
+        "line 2: joint 'j': lower of <limit> takes a number; found 'a'",
     f'<robot name="r">{LINKS}\n<joint name="j" type="revolute">{ENDS}<limit lower="2" upper="1"/></joint></robot>':
         "line 2: the lower limit of joint 'j' is above the upper one",
     f'<robot name="r">{LINKS}<joint name="j" type="revolute">{ENDS}<mimic joint="k"/></joint></robot>':
@@ -172,9 +172,9 @@ WRONG = {
     '<robot name="r">\n<link name="a"><mass value="1"/></link></robot>':
         "line 2: <link> of link 'a' holds <mass>, which it does not take; it takes inertial",
     f'<robot name="r">{LINKS}<joint name="j" type="revolute">{ENDS}<origin rpy="0 0 0" quat_xyzw="0 0 0 1"/></joint>'
-    "</robot>": "line 1: <origin> has both rpy and quat_xyzw; expected one of them",
+    "</robot>": "line 1: joint 'j': <origin> has both rpy and quat_xyzw; expected one of them",
     f'<robot name="r">{LINKS}<joint name="j" type="revolute">{ENDS}<origin quat_xyzw="0 0 1 1"/></joint></robot>':
-        "line 1: quat_xyzw of <origin> has the norm 1.414; expected 1",
+        "line 1: joint 'j': quat_xyzw of <origin> has the norm 1.414; expected 1",
 }  # fmt: skip
 
 
@@ -360,7 +360,7 @@ REFUSED = [
     (dict(a=[0.1, 0.2], alpha=0.0, joints="rx"), "joints takes one of r, p for each of the 2 joints"),
     (dict(a=[0.1, 0.2], alpha=0.0, convention="craig"), "a convention is standard or modified"),
     (dict(a=[0.1, 0.2], alpha=0.0, names=["a", "a"]), "names takes 2 different names"),
-    (dict(a=[0.1, 0.2], alpha=0.0, limits=[[0, 1], [1, 0]]), "limits takes a lower and a greater upper limit"),
+    (dict(a=[0.1, 0.2], alpha=0.0, limits=[[0, 1], [1, 0]]), "limits of joint .joint_2. are 57.3 deg and 0 deg"),
     (dict(a=[0.1], alpha=0.0, payload=-1.0), "a payload is a mass of 0 kg or more"),
     (dict(a=[0.1, 0.2], alpha=0.0, limits=[[0, 1], [1]]), "'limits' takes numbers, the same count in each row"),
     (dict(a="long", alpha=0.0), "'a' takes numbers"),

@@ -8,4 +8,5 @@ from .closed import (
     closed_form as closed_form,
 )
 from .elbow import ElbowAngle as ElbowAngle, elbow_angle as elbow_angle
+from .path import PostureJump as PostureJump, PosturePath as PosturePath, along_path as along_path
 from .postures import LockedJoint as LockedJoint, Postures as Postures, postures as postures

@@ -13,7 +13,7 @@ from .chain import Chain
 from .closed import ClosedForm, closed_form
 from .elbow import ElbowAngle, elbow_postures
 from .general import GeneralArm
-from .numerical import SOLVED, bounds, jacobian, nearest_starts, polished, starts
+from .numerical import SOLVED, jacobian, nearest_starts, polished, starts
 from .quartic import QuarticArm
 
 SINGULAR = 1e-6  # relative size of a pivot, or smallest singular value, below which angles have fewer than ten digits
@@ -70,7 +70,8 @@ class Postures:
         for q, branch in zip(self.q[pose], self.branch[pose], strict=True):
             if not np.all(np.isfinite(q)):
                 continue
-            first, last = np.ceil((low - ON_LIMIT - q) / turn), np.floor((high + ON_LIMIT - q) / turn)
+            with np.errstate(invalid="ignore"):
+                first, last = np.ceil((low - ON_LIMIT - q) / turn), np.floor((high + ON_LIMIT - q) / turn)
             slides = ~np.array(self.revolute)
             inside = (q >= low - ON_LIMIT) & (q <= high + ON_LIMIT)
             first, last = np.where(slides, 0, first), np.where(slides, inside - 1, last)
@@ -79,6 +80,15 @@ class Postures:
             rows.append(q + np.where(slides, 0.0, 2 * np.pi) * grid)
             branches.append(np.full(len(grid), branch))
         return np.concatenate(rows), np.concatenate(branches)
+
+    def placed(self, limits: ArrayLike, near: ArrayLike | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Return q (m, k, n) with whole turns into limits (n, 2), and its excess (m, k, n) beyond them [rad or m].
+
+        The excess is positive above the upper limit, negative below the lower one, 0 within. Of several turns within
+        the limits, the one nearest to `near` (n,) or (m, n), or else to the middle of the limits, is taken.
+        """
+        at = None if near is None else np.broadcast_to(np.asarray(near, float), (len(self.q), self.q.shape[2]))
+        return _turned(self.revolute, self.q, _limits(limits, self.q.shape[2]), at)
 
 
 def postures(
@@ -119,7 +129,9 @@ def postures(
     q[(status != Status.OK) & (status != Status.SINGULAR)] = np.nan
     beyond = np.zeros(status.shape, bool)
     if bound is not None or at is not None:
-        q, beyond = _turned(chain, q, bound, at)
+        q, excess = _turned(chain.revolute, q, bound, at)
+        beyond = (excess != 0).any(axis=2)
+        q[beyond] = np.nan
         status[beyond] = Status.OUT_OF_RANGE
     made = replace(made, q=q, status=status, beyond=beyond)
     return made if at is None else _sorted(made, at)
@@ -216,7 +228,8 @@ def _by_iteration(
         if limits is None:
             inside = np.asarray(np.isfinite(q).all(axis=2))
         else:
-            inside = np.asarray(np.isfinite(_turned(chain, q, limits, None)[0]).all(axis=2))
+            excess = _turned(chain.revolute, q, limits, None)[1]
+            inside = np.asarray(np.isfinite(q).all(axis=2) & (excess == 0).all(axis=2))
         # isolated postures: two rounds for all, further ones where none is within limits
         open_ = np.flatnonzero(~inside.any(axis=1) if redundant or k > 1 else np.ones(m, bool))
         if not len(open_):
@@ -278,23 +291,28 @@ def _stacked(rows: list[np.ndarray], n: int) -> np.ndarray:
 
 
 def _turned(
-    chain: Chain, q: np.ndarray, limits: np.ndarray | None, near: np.ndarray | None
+    revolute: tuple[bool, ...], q: np.ndarray, limits: np.ndarray | None, near: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return postures turned by whole turns next to `near` and into limits, and which are beyond them (then NaN)."""
-    turn = np.where(chain.revolute, 2 * np.pi, 0.0)
-    low, high = (np.full(len(chain), x) for x in (-np.inf, np.inf)) if limits is None else limits.T
-    middle = np.zeros((len(q), len(chain))) if near is None else near
-    if near is None and limits is not None:
-        middle = np.broadcast_to(bounds(chain, limits).mean(axis=1), middle.shape)
+    """Return postures with whole turns next to `near` and into limits, and by how much they exceed them."""
+    turn = np.where(revolute, 2 * np.pi, 0.0)
+    low, high = (np.full(len(turn), x) for x in (-np.inf, np.inf)) if limits is None else limits.T
+    middle = np.zeros((len(q), len(turn))) if near is None else near
+    if near is None:
+        both = np.isfinite(low) & np.isfinite(high)
+        middle = np.broadcast_to(
+            np.where(both, (np.where(both, low, 0) + np.where(both, high, 0)) / 2, 0), middle.shape
+        )
     count = np.where(turn > 0, np.round((middle[:, None] - q) / np.where(turn > 0, turn, 1.0)), 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         least = np.where(turn > 0, np.ceil((low - ON_LIMIT - q) / turn), 0.0)
         most = np.where(turn > 0, np.floor((high + ON_LIMIT - q) / turn), 0.0)
-    turned = q + turn * np.clip(count, least, np.maximum(least, most))
-    with np.errstate(invalid="ignore"):
-        beyond = np.asarray(((turned > high + ON_LIMIT) | (turned < low - ON_LIMIT)).any(axis=2))
-    turned[beyond] = np.nan
-    return turned, beyond
+        turned = q + turn * np.clip(count, least, np.maximum(least, most))
+        # beyond both limits: the turn that exceeds them less
+        other = turned - turn
+        turned = np.where((turned > high + ON_LIMIT) & (low - other < turned - high), other, turned)
+        above, below = turned > high + ON_LIMIT, turned < low - ON_LIMIT
+        excess = np.where(above, turned - high, np.where(below, turned - low, 0.0))
+    return turned, excess
 
 
 def _sorted(made: Postures, near: np.ndarray) -> Postures:

@@ -231,7 +231,7 @@ def arm_class(structure: ArmStructure) -> type[SerialArm]:
     joints, units = structure.joints, _units(structure)
     n, moving = len(joints), len(structure.leaders)
     limits = structure.limits()
-    low, high = (x if np.all(np.isfinite(x)) else None for x in limits.T)
+    low, high = (x if np.any(np.isfinite(x)) else None for x in limits.T)
     start = np.array(structure.starts[0]) if structure.starts else np.clip(np.zeros(moving), *limits.T)
     body: dict[str, Any] = {
         "structure": structure,

@@ -3,7 +3,7 @@ by xyz and rpy; and the parameters that measured poses determine."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -14,11 +14,11 @@ from ...geometry.rotations import rotation_of_rpy, rpy_of_rotation
 from ...inference import dependencies
 from ...lang import ModelError
 from .arm import DH_NAMES, FRICTION, SerialArm, arm_class
-from .structure import ArmJoint, ArmStructure, moments, moved, started, with_payload
+from .structure import ArmJoint, ArmStructure, JointKind, moments, moved, shown, started, with_payload, wrong
 from .to_urdf import dh_step
 
 Array = np.ndarray
-KINDS = {"r": "revolute", "p": "prismatic", "revolute": "revolute", "prismatic": "prismatic"}
+KINDS: dict[str, JointKind] = {"r": "revolute", "p": "prismatic", "revolute": "revolute", "prismatic": "prismatic"}
 
 
 def serial_arm(
@@ -74,54 +74,74 @@ def serial_arm(
     >>> T.round(6)
     array([ 0.3 ,  0.25, -0.1 ])
     """
-    a, alpha, d, theta, beta = (
-        _numbers(name, x)
-        for name, x in zip(("a", "alpha", "d", "theta", "beta"), (a, alpha, d, theta, beta), strict=True)
-    )
-    limits = None if limits is None else _numbers("limits", limits)
+    given = {"a": a, "alpha": alpha, "d": d, "theta": theta, "beta": beta}
     c, I = (None if x is None else _numbers(name, x) for name, x in (("c", c), ("I", I)))
-    n = max(np.size(x) for x in (a, alpha, d, theta, beta))
-    n = max(n, 0 if limits is None else len(np.atleast_2d(limits)), len(joints) if not isinstance(joints, str) else 1)
-    n = max(n, len(joints) if isinstance(joints, str) and joints not in KINDS else 1)
-    numbers = {"a": a, "alpha": alpha, "d": d, "theta": theta, "beta": beta}
-    numbers = {key: _each(key, value, n) for key, value in numbers.items()}
-    kinds = [joints] * n if isinstance(joints, str) and joints in KINDS else list(joints)
-    if not set(kinds) <= set(KINDS) or len(kinds) != n:
-        raise ModelError(f"joints takes one of r, p for each of the {n} joints, such as 'rrp'; found {joints!r}")
-    if convention not in ("standard", "modified"):
-        raise ModelError(f"a convention is standard or modified; found {convention!r}")
-    if smoothing not in FRICTION:
-        raise ModelError(f"friction smoothing is one of {', '.join(FRICTION)}; found {smoothing!r}")
-    labels = [f"joint_{k + 1}" for k in range(n)] if names is None else [str(x) for x in names]
-    if len(labels) != n or len(set(labels)) != n:
-        raise ModelError(f"names takes {n} different names, one for each joint; found {', '.join(labels)}")
-    ends = np.full((n, 2), [-np.inf, np.inf]) if limits is None else np.asarray(limits, float)
-    if ends.shape != (n, 2) or not np.all(ends[:, 0] < ends[:, 1]):
-        raise ModelError(f"limits takes a lower and a greater upper limit for each of the {n} joints")
-    arm_joints = tuple(
-        ArmJoint(labels[k], KINDS[kinds[k]], f"link_{k + 1}", float(ends[k, 0]), float(ends[k, 1]))  # type: ignore[arg-type]
-        for k in range(n)
-    )
-    structure = ArmStructure(title, arm_joints, convention, smoothing=smoothing)
-    values: dict[str, Any] = {**numbers, **modifiers}
+    numbers, structure = checked_joints(
+        given, joints=joints, names=names, limits=limits, start=start, m=modifiers.get("m"), convention=convention,
+        smoothing=smoothing, title=title,
+    )  # fmt: skip
+    n, values = len(structure.joints), {**numbers, **modifiers}
     if c is not None or I is not None:
         if "mc" in modifiers or "J" in modifiers:
             raise ModelError("c and I describe the same as mc and J; give one of the two pairs")
         values["mc"], values["J"] = moments(values.get("m", np.zeros(n)), c, I)
-    return arm_class(started(structure, start))(**with_payload(values, payload, n))
+    return arm_class(structure)(**with_payload(values, payload, n))
+
+
+def checked_joints(
+    numbers: Mapping[str, ArrayLike], *, joints: str | Sequence[str] = "r", names: Sequence[str] | None = None,
+    limits: ArrayLike | None = None, start: ArrayLike | None = None, m: Any = None, convention: str = "standard",
+    smoothing: str = "tanh", title: str = "arm",
+) -> tuple[dict[str, Array], ArmStructure]:  # fmt: skip
+    """Return the Denavit-Hartenberg parameters, one of each per joint, and the structure of an arm.
+
+    Arguments as for `serial_arm`. Raises ModelError, whose `argument` is the wrong one.
+    """
+    numbers = {name: _numbers(name, x) for name, x in numbers.items()}
+    limits = None if limits is None else _numbers("limits", limits)
+    letters = isinstance(joints, str) and joints in KINDS
+    n = max([*(np.size(x) for x in numbers.values()), 1 if letters else len(joints)])
+    n = max(n, 0 if limits is None else len(np.atleast_2d(limits)))
+    kinds = [joints] * n if isinstance(joints, str) and letters else list(joints)
+    if not set(kinds) <= set(KINDS) or len(kinds) != n:
+        raise wrong(f"joints takes one of r, p for each of the {n} joints, such as 'rrp'; found {joints!r}", "joints")
+    numbers = {key: _each(key, value, n) for key, value in numbers.items()}
+    if convention not in ("standard", "modified"):
+        raise wrong(f"a convention is standard or modified; found {convention!r}", "convention")
+    if smoothing not in FRICTION:
+        raise wrong(f"friction smoothing is one of {', '.join(FRICTION)}; found {smoothing!r}", "smoothing")
+    labels = [f"joint_{k + 1}" for k in range(n)] if names is None else [str(x) for x in names]
+    if len(labels) != n or len(set(labels)) != n:
+        raise wrong(f"names takes {n} different names, one for each joint; found {', '.join(labels)}", "names")
+    ends = np.full((n, 2), [-np.inf, np.inf]) if limits is None else np.asarray(limits, float)
+    if ends.shape != (n, 2):
+        raise wrong(f"limits takes a lower and an upper limit for each of the {n} joints; found the shape {ends.shape}",
+                    "limits")  # fmt: skip
+    for label, kind, (low, high) in zip(labels, kinds, ends.tolist(), strict=True):
+        if not low < high:
+            low, high = (shown(KINDS[kind], x) for x in (low, high))
+            raise wrong(f"the limits of joint '{label}' are {low} and {high}; the first must be lower", "limits")
+    masses = np.atleast_1d(np.asarray(m, float)) if isinstance(m, (int, float, list, tuple, np.ndarray)) else []
+    for label, mass in zip(labels, masses, strict=False):
+        if mass < 0:
+            raise wrong(f"the mass of the link that joint '{label}' moves is {mass:g} kg; it cannot be negative", "m")
+    arm_joints = tuple(
+        ArmJoint(labels[k], KINDS[kinds[k]], f"link_{k + 1}", float(ends[k, 0]), float(ends[k, 1])) for k in range(n)
+    )
+    return numbers, started(ArmStructure(title, arm_joints, convention, smoothing=smoothing), start)
 
 
 def _numbers(name: str, value: ArrayLike) -> Array:
     try:
         return np.asarray(value, float)
     except (TypeError, ValueError):
-        raise ModelError(f"'{name}' takes numbers, the same count in each row; found {str(value)[:60]}") from None
+        raise wrong(f"'{name}' takes numbers, the same count in each row; found {str(value)[:60]}", name) from None
 
 
 def _each(name: str, value: ArrayLike, n: int) -> Array:
     array = np.asarray(value, float)
     if array.shape not in ((), (n,)):
-        raise ModelError(f"'{name}' has {array.size} numbers; expected {n}, one for each joint")
+        raise wrong(f"'{name}' has {array.size} numbers; expected {n}, one for each joint", name)
     return np.broadcast_to(array, n).copy()
 
 

@@ -99,6 +99,18 @@ class ArmStructure:
         return np.array([self.joints[k].effort for k in self.leaders])
 
 
+def wrong(sentence: str, argument: str) -> ModelError:
+    """Return the error about an argument of an arm."""
+    error = ModelError(sentence)
+    error.argument = argument
+    return error
+
+
+def shown(kind: JointKind, value: float) -> str:
+    """Return a joint coordinate in degrees or metres, with its unit."""
+    return f"{np.degrees(value):.4g} deg" if kind == "revolute" else f"{value:.4g} m"
+
+
 def started(structure: ArmStructure, start: ArrayLike | None) -> ArmStructure:
     """Return the structure with starts from one row of joint coordinates or several; unchanged for None. Raises
     ModelError for other shapes, and for starts outside the limits."""
@@ -107,9 +119,13 @@ def started(structure: ArmStructure, start: ArrayLike | None) -> ArmStructure:
     rows = np.atleast_2d(np.asarray(start, float))
     n, limits = len(structure.leaders), structure.limits()
     if rows.ndim != 2 or rows.shape[1] != n or not len(rows) or not np.all(np.isfinite(rows)):
-        raise ModelError(f"start takes {n} joint coordinates, or rows of them; found the shape {np.shape(start)}")
-    if not np.all((rows >= limits[:, 0]) & (rows <= limits[:, 1])):
-        raise ModelError("start lies outside the limits of the joints; move it inside")
+        raise wrong(f"start takes {n} joint coordinates, or rows of them; found the shape {np.shape(start)}", "start")
+    outside = np.argwhere((rows < limits[:, 0]) | (rows > limits[:, 1]))
+    if len(outside):
+        k, j = outside[0].tolist()
+        joint = structure.joints[structure.leaders[j]]
+        value, low, high = (shown(joint.kind, float(x)) for x in (rows[k, j], limits[j, 0], limits[j, 1]))
+        raise wrong(f"the start of joint '{joint.name}' is {value}; its limits are {low} and {high}", "start")
     return replace(structure, starts=tuple(tuple(float(x) for x in row) for row in rows))
 
 

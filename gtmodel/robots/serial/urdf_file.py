@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -167,6 +168,18 @@ def read_file(source: str | Path, kind: str, read: Callable[[str, XmlElement], U
         raise ModelError(f"{file}, line {fault.line}: {fault.sentence}") from None
 
 
+@contextmanager
+def _naming(owner: XmlElement) -> Iterator[None]:
+    """Add the name of a link or joint to the sentence of a fault inside it."""
+    try:
+        yield
+    except XmlFault as fault:
+        name = owner.attributes.get("name", "")
+        if not name or f"'{name}'" in fault.sentence:
+            raise
+        raise XmlFault(f"{owner.tag} '{name}': {fault.sentence}", fault.line) from None
+
+
 class _Reader:
     def __init__(self, file: str, robot: XmlElement) -> None:
         self.file, self.robot = file, robot
@@ -185,11 +198,13 @@ class _Reader:
         links: dict[str, UrdfLink] = {}
         joints: dict[str, UrdfJoint] = {}
         for element in robot.all("link"):
-            link = self.link(element)
+            with _naming(element):
+                link = self.link(element)
             self.refuse_second(links, link.name, "link", element)
             links[link.name] = link
         for element in robot.all("joint"):
-            joint = self.joint(element)
+            with _naming(element):
+                joint = self.joint(element)
             self.refuse_second(joints, joint.name, "joint", element)
             joints[joint.name] = joint
         if not links:
