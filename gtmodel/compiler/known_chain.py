@@ -22,6 +22,7 @@ from .blocks import Margin, NewtonBlock, Root, SolvedBlock
 from .consistency.points import Sampler
 from .degrees_of_freedom import degrees_of_freedom
 from .flat import FlatModel
+from .quadric import nearest_turn
 from .rows import map_columns
 
 if TYPE_CHECKING:
@@ -275,5 +276,4 @@ def _turned(q: ca.SX, low: float, high: float) -> ca.SX:
     """Return the angle q, in (-pi, pi], with the full turns that bring it nearest to the middle of the limits."""
     if not (np.isfinite(low) and np.isfinite(high)) or low == -high:
         return q
-    middle = (low + high) / 2
-    return q + 2 * np.pi * ca.floor((middle - q) / (2 * np.pi) + 0.5)
+    return nearest_turn(q, (low + high) / 2)

@@ -313,13 +313,14 @@ def settled(flat: FlatModel) -> FlatModel:
     r = redundancy_of(flat)
     if r.gap > CLOSED:
         raise not_assembled(flat, r.system, r.home, r.gap)
-    if r.instantaneous and (not r.moved.points or r.instantaneous > r.mobility):
+    still = r.instantaneous and not r.moved.points
+    if r.dropped and not flat.loops.drop and not still:
+        raise _redundant(flat, r)
+    if still or r.instantaneous > r.mobility:
         raise _singular(flat, r)
     flat = _started(flat, r)
     if not r.dropped:
         return flat
-    if not flat.loops.drop:
-        raise _redundant(flat, r)
     equations, dropped = list(flat.equations), list[FlatEquation]()
     reactions = {c.equation: c.reaction for closing in flat.loops.closings for c in closing.constraints}
     for row in (r.system.rows[n] for n in r.dropped):
