@@ -30,6 +30,11 @@ def left_of(along, arm):
     return along[0] * arm[1] - along[1] * arm[0]
 
 
+def _polar(length, angle, plane="xy"):
+    c, s = length * gt.cos(angle), length * gt.sin(angle)
+    return [c, s, 0.0] if plane == "xy" else [c, 0.0, s]
+
+
 class Delta(gt.Model):
     """Delta robot: motor angles q [rad], positive down, and the tool centre point T [m].
 
@@ -50,7 +55,7 @@ class Delta(gt.Model):
     base = gt.parts(3, Fixed, d=lambda s: [list(s.radius[k] * TURNS[k, :, 0]) for k in range(3)], R=TURNS)
     arm = gt.parts(3, Revolute, axis=gt.each([0.0, 1.0, 0.0]))
     motor = gt.parts(3, TorqueMotor)
-    elbow = gt.parts(3, PointOnFrame, d=lambda s: [[s.upper[k], 0.0, 0.0] for k in range(3)])
+    elbow = gt.parts(3, PointOnFrame, d=lambda s: [_polar(s.upper[k], -s.zero[k], "xz") for k in range(3)])
     rod = gt.parts(3, UniformRod, L=lower, m=gt.each(0.1))
     tool = gt.part(PointMass, m=1.0)
 
@@ -59,7 +64,7 @@ class Delta(gt.Model):
             yield gt.connect([self.ground.frame, self.base[k].b], [self.base[k].a, self.arm[k].a])
             yield gt.connect([self.arm[k].b, self.arm[k].shaft], [self.elbow[k].frame, self.motor[k].shaft])
             yield gt.connect([self.elbow[k].point, self.rod[k].b], [self.rod[k].a, self.tool.frame])
-            yield self.q[k] + self.zero[k] == self.arm[k].shaft.phi
+            yield self.q[k] == self.arm[k].shaft.phi
             yield self.tau[k] == self.motor[k].torque
             shoulder, out = self.base[k].b.r, TURNS[k, :, 0]
             tool, elbow = self.T - shoulder, self.elbow[k].point.r - shoulder
@@ -89,7 +94,7 @@ class ThreeArms(gt.Model):
     base = gt.parts(3, FixedTranslation, d=lambda s: [[s.A[k, 0], s.A[k, 1], 0.0] for k in range(3)])
     arm = gt.parts(3, Revolute)
     motor = gt.parts(3, TorqueMotor)
-    elbow = gt.parts(3, PointOnFrame, d=lambda s: [[s.upper[k], 0.0, 0.0] for k in range(3)])
+    elbow = gt.parts(3, PointOnFrame, d=lambda s: [_polar(s.upper[k], s.zero[k]) for k in range(3)])
     rod = gt.parts(3, UniformRod, L=lower, m=gt.each(0.1))
     corner = gt.parts(3, PointOnFrame, d=lambda s: [[s.B[k, 0], s.B[k, 1], 0.0] for k in range(3)])
     platform = gt.part(RigidBody, m=2.0, I=0.02 * np.eye(3))
@@ -102,7 +107,7 @@ class ThreeArms(gt.Model):
             yield gt.connect([self.ground.frame, base.b, arm.b], [base.a, arm.a, elbow.frame])
             yield gt.connect([self.platform.frame, arm.shaft], [corner.frame, self.motor[k].shaft])
             yield gt.connect([elbow.point, corner.point], [self.rod[k].a, self.rod[k].b])
-            yield self.q[k] + self.zero[k] == arm.shaft.phi
+            yield self.q[k] == arm.shaft.phi
             yield self.tau[k] == self.motor[k].torque
             yield gt.branch(f"elbow_{k}", left_of(corner.point.r - base.b.r, elbow.point.r - base.b.r))
 
@@ -126,7 +131,7 @@ class FiveBar(gt.Model):
     base = gt.parts(2, FixedTranslation, d=lambda s: [[s.A[k, 0], s.A[k, 1], 0.0] for k in range(2)])
     arm = gt.parts(2, Revolute)
     motor = gt.parts(2, TorqueMotor)
-    elbow = gt.parts(2, PointOnFrame, d=lambda s: [[s.upper[k], 0.0, 0.0] for k in range(2)])
+    elbow = gt.parts(2, PointOnFrame, d=lambda s: [_polar(s.upper[k], s.zero[k]) for k in range(2)])
     rod = gt.parts(2, UniformRod, L=lower, m=gt.each(0.3))
     tool = gt.part(PointMass, m=1.0)
     plane = gt.part(Plane)
@@ -136,7 +141,7 @@ class FiveBar(gt.Model):
             yield gt.connect([self.ground.frame, self.base[k].b], [self.base[k].a, self.arm[k].a])
             yield gt.connect([self.arm[k].b, self.arm[k].shaft], [self.elbow[k].frame, self.motor[k].shaft])
             yield gt.connect([self.elbow[k].point, self.rod[k].b], [self.rod[k].a, self.tool.frame])
-            yield self.q[k] + self.zero[k] == self.arm[k].shaft.phi
+            yield self.q[k] == self.arm[k].shaft.phi
             yield self.tau[k] == self.motor[k].torque
             tool, elbow = self.tool.frame.r - self.base[k].b.r, self.elbow[k].point.r - self.base[k].b.r
             yield gt.branch(f"knee_{k}", left_of(tool, elbow) if k == 0 else left_of(elbow, tool))
