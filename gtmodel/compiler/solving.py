@@ -260,7 +260,9 @@ def solve_block(
             else:
                 detail = f"angle in {label}" + (f", {len(explicit)} explicit" if explicit else "")
                 given = core + assigned
-                return SolvedBlock("angle", names, equations, given, margins, [root], detail, None, uses, tuple(residuals))
+                return SolvedBlock(
+                    "angle", names, equations, given, margins, [root], detail, None, uses, tuple(residuals)
+                )
         return _newton(flat, names, equations, residuals, reduced, implicit, assigned, uses)
     kind = detail.split(" in ")[0]
     return SolvedBlock(kind, names, equations, assignments, margins, roots, detail, None, uses, tuple(residuals))
