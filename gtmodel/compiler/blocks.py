@@ -170,7 +170,7 @@ class SignAnalysis:
         return float(ca.Function("at_home", self._arguments, [e])(w[:, 0], p, time))
 
     def holds(self, e: ca.SX, size: ca.SX) -> bool:
-        """Return whether a column is zero relative to `size` at the consistent points, and also with other values of all
+        """Return whether a column is zero relative to `size` at the consistent points, also with other values of all
         parameters but rotation matrices."""
         f = ca.Function("holds", self._arguments, [ca.densify(e), size])
         rng = np.random.default_rng(0)

@@ -376,7 +376,7 @@ def _singular(flat: FlatModel, r: Redundancy) -> ModelError:
     closing = max(flat.loops.closings, key=lambda c: max(weight.get(k.equation, 0.0) for k in c.constraints))
     count = f"{r.instantaneous} instantaneous degree{'' if r.instantaneous == 1 else 's'} of freedom"
     cause = (
-        f"{count} and the mobility {r.mobility}: several motions meet there; set start values of its joints away from it"
+        f"{count} and the mobility {r.mobility}: several motions meet there; set start values of its joints elsewhere"
         if r.moved.points
         else f"{count} and the mobility 0, for no motion leads away from it: the mechanism is rigid there; set other "
         "start values, lengths or directions"

@@ -49,7 +49,7 @@ class Delta(gt.Model):
     zero = gt.parameter([0.0] * 3, unit="rad", description="angles of the arms at q = 0")
     T = gt.variable(3, unit="m", start=[0.0, 0.0, -0.757])
     q = gt.variable(3, unit="rad", start=[0.291, 0.291, 0.291], prefer=2)
-    tau = gt.variable(3, unit="N.m")
+    tau = gt.input(3, unit="N.m")
     world = gt.part(World)
     ground = gt.part(Ground)
     base = gt.parts(3, Fixed, d=lambda s: [list(s.radius[k] * TURNS[k, :, 0]) for k in range(3)], R=TURNS)
@@ -88,7 +88,7 @@ class ThreeArms(gt.Model):
     x = gt.variable(2, unit="m", start=[0.4, 0.25])
     angle = gt.variable(unit="rad", start=0.1)
     q = gt.variable(3, unit="rad", start=[1.6466, -2.6253, -0.4343], prefer=2)
-    tau = gt.variable(3, unit="N.m")
+    tau = gt.input(3, unit="N.m")
     ground = gt.part(Ground)
     table = gt.part(Planar)
     base = gt.parts(3, FixedTranslation, d=lambda s: [[s.A[k, 0], s.A[k, 1], 0.0] for k in range(3)])
@@ -113,9 +113,9 @@ class ThreeArms(gt.Model):
 
 
 class FiveBar(gt.Model):
-    """Planar five-bar (5R): motor angles q [rad] and the tool centre point x [m] between the forearms; gravity along -y.
+    """Planar five-bar (5R): motor angles q [rad] and the tool centre point x [m] between the forearms.
 
-    The forearms are rods between ball joints. Branches: `above`, the tool above the line of the elbows, and `knee_0`,
+    Gravity is along -y. The forearms are rods between ball joints. Branches: `above`, the tool above the line of the elbows, and `knee_0`,
     `knee_1`, the elbow outside the line from its motor to the tool.
     """
 
@@ -125,7 +125,7 @@ class FiveBar(gt.Model):
     zero = gt.parameter([0.0] * 2, unit="rad", description="angles of the arms at q = 0")
     x = gt.variable(2, unit="m", start=[0.2, 0.704])
     q = gt.variable(2, unit="rad", start=[2.0, 1.1416], prefer=2)
-    tau = gt.variable(2, unit="N.m")
+    tau = gt.input(2, unit="N.m")
     world = gt.part(World, g=[0.0, -9.81, 0.0])
     ground = gt.part(Ground)
     base = gt.parts(2, FixedTranslation, d=lambda s: [[s.A[k, 0], s.A[k, 1], 0.0] for k in range(2)])
