@@ -101,7 +101,8 @@ class ThreeArms(gt.Model):
 
     def equations(self):
         yield gt.connect([self.ground.frame, self.table.b], [self.table.a, self.platform.frame])
-        yield self.x == self.platform.frame.r[:2]
+        yield self.x[0] == self.table.flange_1.s
+        yield self.x[1] == self.table.flange_2.s
         yield self.angle == self.table.shaft.phi
         for k, (base, arm, elbow, corner) in enumerate(zip(self.base, self.arm, self.elbow, self.corner, strict=True)):
             yield gt.connect([self.ground.frame, base.b, arm.b], [base.a, arm.a, elbow.frame])
@@ -115,8 +116,8 @@ class ThreeArms(gt.Model):
 class FiveBar(gt.Model):
     """Planar five-bar (5R): motor angles q [rad] and the tool centre point x [m] between the forearms.
 
-    Gravity is along -y. The forearms are rods between ball joints. Branches: `above`, the tool above the line of the elbows, and `knee_0`,
-    `knee_1`, the elbow outside the line from its motor to the tool.
+    Gravity is along -y. The forearms are rods between ball joints. Branches: `above`, the tool above the line of the
+    elbows, and `knee_0`, `knee_1`, the elbow outside the line from its motor to the tool.
     """
 
     A = gt.parameter([[0.0, 0.0], [0.4, 0.0]], unit="m", description="motors")
