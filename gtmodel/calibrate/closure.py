@@ -47,10 +47,10 @@ class Closure(Portable):
 def closure_equations(model: Model | Builder | FlatModel, known: Sequence[str], latent: Sequence[str] = ()) -> Closure:
     """Return the equations in parameters, `known` and `latent` variables, with all other variables eliminated.
 
-    A variable that occurs alone in an equation with a constant factor, or one of parameters, is eliminated, step by
-    step: for example variables of frames, joints and plate points. Left out are equations with derivatives (forces), conditions on known
-    values alone, and the unit length of a latent quaternion. `latent` variables were not measured and have one value
-    per pose.
+    A variable that occurs alone in an equation, with a factor of numbers or parameters, is eliminated, step by step:
+    for example variables of frames, joints and plate points. Left out are equations with derivatives (forces),
+    conditions on known values alone, and the unit length of a latent quaternion. `latent` variables were not measured
+    and have one value per pose.
 
     Raises ModelError for an unknown name, for a derivative, or if nothing closes; the message says what to measure.
 

@@ -64,8 +64,8 @@ def text(name: str) -> str:
     columns = [f"{n}[{k}]" if x.shape[1] > 1 else n for n, x in rows.items() for k in range(x.shape[1])]
     table = np.hstack([np.degrees(x) if n in ("q", "angle") else 1e3 * x for n, x in rows.items()])
     note = (
-        f"# synthetic: seed {SEED}, noise {1e6 * POSITION:g} um of each coordinate, {1e6 * ENCODER:g} urad of each motor, "
-        f"{1e6 * ANGLE:g} urad of the platform; tests/support/mechanism_poses.py writes it"
+        f"# synthetic: seed {SEED}, noise {1e6 * POSITION:g} um of each coordinate, {1e6 * ENCODER:g} urad of each "
+        f"motor, {1e6 * ANGLE:g} urad of the platform; tests/support/mechanism_poses.py writes it"
     )
     lines = [",".join(f"{v:.5f}" for v in row) for row in table]
     return "\n".join([note, ",".join(columns), *lines]) + "\n"

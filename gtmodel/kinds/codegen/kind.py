@@ -7,6 +7,7 @@ from pathlib import Path
 
 from gtmodel.cgen import CodeStudy, StepFunction, study
 from gtmodel.cgen.folder import held
+from gtmodel.cgen.interface import check_names
 from gtmodel.compiler.causal import CausalFunction, c_name, compile_causal
 from gtmodel.filtering import ControllerFilter, InitialState, ProcessModel, Sensor, System
 from gtmodel.fmu import FmuStudy
@@ -72,8 +73,17 @@ def _units(problem: Schema, context: Context, out: Path, fmu: str, verify: bool,
         raise InputError("units compute in double; leave it out, or generate C code", "real")
     functions = functions_of(problem, context)
     s = problem.fmu
-    all_ = {"stop": s.stop_s, "box": problem.box, "on_fault": s.on_fault, "tolerance": s.tolerance, "step": s.step_s}
-    options = {f.name: {**all_, **f.model_dump(include={"start", "tunable", "parameters"})} for f in problem.functions}
+    causal = {name: f for name, f in functions.items() if isinstance(f, CausalFunction)}
+    check_names(causal, problem.box)
+    inputs = {name: {i.name for i in f.inputs} for name, f in causal.items()}
+    all_ = {"stop": s.stop_s, "on_fault": s.on_fault, "tolerance": s.tolerance, "step": s.step_s}
+    options = {
+        f.name: {
+            **all_, "box": {n: x for n, x in problem.box.items() if n in inputs.get(f.name, ())},
+            **f.model_dump(include={"start", "tunable", "parameters"}),
+        }
+        for f in problem.functions
+    }  # fmt: skip
     if not write_failed and not context.interrupted():
         refuse_distrusted(context, "the units")
     call_ = Call(
