@@ -34,9 +34,8 @@ import numpy as np
 import gtmodel as gt
 
 ROOT = next(p for p in (Path.cwd(), *Path.cwd().parents) if (p / "problems" / "models").is_dir())
-robots = {
-    name: gt.load_robot(f"{ROOT}/problems/models/mechanisms.py:{name}") for name in ("Delta", "FiveBar", "ThreeArms")
-}
+MODELS = ROOT / "problems" / "models" / "mechanisms.py"
+robots = {name: gt.load_robot(f"{MODELS}:{name}") for name in ("Delta", "FiveBar", "ThreeArms")}
 
 # %% [markdown]
 # ## 1 Degrees of freedom
@@ -45,9 +44,10 @@ robots = {
 # from it. Rods between ball joints leave no constraint redundant.
 
 # %%
-for robot in robots.values():
-    print(robot.mobility(), "\n")
-assert [r.mobility().mobility for r in robots.values()] == [3, 2, 3]
+reports = [robot.mobility() for robot in robots.values()]
+print(*reports, sep="\n\n")
+assert [r.mobility for r in reports] == [3, 2, 3]
+assert [r.redundant for r in reports] == [0, 0, 0]
 
 # %% [markdown]
 # Four pins in space are another matter: three of their constraints are redundant. If all pins are in line the
@@ -82,8 +82,8 @@ except gt.ModelError as error:
 # %% [markdown]
 # ## 2 All solutions
 #
-# Each declared branch has two sides. The inverse functions are closed forms: an arm whose end is a rod's length away from
-# a known point has two angles. The 3-RRR has eight solutions for one pose.
+# Each declared branch has two sides. The inverse functions are closed forms: an arm whose end is a rod's length away
+# from a known point has two angles. The 3-RRR has eight solutions for one pose.
 
 # %%
 planar = robots["ThreeArms"]
@@ -184,10 +184,10 @@ gt.cgen.generate(
     functions, place / "c", name="delta", box={"q": [[0.1, 0.5]], "T": [[-0.1, 0.1], [-0.1, 0.1], [-0.8, -0.7]]}
 )
 report = gt.cgen.check(place / "c", functions, points=200, seed=1)
-print(report.text if hasattr(report, "text") else list(report.checks))
+print(", ".join(report.checks))
 assert all(check.passed for check in report.checks.values())
 
 # %% [markdown]
 # `gtmodel codegen problems/rotary_delta_controller.toml -o build/delta --fmu both --check` writes the same functions as
-# functional mock-up units. The page [mechanisms](../docs/howto/mechanisms.md) lists joints, fields of the mobility report
-# and the ways to resolve redundant constraints.
+# functional mock-up units. The page [mechanisms](../docs/howto/mechanisms.md) lists joints, fields of the mobility
+# report and the ways to resolve redundant constraints.
