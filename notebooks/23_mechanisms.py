@@ -33,9 +33,9 @@ from matplotlib.figure import Figure
 
 import gtmodel as gt
 
-ROOT = next(p for p in (Path.cwd(), *Path.cwd().parents) if (p / "problems" / "models").is_dir())
-MODELS = ROOT / "problems" / "models" / "mechanisms.py"
-robots = {name: gt.load_robot(f"{MODELS}:{name}") for name in ("Delta", "FiveBar", "ThreeArms")}
+# the model that each problem is about
+FILES = {"Delta": "rotary_delta", "FiveBar": "five_bar", "ThreeArms": "planar_3rrr"}
+robots = {name: gt.load(f"problems/calibrate_{file}.toml").arguments[0] for name, file in FILES.items()}
 
 # %% [markdown]
 # ## 1 Degrees of freedom
@@ -148,7 +148,7 @@ for name, pose in (("Delta", "T"), ("FiveBar", "x")):
 # re-simulated by an error-controlled integrator.
 
 # %%
-motion = gt.load(ROOT / "problems" / "five_bar_motion.toml")()
+motion = gt.load("problems/five_bar_motion.toml")()
 assert motion.status.ok
 time, tau = motion.trajectory.time, motion.trajectory["robot.tau"]
 figure = Figure(figsize=(9, 3.2), layout="constrained")
@@ -168,7 +168,7 @@ figure
 # 30 um. All twelve free parameters of the delta robot are determined.
 
 # %%
-study = gt.load(ROOT / "problems" / "calibrate_rotary_delta.toml", "sensitivity_step=0.0")()
+study = gt.load("problems/calibrate_rotary_delta.toml", "sensitivity_step=0.0")()
 print(f"held-out poses: {1e3 * study.a_priori['mean']:.2f} mm before, {1e3 * study.held_out['mean']:.3f} mm after")
 print(f"upper[0] = {study.parameters['upper[0]']:.5f} m, 95 % interval", study.interval("upper[0]"))
 assert study.status.ok
@@ -194,8 +194,9 @@ assert all(check.passed for check in report.checks.values())
 # %% [markdown]
 # ## Answer
 #
-# A delta robot has two forward and eight inverse solutions, a five-bar two and four, a planar 3-RRR up to six and eight.
-# All but the six come in closed form from the connected parts, with fewer than 200 operations. The drawing is enough for
-# the rest: `problems/` holds a fastest motion, a calibration and C code of each of the three robots, and `gtmodel codegen
-# problems/rotary_delta_controller.toml -o build/delta --fmu both --check` writes functional mock-up units. The page
-# [mechanisms](../docs/howto/mechanisms.md) lists the joints and the ways to resolve redundant constraints.
+# A delta robot has two forward and eight inverse solutions, a five-bar two and four, a planar 3-RRR up to six and
+# eight. All but the six come in closed form from the connected parts, with fewer than 250 operations. The drawing is
+# enough for the rest: `problems/` holds a fastest motion, a calibration and C code of each of the three robots, and
+# `gtmodel codegen problems/rotary_delta_controller.toml -o build/delta --fmu both --check` writes functional mock-up
+# units. The page [mechanisms](../docs/howto/mechanisms.md) lists the joints and the ways to resolve redundant
+# constraints.
