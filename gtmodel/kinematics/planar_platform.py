@@ -46,13 +46,13 @@ def planar_modes(E: ArrayLike, B: ArrayLike, L: ArrayLike) -> tuple[np.ndarray, 
     angles = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
     values = np.fft.fft([_resultant(e, b, l, t) for t in angles]) / SAMPLES
     roots = np.roots([values[k] for k in range(HARMONICS, -HARMONICS - 1, -1)])
-    found: list[tuple[float, np.ndarray]] = []
+    solutions: list[tuple[float, np.ndarray]] = []
     for t in np.angle(roots[np.abs(np.abs(roots) - 1) < ON_CIRCLE]).tolist():
         x, t, error = _corrected(e, b, l, t)
-        if error < CLOSED and all(abs(np.angle(np.exp(1j * (t - other)))) > SAME for other, _ in found):
-            found.append((float(np.angle(np.exp(1j * t))), x))
-    found.sort(key=lambda solution: solution[0])
-    return np.array([size * x + E[0] for _, x in found]).reshape(-1, 2), np.array([t for t, _ in found])
+        if error < CLOSED and all(abs(np.angle(np.exp(1j * (t - other)))) > SAME for other, _ in solutions):
+            solutions.append((float(np.angle(np.exp(1j * t))), x))
+    solutions.sort(key=lambda solution: solution[0])
+    return np.array([size * x + E[0] for _, x in solutions]).reshape(-1, 2), np.array([t for t, _ in solutions])
 
 
 def _terms(e: np.ndarray, b: np.ndarray, l: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
