@@ -12,7 +12,7 @@ from tests.support.examples import examples
 
 # a root of 1 - cos^2 > 0.19 loses less than a digit
 ROUND_OFF = 1e-12
-HOME, NEAR = 1.0, 0.2  # the consistent point nearest to the start values is at most so far from the start of phi
+HOME, NEAR = 1.0, 0.05  # the consistent point nearest to the start values is at most so far from the start of phi
 
 
 class Crank(gt.Model):
