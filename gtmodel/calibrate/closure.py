@@ -19,6 +19,8 @@ from ..lang.builder import Builder
 from ..lang.model import Model
 from ..lang.source import ModelError
 
+LEAST_FACTOR = 1e-3  # of an unknown, at the values of the parameters
+
 
 @dataclass(frozen=True, eq=False)
 class Closure(Portable):
@@ -45,10 +47,10 @@ class Closure(Portable):
 def closure_equations(model: Model | Builder | FlatModel, known: Sequence[str], latent: Sequence[str] = ()) -> Closure:
     """Return the equations in parameters, `known` and `latent` variables, with all other variables eliminated.
 
-    A variable that occurs alone in an equation with a constant factor is eliminated, step by step: for example
-    variables of frames, joints and plate points. Left out are equations with derivatives (forces), conditions on known
-    values alone, and the unit length of a latent quaternion. `latent` variables were not measured and have one value
-    per pose.
+    A variable that occurs alone in an equation, with a factor of numbers or parameters, is eliminated, step by step:
+    for example variables of frames, joints and plate points. Left out are equations with derivatives (forces),
+    conditions on known values alone, and the unit length of a latent quaternion. `latent` variables were not measured
+    and have one value per pose.
 
     Raises ModelError for an unknown name, for a derivative, or if nothing closes; the message says what to measure.
 
@@ -114,13 +116,15 @@ def _propagated(
     done = set(known)
     waiting = [(e, {i for i, _ in flat.scope.symbols_in(e.residual)} - done) for e in equations]
     order: list[tuple[ca.SX, ca.SX]] = []
-    progress = True
-    while progress:
-        progress = False
+    progress, by_parameters = True, False
+    while progress or not by_parameters:
+        # a factor of parameters only where no number is left: it might be zero for other values
+        progress, by_parameters = False, not progress
         remaining: list[tuple[FlatEquation, set[int]]] = []
         for e, unknown in waiting:
             unknown -= done
-            solved = _solved(flat, e, next(iter(unknown))) if len(unknown) == 1 else None
+            one = len(unknown) == 1 and not (by_parameters and progress)
+            solved = _solved(flat, e, next(iter(unknown)), by_parameters) if one else None
             if solved is None:
                 remaining.append((e, unknown))
                 continue
@@ -131,11 +135,15 @@ def _propagated(
     return order, waiting
 
 
-def _solved(flat: FlatModel, equation: FlatEquation, index: int) -> ca.SX | None:
-    """The unknown in terms of the other variables if its factor is constant; None otherwise."""
+def _solved(flat: FlatModel, equation: FlatEquation, index: int, by_parameters: bool) -> ca.SX | None:
+    """The unknown in terms of the other variables if its factor is constant, or one of parameters that is not zero at
+    their values; None otherwise."""
     s = flat.scope.symbol(index, 0)
     factor = ca.SX(ca.jacobian(equation.residual, s))
-    if not factor.is_constant() or float(factor) == 0.0:
+    given = {q.element_hash() for q in ca.vertsplit(flat.p)} if by_parameters and flat.parameters else set[int]()
+    if not {q.element_hash() for q in ca.symvar(factor)} <= given:
+        return None
+    if abs(float(ca.DM(ca.substitute(factor, flat.p, ca.DM(flat.p0))))) <= (LEAST_FACTOR if by_parameters else 0.0):
         return None
     at_zero = ca.substitute(equation.residual, s, ca.SX(0))
     return -at_zero / float(factor)

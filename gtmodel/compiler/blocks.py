@@ -111,6 +111,8 @@ PARAMETER_COST = 50
 # cost, in fill-in entries, of each digit lost by a pivot that is smaller than another entry of its column
 DIGIT_COST = 10
 
+EQUAL = 1e-9  # consistent points are good to 1e-11
+
 POSITIVE, NEGATIVE, NONZERO, UNKNOWN = "+", "-", "n", "?"
 # operations whose sign follows from the signs of their operands
 _SIGNED = frozenset(
@@ -131,6 +133,11 @@ class SignAnalysis:
     def __init__(self, flat: FlatModel, sampler: Sampler, points: np.ndarray) -> None:
         self._arguments = [sampler.w, flat.p, flat.scope.time]
         self._points = [ca.DM(np.asarray(points).T), ca.DM(flat.p0), ca.DM(sampler.time)]
+        # by the parameters: whether it is an entry of a rotation matrix
+        self._turns = np.zeros(len(flat.parameters), dtype=bool)
+        for r in flat.tree.parameters:
+            if getattr(r.item, "kind", "") == "rotation":
+                self._turns[list(r.indices)] = True
         self._symbols: dict[int, str] = {}
         for q in flat.parameters:
             sign = UNKNOWN
@@ -156,6 +163,25 @@ class SignAnalysis:
             for n, value in zip(varying, medians.tolist(), strict=True):
                 sizes[n] = value
         return sizes
+
+    def at_home(self, e: ca.SX) -> float:
+        """Return the value at the consistent point nearest to the start values."""
+        w, p, time = self._points
+        return float(ca.Function("at_home", self._arguments, [e])(w[:, 0], p, time))
+
+    def holds(self, e: ca.SX, size: ca.SX) -> bool:
+        """Return whether a column is zero relative to `size` at the consistent points, also with other values of all
+        parameters but rotation matrices."""
+        f = ca.Function("holds", self._arguments, [ca.densify(e), size])
+        rng = np.random.default_rng(0)
+        w, p, time = self._points
+        other = np.array(p).reshape(-1)
+        for n in range(w.shape[1]):
+            value, scale = (np.array(x).reshape(-1) for x in f(w[:, n], other, time))
+            if not np.all(np.abs(value) <= EQUAL * max(1.0, abs(scale[0]))):
+                return False
+            other = np.where(self._turns, other, other * (1 + rng.uniform(0.1, 0.5, other.size)))
+        return True
 
     def sign(self, e: ca.SX) -> str:
         """Return the sign of a scalar; UNKNOWN if it contains a symbol of unknown sign, such as a variable."""

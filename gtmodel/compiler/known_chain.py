@@ -22,6 +22,7 @@ from .blocks import Margin, NewtonBlock, Root, SolvedBlock
 from .consistency.points import Sampler
 from .degrees_of_freedom import degrees_of_freedom
 from .flat import FlatModel
+from .quadric import nearest_turn
 from .rows import map_columns
 
 if TYPE_CHECKING:
@@ -289,7 +290,7 @@ def _turned(q: ca.SX, low: float, high: float) -> ca.SX:
     inside the only one."""
     if np.isfinite(low) and np.isfinite(high):
         middle = (low + high) / 2
-        return q if middle == 0.0 else q + 2 * np.pi * ca.floor((middle - q) / (2 * np.pi) + 0.5)
+        return q if middle == 0.0 else nearest_turn(q, middle)
     if np.isfinite(low):
         return q if low <= -np.pi else q + 2 * np.pi * ca.fmax(0.0, ca.ceil((low - q) / (2 * np.pi)))
     if np.isfinite(high):

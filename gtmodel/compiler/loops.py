@@ -108,6 +108,16 @@ class Redundancy:
     def count(self) -> int:
         return len(self.system.rows) - self.rank
 
+    @property
+    def mobility(self) -> int:
+        """Degrees of freedom at the point of full rank, idle ones included."""
+        return len(self.system.coordinates) - self.rank
+
+    @property
+    def instantaneous(self) -> int:
+        """Degrees of freedom by the rank at the home point."""
+        return len(self.system.coordinates) - rank_of(self.system.residual(self.home)[1])
+
 
 def redundancy_of(flat: FlatModel) -> Redundancy:
     """Return the redundant constraints of a model. Raises ModelError for a parameter without a value."""
@@ -294,8 +304,8 @@ def undetermined_reactions(r: Redundancy) -> list[Undetermined]:
 def settled(flat: FlatModel) -> FlatModel:
     """Return the model with its redundant constraints dropped, if the user says so.
 
-    Raises ModelError for redundant constraints otherwise, and for a loop that cannot be assembled; both name the joint
-    that closes it.
+    Raises ModelError for redundant constraints otherwise, for a loop that cannot be assembled, and for one that is
+    singular at the start position; all name the joint that closes it.
     """
     cut = [c for c in flat.loops.closings if c.cut is not None]
     if not flat.loops.closings or not (cut or flat.loops.drop) or not np.all(np.isfinite(flat.p0)):
@@ -303,11 +313,14 @@ def settled(flat: FlatModel) -> FlatModel:
     r = redundancy_of(flat)
     if r.gap > CLOSED:
         raise not_assembled(flat, r.system, r.home, r.gap)
+    still = r.instantaneous and not r.moved.points
+    if r.dropped and not flat.loops.drop and not still:
+        raise _redundant(flat, r)
+    if still or r.instantaneous > r.mobility:
+        raise _singular(flat, r)
     flat = _started(flat, r)
     if not r.dropped:
         return flat
-    if not flat.loops.drop:
-        raise _redundant(flat, r)
     equations, dropped = list(flat.equations), list[FlatEquation]()
     reactions = {c.equation: c.reaction for closing in flat.loops.closings for c in closing.constraints}
     for row in (r.system.rows[n] for n in r.dropped):
@@ -331,7 +344,7 @@ def _started(flat: FlatModel, r: Redundancy) -> FlatModel:
     loose = np.isnan(r.system.starts)
     values = {i: x for i, x, free in zip(r.system.coordinates, r.home.tolist(), loose, strict=True) if free}
     variables = [replace(v, start=values[v.index]) if v.index in values else v for v in flat.variables]
-    loops = replace(flat.loops, mobility=len(r.system.coordinates) - r.rank)
+    loops = replace(flat.loops, mobility=r.mobility)
     return replace(flat, variables=variables, loops=loops, cache={"home": r.system.positions(r.home)})
 
 
@@ -343,12 +356,34 @@ def _redundant(flat: FlatModel, r: Redundancy) -> ModelError:
     chosen = {r.system.rows[n] for n in r.dropped}
     closing = next(c for c in flat.loops.closings if any(k.equation in chosen for k in c.constraints))
     names = listed(redundant_constraints(r))
-    mobility, advice = len(r.system.coordinates) - r.rank, getattr(type(closing.component), "if_redundant", "")
+    advice = getattr(type(closing.component), "if_redundant", "")
     return ModelError(
         f"{flat.title}: the loop {_loop(closing)} is closed by '{closing.component._path}', and "
-        f"{r.count} of the constraints are redundant: {names}; the mobility is {mobility}. Yield "
+        f"{r.count} of the constraints are redundant: {names}; the mobility is {r.mobility}. Yield "
         'gt.loops(redundant="drop"), which sets the reactions of these constraints to zero, or free them by other '
         f"joints, such as a spherical or a cylindrical one{advice and f'; {advice}'}",
+        place_of(closing.component),
+    )
+
+
+def _singular(flat: FlatModel, r: Redundancy) -> ModelError:
+    """Return the error for a start position with more degrees of freedom by its rank than by its motions."""
+    jacobian = r.system.residual(r.home)[1]
+    stress = np.linalg.svd(jacobian)[0][:, rank_of(jacobian) :]
+    if r.moved.points:  # only what the moved points do not have
+        stress -= r.stresses @ (r.stresses.T @ stress)
+    weight = dict(zip(r.system.rows, np.abs(stress).max(axis=1), strict=True))
+    closing = max(flat.loops.closings, key=lambda c: max(weight.get(k.equation, 0.0) for k in c.constraints))
+    count = f"{r.instantaneous} instantaneous degree{'' if r.instantaneous == 1 else 's'} of freedom"
+    cause = (
+        f"{count} and the mobility {r.mobility}: several motions meet there; set start values of its joints elsewhere"
+        if r.moved.points
+        else f"{count} and the mobility 0, for no motion leads away from it: the mechanism is rigid there; set other "
+        "start values, lengths or directions"
+    )
+    return ModelError(
+        f"{flat.title}: the start position of the loop {_loop(closing)}, closed by '{closing.component._path}', is "
+        f"singular: it has {cause}",
         place_of(closing.component),
     )
 

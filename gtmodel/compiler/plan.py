@@ -148,8 +148,9 @@ def make_plan(
 
     def solved(order: _Order) -> list[SolvedBlock]:
         pose = posed.pose is not None
+        turns = not order.states and at is None  # a simulated angle may make further turns
         return [
-            solve_block(flat, posed.structure, folded, c, order.unknown_of, signs, order.uses(flat, c), pose)
+            solve_block(flat, posed.structure, folded, c, order.unknown_of, signs, order.uses(flat, c), pose, turns)
             for c in order.components
         ]
 

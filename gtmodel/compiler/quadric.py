@@ -1,4 +1,5 @@
-"""Nonlinear blocks with a closed form: explicit unknowns, one quadratic, a pencil of spheres (trilateration)."""
+"""Nonlinear blocks with a closed form: explicit unknowns, one quadratic, a pencil of spheres (trilateration), an angle
+whose sine and cosine lie on a line."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ import numpy as np
 
 from .blocks import Margin, Root, SignAnalysis, pivot_cost
 from .matrices import elements, triplets
-from .rewriting import kinked_in
+from .rewriting import applied, kinked_in, of_expression, walked
 
 NONLINEAR_ROW = 1000  # costs more than any fill-in, so that it is used last
 
@@ -211,6 +212,62 @@ def _ratio(h: ca.SX, reference: ca.SX) -> ca.SX:
         if np.max(np.abs(np.asarray(f(rng.uniform(0.5, 1.5, len(symbols)))))) > 1e-12:
             raise NoClosedForm
     return mu
+
+
+def solve_angle(
+    residual: ca.SX, u: ca.SX, middle: float, signs: SignAnalysis, label: str
+) -> tuple[Assignments, list[Margin], Root]:
+    """Solve a cos u + b sin u + k == 0, also if the squares of both occur with one factor; u is within half a turn of
+    `middle`. Raises NoClosedForm for another equation.
+
+    The end of an arm at the distance of a rod from a point gives such an equation.
+    """
+    c, s = ca.SX.sym("cos"), ca.SX.sym("sin")
+    (p,) = walked(*of_expression(residual), _SineAndCosine(u, c, s))
+    v = ca.vertcat(c, s)
+    h, g = ca.hessian(p, v)
+    if _depends(p, [u]) or _depends(h, [c, s]):
+        raise NoClosedForm
+    h = ca.densify(h)
+    if not signs.holds(ca.vertcat(h[0, 0] - h[1, 1], h[0, 1]), h[0, 0]):
+        raise NoClosedForm
+    k, g = ca.substitute([p, g], [v], [ca.SX.zeros(2, 1)])
+    a, b, k = g[0], g[1], k + h[0, 0] / 2
+    square = a * a + b * b
+    discriminant = square - k * k
+    sign = ca.SX.sym("sign")
+    across = sign * ca.sqrt(discriminant)
+    value = ca.atan2(across * a - k * b, -(across * b + k * a))
+    margins = [Margin("discriminant", discriminant, label), Margin("pivot", square, label)]
+    root = Root(sign, a * ca.sin(u) - b * ca.cos(u), label)
+    return [(u, nearest_turn(value, middle))], margins, root
+
+
+class _SineAndCosine:
+    """Forms in which sine and cosine of u are symbols."""
+
+    def __init__(self, u: ca.SX, c: ca.SX, s: ca.SX) -> None:
+        self._key, self._c, self._s = u.element_hash(), c, s
+
+    def leaf(self, x: ca.SX) -> ca.SX:
+        return x
+
+    def operation(self, k: int, op: int, given: list[ca.SX]) -> ca.SX:
+        if op == ca.OP_CALL:
+            raise NoClosedForm
+        if op in (ca.OP_COS, ca.OP_SIN):
+            back = not given[0].is_leaf() and given[0].op() == ca.OP_NEG
+            if (given[0].dep(0) if back else given[0]).element_hash() == self._key:
+                return self._c if op == ca.OP_COS else -self._s if back else self._s
+        return given[0] if op == ca.OP_ASSIGN else applied(op, given)
+
+    def whole(self, form: ca.SX) -> ca.SX:
+        return form
+
+
+def nearest_turn(angle: ca.SX, middle: float) -> ca.SX:
+    """Return an angle in (-pi, pi] with the full turns that bring it within half a turn of `middle`."""
+    return angle if middle == 0.0 else angle + 2 * np.pi * ca.floor((middle - angle) / (2 * np.pi) + 0.5)
 
 
 def _depends(expression: ca.SX, symbols: list[ca.SX]) -> bool:

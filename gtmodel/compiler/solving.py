@@ -8,7 +8,7 @@ import numpy as np
 from .blocks import DenseCore, Margin, NewtonBlock, SignAnalysis, SolvedBlock, pivot_cost
 from .flat import FlatModel
 from .matrices import difference, product, quotient, stacked, triplets
-from .quadric import NoClosedForm, eliminate_explicit, solve_nonlinear
+from .quadric import NoClosedForm, eliminate_explicit, solve_angle, solve_nonlinear
 from .rewriting import is_nonsmooth, kinked_in
 from .structure import EquationStructure
 from .tearing import torn
@@ -219,10 +219,12 @@ def solve_block(
     signs: SignAnalysis,
     uses: tuple[tuple[str, ...], ...],
     pose: bool = False,
+    turns: bool = False,
 ) -> SolvedBlock:
     """Solve the block of these nodes (equation, derivative) for their unknowns.
 
-    uses: see `SolvedBlock`. pose: a rotation is known, and the block may contain a chain of joints.
+    uses: see `SolvedBlock`. pose: a rotation is known, and the block may contain a chain of joints. turns: an angle may
+    be limited to one turn about its start.
     """
     order = sorted(nodes, key=lambda n: unknown_of[n])  # canonical: by declaration of the unknowns
     rows = sorted(nodes)
@@ -249,9 +251,30 @@ def solve_block(
     except NoClosedForm:
         reduced, implicit, explicit = eliminate_explicit(residuals, unknowns, signs, True, kinked)
         assigned = list(reversed(explicit))
+        if turns and len(implicit) == 1 and not kinked and (middle := _middle(flat, implicit[0], signs)) is not None:
+            label = implicit[0].name()
+            try:
+                core, margins, root = solve_angle(reduced[0], implicit[0], middle, signs, label)
+            except NoClosedForm:
+                pass
+            else:
+                detail = f"angle in {label}" + (f", {len(explicit)} explicit" if explicit else "")
+                given = core + assigned
+                return SolvedBlock(
+                    "angle", names, equations, given, margins, [root], detail, None, uses, tuple(residuals)
+                )
         return _newton(flat, names, equations, residuals, reduced, implicit, assigned, uses)
     kind = detail.split(" in ")[0]
     return SolvedBlock(kind, names, equations, assignments, margins, roots, detail, None, uses, tuple(residuals))
+
+
+def _middle(flat: FlatModel, u: ca.SX, signs: SignAnalysis) -> float | None:
+    """Return the middle of the limits of an angle, else its value at home; None if the unknown is not an angle."""
+    owner = flat.scope.owner(u)
+    v = None if owner is None or owner[1] else flat.variables[owner[0]]
+    if v is None or v.unit != "rad":
+        return None
+    return (v.min + v.max) / 2 if np.isfinite(v.min) and np.isfinite(v.max) else round(signs.at_home(u), 2)
 
 
 def _newton(

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Unpack
 
 from ..cgen.code_result import Verification
+from ..cgen.interface import check_names
 from ..cgen.steps.function import StepFunction
 from ..compiler.causal import CausalFunction
 from ..results import Check, Quantity, Row, SolveStatus, Study, Work
@@ -61,6 +62,7 @@ def study(
     name: str,
     versions: Sequence[Version] = (3,),
     options: Mapping[str, Mapping[str, Any]] | None = None,
+    box: Mapping[str, Sequence[Sequence[float]]] | None = None,
     check: Verification | None = COMPARED,
     provenance: Mapping[str, str] | None = None,
     also: Mapping[str, Check] | None = None,
@@ -75,6 +77,7 @@ def study(
         folder: other files in it stay; an archive does not overwrite a file that gtmodel did not write.
         versions: 3 for FMI 3.0, 2 for FMI 2.0.
         options: further arguments of `export` by function name, such as `start` and `step`.
+        box: intervals by input, for all functions that have it; see `export`.
         check: number of points that `gt.fmu.check` compares; None: no check.
         also, write_failed, by, progress, max_seconds, stop: as in `gt.cgen.study`; archives that fail a check are
             written only if `write_failed`, with `.failed` in their names.
@@ -91,6 +94,8 @@ def study(
     work = Work(**work_options)
     for key in set(options or {}) - set(functions):
         raise ArgumentError(f"there is no function '{key}'; functions are {', '.join(functions)}", "options")
+    inputs = {key: {s.name for s in f.inputs} for key, f in functions.items() if isinstance(f, CausalFunction)}
+    check_names({key: f for key, f in functions.items() if isinstance(f, CausalFunction)}, box or {})
     units: dict[str, Fmu] = {}
     checks: dict[str, Check] = dict(also or {})
     notes: list[str] = []
@@ -101,7 +106,8 @@ def study(
                     status=SolveStatus.INTERRUPTED, message="stopped before all FMUs were exported", title=work.title
                 )
             work.progress(f"exporting {key}", n / len(functions))
-            more = dict((options or {}).get(key, {}))
+            own = {n: x for n, x in (box or {}).items() if n in inputs.get(key, ())}
+            more = {**({"box": own} if own else {}), **(options or {}).get(key, {})}
             try:
                 unit = export(function, None, version=version, name=f"{name}_{key}", provenance=provenance, **more)
             except ArgumentError as error:

@@ -6,6 +6,7 @@ modes_study       all assembly modes of six links, with certificates: a ModesStu
 accuracy_study    largest positioning errors over a section, from errors of carts and links: an AccuracyStudy; options
                   and parts in `accuracy`
 assembly_modes    all assembly modes of a platform on six legs of known lengths
+planar_modes      all assembly modes of a planar platform on three rods: 3-RPR, 3-RRR with its motors held
 section           a plane across the guideways
 workspace         reachable tool centre points, and the reason why the other points cannot be reached
 mechanism         a robot on guideways as arrays: `Mechanism`
@@ -72,6 +73,7 @@ if TYPE_CHECKING:
     from .assembly_modes import ModesStudy as ModesStudy, modes_study as modes_study
     from .causality import CausalityStudy as CausalityStudy, causality_study as causality_study
     from .orientation import OrientationMap as OrientationMap, grid as grid, orientation_map as orientation_map
+    from .planar_platform import planar_modes as planar_modes
     from .serial_chain import chain_of as chain_of
     from .singularity import MotionMaps as MotionMaps
     from .transmission import (

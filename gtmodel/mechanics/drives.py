@@ -188,7 +188,8 @@ class BallScrew(gt.Model):
     phi [rad] of `shaft` are zero together, and phi grows with the length of the screw. There are no losses. The rotary
     axes of the F1 have such screws; Dressler 2012, section 5.4, gives neither equation nor dimensions: the equation is
     OURS and the default dimensions are an EXAMPLE. Branch `extended`: length_0 + s > 0, the only meaningful side. phi
-    from s is a Newton block with one unknown, singular if the lever points along the screw.
+    from s is a closed form on the side of the start values; beyond the folded and the stretched screw there is no
+    solution.
 
     10 mm of travel turn a lever at a right angle to the bearing's direction by 6.3 degrees:
 

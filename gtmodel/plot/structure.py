@@ -9,7 +9,14 @@ from matplotlib.patches import Rectangle
 from ..compiler.causal import CausalFunction
 from .style import BLUE, GREEN, ORANGE, styled
 
-COLOURS = {"explicit": "0.6", "linear": BLUE, "quadratic": GREEN, "sphere pencil": GREEN, "Newton": ORANGE}
+COLOURS = {
+    "explicit": "0.6",
+    "linear": BLUE,
+    "quadratic": GREEN,
+    "sphere pencil": GREEN,
+    "angle": GREEN,
+    "Newton": ORANGE,
+}
 MAX_LABELS = 60  # more labels are not readable
 
 

@@ -8,6 +8,7 @@ import gtmodel as gt
 from gtmodel.calibrate import Choice, Measurements, closure_equations, prepare
 from gtmodel.compiler.causal import flat_of
 from gtmodel.geometry.quaternions import quaternion_matrix
+from problems.models import mechanisms
 from tests.calibrate.synthetic import poses, true_robot
 
 
@@ -97,3 +98,8 @@ def test_the_order_in_which_signals_are_named_changes_nothing():
     other = prepare(true_robot("three_link"), Measurements(dict(reversed(data.items()))), Choice())
     assert once.unknowns.names == other.unknowns.names
     assert np.array_equal(once.jacobian(), other.jacobian())
+
+
+def test_a_coordinate_that_a_plane_holds_is_eliminated_by_the_planes_parameters():
+    closure = closure_equations(mechanisms.FiveBar(), ["q", "x"])
+    assert closure.labels == ("rod[0]", "rod[1]")

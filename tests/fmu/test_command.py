@@ -44,6 +44,20 @@ def test_another_version_is_refused(quick, tmp_path, word):
     assert code == 2 and not (tmp_path / "out").exists()
 
 
+def test_a_box_belongs_to_the_functions_that_have_its_inputs(tmp_path):
+    robot = gt.robots.gantry_tau("l1_tape")
+    functions = {"fk": robot.causal(known="q", targets="T"), "ik": robot.causal(known="T", targets="q")}
+    box = {"q": [[-0.9, -0.6]], "T": [[0.2, 0.4], [-1.0, -0.8], [0.2, 0.4]]}
+    s = gt.fmu.study(functions, tmp_path, name="l1", box=box, check=None)
+    for name, theirs in (("fk", "-0.9"), ("ik", "0.2")):
+        with zipfile.ZipFile(tmp_path / f"l1_{name}_fmi3.fmu") as unit:
+            assert theirs in unit.read("documentation/index.html").decode()
+    assert s.status.ok
+    with pytest.raises(gt.results.ArgumentError) as error:
+        gt.fmu.study(functions, tmp_path, name="l1", box={"z": [[0.0, 1.0]]}, check=None)
+    assert error.value.argument == "box"
+
+
 def test_a_file_of_somebody_else_is_not_replaced(quick, tmp_path):
     out = tmp_path / "out"
     out.mkdir()

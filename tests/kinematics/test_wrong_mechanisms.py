@@ -23,7 +23,19 @@ from gtmodel.mechanics import (
     TorqueMotor,
     Universal,
 )
-from tests.support.mechanisms import Bar, Bennett, FiveBar, FourBar, Watt, X, Z, dropped
+from tests.support.mechanisms import (
+    Bar,
+    Bennett,
+    FiveBar,
+    Folded,
+    FourBar,
+    InLine,
+    RigidUPU,
+    Watt,
+    X,
+    Z,
+    dropped,
+)
 
 LINE = r"(test_wrong_mechanisms|mechanisms)\.py:\d+"
 
@@ -139,6 +151,13 @@ WRONG = {
     "bypassed pin": (lambda: follow(dropped(Welded)), r"cannot be assembled.*'coupler.joint'"),
     "nailed coupler": (lambda: follow(dropped(Pinned)), r"mobility is 0.*'?nail|cannot be assembled.*"),
     "fixed twice": (lambda: TwoGrounds().mobility(), "post.*two components fix it in the world"),
+    "in line": (lambda: follow(InLine()), "start .*'pin', is singular: it has 2 instantaneous .*mobility 0"),
+    "in line, dropped": (lambda: follow(dropped(InLine)), "start .*'pin', is singular: it has 2 .*mobility 0"),
+    "folded": (lambda: follow(dropped(Folded)), "start .*'pin', is singular: it has 2 instantaneous .*mobility 1"),
+    "legs that do not move": (
+        lambda: dropped(RigidUPU).causal([f"leg[{k}].length" for k in range(6)], "T"),
+        r"start .*'leg\[\d\].ball.first', is singular: it has 3 instantaneous .*mobility 0",
+    ),
     "unequal links": (lambda: changed(Bennett, link=unequal())().mobility(), r"gap of 0\.\d+ m .*'joint\[2\]'"),
     "centres apart": (lambda: Apart().mobility(), r"cannot be assembled: a gap of 0.5 m or rad.*'near.second'"),
     "thread without a lead": (lambda: changed(FourBar, pin=gt.part(Screw))().mobility(), "'pin.lead' .* has no value"),

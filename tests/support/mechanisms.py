@@ -14,19 +14,14 @@ from gtmodel.mechanics import (
     FreeBody,
     Ground,
     PlanarLoopClosure,
-    Plane,
-    PointMass,
-    PointOnFrame,
     Prismatic,
     Revolute,
     RigidBody,
     Spherical,
     TorqueMotor,
-    UniformRod,
     Universal,
     World,
 )
-from problems.models.mechanisms import left_of
 
 X, Y, Z = np.eye(3)
 SLENDER = np.diag([1e-4, 0.01, 0.01])
@@ -492,30 +487,3 @@ class Loader(gt.Model):
         yield gt.connect(
             [self.lower.b, self.link.b, self.bar.b, self.ear.b], [self.link.a, self.bar.a, self.last.a, self.last.b]
         )
-
-
-class RodFiveBar(gt.Model):
-    """Planar 5R whose forearms are rods; branches: the tool above the elbows, and the side of each elbow."""
-
-    q = gt.variable(2, unit="rad", start=[2.2, 0.9], prefer=1)
-    T = gt.variable(3, unit="m", start=[0.2, 0.6, 0.0])
-    ground = gt.part(Ground)
-    base = gt.parts(2, FixedTranslation, d=[[0.0, 0.0, 0.0], [0.4, 0.0, 0.0]])
-    arm = gt.parts(2, Revolute)
-    motor = gt.parts(2, TorqueMotor)
-    elbow = gt.parts(2, PointOnFrame, d=gt.each([0.4, 0.0, 0.0]))
-    rod = gt.parts(2, UniformRod, L=gt.each(0.5), m=gt.each(0.5))
-    tool = gt.part(PointMass, m=1.0)
-    plane = gt.part(Plane)
-
-    def equations(self):
-        for k in range(2):
-            yield gt.connect([self.ground.frame, self.base[k].b], [self.base[k].a, self.arm[k].a])
-            yield gt.connect([self.arm[k].b, self.arm[k].shaft], [self.elbow[k].frame, self.motor[k].shaft])
-            yield gt.connect([self.elbow[k].point, self.rod[k].b], [self.rod[k].a, self.tool.frame])
-            yield self.q[k] == self.arm[k].shaft.phi
-            yield gt.branch(f"elbow_{k}", left_of(self.T - self.base[k].b.r, self.elbow[k].point.r - self.base[k].b.r))
-        yield gt.connect(self.plane.frame, self.tool.frame)
-        yield self.T == self.tool.frame.r
-        first, second = self.elbow[0].point.r, self.elbow[1].point.r
-        yield gt.branch("above", left_of(second - first, self.T - first))

@@ -72,12 +72,12 @@ def _units(problem: Schema, context: Context, out: Path, fmu: str, verify: bool,
         raise InputError("units compute in double; leave it out, or generate C code", "real")
     functions = functions_of(problem, context)
     s = problem.fmu
-    all_ = {"stop": s.stop_s, "box": problem.box, "on_fault": s.on_fault, "tolerance": s.tolerance, "step": s.step_s}
+    all_ = {"stop": s.stop_s, "on_fault": s.on_fault, "tolerance": s.tolerance, "step": s.step_s}
     options = {f.name: {**all_, **f.model_dump(include={"start", "tunable", "parameters"})} for f in problem.functions}
     if not write_failed and not context.interrupted():
         refuse_distrusted(context, "the units")
     call_ = Call(
-        unit_study, functions, name=problem.name or c_name(context.name), versions=VERSIONS[fmu],
+        unit_study, functions, name=problem.name or c_name(context.name), versions=VERSIONS[fmu], box=problem.box,
         options={name: options.get(name, {"stop": s.stop_s}) for name in functions},
         provenance={"problem": context.name, "title": problem.title, "robot": problem.robot}, title=problem.title,
         check=problem.check.options() if verify else None,
