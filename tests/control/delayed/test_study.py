@@ -122,7 +122,7 @@ def test_a_map_of_measured_plants() -> None:
     m, c, k = D.true_plants(joints, D.SyntheticCommands())
     measured = D.MeasuredPlants(joints, m, c, k, ("x", "y"))
     study = D.feedback_map(
-        measured, asked=joints[:1].tolist(), gain_steps={"x": 0.1, "y": 0.01}, options=D.GainMap(points=3, draws=200)
+        measured, asked=joints[:1].tolist(), gain_steps={"x": 0.1, "y": 0.01}, options=D.GainMap(points=3, draws=100)
     )
     exact = D.gain_limit(D.DelayedLoop(D.equivalent_plant(m[0, 0], c[0, 0], k[0, 0], CYCLE), CYCLE, LATE)).gain
     assert study.median["x"][0] == pytest.approx(exact, rel=0.03)
