@@ -83,14 +83,14 @@ SECOND = D.command_response(1.0, 8.0, 2e4, T, size=SIZE, cycle=CYCLE)
 
 
 WRONG: list[tuple[np.ndarray, np.ndarray, dict[str, float], str]] = [
-        (T, -logged(), {}, "displacement"),  # the wrong sign: the limit would be 200 times too great
-        (1e3 * T, logged(), {}, "time"),  # milliseconds
-        (T, logged(), {"cycle": 3 * CYCLE}, "displacement"),
-        (T, LATER, {}, "displacement"),  # the delay is left in
-        (T, logged() + SIZE, {}, "displacement"),  # what the command itself moved is left in
-        (T, np.clip(logged(), -3e-4, 3e-4), {}, "displacement"),  # saturated
-        (T, logged() + SECOND, {}, "displacement"),  # a second mode
-        (np.zeros(len(T)), logged(), {}, "time"),
+    (T, -logged(), {}, "displacement"),  # the wrong sign: the limit would be 200 times too great
+    (1e3 * T, logged(), {}, "time"),  # milliseconds
+    (T, logged(), {"cycle": 3 * CYCLE}, "displacement"),
+    (T, LATER, {}, "displacement"),  # the delay is left in
+    (T, logged() + SIZE, {}, "displacement"),  # what the command itself moved is left in
+    (T, np.clip(logged(), -3e-4, 3e-4), {}, "displacement"),  # saturated
+    (T, logged() + SECOND, {}, "displacement"),  # a second mode
+    (np.zeros(len(T)), logged(), {}, "time"),
 ]
 WITHOUT_NOISE = (0, 4, 6)  # of the wrong ones, at every run
 
