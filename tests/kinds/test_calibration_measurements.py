@@ -2,6 +2,7 @@
 
 import tomllib
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -163,6 +164,7 @@ def test_nothing_free_leaves_frames_and_offsets_to_be_found():
     assert free.held_out == fixed.held_out
 
 
+@cache
 def hexapod(*settings):
     other = f'held_out.file="{HEXAPOD / "rosbag_108_offset_origins.csv"}"'
     return gt.load(PROBLEMS / "calibrate_hexapod.toml", other, "sensitivity_step=0.0", *settings)()
