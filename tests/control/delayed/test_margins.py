@@ -44,7 +44,7 @@ def test_they_are_those_of_python_control_where_it_has_them(plant: D.CorrectedPl
 
 
 @pytest.mark.parametrize("delay", [0.0, LATE, 0.0505])
-@pytest.mark.parametrize("share", [0.2, 0.6, 0.95])
+@pytest.mark.parametrize("share", [pytest.param(0.2, marks=pytest.mark.proof), 0.6, 0.95])
 def test_the_delay_margin_put_in_as_a_delay_takes_a_pole_to_the_unit_circle(delay: float, share: float) -> None:
     for plant in (arm(), D.rigid_plant(CYCLE), arm(accumulate=True)):
         loop = D.DelayedLoop(plant, CYCLE, delay)
