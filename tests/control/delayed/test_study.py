@@ -109,7 +109,7 @@ def test_a_map_that_is_stopped_keeps_the_table() -> None:
     measured = D.MeasuredPlants(joints, *D.true_plants(joints, D.SyntheticCommands()), ("x", "y"))
     asked: dict[str, Any] = {"asked": joints[:1].tolist(), "gain_steps": {"x": 0.1, "y": 0.01}}
     asks = iter(range(3))  # the field, and the table of both directions
-    options = D.GainMap(points=2, draws=20)
+    options = D.GainMap(points=3, draws=50)
     s = D.feedback_map(measured, **asked, options=options, stop=lambda: next(asks, None) is None)
     whole = D.feedback_map(measured, **asked, options=options)
     assert s.status is gt.SolveStatus.INTERRUPTED and whole.status.ok
@@ -122,7 +122,7 @@ def test_a_map_of_measured_plants() -> None:
     m, c, k = D.true_plants(joints, D.SyntheticCommands())
     measured = D.MeasuredPlants(joints, m, c, k, ("x", "y"))
     study = D.feedback_map(
-        measured, asked=joints[:1].tolist(), gain_steps={"x": 0.1, "y": 0.01}, options=D.GainMap(points=2, draws=40)
+        measured, asked=joints[:1].tolist(), gain_steps={"x": 0.1, "y": 0.01}, options=D.GainMap(points=3, draws=50)
     )
     exact = D.gain_limit(D.DelayedLoop(D.equivalent_plant(m[0, 0], c[0, 0], k[0, 0], CYCLE), CYCLE, LATE)).gain
     assert study.median["x"][0] == pytest.approx(exact, rel=0.03)
