@@ -132,7 +132,7 @@ class SignAnalysis:
         self._arguments = [sampler.w, flat.p, flat.scope.time]
         self._points = [ca.DM(np.asarray(points).T), ca.DM(flat.p0), ca.DM(sampler.time)]
         self._symbols: dict[int, str] = {}
-        self._found: dict[int, tuple[ca.SX, str]] = {}  # by hash, which is unique while the expression is kept
+        self._signs: dict[int, tuple[ca.SX, str]] = {}  # by hash, which is unique while the expression is kept
         for q in flat.parameters:
             sign = UNKNOWN
             if q.nonzero:
@@ -162,9 +162,9 @@ class SignAnalysis:
     def sign(self, e: ca.SX) -> str:
         """Return the sign of a scalar; UNKNOWN if it contains a symbol of unknown sign, such as a variable."""
         key = e.element_hash()
-        if key not in self._found:
-            self._found[key] = e, self._sign(e, key)
-        return self._found[key][1]
+        if key not in self._signs:
+            self._signs[key] = e, self._sign(e, key)
+        return self._signs[key][1]
 
     def _sign(self, e: ca.SX, key: int) -> str:
         if e.is_constant():
