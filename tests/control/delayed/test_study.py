@@ -232,7 +232,7 @@ def test_no_depth_lies_on_the_frame_of_its_picture(depths: dict[str, float]) -> 
 
 def test_pictures_are_drawn() -> None:
     directions, path = [D.OffAxisRun(0.5), D.OffAxisRun(0.8, 0.03, 0.05)], D.SinePath(duration=2.0)
-    box = D.FeedbackBox(draws=10)
+    box = D.FeedbackBox(draws=20)
     study = gt.control.delayed_feedback({"x": X, "y": Y}, box=box, off_axis=directions, path=path)
     assert set(study.figures) == {"limits", "box", "runs", "directions"}
     for name in study.figures:
