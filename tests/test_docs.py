@@ -1,6 +1,6 @@
 """The pages of the site are true: their Python and their commands run, every kind has a page, every name an entry.
 
-`make test` runs a third of the pages, `make proof` the others; one page: pytest tests/test_docs.py -m "" -k kinds/reach
+`make test` runs a fifth of the pages, `make proof` the others; one page: pytest tests/test_docs.py -m "" -k kinds/reach
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from docs._ext.public_names import LIBRARIES, public
 from docs._ext.reference import _plain_text, page
 from gtmodel.cli import main
 from gtmodel.problem_files import registry
-from tests.support.parts import a_third
+from tests.support.parts import a_fifth
 
 CLONE = Path(__file__).parents[1]
 DOCS = CLONE / "docs"
@@ -50,7 +50,7 @@ def failed(page: Path, folder: Path, *, long: bool, run: Run | None = None) -> l
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("page", a_third([p for p in PAGES if any(not f.long for f in fences(p))], named))
+@pytest.mark.parametrize("page", a_fifth([p for p in PAGES if any(not f.long for f in fences(p))], named))
 def test_what_a_page_shows_runs(page: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """In this process; `make proof` runs the longer pages, and `make docs` all, by processes of their own."""
 

@@ -139,6 +139,7 @@ class SignAnalysis:
             if getattr(r.item, "kind", "") == "rotation":
                 self._turns[list(r.indices)] = True
         self._symbols: dict[int, str] = {}
+        self._signs: dict[int, tuple[ca.SX, str]] = {}  # by hash, which is unique while the expression is kept
         for q in flat.parameters:
             sign = UNKNOWN
             if q.nonzero:
@@ -153,8 +154,9 @@ class SignAnalysis:
 
     def sizes(self, expressions: Sequence[ca.SX]) -> list[float]:
         """Return typical magnitudes: the medians over the consistent points."""
-        sizes = [abs(float(e)) if e.is_constant() else 0.0 for e in expressions]
-        varying = [n for n, e in enumerate(expressions) if not e.is_constant()]
+        constant = [e.is_constant() for e in expressions]
+        sizes = [abs(float(e)) if c else 0.0 for e, c in zip(expressions, constant, strict=True)]
+        varying = [n for n, c in enumerate(constant) if not c]
         if varying:
             f = ca.Function("sizes", self._arguments, [ca.vertcat(*[expressions[n] for n in varying])])
             count = self._points[0].shape[1]
@@ -185,11 +187,17 @@ class SignAnalysis:
 
     def sign(self, e: ca.SX) -> str:
         """Return the sign of a scalar; UNKNOWN if it contains a symbol of unknown sign, such as a variable."""
+        key = e.element_hash()
+        if key not in self._signs:
+            self._signs[key] = e, self._sign(e, key)
+        return self._signs[key][1]
+
+    def _sign(self, e: ca.SX, key: int) -> str:
         if e.is_constant():
             value = float(e)
             return POSITIVE if value > 0 else NEGATIVE if value < 0 else UNKNOWN
         if e.is_symbolic():
-            return self._symbols.get(e.element_hash(), UNKNOWN)
+            return self._symbols.get(key, UNKNOWN)
         op = e.op()
         if op not in _SIGNED or (first := self.sign(e.dep(0))) == UNKNOWN:
             return UNKNOWN

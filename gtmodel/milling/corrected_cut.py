@@ -16,6 +16,7 @@ from ..control.delayed.options import FeedbackAxis, FeedbackCut, FeedbackTiming
 from ..linear.roots import crossing
 from ..linear.state_space import held, second_order
 from ..results import ArgumentError
+from ..results.refusal import naming
 from ..simulation.hybrid.clock import exact
 from .cutter import Cut, Cutter, tooth_frequency
 from .forces import plane
@@ -94,29 +95,13 @@ def chatter_radius(
     """
     if np.ptp(cutter.pitch) > UNEVEN:
         raise ArgumentError("the pitch of the teeth is uneven; expected even pitch", "cutter")
-    if steps < 4:
-        raise ArgumentError(f"found {steps}; expected four or more", "steps")
     if not np.isfinite(gain):
         raise ArgumentError(f"must be a number; found {gain!r}", "gain")
-    period = 1 / tooth_frequency(speed, cutter.teeth)
-    step = tool.cycle / steps
-    tooth = round(period / step)
-    if tooth < FEWEST:
-        enough = steps * (int(np.ceil(FEWEST * step / period)) + 1)
-        raise ArgumentError(
-            f"the tooth period has {period / step:.3g} steps; expected {FEWEST} or more: choose {enough} steps or a "
-            "slower spindle", "steps",
-        )  # fmt: skip
-    together = lcm(tooth, steps)
-    if together > MOST_STEPS:
-        raise ArgumentError(
-            f"a tooth period of {tooth} steps and a cycle of {steps} have a common period of {together} steps, more "
-            f"than {MOST_STEPS}; choose a number of steps with more factors", "steps",
-        )  # fmt: skip
+    tooth, together = _common_period(cutter, tool.cycle, speed, steps)
     P = plane(feed, up)
     W = cut.axial_depth * np.einsum("ji,tjk,kl->til", P, mean_matrices(cutter, cut, tooth), P)
     growth = _over(tool, W, steps, tooth, together, gain)
-    used = 1 / (cutter.teeth * tooth * step)
+    used = 1 / (cutter.teeth * tooth * (tool.cycle / steps))
     return ChatterRadius(growth ** (steps / together), Fraction(tooth, steps), used, used / speed - 1)
 
 
@@ -179,7 +164,7 @@ class CorrectedCut:
     cut: Cut
 
     def tool(self, plants: Mapping[str, Any], timing: FeedbackTiming) -> CorrectedTool:
-        """Return the corrected tool. Raises ArgumentError for plants or timing that do not fit."""
+        """Return the corrected tool. Raises ArgumentError for plants, timing or steps that do not fit."""
         of = self.of
         axes = {n: p for n, p in plants.items() if isinstance(p, FeedbackAxis)}
         if not {"x", "y"} <= set(axes) or of.axis not in ("x", "y"):
@@ -188,6 +173,8 @@ class CorrectedCut:
             )
         if timing.accumulate:
             raise ArgumentError("is not supported with a cut; leave it out", "timing.accumulate")
+        with naming("cut."):
+            _common_period(self.cutter, timing.cycle, of.speed, of.steps)
         frequency = np.array([axes["x"].frequency, axes["y"].frequency, of.z_frequency])
         zeta = np.array([axes["x"].damping_ratio, axes["y"].damping_ratio, of.z_damping_ratio])
         mass = np.array(of.mass)
@@ -209,6 +196,28 @@ class CorrectedCut:
             "tooth_in_cycles": str(once.cycles_per_tooth),
             "spindle_speed_error": once.speed_error,
         }
+
+
+def _common_period(cutter: Cutter, cycle: float, speed: float, steps: int) -> tuple[int, int]:
+    """Steps of the tooth period, and of the common period of tooth and cycle; a cycle [s] has `steps`."""
+    if steps < 4:
+        raise ArgumentError(f"found {steps}; expected four or more", "steps")
+    period = 1 / tooth_frequency(speed, cutter.teeth)
+    step = cycle / steps
+    tooth = round(period / step)
+    if tooth < FEWEST:
+        enough = steps * (int(np.ceil(FEWEST * step / period)) + 1)
+        raise ArgumentError(
+            f"the tooth period has {period / step:.3g} steps; expected {FEWEST} or more: choose {enough} steps or a "
+            "slower spindle", "steps",
+        )  # fmt: skip
+    together = lcm(tooth, steps)
+    if together > MOST_STEPS:
+        raise ArgumentError(
+            f"a tooth period of {tooth} steps and a cycle of {steps} have a common period of {together} steps, more "
+            f"than {MOST_STEPS}; choose a number of steps with more factors", "steps",
+        )  # fmt: skip
+    return tooth, together
 
 
 def _over(tool: CorrectedTool, W: np.ndarray, steps: int, tooth: int, together: int, gain: float) -> float:

@@ -219,7 +219,9 @@ def test_legs_in_another_order_are_recognised_in_one_sentence(order, read_right)
     assert sentence.endswith(f"mm when read as {', '.join(f'n[{k}]' for k in meant)}")
 
 
-@pytest.mark.parametrize(("name", "order"), [(FIRST, (0, 2, 1, 3, 4, 5)), (SECOND, (1, 2, 3, 4, 5, 0))])
+@pytest.mark.parametrize(
+    ("name", "order"), [pytest.param(FIRST, (0, 2, 1, 3, 4, 5), marks=pytest.mark.proof), (SECOND, (1, 2, 3, 4, 5, 0))]
+)
 def test_measured_legs_in_another_order_are_recognised(name, order):
     p = prepare(hexapod(), measured(name, poses=FRAMES), aligned(), actuators="n")
     assert misread_columns(p, ["T"]) is None
@@ -238,7 +240,10 @@ def test_a_quaternion_with_its_scalar_last_is_recognised(read_right):
     assert found.sentence.startswith("'e' looks written with its scalar last: links miss by ")
 
 
-@pytest.mark.parametrize(("factor", "text"), [(1e3, "1000 times too large"), (1e-3, "1000 times too small")])
+@pytest.mark.parametrize(
+    ("factor", "text"),
+    [(1e3, "1000 times too large"), pytest.param(1e-3, "1000 times too small", marks=pytest.mark.proof)],
+)
 def test_millimetres_for_metres_are_recognised(factor, text):
     p = prepare(hexapod(), measured(FIRST, poses=FRAMES), aligned(), actuators="n")
     wrong = p.on(Measurements(recording(FIRST) | {"T": factor * recording(FIRST)["T"]}, NOISE, poses=FRAMES))

@@ -12,7 +12,8 @@ import pytest
 
 from tests.calibrate.drawn import KINDS, Seen, judged, look
 
-DRAWN = 2  # of each kind: 14 correct data sets and 14 with a fault, an exchange, a unit and a sign
+DRAWN = 2  # of each kind, a right data set and one with a fault each: an exchange, a unit, a sign
+LARGE = ("f1", "tracked_arm")  # of these one
 MANY = 80  # of each of seven kinds: 560 correct ones and 560 wrong ones
 POSES = 40
 SOUND = 0.95
@@ -21,9 +22,10 @@ SOUND = 0.95
 @pytest.mark.parametrize("kind", KINDS)
 def test_correct_data_raise_no_alarm_and_a_fault_is_named(kind: str) -> None:
     seen = Seen()
-    alarms = [said for seed in range(DRAWN) if (said := look(kind, seed, POSES, seen))]
+    drawn = 1 if kind in LARGE else DRAWN
+    alarms = [said for seed in range(drawn) if (said := look(kind, seed, POSES, seen))]
     assert not alarms
-    assert seen.counted >= DRAWN - 1 and not seen.missed
+    assert seen.counted >= 1 and not seen.missed
 
 
 @pytest.mark.proof

@@ -45,7 +45,7 @@ def of_noise(s: CalibrationStudy) -> str:
     return sentence
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [pytest.param(k, marks=[pytest.mark.proof] * (k in ("f1", "hexapod"))) for k in KINDS])
 def test_a_perfect_model_is_proven_and_one_that_lacks_an_effect_is_not(kind: str) -> None:
     sound, wrong = ([judged(kind, seed, effect) for seed in range(FEW)] for effect in (0.0, 3.0))
     for s in sound:
@@ -159,7 +159,7 @@ def test_the_bound_is_what_matters_or_what_chance_does() -> None:
     assert nothing.bound == np.inf and not nothing.passed and "do not show the noise" in nothing.message
 
 
-@pytest.mark.parametrize("seed", [4, 12])
+@pytest.mark.parametrize("seed", [pytest.param(4, marks=pytest.mark.proof), 12])
 def test_a_fit_that_slides_to_where_no_pose_closes_is_held_near_its_start(seed: int) -> None:
     """Two draws of the F1 whose 13 poses determine 19 combinations no better than they were known: one of 13 held-out
     poses and all 13 did not close, as two links had come to coincide."""

@@ -6,9 +6,11 @@ Foreign states and jumps lead to the mirror image of the robot, where links poin
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -38,7 +40,8 @@ CAUSALITIES = {
 }
 # a link on a cart of its own, and all links
 SIDES = {"": {}, "_behind": {f"link[{k}].ahead": -1 for k in range(6)}, "_second": {"link[1].ahead": -1}}
-LONG = ("inverse_dynamics", "forward_dynamics")  # with a single link on another branch by -m proof only
+LONG = ("inverse_dynamics", "forward_dynamics")  # of 7 and 14 s each: by -m proof only
+EACH = [pytest.param(k, marks=[pytest.mark.proof] * (k in LONG)) for k in CAUSALITIES]
 
 
 def faces_of(pairs: Iterable[tuple[str, str]]) -> dict[str, Interface]:
@@ -47,23 +50,37 @@ def faces_of(pairs: Iterable[tuple[str, str]]) -> dict[str, Interface]:
     return {face.key: face for face in interfaces(functions, "a")}
 
 
-@pytest.fixture(scope="module")
-def faces() -> dict[str, Interface]:
-    return faces_of((key, end) for key in CAUSALITIES for end in SIDES if not (key in LONG and end == "_second"))
+class Made(NamedTuple):
+    faces: dict[str, Interface]
+    folder: Path
+    library: ctypes.CDLL
 
 
 @pytest.fixture(scope="module")
-def folder(faces: dict[str, Interface], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return folder_of(faces, tmp_path_factory.mktemp("assembly"))
+def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Made]:
+    """The functions and their library by the key of one: those that take long are derived for their own tests only."""
+
+    @cache
+    def of(long: bool) -> Made:
+        faces = faces_of((key, end) for key in CAUSALITIES for end in SIDES if (key in LONG) == long)
+        folder = folder_of(faces, tmp_path_factory.mktemp("assembly"))
+        return Made(faces, folder, shared_library(folder, tmp_path_factory.mktemp("assembly_library")))
+
+    return lambda key: of(key in LONG)
+
+
+@pytest.fixture
+def faces(key: str, made: Callable[[str], Made]) -> dict[str, Interface]:
+    return made(key).faces
+
+
+@pytest.fixture
+def library(key: str, made: Callable[[str], Made]) -> ctypes.CDLL:
+    return made(key).library
 
 
 def folder_of(faces: dict[str, Interface], place: Path) -> Path:
     return cgen.generate({key: face.function for key, face in faces.items()}, place / "a", name="a").folder
-
-
-@pytest.fixture(scope="module")
-def library(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
-    return shared_library(folder, tmp_path_factory.mktemp("assembly_library"))
 
 
 def answered(face: Interface, library: ctypes.CDLL) -> tuple[np.ndarray, np.ndarray]:
@@ -75,23 +92,11 @@ def answered(face: Interface, library: ctypes.CDLL) -> tuple[np.ndarray, np.ndar
     return rows[ok], outputs[ok]
 
 
-@pytest.mark.parametrize(
-    ("key", "side"), [(k, s) for s in ("_behind", "_second") for k in CAUSALITIES if not (k in LONG and s == "_second")]
-)
+@pytest.mark.parametrize("side", ["_behind", "_second"])
+@pytest.mark.parametrize("key", EACH)
 def test_a_foreign_state_is_told_and_nothing_moves(
     key: str, side: str, faces: dict[str, Interface], library: ctypes.CDLL
 ) -> None:
-    assert_a_foreign_state_is_told(key, side, faces, library)
-
-
-@pytest.mark.proof
-@pytest.mark.parametrize("key", LONG)
-def test_a_foreign_state_of_one_link_is_told_of_forces_too(key: str, tmp_path: Path) -> None:
-    faces = faces_of((key, end) for end in ("", "_second"))
-    assert_a_foreign_state_is_told(key, "_second", faces, shared_library(folder_of(faces, tmp_path), tmp_path))
-
-
-def assert_a_foreign_state_is_told(key: str, side: str, faces: dict[str, Interface], library: ctypes.CDLL) -> None:
     here, there = faces[key], faces[key + side]
     assert [m.signal for m in here.state] == [m.signal for m in there.state]
     n = here.output_size
@@ -106,7 +111,7 @@ def assert_a_foreign_state_is_told(key: str, side: str, faces: dict[str, Interfa
         assert np.all(status == Status.WRONG_BRANCH) and np.isnan(in_python).all()
 
 
-@pytest.mark.parametrize("key", list(CAUSALITIES))
+@pytest.mark.parametrize("key", EACH)
 def test_what_is_ok_after_a_jump_is_right_and_of_this_assembly(
     key: str, faces: dict[str, Interface], library: ctypes.CDLL
 ) -> None:
@@ -131,7 +136,7 @@ def test_what_is_ok_after_a_jump_is_right_and_of_this_assembly(
     assert not wrong("inverse_dynamics" if "tau" in x else key, x, WRONG_M["double"], WRONG_RATE["double"]).any()
 
 
-@pytest.mark.parametrize("key", list(CAUSALITIES))
+@pytest.mark.parametrize("key", EACH)
 def test_the_call_in_python_refuses_a_foreign_guess_and_takes_branches(key: str, faces: dict[str, Interface]) -> None:
     here, there = faces[key].function, faces[key + "_behind"].function
     names = [m.signal for m in faces[key].state]
@@ -150,14 +155,15 @@ def test_the_call_in_python_refuses_a_foreign_guess_and_takes_branches(key: str,
     assert int(said) == Status.OK and np.all(np.asarray(margins)[-len(there.plan.sides) :] > 0)
 
 
-def test_header_and_readme_name_the_branches(folder: Path) -> None:
+def test_header_and_readme_name_the_branches(made: Callable[[str], Made]) -> None:
+    folder = made("fk").folder
     header = " ".join((folder / "gt_a.h").read_text().split()).replace(" * ", " ")
     assert "- GT_WRONG_BRANCH if " in header and "off these branches: link[1].ahead = +1" in header
     assert "link[1].ahead = -1" in header
     assert "continue from a state" in (folder / "README.md").read_text()
 
 
-@pytest.mark.parametrize("key", [pytest.param(k, marks=[pytest.mark.proof] * (k in LONG)) for k in CAUSALITIES])
+@pytest.mark.parametrize("key", ["fk", "ik", *(pytest.param(k, marks=pytest.mark.proof) for k in ("velocity", *LONG))])
 @pytest.mark.usefixtures("callgrind")
 def test_what_the_branches_cost(key: str, faces: dict[str, Interface], library: ctypes.CDLL, tmp_path: Path) -> None:
     f = faces[key].function

@@ -22,7 +22,10 @@ DEAREST = "forward_dynamics_T_linear"
 DEAREST_RATIO = 1.25
 
 
-@pytest.fixture(scope="module", params=list(LINK_MASSES))
+MASSES = [pytest.param(name, marks=[pytest.mark.proof] * (name == "massless links")) for name in LINK_MASSES]
+
+
+@pytest.fixture(scope="module", params=MASSES)
 def pairs(request: pytest.FixtureRequest) -> Pairs:
     return three_link_pairs(request.param)
 

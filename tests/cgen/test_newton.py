@@ -124,7 +124,7 @@ def test_one_changed_constant_fails_the_self_test(
     assert run("./a.out", cwd=changed).returncode == 1
 
 
-@pytest.mark.parametrize("key", list(INSTRUCTIONS))
+@pytest.mark.parametrize("key", [pytest.param(k, marks=[pytest.mark.proof] * (k == "ik")) for k in INSTRUCTIONS])
 @pytest.mark.usefixtures("callgrind")
 def test_cost_and_size(key: str, newton_functions: Functions, folder: Path, tmp_path: Path) -> None:
     face = faces_of(newton_functions)[key]

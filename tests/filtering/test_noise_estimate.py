@@ -120,7 +120,7 @@ def true_noise(system: F.System) -> dict[str, float]:
     return deviations | {f"{n}.density": float(q) for n, q in system.process.noise.items()}
 
 
-@pytest.mark.parametrize("name", list(MADE))
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.proof] * (n != "pendulum")) for n in MADE])
 def test_noise_of_three_models_is_estimated_and_their_nis_is_in_its_band(name: str) -> None:
     own, log, study, _ = estimated(name)
     assert study.status.ok and not study.notes and set(study.noise_source.values()) == {"likelihood"}

@@ -19,7 +19,7 @@ D = gt.control.delayed
 
 @pytest.fixture(scope="module")
 def pose_19():
-    return answer(load(POSE_19, ["box.draws=100", "cut.shares=[0.0, 0.9]", "cut.steps=10"]), Context())
+    return answer(load(POSE_19, ["box.draws=30", "cut.shares=[0.0, 0.9]", "cut.steps=10"]), Context())
 
 
 def test_pose_19_answers_what_the_thesis_printed(pose_19) -> None:
@@ -51,7 +51,7 @@ def test_the_numbers_of_the_documentation(pose_19) -> None:
 
 
 def test_the_map_is_of_synthetic_commands_and_says_so() -> None:
-    study = answer(load(MAP, ["map.points=3", "map.draws=60"]), Context())
+    study = answer(load(MAP, ["map.points=3", "map.draws=50"]), Context())
     assert study.status is SolveStatus.SOLVED and study.poses == 16 and len(study.recommended["y"]) == 6
     assert any("synthetic" in note for note in study.notes)
     rows = study.files["table.csv"].splitlines()
@@ -72,7 +72,8 @@ def test_the_l1_is_the_call_of_the_library() -> None:
 def test_measured_plants_stand_in_the_file(tmp_path) -> None:
     joints = [[-33.96, 113.53], [-31.26, 98.33], [-46.14, 115.56], [-59.08, 95.65], [-50.15, 78.59]]
     m, c, k = D.true_plants(np.deg2rad(joints), D.SyntheticCommands())
-    text = 'kind = "delayed_feedback"\n[map]\npoints = 3\ntable_deg = [[-40.0, 100.0]]\ngain_step = { y = 0.01 }\n'
+    text = 'kind = "delayed_feedback"\n[map]\npoints = 3\ndraws = 50\n'
+    text += "table_deg = [[-40.0, 100.0]]\ngain_step = { y = 0.01 }\n"
     for row, values in zip(joints, zip(m[:, 1], c[:, 1], k[:, 1], strict=True), strict=True):
         given = "\n".join(f"{n} = {{ y = {v!r} }}" for n, v in zip("mck", map(float, values), strict=True))
         text += f"[[map.plant]]\njoints_deg = {row}\n{given}\n"

@@ -64,7 +64,7 @@ def _twin(servo: gt.loop.Servo) -> Any:
     return lambda cycle_s: units.HeldServo(servo, parts, cycle_s)
 
 
-@pytest.mark.parametrize("peer", ["egm", "rsi"])
+@pytest.mark.parametrize("peer", [pytest.param("egm", marks=pytest.mark.proof), "rsi"])
 def test_a_unit_of_the_drives_gives_the_log_of_the_drives(run: Any, peer: str) -> None:
     """Bit for bit: the C of a sampled block behind FMI, and NumPy, with the same C loop and datagrams."""
     built_in = run(peer)
@@ -80,7 +80,7 @@ def test_a_unit_of_the_drives_gives_the_log_of_the_drives(run: Any, peer: str) -
     assert "synthetic" in title and "drives" in title
 
 
-@pytest.mark.parametrize("peer", ["egm", "rsi"])
+@pytest.mark.parametrize("peer", ["egm", pytest.param("rsi", marks=pytest.mark.proof)])
 def test_a_unit_of_the_robot_gives_the_log_of_its_equations(run: Any, peer: str) -> None:
     """Forces of the servo held for half a millisecond, by the unit and by CasADi; and any object may be the plant."""
     s, other = (run(peer, p, law="dynamics") for p in (units.rigid_plant(units.rigid()), _twin(gt.loop.Servo())))

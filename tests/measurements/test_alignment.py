@@ -10,8 +10,8 @@ from gtmodel.measurements import LogError, Search, SyntheticDelay, align, delay_
 from gtmodel.measurements.alignment import common_curve
 from gtmodel.results import ArgumentError, SolveStatus
 
-# of 200: an exact 95 % interval lies outside with probability 1e-3; of 12: 70 % would be seen as often as of 20 with 16
-BAND_200, LEAST_OF_12 = (179, 198), 10
+# of 200: an exact 95 % interval lies outside with probability 1e-3; of 8: 70 % would be seen as often as of 20 with 16
+BAND_200, LEAST_OF_8 = (179, 198), 7
 HARD = {"delay": 0.1234, "drift": 5e-5, "jitter": 0.3, "missing": 0.02, "noise": 0.02, "duration": 8.0}
 
 
@@ -31,8 +31,8 @@ def covered(seeds: range) -> tuple[int, int]:
 
 def test_intervals_hold_the_truth():
     """Jitter 30 %, 2 % missing, 50 ppm."""
-    offset, drift = covered(range(12))
-    assert offset >= LEAST_OF_12 and drift >= LEAST_OF_12
+    offset, drift = covered(range(8))
+    assert offset >= LEAST_OF_8 and drift >= LEAST_OF_8
 
 
 @pytest.mark.proof
@@ -78,7 +78,7 @@ def test_a_motion_that_sixteen_knots_do_not_show_is_aligned():
     assert hits >= 5
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(n, marks=pytest.mark.proof) for n in range(2, 6))])
 def test_signals_of_two_motions_are_refused(seed: int):
     """Half of them were "explained to 99.997 %", with an interval: by a curve that followed the other one alone."""
     rng, seen = np.random.default_rng([5, seed + 3]), []

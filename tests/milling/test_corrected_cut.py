@@ -49,7 +49,7 @@ def test_without_gain_it_is_the_semi_discretised_cut(speed: float, depth: float)
     assert r.radius == pytest.approx(alone ** float(1 / r.cycles_per_tooth), rel=SAME)
 
 
-@pytest.mark.parametrize("speed", [25.0, 47.3])
+@pytest.mark.parametrize("speed", [pytest.param(25.0, marks=pytest.mark.proof), 47.3])
 @pytest.mark.parametrize("direction", [ALONG, np.array([0.0, 1.0, 0.0])])
 @pytest.mark.parametrize("delay", [0.0, 0.0031, 0.052, 0.0537])
 def test_without_a_cut_it_is_the_late_loop(delay: float, direction: np.ndarray, speed: float) -> None:

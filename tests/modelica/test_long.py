@@ -77,14 +77,14 @@ def test_a_loop_of_an_optimization(tmp_path: Path) -> None:
     assert u == pytest.approx(0.5, abs=1e-5)  # of the optimiser's own tolerance
 
 
-def test_five_thousand_terms(tmp_path: Path) -> None:
-    signs = [-1 if i % 3 == 1 else 1 for i in range(5_000)]
+def test_two_thousand_terms(tmp_path: Path) -> None:
+    signs = [-1 if i % 3 == 1 else 1 for i in range(2_000)]
     text = "".join(f" {'-' if s < 0 else '+'} {i}*u/{i + 7}" for i, s in enumerate(signs))
     exact = math.fsum(s * i * 0.7 / (i + 7) for i, s in enumerate(signs))
     assert one(tmp_path, text, "Real u = 0.7;") == pytest.approx(exact, rel=ROUND_OFF)
     # the value of a sum does not hang on how many terms are added in pairs
-    assert one(tmp_path, "sum(i*u/(i + 7) for i in 0:4999)", "Real u = 0.7;") == pytest.approx(
-        math.fsum(i * 0.7 / (i + 7) for i in range(5_000)), rel=ROUND_OFF
+    assert one(tmp_path, "sum(i*u/(i + 7) for i in 0:1999)", "Real u = 0.7;") == pytest.approx(
+        math.fsum(i * 0.7 / (i + 7) for i in range(2_000)), rel=ROUND_OFF
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +20,22 @@ FIVE_DOF_M = 0.02  # the printed clusters are parallelograms but for about 15 mm
 FREE_M = 1e-6  # cubic splines of 161 sampled forces; 81 leave 4e-6
 SLOW_S = 0.4
 SMOOTH = AxisCost(energy=10.0)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def equations_kept() -> Iterator[None]:
+    """Free motions that differ in mesh, guess and stop alone have the same equations: they are derived once."""
+    known: dict[str, gt.Optimization] = {}
+    derived = AxisPlan.optimization.func
+
+    def kept(plan: AxisPlan) -> gt.Optimization:
+        p = plan.problem
+        key = repr((p.limits, p.cost, p.degrees_of_freedom, plan.start.tolist(), plan.goal.tolist()))
+        return known.get(key) or known.setdefault(key, derived(plan))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(AxisPlan, "optimization", property(kept))
+        yield
 
 
 @pytest.fixture(scope="module")

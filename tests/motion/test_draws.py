@@ -57,7 +57,7 @@ def on_the_branch(plan, solution) -> bool:
     )
 
 
-@pytest.mark.parametrize("n", [0, pytest.param(3, marks=pytest.mark.proof), 9])
+@pytest.mark.parametrize("n", [0, *(pytest.param(n, marks=pytest.mark.proof) for n in (3, 9))])
 def test_drawn(n):
     good, gap, told = searched(draws(n + 1)[n], 1, n)
     assert good and gap <= NEAR_BEST, told
@@ -88,7 +88,7 @@ def test_fifty(seed):
 
 
 # of another seed: attempts that got nowhere for 200 iterations, and one that needs more than 200 from its bent start
-@pytest.mark.parametrize("n", [pytest.param(1, marks=pytest.mark.proof), 28])
+@pytest.mark.parametrize("n", [pytest.param(n, marks=pytest.mark.proof) for n in (1, 28)])
 def test_drawn_with_another_seed(n):
     good, _, told = searched(draws(n + 1, OTHER_SEED)[n], 0, n)
     assert good, told
@@ -131,7 +131,7 @@ def test_two_hundred_studies():
 
 # iterations seen: 278 of the first, whose exported motion was sought beyond the edge of reach first, where a step cost
 # as much as thirty (555); 191 of the second, whose finer mesh began with the barrier far from its end (517)
-@pytest.mark.parametrize(("n", "most"), [(74, 400), (3, 400)])
+@pytest.mark.parametrize(("n", "most"), [pytest.param(74, 400, marks=pytest.mark.proof), (3, 400)])
 def test_attempts_that_lead_nowhere_are_not_made_again(n, most):
     study = solved(asked(**draws(n + 1, suite()["study_seed"])[n]), Work())
     assert study.status is SolveStatus.SOLVED and study.iterations <= most, study.message

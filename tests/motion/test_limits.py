@@ -68,7 +68,9 @@ class TestLimits:
         assert o.objective > FREE
         assert o.exported_peak_force <= 700.0 * (1 + 1e-9)
 
-    @pytest.mark.parametrize("limit", POSITIONS)
+    @pytest.mark.parametrize(
+        "limit", [pytest.param(n, marks=[pytest.mark.proof] * (n in ("cart_low", "tcp_high"))) for n in POSITIONS]
+    )
     def test_positions(self, limit):
         value, sign, name, changes = POSITIONS[limit]
         free, o = outcome(**changes), outcome(**changes, **{f"limits__{limit}": value})

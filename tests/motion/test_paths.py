@@ -181,7 +181,10 @@ class TestLine:
 class TestOtherPaths:
     @pytest.mark.parametrize(
         "path",
-        [Polyline([CORNER.tolist()], intervals=150), Arc(CORNER.tolist(), intervals=150)],
+        [
+            Polyline([CORNER.tolist()], intervals=150),
+            pytest.param(Arc(CORNER.tolist(), intervals=150), marks=pytest.mark.proof),
+        ],
         ids=["polyline", "arc"],
     )
     def test_solved_by_two_roads(self, path):

@@ -225,7 +225,7 @@ class TestElementLengths:
         "cost, limits",
         [
             (LengthCost(uneven=1e-4), None),
-            (LengthCost(uneven=1e-4, rates={"x": 0.3}, power=1.0), None),
+            pytest.param(LengthCost(uneven=1e-4, rates={"x": 0.3}, power=1.0), None, marks=pytest.mark.proof),
             (LengthCost(uneven=1e-4, rates={"x": 0.1}, power=0.5), (0.06, 0.115)),
         ],
         ids=["uneven", "rates", "limits"],

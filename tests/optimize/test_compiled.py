@@ -80,11 +80,11 @@ class TestMachineCode:
     @pytest.mark.parametrize(
         "spoil",
         [
-            lambda whole: b"",
-            lambda whole: whole[: len(whole) // 2],
+            pytest.param(lambda whole: b"", marks=pytest.mark.proof),
+            pytest.param(lambda whole: whole[: len(whole) // 2], marks=pytest.mark.proof),
             lambda whole: whole[:-1] + bytes([whole[-1] ^ 1]),
             lambda whole: b"\x7fELF" + bytes(200),
-            lambda whole: b"no library",
+            pytest.param(lambda whole: b"no library", marks=pytest.mark.proof),
         ],
     )
     def test_a_spoilt_library_is_built_anew(self, folder, spoil):
@@ -106,7 +106,9 @@ class TestMachineCode:
         assert again.objective == objective and again.seconds["compile"] > 0.0
 
     @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such rights on Windows")
-    @pytest.mark.parametrize("mode", [0o770, 0o707, 0o720, 0o702, 0o1777])
+    @pytest.mark.parametrize(
+        "mode", [*(pytest.param(m, marks=pytest.mark.proof) for m in (0o770, 0o707, 0o1777)), 0o720, 0o702]
+    )
     def test_what_others_may_write_is_not_executed(self, folder, mode):
         """Neither from a folder of theirs, nor from one below it."""
         solve(features.Tank(), Mesh(3, 2), solver=MACHINE)

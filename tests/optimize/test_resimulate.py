@@ -20,6 +20,7 @@ from tests.oracle.hand_written import ThreeLink
 # Both integrators hold 1e-10 per step; over some 1,000 steps of a stable motion that adds up to 1e-8.
 INTEGRATORS = 1e-8
 FORCE, UNIT = 700.0, 112.90322580645162
+CONTROLS = pytest.mark.parametrize("control", [pytest.param("polynomial", marks=pytest.mark.proof), "constant"])
 START, GOAL = np.array([0.0, -0.9, 0.1]), np.array([0.9, -0.9, 0.45])
 
 
@@ -49,13 +50,13 @@ def end_error_mm(elements: int, control: str) -> float:
 
 
 class TestMotion:
-    @pytest.mark.parametrize("control", ["polynomial", "constant"])
+    @CONTROLS
     def test_end_error_falls_at_each_doubling(self, control):
         errors = [end_error_mm(n, control) for n in (50, 100, 200)]
         assert errors[0] < 5.0 and errors[2] < 0.1
         assert errors[0] > 2 * errors[1] > 4 * errors[2]
 
-    @pytest.mark.parametrize("control", ["polynomial", "constant"])
+    @CONTROLS
     def test_defect_falls_too(self, control):
         defects = [l1_motion(n, control)[1].defect for n in (50, 100, 200)]
         assert defects[0] > 2 * defects[1] > 4 * defects[2] > 0

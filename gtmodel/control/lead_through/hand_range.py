@@ -77,12 +77,14 @@ def hand_matrix(
         z[last, last] = 1.0 - gains.cycle / mass * damping
         z[last] += gains.cycle / mass * lever * force
     positions = np.arange(count) * each
-    levers = np.array([lever for _, _, lever in axes])
-    basis = np.eye(size)
-    grip = levers / np.linalg.norm(levers)
-    basis[np.ix_(positions, positions)] = np.column_stack([grip, scipy.linalg.null_space([levers])])
+    if count > 1:
+        levers = np.array([lever for _, _, lever in axes])
+        basis = np.eye(size)
+        grip = levers / np.linalg.norm(levers)
+        basis[np.ix_(positions, positions)] = np.column_stack([grip, scipy.linalg.null_space([levers])])
+        z = basis.T @ z @ basis
     states = np.delete(np.arange(size), positions if hand.stiffness == 0 else positions[1:])
-    return (basis.T @ z @ basis)[np.ix_(states, states)]
+    return z[np.ix_(states, states)]
 
 
 def least_damped(matrix: np.ndarray) -> tuple[float, float]:

@@ -82,18 +82,27 @@ LATER = D.command_response(*TRUE, T - LATE, size=SIZE, cycle=CYCLE)
 SECOND = D.command_response(1.0, 8.0, 2e4, T, size=SIZE, cycle=CYCLE)
 
 
-@pytest.mark.parametrize("sigma", [NOISE, None])
+WRONG: list[tuple[np.ndarray, np.ndarray, dict[str, float], str]] = [
+    (T, -logged(), {}, "displacement"),  # the wrong sign: the limit would be 200 times too great
+    (1e3 * T, logged(), {}, "time"),  # milliseconds
+    (T, logged(), {"cycle": 3 * CYCLE}, "displacement"),
+    (T, LATER, {}, "displacement"),  # the delay is left in
+    (T, logged() + SIZE, {}, "displacement"),  # what the command itself moved is left in
+    (T, np.clip(logged(), -3e-4, 3e-4), {}, "displacement"),  # saturated
+    (T, logged() + SECOND, {}, "displacement"),  # a second mode
+    (np.zeros(len(T)), logged(), {}, "time"),
+]
+WITHOUT_NOISE = (0, 4, 6)  # of the wrong ones, at every run
+
+
 @pytest.mark.parametrize(
-    ("time", "y", "options", "argument"),
+    ("time", "y", "options", "argument", "sigma"),
     [
-        (T, -logged(), {}, "displacement"),  # the wrong sign: the limit would be 200 times too great
-        (1e3 * T, logged(), {}, "time"),  # milliseconds
-        (T, logged(), {"cycle": 3 * CYCLE}, "displacement"),
-        (T, LATER, {}, "displacement"),  # the delay is left in
-        (T, logged() + SIZE, {}, "displacement"),  # what the command itself moved is left in
-        (T, np.clip(logged(), -3e-4, 3e-4), {}, "displacement"),  # saturated
-        (T, logged() + SECOND, {}, "displacement"),  # a second mode
-        (np.zeros(len(T)), logged(), {}, "time"),
+        *((*wrong, NOISE) for wrong in WRONG),
+        *(
+            pytest.param(*wrong, None, marks=[pytest.mark.proof] * (k not in WITHOUT_NOISE))
+            for k, wrong in enumerate(WRONG)
+        ),
     ],
 )
 def test_logs_of_something_else_are_no_oscillator(

@@ -16,7 +16,7 @@ from tests.control.delayed.test_limit import CYCLE, LATE
 D = gt.control.delayed
 X = D.FeedbackAxis(17.0, 0.06, limit=0.25, gain_step=0.01)
 Y = D.FeedbackAxis(12.0, 0.06, limit=0.016, gain_step=0.001)
-SMALL = D.FeedbackBox(draws=40)
+SMALL = D.FeedbackBox(draws=20)
 ROBOT = gt.robots.gantry_tau("l1_tape")
 AT = {"T": [0.5, -0.9, 0.3], "der(T)": 0.0}
 
@@ -93,7 +93,7 @@ def test_a_map_of_synthetic_commands_holds_its_truth() -> None:
     options = D.SyntheticCommands(repeatability=0.02, seed=2)
     table = [[-0.7, 1.5], [-0.8, 1.7]]
     study = D.feedback_map(options, joints.tolist(), table, gain_steps={"x": 0.05, "y": 0.01},
-                           options=D.GainMap(points=3, draws=120))  # fmt: skip
+                           options=D.GainMap(points=3, draws=60))  # fmt: skip
     assert study.true_limit is not None and study.inside is not None
     for d in ("x", "y"):
         for true, median, low in zip(study.true_limit[d], study.median[d], study.quantile[d], strict=True):
@@ -122,7 +122,7 @@ def test_a_map_of_measured_plants() -> None:
     m, c, k = D.true_plants(joints, D.SyntheticCommands())
     measured = D.MeasuredPlants(joints, m, c, k, ("x", "y"))
     study = D.feedback_map(
-        measured, asked=joints[:1].tolist(), gain_steps={"x": 0.1, "y": 0.01}, options=D.GainMap(points=3, draws=200)
+        measured, asked=joints[:1].tolist(), gain_steps={"x": 0.1, "y": 0.01}, options=D.GainMap(points=3, draws=50)
     )
     exact = D.gain_limit(D.DelayedLoop(D.equivalent_plant(m[0, 0], c[0, 0], k[0, 0], CYCLE), CYCLE, LATE)).gain
     assert study.median["x"][0] == pytest.approx(exact, rel=0.03)

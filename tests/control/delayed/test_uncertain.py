@@ -158,8 +158,8 @@ def test_a_plant_of_a_limit_has_it() -> None:
         (17.0, 0.2),
         pytest.param(17.0, 0.25, marks=pytest.mark.proof),
         pytest.param(17.0, 0.299, marks=pytest.mark.proof),
-        (20.0, 0.25),
-        (14.0, 0.25),
+        pytest.param(20.0, 0.25, marks=pytest.mark.proof),
+        pytest.param(14.0, 0.25, marks=pytest.mark.proof),
     ],
 )
 def test_one_pair_of_plants_meets_both_printed_brackets_and_the_row_of_pose_19(frequency: float, limit: float) -> None:
